@@ -50,11 +50,17 @@ def stopped(
 
 
 class Parts(NamedTuple):
-    """The functions that may drive vehicles, in this order; then the constant, the path, and powers."""
+    """What may drive vehicles, in this order."""
 
     idle: int  # functions of attacks that drive nobody, since all words are late
     attacks: int  # functions of attacks
-    leads: bool  # whether the navigator's path is among the functions
+    leads: bool  # whether the navigator's path, two functions, comes next
+    powers: int  # powers of the share of a tick
+
+    @property
+    def functions(self) -> int:
+        """Return the number of functions of time that drive vehicles."""
+        return self.attacks + 2 * self.leads
 
 
 def stood(
@@ -75,23 +81,23 @@ def stood(
     functions.
     """
     (path, functions), order = lane.sizes, len(lane.gain)
-    idle, attack, leads = parts
-    pull = norm(forced[:, :, :attack]) * greatest_drive(lane.gain, functions)
-    if forced.shape[2] > attack:  # the functions of `signal.WithConstant` and what follows
-        pull, rest = pull + length(forced[:, :, attack]), forced[:, :, attack + 1 :]
-        if leads:
-            pull, rest = pull + norm(rest[:, :, :2]) * greatest_drive(lane.gain, path), rest[:, :, 2:]
-        for k in range(rest.shape[2]):  # the functions of `signal.WithPowers`
-            pull = pull + length(rest[:, :, k]) * (interval ** (k + 1) / math.factorial(k + 1))
+    of_attacks, of_path, known = jnp.split(forced, (parts.attacks, parts.functions), axis=2)
+    pull = norm(of_attacks) * greatest_drive(lane.gain, functions)
+    pull = pull + norm(of_path) * greatest_drive(lane.gain, path)
+    pull = pull + sum(length(known[:, :, k]) / math.factorial(k) for k in range(parts.powers))
     pull = pull * (1.0 + interval * reach[-1])[None]
     highest = path[order][None] + pull + sum(reach[k][None] * length(errors[k]) for k in range(order))
-    forcing = signal.jets(forced, effect[:, idle:])
-    free = tuple(jet - other for jet, other in zip(errors, forcing, strict=True))
+    forced, since = forced[:, :, : parts.functions], time - interval
+
+    def driven(effect: Float[Array, "r all lanes"]) -> Jets:
+        return signal.jets(forced, effect[:, parts.idle :])
+
+    free = tuple(jet - other for jet, other in zip(errors, driven(effect), strict=True))
 
     def pace(state: Any) -> tuple[Plane, Plane]:
         now, free, effect = state
-        path, driven = lane.path(now), signal.jets(forced, effect[:, idle:])
-        jets = tuple(a[:, None] + b + c for a, b, c in zip(path, driven, free, strict=False))
+        path = (each[:, None] for each in lane.path(now)[: len(free)])
+        jets = plane.plus(plane.plus(free, driven(effect)), tuple(path))
         return standstill.backwards(lane.vehicle, jets, highest)
 
     def go_back(state: Any, step: Durations) -> Any:
@@ -101,7 +107,12 @@ def stood(
         else:
             responses = flow.brief_responses(lane.gain, -step)
             effect = flow.passed_on(effect, over, responses, lane, now, -step)
-        return now - step, flow.propagate(over, free), effect
+        free = flow.propagate(over, free)
+        if parts.powers:
+            shares = (each / interval for each in (now - since, -step))
+            pushed = flow.power_responses(lane.gain, -step, parts.powers, *shares)
+            free = plane.plus(free, signal.jets(known, pushed))
+        return now - step, free, effect
 
     longest, second = flow.longest(lane.gain), standstill.second(lane.vehicle, highest)
     return standstill.stands(pace, go_back, (time, free, effect), second, interval, longest)

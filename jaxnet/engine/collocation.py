@@ -170,8 +170,12 @@ class Collocation(Following[CollocationState]):
         flagged = at.here if self.at_every_tick else at.anew
         at_once = factorised_at_once(lane.initial.shape[1])
         followed, cut_off = for_each(flagged, at_once, some, (state.followed, jnp.zeros_like(at.here)))
-        end = jnp.where(flagged, state.signals.time, state.end)
-        return state._replace(followed=followed, end=end), cut_off
+        now, length = state.signals.time, state.length
+        if lane.lossy:  # of a long window that ends at once, each tick would keep the error
+            used = jnp.maximum(now - state.window.start, self.clock.interval)
+            length = jnp.where(flagged, jnp.minimum(length, 2 * used), length)
+        end = jnp.where(flagged, now, state.end)
+        return state._replace(followed=followed, end=end, length=length), cut_off
 
     def advance(
         self, state: CollocationState, decided: DecisionState, ticks: Ticks, status: Code

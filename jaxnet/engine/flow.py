@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxnet.model import control
+from jaxnet.model import control, signal
 from jaxnet.model.lane import Lane
 
 NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of the Gauss–Legendre rule on [0, 1]
@@ -19,6 +19,7 @@ Durations = Float[Array, "lanes"]
 Transition = Float[Array, "r r 2 2 lanes"] | Float[Array, "r r lanes"]  # expm(A_c h)
 Effect = Float[Array, "r functions lanes"]  # g, the functions of G, with derivatives below the order r
 Responses = Float[Array, "nodes r lanes"]  # expm(A_c (1 - x) h) B at the NODES x
+PowerResponses = Float[Array, "r powers lanes"]
 
 
 def propagate(flow: Transition, jets: Any) -> tuple[Any, ...]:
@@ -91,6 +92,48 @@ def impulse_responses(gain: control.Gain, interval: Any) -> Responses:
 def brief_responses(gain: control.Gain, time: Durations) -> Responses:
     """Return the impulse responses over a time [s] of at most `longest`, forward or back."""
     return jax.vmap(lambda rest: brief(gain, rest * time))(jnp.asarray(1 - NODES))[:, :, -1]
+
+
+def power_responses(
+    gain: control.Gain, span: Any, number: int, begin: Any = 0.0, share: Any = 1.0
+) -> PowerResponses:
+    """Return `∫ expm(A_c (T - s)) B σ^k / k! ds` over a span T [s] for k below `number`.
+
+    σ goes from `begin` to `begin + share`. Nothing cancels, and nothing is divided by T: a piece of at most
+    `longest` follows from `J_k = T (B / (k + 1)! + A_c J_{k+1})`, and a span from pieces that double.
+    """
+    span, share = (jnp.broadcast_to(each, gain.shape[1:]) for each in (span, share))
+    doublings = jnp.ceil(jnp.log2(jnp.maximum(1.0, (jnp.abs(span) / longest(gain)).max())))
+    piece = span / 2.0**doublings
+    factorials = jnp.asarray([1 / math.factorial(k + 1) for k in range(number + TERMS)])
+
+    def lower(k: Any, above: Float[Array, "r lanes"]) -> Float[Array, "r lanes"]:
+        turned = jnp.stack([*above[1:], -(gain * above).sum(axis=0)])
+        return piece[None] * turned.at[-1].add(factorials[k])
+
+    highest, nothing = number + TERMS - 1, jnp.zeros_like(gain)
+    each = [jax.lax.fori_loop(0, TERMS, lambda n, above: lower(highest - n, above), nothing)]
+    for k in reversed(range(number)):
+        each.append(lower(k, each[-1]))
+
+    def double(_: Any, carry: tuple[Transition, PowerResponses]) -> tuple[Transition, PowerResponses]:
+        flow, half = carry
+        whole = jnp.stack(propagate(flow, half)) + shifted(half, jnp.ones_like(span))
+        return jnp.einsum("ijl,jkl->ikl", flow, flow), whole * shares(jnp.full_like(span, 0.5))
+
+    def shares(share: Durations) -> Float[Array, "1 powers lanes"]:
+        return jnp.stack([share**k for k in range(number)])[None]
+
+    start = brief(gain, piece), jnp.stack(each[:0:-1], axis=1)
+    _, found = jax.lax.fori_loop(0, doublings.astype(int), double, start)
+    return shifted(found * shares(share), jnp.broadcast_to(begin, span.shape))
+
+
+def shifted(responses: PowerResponses, by: Durations) -> PowerResponses:
+    """Return the responses to `(σ + by)^k / k!` of those to σ^k / k!."""
+    terms = signal.powers_of(by, responses.shape[1])[:, None]
+    each = (sum(responses[:, i] * terms[k - i] for i in range(k + 1)) for k in range(len(terms)))
+    return jnp.stack(list(each), axis=1)
 
 
 def passed_on(

@@ -13,6 +13,7 @@ word is the one number that its listener hears at a tick.
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import jax
@@ -34,10 +35,10 @@ DEGREES = 8
 POINTS = (1 - np.cos(np.pi * (np.arange(DEGREES) + 0.5) / DEGREES)) / 2  # Chebyshev's, on a tick of length 1
 TO_COEFFICIENTS = np.linalg.inv(
     POINTS[:, None] ** np.arange(DEGREES) / [math.factorial(k) for k in range(DEGREES)]
-)
+)  # of σ^k / k!, with σ the share of a tick
 NOT_ARRIVING = 2**30  # ticks by which a message is late that is lost
 
-Polynomials = Float[Array, "2 degrees m lanes"]  # coefficients of s^k / k!
+Polynomials = Float[Array, "2 degrees m lanes"]  # coefficients of σ^k / k!
 LinkPolynomials = Float[Array, "2 degrees slots m lanes"]
 CarriedJets = tuple[Float[Array, "2 slots m lanes"], ...]
 LinkFlags = Bool[Array, "#slots #m lanes"]
@@ -59,7 +60,7 @@ class History(NamedTuple):
     of one, or of those of y, ẏ, …, y^(r).
     """
 
-    told: tuple[Float[Array, "*d 2 degrees sources lanes"], ...]  # coefficients of s^k / k!, s since the tick
+    told: tuple[Float[Array, "*d 2 degrees sources lanes"], ...]
     functions: Float[Array, "*d orders degrees B lanes"]  # of the attacks
     vectors: Float[Array, "*d 2 signals B lanes"] | None  # of the attacks; None: at all times the lane's
     rounding: tuple[Float[Array, "*d 2 slots m lanes"], ...] | None  # errors of jets; None: none are rounded
@@ -374,7 +375,7 @@ def remember(
 
     parts = xla.materialised(lambda: jax.vmap(functions_at)(instants))
     if not lane.law.holds:
-        parts = (coefficients(each, lane.interval) for each in parts)
+        parts = map(coefficients, parts)
     path, functions, drive = parts
     functions = functions.swapaxes(0, 1)
     if gains is not None and len(told) > 1:
@@ -415,33 +416,36 @@ def motion_of(
     own: Jets,
     noise: Jets | None,
     strength: Float[Array, "axes m lanes"] | None,
+    interval: LaneTimes,
 ) -> tuple[Polynomials, ...]:
     """Return y, ẏ, …, y^(r) that vehicles tell from now on, by the power series of
     `y^(r) = s (z - P(y + n))`. The strength s is 1 where it is None.
     """
-    series, order = [*own], len(gain)
+    series, order = [[jet] for jet in own] + [[]], len(gain)
     for n in range(DEGREES):
-        sensed = series[n : n + order]
+        sensed = [each[n] for each in series[:order]]
         if n == 0 and noise is not None:
             sensed = plane.plus(sensed, noise)
         asked = drive[:, n] - control.feedback(gain, sensed)
-        series.append(asked if strength is None else strength * asked)
-    told = [jnp.stack(series[k : k + DEGREES], axis=1) for k in range(order + 1)]
+        series[order].append(asked if strength is None else strength * asked)
+        for each, rate in pairwise(series):
+            each.append(interval[None, None] * rate[n])
+    told = [jnp.stack(each[:DEGREES], axis=1) for each in series]
     if noise is not None:
         told[:order] = [each.at[:, 0].add(error) for each, error in zip(told, noise, strict=False)][:order]
     return tuple(told)
 
 
 def coefficients(
-    values: Float[Array, "points *some lanes"], interval: Float[Array, " lanes"]
+    values: Float[Array, "points *some lanes"],
 ) -> Float[Array, "degrees *some lanes"]:
-    """Return the coefficients of s^k / k! of the polynomials with these values at POINTS of a tick."""
-    powers, lift = [jnp.ones_like(interval)], (None,) * (values.ndim - 2)
-    for _ in range(1, DEGREES):
-        powers.append(powers[-1] / interval)
+    """Return the coefficients of the polynomials with these values at POINTS of a tick.
+
+    They are those of the differences from one value, for rounding grows with what is interpolated.
+    """
     matrix = jnp.asarray(TO_COEFFICIENTS).reshape(DEGREES, DEGREES, *[1] * (values.ndim - 1))
-    found = sum(matrix[:, n] * values[n][None] for n in range(DEGREES))
-    return found * jnp.stack(powers)[(slice(None), *lift)]
+    found = (matrix[:, n] * (values[n] - values[0])[None] for n in range(1, DEGREES))
+    return sum(found, jnp.zeros_like(values)).at[0].add(values[0])
 
 
 def push(queue: Shaped[Array, "d *some"], last: Shaped[Array, "*some"]) -> Shaped[Array, "d *some"]:

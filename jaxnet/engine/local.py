@@ -157,7 +157,7 @@ def by_series(
         if drive.known is not None and added is not None:
             here = n < len(added)
             constant = jnp.where(here, jax.lax.dynamic_index_in_dim(added, n, keepdims=False), 0.0)
-            now = drive._replace(known=KnownDrive(drive.known.share, constant[:, None], None))
+            now = drive._replace(known=KnownDrive(drive.known.share, constant[:, None], span))
         return tick.followed_demand(lane, network, now, own, functions.navigator, functions.basis, time)
 
     def add(carry: tuple) -> tuple:
@@ -190,8 +190,10 @@ def known_derivatives(
     known: KnownDrive, time: Instants, span: Instants, order: int
 ) -> Float[Array, "degrees 2 m lanes"]:
     """Return the derivatives of order r, r + 1, … of what known words ask for at a time, counted in spans."""
-    drive = known.drive if known.time is None else tick.continued(known.drive, time - known.time)
-    scaled = [drive[:, n] * (span ** (order + n))[None, None] for n in range(drive.shape[1])]
+    drive, share = known.drive, span / known.interval
+    if known.time is not None:
+        drive = tick.continued(drive, (time - known.time) / known.interval)
+    scaled = [drive[:, n] * (span**order * share**n)[None, None] for n in range(drive.shape[1])]
     return jnp.stack(scaled)
 
 

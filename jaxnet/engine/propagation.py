@@ -10,6 +10,9 @@ The vectors change only where weights or attacks change. The engine then solves 
 not jump. The functions of G are g = β, the attacks' functions. Where the falsified jets are no path with its
 derivatives, g solves `R(g) = R(β)`, summed from tick to tick by Gauss–Legendre quadrature.
 
+What vehicles know at a tick drives them by powers σ^k / k! of the share σ of the tick that has passed
+(O15, O16). Their f are responses from rest (`flow.power_responses`), in which nothing cancels.
+
 The r-th derivative held from tick to tick (`Held`, theorems.md O12): x is y with its derivatives, Φ is the
 flow of r integrators, v is the r-th derivative, and f = (h^r/r!, …, h), for r = 3 (h³/6, h²/2, h).
 
@@ -38,6 +41,7 @@ from jaxnet.engine.flow import (
     longest,
     of_integrators,
     passed_on,
+    power_responses,
     propagate,
 )
 from jaxnet.engine.inner import Inner
@@ -48,7 +52,7 @@ from jaxnet.engine.subset import LaneIndices, picked, run_if
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.model import control, plane, signal
 from jaxnet.model.plane import Jets, Plane
-from jaxnet.model.signal import Basis, ByFunction, Vectors, WithConstant, WithNavigator, WithPowers, up_to
+from jaxnet.model.signal import Basis, ByFunction, Vectors, WithNavigator
 
 
 class PropagationState(NamedTuple):
@@ -62,7 +66,7 @@ class PropagationState(NamedTuple):
     straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
     noise: Jets | None  # errors of the sensed jets until the next tick
     inner: Inner | None = None  # what the outputs leave undetermined; None where they determine all states
-    since: Instants | None = None  # of the last tick [s]; None where no powers of time drive the vehicles
+    since: Instants | None = None  # of the last tick [s]; None where nothing known drives the vehicles
 
 
 class Propagation(Motion[PropagationState]):
@@ -178,50 +182,36 @@ class Solved(Propagation):
         # The lanes with all functions that drive them.
         self.driven = lane
         silent = lane.lossy or tick.coasts(lane)
-        if silent or lane.sensor is not None or not lane.exact_words:
-            self.driven = lane._replace(signal=WithConstant(lane.signal, lane.gain))
         # Polynomials of late words have the navigator's path in them.
-        self.leads = silent and lane.delay is None
-        if self.leads:
-            path = WithNavigator(self.driven.signal, lane.navigator, lane.gain)
+        leads = silent and lane.delay is None
+        if leads:
+            path = WithNavigator(lane.signal, lane.navigator, lane.gain)
             self.driven = lane._replace(signal=path)
-        self.attacks = 0 if lane.delay is not None else lane.vectors.shape[2]  # functions that drive vehicles
-        self.idle = lane.vectors.shape[2] - self.attacks
-        terms, self.inverse, self.pushed = tick.degrees(lane, batch.plan), None, None
-        if terms > 1:
-            self.inverse = signal.inverse_series(lane.gain, terms)
-            start = self.instant(0)
-            self.pushed = self.push_of_powers(start, start, self.clock.interval, self.numbers.flow)
+        attacks, powers = lane.vectors.shape[2], tick.degrees(lane, batch.plan)
+        if silent or lane.sensor is not None or not lane.exact_words:
+            powers = max(1, powers)
+        idle = 0 if lane.delay is None else attacks
+        self.parts = between.Parts(idle, attacks - idle, leads, powers)
+        self.pushed = None
+        if powers:
+            self.pushed = power_responses(lane.gain, self.clock.interval, powers)
 
     def begin(self) -> PropagationState:
         """Return the state at t = 0; the attacks have no effect on the fleet yet."""
         lane, time = self.lane, self.instant(0)
         basis, attack = self.driven.basis(time), lane.vectors.shape[2]
-        powers = 0 if self.inverse is None else len(self.inverse) - 1
         jets = lane.vehicle.output_jets(lane.initial)
         return PropagationState(
             jets=plane.relative(jets, lane.path(time)),
-            response=jnp.zeros((basis.shape[1] - self.idle + powers, 2, *lane.weights.shape[1:])),
+            response=jnp.zeros((self.parts.functions + self.parts.powers, 2, *lane.weights.shape[1:])),
             time=time,
             basis=basis,
             effect=None if self.plan.consistent else basis[: len(jets)].at[:, :attack].set(0.0),
             straight=jnp.ones(time.shape, bool),
             noise=tick.sense(lane, (jnp.zeros_like(lane.initial[:2]),) * 3, time),
             inner=inner.inner_at_start(lane, self.clock.interval),
-            since=time if powers else None,
+            since=time if self.parts.powers else None,
         )
-
-    def with_powers(self, since: Instants) -> WithPowers:
-        """Return all functions that drive the vehicles, with powers of the time since a tick."""
-        return WithPowers(self.driven.signal, self.inverse, since)
-
-    def push_of_powers(
-        self, since: Instants, time: Instants, span: Float[Array, "*some"], flow: Transition
-    ) -> Float[Array, "r powers lanes"]:
-        """Return the part of f that belongs to powers of the time since a tick, over a span [s]."""
-        driving, order = self.with_powers(since).powers, len(flow) - 1
-        before, now = (up_to(order, driving, each)[: order + 1] for each in (time, time + span))
-        return now - jnp.stack(propagate(flow, before))
 
     def errors(self, state: PropagationState) -> Jets:
         """Return E and its derivatives below the order now."""
@@ -255,18 +245,18 @@ class Solved(Propagation):
         if state.noise is None:
             return super().forced(state)
         error = control.feedback(self.lane.gain, state.noise)
-        return signal.of_functions(state.response.at[self.attacks].add(-error))
+        return signal.of_functions(state.response.at[self.parts.functions].add(-error))
 
     def drive_now(self, state: PropagationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return `R(y_0) + Σ_b v_b R(β_b)`, in which the sensor's errors cancel."""
         gain = self.lane.gain
         path, functions = (
             control.driven(gain, self.navigator(state)),
-            control.drive_functions(gain, state.basis[:, self.idle :]),
+            control.drive_functions(gain, state.basis[:, self.parts.idle :]),
         )
-        if state.since is not None and self.inverse is not None:
-            powers = signal.powers_of(state.time - state.since, len(self.inverse))
-            functions = jnp.concatenate([functions, powers[1:]])
+        if state.since is not None:
+            passed = (state.time - state.since) / self.clock.interval
+            functions = jnp.concatenate([functions, signal.powers_of(passed, self.parts.powers)])
         return path[:, None] + signal.combined(control.drive_vectors(gain, super().forced(state)), functions)
 
     def over_tick(
@@ -282,8 +272,9 @@ class Solved(Propagation):
         gain, time = self.lane.gain, state.time + span
         responses = None if state.effect is None else brief_responses(gain, span)
         flow, pushed = brief(gain, span), None
-        if self.inverse is not None:
-            pushed = self.push_of_powers(since, state.time, span, flow)
+        if self.pushed is not None:
+            shares = ((each / self.clock.interval) for each in (state.time - since, span))
+            pushed = power_responses(gain, span, self.parts.powers, *shares)
         return self.moved(state, *self.over(state, time, span, flow, responses, pushed))
 
     def over(
@@ -305,7 +296,7 @@ class Solved(Propagation):
             before = state.effect
             effect = barrier(passed_on(before, flow, responses, self.driven, state.time, span))
         now = basis if effect is None else effect
-        before, now = before[:, self.idle :], now[:, self.idle :]
+        before, now = before[:, self.parts.idle :], now[:, self.parts.idle :]
         there = state._replace(time=time, basis=basis, effect=effect)
         if control.is_matrix(self.lane.gain):  # Φ does not act on functions alone
             forced = signal.jets(self.forced(state), before)
@@ -319,16 +310,9 @@ class Solved(Propagation):
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         effect = state.basis[: len(state.jets)] if state.effect is None else state.effect
-        driven = self.driven
-        if self.inverse is not None:
-            powers = self.with_powers(state.time - self.clock.interval)
-            driven = driven._replace(signal=powers)
-            now = up_to(len(effect) - 1, powers.powers, state.time)[: len(effect)]
-            effect = jnp.concatenate([effect, now], axis=1)
-        given = state.jets, self.forced(state), effect, driven, self.numbers.reach, state.time
+        given = state.jets, self.forced(state), effect, self.driven, self.numbers.reach, state.time
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
-        parts = between.Parts(self.idle, self.attacks, self.leads)
-        return between.stood(*some, parts=parts, interval=self.clock.interval, plan=self.plan)
+        return between.stood(*some, parts=self.parts, interval=self.clock.interval, plan=self.plan)
 
 
 class Held(Propagation):

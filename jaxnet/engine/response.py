@@ -64,8 +64,8 @@ def solve_response(
 def response_vectors(drive: Drive, network: Network) -> tuple[ByFunction, Any]:
     """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
 
-    Where vehicles sense with errors or words are known before, the vectors of further functions follow
-    (`signal.WithConstant` and those after it): `L_r x = z - share R(y_0)`, as x is relative to R(y_0).
+    Where vehicles sense with errors or words are known before, the vectors of the navigator's path and of
+    powers of time follow: `L_r x = z - share R(y_0)`, as x is relative to R(y_0).
     """
     weights, vectors, known = drive.weights, drive.vectors, drive.known
     functions, share = vectors.shape[2], None if known is None else known.share
@@ -81,14 +81,14 @@ def response_vectors(drive: Drive, network: Network) -> tuple[ByFunction, Any]:
     response = right[: 2 * len(each) // len(weights)].reshape(each.shape)
     if share is not None:
         path = jnp.stack(of_navigator(right[-1]))
-        response = jnp.concatenate([response[: functions + 1], path, response[functions + 1 :]])
+        response = jnp.concatenate([response[:functions], path, response[functions:]])
     elif known is None and drive.noise is not None:
         response = jnp.concatenate([response, jnp.zeros_like(response[:1])])
     return response, residual
 
 
 def late_response(decided: DecisionState) -> ByFunction:
-    """Return the vectors of the constant and of powers of time where all words are late and L is 1."""
+    """Return the vectors of powers of time where all words are late and L is 1."""
     known, history = decided.known, decided.late
     assert known is not None
     assert known.share is not None

@@ -15,7 +15,9 @@ A word is X_j = R(y_j) plus R of the attack. All that a vehicle puts in place of
 next tick: a kept drive, a late word (`late`), a word heard before, the error of a word. `KnownDrive` holds
 their sum, a polynomial of the time since the tick:
 
-    L_r X = a0_live R(y_0) + W_live R(a) + Σ_k z_k s^k / k!,      L_r = I - A_live.
+    L_r X = a0_live R(y_0) + W_live R(a) + Σ_k z_k σ^k / k!,      L_r = I - A_live,
+
+with σ the share of the tick that has passed. Over a short tick no coefficient is divided by a power of it.
 
 Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are last.
 """
@@ -48,7 +50,7 @@ Received = tuple[Float[Array, "2 slots m lanes"], ...]
 SomeReceived = tuple[Float[Array, "2 slots m lanes"] | None, ...]
 LaneFlags = Bool[Array, " lanes"]
 PerAxis = Float[Array, "2 m lanes"]
-Words = Float[Array, "2 degrees slots m lanes"]  # coefficients of s^k / k!, with s the time since the tick
+Words = Float[Array, "2 degrees slots m lanes"]  # coefficients of σ^k / k!, with σ the share of the tick
 EachSignal = Float[Array, "2 signals lanes"]
 SignalJets = tuple[EachSignal, ...]
 VehicleFlags = Bool[Array, "m lanes"]
@@ -92,18 +94,15 @@ class KnownDrive(NamedTuple):
     """What known words add to the drives until the next tick (see the module's docstring)."""
 
     share: Float[Array, "axes m lanes"] | None  # of the weights of a row whose words are not live; None: 0
-    drive: Float[Array, "2 degrees m lanes"]  # z_k [m/s³, …]
-    time: Instants | None  # of the tick [s]; None where the drive is constant
+    drive: Float[Array, "2 degrees m lanes"]  # z_k [m/s³]
+    interval: Instants  # from tick to tick [s]
+    time: Instants | None = None  # of the tick [s]; None where the drive is constant
 
     def at(self, time: Float[Array, "*lanes"]) -> Float[Array, "2 m *lanes"]:
         """Return the drive at a time."""
-        total, factor = self.drive[:, 0], jnp.ones_like(time)
         if self.time is None:
-            return total
-        for k in range(1, self.drive.shape[1]):
-            factor = factor * (time - self.time) / k
-            total = total + self.drive[:, k] * factor[None, None]
-        return total
+            return self.drive[:, 0]
+        return value_at(self.drive, (time - self.time) / self.interval)
 
 
 class DecisionState(NamedTuple):
@@ -391,7 +390,7 @@ def send(
             assert known.share is not None
             strength, given = (known.share > 0).astype(float), row_strength(lane, state, plan)
             strength = strength if given is None else strength * given
-        told = late.motion_of(lane.gain, known.drive, own, state.noise, strength)
+        told = late.motion_of(lane.gain, known.drive, own, state.noise, strength, lane.interval)
     else:
         told = (known.drive,)
     if state.reception is not None and lane.loss is not None:
@@ -564,8 +563,8 @@ def listen(
     else:
         held = held_derivative(lane, before, errors, time, drive) if plan.missing == "hold" else None
         jets = heard_jets(lane, network, speaking, errors, signals, time, held)
-        fresh = expanded(gain, jets)[:, : words.shape[1]]
-    words = jnp.where(heard[None, None], fresh, continued(words, time - last.time))
+        fresh = expanded(gain, jets, lane.interval)[:, : words.shape[1]]
+    words = jnp.where(heard[None, None], fresh, continued(words, jnp.ones_like(time)))
     return now._replace(words=words)
 
 
@@ -581,7 +580,8 @@ def late_words(
     assert now is not None
     if state.link_errors is not None:
         words = words.at[:, 0].add(word_errors(lane.gain, state.link_errors))
-    ended = continued(last.words, time - last.time).at[:, 1:].set(0.0)
+    ended = value_at(last.words, jnp.ones_like(time))
+    ended = jnp.pad(ended[:, None], [(0, 0), (0, words.shape[1] - 1), *[(0, 0)] * 3])
     return jnp.where(now.arrived[None, None], words, ended)
 
 
@@ -611,22 +611,27 @@ def heard_jets(
     return *received[:order], jnp.where(leads | (held is not None), received[order], 0.0)
 
 
-def expanded(gain: control.Gain, jets: Received) -> Words:
-    """Return R of the Taylor polynomial of jets, as coefficients of s^k / k!."""
+def expanded(gain: control.Gain, jets: Received, interval: Instants) -> Words:
+    """Return R of the Taylor polynomial of jets, as coefficients of σ^k / k!."""
     nothing = [jnp.zeros_like(jets[0])] * len(jets)
-    return jnp.stack([control.driven(gain, [*jets[k:], *nothing]) for k in range(len(jets))], axis=1)
+    rates = (control.driven(gain, [*jets[k:], *nothing]) for k in range(len(jets)))
+    return jnp.stack([late.weighed(each, interval**k) for k, each in enumerate(rates)], axis=1)
 
 
 def continued(
-    words: Float[Array, "2 degrees *some lanes"], interval: Instants
+    words: Float[Array, "2 degrees *some lanes"], share: Instants
 ) -> Float[Array, "2 degrees *some lanes"]:
-    """Return the coefficients of polynomials about a time that is later by an interval."""
-    lift = (None,) * (words.ndim - 2)
-    degrees, powers = words.shape[1], [jnp.ones_like(interval)[lift]]
-    for k in range(1, degrees):
-        powers.append(powers[-1] * interval[lift] / k)
-    later = [sum(words[:, n] * powers[n - k] for n in range(k, degrees)) for k in range(degrees)]
-    return jnp.stack(later, axis=1)
+    """Return the coefficients of polynomials about a time that is later by a share of a tick."""
+    return jnp.stack([value_at(words[:, k:], share) for k in range(words.shape[1])], axis=1)
+
+
+def value_at(
+    words: Float[Array, "2 degrees *some"], share: Float[Array, "*lanes"]
+) -> Float[Array, "2 *some"]:
+    """Return the values of polynomials after a share of a tick."""
+    powers = signal.powers_of(share, words.shape[1])
+    higher = (late.weighed(words[:, k], powers[k]) for k in range(1, len(powers)))
+    return sum(higher, words[:, 0])
 
 
 def messages_of(
@@ -773,7 +778,7 @@ def with_known(lane: Lane, network: Network, state: DecisionState, plan: Plan) -
         drive = plus_slots(known.drive, heard, slot_of(reception.words))
     share = heard.sum(axis=1)
     share = share if known.share is None else share + known.share
-    return state._replace(known=KnownDrive(share, drive, reception.time))
+    return state._replace(known=KnownDrive(share, drive, lane.interval, reception.time))
 
 
 def known_now(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -> KnownDrive | None:
@@ -792,7 +797,7 @@ def known_now(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -
     share = given.sum(axis=1)
     share = share if known.share is None else share + known.share
     drive = plus_slots(known.drive, given, slot_of(reception.words))
-    return KnownDrive(share, drive, reception.time)
+    return KnownDrive(share, drive, lane.interval, reception.time)
 
 
 def constant_drive(lane: Lane, state: DecisionState, heard: AxisWeights, degrees: int) -> KnownDrive:
@@ -805,7 +810,7 @@ def constant_drive(lane: Lane, state: DecisionState, heard: AxisWeights, degrees
     if state.link_errors is not None and (reception is None or reception.heard is None):
         drive = drive + (heard * word_errors(lane.gain, state.link_errors)).sum(axis=1)
     rest = jnp.zeros((2, degrees - 1, *drive.shape[1:]))
-    return KnownDrive(share, jnp.concatenate([drive[:, None], rest], axis=1), None)
+    return KnownDrive(share, jnp.concatenate([drive[:, None], rest], axis=1), lane.interval)
 
 
 def slot_of(words: Words) -> Callable[[LoopIndex], Float[Array, "2 degrees m lanes"]]:

@@ -47,22 +47,6 @@ class Falsified(NamedTuple):
         return self.orders[:, None] * up_to(len(self.orders) - 1, self.signal.basis, time)
 
 
-class WithConstant(NamedTuple):
-    """The functions of a signal, and one more: the constant c with R(c) = 1.
-
-    The constant serves errors of sensors and of words, and kept drives.
-    """
-
-    signal: Any  # has a method `basis`
-    gain: Float[Any, "r *lanes"]
-
-    def basis(self, time: Numbers) -> Basis:
-        """Return all functions with derivatives up to r, three at least: (derivatives, B + 1, lanes)."""
-        xp, functions = time.__array_namespace__(), up_to(len(self.gain), self.signal.basis, time)
-        constant = xp.concatenate([1.0 / self.gain[:1], xp.zeros_like(functions[1:, 0])])
-        return xp.concatenate([functions, constant[:, None]], axis=1)
-
-
 class WithNavigator(NamedTuple):
     """The functions of a signal, and two more: the navigator's path, one function for each axis.
 
@@ -79,49 +63,13 @@ class WithNavigator(NamedTuple):
         return time.__array_namespace__().concatenate(list(each), axis=1)
 
 
-class WithPowers(NamedTuple):
-    """The functions of a signal, and n more: p_k with `R(p_k) = s^k / k!`, k = 1 … n.
-
-    s is the time since `since`. The functions serve words that are polynomials of time.
-    """
-
-    signal: Any  # has a method `basis`
-    inverse: Float[Any, "terms *lanes"]  # n + 1 terms of 1/R (`inverse_series`)
-    since: Numbers  # [s], (lanes,)
-
-    def basis(self, time: Numbers) -> Basis:
-        """Return all functions with the derivatives that the signal has: (derivatives, B + n, lanes)."""
-        xp, functions = time.__array_namespace__(), self.signal.basis(time)
-        return xp.concatenate([functions, up_to(len(functions) - 1, self.powers, time)], axis=1)
-
-    def powers(self, time: Numbers) -> Basis:
-        """Return the functions p_k with three derivatives: (4, n, lanes)."""
-        xp, terms = time.__array_namespace__(), powers_of(time - self.since, len(self.inverse))
-        zero = xp.zeros_like(time)
-
-        def derivative(k: int, d: int) -> Numbers:
-            return sum((self.inverse[j] * terms[k - j - d] for j in range(k - d + 1)), zero)
-
-        return xp.stack([xp.stack([derivative(k, d) for k in range(1, len(terms))]) for d in ORDERS])
-
-
-def powers_of(passed: Numbers, number: int) -> Numbers:
-    """Return `s^k / k!` for k = 0, 1, … below a number, of times s."""
-    xp = passed.__array_namespace__()
-    terms = [xp.ones_like(passed)]
+def powers_of(share: Numbers, number: int) -> Numbers:
+    """Return `σ^k / k!` for k = 0, 1, … below a number, of shares σ of a tick."""
+    xp = share.__array_namespace__()
+    terms = [xp.ones_like(share)]
     for n in range(1, number):
-        terms.append(terms[-1] * passed / n)
+        terms.append(terms[-1] * share / n)
     return xp.stack(terms)
-
-
-def inverse_series(gain: Float[Any, "r *lanes"], terms: int) -> Float[Any, "terms *lanes"]:
-    """Return the first terms of 1/R, a power series of the derivative."""
-    xp = gain.__array_namespace__()
-    rest, inverse = [*gain[1:], xp.ones_like(gain[0])], [1.0 / gain[0]]
-    for n in range(1, terms):
-        products = [rest[j] * inverse[n - 1 - j] for j in range(min(n, len(rest)))]
-        inverse.append(-sum(products) / gain[0])
-    return xp.stack(inverse)
 
 
 class Apart(NamedTuple):
@@ -185,10 +133,8 @@ def of_functions(response: ByFunction) -> Vectors:
 
 def combined(vectors: Vectors, functions: Numbers) -> PlaneArray:
     """Return `Σ_b v_jb β_b` (2, m, lanes) for functions (B, lanes)."""
-    total = vectors[:, :, 0] * functions[0][None, None]
-    for b in range(1, vectors.shape[2]):
-        total = total + vectors[:, :, b] * functions[b][None, None]
-    return total
+    each = [vectors[:, :, b] * functions[b][None, None] for b in range(vectors.shape[2])]
+    return sum(each[1:], each[0]) if each else vectors.sum(axis=2)
 
 
 def jets(vectors: Vectors, basis: OrderedJets) -> tuple[PlaneArray, ...]:

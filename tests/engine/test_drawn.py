@@ -21,7 +21,6 @@ from jaxnet.kinds.sensors import Sensor
 from tests import systems
 
 H, TICKS, DEGREE, HIGHEST = 0.1, 20, 12, 7
-CLOCK = {"tick": H, "output_step": H, "horizon": round(H * TICKS, 3), "tail": 1.0}
 LAWS: list[dict[str, Any]] = [{"kind": "exact"}, {"kind": "exact"}, {"kind": "rounds", "rounds": 1}]
 LAWS += [{"kind": "local", "hold": hold} for hold in (True, False)]
 VEHICLES = {1: "single_integrator", 2: "double_integrator", 3: "two_wheeled", 4: "planar_quadrotor"}
@@ -36,7 +35,7 @@ class Hashed(Loss):
 
     def lost(self, messages, memory):
         """Of each link, each transmitter, or all."""
-        tick = jnp.round(messages.time / H).astype(int)[None, None]
+        tick = jnp.round(messages.time / messages.interval).astype(int)[None, None]
         listeners = jnp.arange(messages.sources.shape[1])[None, :, None]
         return is_lost(self, tick, listeners, messages.sources[:, :, None]), memory
 
@@ -90,12 +89,12 @@ def swung(xp, size, pace, time, listener, source, axis, order):
 
 
 class Patterned(DrawnDelay):
-    """Delays of messages in a pattern of ticks, listeners and slots."""
+    """Delays of messages in a pattern of ticks, listeners and slots; the tick [s] stands in for the key."""
 
     def draw(self, time, links):
         """By tick, slot and listener."""
         slots, listeners = jnp.arange(links[0])[:, None, None], jnp.arange(links[1])[None, :, None]
-        return late_by(jnp.round(time / H).astype(int)[None, None], listeners, slots)
+        return late_by(jnp.round(time / self.key).astype(int)[None, None], listeners, slots)
 
 
 def late_by(tick, listener, slot):
@@ -103,10 +102,10 @@ def late_by(tick, listener, slot):
     return 1 + (2 * tick + listener + slot + tick // 3) % 3
 
 
-NODES = (1 - np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)) * H / 2
-VALUES = chebyshev.chebvander(2 * NODES / H - 1, DEGREE)
-ANTIDERIVATIVES = chebyshev.chebint(np.eye(DEGREE + 1), lbnd=-1, axis=0) * H / 2
-INTEGRALS = chebyshev.chebvander(2 * NODES / H - 1, DEGREE + 1) @ ANTIDERIVATIVES @ np.linalg.inv(VALUES)
+NODES = (1 - np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)) / 2  # of a tick of length 1
+VALUES = chebyshev.chebvander(2 * NODES - 1, DEGREE)
+ANTIDERIVATIVES = chebyshev.chebint(np.eye(DEGREE + 1), lbnd=-1, axis=0) / 2
+INTEGRALS = chebyshev.chebvander(2 * NODES - 1, DEGREE + 1) @ ANTIDERIVATIVES @ np.linalg.inv(VALUES)
 POWERS = [np.linalg.matrix_power(INTEGRALS, n) for n in range(5)]  # integrals from the tick to the nodes
 
 
@@ -127,7 +126,8 @@ class Fleet:
     """One lane, tick by tick. Sources are 0 to m. Jets have the axes (…, orders, 2)."""
 
     def __init__(self, keys, delays):
-        self.keys, self.channel, self.delays = keys, keys["channel"], delays
+        self.keys, self.channel, self.delays, self.h = keys, keys["channel"], delays, keys["tick"]
+        self.nodes, self.integrals = self.h * NODES, [self.h**n * each for n, each in enumerate(POWERS)]
         self.attack, self.defence, self.law = keys["attack"], keys["defence"], keys["law"]["kind"]
         self.holds = self.law == "rounds" or keys["law"].get("hold", False)
         self.r, self.m, self.k = len(keys["gain"]), keys["vehicles"], np.append(keys["gain"], 1.0)
@@ -148,7 +148,7 @@ class Fleet:
 
     def network(self, n):
         """Weights of the network in force at a tick."""
-        ticks = round(self.keys["topology"].get("every", 1e6) / H)
+        ticks = round(self.keys["topology"].get("every", 1e6) / self.h)
         return self.networks[n // ticks % len(self.networks)]
 
     def navigator(self, time):
@@ -219,7 +219,7 @@ class Fleet:
         errors, given = np.zeros((self.m, self.r, 2)), self.keys["sensing"]
         if isinstance(given, Swinging):
             for i, k, x in np.ndindex(self.m, min(self.r, 3), 2):
-                errors[i, k, x] = swung(np, given.size, given.pace, n * H, i, 0.0, x, k)
+                errors[i, k, x] = swung(np, given.size, given.pace, n * self.h, i, 0.0, x, k)
         return errors
 
     def word_errors(self, n, i, j):
@@ -229,7 +229,7 @@ class Fleet:
             for k, x in np.ndindex(self.r + 1, 2):
                 order = HIGHEST if k == self.r else k
                 if k == self.r or k < 3:
-                    errors[k, x] = swung(np, given.size, given.pace, n * H, i, j, x, order)
+                    errors[k, x] = swung(np, given.size, given.pace, n * self.h, i, j, x, order)
             errors[self.r] *= given.orders == "all"
         return errors
 
@@ -256,18 +256,18 @@ class Fleet:
             jets[:, 1] = given["speed"] * np.array([np.cos(given["heading"]), np.sin(given["heading"])])
         return jets
 
-    def positions(self):
-        """Positions at the ticks, (ticks + 1, m, 2)."""
+    def motion(self):
+        """Jets at the ticks, (ticks + 1, m, orders, 2)."""
         jets, path = self.start(), []
         top = np.zeros((self.m, 2))
         for n in range(TICKS + 1):
-            path.append(jets[:, 0])
+            path.append(jets)
             jets, top = self.tick(n, jets, top)
         return np.stack(path)
 
     def tick(self, n, jets, top):
         """Jets and highest derivatives at the end of a tick, of those at its begin."""
-        t, weights, links = n * H, self.network(n), self.links
+        t, weights, links = n * self.h, self.network(n), self.links
         before = np.einsum("k,ikx->ix", self.k[:-1], jets + self.noise) + top
         self.noise = self.sensed_errors(n)
         told = np.concatenate([jets + self.noise, top[:, None]], axis=1)
@@ -289,10 +289,10 @@ class Fleet:
         free = self.free(jets)
         highest = self.solved(n, free, shares, known, live)
         moved = free + np.stack(
-            [np.einsum("cd,idx->icx", POWERS[self.r - k], highest) for k in range(self.r)], axis=2
+            [np.einsum("cd,idx->icx", self.integrals[self.r - k], highest) for k in range(self.r)], axis=2
         )
         own = np.concatenate([moved + self.noise[:, None], highest[:, :, None]], axis=2)
-        self.sent.append({(i, j): self.carried(t + NODES, i, j, own[j - 1]) for i, j in links})
+        self.sent.append({(i, j): self.carried(t + self.nodes, i, j, own[j - 1]) for i, j in links})
         for link in live:
             self.last[link] = n + 1, self.heard(n, n, link)[-1]
             self.words[link] = self.value(self.heard(n, n, link))
@@ -300,7 +300,7 @@ class Fleet:
 
     def free(self, jets):
         """Jets at the nodes of a motion without highest derivative, (m, nodes, orders, 2)."""
-        return np.stack([taylor(jets.swapaxes(0, 1), s).swapaxes(0, 1) for s in NODES], axis=1)
+        return np.stack([taylor(jets.swapaxes(0, 1), s).swapaxes(0, 1) for s in self.nodes], axis=1)
 
     def heard(self, n, b, link):
         """Jets that a listener hears from tick n on, of the message of tick b."""
@@ -308,7 +308,7 @@ class Fleet:
         jets = jets + self.rounding[b][link]
         if self.channel["extrapolate"] != "none":
             some = self.r + (self.channel["extrapolate"] == "jerk")
-            continued = taylor(jets[:, :some].swapaxes(0, 1), (n - b) * H).swapaxes(0, 1)
+            continued = taylor(jets[:, :some].swapaxes(0, 1), (n - b) * self.h).swapaxes(0, 1)
             jets = np.concatenate([continued, jets[:, some:]], axis=1)
         return jets + self.errors[link]
 
@@ -370,7 +370,7 @@ class Fleet:
             else:
                 begin, jets = self.last[link]
                 jets = np.concatenate([jets[:-1], jets[-1:] * (link[1] == 0)])
-                times = (n - begin) * H + NODES * (not self.holds)
+                times = (n - begin) * self.h + self.nodes * (not self.holds)
                 self.words[link] = np.stack([self.value(taylor(jets, s)) for s in times])
             known[link] = self.words[link]
         return known, live
@@ -402,12 +402,12 @@ class Fleet:
         """Highest derivatives at the nodes, (m, nodes, 2)."""
         m, count = self.m, DEGREE + 1
         fed_back = np.einsum("k,ickx->icx", self.k[:-1], free + self.noise[:, None])
-        flow = sum(self.k[k] * POWERS[self.r - k] for k in range(self.r))
+        flow = sum(self.k[k] * self.integrals[self.r - k] for k in range(self.r))
         right, graph = np.zeros((m, count, 2)), np.zeros((m, m, 2))
         for (i, j), values in known.items():
             right[i] += shares[i, j] * values
         for i, j in live:
-            added = self.carried(n * H + NODES, i, j, np.zeros((count, self.r + 1, 2)))
+            added = self.carried(n * self.h + self.nodes, i, j, np.zeros((count, self.r + 1, 2)))
             right[i] += shares[i, j] * self.value(added + self.rounding[n][i, j] + self.errors[i, j])
             if j > 0 and not self.is_replaced(i, j):
                 graph[i, j - 1] = shares[i, j]
@@ -443,8 +443,8 @@ def reached(heard, sources):
     return found
 
 
-def drawn(seed, engine):
-    """Keys of a study with four vehicles of orders 1 to 4."""
+def drawn(seed, engine, h=H):
+    """Keys of a study with four vehicles of orders 1 to 4, whose ticks last h seconds."""
     draw = np.random.default_rng(seed)
 
     def pick(*choices):
@@ -456,7 +456,7 @@ def drawn(seed, engine):
     r, law = int(draw.integers(1, 5)), pick(*LAWS)
     topology = network(draw, 4)
     if draw.uniform() < 0.25:
-        every = round(H * int(draw.integers(2, 7)), 3)
+        every = round(h * int(draw.integers(2, 7)), 9)
         topology = {"kind": "switching", "networks": [topology, network(draw, 4)], "every": every}
     defence = {"kind": pick("none", "w_msr", "trusted_trim", "ms_norm")}
     if defence["kind"] != "none":
@@ -465,7 +465,11 @@ def drawn(seed, engine):
     sensing = Swinging(size=some(0.05, 0.4), pace=some(1, 9)) if draw.uniform() < 0.6 else "gaussian"
     figure = {"amplitude": some(10, 30, 2), "frequency": some(0.4, 1, 2), "phase": some(0.5, 1.0, 2)}
     start = {"position": some(-20, 20, 4, 2), "heading": some(0, 6), "speed": some(5, 9)}
-    return CLOCK | {
+    return {
+        "tick": h,
+        "output_step": h,
+        "horizon": round(h * TICKS, 9),
+        "tail": round(h * TICKS / 2, 9),
         "vehicles": 4,
         "vehicle": VEHICLES[r],
         "gain": np.poly(-draw.uniform(0.6, 2.0, r))[:0:-1].round(3).tolist(),
@@ -475,7 +479,7 @@ def drawn(seed, engine):
         "initial": start,
         "attack": attack(r, pick, some),
         "defence": defence,
-        "channel": channel(r, law["kind"], pick, some),
+        "channel": channel(r, law["kind"], h, pick, some),
         "sensing": sensing,
         "engine": engine,
     }
@@ -509,7 +513,7 @@ def attack(r, pick, some):
     return keys if kind == "rotating" else keys | {"direction": some(0, 6, len(vehicles))}
 
 
-def channel(r, law, pick, some):
+def channel(r, law, h, pick, some):
     """Keys of a channel."""
     late, missing = pick("link", "message", 0, 0, 0, 1, 2, 3), pick("drop", "hold", "extrapolate")
     keys = {
@@ -520,9 +524,9 @@ def channel(r, law, pick, some):
         "extrapolate": "none",
     }
     if isinstance(late, int):
-        keys |= {"delay": round(late * H, 3), "delay_of": "link"}
+        keys |= {"delay": round(late * h, 9), "delay_of": "link"}
     else:
-        keys |= {"delay": {"uniform": [H, 3 * H]}, "delay_of": late}
+        keys |= {"delay": {"uniform": [h, 3 * h]}, "delay_of": late}
     if late:
         keys["missing"] = "hold" if missing == "extrapolate" else missing
         keys["extrapolate"] = pick("none", "jets", "jets" if law == "local" else "jerk")
@@ -539,33 +543,44 @@ def channel(r, law, pick, some):
 
 
 def compared(keys):
-    """Greatest distance from the program by tick [m], until the lane fails; its status, and when it fails."""
+    """Greatest distance from the program by tick and order [m, m/s, …], until the lane fails; its status,
+    and the program.
+    """
     one, late, by_link = systems.lanes(systems.study(**keys), 1), keys["channel"]["delay"], None
     slots, lane = np.asarray(one.network.hearing.sources), one.inputs.lane
     if keys["channel"]["delay_of"] == "message":
-        one = one._replace(inputs=one.inputs._replace(lane=lane._replace(delay=Patterned(*lane.delay))))
+        patterned = Patterned(lane.interval, lane.delay.chances)
+        one = one._replace(inputs=one.inputs._replace(lane=lane._replace(delay=patterned)))
     elif not isinstance(late, float):
-        by_link = np.round(np.asarray(lane.delay.time)[0] / H)
+        by_link = np.round(np.asarray(lane.delay.time)[0] / keys["tick"])
 
     def delays(b, i, j):
         if isinstance(late, float):
-            return round(late / H)
+            return round(late / keys["tick"])
         slot = int(np.flatnonzero(slots[:, i] == j)[0])
         return late_by(b, i, slot) if by_link is None else by_link[slot, i]
 
     outcome, fleet = systems.simulate(one), Fleet(keys, delays)
-    known = fleet.positions()
-    apart = np.abs(outcome.series["state"][0, :, :, :2] - known).max(axis=(1, 2))
+    states = outcome.series["state"][0].transpose(2, 1, 0)  # the ticks take the place of lanes
+    jets = np.stack(lane.vehicle.output_jets(states))
+    apart = np.abs(jets.transpose(3, 2, 0, 1) - fleet.motion()).max(axis=(1, 3))
     return apart[: fleet.fails_at], outcome.status[0], fleet
 
 
 @pytest.mark.parametrize(
-    ("seed", "engine"),
-    [(seed, "exact") for seed in (8, 24, 34, 43, 51, 54, 57, 61, 69, 71)]
-    + [(seed, "nonlinear") for seed in (8, 51, 61)],
+    ("seed", "engine", "h"),
+    [(seed, "exact", H) for seed in (8, 24, 34, 43, 51, 54, 57, 58, 61, 69, 71)]
+    + [(seed, "exact", 1e-4) for seed in (34, 51, 54, 58, 61, 71)]  # late, or continued, words
+    + [(seed, "nonlinear", H) for seed in (8, 51, 61)],
 )
-def test_a_drawn_lane_moves_as_the_plain_program(seed, engine):
-    """In the exact engine to 1e-7 m, in the nonlinear one to 1e-5 m, tick by tick."""
-    apart, status, fleet = compared(drawn(seed, engine))
+def test_a_drawn_lane_moves_as_the_plain_program(seed, engine, h):
+    """In the exact engine to 1e-7 m, in the nonlinear one to 1e-5 m, tick by tick; derivatives likewise.
+
+    Short ticks leave rounding alone: no digit is lost by a power of the tick.
+    """
+    apart, status, fleet = compared(drawn(seed, engine, h))
     assert status == (Status.ok if fleet.fails_at is None else Status.disconnected)
-    assert apart.max() <= {"exact": 1e-7, "nonlinear": 1e-5}[engine]
+    if engine == "nonlinear":
+        assert apart[:, 0].max() <= 1e-5
+    else:
+        assert apart.max() <= (1e-7 if h == H else 1e-12)

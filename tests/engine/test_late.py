@@ -37,24 +37,24 @@ def factors(weights, frequency, delay):
 
 
 @pytest.mark.parametrize(
-    ("graph", "vehicle", "known"),
+    ("graph", "vehicle", "tick", "known"),
     [
-        (Cyclic(), "two_wheeled", (19.649121, 18.697850)),
-        (Path(), "two_wheeled", (23.942441, None)),
-        (Star(), "planar_quadrotor", (1.999967, 1.999867)),
-        (Path(), "single_integrator", (23.942441, None)),
+        (Cyclic(), "two_wheeled", 0.1, (19.649121, 18.697850)),
+        (Path(), "two_wheeled", 0.1, (23.942441, None)),
+        (Star(), "planar_quadrotor", 0.005, (1.999967, 1.999867)),
+        (Path(), "single_integrator", 0.1, (23.942441, None)),
     ],
 )
-def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, known):
+def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, known):
     """The path 100 sin 0.2 t, 50 sin 0.4 t [m] and words 0.1 s late: the last vehicle, along each axis.
 
-    Neither the order of the vehicles nor the gain matters.
+    Neither the order of the vehicles nor the gain nor the tick matters.
     """
     given = {
         "vehicle": vehicle,
         "topology": graph.kind,
         "channel": {"delay": 0.1},
-        "tick": 0.1,
+        "tick": tick,
         "output_step": 0.5,
     }
     outcome = systems.simulate(systems.lanes(systems.study(horizon=100.0, **given, **QUIET), 1))
