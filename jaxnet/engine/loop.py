@@ -21,7 +21,7 @@ from jaxnet.engine.fate import Isolation
 from jaxnet.engine.metrics import Gathered, Observation, Series
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
-from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
+from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail, within_bounds
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import run_if, select
 from jaxnet.engine.tick import DecisionState, Drive, Instants, LaneFlags, VehicleFlags
@@ -201,7 +201,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
         unheard = unheard + jnp.where(here, decided.coasting.vehicles.sum(axis=0), 0)
     at = Tick(here, first, here & (first | lanes), vehicles)
     state, cut_off = motion.hold(fleet.state, decided, at)
-    status = fail(fleet.status, Status.disconnected, cut_off)
+    status = fail(within_bounds(fleet.status, errors), Status.disconnected, cut_off)
     alone = isolated(batch, decided, here, cut_off)
     isolation = fleet.isolation if alone is None else fate.passed(fleet.isolation, alone, time)
     counts = {"switches": switches, "unheard": unheard, "isolation": isolation}
@@ -318,7 +318,7 @@ def in_lockstep(
         fleet = fleet._replace(ticks=number)
         if batch.acts:
             return arrive(fleet, motion, batch, lockstep=True)
-        return fleet
+        return fleet._replace(status=within_bounds(fleet.status, motion.errors(fleet.state)))
 
     def output(number: TickNumber, carry: tuple[Fleet, Series]) -> tuple[Fleet, Series]:
         fleet, series = carry

@@ -27,6 +27,7 @@ Spans = Float[Array, "lanes"]
 FLOOR = LEAST_MARGIN / 2  # so low that a step ends under LEAST_MARGIN where a vehicle stands still
 TURNED = 1e-9  # sine of the angle from velocity to acceleration; rounding makes less
 LEAST_PART = 2.0**-40  # shortest step over the interval; rounding hides shorter events
+MOST_STEPS = 100_000  # of a search; a lane that needs more counts as one in which a vehicle stands still
 
 
 def lead(vehicle: Any, jets: Jets) -> tuple[Plane, Plane]:
@@ -66,21 +67,21 @@ def stands(
     """
 
     def under_way(carry: Any) -> Any:
-        passed, still, _ = carry
-        return ((passed < interval) & ~still).any()
+        passed, still, number, _ = carry
+        return ((passed < interval) & ~still).any() & (number < MOST_STEPS)
 
     def move(carry: Any) -> Any:
-        passed, still, state = carry
+        passed, still, number, state = carry
         velocity, acceleration = pace(state)
         still = still | (length(velocity) < LEAST_MARGIN).any(axis=0)
         step = jnp.clip(safe(velocity, acceleration, jerk).min(axis=0), LEAST_PART * interval, longest)
         arrives = passed + step >= interval
         step = jnp.where(arrives, interval - passed, step)
-        return jnp.where(arrives, interval, passed + step), still, advance(state, step)
+        return jnp.where(arrives, interval, passed + step), still, number + 1, advance(state, step)
 
     zero = jnp.zeros_like(longest)
-    _, still, state = jax.lax.while_loop(under_way, move, (zero, zero > 0, state))
-    return still | (length(pace(state)[0]) < LEAST_MARGIN).any(axis=0)
+    passed, still, _, state = jax.lax.while_loop(under_way, move, (zero, zero > 0, jnp.asarray(0), state))
+    return still | (passed < interval) | (length(pace(state)[0]) < LEAST_MARGIN).any(axis=0)
 
 
 def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
@@ -102,5 +103,6 @@ def safe(velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]) ->
     foot = jnp.abs(cross(velocity, acceleration)) / jnp.maximum(size, tiny)
     foot = jnp.where(dot(velocity, acceleration) >= 0, speed, foot)
     room, beside = jnp.maximum(speed - FLOOR, 0.0), jnp.maximum(foot - FLOOR, 0.0)
-    ahead = 2 * room / jnp.maximum(size + jnp.sqrt(size**2 + 2 * jerk * room), tiny)
+    fastest = jnp.hypot(size, jnp.sqrt(2 * jerk) * jnp.sqrt(room))  # squares of large numbers overflow
+    ahead = 2 * room / jnp.maximum(size + fastest, tiny)
     return jnp.maximum(ahead, jnp.sqrt(2 * beside / jnp.maximum(jerk, tiny)))
