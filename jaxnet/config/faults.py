@@ -46,7 +46,8 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
 def metric_faults(study: Config) -> Iterator[Fault]:
     """Yield a fault if two columns of a row have the same name, or a name is no identifier."""
     own = [metric.name for metric in study.measured()]
-    counts = ["steps", "switches", "unheard", "cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share"]
+    isolation = ["cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share", "stopped"]
+    counts = ["steps", "switches", "unheard", *isolation]
     names = ["cell", "sample", "status", *counts, *study.sweep, *own]
     twice = sorted({name for name in own if names.count(name) > 1})
     odd = [name for name in own if not name.isidentifier()]
