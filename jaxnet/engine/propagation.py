@@ -136,10 +136,8 @@ class Propagation(Motion[PropagationState]):
         """Return the longest span [s] of `later`."""
         return longest(self.lane.gain)
 
-    def stood(
-        self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices
-    ) -> LaneFlags:
-        """Return which of a few lanes have a vehicle that stood still in the tick before now, and is not `apart`."""
+    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+        """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
         raise NotImplementedError
 
     def with_inner(
@@ -328,10 +326,8 @@ class Solved(Propagation):
             forcing = jnp.concatenate([forcing, pushed], axis=1)
         return flow, forcing, there
 
-    def stood(
-        self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices
-    ) -> LaneFlags:
-        """Return which of a few lanes have a vehicle that stood still in the tick before now, and is not `apart`."""
+    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+        """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
         effect = state.basis[: len(state.jets)] if state.effect is None else state.effect
         driven = self.driven
         if self.inverse is not None:
@@ -410,10 +406,8 @@ class Held(Propagation):
         flow, forcing = (make(span, len(state.jets)) for make in (of_integrators, held_input))
         return flow, forcing, state._replace(time=time, basis=basis)
 
-    def stood(
-        self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices
-    ) -> LaneFlags:
-        """Return which of a few lanes have a vehicle that stood still in the tick before now, and is not `apart`."""
+    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+        """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
         given = self.lane.vehicle, state.jets, self.forced(state), apart
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         return between.stood_held(*some, interval=self.clock.interval)

@@ -45,13 +45,13 @@ def turning(apart: VehicleFlags | None, now: Plane, following: Plane) -> tuple[P
     if apart is None:
         return now, following
     along, across = jnp.array([1.0, 0.0]), jnp.array([0.0, 1.0])
-    seem = (jnp.where(apart[None], one[:, None, None], jet) for one, jet in ((along, now), (across, following)))
+    seem = (
+        jnp.where(apart[None], one[:, None, None], jet) for one, jet in ((along, now), (across, following))
+    )
     return tuple(seem)  # pyright: ignore[reportReturnType]
 
 
-def backwards(
-    vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags | None
-) -> Pace:
+def backwards(vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags | None) -> Pace:
     """Return the lead, its derivative back in time, and a bound on its second one, for the jets below r.
 
     `highest` bounds the r-th derivative. Where the lead's derivative is the r-th one, it points to 0 with

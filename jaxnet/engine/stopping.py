@@ -21,7 +21,9 @@ from jaxnet.model.circle import angle
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, length
 
-BRAKING = 1e3  # [1/s] acceleration over speed, above which a vehicle that comes to rest brakes along its course
+BRAKING = (
+    1e3  # [1/s] acceleration over speed, above which a vehicle that comes to rest brakes along its course
+)
 
 VehicleFlags = Bool[Array, "m lanes"]
 States = Float[Array, "n m lanes"]
@@ -70,7 +72,7 @@ def rest_within_tick(
 
     def pace(jets: Jets) -> standstill.Pace:
         largest = jnp.stack([length(jet) for jet in jets[1:]]).max(axis=0)
-        return jets[1], jets[2], math.e * of_vehicles(rate) * largest  # within `flow.longest`
+        return jets[1], jets[2], math.e * of_vehicles(rate)[None] * largest  # within `flow.longest`
 
     def advance(jets: Jets, step: Float[Array, " all"]) -> Jets:
         return flow.propagate(flow.brief(of_vehicles(whole), step), jets)
