@@ -177,15 +177,24 @@ def vector_field(
     states: States,
     plan: Plan,
 ) -> States:
-    """Return `ẋ = f(x, u(t, x))`, with weights or a jerk held; 0 for vehicles that stop.
+    """Return `ẋ = f(x, u(t, x))`, with weights or a jerk held; 0 for vehicles that stop."""
+    rates = rates_by_law(lane, network, followed, decided, now, states, plan)
+    return rates if decided.frozen is None else jnp.where(decided.frozen[None], 0.0, rates)
+
+
+def rates_by_law(
+    lane: Lane,
+    network: Network,
+    followed: FollowedLaw,
+    decided: DecisionState,
+    now: Signals,
+    states: States,
+    plan: Plan,
+) -> States:
+    """Return `ẋ = f(x, u(t, x))`, with weights or a jerk held.
 
     With `Plan.in_field` vehicles decide at each evaluation, without memory.
     """
-    if decided.frozen is not None:
-        frozen, coasting = decided.frozen, decided.coasting
-        moving = decided._replace(coasting=coasting._replace(stopped=None))
-        rates = vector_field(lane, network, followed, moving, now, states, plan)
-        return jnp.where(frozen[None], 0.0, rates)
     if lane.law.holds:
         return lane.vehicle.motion(states, lane.vehicle.inputs_for(states, followed.jerk))
     if plan.in_field:

@@ -44,11 +44,8 @@ def turning(apart: VehicleFlags | None, now: Plane, following: Plane) -> tuple[P
     """Return a lead and its derivative, of norm 1 and at right angles for the vehicles `apart`."""
     if apart is None:
         return now, following
-    along, across = jnp.array([1.0, 0.0]), jnp.array([0.0, 1.0])
-    seem = (
-        jnp.where(apart[None], one[:, None, None], jet) for one, jet in ((along, now), (across, following))
-    )
-    return tuple(seem)  # pyright: ignore[reportReturnType]
+    along, across = jnp.eye(2)[..., None, None]
+    return jnp.where(apart[None], along, now), jnp.where(apart[None], across, following)
 
 
 def backwards(vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags | None) -> Pace:
@@ -74,9 +71,9 @@ def stands(
 ) -> tuple[Bool[Array, "lanes"], Passing]:
     """Return the lanes in which a vehicle is slower than LEAST_MARGIN at some instant of an interval.
 
-    `pace(state)` bounds the jerk over a step. `advance(state, step)` returns the state after a step of at
-    most `longest`. A speed under FLOOR is always found, a speed over LEAST_MARGIN never. Return also the state
-    at that instant, in other lanes at the end.
+    Return also the state at that instant, in other lanes at the end. `pace(state)` bounds the jerk over a
+    step. `advance(state, step)` returns the state after a step of at most `longest`. A speed under FLOOR is
+    always found, a speed over LEAST_MARGIN never.
     """
 
     def under_way(carry: Any) -> Any:

@@ -1,11 +1,11 @@
 """Vehicles that decisions cut off and that come to rest: they stop there, and stay stopped.
 
-A vehicle that coasts moves by `y^(r) + P(y + n) = z` until the next tick, with its kept drive z and the errors
-n of its sensor. Under a law that holds the r-th derivative, P is 0. So its derivatives from y^(1) on obey a
-linear equation without a constant, and `standstill.stands` finds the first instant at which it stands still.
+A vehicle that coasts moves by `y^(r) + P(y + n) = z` until the next tick, with its kept drive z and the
+errors n of its sensor. Under a law that holds the r-th derivative, P is 0. The derivatives of y obey a linear
+equation without a constant, so `standstill.stands` finds the first instant at which the vehicle stands still.
 
 The vehicle stops at that instant. Until the next tick its listeners still hear z. From the next tick on the
-vehicle tells its place without any derivative. It never restarts, because the law is singular at rest.
+vehicle tells its place at rest. It never restarts, because the law is singular at rest.
 """
 
 import math

@@ -674,9 +674,10 @@ def keep_drive(
 ) -> Coasting | None:
     """Return the vehicles that keep their drive: those that no believed message reaches.
 
-    The drive of a vehicle that has stopped is `standing`, P of what it senses. `state` has the decisions of this tick, and the vehicles that kept their drive at the tick before. A
-    vehicle that still keeps its drive keeps the same one. Under a local law, a vehicle that hears nobody has
-    no drive, and others need no word from the navigator.
+    The drive of a vehicle that has stopped is `standing`, P of what it senses. `state` has the decisions of
+    this tick, and the vehicles that kept their drive at the tick before. A vehicle that still keeps its drive
+    keeps the same one. Under a local law, a vehicle that hears nobody has no drive, and others need no word
+    from the navigator.
     """
     before = state.coasting
     if before is None or drive is None:

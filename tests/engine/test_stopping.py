@@ -32,7 +32,7 @@ def stopping(engine, vehicle, order=3, **keys):
 class Known:
     """Vehicles 2 and 3 by closed form: 3 keeps z until it stands still, and 2 hears it and the navigator.
 
-    Vehicle 2 has `R(y_2) = (R(y_0) + c) / 2`, with c = z, and `c = k0 p` from the tick on after the stop at p.
+    Vehicle 2 has `R(y_2) = (R(y_0) + c) / 2`, with c = z, and `c = k0 p` from the tick after the stop at p.
     """
 
     def __init__(self, one, since):
@@ -100,7 +100,7 @@ class Known:
         ("exact", "two_wheeled", 3),
         ("nonlinear", "two_wheeled", 3),
         ({"kind": "nonlinear", "solver": "dopri5", "rtol": 1e-9}, "car", 3),
-        ("stacked", "unicycle", 2),
+        ({"kind": "stacked", "rtol": 1e-9}, "unicycle", 2),
     ],
 )
 def test_a_vehicle_cut_off_stops_where_it_stands_still(engine, vehicle, order):
