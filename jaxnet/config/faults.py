@@ -71,7 +71,8 @@ def replaced_faults(study: Config, swept: Sequence[str], cells: Sequence[Scenari
 def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     """Yield a fault if columns share a name, a name is no identifier, or nothing gives a share of alarms."""
     own = [metric.name for metric in study.measured()]
-    counts = ["steps", "switches", "unheard", "cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share"]
+    isolation = ["cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share", "stopped"]
+    counts = ["steps", "switches", "unheard", *isolation]
     names = ["cell", "sample", "status", *counts, *study.sweep, *own]
     twice = sorted({name for name in own if names.count(name) > 1})
     odd = [name for name in own if not name.isidentifier()]

@@ -17,7 +17,7 @@ from jaxnet.engine.flow import Durations
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if
-from jaxnet.engine.tick import LaneFlags
+from jaxnet.engine.tick import LaneFlags, VehicleFlags
 from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, Plane, length
@@ -70,11 +70,14 @@ def stood(
     lane: Lane,
     reach: Float[Array, "r lanes"],
     time: Durations,
+    apart: VehicleFlags | None,
     parts: Parts,
     interval: Any,
     plan: Plan,
 ) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the interval before now, from E and G now.
+
+    The vehicles `apart` are not searched.
 
     The search goes back in time. `E^(r) = -P(E) + K R(β)` with attack vectors K. A bound on y^(r) follows
     from E and its derivatives now, and the greatest norms of the navigator's r-th derivative and the attack's
@@ -94,11 +97,11 @@ def stood(
 
     free = tuple(jet - other for jet, other in zip(errors, driven(effect), strict=True))
 
-    def pace(state: Any) -> tuple[Plane, Plane]:
+    def pace(state: Any) -> standstill.Pace:
         now, free, effect = state
         path = (each[:, None] for each in lane.path(now)[: len(free)])
         jets = plane.plus(plane.plus(free, driven(effect)), tuple(path))
-        return standstill.backwards(lane.vehicle, jets, highest)
+        return standstill.backwards(lane.vehicle, jets, highest, apart)
 
     def go_back(state: Any, step: Durations) -> Any:
         (now, free, effect), over = state, flow.brief(lane.gain, -step)
@@ -114,8 +117,7 @@ def stood(
             free = plane.plus(free, signal.jets(known, pushed))
         return now - step, free, effect
 
-    longest, second = flow.longest(lane.gain), standstill.second(lane.vehicle, highest)
-    return standstill.stands(pace, go_back, (time, free, effect), second, interval, longest)
+    return standstill.stands(pace, go_back, (time, free, effect), interval, flow.longest(lane.gain))[0]
 
 
 def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
@@ -128,18 +130,19 @@ def greatest_drive(gain: control.Gain, sizes: Float[Array, "derivatives lanes"])
     return control.driven(control.norms(gain), sizes)[None]
 
 
-def stood_held(vehicle: Any, jets: Jets, held: Vectors, interval: Any) -> LaneFlags:
+def stood_held(
+    vehicle: Any, jets: Jets, held: Vectors, apart: VehicleFlags | None, interval: Any
+) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the interval before now, while it held the r-th
-    derivative.
+    derivative. The vehicles `apart` are not searched.
     """
     highest = length(held[:, :, 0])
 
-    def pace(jets: Jets) -> tuple[Plane, Plane]:
-        return standstill.backwards(vehicle, jets, highest)
+    def pace(jets: Jets) -> standstill.Pace:
+        return standstill.backwards(vehicle, jets, highest, apart)
 
     def go_back(jets: Jets, step: Durations) -> Jets:
         free = flow.propagate(flow.of_integrators(-step, len(jets)), jets)
         return plane.plus(free, signal.jets(held, flow.held_input(-step, len(jets))))
 
-    second, longest = standstill.second(vehicle, highest), jnp.full(highest.shape[1:], interval)
-    return standstill.stands(pace, go_back, jets, second, interval, longest)
+    return standstill.stands(pace, go_back, jets, interval, jnp.full(highest.shape[1:], interval))[0]

@@ -39,7 +39,7 @@ from jaxnet.engine.signals import Signals, signals
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if, select
-from jaxnet.engine.tick import DecisionState, Instants
+from jaxnet.engine.tick import DecisionState, Instants, VehicleFlags
 from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
@@ -119,6 +119,12 @@ class Collocation(Following[CollocationState]):
         """Return the vehicles' states (n, m, lanes)."""
         return self.lane.vehicle.state_of(state.jets)
 
+    def placed(self, state: CollocationState, vehicles: VehicleFlags, states: States) -> CollocationState:
+        """Put vehicles at rest with these states."""
+        return state._replace(
+            jets=plane.replaced(vehicles, self.lane.vehicle.output_jets(states), state.jets)
+        )
+
     def pace(self, state: CollocationState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), of the jets where these tell them."""
         if self.lane.vehicle.jets_tell_pace:
@@ -159,7 +165,7 @@ class Collocation(Following[CollocationState]):
             followed, cut_off = carry
             part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
             if lane.law.holds:
-                given = followed.jerk, state.signals, lane.vehicle.state_of(state.jets)
+                given = followed.jerk, state.signals, tick.at_rest(decided, lane.vehicle.state_of(state.jets))
                 last, now, states = jax.tree.map(lambda leaf: picked(leaf, few), given)
                 new, connected = exchanged(part, network, chosen, last, now, states, plan)
             else:
@@ -233,7 +239,7 @@ class Collocation(Following[CollocationState]):
         jerks, error, finite = self.solve(task, end - task.time)
         window = Window(task.time, end - task.time, task.jets, jerks)
         fits = ~spent & (error < 1.0)
-        stood = stood_in(task.lane.vehicle, window, end, fits)
+        stood = stood_in(task.lane.vehicle, window, end, fits, task.decided.may_stop)
         kept = fits & ~(stood & (end > task.tick))
         length = stepper.next_step(window.length, error, gauss.STAGES)
         length = jnp.where(stood, window.length / 2, length)
@@ -298,11 +304,13 @@ class Collocation(Following[CollocationState]):
 
         Return also by how much the jets of the states, and the rates of the lower jets, miss the jets.
         """
-        vehicle, followed = task.lane.vehicle, task.followed
+        vehicle, followed, frozen = task.lane.vehicle, task.followed, task.decided.frozen
         states = vehicle.state_of(jets)
         jerk = followed.jerk
         if jerk is None:
-            own = tick.sensed(vehicle.output_jets(states), task.decided.noise)
+            own = vehicle.output_jets(states)
+            own = own if frozen is None else plane.replaced(frozen, jets, own)
+            own = tick.sensed(own, task.decided.noise)
             jerk = law_jerk(task.lane, self.network, followed, task.decided, now, own, guess)
         rates = vehicle.motion(states, vehicle.inputs_for(states, jerk))
         found, (*lower, moved) = jax.jvp(vehicle.output_jets, (states,), (rates,))
@@ -311,7 +319,10 @@ class Collocation(Following[CollocationState]):
             jnp.maximum(missed, jnp.abs(rate - jet))
             for missed, rate, jet in zip(others, lower, jets[1:], strict=True)
         ]
-        return moved, (first, *others)
+        if frozen is None:
+            return moved, (first, *others)
+        missed = tuple(jnp.where(frozen[None], 0.0, each) for each in (first, *others))
+        return jnp.where(frozen[None], jerk, moved), missed  # no state describes a vehicle at rest
 
 
 def missed_signals(task: Task, now: Signals, between: Signals) -> Jerk:
@@ -332,8 +343,10 @@ def over_tolerance(change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tol
     return stepper.fleet_norm(stepper.error_norm(changes, sizes, tolerances))
 
 
-def stood_in(vehicle: Any, window: Window, end: Instants, among: LaneFlags) -> LaneFlags:
-    """Return the lanes, among some, in which a vehicle is singular in the window.
+def stood_in(
+    vehicle: Any, window: Window, end: Instants, among: LaneFlags, apart: VehicleFlags | None
+) -> LaneFlags:
+    """Return the lanes, among some, in which a vehicle, not one of `apart`, is singular in the window.
 
     The search goes back from the end. With probability 1, a vehicle stands still only on a straight line.
     """
@@ -343,15 +356,15 @@ def stood_in(vehicle: Any, window: Window, end: Instants, among: LaneFlags) -> L
     among = among & jnp.isfinite(highest).all(axis=0)
 
     def on_line(jets: Jets, time: Instants) -> LaneFlags:
-        return standstill.straight(*standstill.lead(vehicle, (*jets, window.jerk_at(time))))
+        return standstill.straight(*standstill.lead(vehicle, (*jets, window.jerk_at(time)), apart))
 
     line = among & on_line(window.jets, window.start) & on_line(window.jets_at(end), end)
 
-    def pace(time: Instants) -> tuple[Jerk, Jerk]:
-        return standstill.backwards(vehicle, window.jets_at(time), highest)
+    def pace(time: Instants) -> standstill.Pace:
+        return standstill.backwards(vehicle, window.jets_at(time), highest, apart)
 
     def back(time: Instants, by: Instants) -> Instants:
         return time - by
 
-    interval, second = jnp.where(line, window.length, 0.0), standstill.second(vehicle, highest)
-    return line & standstill.stands(pace, back, end, second, interval, window.length)
+    interval = jnp.where(line, window.length, 0.0)
+    return line & standstill.stands(pace, back, end, interval, window.length)[0]

@@ -28,7 +28,7 @@ from jaxnet.engine.signals import Signals, signals
 from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, select
-from jaxnet.engine.tick import DecisionState, Instants
+from jaxnet.engine.tick import DecisionState, Instants, VehicleFlags
 from jaxnet.model import plane
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -74,6 +74,10 @@ class Integration(Following[IntegrationState]):
     def states(self, state: IntegrationState) -> States:
         """Return the vehicles' states (n, m, lanes)."""
         return state.state
+
+    def placed(self, state: IntegrationState, vehicles: VehicleFlags, states: States) -> IntegrationState:
+        """Put vehicles at rest with these states."""
+        return state._replace(state=jnp.where(vehicles[None], states, state.state))
 
     def drive_now(self, state: IntegrationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return `y‴ + P(ŷ)`, with y‴ of the vector field."""
@@ -124,7 +128,9 @@ class Integration(Following[IntegrationState]):
         """Attempt one step of the lanes that have neither failed nor reached the horizon."""
         lane, network, clock, plan = self.lane, self.network, self.clock, self.plan
         tolerances, time, rule = self.numbers, state.signals.time, stepper.method(plan.options[0])
-        last = clock.outputs * clock.ticks
+        last, slope = clock.outputs * clock.ticks, state.slope
+        if decided.frozen is not None:
+            slope = jnp.where(decided.frozen[None], 0.0, slope)
         going = (status == Status.ok) & (ticks < last)
         goal = clock.at(ticks + 1)
         end = stepper.towards(goal, time, state.step)
@@ -135,7 +141,7 @@ class Integration(Following[IntegrationState]):
             time,
             end,
             state.state,
-            state.slope,
+            slope,
             tolerances,
         )
         if multirate.suits(lane, plan):
@@ -147,12 +153,14 @@ class Integration(Following[IntegrationState]):
         arrived = kept & (end == goal)
         if lane.singular:
             ahead = lane.vehicle.margin(states) * jnp.sign(lane.vehicle.margin(lane.initial))
-            status = fail(status, Status.singular, going & (ahead < LEAST_MARGIN).any(axis=0))
+            apart = decided.may_stop
+            stands = ahead < LEAST_MARGIN if apart is None else (ahead < LEAST_MARGIN) & ~apart
+            status = fail(status, Status.singular, going & stands.any(axis=0))
         status = fail(status, Status.nonfinite, stuck & ~trial.finite)
         spent = going & (steps >= tolerances.max_steps) & (ticks + arrived.astype(int) < last)
         state = state._replace(
             state=states,
-            slope=jnp.where(kept[None, None], trial.slope, state.slope),
+            slope=jnp.where(kept[None, None], trial.slope, slope),
             signals=select(kept, trial.signals, state.signals),
             step=jnp.where(going, proposed, state.step),
             steps=steps,
@@ -161,6 +169,20 @@ class Integration(Following[IntegrationState]):
 
 
 def vector_field(
+    lane: Lane,
+    network: Network,
+    followed: FollowedLaw,
+    decided: DecisionState,
+    now: Signals,
+    states: States,
+    plan: Plan,
+) -> States:
+    """Return `ẋ = f(x, u(t, x))`, with weights or a jerk held; 0 for vehicles that stop."""
+    rates = rates_by_law(lane, network, followed, decided, now, states, plan)
+    return rates if decided.frozen is None else jnp.where(decided.frozen[None], 0.0, rates)
+
+
+def rates_by_law(
     lane: Lane,
     network: Network,
     followed: FollowedLaw,

@@ -216,12 +216,11 @@ def stood_in_tick(
     """Return the lanes in which a vehicle stood still in the span before now. The search goes back."""
     _, highest = after_span(lane, network, drive, jets, now, -span)
 
-    def pace(state: tuple[Jets, Instants]) -> tuple[PerAxis, PerAxis]:
-        return standstill.backwards(lane.vehicle, state[0], highest)
+    def pace(state: tuple[Jets, Instants]) -> standstill.Pace:
+        return standstill.backwards(lane.vehicle, state[0], highest, None)  # nobody stops under this law
 
     def go_back(state: tuple[Jets, Instants], step: Instants) -> tuple[Jets, Instants]:
         jets, time = state
         return after_span(lane, network, drive, jets, time, -step)[0], time - step
 
-    second = standstill.second(lane.vehicle, highest)
-    return standstill.stands(pace, go_back, (jets, now), second, span, span)
+    return standstill.stands(pace, go_back, (jets, now), span, span)[0]

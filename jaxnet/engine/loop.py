@@ -16,15 +16,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import fate, metrics, tick, told
+from jaxnet.engine import fate, metrics, stopping, tick, told
 from jaxnet.engine.fate import Isolation
 from jaxnet.engine.metrics import Gathered, Observation, Series
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
-from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
+from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail, within_bounds
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import run_if, select
-from jaxnet.engine.tick import DecisionState, Drive, Instants, LaneFlags, VehicleFlags
+from jaxnet.engine.tick import DecisionState, Drive, Instants, LaneFlags, PerAxis, VehicleFlags
 from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -89,6 +89,10 @@ class Motion(ABC, Generic[MotionState]):
     @abstractmethod
     def states(self, state: MotionState) -> States:
         """Return the vehicles' states (n, m, lanes)."""
+
+    @abstractmethod
+    def placed(self, state: MotionState, vehicles: VehicleFlags, states: States) -> MotionState:
+        """Put vehicles at rest with these states."""
 
     @abstractmethod
     def drive_now(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
@@ -170,11 +174,45 @@ def status_at_start(lane: Lane) -> Code:
     return fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
 
 
-def is_singular(lane: Lane, states: States) -> LaneFlags:
-    """Return the lanes in which a vehicle with these states is singular."""
+def is_singular(lane: Lane, states: States, may_stop: VehicleFlags | None = None) -> LaneFlags:
+    """Return the lanes in which a vehicle with these states is singular, and may not stop."""
     if not lane.singular:
         return jnp.zeros(lane.attack_scale.shape, bool)
-    return (jnp.abs(lane.vehicle.margin(states)) < LEAST_MARGIN).any(axis=0)
+    singular = jnp.abs(lane.vehicle.margin(states)) < LEAST_MARGIN
+    return (singular if may_stop is None else singular & ~may_stop).any(axis=0)
+
+
+def stand(fleet: Fleet, motion: Motion, here: LaneFlags) -> Fleet:
+    """Put vehicles that have stopped until now at rest, in the lanes at a tick."""
+    coasting = fleet.decided.coasting
+    if coasting is None or coasting.stopped is None:
+        return fleet
+    stopped = coasting.stopped.at_tick(here)
+    state = motion.placed(fleet.state, stopped.vehicles & here[None], stopped.states)
+    decided = fleet.decided._replace(coasting=coasting._replace(stopped=stopped))
+    return fleet._replace(state=state, decided=decided)
+
+
+def will_stop(
+    lane: Lane, clock: Clock, decided: DecisionState, last: PerAxis, own: Jets, here: LaneFlags
+) -> DecisionState:
+    """Note the vehicles that stop before the next tick, in the lanes at a tick.
+
+    `last` is the r-th derivative until now, which vehicles hold on under a law that holds one.
+    """
+    coasting = decided.coasting
+    if coasting is None or coasting.stopped is None:
+        return decided
+    highest = last
+    if not lane.law.holds:
+        highest = coasting.drive - control.feedback(lane.gain, tick.sensed(own, decided.noise))
+    among = coasting.cut_off & ~coasting.stopped.vehicles & here[None]
+    soon, states = stopping.rest_within_tick(lane, (*own, highest), among, clock.interval)
+    stopped = coasting.stopped._replace(
+        soon=jnp.where(here[None], soon, coasting.stopped.soon),
+        states=jnp.where(soon[None], states, coasting.stopped.states),
+    )
+    return decided._replace(coasting=coasting._replace(stopped=stopped))
 
 
 def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
@@ -185,6 +223,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     lane, network, plan = batch.lane, batch.network, batch.plan
     first = jnp.broadcast_to(fleet.ticks == 0, fleet.status.shape)
     here = fleet.at_tick & (fleet.status == Status.ok)
+    fleet = stand(fleet, motion, here)
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
     (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
     if plan.as_told:
@@ -192,6 +231,10 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     needed = before.coasting is not None or (before.reception is not None and plan.missing == "hold")
     last = last_drive(fleet, motion, lane, first) if needed else None
     decided = tick.decide(lane, network, plan, before, errors, basis, time, last)
+    if last is not None and decided.may_stop is not None:
+        own = plane.plus(errors, [jet[:, None] for jet in lane.path(time)])
+        until_now = last - control.feedback(lane.gain, tick.sensed(own, before.noise))
+        decided = will_stop(lane, batch.clock, decided, until_now, own, here)
     if not lockstep:
         decided = select(here, decided, fleet.decided)
     lanes, vehicles = tick.changes(decided, fleet.decided, lane)
@@ -201,7 +244,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
         unheard = unheard + jnp.where(here, decided.coasting.vehicles.sum(axis=0), 0)
     at = Tick(here, first, here & (first | lanes), vehicles)
     state, cut_off = motion.hold(fleet.state, decided, at)
-    status = fail(fleet.status, Status.disconnected, cut_off)
+    status = fail(within_bounds(fleet.status, errors), Status.disconnected, cut_off)
     alone = isolated(batch, decided, here, cut_off)
     isolation = fleet.isolation if alone is None else fate.passed(fleet.isolation, alone, time)
     counts = {"switches": switches, "unheard": unheard, "isolation": isolation}
@@ -231,8 +274,14 @@ def last_drive(fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags) -> Fl
     """Return the drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
     time, _ = motion.basis(fleet.state)
     navigator = [jet[:, None] for jet in lane.path(time)]
-    without_jerk = control.feedback(lane.gain, plane.plus(motion.errors(fleet.state), navigator))
-    return jnp.where(first[None, None], without_jerk, motion.drive_now(fleet.state, fleet.decided))
+    own, decided = plane.plus(motion.errors(fleet.state), navigator), fleet.decided
+    last = jnp.where(
+        first[None, None], control.feedback(lane.gain, own), motion.drive_now(fleet.state, decided)
+    )
+    if decided.coasting is None or decided.coasting.stopped is None:
+        return last
+    standing = control.feedback(lane.gain, tick.sensed(own, decided.noise))
+    return jnp.where(decided.coasting.stopped.vehicles[None], standing, last)
 
 
 def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
@@ -242,7 +291,10 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     shown = drive.vectors[:, batch.network.display_signals]
     speed, turn_rate = motion.pace(fleet.state, fleet.decided)
     error, lane = motion.errors(fleet.state)[0], batch.lane
-    states = motion.states(fleet.state)
+    states, coasting = tick.at_rest(fleet.decided, motion.states(fleet.state)), fleet.decided.coasting
+    stopped = None if coasting is None else coasting.stopped
+    if stopped is not None:
+        speed, turn_rate = (jnp.where(stopped.vehicles, 0.0, each) for each in (speed, turn_rate))
     theirs = told.told_motion(lane, time, basis) if batch.plan.as_told else None
     if theirs is not None:
         error, states = theirs.instead_of(theirs.errors[0], error), theirs.instead_of(theirs.states, states)
@@ -250,6 +302,7 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
 
     def inputs() -> Float[Array, "2 m lanes"]:
         by_law = motion.inputs(fleet.state, fleet.decided)
+        by_law = by_law if stopped is None else jnp.where(stopped.vehicles[None], 0.0, by_law)
         return by_law if theirs is None else theirs.instead_of(theirs.inputs, by_law)
 
     attacked = (lane.vectors[:, batch.network.display_signals] != 0).any(axis=(0, 2))
@@ -292,7 +345,9 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Ou
     ok = status == Status.ok
     found = {name: jnp.where(ok, value, jnp.nan) for name, value in values.items()}
     errors = metrics.vehicle_errors(plan.save, gathered, clock.tail_outputs, ok)
-    ticks = clock.outputs * clock.ticks + 1
+    ticks, coasting = clock.outputs * clock.ticks + 1, fleet.decided.coasting
+    stopped = None if coasting is None else coasting.stopped
+    count = jnp.zeros_like(fleet.unheard) if stopped is None else stopped.vehicles.sum(axis=0)
     return Outcome(
         status,
         found,
@@ -300,7 +355,7 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Ou
         fleet.switches,
         fleet.unheard,
         series | errors,
-        fate.isolation_counts(fleet.isolation, ticks),
+        fate.isolation_counts(fleet.isolation, ticks) | {"stopped": count},
     )
 
 
@@ -321,7 +376,7 @@ def in_lockstep(
         fleet = fleet._replace(ticks=number)
         if batch.acts:
             return arrive(fleet, motion, batch, lockstep=True)
-        return fleet
+        return fleet._replace(status=within_bounds(fleet.status, motion.errors(fleet.state)))
 
     def output(number: TickNumber, carry: tuple[Fleet, Series]) -> tuple[Fleet, Series]:
         fleet, series = carry
@@ -336,7 +391,7 @@ def in_lockstep(
             for name, value in metrics.series(plan.save, seen).items()
         }
         gathered = metrics.add(plan.metrics, fleet.gathered, seen, everywhere, jnp.asarray(number), clock)
-        stood = fleet.stood | is_singular(batch.lane, seen.state)
+        stood = fleet.stood | is_singular(batch.lane, seen.state, fleet.decided.may_stop)
         return fleet._replace(gathered=gathered, stood=stood), series
 
     fleet = begin(motion, batch, jnp.asarray(0))
@@ -378,7 +433,7 @@ def from_queue(
         }
         state, status, arrived = motion.advance(fleet.state, fleet.decided, fleet.ticks, fleet.status)
         ticks = fleet.ticks + arrived.astype(int)
-        stood = fleet.stood | (due & is_singular(batch.lane, seen.state))
+        stood = fleet.stood | (due & is_singular(batch.lane, seen.state, fleet.decided.may_stop))
         rest = {"ticks": ticks, "at_tick": arrived, "status": status, "stood": stood, "gathered": gathered}
         return fleet._replace(state=state, **rest), series
 

@@ -49,7 +49,7 @@ from jaxnet.engine.loop import Batch, LaneFlags, Motion, PerVehicle, Tick, Ticks
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, picked, run_if
-from jaxnet.engine.tick import DecisionState, Instants
+from jaxnet.engine.tick import DecisionState, Instants, VehicleFlags
 from jaxnet.model import control, plane, signal
 from jaxnet.model.plane import Jets, Plane
 from jaxnet.model.signal import Basis, ByFunction, Vectors, WithNavigator
@@ -101,7 +101,12 @@ class Propagation(Motion[PropagationState]):
 
     def lead(self, state: PropagationState, decided: DecisionState) -> tuple[Plane, Plane]:
         """Return the vehicles' lead, which is 0 where they are singular, and its derivative."""
-        return standstill.lead(self.lane.vehicle, self.all_jets(state, decided))
+        return standstill.lead(self.lane.vehicle, self.all_jets(state, decided), decided.may_stop)
+
+    def placed(self, state: PropagationState, vehicles: VehicleFlags, states: States) -> PropagationState:
+        """Put vehicles at rest with these states."""
+        rest = self.lane.vehicle.output_jets(states)
+        return state._replace(jets=plane.replaced(vehicles, rest, state.jets))
 
     def all_jets(self, state: PropagationState, decided: DecisionState) -> Jets:
         """Return y with its derivatives up to the order."""
@@ -135,8 +140,8 @@ class Propagation(Motion[PropagationState]):
         """Return the longest span [s] of `later`."""
         return longest(self.lane.gain)
 
-    def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
-        """Return which of a few lanes have a vehicle that stood still in the tick before now."""
+    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+        """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
         raise NotImplementedError
 
     def with_inner(
@@ -166,7 +171,7 @@ class Propagation(Motion[PropagationState]):
             return now, status, jnp.ones_like(now.straight)
 
         def stood(few: LaneIndices) -> LaneFlags:
-            return self.stood(now, few)
+            return self.stood(now, decided.may_stop, few)
 
         status, straight = between.stopped(now.straight, status, lambda: self.lead(now, decided), stood)
         return now._replace(straight=straight), status, jnp.ones_like(straight)
@@ -220,6 +225,11 @@ class Solved(Propagation):
     def outputs(self, state: PropagationState) -> Jets:
         """Return y with its derivatives below the order."""
         return plane.plus(state.jets, [jet[:, None] for jet in self.navigator(state)])
+
+    def placed(self, state: PropagationState, vehicles: VehicleFlags, states: States) -> PropagationState:
+        """Put vehicles at rest with these states."""
+        rest = plane.relative(self.lane.vehicle.output_jets(states), self.navigator(state))
+        return state._replace(jets=plane.replaced(vehicles, rest, state.jets))
 
     def hold(
         self, state: PropagationState, decided: DecisionState, at: Tick
@@ -307,10 +317,10 @@ class Solved(Propagation):
             forcing = jnp.concatenate([forcing, pushed], axis=1)
         return flow, forcing, there
 
-    def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
-        """Return which of a few lanes have a vehicle that stood still in the tick before now."""
+    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+        """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
         effect = state.basis[: len(state.jets)] if state.effect is None else state.effect
-        given = state.jets, self.forced(state), effect, self.driven, self.numbers.reach, state.time
+        given = state.jets, self.forced(state), effect, self.driven, self.numbers.reach, state.time, apart
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         return between.stood(*some, parts=self.parts, interval=self.clock.interval, plan=self.plan)
 
@@ -380,8 +390,8 @@ class Held(Propagation):
         flow, forcing = (make(span, len(state.jets)) for make in (of_integrators, held_input))
         return flow, forcing, state._replace(time=time, basis=basis)
 
-    def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
-        """Return which of a few lanes have a vehicle that stood still in the tick before now."""
-        given = self.lane.vehicle, state.jets, self.forced(state)
+    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+        """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
+        given = self.lane.vehicle, state.jets, self.forced(state), apart
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         return between.stood_held(*some, interval=self.clock.interval)

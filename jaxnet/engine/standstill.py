@@ -23,64 +23,76 @@ from jaxnet.model.plane import Jets, Plane, cross, dot, length
 
 Passing = TypeVar("Passing")
 Spans = Float[Array, "lanes"]
+VehicleFlags = Bool[Array, "m lanes"]
+Pace = tuple[Plane, Plane, Float[Array, "m lanes"]]  # velocity, acceleration, bound on the jerk
 
 FLOOR = LEAST_MARGIN / 2  # so low that a step ends under LEAST_MARGIN where a vehicle stands still
 TURNED = 1e-9  # sine of the angle from velocity to acceleration; rounding makes less
 LEAST_PART = 2.0**-40  # shortest step over the interval; rounding hides shorter events
+MOST_STEPS = 100_000  # of a search; a lane that needs more counts as one in which a vehicle stands still
 
 
-def lead(vehicle: Any, jets: Jets) -> tuple[Plane, Plane]:
-    """Return the lead and its derivative, for the jets of the output up to the order r."""
-    return vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1]
+def lead(vehicle: Any, jets: Jets, apart: VehicleFlags | None) -> tuple[Plane, Plane]:
+    """Return the lead and its derivative, for the jets of the output up to the order r.
+
+    The vehicles `apart` are not searched, and seem to turn.
+    """
+    return turning(apart, vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1])
 
 
-def backwards(vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"]) -> tuple[Plane, Plane]:
-    """Return the lead and its derivative back in time, for the jets below the order r.
+def turning(apart: VehicleFlags | None, now: Plane, following: Plane) -> tuple[Plane, Plane]:
+    """Return a lead and its derivative, of norm 1 and at right angles for the vehicles `apart`."""
+    if apart is None:
+        return now, following
+    along, across = jnp.eye(2)[..., None, None]
+    return jnp.where(apart[None], along, now), jnp.where(apart[None], across, following)
 
-    The derivative points to 0 with the norm `highest` where it is the r-th derivative, which has this bound.
+
+def backwards(vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags | None) -> Pace:
+    """Return the lead, its derivative back in time, and a bound on its second one, for the jets below r.
+
+    `highest` bounds the r-th derivative. Where the lead's derivative is the r-th one, it points to 0 with
+    that norm. The vehicles `apart` are not searched.
     """
     now, following = vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1 :]
     if following:
-        return now, -following[0]
-    return now, -now * (highest / jnp.maximum(length(now), jnp.finfo(float).tiny))[None]
-
-
-def second(vehicle: Any, highest: Float[Array, "m lanes"]) -> Float[Array, "m lanes"]:
-    """Return the bound on the lead's second derivative in `backwards`, from that on the r-th derivative."""
-    return highest if vehicle.singular == vehicle.order - 2 else jnp.zeros_like(highest)
+        bound = highest if apart is None else jnp.where(apart, 0.0, highest)
+        return *turning(apart, now, -following[0]), bound
+    back = -now * (highest / jnp.maximum(length(now), jnp.finfo(float).tiny))[None]
+    return *turning(apart, now, back), jnp.zeros_like(highest)
 
 
 def stands(
-    pace: Callable[[Passing], tuple[Plane, Plane]],
+    pace: Callable[[Passing], Pace],
     advance: Callable[[Passing, Spans], Passing],
     state: Passing,
-    jerk: Float[Array, "m lanes"],
     interval: Any,
     longest: Spans,
-) -> Bool[Array, "lanes"]:
+) -> tuple[Bool[Array, "lanes"], Passing]:
     """Return the lanes in which a vehicle is slower than LEAST_MARGIN at some instant of an interval.
 
-    `pace(state)` returns velocity and acceleration. `advance(state, step)` returns the state after a step of
-    at most `longest`. `jerk` bounds the jerk. A speed under FLOOR is always found, a speed over LEAST_MARGIN
-    never.
+    Return also the state at that instant, in other lanes at the end. `pace(state)` bounds the jerk over a
+    step. `advance(state, step)` returns the state after a step of at most `longest`. A speed under FLOOR is
+    always found, a speed over LEAST_MARGIN never.
     """
 
     def under_way(carry: Any) -> Any:
-        passed, still, _ = carry
-        return ((passed < interval) & ~still).any()
+        passed, still, number, _ = carry
+        return ((passed < interval) & ~still).any() & (number < MOST_STEPS)
 
     def move(carry: Any) -> Any:
-        passed, still, state = carry
-        velocity, acceleration = pace(state)
+        passed, still, number, state = carry
+        velocity, acceleration, jerk = pace(state)
         still = still | (length(velocity) < LEAST_MARGIN).any(axis=0)
         step = jnp.clip(safe(velocity, acceleration, jerk).min(axis=0), LEAST_PART * interval, longest)
         arrives = passed + step >= interval
-        step = jnp.where(arrives, interval - passed, step)
-        return jnp.where(arrives, interval, passed + step), still, advance(state, step)
+        step = jnp.where(still, 0.0, jnp.where(arrives, interval - passed, step))
+        passed = jnp.where(still | ~arrives, passed + step, interval)
+        return passed, still, number + 1, advance(state, step)
 
     zero = jnp.zeros_like(longest)
-    _, still, state = jax.lax.while_loop(under_way, move, (zero, zero > 0, state))
-    return still | (length(pace(state)[0]) < LEAST_MARGIN).any(axis=0)
+    passed, still, _, state = jax.lax.while_loop(under_way, move, (zero, zero > 0, jnp.asarray(0), state))
+    return still | (passed < interval) | (length(pace(state)[0]) < LEAST_MARGIN).any(axis=0), state
 
 
 def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
@@ -98,9 +110,10 @@ def safe(velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]) ->
 
     The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and nowhere nearer to 0 than at its foot.
     """
-    speed, size, tiny = length(velocity), length(acceleration), jnp.finfo(float).tiny
+    speed, size, tiny = jnp.hypot(*velocity), jnp.hypot(*acceleration), jnp.finfo(float).tiny
     foot = jnp.abs(cross(velocity, acceleration)) / jnp.maximum(size, tiny)
     foot = jnp.where(dot(velocity, acceleration) >= 0, speed, foot)
     room, beside = jnp.maximum(speed - FLOOR, 0.0), jnp.maximum(foot - FLOOR, 0.0)
-    ahead = 2 * room / jnp.maximum(size + jnp.sqrt(size**2 + 2 * jerk * room), tiny)
+    fastest = jnp.hypot(size, jnp.sqrt(2 * jerk) * jnp.sqrt(room))  # squares might overflow
+    ahead = 2 * room / jnp.maximum(size + fastest, tiny)
     return jnp.maximum(ahead, jnp.sqrt(2 * beside / jnp.maximum(jerk, tiny)))

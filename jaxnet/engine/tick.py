@@ -29,10 +29,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import detection, late
+from jaxnet.engine import detection, late, stopping
 from jaxnet.engine.detection import Detection
 from jaxnet.engine.late import History, SentJets
 from jaxnet.engine.plan import Plan
+from jaxnet.engine.stopping import Stopped
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.losses import Messages
@@ -81,6 +82,7 @@ class Coasting(NamedTuple):
     vehicles: VehicleFlags
     drive: PerAxis  # the drive z that they keep [m/s³]; 0 for other vehicles
     cut_off: VehicleFlags  # of them, those that decisions alone cut off; nobody where their lane fails
+    stopped: Stopped | None  # of those that are cut off; None where a vehicle cannot stop
 
 
 class Reading(NamedTuple):
@@ -123,6 +125,18 @@ class DecisionState(NamedTuple):
     detection: Detection | None = None  # alarms until now; None without a detector
     reading: Reading | None = None  # what vehicles sense; None where no reading is read again
     known: KnownDrive | None = None  # what late words add to the drives; None where words are not late
+
+    @property
+    def may_stop(self) -> VehicleFlags | None:
+        """Vehicles that are cut off and stop where they come to rest; None where nobody does."""
+        coasting = self.coasting
+        return None if coasting is None or coasting.stopped is None else coasting.cut_off
+
+    @property
+    def frozen(self) -> VehicleFlags | None:
+        """Vehicles whose motion until the next tick needs no integrator; None where nobody may stop."""
+        coasting = self.coasting
+        return None if coasting is None or coasting.stopped is None else coasting.stopped.frozen
 
     @property
     def link_errors(self) -> Received | None:
@@ -306,7 +320,8 @@ def first_coasting(lane: Lane) -> Coasting | None:
     if not (lane.lossy or coasts(lane)):
         return None
     nobody = jnp.zeros(lane.weights.shape[1:], bool)
-    return Coasting(nobody, jnp.zeros_like(lane.initial[:2]), nobody)
+    stopped = stopping.nobody(lane) if coasts(lane) else None
+    return Coasting(nobody, jnp.zeros_like(lane.initial[:2]), nobody, stopped)
 
 
 def coasts(lane: Lane) -> bool:
@@ -350,7 +365,9 @@ def decide(
     state = state._replace(reception=listen(lane, network, plan, before, state, errors, basis, time, drive))
     state = state._replace(detection=raise_alarms(lane, network, state, errors, basis, time))
     state = judge(lane, network, plan, state, errors, basis, time)
-    state = state._replace(coasting=keep_drive(lane, network, plan, state, drive))
+    own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
+    standing = control.feedback(lane.gain, sensed(own, state.noise))
+    state = state._replace(coasting=keep_drive(lane, network, plan, state, drive, standing))
     if state.late is None:
         return state
     state = with_known(lane, network, state, plan)
@@ -505,6 +522,12 @@ def word_errors(gain: control.Gain, noise: Received) -> Float[Array, "2 slots m 
     return total + highest[0] if highest else total
 
 
+def at_rest(state: DecisionState, states: stopping.States) -> stopping.States:
+    """Return the states of vehicles, with those of rest for vehicles that have stopped."""
+    stopped = None if state.coasting is None else state.coasting.stopped
+    return states if stopped is None else jnp.where(stopped.vehicles[None], stopped.states, states)
+
+
 def sensed(jets: Jets, noise: Jets | None) -> Jets:
     """Return the jets with the errors of the sensor."""
     return jets if noise is None else plane.plus(jets, noise)
@@ -647,13 +670,19 @@ def messages_of(
 
 
 def keep_drive(
-    lane: Lane, network: Network, plan: Plan, state: DecisionState, drive: PerAxis | None
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+    state: DecisionState,
+    drive: PerAxis | None,
+    standing: PerAxis,
 ) -> Coasting | None:
     """Return the vehicles that keep their drive: those that no believed message reaches.
 
-    `state` has the decisions of this tick, and the vehicles that kept their drive at the tick before. A
-    vehicle that still keeps its drive keeps the same one. Under a local law, a vehicle that hears nobody has
-    no drive, and others need no word from the navigator.
+    The drive of a vehicle that has stopped is `standing`, P of what it senses. `state` has the decisions of
+    this tick, and the vehicles that kept their drive at the tick before. A vehicle that still keeps its drive
+    keeps the same one. Under a local law, a vehicle that hears nobody has no drive, and others need no word
+    from the navigator.
     """
     before = state.coasting
     if before is None or drive is None:
@@ -670,9 +699,11 @@ def keep_drive(
             return before._replace(vehicles=nobody.all(axis=0))
         alone = nobody | off[None]
         keeps = (alone | ~network.hearing.reached(heard, alone)).any(axis=0)
-    last = jnp.where(before.vehicles[None], before.drive, drive)
+    last, stopped = jnp.where(before.vehicles[None], before.drive, drive), before.stopped
+    if stopped is not None:
+        last = jnp.where(stopped.vehicles[None], standing, last)
     kept = xla.materialised(lambda: jnp.where(keeps[None], last, 0.0))
-    return Coasting(keeps, kept, off)
+    return Coasting(keeps, kept, off, stopped)
 
 
 def raise_alarms(
@@ -841,7 +872,8 @@ def sight(
     def in_force(vectors: Vectors) -> AxisWeights:
         chosen = state._replace(vectors=bounded(vectors, lane), reception=None, link_noise=None)
         judged = judge(lane, network, plan, chosen, errors, basis, time)
-        kept = keep_drive(lane, network, plan, judged, jnp.zeros_like(errors[0])) if coasts(lane) else None
+        zero = jnp.zeros_like(errors[0])
+        kept = keep_drive(lane, network, plan, judged, zero, zero) if coasts(lane) else None
         return weights_in_force(lane, judged._replace(coasting=kept), plan)
 
     heard, decision = network.hearing, state.decision
@@ -943,9 +975,16 @@ def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWe
 
 
 def cut_off(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> VehicleFlags:
-    """Return the vehicles that decisions alone, without any loss, cut off from the navigator."""
+    """Return the vehicles that decisions alone, without any loss, cut off from the navigator.
+
+    A vehicle that has stopped passes on nothing that it hears.
+    """
     weights = weights_without_loss(lane, state, plan)
-    return ~network.hearing.reached(weights > 0, (weights == 0).all(axis=1)).all(axis=0)
+    heard, alone = weights > 0, (weights == 0).all(axis=1)
+    if state.coasting is not None and state.coasting.stopped is not None:
+        on_its_way = ~state.coasting.stopped.vehicles[None]
+        heard, alone = heard & on_its_way[:, None], alone & on_its_way
+    return ~network.hearing.reached(heard, alone).all(axis=0)
 
 
 def disconnected(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> LaneFlags:
@@ -975,6 +1014,9 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
             lanes = lanes | xla.in_any_row(moved)
     if now.link_noise is not None or now.late is not None:
         lanes = jnp.ones_like(lanes)
+    if now.coasting is not None and now.coasting.stopped is not None and before.coasting is not None:
+        told = (now.coasting.drive != before.coasting.drive) & now.coasting.stopped.vehicles[None]
+        lanes = lanes | xla.in_any_row(told)
     if now.network is not None and before.network is not None:
         lanes = lanes | (now.network != before.network)
     if now.vectors is not None and before.vectors is not None:
@@ -1014,6 +1056,8 @@ def exchange(
         demand = demand if drive.known is None else demand + drive.known.drive[:, 0]
     if drive.coasting is not None and not lane.law.local:
         demand = jnp.where(drive.coasting.vehicles[None], last, demand)
+        if drive.coasting.stopped is not None:
+            demand = jnp.where(drive.coasting.stopped.vehicles[None], 0.0, demand)
 
     def heard(jerk: PerAxis) -> PerAxis:
         sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)

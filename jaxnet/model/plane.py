@@ -4,7 +4,7 @@ from typing import Any
 
 from jaxtyping import Float
 
-from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
+from jaxnet.model.shapes import Flags, Numbers, OrderedJets, PlaneArray
 
 Plane = Float[Any, "2 m *lanes"]
 Jets = tuple[Plane, ...]  # a signal and its derivatives, as many as the order of the vehicles
@@ -36,6 +36,12 @@ def plus(jets: OrderedJets, others: OrderedJets) -> Jets:
 def relative(jets: OrderedJets, origin: OrderedJets) -> Jets:
     """Return a path's jets (2, m, *lanes) minus those of one other path (2, *lanes), which has more."""
     return tuple(jet - there[:, None] for jet, there in zip(jets, origin, strict=False))
+
+
+def replaced(vehicles: Flags, jets: OrderedJets, others: OrderedJets) -> Jets:
+    """Return the jets of some vehicles (m, *lanes), and those of the others."""
+    xp = vehicles.__array_namespace__()
+    return tuple(xp.where(vehicles[None], *both) for both in zip(jets, others, strict=True))
 
 
 def pace(jets: OrderedJets) -> tuple[Numbers, Numbers]:

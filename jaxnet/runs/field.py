@@ -43,7 +43,7 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
     one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)
     lane, network = jax.tree.map(jnp.asarray, (alone, one.network))
-    followed = FieldInputs(lane, lane.weights[None], lane.vectors, None, None, None)
+    followed = FieldInputs(lane, lane.weights[None], lane.vectors, *[None] * 5)
 
     @jax.jit
     def derivative(time: ArrayLike, state: ArrayLike, args: object = None) -> jax.Array:

@@ -76,6 +76,7 @@ ISOLATION = {  # columns on vehicles that decisions cut off from the navigator, 
     "cut_off_at": pa.float64(),
     "cut_off_vehicles": pa.int64(),
     "cut_off_share": pa.float64(),
+    "stopped": pa.int64(),
 }
 
 
@@ -83,7 +84,7 @@ def isolation_columns(cells: Sequence[Cell]) -> list[str]:
     """Return the columns of a study on vehicles that decisions cut off, equal in every shard.
 
     A study whose defences cannot cut a vehicle off has none. Where they can, the columns tell who and since
-    when; where such vehicles coast, also how many and for how long.
+    when; where such vehicles coast, also how many, for how long, and how many stopped.
     """
     defences = [cell.scenario.defence for cell in cells if not cell.scenario.law.local]
     if any(defence.coasts() for defence in defences):

@@ -108,10 +108,18 @@ def test_a_speed_is_enclosed(least):
 
     def pace(time):
         velocity = jnp.stack([slope * (time - turn), least + 0.0 * time])[:, None]
-        return velocity, jnp.stack([slope + 0.0 * time, 0.0 * time])[:, None]
+        return velocity, jnp.stack([slope + 0.0 * time, 0.0 * time])[:, None], jnp.full((1, 1), 300.0)
 
     start = jnp.zeros(1)
-    found = standstill.stands(
-        pace, lambda time, step: time + step, start, jnp.full((1, 1), 300.0), 0.1, start + 1.0
-    )
+    found, _ = standstill.stands(pace, lambda time, step: time + step, start, 0.1, start + 1.0)
     assert found.tolist() == [least < 1e-9]
+
+
+def test_a_search_ends_where_squares_overflow():
+    """The time in which a vehicle at 1 m/s does not stand still, at an acceleration or a jerk of 1e200."""
+    velocity, none = jnp.array([1.0, 0.0])[:, None, None], jnp.zeros((2, 1, 1))
+    braking = -1e200 * velocity
+    ahead = standstill.safe(velocity, braking, jnp.zeros((1, 1)))
+    np.testing.assert_allclose(ahead, 1e-200, rtol=1e-8)
+    ahead = standstill.safe(velocity, none, jnp.full((1, 1), 1e200))
+    np.testing.assert_allclose(ahead, np.sqrt(2) * 1e-100, rtol=1e-8)

@@ -27,7 +27,7 @@ from jaxnet.engine.methods import Engine, LaneCount, LaneGainRows
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan, Tolerances
 from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
 from jaxnet.engine.stepper import States
-from jaxnet.engine.tick import DecisionState, Drive, Instants, KnownDrive
+from jaxnet.engine.tick import DecisionState, Drive, Instants, KnownDrive, VehicleFlags
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.model import definition, plane, signal
@@ -111,6 +111,8 @@ class FieldInputs(NamedTuple):
     noise: tuple[Float[Array, "2 m"], ...] | None  # errors of the sensed jets
     known: KnownDrive | None  # what words add that are not live
     strength: Float[Array, "axes m"] | None  # of the rows of weights, None where it is 1
+    frozen: Bool[Array, " m"] | None  # vehicles that stop, or will before the next tick; None: nobody may
+    may_stop: Bool[Array, " m"] | None  # vehicles that are cut off, and stop where they come to rest
 
 
 class ByDiffrax(Motion[StackedState]):
@@ -134,6 +136,10 @@ class ByDiffrax(Motion[StackedState]):
         """Return the vehicles' states (n, m, lanes)."""
         return state.state
 
+    def placed(self, state: StackedState, vehicles: VehicleFlags, states: States) -> StackedState:
+        """Put vehicles at rest with these states."""
+        return state._replace(state=jnp.where(vehicles[None], states, state.state))
+
     def steps(self, state: StackedState) -> Int[Array, " lanes"]:
         """Return the number of steps that diffrax has taken."""
         return state.steps
@@ -155,7 +161,8 @@ class ByDiffrax(Motion[StackedState]):
     def followed(self, state: StackedState, decided: DecisionState) -> FieldInputs:
         """Return the arguments of the lanes' vector fields until the next tick; lanes last."""
         drive = self.drive(state, decided)
-        return FieldInputs(self.lane, drive.weights, drive.vectors, drive.noise, drive.known, drive.strength)
+        inputs = self.lane, drive.weights, drive.vectors, drive.noise, drive.known, drive.strength
+        return FieldInputs(*inputs, decided.frozen, decided.may_stop)
 
     def advance(
         self, state: StackedState, decided: DecisionState, ticks: Ticks, status: Code
@@ -241,8 +248,9 @@ def solution(
         return lane_field(time, state, followed, network, plan)
 
     def stands(time: Instant, state: StateOfOne, followed: FieldInputs, **_: object) -> Bool[Array, ""]:
-        margin = followed.lane.vehicle.margin
-        return (margin(state) * jnp.sign(margin(followed.lane.initial)) < LEAST_MARGIN).any()
+        margin, apart = followed.lane.vehicle.margin, followed.may_stop
+        still = margin(state) * jnp.sign(margin(followed.lane.initial)) < LEAST_MARGIN
+        return (still if apart is None else still & ~apart).any()
 
     found = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
@@ -270,7 +278,7 @@ def lane_field(
     time: Instant, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
     """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
-    lane, weights, vectors, noise, known, strength = followed
+    lane, weights, vectors, noise, known, strength, frozen, _ = followed
     alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
     if plan.in_field:
         drive = decided_in_field(alone, there, now, network, plan)
@@ -280,6 +288,8 @@ def lane_field(
     own = jnp.stack(vehicle.output_jets(there))[..., 0]
     own = own if noise is None else own + jnp.stack(noise)[: len(own)]
     drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
+    if frozen is not None:  # ψ is singular at rest
+        decoupling = jnp.where(frozen[None, None], jnp.eye(2)[..., None], decoupling)
 
     def law(
         each: Float[Array, "slots m"], strength: Float[Array, " m"], share: Float[Array, " m"]
@@ -304,7 +314,8 @@ def lane_field(
     strength = jnp.ones_like(weights[:, 0]) if strength is None else strength
     share = jnp.zeros_like(weights[:, 0]) if known is None or known.share is None else known.share
     inputs = of_axes(jax.vmap(law)(weights, strength, share), decoupling)
-    return vehicle.motion(there, inputs[..., None])[..., 0]
+    rates = vehicle.motion(there, inputs[..., None])[..., 0]
+    return rates if frozen is None else jnp.where(frozen[None], 0.0, rates)
 
 
 def decided_in_field(lane: Lane, state: States, time: Instants, network: Network, plan: Plan) -> Drive:

@@ -283,8 +283,8 @@ class Defence(AnyDefence):
     isolated: Literal["fail", "coast"] = Field(
         default="fail",
         description="where decisions cut a vehicle off from the navigator: fail, its lane fails; coast, the"
-        " vehicle keeps its last drive until a believed path reaches it again; under law: local, a vehicle"
-        " that retains nobody has q = 0 with either",
+        " vehicle keeps its last drive until a believed path reaches it again, or stops where it comes to"
+        " rest; under law: local, a vehicle that retains nobody has q = 0 with either",
     )
 
     def coasts(self) -> bool:
