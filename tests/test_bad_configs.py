@@ -597,6 +597,16 @@ SWEEPS = [
     ),
     Bad("attack: {→vehicles: [8]}\nsweep: {topology: [star, figure1]}", "attack.vehicles", "in cell 1 (top"),
     Bad("sweep: {gain: [[1, 3, 3], →[1, 0.1, 0.1]]}", "gain", "0.45+0.893j"),
+    Bad(
+        """
+        vehicle: double_integrator
+        →gain: [[1, 2], [2, 3]]
+        topology: {kind: switching, every: 0.5, networks: [path, star]}
+        engine: exact
+        """,
+        "gain|engine",
+        "takes gains by axis only in one network",
+    ),
     Bad("sweep: {attack.vehicles: [[2], →[13]]}", "attack.vehicles", "(got 13), in cell 1"),
     Bad("sweep: {→tail: {linspace: [5, 35, 2]}}", "tail", "must fit into horizon = 30 (got 35)"),
     Bad("sweep: {→vehicles: [11, 12]}\nsave: {errors: true}", "sweep.vehicles", "save"),

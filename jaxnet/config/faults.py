@@ -351,11 +351,11 @@ def matrix_faults(scenario: Scenario, matrices: np.ndarray) -> Iterator[Fault]:
         return
     coasts = scenario.defence.coasts() or not scenario.channel.loss.perfect()
     alone = coasts or not scenario.sensing.exact() or not scenario.attack.consistent()
+    alone = alone or len(scenario.topology.turns()) > 1
     if scenario.law.solved and scenario.engine.by_functions and alone:
-        message = (
-            f"the {scenario.engine.kind} engine takes gains by axis only without errors of sensors, losses,"
-        )
-        yield Fault(("gain", "engine"), f"{message} isolated: coast, and attacks of some orders alone")
+        message = f"the {scenario.engine.kind} engine takes gains by axis only in one network, without errors"
+        more = "of sensors, losses, isolated: coast, and attacks of some orders alone"
+        yield Fault(("gain", "engine"), f"{message} {more}")
 
 
 def own_gain_faults(scenario: Scenario, given: int) -> Iterator[Fault]:
