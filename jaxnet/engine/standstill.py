@@ -29,7 +29,9 @@ Pace = tuple[Plane, Plane, Float[Array, "m lanes"]]  # velocity, acceleration, b
 FLOOR = LEAST_MARGIN / 2  # so low that a step ends under LEAST_MARGIN where a vehicle stands still
 TURNED = 1e-9  # sine of the angle from velocity to acceleration; rounding makes less
 LEAST_PART = 2.0**-40  # shortest step over the interval; rounding hides shorter events
-MOST_SEARCHED = 100_000  # of a search; a lane that needs more counts as one in which a vehicle stands still
+MOST_SEARCH_STEPS = (
+    100_000  # of a search; a lane that needs more counts as one in which a vehicle stands still
+)
 
 
 def lead(vehicle: Any, jets: Jets, apart: VehicleFlags | None) -> tuple[Plane, Plane]:
@@ -78,7 +80,7 @@ def stands(
 
     def under_way(carry: Any) -> Any:
         passed, still, number, _ = carry
-        return ((passed < interval) & ~still).any() & (number < MOST_SEARCHED)
+        return ((passed < interval) & ~still).any() & (number < MOST_SEARCH_STEPS)
 
     def move(carry: Any) -> Any:
         passed, still, number, state = carry
