@@ -29,7 +29,9 @@ Pace = tuple[Plane, Plane, Float[Array, "m lanes"]]  # velocity, acceleration, b
 FLOOR = LEAST_MARGIN / 2  # so low that a step ends under LEAST_MARGIN where a vehicle stands still
 TURNED = 1e-9  # sine of the angle from velocity to acceleration; rounding makes less
 LEAST_PART = 2.0**-40  # shortest step over the interval; rounding hides shorter events
-MOST_STEPS = 100_000  # of a search; a lane that needs more counts as one in which a vehicle stands still
+MOST_SEARCH_STEPS = (
+    100_000  # of a search; a lane that needs more counts as one in which a vehicle stands still
+)
 
 
 def lead(vehicle: Any, jets: Jets, apart: VehicleFlags | None) -> tuple[Plane, Plane]:
@@ -37,10 +39,10 @@ def lead(vehicle: Any, jets: Jets, apart: VehicleFlags | None) -> tuple[Plane, P
 
     The vehicles `apart` are not searched, and seem to turn.
     """
-    return turning(apart, vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1])
+    return seeming(apart, vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1])
 
 
-def turning(apart: VehicleFlags | None, now: Plane, following: Plane) -> tuple[Plane, Plane]:
+def seeming(apart: VehicleFlags | None, now: Plane, following: Plane) -> tuple[Plane, Plane]:
     """Return a lead and its derivative, of norm 1 and at right angles for the vehicles `apart`."""
     if apart is None:
         return now, following
@@ -57,9 +59,9 @@ def backwards(vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart:
     now, following = vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1 :]
     if following:
         bound = highest if apart is None else jnp.where(apart, 0.0, highest)
-        return *turning(apart, now, -following[0]), bound
+        return *seeming(apart, now, -following[0]), bound
     back = -now * (highest / jnp.maximum(length(now), jnp.finfo(float).tiny))[None]
-    return *turning(apart, now, back), jnp.zeros_like(highest)
+    return *seeming(apart, now, back), jnp.zeros_like(highest)
 
 
 def stands(
@@ -78,7 +80,7 @@ def stands(
 
     def under_way(carry: Any) -> Any:
         passed, still, number, _ = carry
-        return ((passed < interval) & ~still).any() & (number < MOST_STEPS)
+        return ((passed < interval) & ~still).any() & (number < MOST_SEARCH_STEPS)
 
     def move(carry: Any) -> Any:
         passed, still, number, state = carry

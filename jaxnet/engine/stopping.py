@@ -15,6 +15,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine import flow, standstill
+from jaxnet.engine.standstill import VehicleFlags
+from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import run_if
 from jaxnet.model import control
 from jaxnet.model.circle import angle
@@ -24,9 +26,6 @@ from jaxnet.model.plane import Jets, length
 BRAKING = (
     1e3  # [1/s] acceleration over speed, above which a vehicle that comes to rest brakes along its course
 )
-
-VehicleFlags = Bool[Array, "m lanes"]
-States = Float[Array, "n m lanes"]
 
 
 class Stopped(NamedTuple):
@@ -47,7 +46,7 @@ class Stopped(NamedTuple):
         return self._replace(vehicles=self.vehicles | soon, soon=self.soon & ~soon)
 
 
-def nobody(lane: Lane) -> Stopped | None:
+def none_yet(lane: Lane) -> Stopped | None:
     """No vehicle has stopped yet; None where coasting vehicles cannot stop."""
     if not lane.singular or lane.vehicle.singular != 1 or lane.vehicle.internal:
         return None

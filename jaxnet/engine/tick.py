@@ -33,6 +33,8 @@ from jaxnet.engine import detection, late, stopping
 from jaxnet.engine.detection import Detection
 from jaxnet.engine.late import History, SentJets
 from jaxnet.engine.plan import Plan
+from jaxnet.engine.standstill import VehicleFlags
+from jaxnet.engine.stepper import States
 from jaxnet.engine.stopping import Stopped
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
@@ -54,7 +56,6 @@ PerAxis = Float[Array, "2 m lanes"]
 Words = Float[Array, "2 degrees slots m lanes"]  # coefficients of σ^k / k!, with σ the share of the tick
 EachSignal = Float[Array, "2 signals lanes"]
 SignalJets = tuple[EachSignal, ...]
-VehicleFlags = Bool[Array, "m lanes"]
 
 
 # Coefficients of the polynomial that stands in for a lost word, for vehicles of an order.
@@ -320,7 +321,7 @@ def first_coasting(lane: Lane) -> Coasting | None:
     if not (lane.lossy or coasts(lane)):
         return None
     nobody = jnp.zeros(lane.weights.shape[1:], bool)
-    stopped = stopping.nobody(lane) if coasts(lane) else None
+    stopped = stopping.none_yet(lane) if coasts(lane) else None
     return Coasting(nobody, jnp.zeros_like(lane.initial[:2]), nobody, stopped)
 
 
@@ -522,7 +523,7 @@ def word_errors(gain: control.Gain, noise: Received) -> Float[Array, "2 slots m 
     return total + highest[0] if highest else total
 
 
-def at_rest(state: DecisionState, states: stopping.States) -> stopping.States:
+def at_rest(state: DecisionState, states: States) -> States:
     """Return the states of vehicles, with those of rest for vehicles that have stopped."""
     stopped = None if state.coasting is None else state.coasting.stopped
     return states if stopped is None else jnp.where(stopped.vehicles[None], stopped.states, states)

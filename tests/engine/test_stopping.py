@@ -43,11 +43,8 @@ class Known:
         start[1] = (speed * np.stack([np.cos(heading), np.sin(heading)])).T
         error = np.einsum("kl,lmx->kmx", expm(self.flow * since), start - self.path(0.0)[:, None])
         now = self.path(since)[:, None] + error
-        z = (
-            np.append(self.gain, 1.0) @ self.navigator(since)[: self.r + 1]
-            if since
-            else self.gain @ start[:, 2]
-        )
+        led = np.append(self.gain, 1.0) @ self.navigator(since)[: self.r + 1]
+        z = led if since else self.gain @ start[:, 2]
         self.since, self.third, self.second, self.z = since, now[:, 2], now[:, 1], z
 
     def path(self, time):
@@ -117,9 +114,8 @@ def test_a_vehicle_cut_off_stops_where_it_stands_still(engine, vehicle, order):
         assert len(last) >= 10
         assert (last == last[0]).all()
         assert not last[0, 3:].any()
-        assert np.angle(np.exp(1j * (last[0, 2] - heading))) == pytest.approx(
-            0.0, abs=1e-4 if since else 1e-7
-        )
+        turned = np.angle(np.exp(1j * (last[0, 2] - heading)))
+        assert abs(turned) <= (1e-4 if since else 1e-7)  # at 1e-9 m/s rounding bends a course
         assert outcome.metrics["min_speed"].tolist() == [0.0]
         assert all(np.isfinite(value).all() for value in outcome.metrics.values())
 
