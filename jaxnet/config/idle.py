@@ -15,7 +15,7 @@ from jaxnet.kinds.noise import HIGHEST, JET_ORDERS, ErrorsAtTicks
 from jaxnet.model.wording import ranges
 
 DEFAULTS = Scenario()
-HeardLinks = dict[tuple[int, int], float]  # weights by listener, from 0, and source
+LinkWeights = dict[tuple[int, int], float]  # weights by listener, from 0, and source
 ANNOUNCED = "the defence has nobody announce: give score: announced"
 
 
@@ -95,7 +95,7 @@ def found(holder: BaseModel, key: str) -> tuple[bool, object]:
 def idle_keys(study: Study) -> dict[str, str]:
     """Return why a key that is given changes nothing in any cell that gives it, by key."""
     reasons: dict[str, list[str]] = {}
-    links: dict[tuple[int, ...], HeardLinks] = {}
+    links: dict[tuple[int, ...], LinkWeights] = {}
     for cell in study.cells:
         for key, why in idle_in(cell.scenario, links):
             reasons.setdefault(key, []).append(why)
@@ -106,7 +106,7 @@ def idle_keys(study: Study) -> dict[str, str]:
     return told
 
 
-def idle_in(scenario: Scenario, links: dict[tuple[int, ...], HeardLinks]) -> Iterator[tuple[str, str]]:
+def idle_in(scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]) -> Iterator[tuple[str, str]]:
     """Yield each key that a cell gives and a rule knows, and why it changes nothing, "" if it acts.
 
     `links` keeps the links of the networks of other cells.

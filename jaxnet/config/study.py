@@ -128,10 +128,10 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
         return read_mapping(source, given, written)
     document = Document.read(source)
     with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read_study(document, as_words(given, document.data), scope, written)
+        return read_study(document, override_words(given, document.data), scope, written)
 
 
-def as_words(overrides: Overrides, known: PlainMapping) -> list[str]:
+def override_words(overrides: Overrides, known: PlainMapping) -> list[str]:
     """Return overrides of a study with these keys as words KEY=VALUE; raise ConfigError."""
     if isinstance(overrides, list):
         return overrides
@@ -178,7 +178,7 @@ def read_mapping(
         plain = native({"name": "study", **source}, leads=has_navigator(source, overrides))
         document = Document(yaml_of(plain, inline=False), "")
         document.settled = settled
-        return read_study(document, as_words(overrides, source), scope, written)
+        return read_study(document, override_words(overrides, source), scope, written)
 
 
 def read_study(
