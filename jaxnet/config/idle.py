@@ -15,11 +15,11 @@ from jaxnet.kinds.noise import HIGHEST, JET_ORDERS, ErrorsAtTicks
 from jaxnet.model.wording import ranges
 
 DEFAULTS = Scenario()
-Heard = dict[tuple[int, int], float]  # weights by listener, from 0, and source
+LinkWeights = dict[tuple[int, int], float]  # weights by listener, from 0, and source
 ANNOUNCED = "the defence has nobody announce: give score: announced"
 
 
-class Rule(NamedTuple):
+class IdleRule(NamedTuple):
     """Keys, when they change nothing, and why."""
 
     keys: tuple[str, ...]
@@ -32,7 +32,7 @@ def exact(errors: ErrorsAtTicks) -> bool:
     return not any(getattr(errors, order, 0) for order in (*JET_ORDERS, HIGHEST))
 
 
-def between_ticks(key: str) -> Callable[[Scenario], bool]:
+def misses_ticks(key: str) -> Callable[[Scenario], bool]:
     """Return whether the time at a key is between two ticks."""
 
     def idle(scenario: Scenario) -> bool:
@@ -47,31 +47,33 @@ def between_ticks(key: str) -> Callable[[Scenario], bool]:
 
 PERIODS = ("topology.every", "topology.at", "channel.loss.period", "channel.loss.length")
 RULES = (
-    Rule(("channel.extrapolate",), lambda s: not s.channel.late, "no word is late: give channel.delay"),
-    Rule(("channel.delay_of",), lambda s: not is_drawn(s.channel.delay), "no delay is drawn"),
-    Rule(
+    IdleRule(("channel.extrapolate",), lambda s: not s.channel.late, "no word is late: give channel.delay"),
+    IdleRule(("channel.delay_of",), lambda s: not is_drawn(s.channel.delay), "no delay is drawn"),
+    IdleRule(
         ("channel.missing",),
         lambda s: s.channel.loss.perfect() and not s.channel.late,
         "no message is lost: give channel.loss",
     ),
     *(
-        Rule(
+        IdleRule(
             tuple(f"{at}.{key}" for key in ("outliers", "outlier_factor", "correlation", "of")),
             lambda s, of=of: exact(of(s)),
             "there are no errors: give a standard deviation, as position",
         )
         for at, of in {"channel.noise": lambda s: s.channel.noise, "sensing": lambda s: s.sensing}.items()
     ),
-    Rule(("attack.announces",), lambda s: not s.defence.announcing(), ANNOUNCED),
-    Rule(("defence.first_announcement",), lambda s: not s.defence.announcing(), ANNOUNCED),
-    Rule(("defence.isolated",), lambda s: s.law.local, "under a local law no vehicle has a drive to keep"),
-    Rule(
+    IdleRule(("attack.announces",), lambda s: not s.defence.announcing(), ANNOUNCED),
+    IdleRule(("defence.first_announcement",), lambda s: not s.defence.announcing(), ANNOUNCED),
+    IdleRule(
+        ("defence.isolated",), lambda s: s.law.local, "under a local law no vehicle has a drive to keep"
+    ),
+    IdleRule(
         ("topology.navigator", "topology.navigator_weight"),
         lambda s: not s.navigator.present,
         "there is no navigator",
     ),
     *(
-        Rule((key,), between_ticks(key), "it is no multiple of tick: it acts from the next tick on")
+        IdleRule((key,), misses_ticks(key), "it is no multiple of tick: it acts from the next tick on")
         for key in PERIODS
     ),
 )
@@ -93,7 +95,7 @@ def found(holder: BaseModel, key: str) -> tuple[bool, object]:
 def idle_keys(study: Study) -> dict[str, str]:
     """Return why a key that is given changes nothing in any cell that gives it, by key."""
     reasons: dict[str, list[str]] = {}
-    links: dict[tuple[int, ...], Heard] = {}
+    links: dict[tuple[int, ...], LinkWeights] = {}
     for cell in study.cells:
         for key, why in idle_in(cell.scenario, links):
             reasons.setdefault(key, []).append(why)
@@ -104,7 +106,7 @@ def idle_keys(study: Study) -> dict[str, str]:
     return told
 
 
-def idle_in(scenario: Scenario, links: dict[tuple[int, ...], Heard]) -> Iterator[tuple[str, str]]:
+def idle_in(scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]) -> Iterator[tuple[str, str]]:
     """Yield each key that a cell gives and a rule knows, and why it changes nothing, "" if it acts.
 
     `links` keeps the links of the networks of other cells.

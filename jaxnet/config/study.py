@@ -31,7 +31,7 @@ from jaxnet.config.document import (
 from jaxnet.config.keys import Config
 from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Yaml12Dumper
 from jaxnet.kinds import registry
-from jaxnet.kinds.graphs.edges import Edges, adopt_network
+from jaxnet.kinds.graphs.edges import adopt_network
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.metrics import Metric
 
@@ -128,10 +128,10 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
         return read_mapping(source, given, written)
     document = Document.read(source)
     with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read_study(document, words_of(given, document.data), scope, written)
+        return read_study(document, override_words(given, document.data), scope, written)
 
 
-def words_of(overrides: Overrides, known: PlainMapping) -> list[str]:
+def override_words(overrides: Overrides, known: PlainMapping) -> list[str]:
     """Return overrides of a study with these keys as words KEY=VALUE; raise ConfigError."""
     if isinstance(overrides, list):
         return overrides
@@ -178,7 +178,7 @@ def read_mapping(
         plain = native({"name": "study", **source}, leads=has_navigator(source, overrides))
         document = Document(yaml_of(plain, inline=False), "")
         document.settled = settled
-        return read_study(document, words_of(overrides, source), scope, written)
+        return read_study(document, override_words(overrides, source), scope, written)
 
 
 def read_study(
@@ -249,7 +249,7 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
     A network is a graph of networkx, or where a topology stands also a matrix of NumPy or SciPy. Other values
     are returned as they are. Raises ConfigError for a network that is no topology.
     """
-    if isinstance(value, Edges) and value.led and leads is False:
+    if isinstance(value, Kind) and getattr(value, "led", False) and leads is False:
         raise refusal(
             keys, "a node leads this network, and navigator is none: jaxnet.network(…, leads=False)"
         )

@@ -91,7 +91,7 @@ class File(Graph):
 
     def leaderless(self) -> "File":
         """The file's network with every node a vehicle."""
-        return LeaderlessFile.filled(vars(self))
+        return self.filled({**vars(self), "leads": False})
 
     def edges(self) -> EdgeList:
         """Return the edges (i, j, w): vehicle i hears source j; raise KindError as `network` does."""
@@ -137,13 +137,6 @@ class File(Graph):
         yield from (Fault(("topology.path", "vehicles"), f"{self.path}: {fault.message}") for fault in found)
         if not found:
             yield from size_faults(edges, scenario.vehicles) or super().faults(scenario)
-
-
-class LeaderlessFile(File):
-    """A network from a file, of which no node is the navigator; a config calls it `file` too."""
-
-    kind = "file"
-    leads: ClassVar[bool] = False
 
 
 @functools.lru_cache(maxsize=16)
