@@ -105,7 +105,7 @@ class KnownDrive(NamedTuple):
         """Return the drive at a time."""
         if self.time is None:
             return self.drive[:, 0]
-        return value_at(self.drive, (time - self.time) / self.interval)
+        return after_share(self.drive, (time - self.time) / self.interval)
 
 
 class DecisionState(NamedTuple):
@@ -604,7 +604,7 @@ def late_words(
     assert now is not None
     if state.link_errors is not None:
         words = words.at[:, 0].add(word_errors(lane.gain, state.link_errors))
-    ended = value_at(last.words, jnp.ones_like(time))
+    ended = after_share(last.words, jnp.ones_like(time))
     ended = jnp.pad(ended[:, None], [(0, 0), (0, words.shape[1] - 1), *[(0, 0)] * 3])
     return jnp.where(now.arrived[None, None], words, ended)
 
@@ -646,10 +646,10 @@ def continued(
     words: Float[Array, "2 degrees *some lanes"], share: Instants
 ) -> Float[Array, "2 degrees *some lanes"]:
     """Return the coefficients of polynomials about a time that is later by a share of a tick."""
-    return jnp.stack([value_at(words[:, k:], share) for k in range(words.shape[1])], axis=1)
+    return jnp.stack([after_share(words[:, k:], share) for k in range(words.shape[1])], axis=1)
 
 
-def value_at(
+def after_share(
     words: Float[Array, "2 degrees *some"], share: Float[Array, "*lanes"]
 ) -> Float[Array, "2 *some"]:
     """Return the values of polynomials after a share of a tick."""

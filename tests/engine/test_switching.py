@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxnet.config.document import ConfigError
+from jaxnet.view.text.check import check_text
 from tests import systems
 
 RING = [[i, 1 + (i + k) % 6, 1.0 + k] for i in range(1, 7) for k in (0, 4)]
@@ -130,3 +131,20 @@ def test_networks_that_cannot_take_turns_are_refused(more, message):
     topology = {"kind": "switching", "networks": NETWORKS, **{key: more[key] for key in more.keys() - keys}}
     with pytest.raises(ConfigError, match=message):
         systems.study(topology=topology, **LINE, **keys)
+
+
+def test_nothing_is_claimed_of_the_union_of_networks():
+    """No stability in mean square; and ticks of late motions follow from the strongest network's rows."""
+    loss = {"loss": {"kind": "bernoulli", "probability": 0.2, "of": "all"}}
+    turns = {"kind": "switching", "networks": ["cyclic", "path"], "every": 3.0}
+    for topology, told in (("cyclic", True), (turns, False)):
+        study = systems.study(defence="none", law="rounds", attack="none", channel=loss, topology=topology)
+        assert ("in mean square" in " ".join(check_text(study).split())) == told
+    strong = {"kind": "edges", "edges": [[i, j, 9 * w] for i, j, w in RING], "normalised": False}
+    weak = {"kind": "edges", "edges": RING, "normalised": False}
+    keys = LINE | {"defence": "none", "attack": "none"}
+    keys |= {"law": {"kind": "local", "hold": False}, "tick": 0.02, "output_step": 0.1, "tail": 0.0}
+    keys |= {"channel": {"delay": 0.02}}
+    systems.study(**keys, topology={**turns, "networks": [weak, weak]})
+    with pytest.raises(ConfigError, match="late motions need ticks"):
+        systems.study(**keys, topology={**turns, "networks": [weak, strong]})
