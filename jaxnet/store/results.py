@@ -277,15 +277,16 @@ class Results:
         config = self.study.config
         own = (metric.name for metric in config.measured()[len(CONTRACT) :])
         found = [f"{metric}_{each}" for metric in ("tail_mean", "tail_max", *own) for each in STATISTICS]
-        alone = any(cell.scenario.leaderless for cell in self.study.cells)
-        shares = [*["unrecovered"] * (config.recovery is not None), *["in_hull"] * alone]
-        found += [f"{share}{end}" for share in shares for end in ("", "_low", "_high")]
         return ["lanes", "ok", "failed", *found]
 
     def checked(self, name: str, file: UPath) -> pd.DataFrame:
         """Read a table; raise FolderError if a reader's columns, numbers or cells are not there."""
         needed, cells = self.needed(name), len(self.study.cells)
         found = read_table(file, sum(self.samples) if self.manifest["finished"] else 0, needed)
+        shares = [each for each in ("unrecovered", "in_hull") if each in found and name == "cells.csv"]
+        needed += [f"{share}{end}" for share in shares for end in ("", "_low", "_high")]
+        if missing := [each for each in needed if each not in found]:
+            raise FolderError(f"{file} is not a table of ours (no column {missing[0]})")
         strange = [each for each in needed if each not in TEXTS and not is_numeric_dtype(found[each])]
         if len(found) and strange:
             raise FolderError(f"{file} is not a table of ours ({strange[0]} holds text)")

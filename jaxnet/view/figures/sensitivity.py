@@ -37,12 +37,13 @@ def sensitivity_figure(
     labels, height = [cell.labels for cell in there], QUANTITY_HEIGHT * len(names) + CELL_TITLE_HEIGHT
     most = max(1, round(CELLS_PER_ROW * width / style.FIGURE_WIDTH))
     shown = there[: max(1, multiples.panels_fitting(labels, width, height, most))]
-    metric, over = table["metric"].iloc[0], table["threshold"].dropna()
+    metric = table["metric"].iloc[0]
     words = f"part of the variance of {metric}"
     drawn, panels = multiples.panel_grid(labels[: len(shown)], words, "", width, height, most, margin=1.2)
     for panel, cell in zip(panels, shown, strict=True):
         draw_indices(panel, table.loc[table["cell"] == cell.number], names)
     if metric == "unrecovered":
+        over = table["threshold"]
         ends = " to ".join(dict.fromkeys(f"{end:.4g}" for end in (over.min(), over.max())))
         judged = "spread" if is_leaderless(cells) else "mean error"
         multiples.write_note(drawn, f"unrecovered: {judged} over the tail > {ends} m")
