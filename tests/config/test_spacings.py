@@ -13,31 +13,22 @@ BOUNDS = st.decimals(-1000, 1000, allow_nan=False, places=3).map(float)
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "count", "listed"),
+    ("spacing", "low", "high", "count", "listed"),
     [
-        (0.1, 1.1, 11, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1]),
-        (1.1, 0.8, 4, [1.1, 1.0, 0.9, 0.8]),
-        (-0.3, 0.3, 3, [-0.3, 0.0, 0.3]),
-        (-1e308, 1e308, 3, [-1e308, 0.0, 1e308]),
-        (0.7, 5.0, 1, [0.7]),
+        (linspace, 0.1, 1.1, 11, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1]),
+        (linspace, 1.1, 0.8, 4, [1.1, 1.0, 0.9, 0.8]),
+        (linspace, -0.3, 0.3, 3, [-0.3, 0.0, 0.3]),
+        (linspace, -1e308, 1e308, 3, [-1e308, 0.0, 1e308]),
+        (linspace, 0.7, 5.0, 1, [0.7]),
+        (geomspace, 1e-3, 1e3, 7, [1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0]),
+        (geomspace, 0.3, 2.4, 4, [0.3, 0.6, 1.2, 2.4]),
+        (geomspace, 100.0, 1e-2, 5, [100.0, 10.0, 1.0, 0.1, 0.01]),
+        (geomspace, 1e-300, 1e300, 3, [1e-300, 1.0, 1e300]),
+        (geomspace, 7.0, 9.0, 1, [7.0]),
     ],
 )
-def test_linspace_is_the_list_that_somebody_writes(low, high, count, listed):
-    assert linspace(low, high, count) == listed
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "count", "listed"),
-    [
-        (1e-3, 1e3, 7, [1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0]),
-        (0.3, 2.4, 4, [0.3, 0.6, 1.2, 2.4]),
-        (100.0, 1e-2, 5, [100.0, 10.0, 1.0, 0.1, 0.01]),
-        (1e-300, 1e300, 3, [1e-300, 1.0, 1e300]),
-        (7.0, 9.0, 1, [7.0]),
-    ],
-)
-def test_geomspace_is_the_list_that_somebody_writes(low, high, count, listed):
-    assert geomspace(low, high, count) == listed
+def test_a_spacing_is_the_list_that_somebody_writes(spacing, low, high, count, listed):
+    assert spacing(low, high, count) == listed
 
 
 @given(BOUNDS, BOUNDS, st.integers(2, 40))
