@@ -298,32 +298,20 @@ def test_an_error_that_nobody_foresaw_ends_in_a_line(config, tmp_path, monkeypat
     assert done.stderr.endswith("RuntimeError: odd\nand more\n\n")
 
 
-def test_init_writes_a_config_that_runs(tmp_path, monkeypatch):
-    """Without a terminal it asks nothing; it replaces no file; what is wrong is told by its key."""
+def test_init_writes_a_config_that_check_accepts(tmp_path, monkeypatch):
+    """It says what the defaults are; it replaces no file, and writes none of a name that no study has."""
     monkeypatch.chdir(tmp_path)
-    done = jaxnet_does("init", "mine.yaml", "--attack", "bias", "--magnitudes", "1,2.5", "--samples", 3)
-    assert done.exit_code == 0, done.stderr
-    assert "wrote mine.yaml\nnext: jaxnet check mine.yaml" in done.stderr
-    assert jaxnet_does("check", "mine.yaml").stdout.startswith("mine: 2 cells × 3 samples = 6 lanes")
+    done = jaxnet_does("init", "mine.yaml")
+    assert (done.exit_code, done.stderr) == (0, "wrote mine.yaml\nnext: jaxnet check mine.yaml\n")
+    assert (tmp_path / "mine.yaml").read_text().startswith("# jaxnet run mine.yaml\n")
+    assert jaxnet_does("check", "mine.yaml").stdout.startswith("mine: 3 cells × 100 samples = 300 lanes")
+    rest = {"name": "mine", "samples": 100, "recovery": {}, "sweep": {"attack.magnitude": [0.1, 1, 10]}}
+    assert jaxnet.load("mine.yaml").config == jaxnet.load(rest).config
     again = jaxnet_does("init", "mine.yaml")
     assert (again.exit_code, again.stderr) == (2, "mine.yaml is there already: give another FILE\n")
-    wrong = jaxnet_does("init", "other.yaml", "--attack", "bais")
-    assert (wrong.exit_code, wrong.stderr[:38]) == (2, "other.yaml: attack: must be one of bia")
-    assert jaxnet_does("init", "other.yaml", "--magnitudes", "1;2").exit_code == 2
-    assert not (tmp_path / "other.yaml").exists()
-
-
-def test_init_asks_what_no_option_says(tmp_path, monkeypatch):
-    """Enter takes the default."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("jaxnet.cli.studies.on_terminal", lambda: True)
-    words = ["init", "asked.yaml", "--vehicles", "6"]
-    done = CliRunner().invoke(main, words, input="path\nsinusoid\n\n3,4\n9\n")
-    assert done.exit_code == 0, done.output
-    config = jaxnet.load("asked.yaml").config
-    kinds = [getattr(config, family).reference() for family in ("topology", "attack", "defence")]
-    assert kinds == ["path", "sinusoid", "trusted_trim"]
-    assert (config.vehicles, config.samples, config.sweep["attack.magnitude"]) == (6, 9, [3, 4])
+    wrong = jaxnet_does("init", "my study.yaml")
+    assert (wrong.exit_code, wrong.stderr[:49]) == (2, "my study.yaml:3:1: name: must be a plain file nam")
+    assert not (tmp_path / "my study.yaml").exists()
 
 
 def test_two_results_are_compared(swept, tmp_path):

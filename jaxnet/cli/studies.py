@@ -1,9 +1,12 @@
 """Commands on a study's config: begin one, check it, run it."""
 
+import json
 import re
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, TypeVar
 
 import click
@@ -15,7 +18,7 @@ from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
     from jaxnet.api import writing
-    from jaxnet.config import cells, schema, starter
+    from jaxnet.config import cells, document, schema
     from jaxnet.engine import batch
     from jaxnet.explore import sensitivity
     from jaxnet.runs import shards
@@ -29,20 +32,19 @@ else:
     batch = LazyModule("jaxnet.engine.batch")
     cells = LazyModule("jaxnet.config.cells")
     checks = LazyModule("jaxnet.view.text.check")
+    document = LazyModule("jaxnet.config.document")
     folder = LazyModule("jaxnet.store.folder")
     indices = LazyModule("jaxnet.view.text.sensitivity")
     progress = LazyModule("jaxnet.view.text.progress")
     schema = LazyModule("jaxnet.config.schema")
     sensitivity = LazyModule("jaxnet.explore.sensitivity")
     shards = LazyModule("jaxnet.runs.shards")
-    starter = LazyModule("jaxnet.config.starter")
     stored = LazyModule("jaxnet.store.tables")
     tables = LazyModule("jaxnet.view.text.tables")
     worst = LazyModule("jaxnet.view.text.worst")
     writing = LazyModule("jaxnet.api.writing")
 
 C = TypeVar("C", bound=Callable[..., object])
-KeyAnswer = str | int | list[float]  # of a user, about a key of the config
 FAILED_LANES = 3
 
 config_arguments = [
@@ -95,55 +97,21 @@ class ShardOf(click.ParamType):
 
 
 @click.command()
-@click.argument("file", default="study.yaml", type=click.Path())
-@click.option("--topology", metavar="KIND", help="Who hears whom.")
-@click.option("--vehicles", type=click.IntRange(1), help="How many.")
-@click.option("--attack", metavar="KIND", help="What attacked vehicles transmit.")
-@click.option("--defence", metavar="KIND", help="Whom vehicles believe.")
-@click.option("--magnitudes", metavar="NUMBERS", help="Sizes of the attack to sweep, as in 0.1,1,10 [m].")
-@click.option("--samples", type=click.IntRange(1), help="Random lanes of each cell.")
-@click.option("--yes", is_flag=True, help="Ask nothing; take the defaults of what is not given.")
-def init(file: str, yes: bool, **given: str | int | None) -> None:
-    """Write a first config, with a comment on every key.
+@click.argument("file", default="study.yaml", type=click.Path(path_type=Path))
+def init(file: Path) -> None:
+    """Write a first config, with comments, to be changed in an editor.
 
-    FILE (default: study.yaml) must not be there yet; the study takes its name. On a terminal, what no option
-    says is asked.
+    FILE (default: study.yaml) must not be there yet; the study takes its name.
     """
     with user_errors():
-        if Path(file).exists():
+        if file.exists():
             raise folder.FolderError(f"{file} is there already: give another FILE")
-        answers: dict[str, KeyAnswer] = {key: value for key, value in given.items() if value is not None}
-        if not yes and on_terminal():
-            answers |= {key: ask_user(key) for key in starter.DEFAULT_ANSWERS if key not in answers}
-        if isinstance(words := answers.get("magnitudes"), str):
-            answers["magnitudes"] = parse_numbers(words)
-        content = starter.starter_config(file, answers)
-        with Path(file).open("x", encoding="utf-8") as opened:
+        template = Template(Path(cells.__file__).with_name("starter.yaml").read_text(encoding="utf-8"))
+        content = template.substitute(file=shlex.quote(str(file)), name=json.dumps(file.stem))
+        cells.read_document(document.Document(content, str(file)))
+        with file.open("x", encoding="utf-8") as opened:
             opened.write(content)
-        echo(f"wrote {file}\nnext: jaxnet check {file}", err=True)
-
-
-def on_terminal() -> bool:
-    """Return whether a user can answer questions."""
-    return sys.stdin.isatty()
-
-
-def ask_user(key: str) -> KeyAnswer:
-    """Return the user's answer; Enter takes the default."""
-    default = starter.DEFAULT_ANSWERS[key]
-    if key in starter.ASKED_FAMILIES:
-        return click.prompt(key, default, type=click.Choice(starter.kinds_without_keys(key)), err=True)
-    if isinstance(default, list):
-        return click.prompt(f"{key} [m]", ",".join(map(str, default)), err=True)
-    return click.prompt(key, default, type=click.IntRange(1), err=True)
-
-
-def parse_numbers(words: str) -> list[float]:
-    """Return the numbers between commas."""
-    try:
-        return [float(word) for word in words.split(",")]
-    except ValueError:
-        raise click.BadParameter(f"numbers between commas (got {words})", param_hint="--magnitudes") from None
+        echo(f"wrote {file}\nnext: jaxnet check {shlex.quote(str(file))}", err=True)
 
 
 @click.command("run")

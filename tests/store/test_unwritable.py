@@ -96,7 +96,7 @@ def test_a_folder_that_cannot_be_written_to(shelf, tmp_path):
         ("figure", small, "tails", "--out", f"{small}/cells.csv"): refused(
             rf"{small}/cells.csv/made-of.json", reason="File exists"
         ),
-        ("init", f"{shelf}/mine.yaml", "--yes"): rf"\[Errno 13\] Permission denied: '{shelf}/mine.yaml'\n",
+        ("init", f"{shelf}/mine.yaml"): rf"\[Errno 13\] Permission denied: '{shelf}/mine.yaml'\n",
         ("compare", small, small): refused(f"{shelf}/small-small/differences.csv"),
     }
     elsewhere = [
