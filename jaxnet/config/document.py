@@ -96,6 +96,8 @@ class Reader:
             mark = error.problem_mark or error.context_mark
             place = self.at(mark.line, mark.column) if mark else self.source
             reason = error.problem or "not understood"
+            if "'\\t'" in reason:
+                reason = "a tab here; blanks indent and separate"
         except yaml.reader.ReaderError as error:
             before = text[: error.position]
             place = self.at(before.count("\n"), len(before) - before.rfind("\n") - 1)

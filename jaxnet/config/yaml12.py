@@ -1,6 +1,6 @@
-"""YAML 1.2 by PyYAML: scalars of the core schema, tabs between tokens, and limits on size and depth.
+"""YAML 1.2 by PyYAML: scalars of the core schema, and limits on size and depth.
 
-PyYAML parses YAML 1.1, where `1e-3` is text, `on` is true, and a tab separates nothing.
+PyYAML parses YAML 1.1, where `1e-3` is text and `on` is true.
 """
 
 import math
@@ -26,9 +26,6 @@ SCALARS = {
 }
 FIRST_CHARACTERS = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
 FIRST_CHARACTERS["float"] = [*FIRST_CHARACTERS["int"], "."]
-
-LINE_BREAKS = "\r\n\x85\u2028\u2029"
-LINE_ENDS = "\0" + LINE_BREAKS  # characters that end a line
 
 
 class ExcessError(ValueError):
@@ -62,67 +59,6 @@ class Yaml12Loader(yaml.SafeLoader):
         if self.sizes.get(node, 0) - len(self.sizes) > MOST_REPEATED:
             raise ExcessError(TOO_MANY, mark)
         return node
-
-    def scan_to_next_token(self) -> None:
-        """Skip blanks, comments, line breaks, and tabs that do not indent.
-
-        No block mapping or list begins after a tab on its line.
-        """
-        if self.index == 0 and self.peek() == "\ufeff":
-            self.forward()
-        while True:
-            first = self.column == 0
-            self.skip(" ")
-            if self.peek() == "\t" and self.separates(first):
-                self.skip(" \t")
-                self.allow_simple_key = self.allow_simple_key and bool(self.flow_level)
-            if self.peek() == "#":
-                while self.peek() not in LINE_ENDS:
-                    self.forward()
-            if not self.scan_line_break():
-                return
-            self.allow_simple_key = self.allow_simple_key or not self.flow_level
-
-    def separates(self, first: bool) -> bool:
-        """Return whether a tab comes after a token, inside brackets, or before the end of an empty line."""
-        length = 1
-        while self.peek(length) in " \t":
-            length += 1
-        return bool(self.flow_level) or not first or self.peek(length) in LINE_ENDS + "#"
-
-    def skip(self, characters: str) -> None:
-        """Skip characters while they belong to a set."""
-        while self.peek() in characters:
-            self.forward()
-
-    def scan_plain_spaces(self, indent: int, start_mark: yaml.Mark) -> list[str] | None:
-        """Return the white space inside or after plain text; a line break and the blanks around it are one
-        space.
-        """
-        length = 0
-        while self.peek(length) in " \t":
-            length += 1
-        white = self.prefix(length)
-        self.forward(length)
-        if self.peek() not in LINE_BREAKS:
-            return [white] if white else []
-        first, breaks = self.scan_line_break(), []
-        self.allow_simple_key = True
-        while not self.ends_document():
-            self.skip(" \t" if self.flow_level else " ")
-            if self.peek() not in LINE_BREAKS:
-                return [*([] if first == "\n" else [first]), *(breaks or [" "] * (first == "\n"))]
-            breaks.append(self.scan_line_break())
-        return None
-
-    def ends_document(self) -> bool:
-        """Return whether the line begins with a document's marker."""
-        return self.prefix(3) in ("---", "...") and self.peek(3) in LINE_ENDS + " \t"
-
-    def scan_block_scalar_ignored_line(self, start_mark: yaml.Mark) -> None:
-        """Skip the rest of the line on which a block scalar begins."""
-        self.skip(" \t")
-        super().scan_block_scalar_ignored_line(start_mark)
 
 
 for kind, pattern in SCALARS.items():
