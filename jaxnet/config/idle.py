@@ -126,7 +126,7 @@ def idle_in(scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]) -> It
         yield f"defence.trusted.{listener}", f"{listener} does not hear {ranges(unheard)}" * bool(unheard)
 
 
-def replaced(config: Config) -> Iterator[tuple[str, str]]:
+def replaced_keys(config: Config) -> Iterator[tuple[str, str]]:
     """Yield the keys outside the sweep that a swept key replaces."""
     for swept in config.sweep:
         value, keys = getattr(config, swept, None), [swept]

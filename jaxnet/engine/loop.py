@@ -244,7 +244,9 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
         unheard = unheard + jnp.where(here, decided.coasting.vehicles.sum(axis=0), 0)
     at = Tick(here, first, here & (first | lanes), vehicles)
     state, cut_off = motion.hold(fleet.state, decided, at)
-    status = fail(within_bounds(fleet.status, errors), Status.disconnected, cut_off)
+    status = fail(fleet.status, Status.disconnected, cut_off)
+    if not lockstep:
+        status = within_bounds(status, jnp.abs(errors[0]).max(axis=0))
     alone = isolated(batch, decided, here, cut_off)
     isolation = fleet.isolation if alone is None else fate.passed(fleet.isolation, alone, time)
     counts = {"switches": switches, "unheard": unheard, "isolation": isolation}
@@ -376,7 +378,7 @@ def in_lockstep(
         fleet = fleet._replace(ticks=number)
         if batch.acts:
             return arrive(fleet, motion, batch, lockstep=True)
-        return fleet._replace(status=within_bounds(fleet.status, motion.errors(fleet.state)))
+        return fleet
 
     def output(number: TickNumber, carry: tuple[Fleet, Series]) -> tuple[Fleet, Series]:
         fleet, series = carry
@@ -392,7 +394,8 @@ def in_lockstep(
         }
         gathered = metrics.add(plan.metrics, fleet.gathered, seen, everywhere, jnp.asarray(number), clock)
         stood = fleet.stood | is_singular(batch.lane, seen.state, fleet.decided.may_stop)
-        return fleet._replace(gathered=gathered, stood=stood), series
+        status = within_bounds(fleet.status, gathered["peak_error"])
+        return fleet._replace(gathered=gathered, stood=stood, status=status), series
 
     fleet = begin(motion, batch, jnp.asarray(0))
     if not batch.acts:

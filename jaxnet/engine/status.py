@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 LEAST_MARGIN = 1e-9  # of a vehicle, in its unit ([m/s] for wheeled ones); below it the law is singular
-LARGEST = 1e100  # of the jets of E [m, m/s, …]; products of greater ones overflow
+LARGEST = 1e100  # [m] of E; products of greater numbers overflow
 
 
 class Status(IntEnum):
@@ -17,8 +17,12 @@ class Status(IntEnum):
     nonfinite = 2  # a number is not finite, also where an iterative solver finds no solution
     max_steps = 3  # the step limit, or a step too small to move the time
     disconnected = 4  # decisions leave a vehicle without a path from the navigator
+<<<<<<< HEAD
     diverged = 5  # an error, or one of its derivatives, over LARGEST
     unmeasured = 6  # a metric is no number that it may be
+=======
+    diverged = 5  # an error over LARGEST
+>>>>>>> h/b
 
 
 Code = Int[Array, "*lanes"]
@@ -29,7 +33,6 @@ def fail(status: Code, reason: Status, when: Bool[Array, "*lanes"]) -> Code:
     return jnp.where((status == Status.ok) & when, int(reason), status)
 
 
-def within_bounds(status: Code, errors: tuple[Float[Array, "2 m *lanes"], ...]) -> Code:
-    """Return the status after E and its derivatives; infinite ones are `nonfinite` in the end."""
-    size = jnp.abs(jnp.stack(errors)).max(axis=(0, 1, 2))
-    return fail(status, Status.diverged, (size > LARGEST) & jnp.isfinite(size))
+def within_bounds(status: Code, size: Float[Array, "m *lanes"]) -> Code:
+    """Return the status after errors of this size; infinite ones are `nonfinite` in the end."""
+    return fail(status, Status.diverged, ((size > LARGEST) & jnp.isfinite(size)).any(axis=0))

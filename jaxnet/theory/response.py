@@ -12,10 +12,10 @@ from scipy.optimize import minimize_scalar
 from jaxnet.theory import exact
 
 LawGain = Float[np.ndarray, "r"]
-States = Float[np.ndarray, "states times"]
+StatesInTime = Float[np.ndarray, "states times"]
 
 DECAYED = 40.0  # exponent of a decayed mode: what is left of it is below rounding
-TURN = 0.25  # [rad] by which the fastest mode turns from one time to the next
+MOST_TURN = 0.25  # [rad] by which the fastest mode turns from one time to the next
 TIMES = 2**16  # most times that are computed together
 BISECTIONS = 26  # between two times; ∫|h| errs by the square of what is left
 
@@ -37,7 +37,7 @@ def impulse_norm(gain: LawGain) -> float:
     lives = DECAYED / -poles.real
     state, begin, total = np.eye(order + 1)[:, order - 1 : order], 0.0, 0.0
     for life in np.unique(lives):
-        step = TURN / np.abs(poles[lives >= life]).max()
+        step = MOST_TURN / np.abs(poles[lives >= life]).max()
         left = int(np.ceil((life - begin) / step))
         begin += left * step
         while left > 0:
@@ -48,7 +48,7 @@ def impulse_norm(gain: LawGain) -> float:
 
 
 def march(
-    state: States, flow: Float[np.ndarray, "states states"], steps: int
+    state: StatesInTime, flow: Float[np.ndarray, "states states"], steps: int
 ) -> Float[np.ndarray, "states more"]:
     """Return a state, and the states after each of some steps; each pass doubles their number."""
     states = state
@@ -58,14 +58,14 @@ def march(
     return states[:, : steps + 1]
 
 
-def variation(states: States, matrix: Float[np.ndarray, "states states"], step: float) -> float:
+def variation(states: StatesInTime, matrix: Float[np.ndarray, "states states"], step: float) -> float:
     """Return ∫|h| over some steps: h is the first of the states, ḣ the second, ∫h the last.
 
     Within a step h may cross zero once, or touch zero and come back.
     """
     flows = [expm(matrix * step / 2**halving) for halving in range(1, BISECTIONS + 1)]
 
-    def as_long_as(start: States, *signs: int) -> States:
+    def as_long_as(start: StatesInTime, *signs: int) -> StatesInTime:
         """Return the last states within a step in which these states have not changed their sign."""
         found = start
         for flow in flows:
@@ -86,7 +86,7 @@ def variation(states: States, matrix: Float[np.ndarray, "states states"], step: 
     return float(np.abs(after[-1] - before[-1]).sum() + more)
 
 
-def extra(*path: States) -> float:
+def extra(*path: StatesInTime) -> float:
     """Return by how much ∫|h| along paths exceeds |∫h|, given the zeros of h between their ends."""
     integrals = np.stack([states[-1] for states in path])
     by_parts = np.abs(np.diff(integrals, axis=0)).sum()

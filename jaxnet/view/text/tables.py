@@ -41,7 +41,7 @@ FAILURE_REASONS = {
     "singular": "a vehicle stood still, where the law is singular",
     "max_steps": "more steps than engine.max_steps, or one too small to move time",
     "nonfinite": "a number that is none",
-    "diverged": "an error beyond 1e100 m, or such a speed or acceleration",
+    "diverged": "an error over 1e100 m",
     "unmeasured": "a metric of the study is no finite number (extending.md: undefined)",
 }
 
