@@ -99,7 +99,7 @@ def idle_keys(study: Study) -> dict[str, str]:
     for cell in study.cells:
         for key, why in idle_in(cell.scenario, links):
             reasons.setdefault(key, []).append(why)
-    told = {key: whys[0] for key, whys in reasons.items() if all(whys)} | dict(replaced(study.config))
+    told = {key: whys[0] for key, whys in reasons.items() if all(whys)} | dict(replaced_keys(study.config))
     search, horizon = study.config.search, min(cell.scenario.horizon for cell in study.cells)
     if search is not None and search.until < horizon:
         told["search.until"] = f"choices are run to the horizon of {horizon:g} s, which is later"

@@ -17,12 +17,8 @@ class Status(IntEnum):
     nonfinite = 2  # a number is not finite, also where an iterative solver finds no solution
     max_steps = 3  # the step limit, or a step too small to move the time
     disconnected = 4  # decisions leave a vehicle without a path from the navigator
-<<<<<<< HEAD
-    diverged = 5  # an error, or one of its derivatives, over LARGEST
-    unmeasured = 6  # a metric is no number that it may be
-=======
     diverged = 5  # an error over LARGEST
->>>>>>> h/b
+    unmeasured = 6  # a metric is no number that it may be
 
 
 Code = Int[Array, "*lanes"]
