@@ -15,7 +15,7 @@ LawGain = Float[np.ndarray, "r"]
 StatesInTime = Float[np.ndarray, "states times"]
 
 DECAYED = 40.0  # exponent of a decayed mode: what is left of it is below rounding
-MOST_TURN = 0.25  # [rad] by which the fastest mode turns from one time to the next
+STEP_TURN = 0.25  # [rad] by which the fastest mode turns from one time to the next
 TIMES = 2**16  # most times that are computed together
 BISECTIONS = 26  # between two times; ∫|h| errs by the square of what is left
 
@@ -37,7 +37,7 @@ def impulse_norm(gain: LawGain) -> float:
     lives = DECAYED / -poles.real
     state, begin, total = np.eye(order + 1)[:, order - 1 : order], 0.0, 0.0
     for life in np.unique(lives):
-        step = MOST_TURN / np.abs(poles[lives >= life]).max()
+        step = STEP_TURN / np.abs(poles[lives >= life]).max()
         left = int(np.ceil((life - begin) / step))
         begin += left * step
         while left > 0:
