@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine.plan import Tolerances
 
-SOLVERS = {"dopri5": diffrax.Dopri5, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
+SOLVERS = {"dopri5": diffrax.Dopri5, "dopri8": diffrax.Dopri8}
 LEAST_RELATIVE_STEP = 4 * 2.0**-52  # a relative step below this no longer moves the time
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # safety, least and most of the factor from one step to the next
 FIRST_STEP = 0.01  # share of the time in which the state changes by its own size
