@@ -251,7 +251,7 @@ KINDS = [
     Bad("sweep: {→attack.channel: [auto]}", "sweep.attack.channel", "channel was renamed to links"),
     Bad("engine: {→kind: chassis}", "engine.kind", "chassis was renamed to nonlinear"),
     Bad("→engine: exact\ntick: 0", "engine", "the exact engine decides at ticks only: give a tick"),
-    Bad("engine: {→solver: euler}", "engine.solver", "'dopri5', 'tsit5' or 'dopri8' (got \"euler\")"),
+    Bad("engine: {→solver: tsit5}", "engine.solver", "'gauss', 'dopri5' or 'dopri8' (got \"tsit5\")"),
     Bad("engine: {→rtol: 0}", "engine.rtol", "must be greater than 0 (got 0)"),
     Bad("engine: {→rtol: 1}", "engine.rtol", "must be less than 1 (got 1)"),
     Bad("engine: {→atol: 0.0}", "engine.atol", "must be greater than 0 (got 0.0)"),

@@ -43,7 +43,6 @@ LINES = [
     Line("jaxnet, gauss", "jaxnet", "gauss", 1_024, style.BLUE, "o"),
     Line("jaxnet, dopri8", "jaxnet", "dopri8", 512, style.BLUE, "^"),
     Line("jaxnet, dopri5", "jaxnet", "dopri5", 512, style.BLUE, "s"),
-    Line("jaxnet, tsit5", "jaxnet", "tsit5", 512, style.BLUE, "v"),
     Line("heyoka.py", "heyoka", None, 1_024, style.RED, "D"),
     Line("numba, 5(4)", "numba", None, 512, style.GREEN, "P"),
     Line("diffrax, Dopri5", "diffrax structured", None, 64, style.GREEN, "X"),

@@ -340,7 +340,7 @@ def missed_signals(task: Task, now: Signals, between: Signals) -> Jerk:
 def over_tolerance(change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tolerances) -> Instants:
     """Return a change of the jets over the tolerance, as the root mean square over a fleet."""
     changes, sizes = jnp.concatenate(change), jnp.concatenate(size)
-    return stepper.fleet_norm(stepper.error_norm(changes, sizes, tolerances))
+    return stepper.error_norm(changes, sizes, tolerances)
 
 
 def stood_in(

@@ -4,7 +4,7 @@ Vehicles decide at ticks which sources to retain, and keep the decision between 
 vehicles decide inside the vector field, the literal reading of the paper.
 
 The lanes are the last axis of every array. Each lane has its own time and step: `advance` attempts one step
-of every lane. A few vehicles of a lane may need shorter steps, and take them within that step (`multirate`).
+of every lane. The fleet of a lane takes one step, that of the vehicle that needs the shortest.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxnet.engine import multirate, stepper, tick
+from jaxnet.engine import stepper, tick
 from jaxnet.engine.following import (
     FollowedLaw,
     Following,
@@ -144,8 +144,6 @@ class Integration(Following[IntegrationState]):
             slope,
             tolerances,
         )
-        if multirate.suits(lane, plan):
-            trial = multirate.refined(trial, going, time, end, state.state, lane, tolerances, rule)
         kept, steps = going & (trial.error < 1.0), state.steps + going.astype(int)
         proposed = stepper.next_step(end - time, trial.error, rule.order)
         states = jnp.where(kept[None, None], trial.state, state.state)

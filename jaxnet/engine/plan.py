@@ -55,7 +55,7 @@ class Clock(NamedTuple):
 class Tolerances(NamedTuple):
     """Tolerance of a step's local error, `rtol * |state| + atol`, and the most steps of a lane.
 
-    The error is the root mean square over vehicles that step together.
+    The error is the root mean square over the vehicles of a lane.
     """
 
     rtol: Float[Any, "*lanes"]

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine.plan import Tolerances
 
-SOLVERS = {"dopri5": diffrax.Dopri5, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
+SOLVERS = {"dopri5": diffrax.Dopri5, "dopri8": diffrax.Dopri8}
 LEAST_RELATIVE_STEP = 4 * 2.0**-52  # a relative step below this no longer moves the time
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # safety, least and most of the factor from one step to the next
 FIRST_STEP = 0.01  # share of the time in which the state changes by its own size
@@ -48,9 +48,7 @@ class Trial(NamedTuple):
     state: States
     slope: States  # of the last stage, at the end
     signals: Any  # at the end
-    slopes: Float[Array, "s n m lanes"]  # of all stages
-    errors: Float[Array, "m lanes"]  # local error of each vehicle over its tolerance
-    error: Times  # of the fleet; infinite if anything is not finite
+    error: Times  # local error of the fleet over its tolerance; infinite if anything is not finite
     finite: Bool[Array, " lanes"]
 
 
@@ -95,28 +93,21 @@ def attempt(
     slopes = jax.lax.fori_loop(1, len(rule.nodes), stage, slopes)
     moved = state + length * jnp.tensordot(jnp.asarray(rule.solution), slopes, axes=1)
     error = length * jnp.tensordot(jnp.asarray(rule.error), slopes, axes=1)
-    errors = error_norm(error, jnp.maximum(jnp.abs(state), jnp.abs(moved)), tolerances)
-    size = fleet_norm(errors)
+    size = error_norm(error, jnp.maximum(jnp.abs(state), jnp.abs(moved)), tolerances)
     finite = jnp.isfinite(moved).all(axis=(0, 1)) & jnp.isfinite(size)
     return Trial(
         moved,
         slopes[-1],
         jax.tree.map(lambda leaf: leaf[-1], at_stages),
-        slopes,
-        errors,
         jnp.where(finite, size, jnp.inf),
         finite,
     )
 
 
-def error_norm(change: States, size: States, tolerances: Tolerances) -> Float[Array, "m lanes"]:
-    """Return a change over `atol + rtol * size`, as the root mean square over a vehicle's states."""
+def error_norm(change: States, size: States, tolerances: Tolerances) -> Times:
+    """Return a change over `atol + rtol * size`, as the root mean square over the states of a fleet."""
     scale = tolerances.atol[None, None] + tolerances.rtol[None, None] * size
-    return jnp.sqrt(((change / scale) ** 2).mean(axis=0))
-
-
-def fleet_norm(each: Float[Array, "m lanes"]) -> Times:
-    """Return the root mean square over the vehicles of each lane."""
+    each = jnp.sqrt(((change / scale) ** 2).mean(axis=0))
     return jnp.sqrt(jnp.full(len(each), 1 / len(each)) @ each**2)
 
 
@@ -139,5 +130,5 @@ def next_step(step: Times, error: Times, order: int) -> Times:
 def first_step(state: States, slope: States, tolerances: Tolerances) -> Times:
     """Return a first step (the first guess of Hairer, Nørsett, Wanner, Solving ODEs I, II.4)."""
     size = jnp.abs(state)
-    whole, change = (fleet_norm(error_norm(each, size, tolerances)) for each in (state, slope))
+    whole, change = (error_norm(each, size, tolerances) for each in (state, slope))
     return FIRST_STEP * whole / change

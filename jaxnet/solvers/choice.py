@@ -28,7 +28,6 @@ SOLVED_IN_A_ROW = 64  # lanes that the exact engine solves at once where nearly 
 LARGE_TO_SOLVE = 128  # vehicles; from here on, padding lanes cost more than another pass
 FACTORISED, FACTORISED_OF_LARGE = 16, 2  # lanes that the nonlinear engine factorises at once
 LARGE_TO_FACTORISE = 24  # vehicles; from here on, padding lanes cost more than another pass
-LEAST_MULTIRATE = 32  # vehicles; in smaller fleets shorter steps of a few vehicles take as long as they save
 
 Sources = Int[np.ndarray, "slots m"]
 
@@ -92,11 +91,6 @@ def factorised_at_once(vehicles: int) -> int:
     return FACTORISED if vehicles < LARGE_TO_FACTORISE else FACTORISED_OF_LARGE
 
 
-def few_step_alone(vehicles: int) -> bool:
-    """Return whether a few vehicles of a fleet may take shorter steps than the others."""
-    return vehicles >= LEAST_MULTIRATE
-
-
 # --- the page --------------------------------------------------------------------------------------
 
 SIZES = (12, 50, 100, 1_000, 10_000)  # vehicles
@@ -132,13 +126,12 @@ is the size of a block.
 No key changes the choice; `engine.solver` is the integrator's method.
 
 "Lanes at once" is the number of lanes that the exact engine solves, or the nonlinear engine
-factorises, in one pass. "Few alone" says whether the Runge–Kutta solvers of the nonlinear engine
-let a few vehicles take shorter steps.
+factorises, in one pass.
 
 `python -m jaxnet.solvers.choice > docs/solvers.md` writes this page.
 
-| graph | vehicles | solver | why | lanes at once, exact | lanes at once, nonlinear | few alone |
-|---|---|---|---|---|---|---|
+| graph | vehicles | solver | why | lanes at once, exact | lanes at once, nonlinear |
+|---|---|---|---|---|---|
 """
 
 
@@ -151,8 +144,7 @@ def row(name: str, m: int) -> str:
     """Return the row of one graph and size."""
     listeners, heard = sparse.csr_array(GRAPHS[name](m)).nonzero()
     solver, why = choose_solver(slotted(m, listeners, heard + 1)[2].T)
-    alone = "yes" if few_step_alone(m) else "no"
-    cells = name, f"{m:,}", f"`{type(solver).__name__}`", why, solved_at_once(m), factorised_at_once(m), alone
+    cells = name, f"{m:,}", f"`{type(solver).__name__}`", why, solved_at_once(m), factorised_at_once(m)
     return f"| {' | '.join(map(str, cells))} |\n"
 
 

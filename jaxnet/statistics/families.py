@@ -1,8 +1,8 @@
-"""Models of δ̂(ā): proportional, affine, power, saturating.
+"""Models of δ̂(ā): proportional, affine, power.
 
 The fits compare u(x) = f(x)/x, the error per ā, with the data. Every model is `u = offset + scale·growth`. A
 number called shape bends offset and growth; for a given shape only the scale is left to fit. The shape of the
-affine model is b. The shape of power and saturating models is log(u at the smallest x / u at the greatest).
+affine model is b, that of the power log(u at the smallest x / u at the greatest).
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +17,6 @@ Number = Float[Array, ""]
 Pairs = Float[Array, "j j"]
 
 STEEPEST = 100.0  # greatest |shape| of a power: far beyond data, and without overflow
-LEAST_SATURATION = 1e-3  # least a0, per smallest magnitude; there f is constant to a thousandth
 
 
 class CurveFamily(NamedTuple):
@@ -56,28 +55,6 @@ def power_parameters(x: PerMagnitude, shape: Number, scale: Number) -> tuple[Num
     return scale * jnp.exp(-rise * log_centre(x)), 1 + rise
 
 
-def saturating_growth(x: PerMagnitude, shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
-    """Return offset and growth of `u ∝ 1/(1 + x/a0)`."""
-    return jnp.zeros_like(x), 1 / (1 + saturation_rate(x, shape) * x)
-
-
-def saturation_rate(x: PerMagnitude, shape: Number) -> Number:
-    """Return 1/a0 for a shape."""
-    return jnp.expm1(shape) / (x.max() - jnp.exp(shape) * x.min())
-
-
-def saturating_shapes(x: PerMagnitude, u: PerMagnitude) -> Pairs:
-    """Return the shapes of the saturating curves through pairs of points.
-
-    The shape is 0 where u rises, and that of the least a0 where x·u falls.
-    """
-    order = jnp.sign(-pairwise_differences(x))
-    bend, rise = order * pairwise_differences(u), -order * pairwise_differences(u * x)
-    rates = jnp.where(bend <= 0, 0.0, jnp.where(rise <= 0, jnp.inf, bend / rise))
-    rates = jnp.minimum(rates, 1 / (LEAST_SATURATION * x.min()))
-    return jnp.log1p(rates * x.max()) - jnp.log1p(rates * x.min())
-
-
 def pairwise_differences(values: PerMagnitude) -> Pairs:
     """Return the differences of all pairs."""
     return values[:, None] - values[None, :]
@@ -97,12 +74,6 @@ def log_centre(x: PerMagnitude) -> Number:
 CURVE_FAMILIES: dict[str, CurveFamily] = {
     "affine": CurveFamily(("b", "s"), affine_growth, affine_shapes, lambda x, b, s: (b, s)),
     "power": CurveFamily(("c", "p"), power_growth, power_shapes, power_parameters),
-    "saturating": CurveFamily(
-        ("c", "a0"),
-        saturating_growth,
-        saturating_shapes,
-        lambda x, shape, c: (c, 1 / saturation_rate(x, shape)),
-    ),
 }
 
 MODELS = {"proportional": ("s",), **{model: curve.parameters for model, curve in CURVE_FAMILIES.items()}}
@@ -116,8 +87,6 @@ def model_value(
     match model:
         case "power":
             return first * x**second
-        case "saturating":
-            return first * x / (1 + x / second)
         case "affine":
             return first + second * x
         case "constant":

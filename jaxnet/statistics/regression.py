@@ -136,7 +136,7 @@ def pinball_loss(
     The best scale is a weighted quantile of (r_js − offset_j)/growth_j. The loss is `Σ_s n_s ρ_q(r_js − u) =
     q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js`. The first term is left out: with a
     few large errors it would swamp the differences between many small ones. The envelope is a convex program
-    in (b, s), (log c, p) and (1/c, 1/(c a0)).
+    in (b, s) and (log c, p).
     """
     ratios, cumulative = flatten_bins(data.ratios), cumulate(data, bins)
     weights = cumulative.weight[:, -1]

@@ -81,11 +81,18 @@ VARIATIONS = {
     "slow starts": {"initial": {"speed": {"uniform": [1e-3, 1e-2]}}},
     "loose": {"engine": {"rtol": 1e-5, "atol": 1e-7}},
     "each tick": {"tick": 0.01, "output_step": 0.01},
+    "steps over links": {
+        "vehicles": 100,
+        "topology": {"kind": "random_regular", "degree": 4},
+        "engine": STEPS,
+        "horizon": 1.0,
+        "tail": 0.5,
+    },
 }
 
 
 @pytest.mark.parametrize("name", VARIATIONS)
-def test_windows_lead_where_the_exact_engine_does(name):
+def test_windows_and_steps_lead_where_the_exact_engine_does(name):
     keys = {"attack": "rotating", "defence": "none", **VARIATIONS[name]}
     exact = outcome(**{**keys, "engine": "exact"})
     ours = outcome(**keys)

@@ -40,7 +40,7 @@ class Nonlinear(Engine):
     linearises: ClassVar[bool] = True
     holds: ClassVar[bool] = True
 
-    solver: Literal["gauss", "dopri5", "tsit5", "dopri8"] = Field(
+    solver: Literal["gauss", "dopri5", "dopri8"] = Field(
         default="gauss",
         description="collocation in the jets of the outputs (gauss), or a Runge–Kutta pair in the states",
     )
