@@ -13,7 +13,6 @@ word is the one number that its listener hears at a tick.
 
 import math
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import jax
@@ -419,18 +418,18 @@ def motion_of(
     interval: LaneTimes,
 ) -> tuple[Polynomials, ...]:
     """Return y, ẏ, …, y^(r) that vehicles tell from now on, by the power series of
-    `y^(r) = s (z - P(y + n))`. The strength s is 1 where it is None.
+    `y^(r) = s (z - P(y + n))`. The strength s is 1 where it is None. In the series, time is counted in ticks.
     """
-    series, order = [[jet] for jet in own] + [[]], len(gain)
+    order, powers = len(gain), [interval**k for k in range(len(gain) + 1)]
+    gain = jnp.stack([each * powers[order - k] for k, each in enumerate(gain)])
+    series = [weighed(jet, powers[k]) for k, jet in enumerate(own)]
     for n in range(DEGREES):
-        sensed = [each[n] for each in series[:order]]
+        sensed = series[n : n + order]
         if n == 0 and noise is not None:
-            sensed = plane.plus(sensed, noise)
-        asked = drive[:, n] - control.feedback(gain, sensed)
-        series[order].append(asked if strength is None else strength * asked)
-        for each, rate in pairwise(series):
-            each.append(interval[None, None] * rate[n])
-    told = [jnp.stack(each[:DEGREES], axis=1) for each in series]
+            sensed = plane.plus(sensed, [weighed(jet, powers[k]) for k, jet in enumerate(noise[:order])])
+        asked = weighed(drive[:, n], powers[order]) - control.feedback(gain, sensed)
+        series.append(asked if strength is None else strength * asked)
+    told = [weighed(jnp.stack(series[k : k + DEGREES], axis=1), 1 / powers[k]) for k in range(order + 1)]
     if noise is not None:
         told[:order] = [each.at[:, 0].add(error) for each, error in zip(told, noise, strict=False)][:order]
     return tuple(told)
