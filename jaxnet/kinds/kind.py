@@ -1,5 +1,6 @@
 """The base class of all kinds: its name in a config, the draw of its numbers, its faults."""
 
+import inspect
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar, Unpack
 
@@ -75,9 +76,9 @@ class Kind(Record, metaclass=KindType):
         own = {name for name in vars(cls) if not name.startswith("_")} - cls.neutral
         parents = {name for base in cls.__mro__[1:] for name in vars(base)}
         if not cls.__module__.startswith("jaxnet.") and own & parents - cls.claims:
-            family = next((base for base in reversed(cls.__mro__) if vars(base).get("claims")), cls)
+            family = next((base for base in cls.__mro__ if vars(base).get("claims")), cls)
             for claim in cls.claims - own:
-                setattr(cls, claim, vars(family)[claim])
+                setattr(cls, claim, inspect.getattr_static(family, claim))
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Callable[["Kind"], dict[str, object]]) -> dict[str, object]:

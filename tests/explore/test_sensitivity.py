@@ -46,6 +46,11 @@ class Carrier(TwoWheeled):
         carried = [xp.broadcast_to(each, state[0].shape) for each in (self.a, self.b, self.c)]
         return xp.concat([state, xp.stack(carried)])
 
+    def motion(self, state, inputs):
+        """The numbers stay."""
+        rates = super().motion(state[:-3], inputs)
+        return rates.__array_namespace__().concat([rates, 0 * state[-3:]])
+
 
 def ishigami(seen):
     """Of the three numbers carried."""

@@ -55,6 +55,8 @@ class Navigator(Kind):
         """Return the least speed [m/s] in [0, horizon] among SPEED_SAMPLES times, and its time [s]."""
         times = np.linspace(0.0, horizon, SPEED_SAMPLES)
         speed = np.hypot(*np.asarray(self.jets(times))[1])
+        if np.isnan(speed).any():
+            raise KindError(f"{type(self).__name__}.jets gives a number that is not finite")
         return float(speed.min()), float(times[speed.argmin()])
 
     def sizes(self, start: float, end: float) -> np.ndarray:

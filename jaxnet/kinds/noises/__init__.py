@@ -1,6 +1,7 @@
 """Noises: errors of the words on links."""
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.noise import ErrorsAtTicks
@@ -14,6 +15,8 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
 
     A listener hears `y_j + a_ij + n_ij`. An error is drawn at a tick and stays the same until the next tick.
     """
+
+    claims: ClassVar[frozenset[str]] = ErrorsAtTicks.claims  # `exact` is said by `erring` itself
 
     def next_errors(
         self, last: SlotJets, time: LaneTimes, interval: LaneNumbers, sources: SlotSources

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.engine.metrics import measured
+from jaxnet.engine.metrics import all_defined
 from jaxnet.kinds.metrics import Metric
 from jaxnet.statistics.summary import UNBOUNDED, metric_statistics
 from tests import systems
@@ -85,7 +85,7 @@ def test_a_number_that_is_none_is_no_metric_of_an_ok_lane():
 def test_what_a_metric_may_be_it_declares(undefined, told):
     """A number, infinite or none; a metric that declares nothing is a number."""
     metric = Metric("any", "", never, undefined=undefined)
-    assert measured([metric], {"any": jnp.array([2.0, jnp.inf, jnp.nan])}).tolist() == told
+    assert all_defined([metric], {"any": jnp.array([2.0, jnp.inf, jnp.nan])}).tolist() == told
 
 
 def test_a_quantile_of_infinite_values_is_one_of_them():
