@@ -109,15 +109,15 @@ def user_errors() -> Iterator[None]:
     except MemoryError as error:
         echo(f"out of memory{f': {error}' * bool(str(error))}; {cluster.KEPT}", err=True)
         sys.exit(2)
-    except RuntimeError as error:
-        if not str(error).startswith(NO_PLATFORM):
-            raise
-        echo(f"JAX: {str(error).splitlines()[0]}", err=True)
-        sys.exit(2)
     except (document.ConfigError, folder.FolderError, cluster.ClusterError, modules.KindError) as error:
         echo(str(error), err=True)
         if isinstance(error, document.ConfigError) and len(error.problems) > 1:
             echo(f"{len(error.problems)} errors", err=True)
+        sys.exit(2)
+    except RuntimeError as error:
+        if not str(error).startswith(NO_PLATFORM):
+            raise
+        echo(f"JAX: {str(error).splitlines()[0]}", err=True)
         sys.exit(2)
 
 
