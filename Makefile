@@ -1,18 +1,24 @@
-# `make paper` sets everything up and runs the main job; `make test` sets everything up and passes the tests;
+# `make paper` sets everything up and runs the main job; `make test` sets everything up and passes the
+# tests; `make test-all` runs the long tests too and checks the shapes of arrays in all of them;
 # `make docs` sets everything up and builds the site of the pages.
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: paper test docs lock clean
+.PHONY: paper check test test-all docs lock clean
 
 paper: .venv/ready
 	$(BIN)/python experiments/paper.py
 
-test: .venv/ready
+check: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright
-	$(BIN)/pytest
+
+test: check
+	$(BIN)/pytest -m "not long"
+
+test-all: check
+	JAXNET_CHECK_SHAPES=1 $(BIN)/pytest
 
 # The site, in site/; first the tables of docs/config.md and docs/solvers.md, which are made from the code.
 docs: .venv/ready

@@ -18,7 +18,9 @@ from jaxnet.runs.cache import enable
 from jaxnet.runs.exactness import deviations, lanes_at_ticks
 
 TOPOLOGIES = ["star", "path", "cyclic"]
-DIGRAPH = [[i, j, 1 + (5 * i + 3 * j) % 7] for i in range(1, 13) for j in {0, i % 12 + 1, 5 * i % 13} - {i}]
+DIGRAPH = [
+    [i, j, 1 + (5 * i + 3 * j) % 7] for i in range(1, 13) for j in {0, i % 12 + 1, 5 * i % 13} - {i}
+]
 GAINS = [[1, 3, 3], [6, 11, 6]]
 STATIC = {"star": (1 / 3, 1 / 3), "path": (11 / 6, 1 / 3), "cyclic": (3.0, 0.3)}
 
@@ -29,12 +31,20 @@ def main() -> None:
     print(f"{'lanes against the exact solution':52} {'lanes':>5}  greatest distance [m]")
     graphs = [*TOPOLOGIES, {"kind": "edges", "edges": DIGRAPH, "label": "digraph"}]
     against(
-        "no attack: star, path, cyclic", 20, attack="none", defence="none", sweep={"topology": TOPOLOGIES}
+        "no attack: star, path, cyclic",
+        20,
+        attack="none",
+        defence="none",
+        sweep={"topology": TOPOLOGIES},
     )
     for kind in ("bias", "sinusoid", "rotating"):
         swept = {"topology": graphs, "gain": GAINS}
         against(
-            f"{kind}: star, path, cyclic, digraph; two gains", 4, attack=kind, defence="none", sweep=swept
+            f"{kind}: star, path, cyclic, digraph; two gains",
+            4,
+            attack=kind,
+            defence="none",
+            sweep=swept,
         )
         fig1 = {"kind": kind, "vehicles": [1, 4]}
         against(f"{kind}: Fig. 1", 4, attack=fig1, defence="none", vehicles=5, topology="figure1")
@@ -62,7 +72,9 @@ def against(what: str, samples: int, **keys: Any) -> None:
 
 def static_gain(name: str, defence: str, error: float, apart: float) -> None:
     """A line: what a constant attack of 2 m leaves after 60 s, over ā."""
-    (cell,) = cells(topology=name, defence=defence, attack={"kind": "bias", "magnitude": 2}, horizon=60)
+    (cell,) = cells(
+        topology=name, defence=defence, attack={"kind": "bias", "magnitude": 2}, horizon=60
+    )
     metrics = simulate(job(cell.scenario, Keyed(0), [0])).metrics
     if (name, defence) == ("cyclic", "trusted_trim"):
         error = apart = 0.0

@@ -44,7 +44,9 @@ def main(lanes: int) -> None:
     """All lines; status 1 if the engines disagree untrimmed."""
     enable()
     print("greatest difference [m]  lanes  ok in both  tail_mean  tail_max  over 1e-5")
-    untrimmed = [agree(topology, lanes, topology=topology, defence="none") for topology in TOPOLOGIES]
+    untrimmed = [
+        agree(topology, lanes, topology=topology, defence="none") for topology in TOPOLOGIES
+    ]
     outcomes, apart = agree("cyclic, trimmed", lanes)
     counted = outcomes[0].switches != outcomes[1].switches
     print(f"\n{counted.sum()} of the trimmed lanes count other switches")
@@ -78,13 +80,18 @@ def show(samples: list[int], apart: np.ndarray) -> None:
     if not samples:
         return
     print("sample  apart [m]  parted at [s]         margins [m]    d [m]  knife's edge")
-    jobs = [lanes_of(engine, samples, ("state", "kept", "attack"), output_step=TICK) for engine in ENGINES]
+    jobs = [
+        lanes_of(engine, samples, ("state", "kept", "attack"), output_step=TICK)
+        for engine in ENGINES
+    ]
     outcomes = [simulate(each) for each in jobs]
     for number, sample in enumerate(samples):
         tick, margins, distance = parting(jobs[0], outcomes, number)
         preferred = f"{margins[0]:.1e}, {margins[1]:.1e}"
         edge = "yes" if max(margins) <= 4 * distance else "NO"
-        print(f"{sample:6} {apart[sample]:10.1e} {tick * TICK:14.2f} {preferred:>19} {distance:8.1e}  {edge}")
+        print(
+            f"{sample:6} {apart[sample]:10.1e} {tick * TICK:14.2f} {preferred:>19} {distance:8.1e}  {edge}"
+        )
 
 
 class Parting(NamedTuple):

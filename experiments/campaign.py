@@ -34,7 +34,12 @@ from jaxnet.store.folder import Folder
 from jaxnet.store.results import Results
 
 CONFIG = Path(__file__).parents[1] / "configs" / "campaign.yaml"
-KILLS = [(0.15, "worker"), (0.35, "worker"), (0.5, "command"), (0.75, "worker")]  # share of shards done, who
+KILLS = [
+    (0.15, "worker"),
+    (0.35, "worker"),
+    (0.5, "command"),
+    (0.75, "worker"),
+]  # share of shards done, who
 AGAIN = 8  # shards simulated anew
 POLL = 0.2  # [s]
 
@@ -58,7 +63,10 @@ def main(samples: int | None, out: str) -> None:
     lanes = results.manifest["lanes"]
     assert (lanes["total"], campaign.killed) == (study.lanes, [who for _, who in KILLS])
     print(f"killed: {', '.join(campaign.killed)}")
-    print(f"{lanes['total']:,} lanes, {len(results.shards)} shards, {lanes['failed']} failed", end=": ")
+    print(
+        f"{lanes['total']:,} lanes, {len(results.shards)} shards, {lanes['failed']} failed",
+        end=": ",
+    )
     print(f"{simulated:.0f} s, {lanes['total'] / simulated:,.0f} lanes/s, what was lost included")
     print(f"fits, worst lanes again, figures and the page: {reported:.0f} s")
     for kind, most in campaign.peak.items():
@@ -82,7 +90,9 @@ class Campaign:
             workers = workers_of(process.pid)
             for kind, pids in ((command[0], [process.pid]), ("worker", workers)):
                 self.peak[kind] = max([self.peak[kind], *map(resident, pids)])
-            at, who = kills[len(self.killed)] if len(self.killed) < len(kills) else (np.inf, "nobody")
+            at, who = (
+                kills[len(self.killed)] if len(self.killed) < len(kills) else (np.inf, "nobody")
+            )
             if self.share() >= at and (workers or who == "command"):
                 self.killed.append(who)
                 os.kill(process.pid if who == "command" else workers[0], signal.SIGKILL)
@@ -138,7 +148,9 @@ def compared(results: Results) -> int:
         outcome = batch.simulate(job(shard.cell.scenario, Keyed(config.seed), shard.samples))
         stored = rows.read_rows(results.path / rows.row_file(shard.number))[0].to_pandas()
         pd.testing.assert_frame_equal(
-            rows.outcome_table(shard, outcome, types, isolation).to_pandas(), stored, check_exact=True
+            rows.outcome_table(shard, outcome, types, isolation).to_pandas(),
+            stored,
+            check_exact=True,
         )
         count += len(stored)
     return count

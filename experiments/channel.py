@@ -24,7 +24,12 @@ FLOOR = 1e-3  # [m], least value of the figure's axis
 NETWORK = ["topology", "topology.navigator_weight"]
 COLUMNS = [*NETWORK, "defence", "channel", "attack.magnitude"]
 NAMES = {"cyclic": "ring", "random_regular": "random, degree 4"}
-WORDS = {"none": "no defence", "trusted_trim": "trimming", "w_msr": "W-MSR", "trusted_only": "trusted only"}
+WORDS = {
+    "none": "no defence",
+    "trusted_trim": "trimming",
+    "w_msr": "W-MSR",
+    "trusted_only": "trusted only",
+}
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -52,16 +57,22 @@ def draw(found: pd.DataFrame) -> None:
         size = style.FIGURE_WIDTH, 1.75 * len(weights) + 0.6
         drawn, grid = plt.subplots(len(weights), len(kinds), sharex=True, sharey=True, figsize=size)
         drawn.set_layout_engine("constrained", rect=(0, 0, 1, 1 - 0.45 / size[1]))
-        for (row, weight), (column, kind) in itertools.product(enumerate(weights), enumerate(kinds)):
+        for (row, weight), (column, kind) in itertools.product(
+            enumerate(weights), enumerate(kinds)
+        ):
             panel = grid[row, column]
             mine: Any = found[(found[NETWORK[0]] == kind) & (found[NETWORK[1]] == weight)]
             draw_network(panel, mine, channels)
-            panel.set_title(f"{NAMES.get(kind, kind)}, {weight:g} on the navigator", fontsize=7.5, pad=3)
+            panel.set_title(
+                f"{NAMES.get(kind, kind)}, {weight:g} on the navigator", fontsize=7.5, pad=3
+            )
         for panel in grid[:, 0]:
             panel.set_ylabel("mean error [m]")
         marks, labels = grid[0, 0].get_legend_handles_labels()
         note = f"full: attack of 10 m, open: none; below {FLOOR:g} m at the edge"
-        drawn.legend(marks, labels, loc="upper center", ncols=len(labels), title=note, title_fontsize=7.5)
+        drawn.legend(
+            marks, labels, loc="upper center", ncols=len(labels), title=note, title_fontsize=7.5
+        )
         drawn.savefig(FIGURE, format="png", dpi=150)
 
 
@@ -75,11 +86,16 @@ def draw_network(panel: "Axes", mine: pd.DataFrame, channels: list[str]) -> None
             places = [channels.index(channel) + (n - 1.5) / 6 for channel in each["channel"]]
             label = WORDS.get(str(defence), str(defence)) if attacked else None
             marks = {"marker": "os^D"[n], "markersize": 3.5, "linestyle": "", "clip_on": False}
-            marks |= {"color": look["color"], "markerfacecolor": look["color"] if attacked else "white"}
+            marks |= {
+                "color": look["color"],
+                "markerfacecolor": look["color"] if attacked else "white",
+            }
             panel.plot(places, each["mean"].clip(lower=FLOOR), label=label, **marks)
     panel.set_yscale("log")
     panel.set_ylim(FLOOR, 100.0)
-    panel.set_xticks(range(len(channels)), channels, rotation=30, ha="right", rotation_mode="anchor")
+    panel.set_xticks(
+        range(len(channels)), channels, rotation=30, ha="right", rotation_mode="anchor"
+    )
     panel.grid(True, axis="y", color="0.92", linewidth=0.5)
 
 
@@ -91,7 +107,9 @@ def main(results: str) -> None:
     found["words"] = [
         f"{mean:.3g} ± {half:.1g}" for mean, half in zip(found["mean"], found["half"], strict=True)
     ]
-    wide = found.pivot(index=[*NETWORK, "defence"], columns=["channel", "attack.magnitude"], values="words")
+    wide = found.pivot(
+        index=[*NETWORK, "defence"], columns=["channel", "attack.magnitude"], values="words"
+    )
     click.echo(wide.to_string())
     click.echo(f"failed lanes: {found['failed'].sum():,}")
     draw(found)

@@ -55,7 +55,9 @@ class Harmonics(Attack):
 
     def sizes(self, horizon: float) -> np.ndarray:
         """The sums of what the harmonics come to, or more."""
-        each = [np.hypot(re, im) * harmonic_sizes(np.atleast_1d(rate)) for re, im, rate in self.terms()]
+        each = [
+            np.hypot(re, im) * harmonic_sizes(np.atleast_1d(rate)) for re, im, rate in self.terms()
+        ]
         return np.sum(each, axis=0)
 
 
@@ -107,7 +109,9 @@ def orbit(frequency: float) -> Harmonics:
     """A circle through the origin of `P(a)`: constant plus turning, `P(a)` is 0 once a turn, R(a) is not."""
     turning = 1 / frequency**3
     constant = abs(operator(frequency) - (1j * frequency) ** 3) * turning
-    return Harmonics(magnitude=MAGNITUDE, frequency=frequency, real=[constant, turning], imaginary=[0.0, 0.0])
+    return Harmonics(
+        magnitude=MAGNITUDE, frequency=frequency, real=[constant, turning], imaginary=[0.0, 0.0]
+    )
 
 
 def cusp(frequency: float) -> Harmonics:
@@ -168,7 +172,10 @@ def lanes_of(**keys: Any) -> jaxnet.Study:
 def outcome(study: jaxnet.Study, samples: int) -> tuple[float, float, float]:
     """Shares of lanes that are disconnected and that end off, and the greatest error of a vehicle over ā."""
     lanes = jaxnet.simulate(study, samples=samples).lanes
-    cut, worst = lanes["status"].to_numpy() == "disconnected", lanes["tail_max"].to_numpy() / MAGNITUDE
+    cut, worst = (
+        lanes["status"].to_numpy() == "disconnected",
+        lanes["tail_max"].to_numpy() / MAGNITUDE,
+    )
     return cut.mean(), (worst > OFF).mean(), np.nanmax(worst, initial=0.0)
 
 
@@ -191,7 +198,10 @@ def main(samples: int) -> None:
     for tick in TICKS:
         size = MAGNITUDE * tick / TICKS[0]
         study = pair(attack=between_ticks(tick, size), tick=tick)
-        print(f"{tick:8} {2 * np.pi * size / MAGNITUDE:9.4g} {outcome(study, 20)[2]:17.4g}", flush=True)
+        print(
+            f"{tick:8} {2 * np.pi * size / MAGNITUDE:9.4g} {outcome(study, 20)[2]:17.4g}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

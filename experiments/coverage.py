@@ -36,7 +36,11 @@ def main(repeats: int) -> None:
 
 
 def coverage(
-    repeats: int, spread: tuple[float, float], magnitudes: int = 12, samples: int = 256, seed: int = 0
+    repeats: int,
+    spread: tuple[float, float],
+    magnitudes: int = 12,
+    samples: int = 256,
+    seed: int = 0,
 ) -> np.ndarray:
     """Share of studies whose interval holds the slope of each quantile."""
     counts = list(fit.draw_resamples(samples, fit.RESAMPLES_TOGETHER))
@@ -45,7 +49,10 @@ def coverage(
     def covers(repeat: int) -> np.ndarray:
         errors = synthetic(np.random.default_rng([seed, repeat]), spread, magnitudes, samples)
         drawn = fit.bootstrap(errors.ranked(), counts, ("proportional",))
-        ends = [fit.percentile_interval(drawn[quantile]["proportional"]) for quantile in fit.FITTED_QUANTILES]
+        ends = [
+            fit.percentile_interval(drawn[quantile]["proportional"])
+            for quantile in fit.FITTED_QUANTILES
+        ]
         low, high = np.array(ends)[..., 0].T
         return (low <= slopes) & (slopes <= high)
 

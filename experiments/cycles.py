@@ -38,7 +38,10 @@ MOVES = 1e-3  # of the liars' constant: an X or a difference of means that is co
 SETTLED = 1e-9  # of the liars' constant: announcements that have vanished
 BATCH = 2_000
 MAGNITUDE = 10.0  # ā [m]
-SEARCH: dict[str, Any] = {"over": {"attack.direction": {"each": [0.0, 6.283]}}, "maximise": "last_vehicle"}
+SEARCH: dict[str, Any] = {
+    "over": {"attack.direction": {"each": [0.0, 6.283]}},
+    "maximise": "last_vehicle",
+}
 
 
 def of_last(seen: Any) -> Any:
@@ -47,7 +50,9 @@ def of_last(seen: Any) -> Any:
     return errors.at[:-1].set(0.0)
 
 
-LAST = Metric("last_vehicle", "m", of_last, "tail", "max", "max", "greatest error of the last vehicle")
+LAST = Metric(
+    "last_vehicle", "m", of_last, "tail", "max", "max", "greatest error of the last vehicle"
+)
 
 
 class Digraphs(NamedTuple):
@@ -153,7 +158,9 @@ class Found(NamedTuple):
 def survey(vehicles: int, number: int, seed: int) -> tuple[dict[str, int], Found | None]:
     """Counts over digraphs of so many vehicles, and the one with the strongest cycle of use."""
     rng, best = np.random.default_rng([seed, vehicles]), None
-    counts: dict[str, int] = dict.fromkeys(("digraphs", "cycles", "unlike", "majority", "cut off", "off"), 0)
+    counts: dict[str, int] = dict.fromkeys(
+        ("digraphs", "cycles", "unlike", "majority", "cut off", "off"), 0
+    )
     while counts["digraphs"] < number:
         given = drawn(rng, BATCH, vehicles)
         announced, moved = histories(given, rng.normal(size=given.theta.shape))
@@ -268,7 +275,9 @@ def main(digraphs: int, seed: int, budget: int) -> None:
     study = jaxnet.load(keys)
     scenario = study.cells[0].scenario
     known, last = situation_of(scenario), scenario.vehicles
-    certified = any(each.vehicles[last - 1] for each in safe_in(scenario, known.graph, known.attacked))
+    certified = any(
+        each.vehicles[last - 1] for each in safe_in(scenario, known.graph, known.attacked)
+    )
     off = jaxnet.simulate(study, samples=100).lanes["last_vehicle"].to_numpy() / MAGNITUDE
     print(
         f"\n{last} vehicles, a cycle of {strongest.period} rounds; vehicle {last} certified safe: {certified}"
@@ -278,7 +287,9 @@ def main(digraphs: int, seed: int, budget: int) -> None:
     attack = {key: each for key, each in keys["attack"].items() if key != "direction"}
     searched = jaxnet.load(keys | {"attack": attack, "search": SEARCH | {"budget": budget}})
     worst = jaxnet.search(searched, fresh=True).worst
-    print(f"searched over all directions of the constants: {worst['last_vehicle'].max() / MAGNITUDE:.2g} ā")
+    print(
+        f"searched over all directions of the constants: {worst['last_vehicle'].max() / MAGNITUDE:.2g} ā"
+    )
 
 
 if __name__ == "__main__":

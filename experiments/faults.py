@@ -33,7 +33,9 @@ def main() -> None:
     enable()
     print(f"{'engine':8} {'defence':13} {'faults':>6} {'named':>6} {'others':>7} {'changed':>8}")
     sound = [
-        sole(engine, defence) for engine in ("nonlinear", "exact") for defence in ("none", "trusted_trim")
+        sole(engine, defence)
+        for engine in ("nonlinear", "exact")
+        for defence in ("none", "trusted_trim")
     ]
     sys.exit(0 if all(sound) else 1)
 

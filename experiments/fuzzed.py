@@ -23,9 +23,16 @@ def config(number: int) -> dict[str, Any]:
     """A config by its number."""
     random = np.random.default_rng(number)
     vehicles = int(random.integers(2, 13))
-    graphs = ["star", "path", "complete", {"kind": "erdos_renyi", "probability": 0.4, "seed": number}]
+    graphs = [
+        "star",
+        "path",
+        "complete",
+        {"kind": "erdos_renyi", "probability": 0.4, "seed": number},
+    ]
     frequency = float(10 ** random.uniform(-1, 1))
-    attacked = sorted(random.choice(np.arange(1, vehicles + 1), int(random.integers(1, 3)), replace=False))
+    attacked = sorted(
+        random.choice(np.arange(1, vehicles + 1), int(random.integers(1, 3)), replace=False)
+    )
     kind = str(random.choice(["bias", "rotating", "sinusoid", "multisine"]))
     attack = {"kind": kind, "magnitude": float(10 ** random.uniform(-1, 2))}
     attack |= {"vehicles": [int(each) for each in attacked]}
@@ -49,7 +56,9 @@ def config(number: int) -> dict[str, Any]:
 
 def apart(one: Any, other: Any) -> float:
     """Greatest distance of a vehicle's positions over lanes that end well in both [m]."""
-    here, there = (each.trajectories["states"].sel(state=["x", "y"]).values for each in (one, other))
+    here, there = (
+        each.trajectories["states"].sel(state=["x", "y"]).values for each in (one, other)
+    )
     distance = np.hypot(*np.moveaxis(here - there, -1, 0))
     return float(distance[np.isfinite(distance)].max(initial=0.0))
 
@@ -68,7 +77,9 @@ def main(configs: int) -> None:
         )
         words = f"{keys['vehicles']} {keys['topology']} {keys['attack']['kind']} {keys['defence']}"
         slow = nonlinear.lanes["min_speed"].min()
-        print(f"{words[:70]:70} {slow:12.2g} {apart(nonlinear, exact):10.1e} {apart(stacked, exact):10.1e}")
+        print(
+            f"{words[:70]:70} {slow:12.2g} {apart(nonlinear, exact):10.1e} {apart(stacked, exact):10.1e}"
+        )
 
 
 if __name__ == "__main__":

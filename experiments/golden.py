@@ -31,21 +31,44 @@ STUDIES: dict[str, dict[str, Any]] = {
     "plain": {"attack": "none", "defence": "none", "topology": "path"},
     "attacked": {"attack": TURNING, "defence": "none", "gain": GAIN},
     "trimmed": {"attack": TURNING},
-    "filtered": {"attack": DRAWN, "defence": {"kind": "trusted_trim", "score": "feedback", "filter": 1.0}},
-    "announced": {"attack": {**DRAWN, "announces": {"kind": "free"}}, "defence": {**ANNOUNCED, "noise": 0.1}},
+    "filtered": {
+        "attack": DRAWN,
+        "defence": {"kind": "trusted_trim", "score": "feedback", "filter": 1.0},
+    },
+    "announced": {
+        "attack": {**DRAWN, "announces": {"kind": "free"}},
+        "defence": {**ANNOUNCED, "noise": 0.1},
+    },
     "random": {"attack": DRAWN, "topology": RANDOM, "defence": ANNOUNCED, "gain": GAIN},
     "inconsistent": {"attack": {**TURNING, "orders": [0]}, "tick": 0.1},
-    "greedy": {"attack": {"kind": "greedy", "magnitude": 10, "vehicles": [2, 7]}, "defence": "w_msr"},
+    "greedy": {
+        "attack": {"kind": "greedy", "magnitude": 10, "vehicles": [2, 7]},
+        "defence": "w_msr",
+    },
     "mimic": {"attack": {"kind": "mimic", "magnitude": 10, "vehicles": [2]}},
     "sybils": {"attack": {**TURNING, "vehicles": [2, 7], "sybils": 1, "listeners": "each"}},
     "replaced": {"attack": {**TURNING, "threat": "replaces"}, "defence": "trusted_only"},
     "by axis": {"attack": DRAWN, "defence": "coordinate_median"},
     "weighed": {"attack": DRAWN, "defence": "geometric_median", "topology": RANDOM},
     "clipped": {"attack": DRAWN, "defence": {"kind": "clipping"}},
-    "freeze": {"attack": {"kind": "freeze", "magnitude": 10, "links": "navigator"}, "topology": "star"},
-    "rounds": {"attack": TURNING, "law": {"kind": "rounds", "rounds": 3}, "tick": 0.02, "horizon": 8.0},
+    "freeze": {
+        "attack": {"kind": "freeze", "magnitude": 10, "links": "navigator"},
+        "topology": "star",
+    },
+    "rounds": {
+        "attack": TURNING,
+        "law": {"kind": "rounds", "rounds": 3},
+        "tick": 0.02,
+        "horizon": 8.0,
+    },
     "lossy": {"attack": TURNING, "channel": LOSSY, "sensing": {"position": 0.1}},
-    "lossy, rounds": {"attack": TURNING, "channel": LOSSY, "law": "rounds", "tick": 0.02, "horizon": 8.0},
+    "lossy, rounds": {
+        "attack": TURNING,
+        "channel": LOSSY,
+        "law": "rounds",
+        "tick": 0.02,
+        "horizon": 8.0,
+    },
     "lossy, local": {"attack": TURNING, "channel": LOSSY, "law": "local", "defence": "w_msr"},
     "nonlinear, lossy": {"engine": "nonlinear", "attack": TURNING, "channel": LOSSY},
     "exact 200": {"vehicles": 200, "topology": LATTICE, "attack": {**TURNING, "vehicles": [2, 90]}},
@@ -56,7 +79,12 @@ STUDIES: dict[str, dict[str, Any]] = {
         "attack": TURNING,
         "defence": "none",
     },
-    "nonlinear, in the field": {"engine": "nonlinear", "attack": TURNING, "tick": 0, "horizon": 6.0},
+    "nonlinear, in the field": {
+        "engine": "nonlinear",
+        "attack": TURNING,
+        "tick": 0,
+        "horizon": 6.0,
+    },
     "nonlinear, rounds": {
         "engine": "nonlinear",
         "law": {"kind": "rounds", "rounds": 3},
@@ -128,7 +156,9 @@ def main(write: Path | None, against: Path | None, only: str | None) -> None:
     if against is None:
         return
     stored = pd.read_csv(against)
-    print(f"{'study':26}{'lanes':>6}{'ok':>5}{'difference':>12}{'steps':>7}{'switches':>9}{'status':>8}")
+    print(
+        f"{'study':26}{'lanes':>6}{'ok':>5}{'difference':>12}{'steps':>7}{'switches':>9}{'status':>8}"
+    )
     for name in names:
         now, then = rows(name), stored[stored["study"] == name].reset_index(drop=True)
         if then.empty:
@@ -144,7 +174,10 @@ def main(write: Path | None, against: Path | None, only: str | None) -> None:
         )
         others = [np.count_nonzero(now[key] != then[key]) for key in [*COUNTS, "status"]]
         ok = np.count_nonzero(now["status"] == "ok")
-        print(f"{name:26}{len(now):6}{ok:5}{apart:12.1e}{others[0]:7}{others[1]:9}{others[2]:8}", flush=True)
+        print(
+            f"{name:26}{len(now):6}{ok:5}{apart:12.1e}{others[0]:7}{others[1]:9}{others[2]:8}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

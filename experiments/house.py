@@ -50,7 +50,10 @@ def says_any(function: Function) -> bool:
     each = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
     notes = [one.annotation for one in each if one is not None] + [function.returns]
     return any(
-        isinstance(node, ast.Name) and node.id == "Any" for note in notes if note for node in ast.walk(note)
+        isinstance(node, ast.Name) and node.id == "Any"
+        for note in notes
+        if note
+        for node in ast.walk(note)
     )
 
 
@@ -83,14 +86,20 @@ def in_several(known: list[Module]) -> dict[str, list[Path]]:
         for name in set(top_names(module)):
             places[name].append(module.path)
     return {
-        name: where for name, where in sorted(places.items()) if len(where) > 1 and not name.startswith("__")
+        name: where
+        for name, where in sorted(places.items())
+        if len(where) > 1 and not name.startswith("__")
     }
 
 
 def short_docstrings(module: Module) -> list[int]:
     """Lines of definitions whose docstring has few words."""
     defined = (node for node in ast.walk(module.tree) if isinstance(node, Function | ast.ClassDef))
-    return [node.lineno for node in defined if 0 < len((ast.get_docstring(node) or "").split()) <= FEW_WORDS]
+    return [
+        node.lineno
+        for node in defined
+        if 0 < len((ast.get_docstring(node) or "").split()) <= FEW_WORDS
+    ]
 
 
 @click.command()
@@ -119,7 +128,9 @@ def main(names: bool, where: str | None) -> None:
                 )
         return
     rooms = dict.fromkeys(module.room for module in known)
-    print(f"{'room':14}{'lines':>8}{'signatures':>12}{'Any %':>8}{'late':>6}{'doubled':>9}{'short':>7}")
+    print(
+        f"{'room':14}{'lines':>8}{'signatures':>12}{'Any %':>8}{'late':>6}{'doubled':>9}{'short':>7}"
+    )
     for room in [*rooms, "all"]:
         these = [module for module in known if room in ("all", module.room)]
         functions = [one for module in these for one in module.functions()]
@@ -127,7 +138,9 @@ def main(names: bool, where: str | None) -> None:
         doubled = sum(bool(paths & {*places}) for places in several.values())
         share = 100 * sum(map(says_any, functions)) / max(1, len(functions))
         lines = sum(module.lines for module in these)
-        late, short = (sum(len(of(each)) for each in these) for of in (late_imports, short_docstrings))
+        late, short = (
+            sum(len(of(each)) for each in these) for of in (late_imports, short_docstrings)
+        )
         print(f"{room:14}{lines:8,}{len(functions):12,}{share:8.1f}{late:6}{doubled:9}{short:7}")
 
 

@@ -57,14 +57,18 @@ def main(kills: int, seed: int) -> None:
                 delay = random.uniform(0, 1.5) * took * left / (kills - number + 1)
                 brought = run_and_kill(config, broken, delay)
                 cut += unfinished(broken)
-                print(f"life {number + 1}: {brought} shards, killed after {delay:.2f} s", flush=True)
+                print(
+                    f"life {number + 1}: {brought} shards, killed after {delay:.2f} s", flush=True
+                )
             before = len(done(broken))
             run_through(config, broken)
             print(f"last life: {len(done(broken)) - before} shards", flush=True)
         assert not unfinished(broken)
         compare(broken, whole)
         print(f"{reader.reads} tables read on the way, none torn, no shard written twice")
-        print(f"{kills} kills, {len(cut)} within the writing of a table: {', '.join(cut) or 'none'}")
+        print(
+            f"{kills} kills, {len(cut)} within the writing of a table: {', '.join(cut) or 'none'}"
+        )
         print("all is equal to the undisturbed run")
 
 
@@ -89,7 +93,9 @@ def started(config: Path, folder: Path) -> subprocess.Popen[str]:
     """The command on its way, when it has brought a new shard (or ended)."""
     before = len(done(folder))
     command = [sys.executable, "-m", "jaxnet", "run", str(config), "--out", str(folder)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
     while process.poll() is None and len(done(folder)) == before:
         time.sleep(POLL)
     return process
@@ -113,7 +119,9 @@ def run_and_kill(config: Path, folder: Path, delay: float) -> int:
         process.kill()
         process.communicate()
         return len(done(folder)) - before
-    raise RuntimeError(f"the run ended with status {process.returncode} before it was killed: {said}")
+    raise RuntimeError(
+        f"the run ended with status {process.returncode} before it was killed: {said}"
+    )
 
 
 class Reader:

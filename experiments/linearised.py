@@ -27,7 +27,10 @@ def shares(study: jaxnet.Study) -> pd.DataFrame:
     """Of each law and half-width [m] the share of lanes that converge, with its exact 95 % interval."""
     lanes, rows = jaxnet.simulate(study).lanes, []
     for cell in study.cells:
-        scenario, ends = cell.scenario, lanes.loc[lanes["cell"] == cell.number, "tail_max"].to_numpy()
+        scenario, ends = (
+            cell.scenario,
+            lanes.loc[lanes["cell"] == cell.number, "tail_max"].to_numpy(),
+        )
         converged = binomtest(int(np.sum(ends < NEAR)), len(ends))
         low, high = converged.proportion_ci()
         place = scenario.initial.position.uniform[1]
@@ -48,7 +51,9 @@ def draw(table: pd.DataFrame) -> None:
         looks = zip(table.groupby("law", sort=False), style.SERIES_STYLES, strict=False)
         for (law, mine), look in looks:
             share, look = mine["share"], {"marker": "o", "markersize": 3, "label": law, **look}
-            panel.errorbar(mine["half-width"], share, [share - mine["low"], mine["high"] - share], **look)
+            panel.errorbar(
+                mine["half-width"], share, [share - mine["low"], mine["high"] - share], **look
+            )
         panel.set_ylim(-0.02, 1.02)
         panel.legend(title="law")
         drawn.savefig(FIGURE, format="png", dpi=150)
@@ -60,8 +65,14 @@ def draw(table: pd.DataFrame) -> None:
 def main(samples: int, matched: bool) -> None:
     """Simulate, print, draw."""
     enable()
-    start = {"initial.heading": 0.7853981633974483, "initial.speed": 28.284271247461902} if matched else {}
-    table = shares(jaxnet.load(ROOT / "configs" / "linearised.yaml", overrides={"samples": samples, **start}))
+    start = (
+        {"initial.heading": 0.7853981633974483, "initial.speed": 28.284271247461902}
+        if matched
+        else {}
+    )
+    table = shares(
+        jaxnet.load(ROOT / "configs" / "linearised.yaml", overrides={"samples": samples, **start})
+    )
     print(table.to_string(index=False, float_format="{:.3g}".format))
     if samples >= 200 and not matched:
         draw(table)

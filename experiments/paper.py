@@ -29,18 +29,23 @@ def main() -> None:
     study = jaxnet.load(CONFIG)
     results = jaxnet.run(study, progress=True)
     print(table(results).to_string(index=False, float_format=lambda value: f"{value:.4g}"))
-    print("\ntail: mean over vehicles and the last 5 s; exact: greatest distance from the exact solution")
+    print(
+        "\ntail: mean over vehicles and the last 5 s; exact: greatest distance from the exact solution"
+    )
     for path in (results.path / "cells.csv", *figures.draw_figures(results)):
         print(f"wrote {path}")
 
 
 def table(results: Any) -> pd.DataFrame:
     """A row per lane, with its distance from the exact solution."""
-    rows = results.lanes[["topology", "attack.magnitude", "tail_mean", "tail_disagreement", "switches"]]
+    rows = results.lanes[
+        ["topology", "attack.magnitude", "tail_mean", "tail_disagreement", "switches"]
+    ]
     rows = rows.set_axis(["topology", "ā [m]", "tail ẽ [m]", "tail ε̃ [m]", "switches"], axis=1)
     config = results.study.config
     lanes = [
-        lanes_at_ticks(cell.scenario, config.seed, range(config.samples)) for cell in results.study.cells
+        lanes_at_ticks(cell.scenario, config.seed, range(config.samples))
+        for cell in results.study.cells
     ]
     return rows.assign(**{"exact [m]": np.concatenate([deviations(job) for job in lanes])})
 

@@ -21,7 +21,9 @@ LIARS = "attack.vehicles"
 
 @click.command()
 @click.argument("folder")
-@click.option("--over", default=0.1, show_default=True, help="Spread [m] over which agents are apart.")
+@click.option(
+    "--over", default=0.1, show_default=True, help="Spread [m] over which agents are apart."
+)
 @click.option("--together", is_flag=True, help="One line for all liars.")
 def main(folder: str, over: float, together: bool) -> None:
     """Print all lines."""
@@ -40,9 +42,7 @@ def line(named: object, lanes: pd.DataFrame, over: float) -> str:
     spread = lanes["spread"].to_numpy(dtype=float)
     apart = int(np.count_nonzero(spread > over))
     low, high = clopper_pearson(np.array([apart]), np.array([len(lanes)]), CONFIDENCE)
-    words = (
-        f"{named}: {apart} of {len(lanes)} apart, {apart / len(lanes):.2%} ({low[0]:.2%} to {high[0]:.2%})"
-    )
+    words = f"{named}: {apart} of {len(lanes)} apart, {apart / len(lanes):.2%} ({low[0]:.2%} to {high[0]:.2%})"
     words += f"; spread median {np.median(spread):.3g}, greatest {spread.max():.6g}"
     return words + f"; outside {lanes['outside'].max():.3g}"
 
@@ -52,7 +52,9 @@ def single_agents(results: Results) -> None:
     states = results.trajectories["states"].isel(time=-1).values
     apart = np.linalg.norm(states[..., :2] - states[..., :1, :2], axis=-1)
     for cell, each in enumerate(apart):
-        print(f"cell {cell}: greatest distance from vehicle 1 {np.round(each.max(axis=0), 6).tolist()}")
+        print(
+            f"cell {cell}: greatest distance from vehicle 1 {np.round(each.max(axis=0), 6).tolist()}"
+        )
         print(f"cell {cell}: median {np.round(np.median(each, axis=0), 6).tolist()}")
 
 

@@ -48,7 +48,10 @@ def compared(seeds: int, most: int) -> pd.DataFrame:
             row |= {draws: each.std(ddof=1) for draws, each in found.items()}
             rows.append(row | {"times": (row["random"] / row["sobol"]) ** 2})
             print(
-                {key: value if isinstance(value, str) else f"{value:.4g}" for key, value in rows[-1].items()}
+                {
+                    key: value if isinstance(value, str) else f"{value:.4g}"
+                    for key, value in rows[-1].items()
+                }
             )
     return pd.DataFrame(rows)
 
@@ -67,7 +70,9 @@ def draw(table: pd.DataFrame) -> None:
         for panel, (name, mine) in zip(panels, table.groupby("study", sort=False), strict=True):
             panel.set_title(str(name), fontsize=7.5)
             for draws, look in zip(("random", "sobol"), style.SERIES_STYLES, strict=False):
-                panel.loglog(mine["lanes"], mine[draws], marker="o", markersize=3, label=draws, **look)
+                panel.loglog(
+                    mine["lanes"], mine[draws], marker="o", markersize=3, label=draws, **look
+                )
         panels[0].set_xticks(SAMPLES, map(str, SAMPLES))
         panels[0].minorticks_off()
         drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)

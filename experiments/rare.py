@@ -40,18 +40,24 @@ def told(name: str, lanes: int, points: int, out: Path) -> dict[str, Any]:
     cell = jaxnet.run(study, out / "plain", progress=True).cells.iloc[0]
     (row,) = jaxnet.rare(study, points, out / "subset").to_dict("records")
     plain = {f"plain{words}": cell[f"unrecovered{end}"] for end, words in ENDS.items()}
-    subset = {f"subset{words}": row[f"share{end}".removeprefix("share_")] for end, words in ENDS.items()}
+    subset = {
+        f"subset{words}": row[f"share{end}".removeprefix("share_")] for end, words in ENDS.items()
+    }
     spent = {"lanes": row["lanes"], "worth plain lanes": row["plain_lanes"]}
     return {"case": name, "plain lanes": lanes, **plain, **subset, **spent}
 
 
 @click.command()
-@click.option("--lanes", type=int, help="Plain lanes of each case [default: 10⁶ and, trimmed, 2·10⁵].")
+@click.option(
+    "--lanes", type=int, help="Plain lanes of each case [default: 10⁶ and, trimmed, 2·10⁵]."
+)
 def main(lanes: int | None) -> None:
     """Count both ways, and print a row a case."""
     enable()
     folder = Path("results") / ("rare" if lanes is None else f"rare-{lanes}")
-    rows = [told(name, lanes or LANES[name], POINTS, folder / name.replace(" ", "_")) for name in CASES]
+    rows = [
+        told(name, lanes or LANES[name], POINTS, folder / name.replace(" ", "_")) for name in CASES
+    ]
     print(pd.DataFrame(rows).to_string(index=False, float_format="{:.3g}".format))
 
 

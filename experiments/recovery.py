@@ -48,7 +48,9 @@ QUESTIONS: dict[str, dict[str, Any]] = {
 
 
 @click.command()
-@click.option("--samples", default=10_000, show_default=True, help="Lanes of each attack of the main study.")
+@click.option(
+    "--samples", default=10_000, show_default=True, help="Lanes of each attack of the main study."
+)
 def main(samples: int) -> None:
     """Run, vary, look at the worst."""
     enable()
@@ -61,7 +63,9 @@ def main(samples: int) -> None:
     for cell, sample in worst_of(results):
         _, again = replay(results, cell, sample, "nonlinear")
         row = results.lanes.query("cell == @cell and sample == @sample").iloc[0]
-        print(f"{row['attack']:10} sample {sample:5}  {again['tail_mean']:8.4g}  {row['tail_mean']:8.4g}")
+        print(
+            f"{row['attack']:10} sample {sample:5}  {again['tail_mean']:8.4g}  {row['tail_mean']:8.4g}"
+        )
 
 
 def simulate(study: Any, name: str) -> Results:
@@ -80,7 +84,8 @@ def show(question: str, results: Results) -> None:
         magnitude = cell.scenario.attack.magnitude  # pyright: ignore[reportAttributeAccessIssue]
         share = f"{row['unrecovered']:6.1%} ({row['unrecovered_low']:.1%} to {row['unrecovered_high']:.1%})"
         named = ", ".join(
-            label if key in ("attack", "defence") else f"{key} {label}" for key, label in cell.labels.items()
+            label if key in ("attack", "defence") else f"{key} {label}"
+            for key, label in cell.labels.items()
         )
         columns = ("tail_mean_mean", "tail_mean_median", "tail_mean_max", "tail_max_max")
         per_magnitude = " ".join(f"{row[column] / magnitude:8.1e}" for column in columns)

@@ -58,7 +58,9 @@ SCORES = [
 
 
 @click.command()
-@click.option("--samples", default=1000, show_default=True, help="Lanes of each cell of the trimmed ring.")
+@click.option(
+    "--samples", default=1000, show_default=True, help="Lanes of each cell of the trimmed ring."
+)
 def main(samples: int) -> None:
     """Theory, the figure, and two studies."""
     enable()
@@ -83,7 +85,9 @@ def tables() -> None:
             radii = [rounds.spectral_radius(weights, GAIN, tick, n) for n in (1, 2, 3, 5)]
             told = " ".join(f"{radius:.4f}" for radius in [*radii, rounds.growth(0.0, GAIN, tick)])
             print(f"  {graph:18} {tick:5.2f} s  {told}")
-    print(f"\nleast rounds (all from) at ticks of {TICKS} s; greatest tick [s] for {ROUNDS} rounds;")
+    print(
+        f"\nleast rounds (all from) at ticks of {TICKS} s; greatest tick [s] for {ROUNDS} rounds;"
+    )
     print("  greatest eigenvalue, and exchanges a second that it asks for")
     for graph in GRAPHS:
         for vehicles in SIZES:
@@ -122,7 +126,13 @@ def slowest(states: Any, vectors: Any) -> Any:
 
 def seen(tick: float, number: int) -> float:
     """The spectral radius of the paper's ring as simulated."""
-    keys = {"tick": tick, "output_step": tick, "horizon": LOOKED * tick, "tail": tick, "engine": "exact"}
+    keys = {
+        "tick": tick,
+        "output_step": tick,
+        "horizon": LOOKED * tick,
+        "tail": tick,
+        "engine": "exact",
+    }
     law = {"kind": "rounds", "rounds": number}
     (cell,) = jaxnet.load({**keys, "law": law, "attack": "none", "defence": "none"}).cells
     vectors = np.linalg.eig(weights_of("ring", 12)[:, 1:])[1]
@@ -150,7 +160,9 @@ def draw() -> None:
             of_two = [rounds.greatest_tick(weights_of(graph, m), GAIN, 2) for m in SIZES]
             by_size.loglog(SIZES, of_two, **shown)
         by_rounds.set(
-            title="(b) twelve vehicles", xlabel="rounds at each tick", ylabel="greatest stable tick [s]"
+            title="(b) twelve vehicles",
+            xlabel="rounds at each tick",
+            ylabel="greatest stable tick [s]",
         )
         by_rounds.set_xticks(numbers)
         by_size.set(title="(c) two rounds", xlabel="vehicles", ylabel="greatest stable tick [s]")

@@ -44,7 +44,11 @@ ATTACKS: list[dict[str, Any]] = [
     {"kind": "sinusoid", "frequency": RATE, "direction": TURN},
     {"kind": "chirp", "rate": {"uniform": [0.01, 0.2]}},
     {"kind": "multisine", "frequency": {"uniform": [0.1, 1.0]}},
-    {"kind": "envelope", "of": {"kind": "rotating", "frequency": RATE}, "start": {"uniform": [0.0, 40.0]}},
+    {
+        "kind": "envelope",
+        "of": {"kind": "rotating", "frequency": RATE},
+        "start": {"uniform": [0.0, 40.0]},
+    },
     {"kind": "spoof", "direction": TURN},
     {"kind": "spoof", "orders": [3], "direction": TURN},
     {"kind": "replay"},
@@ -52,7 +56,11 @@ ATTACKS: list[dict[str, Any]] = [
     {"kind": "mimic"},
     {"kind": "greedy"},
 ]
-ANNOUNCES = ["consistent"] * 5 + ["zero", "honest", {"kind": "free", "size": {"uniform": [0.0, 10.0]}}]
+ANNOUNCES = ["consistent"] * 5 + [
+    "zero",
+    "honest",
+    {"kind": "free", "size": {"uniform": [0.0, 10.0]}},
+]
 BLURS: list[dict[str, Any]] = [
     *[{}] * 6,
     {"noise": {"uniform": [0.0, 1.0]}},
@@ -69,7 +77,11 @@ WORLDS: list[dict[str, Any]] = [  # gains, vehicles, and what breaks a premise o
     {"gain": [[[1.0, 0.3], [-0.3, 1.0]], [[3.0, 0.0], [0.0, 3.0]], [[3.0, 0.0], [0.0, 3.0]]]},
     {"gain": {"vehicles": [[1.0, 3.0, 3.0], [27.0, 27.0, 9.0]] * 4}, "engine": "nonlinear"},
     {"gain": [1.0], "vehicle": "single_integrator"},
-    {"gain": [1.0], "vehicle": "single_integrator", "attack": {"threat": "replaces", "moves": "as_told"}},
+    {
+        "gain": [1.0],
+        "vehicle": "single_integrator",
+        "attack": {"threat": "replaces", "moves": "as_told"},
+    },
     {"gain": [1.0, 2.0], "vehicle": "double_integrator"},
     {"gain": [1.0, 4.0, 6.0, 4.0], "vehicle": "planar_quadrotor"},
     {**ROBOT, "law": "rounds"},
@@ -126,7 +138,8 @@ def study_of(number: int) -> jaxnet.Study | None:
         int(random.integers(1, VEHICLES + 1)): 2
     }
     trusted = {
-        i: random.choice(everyone[everyone != i], n, replace=False).tolist() for i, n in trusts.items()
+        i: random.choice(everyone[everyone != i], n, replace=False).tolist()
+        for i, n in trusts.items()
     }
     rule = {**RULES[random.integers(len(RULES))], "trusted": trusted}
     if rule["kind"] == "trusted_trim":
@@ -170,7 +183,10 @@ def tally_of(number: int) -> dict[str, list[float]]:
     outcome, (sources, *_) = batch.simulate(lanes), lanes.network.hearing
     path = scenario.navigator.jets(np.arange(56, 61) * 1.0)[0].T
     off = (
-        np.linalg.norm(outcome.series["state"][:, -5:, :, :2] - path[None, :, None], axis=-1).max(axis=1) / 10
+        np.linalg.norm(outcome.series["state"][:, -5:, :, :2] - path[None, :, None], axis=-1).max(
+            axis=1
+        )
+        / 10
     )
     found: dict[str, list[float]] = {}
     for lane in range(LANES):
@@ -179,7 +195,9 @@ def tally_of(number: int) -> dict[str, list[float]]:
     return found
 
 
-def count(found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, off: Any, ended: bool) -> None:
+def count(
+    found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, off: Any, ended: bool
+) -> None:
     """Count one lane, each vehicle under the strongest reason for which it is safe."""
     attacked, trusted = scenario.attack.attacked_links(heard), scenario.defence.trusts(heard)
     networks = [(heard, trusted)]
@@ -187,7 +205,9 @@ def count(found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, of
         wider, _, also = with_sybils(heard, attacked, trusted, scenario.attack.identities() - 1)
         networks.append((wider, also))
     joined = all(
-        safety.stay_joined(scenario.defence.may_drop(each, spared), np.ones(each.vehicles, bool)).all()
+        safety.stay_joined(
+            scenario.defence.may_drop(each, spared), np.ones(each.vehicles, bool)
+        ).all()
         for each, spared in networks
     )
     left = np.ones(VEHICLES, bool)
@@ -211,7 +231,9 @@ def count(found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, of
 
 @click.command()
 @click.option("--batches", default=200, show_default=True, help="Of 500 scenarios each.")
-@click.option("--out", default="results/safe.jsonl", show_default=True, help="A line for each batch done.")
+@click.option(
+    "--out", default="results/safe.jsonl", show_default=True, help="A line for each batch done."
+)
 def main(batches: int, out: str) -> None:
     """Print, by rule and certificate, how many vehicles were certified, and how many of these failed."""
     enable()
@@ -227,7 +249,9 @@ def main(batches: int, out: str) -> None:
     for key in sorted({key for each in done for key in each["found"]}):
         rows = np.array([each["found"][key] for each in done if key in each["found"]])
         scenarios, certified, failed, _, stopped = rows.sum(axis=0).astype(int).tolist()
-        print(f"{key:36}{scenarios:12,}{certified:12,}{failed:12,}{rows[:, 3].max():12.1e}{stopped:12,}")
+        print(
+            f"{key:36}{scenarios:12,}{certified:12,}{failed:12,}{rows[:, 3].max():12.1e}{stopped:12,}"
+        )
 
 
 if __name__ == "__main__":

@@ -50,7 +50,9 @@ SETS = {"attack.vehicles": {"choose": 4}}
 ENOUGH = 4000  # lanes, where the worst is known
 
 
-def study_of(over: dict[str, Any], seed: int, budget: int, starts: int, **keys: Any) -> jaxnet.Study:
+def study_of(
+    over: dict[str, Any], seed: int, budget: int, starts: int, **keys: Any
+) -> jaxnet.Study:
     """A study that searches."""
     search = {"over": over, "budget": budget, "starts": starts, "seed": seed}
     return jaxnet.load({**BASE, **keys, "seed": seed, "search": search})
@@ -119,12 +121,22 @@ def known(seeds: int, budget: int, starts: int) -> None:
     sets = {"constant, any four": ("cyclic", IN_PHASE, SETS, best_set())}
     for name, (topology, attack, over, exact) in (KNOWN | sets).items():
         every = [
-            found(study_of(over, seed, budget, starts, topology=topology, attack=attack, defence="none"))
+            found(
+                study_of(
+                    over, seed, budget, starts, topology=topology, attack=attack, defence="none"
+                )
+            )
             for seed in range(seeds)
         ]
         values = np.array([trials.best / 10 for trials, _ in every])
-        reached, overhead = np.count_nonzero(values >= 0.99 * exact), np.median([part for _, part in every])
-        print(f"{name:18} {exact:9.4f} {values.min():11.4f} {reached:9}/{seeds} {overhead:8.0%}", flush=True)
+        reached, overhead = (
+            np.count_nonzero(values >= 0.99 * exact),
+            np.median([part for _, part in every]),
+        )
+        print(
+            f"{name:18} {exact:9.4f} {values.min():11.4f} {reached:9}/{seeds} {overhead:8.0%}",
+            flush=True,
+        )
 
 
 def trimmed(seeds: int, budget: int, starts: int) -> None:
@@ -132,7 +144,9 @@ def trimmed(seeds: int, budget: int, starts: int) -> None:
     print(f"\n{'trimmed ring, seed':18} {'found / ā':>9} {'random':>7} {'overhead':>8}")
     pairs = []
     for seed in range(seeds):
-        study = study_of(OVER, seed, budget, starts, topology="cyclic", attack=TURNING, horizon=60, tail=10)
+        study = study_of(
+            OVER, seed, budget, starts, topology="cyclic", attack=TURNING, horizon=60, tail=10
+        )
         trials, overhead = found(study)
         pairs.append((trials.best / 10, random_best(study) / 10))
         print(f"{seed:18} {pairs[-1][0]:9.3f} {pairs[-1][1]:7.3f} {overhead:8.0%}", flush=True)
@@ -144,7 +158,9 @@ def trimmed(seeds: int, budget: int, starts: int) -> None:
 
 @click.command()
 @click.option("--seeds", default=20, show_default=True, help="Searches of each case.")
-@click.option("--budget", default=10_000, show_default=True, help="Lanes of each search on the trimmed ring.")
+@click.option(
+    "--budget", default=10_000, show_default=True, help="Lanes of each search on the trimmed ring."
+)
 @click.option("--starts", default=1, show_default=True, help="Initial conditions of each choice.")
 def main(seeds: int, budget: int, starts: int) -> None:
     """Run all, and print a line for each case."""

@@ -62,7 +62,9 @@ def main(repeats: int) -> None:
     print("share     last  every   lanes        last  every   lanes")
     for share in (0.02, 0.05, 0.1, 0.3, 0.5):
         honest, naive = (coverage(share, repeats, at) for at in (recovery.confidence_at, plain))
-        words = (f"{each.last:6.1%} {each.every:6.1%} {each.lanes:7.0f}" for each in (honest, naive))
+        words = (
+            f"{each.last:6.1%} {each.every:6.1%} {each.lanes:7.0f}" for each in (honest, naive)
+        )
         print(f"{share:5.2f}   {'      '.join(words)}")
 
 

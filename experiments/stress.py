@@ -44,7 +44,9 @@ class Count(NamedTuple):
     def plus(self, other: "Count") -> "Count":
         """Both together."""
         return Count(
-            self.lanes + other.lanes, self.violations + other.violations, max(self.ratio, other.ratio)
+            self.lanes + other.lanes,
+            self.violations + other.violations,
+            max(self.ratio, other.ratio),
         )
 
 
@@ -57,7 +59,9 @@ def main(lanes: int, seed: int) -> None:
     cells = -(-lanes // LANES)
     held, failed = stress(cells, seed)
     print(f"{cells * LANES:,} lanes in {cells:,} cells, of which {failed:,} lanes failed\n")
-    print(f"{'bound':10} {'lanes held to it':>17} {'violations':>11} {'greatest error / limit':>23}")
+    print(
+        f"{'bound':10} {'lanes held to it':>17} {'violations':>11} {'greatest error / limit':>23}"
+    )
     for bound, count in held.items():
         print(f"{bound:10} {count.lanes:17,} {count.violations:11,} {count.ratio:23.6f}")
     sys.exit(int(any(count.violations for count in held.values())))
@@ -114,7 +118,10 @@ def edges(rng: np.random.Generator) -> list[list[Any]]:
         links: list[list[Any]] = []
         for i in range(1, VEHICLES + 1):
             others = [j for j in range(VEHICLES + 1) if j != i]
-            links += [[i, j, rng.uniform(0.05, 1)] for j in rng.choice(others, HEARD, replace=False).tolist()]
+            links += [
+                [i, j, rng.uniform(0.05, 1)]
+                for j in rng.choice(others, HEARD, replace=False).tolist()
+            ]
         if not graph.unreachable(graph.weighted(VEHICLES, [tuple(link) for link in links])):
             return links
 

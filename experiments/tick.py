@@ -29,11 +29,16 @@ def main() -> None:
     enable()
     recovering = {"kind": "rotating", "magnitude": 5.0}
     chattering = {"kind": "sinusoid", "magnitude": 5.0, "phase": 0.0}
-    for what, attack in (("recovers (rotating)", recovering), ("does not recover (sinusoid)", chattering)):
+    for what, attack in (
+        ("recovers (rotating)", recovering),
+        ("does not recover (sinusoid)", chattering),
+    ):
         limit = lane(0, attack)
         status = Status(int(limit.status[0])).name
         print(f"\n{what}; tick 0: {status}, tail mean {limit.metrics['tail_mean'][0]:.3g} m")
-        print(f"{'tick [s]':>9} {'distance to tick 0 [m]':>23} {'tail mean [m]':>14} {'switches':>9}")
+        print(
+            f"{'tick [s]':>9} {'distance to tick 0 [m]':>23} {'tail mean [m]':>14} {'switches':>9}"
+        )
         for tick in TICKS:
             ours = lane(tick, attack)
             apart = np.linalg.norm(positions(ours) - positions(limit), axis=2)

@@ -40,7 +40,9 @@ def main() -> None:
     print(slopes.fit_text(results))
     print(f"\n{ranking(results).to_string(index=False)}")
     off = {name: abs(slope(curves(results), name) - exact) for name, exact in EXACT.items()}
-    print(f"\ngreatest distance from the exact slopes of the constant attack: {max(off.values()):.1e}")
+    print(
+        f"\ngreatest distance from the exact slopes of the constant attack: {max(off.values()):.1e}"
+    )
     print(
         f"{len(results.lanes):,} lanes: {simulated - began:.0f} s; fits and report: {ended - simulated:.0f} s"
     )

@@ -65,7 +65,9 @@ def draw(table: pd.DataFrame) -> None:
         for panel, label in zip(panels, labels, strict=True):
             rows = table[table["topology"] == label["topology"]].set_index("defence").loc[names]
             for column, look in SHOWN.items():
-                panel.plot(rows[column].clip(LEAST, MOST), range(len(names)), linestyle="none", **look)
+                panel.plot(
+                    rows[column].clip(LEAST, MOST), range(len(names)), linestyle="none", **look
+                )
         panels[0].set_xscale("log")
         panels[0].set_xlim(LEAST / 1.5, MOST * 1.5)
         panels[0].set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
@@ -84,7 +86,17 @@ def main(budget: int) -> None:
     whole = study.config == jaxnet.load(CONFIG).config
     out = Path("results") / ("worst_case" if whole else f"worst_case-{budget}")
     table: Any = per_magnitude(jaxnet.search(study, out, progress=True))
-    columns = ["topology", "defence", "found", "late", "greatest", "random", "bound", "ratio", "fresh"]
+    columns = [
+        "topology",
+        "defence",
+        "found",
+        "late",
+        "greatest",
+        "random",
+        "bound",
+        "ratio",
+        "fresh",
+    ]
     columns += ["nonlinear", "frequency", "lanes", "failed"]
     print(table[columns].to_string(index=False, float_format="{:.4g}".format))
     if whole:

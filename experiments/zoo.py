@@ -96,12 +96,21 @@ def worst(question: str, results: Results) -> None:
     """The greatest share over the cells of each graph and defence with its interval, and failed graphs."""
     cells, graphs = results.cells, list(dict.fromkeys(results.cells["topology"]))
     many = max(len(each) for _, each in cells.groupby(["topology", "defence"]))
-    print(f"\n{question}: greatest share unrecovered of {many} cells, in %, where; graphs with a failed lane")
-    print(f"| defence | {' | '.join(graphs)} | {' | '.join(f'failed, {graph}' for graph in graphs)} |")
+    print(
+        f"\n{question}: greatest share unrecovered of {many} cells, in %, where; graphs with a failed lane"
+    )
+    print(
+        f"| defence | {' | '.join(graphs)} | {' | '.join(f'failed, {graph}' for graph in graphs)} |"
+    )
     print("|---" * (1 + 2 * len(graphs)) + "|")
     for defence in dict.fromkeys(cells["defence"]):
-        groups = [cells[(cells["topology"] == graph) & (cells["defence"] == defence)] for graph in graphs]
-        columns = [*(greatest(group) for group in groups), *(failed(results, group) for group in groups)]
+        groups = [
+            cells[(cells["topology"] == graph) & (cells["defence"] == defence)] for graph in graphs
+        ]
+        columns = [
+            *(greatest(group) for group in groups),
+            *(failed(results, group) for group in groups),
+        ]
         print(f"| {defence} | {' | '.join(columns)} |")
 
 
@@ -127,7 +136,9 @@ def failed(results: Results, cells: Any) -> str:
 
 def transient(results: Results) -> None:
     """Until when the mean error of lanes that do not fail is over a metre, where nobody is attacked."""
-    print("\nno attack: the last time [s] with a mean error over 1 m, median and greatest; failed lanes")
+    print(
+        "\nno attack: the last time [s] with a mean error over 1 m, median and greatest; failed lanes"
+    )
     errors = results.errors["tracking"]
     time = np.concatenate([[0.0], errors["time"].values])
     for cell in results.study.cells:
@@ -141,7 +152,9 @@ def transient(results: Results) -> None:
 
 def ends(results: Results) -> None:
     """How far off the fleet ends where nobody is attacked."""
-    print("\nno attack, noise in judging: mean error [m] at the end, median and greatest; failed lanes")
+    print(
+        "\nno attack, noise in judging: mean error [m] at the end, median and greatest; failed lanes"
+    )
     for row in results.cells.to_dict("records"):
         errors = f"{row['tail_mean_median']:9.1e} {row['tail_mean_max']:9.1e}"
         print(f"{row['defence']:18} {errors} {row['failed']:6} of {row['lanes']}")

@@ -16,7 +16,16 @@ from jaxnet.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from jaxnet.api.results import Part, Replay, Results, open
-    from jaxnet.api.studies import compare, field, rare, run, run_part, search, sensitivity, simulate
+    from jaxnet.api.studies import (
+        compare,
+        field,
+        rare,
+        run,
+        run_part,
+        search,
+        sensitivity,
+        simulate,
+    )
     from jaxnet.config.document import ConfigError
     from jaxnet.config.networks import network
     from jaxnet.config.study import Study, load

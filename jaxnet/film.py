@@ -58,19 +58,28 @@ class Film(NamedTuple):
         return np.hypot(*np.moveaxis(self.places[:, 1:] - self.places[:, :1], -1, 0))
 
 
-def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarray, "times m"]) -> Film:
+def film_of(
+    lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarray, "times m"]
+) -> Film:
     """Extract a film of at most MOST_FRAMES_PER_FILM frames from a lane; `ahead` holds the headings [°]."""
     times = lane.sizes["time"]
-    frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM)).round().astype(int))
+    frames = np.unique(
+        np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM)).round().astype(int)
+    )
     vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
     attack, vehicles_attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
-    false, liars = falsified_links(cell, graph, vehicles_attacked), np.array(vehicles_attacked, int) - 1
+    false, liars = (
+        falsified_links(cell, graph, vehicles_attacked),
+        np.array(vehicles_attacked, int) - 1,
+    )
     listeners, slots = graph.edges()
     sources, lied = graph.sources[listeners, slots], false[listeners, slots]
     signal = lane["attack"].values[frames][:, liars]
     from_navigator = bool(lied[sources == 0].any())
     about_navigator = from_navigator or attack.replaces()
-    truth = np.repeat(navigator[:, None], len(liars), axis=1) if about_navigator else vehicles[:, liars]
+    truth = (
+        np.repeat(navigator[:, None], len(liars), axis=1) if about_navigator else vehicles[:, liars]
+    )
     kept = np.ones((len(frames), len(sources)), bool)
     if cell.scenario.defence.decides:
         kept = hearing.by_link(graph, lane["kept"].values[frames] > 0, lane["source"].values)
@@ -105,7 +114,9 @@ def links_at(film: Film, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
     return [ends[chosen] for chosen in (kept & ~film.attacked, kept & film.attacked, ~kept)]
 
 
-def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], Callable[[int], None]]:
+def film_figure(
+    film: Film, cell: Cell, sample: int
+) -> tuple[Figure, list[Artist], Callable[[int], None]]:
     """Return the figure, its moving artists, and a function that moves these artists to a frame."""
     drawn = Figure(figsize=FILM_SIZE, dpi=FILM_RESOLUTION)
     plane, below = drawn.subplots(2, 1, height_ratios=[3.2, 1])
@@ -113,7 +124,9 @@ def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artis
     links = [LineCollection([], zorder=1, **look) for look in FILM_LINK_STYLES.values()]
     for each in links:
         plane.add_collection(each)
-    false_links = LineCollection([], color=style.RED, linewidth=0.6, linestyle=(0, (1, 1)), zorder=2)
+    false_links = LineCollection(
+        [], color=style.RED, linewidth=0.6, linestyle=(0, (1, 1)), zorder=2
+    )
     plane.add_collection(false_links)
     (false,) = plane.plot([], [], "x", color=style.RED, markersize=5, zorder=4)
     (navigator,) = plane.plot([], [], "s", color="0.15", markersize=6, zorder=5)
@@ -175,7 +188,10 @@ def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
     for number, errors in enumerate(film.errors.T):
         attacked = number + 1 in film.liars
         panel.plot(
-            film.time, np.maximum(LOG_FLOOR, errors), color=style.RED if attacked else "0.55", linewidth=0.7
+            film.time,
+            np.maximum(LOG_FLOOR, errors),
+            color=style.RED if attacked else "0.55",
+            linewidth=0.7,
         )
     distance = r"$\|y_i - \bar{y}\|$ [m]" if film.leaderless else r"$\|y_i - y_0\|$ [m]"
     panel.set(yscale="log", xlabel="t [s]", ylabel=distance, xlim=film.time[[0, -1]])
@@ -187,9 +203,16 @@ def film_legend(film: Film) -> list[Line2D]:
     """Return legend entries for the links and markers that occur in the film."""
     node: dict[str, Any] = {"linestyle": "", "markersize": 5}
     handles = [
-        *[Line2D([], [], marker="s", color="0.15", label="navigator", **node)] * (not film.leaderless),
+        *[Line2D([], [], marker="s", color="0.15", label="navigator", **node)]
+        * (not film.leaderless),
         Line2D(
-            [], [], marker="o", color="0.15", markerfacecolor="white", label="vehicle and heading", **node
+            [],
+            [],
+            marker="o",
+            color="0.15",
+            markerfacecolor="white",
+            label="vehicle and heading",
+            **node,
         ),
     ]
     if film.told.size:
@@ -198,7 +221,9 @@ def film_legend(film: Film) -> list[Line2D]:
         handles.append(
             Line2D([], [], marker="x", color=style.RED, label="place that is told falsely", **node)
         )
-    shown = np.array([[len(ends) for ends in links_at(film, frame)] for frame in range(len(film.time))])
+    shown = np.array(
+        [[len(ends) for ends in links_at(film, frame)] for frame in range(len(film.time))]
+    )
     ever_shown: Any = shown.any(axis=0)
     looks = [
         (called, look)
@@ -224,7 +249,9 @@ def film_format(out: str | None) -> str:
     """Return the requested file extension, or .mp4 if ffmpeg is found, or .gif."""
     kind = Path(out).suffix.lower() if out else ".mp4" if find_ffmpeg() else ".gif"
     if kind not in FILM_FORMATS:
-        raise FolderError(f"out: a film is a file that ends in {' or '.join(FILM_FORMATS)} (got {out})")
+        raise FolderError(
+            f"out: a film is a file that ends in {' or '.join(FILM_FORMATS)} (got {out})"
+        )
     if kind == ".mp4" and not find_ffmpeg():
         raise FolderError(
             f"out: {out} needs ffmpeg, and none is found: install it, or pip install 'jaxnet-sim[video]', or"
@@ -252,7 +279,9 @@ def film_frames(film: Film, cell: Cell, sample: int) -> Iterator[Image.Image]:
 def write_gif(file: Path, frames: Iterator[Image.Image]) -> None:
     """Write the frames as a GIF that loops."""
     reduced = [frame.quantize(128, dither=Image.Dither.NONE) for frame in frames]
-    reduced[0].save(file, save_all=True, append_images=reduced[1:], duration=1000 // FRAME_RATE, loop=0)
+    reduced[0].save(
+        file, save_all=True, append_images=reduced[1:], duration=1000 // FRAME_RATE, loop=0
+    )
 
 
 def write_mp4(file: Path, frames: Iterator[Image.Image]) -> None:

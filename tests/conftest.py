@@ -1,10 +1,8 @@
 """Tests run as strictly as can be: double precision, no silent promotion, shapes and types checked."""
 
-import atexit
 import gc
 import os
 import shutil
-import tempfile
 from pathlib import Path
 
 # Matrices are small: threads of BLAS would only wait for each other. Workers of xdist inherit this.
@@ -26,10 +24,11 @@ os.environ.setdefault(
 # A sixth of the time of a program would go into where in the code each of its operations comes from.
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 
-if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # what one process has compiled serves the others
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="jaxnet-tests-")
-    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
-    atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
+# What one process has compiled serves the others, and the next run.
+os.environ.setdefault(
+    "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "programs")
+)
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the same goes for Python's, a command's too
 
@@ -69,8 +68,9 @@ def parts_of(note):
         yield from parts_of(inner)
 
 
-jaxtyping.jaxtyped = checked
-jaxtyping.install_import_hook("jaxnet", "beartype.beartype")
+if "JAXNET_CHECK_SHAPES" in os.environ:  # a quarter of the time of all tests
+    jaxtyping.jaxtyped = checked
+    jaxtyping.install_import_hook("jaxnet", "beartype.beartype")
 
 settings.register_profile("jaxnet", deadline=None, max_examples=40, derandomize=True)
 settings.load_profile("jaxnet")
@@ -78,7 +78,9 @@ settings.load_profile("jaxnet")
 gc.set_threshold(200_000, 50, 1000)  # programs are traced into millions of objects, which stay
 
 MOST_MAPPINGS = 20_000  # of memory; a file of tests adds some thousands
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 
 
 @pytest.fixture(scope="session", autouse=True)

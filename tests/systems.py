@@ -35,10 +35,14 @@ def results_of(given: Study, rows: pd.DataFrame) -> Results:
     def by_cell(*columns: str, where: Any = None, cells: Any = None) -> Any:
         wanted = rows if where is None else rows[rows["status"] == "ok"]
         return (
-            (number, lanes) for number, lanes in wanted.groupby("cell") if cells is None or number in cells
+            (number, lanes)
+            for number, lanes in wanted.groupby("cell")
+            if cells is None or number in cells
         )
 
-    vars(made).update(study=given, by_cell=by_cell, manifest={"samples": int(rows["sample"].max()) + 1})
+    vars(made).update(
+        study=given, by_cell=by_cell, manifest={"samples": int(rows["sample"].max()) + 1}
+    )
     return made
 
 
@@ -55,7 +59,9 @@ class Lanes(NamedTuple):
 
 def lanes(given: Study, samples: int, save: tuple[str, ...] = EVERYTHING) -> Any:
     """Lanes of all cells of a study: one job where there is one cell."""
-    jobs = [job(cell.scenario, Keyed(given.config.seed), range(samples), save) for cell in given.cells]
+    jobs = [
+        job(cell.scenario, Keyed(given.config.seed), range(samples), save) for cell in given.cells
+    ]
     return jobs[0] if len(jobs) == 1 else Lanes(jobs)
 
 
@@ -91,7 +97,9 @@ def simulated(job: Job) -> Outcome:
     rows = job.plan.rows
     roomy = job._replace(plan=job.plan._replace(rows=max(ROWS, rows) if rows else 0))
     outcome = batch.simulate(roomy, FEW)
-    return outcome._replace(series={name: values[:, :rows] for name, values in outcome.series.items()})
+    return outcome._replace(
+        series={name: values[:, :rows] for name, values in outcome.series.items()}
+    )
 
 
 class OneLane(NamedTuple):

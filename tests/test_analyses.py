@@ -89,7 +89,9 @@ def test_python_opens_them(shelf):
         _ = sens.cells
 
 
-@pytest.mark.parametrize("words", [["fit"], ["replay", "--cell", "0", "--sample", "0"], ["export", "--mat"]])
+@pytest.mark.parametrize(
+    "words", [["fit"], ["replay", "--cell", "0", "--sample", "0"], ["export", "--mat"]]
+)
 def test_what_needs_lanes_says_so(shelf, words):
     """In one line, with the command that adds a run."""
     command, *rest = words

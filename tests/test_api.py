@@ -95,7 +95,9 @@ def test_the_page_of_the_interface_has_every_public_name():
     assert {f"jaxnet.{name}" for name in jaxnet.__all__} <= set(PUBLIC)
     lacking = [each.name for each in examples("jaxnet.Results") if not each.examples]
     methods = [name for name, each in vars(jaxnet.Results).items() if inspect.isfunction(each)]
-    assert [name for name in methods if name[0] != "_" and f"jaxnet.Results.{name}" in lacking] == []
+    assert [
+        name for name in methods if name[0] != "_" and f"jaxnet.Results.{name}" in lacking
+    ] == []
 
 
 def test_loading_imports_nothing_that_simulates_or_reads():
@@ -114,9 +116,15 @@ def test_loading_imports_nothing_that_simulates_or_reads():
 
 def test_a_mapping_is_read_like_a_file(tmp_path):
     """The same keys, the same cells; a sweep keeps its order."""
-    keys = {"name": "one", "samples": 2, "sweep": {"topology": ["path", "star"], "attack.magnitude": [1, 2]}}
+    keys = {
+        "name": "one",
+        "samples": 2,
+        "sweep": {"topology": ["path", "star"], "attack.magnitude": [1, 2]},
+    }
     file = tmp_path / "one.yaml"
-    file.write_text("name: one\nsamples: 2\nsweep:\n  topology: [path, star]\n  attack.magnitude: [1, 2]\n")
+    file.write_text(
+        "name: one\nsamples: 2\nsweep:\n  topology: [path, star]\n  attack.magnitude: [1, 2]\n"
+    )
     assert jaxnet.load(keys, {"seed": 3}) == jaxnet.load(file, ["seed=3"])
     assert jaxnet.load(str(file)) == jaxnet.load(UPath(file)) == jaxnet.load(keys)
     assert jaxnet.load({}).config.name == "study"
@@ -136,8 +144,14 @@ def test_a_study_is_taken_as_it_is_or_changed():
         ({"horizon": np.float64(10)}, {"horizon": 10.0}),
         ({"save": {"errors": np.bool_(True)}}, {"save": {"errors": True}}),
         ({"gain": np.array([1.0, 4.0, 3.0])}, {"gain": [1.0, 4.0, 3.0]}),
-        ({"attack": {"vehicles": pd.Series([3, 5], index=[7, 8])}}, {"attack": {"vehicles": [3, 5]}}),
-        ({"sweep": {"topology": pd.Index(["path", "star"])}}, {"sweep": {"topology": ["path", "star"]}}),
+        (
+            {"attack": {"vehicles": pd.Series([3, 5], index=[7, 8])}},
+            {"attack": {"vehicles": [3, 5]}},
+        ),
+        (
+            {"sweep": {"topology": pd.Index(["path", "star"])}},
+            {"sweep": {"topology": ["path", "star"]}},
+        ),
         ({"sweep": {"attack.magnitude": np.arange(3)}}, {"sweep": {"attack.magnitude": [0, 1, 2]}}),
         ({"defence": {"theta": {np.int64(2): np.int8(1)}}}, {"defence": {"theta": {2: 1}}}),
         (
@@ -146,7 +160,11 @@ def test_a_study_is_taken_as_it_is_or_changed():
                 "vehicles": 2,
                 "topology": EDGES | {"edges": ((1, 0, 1), (2, 1, np.float32(0.5)))},
             },
-            {"attack": "none", "vehicles": 2, "topology": EDGES | {"edges": [[1, 0, 1], [2, 1, 0.5]]}},
+            {
+                "attack": "none",
+                "vehicles": 2,
+                "topology": EDGES | {"edges": [[1, 0, 1], [2, 1, 0.5]]},
+            },
         ),
         ({"name": UPath("mine")}, {"name": "mine"}),
         (
@@ -168,7 +186,9 @@ def test_what_is_wrong_in_a_mapping_is_said():
     """As of a file, by the dotted key alone; and of a value that no file can hold."""
     with pytest.raises(ConfigError, match=r"^horizn: unknown key \(did you mean 'horizon'"):
         jaxnet.load({"horizn": 3})
-    with pytest.raises(ConfigError, match=r"sweep.seed.1: must be a number, .* or a mapping \(got \{1\}\)"):
+    with pytest.raises(
+        ConfigError, match=r"sweep.seed.1: must be a number, .* or a mapping \(got \{1\}\)"
+    ):
         jaxnet.load({"sweep": {"seed": [2, {1}]}})
     with pytest.raises(ConfigError, match=r"attack: must be a number, .* \(got b'bias'\)"):
         jaxnet.load({}, {"attack": b"bias"})
@@ -190,7 +210,9 @@ def test_what_is_wrong_with_a_kind_in_python_is_said():
         WMSR(F=-1)
     with pytest.raises(KindError, match=r"^WMSR: f: unknown key \(known here: .*, F\)$"):
         WMSR(f=1)
-    with pytest.raises(KindError, match=r"^Sinusoid: magnitude: must be .*\nSinusoid: frequency: must be"):
+    with pytest.raises(
+        KindError, match=r"^Sinusoid: magnitude: must be .*\nSinusoid: frequency: must be"
+    ):
         Sinusoid(magnitude="big", frequency="fast")
     code = "from jaxnet.kinds.metrics import Metric, KindError\n"
     code += "try: Metric('m', '', abs, time='median')\nexcept KindError as error: print(error)"
@@ -200,7 +222,10 @@ def test_what_is_wrong_with_a_kind_in_python_is_said():
 
 def test_a_study_is_shown_in_few_words():
     """In a line, and in a notebook as a table in which a label is text."""
-    topologies = [{"kind": "star", "label": "<b>"}, *({"kind": "path", "label": f"p{n}"} for n in range(99))]
+    topologies = [
+        {"kind": "star", "label": "<b>"},
+        *({"kind": "path", "label": f"p{n}"} for n in range(99)),
+    ]
     study = jaxnet.load({"name": "n" * 100, "samples": 7, "sweep": {"topology": topologies}})
     assert repr(study) == f"Study('{'n' * 100}', cells=100, lanes=700)"
     html = study._repr_html_()
@@ -294,7 +319,9 @@ def test_a_lane_is_replayed_by_the_numbers_that_a_table_holds(results):
     )
     saved = results.trajectories["states"].sel(cell=worst["cell"], sample=worst["sample"])
     np.testing.assert_array_equal(again.trajectory["states"][0], saved)
-    assert [number for number, _ in results.by_cell("sample", cells=pd.Series([1], index=[9]))] == [1]
+    assert [number for number, _ in results.by_cell("sample", cells=pd.Series([1], index=[9]))] == [
+        1
+    ]
 
 
 @pytest.mark.parametrize(
@@ -314,8 +341,12 @@ def test_a_lane_that_is_none_is_refused(results, cell, sample, said):
 def test_results_are_fitted_and_reported(results, monkeypatch):
     """Into the tables, bounds and figures that the commands write."""
     monkeypatch.setattr(fits, "RESAMPLES", 2)  # the intervals are tested elsewhere
-    monkeypatch.setattr(watched, "replay_watched", lambda *_: iter(()))  # and so are the lanes shown
-    with pytest.raises(FolderError, match=r"^the study in memory has no bounds.csv: Results.fit\(\) makes"):
+    monkeypatch.setattr(
+        watched, "replay_watched", lambda *_: iter(())
+    )  # and so are the lanes shown
+    with pytest.raises(
+        FolderError, match=r"^the study in memory has no bounds.csv: Results.fit\(\) makes"
+    ):
         _ = results.bounds
     table = results.fit()
     assert {"model", "estimate"} <= set(table)
@@ -329,8 +360,12 @@ def test_results_are_fitted_and_reported(results, monkeypatch):
 
 def test_run_and_search_take_the_same_arguments():
     """By name, order and default, in Python; options of the command line too, but for parts of a run."""
-    run, search = (inspect.signature(each).parameters.values() for each in (jaxnet.run, jaxnet.search))
-    assert [(each.name, each.default) for each in run] == [(each.name, each.default) for each in search]
+    run, search = (
+        inspect.signature(each).parameters.values() for each in (jaxnet.run, jaxnet.search)
+    )
+    assert [(each.name, each.default) for each in run] == [
+        (each.name, each.default) for each in search
+    ]
     options = [[each.name for each in main.commands[name].params] for name in ("run", "search")]
     assert [name for name in options[0] if name not in ("strict", "shard")] == options[1]
 
@@ -341,7 +376,9 @@ def test_fits_and_replays_are_written_where_they_are_asked_for(tmp_path, monkeyp
     results = jaxnet.run(KEYS, tmp_path / "results", progress=False)
     before = sorted(results.path.rglob("*"))
     table, lane = results.fit(tmp_path / "out"), results.replay(1, 0, out=tmp_path / "out")
-    pd.testing.assert_frame_equal(table, pd.read_csv(tmp_path / "out" / "fit.csv")[table.columns.tolist()])
+    pd.testing.assert_frame_equal(
+        table, pd.read_csv(tmp_path / "out" / "fit.csv")[table.columns.tolist()]
+    )
     assert lane.path == tmp_path / "out" / "replays" / "cell-1-sample-0.zarr"
     assert (lane.path / "zarr.json").exists()
     assert sorted(results.path.rglob("*")) == before
@@ -351,7 +388,9 @@ def test_results_in_memory_are_reported_and_filmed_in_a_folder(tmp_path, monkeyp
     """Nothing that a user reads names a place in memory, and nothing is added there."""
     monkeypatch.setattr(fits, "RESAMPLES", 2)
     drawn = every.draw_figures  # the other figures are alike
-    monkeypatch.setattr(every, "draw_figures", lambda results, told=None: drawn(results, ("tails",)))
+    monkeypatch.setattr(
+        every, "draw_figures", lambda results, told=None: drawn(results, ("tails",))
+    )
     results = jaxnet.simulate(KEYS | {"save": {"trajectories": "none"}}, progress=False)
     before = len(MemoryFileSystem.store)
     page = results.report(tmp_path / "report")
@@ -417,7 +456,9 @@ def test_a_figure_without_data_says_what_gives_them(tmp_path):
         with pytest.raises(FolderError, match=re.escape(remedy)):
             getattr(bare.plot, name)()
     assert bare.plot.tails().axes
-    with pytest.raises(FolderError, match=r"y: must be one of failed, tail_mean, .* \(got unrecovered\)"):
+    with pytest.raises(
+        FolderError, match=r"y: must be one of failed, tail_mean, .* \(got unrecovered\)"
+    ):
         bare.plot.curve(y="unrecovered")
     recovering = jaxnet.simulate({**plain, "recovery": {"tau": 0.01}}, samples=3)
     assert recovering.plot.curve().axes[0].get_xlabel() == "lanes unrecovered [%]"

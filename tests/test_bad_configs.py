@@ -56,9 +56,21 @@ NUMBERS = [
     Bad("→metrics: [false_alarms, spread]", "metrics", "without a detector (got false_alarms)"),
     Bad("samples: {→until: {of: unrecovered}}", "samples.until.half_width", "required"),
     Bad("samples: {until: {→half_width: 0}}", "samples.until.half_width", "greater than 0 (got 0)"),
-    Bad("samples: {until: {half_width: 0.1, →at_mst: 9}}", "samples.until.at_mst", "did you mean 'at_most'?"),
-    Bad("samples: {until: {half_width: 0.1, →of: lost}}", "samples.until.of", "'unrecovered' (got \"lost\")"),
-    Bad("samples: {until: {half_width: 0.1, →confidence: 1}}", "samples.until.confidence", "less than 1"),
+    Bad(
+        "samples: {until: {half_width: 0.1, →at_mst: 9}}",
+        "samples.until.at_mst",
+        "did you mean 'at_most'?",
+    ),
+    Bad(
+        "samples: {until: {half_width: 0.1, →of: lost}}",
+        "samples.until.of",
+        "'unrecovered' (got \"lost\")",
+    ),
+    Bad(
+        "samples: {until: {half_width: 0.1, →confidence: 1}}",
+        "samples.until.confidence",
+        "less than 1",
+    ),
     Bad("samples: {until: {half_width: 0.1}, →untl: 1}", "samples.untl", "did you mean 'until'?"),
     Bad("samples: {→until: {half_width: 0.1}}", "samples.until", "give recovery: {tau: 0.01}"),
     Bad(
@@ -74,13 +86,21 @@ NUMBERS = [
         "search.over.attack.phase",
         "must be [a, b], each, {each: [a, b]}",
     ),
-    Bad("search: {over: {→attack.magnitude: each}}", "search.over.attack.magnitude", "give the bounds"),
+    Bad(
+        "search: {over: {→attack.magnitude: each}}",
+        "search.over.attack.magnitude",
+        "give the bounds",
+    ),
     Bad(
         "search: {over: {→attack.frequency: [4, 0.1]}}",
         "search.over.attack.frequency",
         "lower bound stands first",
     ),
-    Bad("search: {over: {→attack.frequenzy: [0, 1]}}", "attack.frequenzy", "did you mean 'frequency'?"),
+    Bad(
+        "search: {over: {→attack.frequenzy: [0, 1]}}",
+        "attack.frequenzy",
+        "did you mean 'frequency'?",
+    ),
     Bad(
         "search: {over: {→attack.vehicles: {choose: 20}}}",
         "attack.vehicles",
@@ -97,7 +117,11 @@ NUMBERS = [
         "search.maximise",
         "give recovery: {tau: 0.01}",
     ),
-    Bad("search: {over: {attack.phase: each}}\nsamples: 256\n→draws: sobol", "draws", "give draws: random"),
+    Bad(
+        "search: {over: {attack.phase: each}}\nsamples: 256\n→draws: sobol",
+        "draws",
+        "give draws: random",
+    ),
     Bad(
         "search: {over: {→attack.frequency: [0, 1]}}\nsweep: {attack.frequency: [1, 2]}",
         "search.over.attack.frequency",
@@ -126,7 +150,9 @@ NUMBERS = [
     Bad("→gain: 3", "gain", "must be a list (got 3)"),
     Bad("gain: {→vehicles: 3}", "gain.vehicles", "must be a list (got 3)"),
     Bad("→tick: {choice: [0.05, 0.1]}", "tick", "must be a number, not a distribution (got {"),
-    Bad("→vehicles: {choice: [12]}", "vehicles", "must be a whole number, not a distribution (got {"),
+    Bad(
+        "→vehicles: {choice: [12]}", "vehicles", "must be a whole number, not a distribution (got {"
+    ),
     Bad("gain: [1, →high, 3]", "gain.1", 'must be a number (got "high")'),
     Bad("gain:\n  - 1\n  - 3\n  - →.inf", "gain.2", "must be finite (got Infinity)"),
     Bad("initial: {→position: far}", "initial.position", 'must be a number (got "far")'),
@@ -138,7 +164,9 @@ KINDS = [
     Bad("law: {kind: rounds, →rounds: 0}", "law.rounds", "must be at least 1 (got 0)"),
     Bad("law: {kind: rounds, →round: 2}", "law.round", "did you mean 'rounds'?"),
     Bad("→law: round", "law.kind", "must be one of exact, linearised, local, rounds"),
-    Bad("→law: rounds\n→tick: 0", "law|tick", "rounds holds the jerk from tick to tick: give a tick"),
+    Bad(
+        "→law: rounds\n→tick: 0", "law|tick", "rounds holds the jerk from tick to tick: give a tick"
+    ),
     Bad("→engine: stacked\nlaw: rounds", "engine", "the stacked engine cannot hold a jerk"),
     Bad("→topology: sta", "topology|topology.kind", "did you mean 'star'?"),
     Bad(
@@ -161,7 +189,9 @@ KINDS = [
     ),
     Bad("topology: {→kind: [star]}", "topology.kind", '(got ["star"])'),
     Bad(
-        "topology: {→kind: true}", "topology.kind", "small_world, star, switching, or module:Class (got true)"
+        "topology: {→kind: true}",
+        "topology.kind",
+        "small_world, star, switching, or module:Class (got true)",
     ),
     Bad("topology: {→kind:}", "topology.kind", "(got null)"),
     Bad("topology: {kind: star, →navigator_weight: 0.1}", "topology.navigator_weight", "unknown"),
@@ -207,16 +237,40 @@ KINDS = [
     ),
     Bad("attack: {vehicles: [2, →5.0]}", "attack.vehicles.1", "must be a whole number (got 5.0)"),
     Bad("attack: {vehicles: [→true]}", "attack.vehicles.0", "must be a whole number (got true)"),
-    Bad("attack: {kind: envelope, →of: {}}", "attack.of|attack.of.kind", "must be one of bias, chirp, "),
-    Bad("attack: {kind: envelope, →of: 3}", "attack.of", "must be a mapping, or one of bias, chirp, "),
+    Bad(
+        "attack: {kind: envelope, →of: {}}",
+        "attack.of|attack.of.kind",
+        "must be one of bias, chirp, ",
+    ),
+    Bad(
+        "attack: {kind: envelope, →of: 3}",
+        "attack.of",
+        "must be a mapping, or one of bias, chirp, ",
+    ),
     Bad("→attack: envelope", "attack.of", "required"),
     Bad("attack: {kind: envelope, →of: bia}", "attack.of", "did you mean 'bias'?"),
-    Bad("topology: {kind: circulant, →offsets: [9223372036854775808, -4]}", "topology.offsets", "around 12"),
-    Bad("→topology: {navigator_weight: 1e-16}", "topology.navigator", "less than 1e-15 of the weights"),
+    Bad(
+        "topology: {kind: circulant, →offsets: [9223372036854775808, -4]}",
+        "topology.offsets",
+        "around 12",
+    ),
+    Bad(
+        "→topology: {navigator_weight: 1e-16}",
+        "topology.navigator",
+        "less than 1e-15 of the weights",
+    ),
     Bad("defence: {kind: w_msr, →F: 9223372036854775808}", "defence.F", "at most 10000"),
     Bad("defence: {kind: ms_norm, →F: 9223372036854775808}", "defence.F", "at most 10000"),
-    Bad("defence: {trusted: {→nearest: 9223372036854775808}}", "defence.trusted.nearest", "at most 10000"),
-    Bad("attack: {kind: envelope, of: {kind: bias, →directon: 1}}", "attack.of.directon", "'direction'?"),
+    Bad(
+        "defence: {trusted: {→nearest: 9223372036854775808}}",
+        "defence.trusted.nearest",
+        "at most 10000",
+    ),
+    Bad(
+        "attack: {kind: envelope, of: {kind: bias, →directon: 1}}",
+        "attack.of.directon",
+        "'direction'?",
+    ),
     Bad(
         "→defence: trim",
         "defence|defence.kind",
@@ -225,8 +279,14 @@ KINDS = [
     Bad("defence: {kind: none, →theta: 1}", "defence.theta", "unknown key"),
     Bad("defence: {→theta: -1}", "defence.theta", "must be at least 0 (got -1)"),
     Bad("defence: {→theta: 1.5}", "defence.theta", "must be a whole number (got 1.5)"),
-    Bad("defence: {→theta: {choice: [1, 2]}}", "defence.theta", "a whole number, not a distribution"),
-    Bad("engine: {→max_steps: {choice: [9]}}", "engine.max_steps", "a whole number, not a distribution"),
+    Bad(
+        "defence: {→theta: {choice: [1, 2]}}", "defence.theta", "a whole number, not a distribution"
+    ),
+    Bad(
+        "engine: {→max_steps: {choice: [9]}}",
+        "engine.max_steps",
+        "a whole number, not a distribution",
+    ),
     Bad("defence: {→theta: [1]}", "defence.theta", "must be a whole number (got [1])"),
     Bad("defence: {theta: {→1: -1}}", "defence.theta.1", "must be at least 0 (got -1)"),
     Bad("defence: {theta: {→one: 1}}", "defence.theta.one", 'must be a whole number (got "one")'),
@@ -236,22 +296,34 @@ KINDS = [
         "must be a whole number (got 1.5)",
     ),
     Bad("defence: {trusted: {→1: 2}}", "defence.trusted.1", "must be a list (got 2)"),
-    Bad("defence: {→trusted: [1]}", "defence.trusted", "must be none, {vehicle: [sources]}, {share: s} or"),
+    Bad(
+        "defence: {→trusted: [1]}",
+        "defence.trusted",
+        "must be none, {vehicle: [sources]}, {share: s} or",
+    ),
     Bad("defence: {→tolerance: -1e-9}", "defence.tolerance", "must be at least 0 (got -1e-09)"),
     Bad(
         "defence: {→isolated: coast}\n→tick: 0",
         "defence.isolated|tick",
         "coast: a vehicle keeps its drive from tick to tick: give a tick, or fail",
     ),
-    Bad("defence: {→isolated: stay}", "defence.isolated", "must be 'fail' or 'coast' (got \"stay\")"),
-    Bad("→engine: flt", "engine|engine.kind", 'exact, nonlinear, stacked, or module:Class (got "flt")'),
+    Bad(
+        "defence: {→isolated: stay}", "defence.isolated", "must be 'fail' or 'coast' (got \"stay\")"
+    ),
+    Bad(
+        "→engine: flt",
+        "engine|engine.kind",
+        'exact, nonlinear, stacked, or module:Class (got "flt")',
+    ),
     Bad("→engine: exat", "engine|engine.kind", "did you mean 'exact'?"),
     Bad("→engine: flat", "engine|engine.kind", "flat was renamed to exact"),
     Bad("attack: {→channel: navigator}", "attack.channel", "channel was renamed to links"),
     Bad("sweep: {→attack.channel: [auto]}", "sweep.attack.channel", "channel was renamed to links"),
     Bad("engine: {→kind: chassis}", "engine.kind", "chassis was renamed to nonlinear"),
     Bad("→engine: exact\ntick: 0", "engine", "the exact engine decides at ticks only: give a tick"),
-    Bad("engine: {→solver: tsit5}", "engine.solver", "'gauss', 'dopri5' or 'dopri8' (got \"tsit5\")"),
+    Bad(
+        "engine: {→solver: tsit5}", "engine.solver", "'gauss', 'dopri5' or 'dopri8' (got \"tsit5\")"
+    ),
     Bad("engine: {→rtol: 0}", "engine.rtol", "must be greater than 0 (got 0)"),
     Bad("engine: {→rtol: 1}", "engine.rtol", "must be less than 1 (got 1)"),
     Bad("engine: {→atol: 0.0}", "engine.atol", "must be greater than 0 (got 0.0)"),
@@ -276,23 +348,55 @@ DISTRIBUTIONS = [
     Bad("attack: {phase: {→normal: [0, -1]}}", "attack.phase.normal", "not negative (got [0, -1])"),
     Bad("attack: {phase: {→choice: []}}", "attack.phase.choice", "(got [])"),
     Bad(
-        "attack: {→magnitude: {uniform: [-1, 1]}}", "attack.magnitude", "at least 0, whatever is drawn (got {"
+        "attack: {→magnitude: {uniform: [-1, 1]}}",
+        "attack.magnitude",
+        "at least 0, whatever is drawn (got {",
     ),
-    Bad("attack: {→magnitude: {normal: [5, 1]}}", "attack.magnitude", "at least 0, whatever is drawn (got {"),
+    Bad(
+        "attack: {→magnitude: {normal: [5, 1]}}",
+        "attack.magnitude",
+        "at least 0, whatever is drawn (got {",
+    ),
     Bad("initial: {→speed: 0}", "initial.speed", "must be greater than 0 (got 0)"),
-    Bad("initial: {→speed: {uniform: [0, 1]}}", "initial.speed", "must be greater than 0, whatever is drawn"),
     Bad(
-        "initial: {→speed: {normal: [1, 0.1]}}", "initial.speed", "must be greater than 0, whatever is drawn"
+        "initial: {→speed: {uniform: [0, 1]}}",
+        "initial.speed",
+        "must be greater than 0, whatever is drawn",
     ),
-    Bad("initial: {→speed: {choice: [1, -1]}}", "initial.speed", "must be greater than 0, whatever is drawn"),
-    Bad("gain: [1, {→uniform: [4, 3]}, 3]", "gain.1.uniform", "lower bound stands first (got [4, 3])"),
-    Bad("gain: [1, 3, →{gaussian: [3, 1]}]", "gain.2", "{normal: [mean, sd]} or {choice: [...]} (got {"),
     Bad(
-        "topology: {→navigator_weight: {uniform: [0, 0.5]}}", "topology.navigator_weight", "than 0, whatever"
+        "initial: {→speed: {normal: [1, 0.1]}}",
+        "initial.speed",
+        "must be greater than 0, whatever is drawn",
     ),
-    Bad("topology: {→navigator_weight: {choice: [0.1, 2]}}", "topology.navigator_weight", "most 1, whatever"),
     Bad(
-        "topology: {→navigator_weight: {choice: [0.1, 1]}}", "topology.navigator_weight", "less than 1 where"
+        "initial: {→speed: {choice: [1, -1]}}",
+        "initial.speed",
+        "must be greater than 0, whatever is drawn",
+    ),
+    Bad(
+        "gain: [1, {→uniform: [4, 3]}, 3]",
+        "gain.1.uniform",
+        "lower bound stands first (got [4, 3])",
+    ),
+    Bad(
+        "gain: [1, 3, →{gaussian: [3, 1]}]",
+        "gain.2",
+        "{normal: [mean, sd]} or {choice: [...]} (got {",
+    ),
+    Bad(
+        "topology: {→navigator_weight: {uniform: [0, 0.5]}}",
+        "topology.navigator_weight",
+        "than 0, whatever",
+    ),
+    Bad(
+        "topology: {→navigator_weight: {choice: [0.1, 2]}}",
+        "topology.navigator_weight",
+        "most 1, whatever",
+    ),
+    Bad(
+        "topology: {→navigator_weight: {choice: [0.1, 1]}}",
+        "topology.navigator_weight",
+        "less than 1 where",
     ),
     Bad(
         "topology: {kind: edges, edges: [[1, 0, →{uniform: [0, 1]}]]}",
@@ -304,7 +408,11 @@ DISTRIBUTIONS = [
         "topology.edges.0.2",
         "must be at most 1e+09, whatever is drawn (got {",
     ),
-    Bad("defence: {→tolerance: {normal: [1, 0.1]}}", "defence.tolerance", "at least 0, whatever is drawn"),
+    Bad(
+        "defence: {→tolerance: {normal: [1, 0.1]}}",
+        "defence.tolerance",
+        "at least 0, whatever is drawn",
+    ),
     Bad("engine: {→rtol: {uniform: [1e-7, 1]}}", "engine.rtol", "less than 1, whatever is drawn"),
     Bad("engine: {→atol: {choice: [1e-9, 0]}}", "engine.atol", "greater than 0, whatever is drawn"),
 ]
@@ -393,7 +501,9 @@ GRAPHS = [
         "must be greater than 0 (got 0)",
     ),
     Bad("topology: {kind: edges, edges: [[1, 0, →.nan]]}", "topology.edges.0.2", "must be finite"),
-    Bad("topology: {kind: edges, edges: [[1, 0, →true]]}", "topology.edges.0.2", "must be a number"),
+    Bad(
+        "topology: {kind: edges, edges: [[1, 0, →true]]}", "topology.edges.0.2", "must be a number"
+    ),
     Bad("topology: {kind: edges, edges: [[→1.0, 0, 1]]}", "topology.edges.0.0", "must be a whole"),
     Bad("topology: {kind: edges, edges: [→[2, 1]]}", "topology.edges.0", "an entry is missing"),
     Bad("topology: {kind: edges, edges: [→[2, 1, 1, 1]]}", "topology.edges.0", "3 entries"),
@@ -448,7 +558,11 @@ GRAPHS = [
         "vehicles",
         "the graph has 2 vehicles (got 9)",
     ),
-    Bad("topology: {kind: file, path: a, content: {→a: b}}", "topology.content.a", "must be edges i,j,w"),
+    Bad(
+        "topology: {kind: file, path: a, content: {→a: b}}",
+        "topology.content.a",
+        "must be edges i,j,w",
+    ),
     Bad("attack: {→vehicles: [2, 8]}\ntopology: figure1", "attack.vehicles", "are 1 to 5 (got 8)"),
     Bad("→vehicles: 12\ntopology: figure1", "vehicles", "figure1 has 5 vehicles (got 12)"),
     Bad("attack: none\n→vehicles: 2", "vehicles", "at least 3 vehicles (got 2)"),
@@ -480,7 +594,11 @@ SCENARIOS = [
     Bad("attack: {→vehicles: [2, 13]}", "attack.vehicles", "vehicles are 1 to 12 (got 13)"),
     Bad("attack: {→vehicles: [0]}", "attack.vehicles", "vehicles are 1 to 12 (got 0)"),
     Bad("attack: {→vehicles: [2, 5, 2]}", "attack.vehicles", "twice (got [2, 5, 2])"),
-    Bad("vehicles: 9\nattack: {→vehicles: [2, 11]}", "attack.vehicles", "vehicles are 1 to 9 (got 11)"),
+    Bad(
+        "vehicles: 9\nattack: {→vehicles: [2, 11]}",
+        "attack.vehicles",
+        "vehicles are 1 to 9 (got 11)",
+    ),
     Bad("defence: {→trusted: {13: [1]}}", "defence.trusted", "vehicles are 1 to 12 (got 13)"),
     Bad("defence: {→trusted: {1: [2, 13]}}", "defence.trusted", "sources are 0 to 12 (got 13)"),
     Bad("defence: {→theta: {13: 1}}", "defence.theta", "vehicles are 1 to 12 (got 13)"),
@@ -506,10 +624,14 @@ SWEEPS = [
         "sweep.tick.linspace",
         "an entry is missing",
     ),
-    Bad("sweep: {tick: {linspace: [0.01, 0.1, →0]}}", "sweep.tick.linspace.2", "at least 1 (got 0)"),
+    Bad(
+        "sweep: {tick: {linspace: [0.01, 0.1, →0]}}", "sweep.tick.linspace.2", "at least 1 (got 0)"
+    ),
     Bad("sweep: {tick: {linspace: [0.01, 0.1, →2.5]}}", "sweep.tick.linspace.2", "must be a whole"),
     Bad("sweep: {tick: {linspace: [0, →.inf, 3]}}", "sweep.tick.linspace.1", "must be finite"),
-    Bad("sweep: {tick: {geomspace: [→0, 1, 3]}}", "sweep.tick.geomspace.0", "greater than 0 (got 0)"),
+    Bad(
+        "sweep: {tick: {geomspace: [→0, 1, 3]}}", "sweep.tick.geomspace.0", "greater than 0 (got 0)"
+    ),
     Bad("sweep: {tick: {geomspace: [1, →-1, 3]}}", "sweep.tick.geomspace.1", "(got -1)"),
     Bad("sweep: {→tick: {logspace: [1, 2, 3]}}", "sweep.tick", "{geomspace: [a, b, n]}"),
     Bad(
@@ -575,7 +697,11 @@ SWEEPS = [
         "sweep.attack.magnitude.uniform",
         "attack.magnitude is not a mapping",
     ),
-    Bad("sweep: {→defence.theta.3: [0, 1]}", "sweep.defence.theta.3", "defence.theta is not a mapping"),
+    Bad(
+        "sweep: {→defence.theta.3: [0, 1]}",
+        "sweep.defence.theta.3",
+        "defence.theta is not a mapping",
+    ),
     Bad(
         "sweep: {tick: [0.05, →{choice: [0.05, 0.1]}]}",
         "tick",
@@ -595,7 +721,11 @@ SWEEPS = [
         "topology.navigator_weight",
         "must be at most 1 (got 7), in cell 1",
     ),
-    Bad("attack: {→vehicles: [8]}\nsweep: {topology: [star, figure1]}", "attack.vehicles", "in cell 1 (top"),
+    Bad(
+        "attack: {→vehicles: [8]}\nsweep: {topology: [star, figure1]}",
+        "attack.vehicles",
+        "in cell 1 (top",
+    ),
     Bad("sweep: {gain: [[1, 3, 3], →[1, 0.1, 0.1]]}", "gain", "0.45+0.893j"),
     Bad(
         """
@@ -643,7 +773,9 @@ OVERRIDES = [
     Bad("", "tail", "must fit into horizon = 3", ("→horizon=3",)),
     Bad("", "attack.vehicles", "(got 13)", ("→attack.vehicles=[13]",)),
     Bad("", "attack.vehicles", "must be a list", ("→attack.vehicles.0=3",)),
-    Bad("attack: {vehicles: [2]}", "attack.vehicles.1", "entries 0 to 0", ("→attack.vehicles.1=3",)),
+    Bad(
+        "attack: {vehicles: [2]}", "attack.vehicles.1", "entries 0 to 0", ("→attack.vehicles.1=3",)
+    ),
     Bad("", "attack..magnitude", "KEY a dotted name", ("→attack..magnitude=3",)),
     Bad("", "attack.magnitude", "(got -2), in cell 1", ("→sweep.attack.magnitude=[1, -2]",)),
     Bad("", "sweep.attack.magnitude", "must be a list", ("→sweep.attack.magnitude=5",)),
@@ -707,11 +839,23 @@ FILES = [
     Bad("name: x\nattack: →!!python/object:os.system {kind: none}", "attack", "python/object"),
     Bad("name: x\nattack: →!mine {kind: none}", "attack", "!mine"),
     Bad("name: x\nsave: {errors: →!!bool yes}", "save.errors", "bool"),
-    Bad("name: x\ngain: " + "[" * 31 + "→[" + "]" * 32, "", "more than 32 mappings and lists inside"),
-    Bad("name: x\ngain: " + "[" * 31 + "→[" + "[" * 99_000, "", "more than 32 mappings and lists inside"),
+    Bad(
+        "name: x\ngain: " + "[" * 31 + "→[" + "]" * 32, "", "more than 32 mappings and lists inside"
+    ),
+    Bad(
+        "name: x\ngain: " + "[" * 31 + "→[" + "[" * 99_000,
+        "",
+        "more than 32 mappings and lists inside",
+    ),
     Bad("name: x\n" + "→" + "- " * 99_000, "", "not YAML"),
-    Bad('name: x\nattack: {label: →"a\\0b"}', "attack.label", "the character '\\x00' is not allowed"),
-    Bad('name: x\nattack: {label: →"\\ud800"}', "attack.label", "the character '\\ud800' is not allowed"),
+    Bad(
+        'name: x\nattack: {label: →"a\\0b"}', "attack.label", "the character '\\x00' is not allowed"
+    ),
+    Bad(
+        'name: x\nattack: {label: →"\\ud800"}',
+        "attack.label",
+        "the character '\\ud800' is not allowed",
+    ),
     Bad('name: x\n→"a\\nb": 1', "a\\nb", "unknown key"),
     Bad(f"name: x\n→seed: {'9' * 400}", "seed", "must be a whole number (got Infinity)"),
     Bad(f"name: x\n→seed: 0x{'f' * 400}", "seed", "must be a whole number (got Infinity)"),
@@ -720,7 +864,16 @@ FILES = [
 CORPUS = [
     *map(
         named,
-        NUMBERS + KINDS + DISTRIBUTIONS + UNKNOWN + SAVE + TIMES + GRAPHS + SCENARIOS + SWEEPS + OVERRIDES,
+        NUMBERS
+        + KINDS
+        + DISTRIBUTIONS
+        + UNKNOWN
+        + SAVE
+        + TIMES
+        + GRAPHS
+        + SCENARIOS
+        + SWEEPS
+        + OVERRIDES,
     ),
     *FILES,
 ]
@@ -984,12 +1137,53 @@ def test_a_script_gives_so_many_values(monkeypatch):
 
 
 WORDS = [
-    *("0", "-0.0", "-1", "1e309", "-1e308", ".inf", ".nan", "9223372036854775808", "9" * 400, "1e-320"),
-    *("null", "true", "''", "[]", "{}", "[[[]]]", "&a [*a]", "{uniform: [0, 1]}", "{each: 1}", "٣", '"\\0"'),
-    *("{<<: {a: 1}}", "{linspace: [0, 1, 3]}", "0x" + "f" * 99, "!!str 1", "{share: 0.5}", "{1: 2}", "none"),
-    *("[1, 0, 1]", "{random: 3}", "'\\ud800'", "\t", "star", "rotating", "{kind: file, path: /dev/null}"),
+    *(
+        "0",
+        "-0.0",
+        "-1",
+        "1e309",
+        "-1e308",
+        ".inf",
+        ".nan",
+        "9223372036854775808",
+        "9" * 400,
+        "1e-320",
+    ),
+    *(
+        "null",
+        "true",
+        "''",
+        "[]",
+        "{}",
+        "[[[]]]",
+        "&a [*a]",
+        "{uniform: [0, 1]}",
+        "{each: 1}",
+        "٣",
+        '"\\0"',
+    ),
+    *(
+        "{<<: {a: 1}}",
+        "{linspace: [0, 1, 3]}",
+        "0x" + "f" * 99,
+        "!!str 1",
+        "{share: 0.5}",
+        "{1: 2}",
+        "none",
+    ),
+    *(
+        "[1, 0, 1]",
+        "{random: 3}",
+        "'\\ud800'",
+        "\t",
+        "star",
+        "rotating",
+        "{kind: file, path: /dev/null}",
+    ),
 ]
-SEEDS = [path.read_text() for path in sorted((Path(__file__).parents[1] / "configs").glob("*.yaml"))]
+SEEDS = [
+    path.read_text() for path in sorted((Path(__file__).parents[1] / "configs").glob("*.yaml"))
+]
 
 
 def mutated(random: Random) -> str:
@@ -1128,7 +1322,9 @@ def test_what_only_just_holds_is_accepted(text: str, tmp_path: Path):
         ("", ["name=other"], "name", "other"),
     ],
 )
-def test_overrides_reach_into_kinds(text: str, overrides: list[str], key: str, value: Any, tmp_path: Path):
+def test_overrides_reach_into_kinds(
+    text: str, overrides: list[str], key: str, value: Any, tmp_path: Path
+):
     assert value_at(load(tmp_path, f"name: good\n{text}\n", *overrides), key) == value
 
 
@@ -1229,7 +1425,12 @@ def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
         (
             "sweep: {topology.navigator_weight: [{uniform: [0.1, 0.2]}], attack.phase.uniform: [[0, 1]]}",
             [],
-            [{"topology.navigator_weight": '{"uniform": [0.1, 0.2]}', "attack.phase.uniform": "[0, 1]"}],
+            [
+                {
+                    "topology.navigator_weight": '{"uniform": [0.1, 0.2]}',
+                    "attack.phase.uniform": "[0, 1]",
+                }
+            ],
         ),
         (
             "sweep: {attack.vehicles: [[2], [2, 5]]}",

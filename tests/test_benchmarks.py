@@ -81,6 +81,8 @@ def test_a_script_says_what_it_does(script):
     """Under `--help`, with its question or task first."""
     command = [sys.executable, BENCHMARKS / f"{script}.py", "--help"]
     path = os.pathsep.join(sys.path)
-    shown = subprocess.run(command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True)
+    shown = subprocess.run(
+        command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True
+    )
     assert shown.returncode == 0, shown.stderr
     assert "usage" in shown.stdout

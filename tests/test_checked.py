@@ -7,8 +7,12 @@ from jaxnet.statistics import recovery
 from jaxnet.view.figures import multiples
 
 WRONG = {
-    "shapes that differ": lambda: recovery.clopper_pearson(np.array([1, 2]), np.array([3, 4, 5]), 0.95),
-    "numbers of another type": lambda: recovery.clopper_pearson(np.array([1.5]), np.array([3]), 0.95),
+    "shapes that differ": lambda: recovery.clopper_pearson(
+        np.array([1, 2]), np.array([3, 4, 5]), 0.95
+    ),
+    "numbers of another type": lambda: recovery.clopper_pearson(
+        np.array([1.5]), np.array([3]), 0.95
+    ),
     "no array": lambda: recovery.clopper_pearson([1], [3], 0.95),
     "text": lambda: multiples.panels_across("7.16"),
 }

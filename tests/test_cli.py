@@ -73,7 +73,9 @@ def jaxnet_does(*words):
 def test_a_machine_that_cannot_is_told_in_a_line(config, tmp_path, before, command, after, says):
     """With status 2, and nothing else."""
     line = f"{before} {sys.executable} -m jaxnet {command} {config} {after}"
-    ended = subprocess.run(["sh", "-c", line], capture_output=True, text=True, cwd=tmp_path, check=False)
+    ended = subprocess.run(
+        ["sh", "-c", line], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
     assert ended.returncode == 2, ended.stderr
     (told,) = ended.stderr.splitlines()
     assert told.startswith(says)
@@ -124,7 +126,10 @@ def test_run_prints_its_table_and_what_it_wrote(finished):
 def swept(config):
     """Results of four cells, two of them with a label that has braces."""
     out = config.parent / "swept"
-    words = ["attack=bias", "sweep={topology: [star, cyclic], attack.magnitude: [0, {uniform: [1, 2]}]}"]
+    words = [
+        "attack=bias",
+        "sweep={topology: [star, cyclic], attack.magnitude: [0, {uniform: [1, 2]}]}",
+    ]
     done = jaxnet_does("run", config, *words, "--out", out)
     assert done.exit_code == 0, done.stderr
     return out
@@ -153,7 +158,9 @@ def test_a_key_is_put_across(swept):
     """In every format; what is written elsewhere than to a terminal has all rows."""
     key = next(iter(jaxnet.open(swept).study.cells[0].labels))
     for form in ("text", "csv", "markdown", "latex"):
-        done = jaxnet_does("show", swept, "--pivot", key, "--columns", "tail_mean", "--format", form, "--all")
+        done = jaxnet_does(
+            "show", swept, "--pivot", key, "--columns", "tail_mean", "--format", form, "--all"
+        )
         assert done.exit_code == 0, done.output
     assert "is not swept" in jaxnet_does("show", swept, "--pivot", "gain.0").output
 
@@ -170,7 +177,8 @@ def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
     assert [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())] == stamps
     Folder(out).write_manifest(finished=False)
     assert (
-        "wrote" in jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out).stderr
+        "wrote"
+        in jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out).stderr
     )
 
 
@@ -304,13 +312,23 @@ def test_init_writes_a_config_that_check_accepts(tmp_path, monkeypatch):
     done = jaxnet_does("init", "mine.yaml")
     assert (done.exit_code, done.stderr) == (0, "wrote mine.yaml\nnext: jaxnet check mine.yaml\n")
     assert (tmp_path / "mine.yaml").read_text().startswith("# jaxnet run mine.yaml\n")
-    assert jaxnet_does("check", "mine.yaml").stdout.startswith("mine: 3 cells × 100 samples = 300 lanes")
-    rest = {"name": "mine", "samples": 100, "recovery": {}, "sweep": {"attack.magnitude": [0.1, 1, 10]}}
+    assert jaxnet_does("check", "mine.yaml").stdout.startswith(
+        "mine: 3 cells × 100 samples = 300 lanes"
+    )
+    rest = {
+        "name": "mine",
+        "samples": 100,
+        "recovery": {},
+        "sweep": {"attack.magnitude": [0.1, 1, 10]},
+    }
     assert jaxnet.load("mine.yaml").config == jaxnet.load(rest).config
     again = jaxnet_does("init", "mine.yaml")
     assert (again.exit_code, again.stderr) == (2, "mine.yaml is there already: give another FILE\n")
     wrong = jaxnet_does("init", "my study.yaml")
-    assert (wrong.exit_code, wrong.stderr[:49]) == (2, "my study.yaml:3:1: name: must be a plain file nam")
+    assert (wrong.exit_code, wrong.stderr[:49]) == (
+        2,
+        "my study.yaml:3:1: name: must be a plain file nam",
+    )
     assert not (tmp_path / "my study.yaml").exists()
 
 
@@ -322,7 +340,10 @@ def test_two_results_are_compared(swept, tmp_path):
     assert table["mean [m]"].tolist() == [0] * 4
     names = {path.name for path in (swept.parent / "swept-swept").iterdir()}
     assert names >= {"compare.html", "differences.csv", "changed.csv", "failed.csv"}
-    assert "they are the same study" in jaxnet_does("compare", swept, swept, "--out", tmp_path / "x").stdout
+    assert (
+        "they are the same study"
+        in jaxnet_does("compare", swept, swept, "--out", tmp_path / "x").stdout
+    )
     assert (tmp_path / "x" / "compare.html").exists()
     assert jaxnet_does("compare", swept, tmp_path).exit_code == 2
 

@@ -106,11 +106,15 @@ def test_dask_starts_the_workers_that_the_page_asks_for(there, slurm, monkeypatc
             seen.update(script=cluster.job_script(), address=cluster.scheduler_address, jobs=jobs)
 
     monkeypatch.setattr(slurm, "scale", scale)
-    monkeypatch.setattr(jaxnet, "run", lambda study, out, cluster: seen.update(out=out, cluster=cluster))
+    monkeypatch.setattr(
+        jaxnet, "run", lambda study, out, cluster: seen.update(out=out, cluster=cluster)
+    )
     (there / "script.py").write_text(DASK)
     runpy.run_path("script.py")
     assert not seen, "what imports the script must start nothing"
-    with dask.config.set({"jobqueue.slurm.scheduler-options": {"dashboard_address": "127.0.0.1:0"}}):
+    with dask.config.set(
+        {"jobqueue.slurm.scheduler-options": {"dashboard_address": "127.0.0.1:0"}}
+    ):
         runpy.run_path("script.py", run_name="__main__")
 
     assert seen["cluster"] == seen["address"]

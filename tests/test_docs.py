@@ -59,7 +59,9 @@ class Reader:
         path = self.home / name
         path.parent.mkdir(exist_ok=True)
         if path.suffix == ".yaml":  # a second long, without an integrator
-            text += "".join(f"{key}: {value}\n" for key, value in SHORT.items() if f"\n{key}:" not in text)
+            text += "".join(
+                f"{key}: {value}\n" for key, value in SHORT.items() if f"\n{key}:" not in text
+            )
         path.write_text(small(text))
 
     def reads(self, page):
@@ -167,7 +169,8 @@ def test_what_the_tutorial_shows_works(reader):
 
 
 @pytest.mark.parametrize(
-    "name", ["api", "config", "gallery", "install", "performance", "results", "sensitivity", "validation"]
+    "name",
+    ["api", "config", "gallery", "install", "performance", "results", "sensitivity", "validation"],
 )
 def test_what_other_pages_show_can_be_done(name, reader, tmp_path):
     """Pages with code that no other test runs."""
@@ -212,10 +215,15 @@ def test_the_page_of_commands_names_each_with_all_it_takes():
         assert {option for param in options for option in param.opts if option[:2] == "--"} <= set(
             re.findall(r"`(--[\w-]+)", said)
         ), name
-        offered = [choice for param in command.params for choice in getattr(param.type, "choices", ())]
+        offered = [
+            choice for param in command.params for choice in getattr(param.type, "choices", ())
+        ]
         assert all(f"`{choice}`" in said or f" {choice}`" in said for choice in offered), name
     known = {
-        option for command in main.commands.values() for param in command.params for option in param.opts
+        option
+        for command in main.commands.values()
+        for param in command.params
+        for option in param.opts
     }
     assert set(re.findall(r"--[a-z][\w-]*", text)) <= {*known, "--help", "--version"}
 
@@ -227,7 +235,10 @@ def test_shells_complete_what_the_page_says():
     assert shells == ["bash", "zsh", "fish"]
     for shell in shells:
         script = CliRunner().invoke(
-            main, prog_name="jaxnet", env={"_JAXNET_COMPLETE": f"{shell}_source"}, catch_exceptions=False
+            main,
+            prog_name="jaxnet",
+            env={"_JAXNET_COMPLETE": f"{shell}_source"},
+            catch_exceptions=False,
         )
         assert f"_JAXNET_COMPLETE={shell}_complete" in script.output
     for words, offered in {
@@ -246,15 +257,32 @@ def test_the_tables_of_keys_are_current():
     page = (ROOT / "docs" / "config.md").read_text()
     assert runpy.run_path(str(ROOT / "docs" / "site" / "keys.py"))["current"](page) == page
     whole = json.loads(schema_text())
-    spelled = {"Uniform", "Normal", "DiscreteChoice", "Linspace", "Geomspace", "Samples", "WorstLanes"}
-    spelled |= {"DrawnVehicles", "Apiece", "Shared", "NearestSources", "ShareOfLinks", "ShareOfVehicles"}
+    spelled = {
+        "Uniform",
+        "Normal",
+        "DiscreteChoice",
+        "Linspace",
+        "Geomspace",
+        "Samples",
+        "WorstLanes",
+    }
+    spelled |= {
+        "DrawnVehicles",
+        "Apiece",
+        "Shared",
+        "NearestSources",
+        "ShareOfLinks",
+        "ShareOfVehicles",
+    }
     spelled |= {"ChosenVehicles", "ChangingVehicles", "EachIn", "Sequential", "VehicleGains"}
     models = [whole, *(model for name, model in whole["$defs"].items() if name not in spelled)]
     for model in models:
         for key, node in model.get("properties", {}).items():
             if key not in ("kind", "label"):
                 assert re.search(r"\w", node["description"])
-                assert re.search(rf"^\| `{key}` \|.*{re.escape(node['description'])} \|$", page, re.M), key
+                assert re.search(
+                    rf"^\| `{key}` \|.*{re.escape(node['description'])} \|$", page, re.M
+                ), key
 
 
 @pytest.fixture(scope="module")
@@ -269,20 +297,26 @@ def site(tmp_path_factory):
 
 def test_the_site_has_the_interface_and_asks_nothing_of_the_network(site):
     """All that jaxnet exports; scripts and styles from beside the page; fonts within the styles."""
-    assert set(re.findall(r"url\((?!data:)", (site / "site/katex/katex.min.css").read_text())) == set()
+    assert (
+        set(re.findall(r"url\((?!data:)", (site / "site/katex/katex.min.css").read_text())) == set()
+    )
     page = (site / "api.html").read_text()
     headings = re.findall(r'<h3 id="([\w.]+)" class="doc.*?</h3>', page, re.S)
     assert {f"jaxnet.{name}" for name in jaxnet.__all__} <= set(headings)
     for path in site.rglob("*.html"):
         assert (
-            re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"?(?:https?:)?//[^>]*>", path.read_text())
+            re.findall(
+                r"<(?:script|link|img)[^>]*(?:src|href)=\"?(?:https?:)?//[^>]*>", path.read_text()
+            )
             == []
         )
 
 
 def test_names_of_the_interface_can_be_imported_as_the_site_prints_them(site):
     """A heading of the page shows the whole path of its function or class."""
-    headings = re.findall(r'<h3 id="[\w.]+" class="doc.*?</h3>', (site / "api.html").read_text(), re.S)
+    headings = re.findall(
+        r'<h3 id="[\w.]+" class="doc.*?</h3>', (site / "api.html").read_text(), re.S
+    )
     shown = [re.search(r"[\w.]+", re.sub(r"<[^>]+>", "", heading))[0] for heading in headings]
     assert len(shown) > len(jaxnet.__all__)
     assert [name for name in shown if not name.startswith("jaxnet.")] == []
@@ -392,9 +426,13 @@ def test_paragraphs_and_lines_are_short(name):
 @pytest.mark.parametrize("name", READABLE)
 def test_headings_are_frequent(name):
     """At most 250 words under one heading; proofs are folded and do not count."""
-    text = re.sub(r"<details.*?</details>", "", (ROOT / "docs" / f"{name}.md").read_text(), flags=re.S)
+    text = re.sub(
+        r"<details.*?</details>", "", (ROOT / "docs" / f"{name}.md").read_text(), flags=re.S
+    )
     sections = re.split(r"^#+ .*$", text, flags=re.M)
-    assert [text for text in sections if sum(len(words.split()) for words in paragraphs(text)) > 250] == []
+    assert [
+        text for text in sections if sum(len(words.split()) for words in paragraphs(text)) > 250
+    ] == []
 
 
 def test_facts_that_code_cites_are_on_the_page():

@@ -68,7 +68,13 @@ def jaxnet_in(folder, *words, check=True, **options):
     """The command line, in that folder, as a process of its own."""
     command = [sys.executable, "-m", "jaxnet", *words]
     return subprocess.run(
-        command, cwd=folder, env=environment(), check=check, capture_output=True, text=True, **options
+        command,
+        cwd=folder,
+        env=environment(),
+        check=check,
+        capture_output=True,
+        text=True,
+        **options,
     )
 
 
@@ -124,7 +130,9 @@ def test_a_stranger_s_kinds_work_end_to_end(folder):
     assert "ultimate error per ā" in said
     assert "the same as the stored row" in said
     ours = jaxnet.open(folder / "results" / "nonlinear").lanes
-    np.testing.assert_allclose(ours["tail_mean"], lanes[lanes["sample"] < 6]["tail_mean"], atol=1e-5)
+    np.testing.assert_allclose(
+        ours["tail_mean"], lanes[lanes["sample"] < 6]["tail_mean"], atol=1e-5
+    )
 
     bounds = pd.read_csv(folder / "results" / "study" / "bounds.csv")
     assert bounds[bounds["defence"] == "Nearest"]["slope"].isna().all()
@@ -145,7 +153,9 @@ def test_the_page_s_script_runs(folder):
     )
     assert done.returncode == 0, done.stderr
     assert "peak_speed" in done.stdout
-    assert done.stdout.endswith("[1.0, 2.0]\n[8, 2]\n"), "the vehicle and the networks of the page's end"
+    assert done.stdout.endswith("[1.0, 2.0]\n[8, 2]\n"), (
+        "the vehicle and the networks of the page's end"
+    )
 
 
 def test_a_folder_never_mixes_two_versions_of_a_module(folder):
@@ -234,7 +244,13 @@ except jaxnet.FolderError as error:
 def test_a_class_typed_into_a_shell_is_told_from_what_it_was(tmp_path):
     """A folder is not taken up by another class of the same name."""
     done = subprocess.run(
-        [sys.executable], input=SHELL, capture_output=True, text=True, cwd=tmp_path, timeout=120, check=True
+        [sys.executable],
+        input=SHELL,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120,
+        check=True,
     )
     right, changed = done.stdout.splitlines()
     assert right == "True"
@@ -244,9 +260,13 @@ def test_a_class_typed_into_a_shell_is_told_from_what_it_was(tmp_path):
 def test_what_is_typed_into_a_shell_is_not_given_to_workers():
     """They could not import it, and would wait for ever."""
     modules = {"__main__": provenance.Provenance("", "0", None)}
-    work = types.SimpleNamespace(modules=modules, config=types.SimpleNamespace(scope=registry.Scope()))
+    work = types.SimpleNamespace(
+        modules=modules, config=types.SimpleNamespace(scope=registry.Scope())
+    )
     crew = cluster.Cluster(lambda: pytest.fail("workers were called"), None)
-    with pytest.raises(cluster.ClusterError, match="no worker can import __main__, which has no file"):
+    with pytest.raises(
+        cluster.ClusterError, match="no worker can import __main__, which has no file"
+    ):
         next(crew(work, [types.SimpleNamespace(number=1)], lambda _: None))
 
 
@@ -285,8 +305,16 @@ WRONG = {  # the module, the key that names its class `Bad`, and what is said
     "another family": ("class Bad(Defence): ...", "attack", "is not of the family AnyAttack"),
     "gives nothing": ("class Bad(Attack): ...", "attack", "Bad: an attack gives"),
     "raises": (DECIDE + "1 / 0", "defence", "ZeroDivisionError: division by zero"),
-    "wrong shape": (DECIDE + "last[0], memory", "defence", "Bad.decide: a decision is boolean or double"),
-    "wrong weights": (WEIGHTS + "return np.ones((2, 2))", "topology", "weights must be (6, 7) numbers"),
+    "wrong shape": (
+        DECIDE + "last[0], memory",
+        "defence",
+        "Bad.decide: a decision is boolean or double",
+    ),
+    "wrong weights": (
+        WEIGHTS + "return np.ones((2, 2))",
+        "topology",
+        "weights must be (6, 7) numbers",
+    ),
     "negative weights": (WEIGHTS + "return -np.ones((6, 7))", "topology", "none of them negative"),
     "graph raises": (WEIGHTS + "raise RuntimeError('no')", "topology", "RuntimeError: no"),
     "cut off": (WEIGHTS + "return np.eye(6, 7)[::-1]", "topology", "the navigator does not reach"),
@@ -300,7 +328,11 @@ WRONG = {  # the module, the key that names its class `Bad`, and what is said
         "attack",
         "which is over 1",
     ),
-    "shape of basis": (SIGNAL + "jnp.ones((4, 1))", "attack", "Bad.basis must have the shape (4, B, lanes"),
+    "shape of basis": (
+        SIGNAL + "jnp.ones((4, 1))",
+        "attack",
+        "Bad.basis must have the shape (4, B, lanes",
+    ),
 }
 
 
@@ -311,7 +343,9 @@ def test_what_is_wrong_with_a_kind_is_told(name, tmp_path, monkeypatch):
     module = f"bad_{name.replace(' ', '_')}"
     (tmp_path / f"{module}.py").write_text(HEAD + code + "\n")
     keys = {"attack": "{kind: bias, vehicles: [2]}", key: f"{{kind: '{module}:Bad'}}"}
-    keys["attack"] = keys["attack"].replace("}", ", vehicles: [2]}") if key == "attack" else keys["attack"]
+    keys["attack"] = (
+        keys["attack"].replace("}", ", vehicles: [2]}") if key == "attack" else keys["attack"]
+    )
     lines = ["name: bad", "vehicles: 6", "horizon: 1.0", "tail: 0.5", "engine: exact"]
     lines += [f"{one}: {value}" for one, value in keys.items()]
     (tmp_path / "study.yaml").write_text("\n".join(lines) + "\n")
@@ -529,7 +563,11 @@ def test_a_kind_that_breaks_its_contract_is_told_in_a_line(given, broken):
 NOT_LOADED = {  # what a module and its neighbour hold, and what is said after "cannot be imported: "
     "exits": (b"import sys\nsys.exit(0)", b"", "unloadable.py:2: SystemExit: 0"),
     "syntax": (b"\nclass Bad(:", b"", "unloadable.py:2: SyntaxError: invalid syntax"),
-    "null byte": (b"\x00", b"", "unloadable.py:1: SyntaxError: source code string cannot contain null bytes"),
+    "null byte": (
+        b"\x00",
+        b"",
+        "unloadable.py:1: SyntaxError: source code string cannot contain null bytes",
+    ),
     "encoding": (b"x = '\xff'", b"", "unloadable.py:1: SyntaxError: (unicode error)"),
     "neighbour": (b"import beside", b"\n\n)", "beside.py:3: SyntaxError: unmatched ')'"),
     "circle": (
@@ -537,7 +575,11 @@ NOT_LOADED = {  # what a module and its neighbour hold, and what is said after "
         b"from unloadable import two",
         "beside.py:1: ImportError: cannot import name 'two' from partially initialized module 'unloadable'",
     ),
-    "attribute": (b"import beside\nbeside.one", b"", "unloadable.py:2: AttributeError: module 'beside'"),
+    "attribute": (
+        b"import beside\nbeside.one",
+        b"",
+        "unloadable.py:2: AttributeError: module 'beside'",
+    ),
     "lines": (b"raise ValueError('one\\ntwo')", b"", "unloadable.py:1: ValueError: one"),
 }
 
@@ -565,7 +607,13 @@ def test_a_noise_that_errs_in_no_order_adds_nothing():
         def next_errors(self, last, time, interval, sources):
             return [errors + 0.5 for errors in last]
 
-    keys = {"vehicles": 3, "horizon": 0.1, "tail": 0.1, "attack": "none", "channel": {"noise": Nowhere()}}
+    keys = {
+        "vehicles": 3,
+        "horizon": 0.1,
+        "tail": 0.1,
+        "attack": "none",
+        "channel": {"noise": Nowhere()},
+    }
     scenario = jaxnet.load(keys).cells[0].scenario
     assert job(scenario, Keyed(0), [0]).inputs.lane.noise is None
 
@@ -573,7 +621,9 @@ def test_a_noise_that_errs_in_no_order_adds_nothing():
 def test_every_contract_can_be_read():
     """A class from outside is held to these annotations, and arguments have those of these tuples."""
     ours = (each for family in FAMILIES for each in base_of(family).__mro__)
-    methods = [one for each in ours if each.__module__.startswith("jaxnet.") for one in vars(each).values()]
+    methods = [
+        one for each in ours if each.__module__.startswith("jaxnet.") for one in vars(each).values()
+    ]
     read = [contract.hints_of(each) for each in methods if inspect.isfunction(each)]
     assert sum("return" in hints for hints in read) > 100
     assert all(map(contract.hints_of, (Seen, Messages, JudgedWords, Neighbourhood)))
@@ -585,7 +635,13 @@ def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
     code = f"jnp.where(around.gain[0] < 1.05, around.weights, {bad}), memory\n"
     (tmp_path / "odd_kinds.py").write_text(HEAD + DECIDE + code)
     monkeypatch.syspath_prepend(tmp_path)
-    keys = {"vehicles": 6, "horizon": 2.0, "tail": 1.0, "engine": "exact", "defence": "odd_kinds:Bad"}
+    keys = {
+        "vehicles": 6,
+        "horizon": 2.0,
+        "tail": 1.0,
+        "engine": "exact",
+        "defence": "odd_kinds:Bad",
+    }
     gain = [{"uniform": [0.9, 1.2]}, 3, 3]
     lanes = jaxnet.simulate({**keys, "gain": gain, "attack": {"vehicles": [2]}}, samples=40).lanes
     assert set(lanes["status"]) == {"ok", "disconnected"}
@@ -619,7 +675,11 @@ def test_a_strangers_detector_counts_alarms(folder, monkeypatch):
 def test_a_strangers_weights_are_the_ones_in_force(folder, monkeypatch):
     """Errors settle where the system with weights `1/n` of the n retained sources puts them."""
     monkeypatch.syspath_prepend(folder)
-    keys = {"vehicles": 7, "topology": {"kind": "lattice", "neighbours": 4}, "vehicle": "single_integrator"}
+    keys = {
+        "vehicles": 7,
+        "topology": {"kind": "lattice", "neighbours": 4},
+        "vehicle": "single_integrator",
+    }
     keys |= {"attack": {"kind": "bias", "vehicles": [3, 4], "magnitude": 8.0}, "engine": "exact"}
     keys |= {"horizon": 40.0, "output_step": 1.0, "save": {"trajectories": "all"}}
     keys |= {"defence": "my_weights:Equal"}
@@ -629,7 +689,9 @@ def test_a_strangers_weights_are_the_ones_in_force(folder, monkeypatch):
     W = (heard / 4)[:, 1:]
     settled = np.linalg.solve(np.eye(7) - W, W @ data["attack"].values)
     assert np.abs(settled).max() > 1.0
-    np.testing.assert_allclose(data["states"].values - data["navigator"].values, settled, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        data["states"].values - data["navigator"].values, settled, rtol=0, atol=1e-9
+    )
 
 
 def test_kinds_of_installed_packages_and_of_the_script_itself(tmp_path):
@@ -650,7 +712,14 @@ def test_kinds_of_installed_packages_and_of_the_script_itself(tmp_path):
     )
     (tmp_path / "script.py").write_text("".join(script))
     done = subprocess.run(
-        [sys.executable, "script.py"], cwd=tmp_path, env=environment(), capture_output=True, text=True
+        [sys.executable, "script.py"],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split("\n")[:2] == ["fading __main__:Nearest", "['__main__', 'their_kinds'] True"]
+    assert done.stdout.split("\n")[:2] == [
+        "fading __main__:Nearest",
+        "['__main__', 'their_kinds'] True",
+    ]

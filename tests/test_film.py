@@ -46,7 +46,9 @@ def test_a_film_shows_the_lane(results, cell):
     shown, lane = film(results, cell)
     tracking = results.errors["tracking"].values[cell, 0]
     np.testing.assert_allclose(shown.errors.mean(axis=1), tracking, rtol=1e-6)
-    np.testing.assert_allclose(np.cos(shown.heading), np.cos(lane["states"].values[:, :, 2]), atol=1e-12)
+    np.testing.assert_allclose(
+        np.cos(shown.heading), np.cos(lane["states"].values[:, :, 2]), atol=1e-12
+    )
     situation = situation_of(results.study.cells[cell].scenario)
     np.testing.assert_array_equal(shown.links.T, np.argwhere(dense(situation.graph)))
     retained, lied, dropped = (sum(map(len, ends)) for ends in zip(*links(shown), strict=True))
@@ -78,7 +80,9 @@ def test_a_stored_lane_is_not_simulated_again(results):
     assert stored_trajectory(results, 3, 1) is None
     lane, _ = trajectory_of(results, 3, 1)
     assert stored_trajectory(results, 3, 1) is not None
-    error = np.hypot(*np.moveaxis(lane["states"].values[..., :2] - lane["navigator"].values[:, None], -1, 0))
+    error = np.hypot(
+        *np.moveaxis(lane["states"].values[..., :2] - lane["navigator"].values[:, None], -1, 0)
+    )
     tracking = results.errors["tracking"].values[3, 1]
     np.testing.assert_allclose(error.mean(axis=1), tracking, rtol=1e-6)
 
@@ -110,8 +114,12 @@ def test_an_interrupt_leaves_no_torn_film(results, tmp_path):
 
     (tmp_path / "film.gif").write_text("before")
     with pytest.raises(KeyboardInterrupt):
-        animation.save_film(Folder(tmp_path), "film.gif", shown, results.study.cells[2], 0, interrupt)
-    assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [("film.gif", "before")]
+        animation.save_film(
+            Folder(tmp_path), "film.gif", shown, results.study.cells[2], 0, interrupt
+        )
+    assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [
+        ("film.gif", "before")
+    ]
 
 
 def test_without_ffmpeg_films_are_gifs(monkeypatch):
@@ -142,7 +150,12 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         wanted = (np.flatnonzero(sets[:, each.sample]) + 1).tolist()
         shown = film_of_sample(results, each.sample)
         page = trajectories.lane_data(results, each, 5)
-        assert shown.liars == page["attacked"] == attacked_vehicles(cell, each.arrays(results)) == wanted
+        assert (
+            shown.liars
+            == page["attacked"]
+            == attacked_vehicles(cell, each.arrays(results))
+            == wanted
+        )
         said = [(i, j) for i, j, false in page["links"] if false]
         assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.attacked]]
         assert {j for _, j in said} == set(wanted)

@@ -159,7 +159,12 @@ def test_paper_config_is_the_designs_example():
 # --- kinds and rooms -------------------------------------------------------------------------------
 
 # What all families share may look at types: it makes kinds, finds them and takes them apart.
-SHARED = {"jaxnet.kinds.kind", "jaxnet.kinds.registry", "jaxnet.kinds.family", "jaxnet.kinds.pytree"}
+SHARED = {
+    "jaxnet.kinds.kind",
+    "jaxnet.kinds.registry",
+    "jaxnet.kinds.family",
+    "jaxnet.kinds.pytree",
+}
 HOMES = {family: found.package for family, found in FAMILIES.items()}
 
 
@@ -198,7 +203,9 @@ def meant(node: ast.AST, names: dict[str, str], module: str) -> Any:
         found = getattr(importlib.import_module(home), attribute, None)
     except ImportError:
         return None
-    return found if isinstance(found, type) and issubclass(found, Kind) and found is not Kind else None
+    return (
+        found if isinstance(found, type) and issubclass(found, Kind) and found is not Kind else None
+    )
 
 
 def types_looked_at(tree: ast.AST) -> Iterator[ast.AST]:
@@ -220,7 +227,9 @@ def names_a_kind(node: ast.AST) -> bool:
         return False
     sides = [ast.unparse(each) for each in (node.left, *node.comparators)]
     called = any(
-        s.endswith((".kind", "['kind']", ".reference()")) for s in sides if not s.endswith("dtype.kind")
+        s.endswith((".kind", "['kind']", ".reference()"))
+        for s in sides
+        if not s.endswith("dtype.kind")
     )
     words = (word.value for word in ast.walk(node) if isinstance(word, ast.Constant))
     return called and any(isinstance(word, str) and word != "kind" for word in words)
@@ -232,7 +241,9 @@ def asked(source: str, module: str) -> list[str]:
     names, home, found = imported(tree), home_of(module), []
     for looked_at in types_looked_at(tree):
         for node in ast.walk(looked_at):
-            known = meant(node, names, module) if isinstance(node, ast.Name | ast.Attribute) else None
+            known = (
+                meant(node, names, module) if isinstance(node, ast.Name | ast.Attribute) else None
+            )
             if known is not None and home_of(known.__module__) != home:
                 found.append(f"{module}:{node.lineno}: {ast.unparse(node)}")
     for node in ast.walk(tree):
@@ -280,7 +291,11 @@ def test_asking_for_a_kinds_type_is_found(body, finds):
         from jaxnet.kinds.kind import Kind
     """)
     assert bool(asked(source + body, "jaxnet.view.figures.panels")) == finds
-    for pattern in (f"case Rotating(): {body}", f"case attacks.Attack(): {body}", "case {'kind': 'bias'}: 0"):
+    for pattern in (
+        f"case Rotating(): {body}",
+        f"case attacks.Attack(): {body}",
+        "case {'kind': 'bias'}: 0",
+    ):
         assert asked(f"{source}match one:\n    {pattern}", "jaxnet.view.figures.panels")
     at_home = "Graph" in body
     assert bool(asked(source + body, "jaxnet.kinds.attacks.bias")) == at_home
@@ -289,7 +304,9 @@ def test_asking_for_a_kinds_type_is_found(body, finds):
 def test_what_serves_large_fleets_alone_is_imported_in_one_place():
     """It can be left out without anybody else noticing."""
     module = "jaxnet.solvers.windowed"
-    found = [path.stem for path in MODULES if module in imported_modules(ast.parse(path.read_text()))]
+    found = [
+        path.stem for path in MODULES if module in imported_modules(ast.parse(path.read_text()))
+    ]
     assert len(found) == 1, found
 
 

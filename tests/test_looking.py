@@ -125,7 +125,11 @@ def test_looking_needs_no_code(results, tmp_path, monkeypatch):
     assert opened.errors["tracking"].shape == (4, 2, 5)
     assert opened.missing == [f"their_kinds:{name}" for name in ("Line", "Mine", "Rule", "speed")]
     attack = opened.study.cells[1].scenario.attack
-    assert (attack.reference(), attack.strength, attack.amplitude()) == ("their_kinds:Mine", 3.0, 10)
+    assert (attack.reference(), attack.strength, attack.amplitude()) == (
+        "their_kinds:Mine",
+        3.0,
+        10,
+    )
     assert yaml.safe_load(Path("study.yaml").read_text())["attack"]["kind"] == "their_kinds:Mine"
 
 
@@ -136,9 +140,14 @@ def test_what_needs_code_says_what_brings_it(results):
         assert line.startswith("the code of their_kinds:Line, their_kinds:Mine, their_kinds:Rule,")
         assert "--config FILE" in line
         assert "--trust" in line
-    assert one_line("figure", ".", "topologies").startswith("the code of their_kinds:Line is needed")
+    assert one_line("figure", ".", "topologies").startswith(
+        "the code of their_kinds:Line is needed"
+    )
     opened = jaxnet.open(".")
-    for ask in (opened.study.config.attack.describe, lambda: opened.study.config.topology.weights(3)):
+    for ask in (
+        opened.study.config.attack.describe,
+        lambda: opened.study.config.topology.weights(3),
+    ):
         with pytest.raises(jaxnet.KindError, match="is needed, and none is run because"):
             ask()
 
@@ -161,7 +170,9 @@ def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch)
     (home / "study.yaml").write_text(STUDY)
     again = said("replay", ".", "--cell", 1, "--sample", 1, "--config", home / "study.yaml")
     assert "the same as the stored row" in again
-    assert "there is no such config" in one_line("replay", ".", "--cell", 0, "--sample", 0, "--config", "no")
+    assert "there is no such config" in one_line(
+        "replay", ".", "--cell", 0, "--sample", 0, "--config", "no"
+    )
     assert jaxnet.open(".", config=home).missing == []
     registry.LOADED.clear()
     assert jaxnet.open(".").missing != []
@@ -172,7 +183,13 @@ def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch)
 
 @pytest.mark.parametrize(
     "named",
-    ["os:system", "their_kinds:Mine", "/their_kinds:Mine", "..their_kinds:Mine", "unittest.__main__:main"],
+    [
+        "os:system",
+        "their_kinds:Mine",
+        "/their_kinds:Mine",
+        "..their_kinds:Mine",
+        "unittest.__main__:main",
+    ],
 )
 def test_whatever_a_study_names_is_a_name(named, results):
     """Modules beside it, of Python, at a path: shown, not imported, also where nothing is said of them."""
@@ -218,12 +235,21 @@ def test_a_manifest_is_told(change, wrong, results):
 
 def test_a_study_that_was_edited_is_told(tmp_path):
     """Its rows are those of another study, and bounds that hold for it do not hold for them."""
-    config = {"name": "x", "samples": 2, "horizon": 0.4, "output_step": 0.1, "tail": 0.2, "engine": "exact"}
+    config = {
+        "name": "x",
+        "samples": 2,
+        "horizon": 0.4,
+        "output_step": 0.1,
+        "tail": 0.2,
+        "engine": "exact",
+    }
     made = jaxnet.run(config, tmp_path / "x", progress=False)
     file = tmp_path / "x" / "study.yaml"
     file.write_text(file.read_text().replace("horizon: 0.4", "horizon: 0.5"))
     told = one_line("fit", made.path)
-    assert told.endswith("study.yaml is not the study whose rows the folder holds: it was edited since")
+    assert told.endswith(
+        "study.yaml is not the study whose rows the folder holds: it was edited since"
+    )
 
 
 @pytest.mark.parametrize("content", ["", "one,two\n1,2\n", None])
@@ -254,10 +280,15 @@ def test_a_manifest_that_is_too_deep_is_told(results):
 
 def test_a_tag_in_a_study_is_told(results):
     """None of them makes an object."""
-    text = Path("study.yaml").read_text().replace("seed: 0", "seed: !!python/object/apply:os.getcwd []")
+    text = (
+        Path("study.yaml")
+        .read_text()
+        .replace("seed: 0", "seed: !!python/object/apply:os.getcwd []")
+    )
     Path("study.yaml").write_text(text)
-    assert "the tag tag:yaml.org,2002:python/object/apply:os.getcwd has no meaning here" in one_line(
-        "show", "."
+    assert (
+        "the tag tag:yaml.org,2002:python/object/apply:os.getcwd has no meaning here"
+        in one_line("show", ".")
     )
 
 
@@ -300,11 +331,20 @@ def test_a_store_of_version_2_is_not_read(results, made):
     store.mkdir()
     (store / ".zgroup").write_text('{"zarr_format": 2}')
     (store / "time").mkdir()
-    pickled = {"zarr_format": 2, "shape": [1], "chunks": [1], "dtype": "|O", "fill_value": None, "order": "C"}
+    pickled = {
+        "zarr_format": 2,
+        "shape": [1],
+        "chunks": [1],
+        "dtype": "|O",
+        "fill_value": None,
+        "order": "C",
+    }
     pickled |= {"compressor": None, "filters": [{"id": "pickle", "protocol": 5}]}
     (store / "time" / ".zarray").write_text(json.dumps(pickled))
     (store / "time" / "0").write_bytes(pickle.dumps([Bomb(made.parent / "marker")]))
-    assert "errors.zarr is no store of ours: it has no zarr.json" in one_line("export", ".", "--mat")
+    assert "errors.zarr is no store of ours: it has no zarr.json" in one_line(
+        "export", ".", "--mat"
+    )
     assert "errors.zarr is no store of ours" in one_line("figure", ".", "bands")
 
 
@@ -352,8 +392,12 @@ def test_metadata_of_rows_run_nothing(made, results):
     bomb = pickle.dumps(Bomb(made.parent / "marker"))
     kind = {"ARROW:extension:name": "arrow.py_extension_type", "ARROW:extension:metadata": bomb}
     table = pq.read_table("lanes/00000.parquet")
-    fields = [field.with_metadata(kind) if field.name == "steps" else field for field in table.schema]
-    strange = {"pandas": '{"index_columns": ["cell"], "columns": [{"name": "x"}], "column_indexes": []}'}
+    fields = [
+        field.with_metadata(kind) if field.name == "steps" else field for field in table.schema
+    ]
+    strange = {
+        "pandas": '{"index_columns": ["cell"], "columns": [{"name": "x"}], "column_indexes": []}'
+    }
     schema = pa.schema(fields, metadata={**(table.schema.metadata or {}), **strange})
     pq.write_table(pa.table(table.columns, schema=schema), "lanes/00000.parquet")
     assert list(jaxnet.open(".").lanes.columns[:3]) == ["cell", "sample", "defence"]
@@ -368,7 +412,10 @@ def test_nothing_of_results_becomes_html(results, tmp_path, monkeypatch):
 
     study = yaml.safe_load(Path("study.yaml").read_text())
     study["attack"] |= {"label": HTML, "kind": HTML + ":x"}
-    study["sweep"]["defence"] = [{"kind": "none", "label": HTML}, {"kind": "none", "label": HTML + "2"}]
+    study["sweep"]["defence"] = [
+        {"kind": "none", "label": HTML},
+        {"kind": "none", "label": HTML + "2"},
+    ]
     Path("study.yaml").write_text(yaml.dump(study))
     manifest = json.loads(Path("manifest.json").read_text())
     manifest |= {"versions": {**manifest["versions"], HTML: HTML}, "device": HTML, "seed": 0}

@@ -17,7 +17,9 @@ NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 ROUNDED = 2e-3  # numbers are shown with three decimals, and the tests compile otherwise than users
 MOST_BYTES = 300_000
-OPTIMISED = "worst_case"  # simulates 20,000 lanes: less time to compile a little better than to wait for
+OPTIMISED = (
+    "worst_case"  # simulates 20,000 lanes: less time to compile a little better than to wait for
+)
 STARTUP = """
 from jaxnet.statistics import fits
 fits.RESAMPLES = 2  # the intervals are tested elsewhere
@@ -50,7 +52,9 @@ def as_a_user_has_it(stored, tmp_path, monkeypatch):
 def texts(cell):
     """Return the text of a cell's outputs, one for each output."""
     outputs = cell.get("outputs", [])
-    return [output["text"] if "text" in output else output["data"]["text/plain"] for output in outputs]
+    return [
+        output["text"] if "text" in output else output["data"]["text/plain"] for output in outputs
+    ]
 
 
 def numbers(text):
@@ -73,7 +77,9 @@ def test_a_notebook_runs_and_shows_what_it_stores(stored, as_a_user_has_it):
         before, now = texts(cell), texts(again)
         assert list(map(words, now)) == list(map(words, before)), cell.source
         for shown, text in zip(now, before, strict=True):
-            assert numbers(shown) == pytest.approx(numbers(text), abs=ROUNDED, rel=ROUNDED), cell.source
+            assert numbers(shown) == pytest.approx(numbers(text), abs=ROUNDED, rel=ROUNDED), (
+                cell.source
+            )
 
 
 def test_a_notebook_is_short_and_stored_with_its_outputs(stored):

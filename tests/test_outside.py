@@ -61,7 +61,9 @@ def measured(study):
 
 def test_two_folders_may_each_have_a_module_of_one_name(tmp_path):
     """Each study simulates its own class, stores its own file's name, and has a hash of its own."""
-    one, two = (folder_with(tmp_path / name, factor) for name, factor in (("one", 1.0), ("two", 2.0)))
+    one, two = (
+        folder_with(tmp_path / name, factor) for name, factor in (("one", 1.0), ("two", 2.0))
+    )
     studies = [jaxnet.load(folder / "study.yaml") for folder in (one, two)]
     assert [study.config.attack.factor() for study in studies] == [1.0, 2.0]
     results = [jaxnet.simulate(study, progress=False) for study in studies]
@@ -73,7 +75,9 @@ def test_two_folders_may_each_have_a_module_of_one_name(tmp_path):
             name: str(folder / f"{name}.py") for name in names
         }
     assert results[0].manifest["hash"] != results[1].manifest["hash"]
-    assert results[0].study.config.attack.factor() == 1.0, "found again by its files, though loaded first"
+    assert results[0].study.config.attack.factor() == 1.0, (
+        "found again by its files, though loaded first"
+    )
     changed = jaxnet.load(studies[0], {"attack.magnitude": 3.0})
     assert changed.config.attack.factor() == 1.0
     assert not {"own_kinds", "helper", "late"} & set(sys.modules)
@@ -93,7 +97,9 @@ def test_a_module_that_a_notebook_edits_is_a_new_one(tmp_path):
         assert measured(after) == [5.0], module
         assert measured(before) == [1.0], module
         (folder / f"{module}.py").write_text(text)
-        assert type(jaxnet.load(folder / "study.yaml").config.attack) is type(before.config.attack), module
+        assert type(jaxnet.load(folder / "study.yaml").config.attack) is type(
+            before.config.attack
+        ), module
 
 
 SENT = """
@@ -133,15 +139,15 @@ def test_a_class_handed_over_is_refused_once_its_file_has_changed(tmp_path, monk
     """Its rows would be told to be of the new file; imported again, it is taken."""
     monkeypatch.syspath_prepend(tmp_path)
     file = tmp_path / "handed_kinds.py"
-    text = (
-        "from jaxnet.kinds.attacks.bias import Bias\n\n\nclass Handed(Bias):\n    number = lambda self: 1\n"
-    )
+    text = "from jaxnet.kinds.attacks.bias import Bias\n\n\nclass Handed(Bias):\n    number = lambda self: 1\n"
     file.write_text(text)
     import handed_kinds  # pyright: ignore[reportMissingImports]
 
     keys = {"vehicles": 3, "attack": handed_kinds.Handed(vehicles=[2])}
     assert jaxnet.load(keys).config.attack.reference() == "handed_kinds:Handed"
-    file.write_text(text.replace("1", "2 + 20"))  # longer, or Python would take what it has compiled
+    file.write_text(
+        text.replace("1", "2 + 20")
+    )  # longer, or Python would take what it has compiled
     with pytest.raises(
         KindError, match=r"handed_kinds:Handed was changed since it was imported .*: import it"
     ):
@@ -155,9 +161,13 @@ def test_a_class_handed_over_is_refused_once_its_file_has_changed(tmp_path, monk
 
 def test_two_modules_of_one_name_in_one_study_are_refused(tmp_path):
     """A manifest tells modules by their names."""
-    folders = [folder_with(tmp_path / name, factor) for name, factor in (("one", 1.0), ("two", 2.0))]
+    folders = [
+        folder_with(tmp_path / name, factor) for name, factor in (("one", 1.0), ("two", 2.0))
+    ]
     first, second = (jaxnet.load(folder / "study.yaml").config.attack for folder in folders)
-    with pytest.raises(KindError, match="two classes are called own_kinds:Mine: rename one of them"):
+    with pytest.raises(
+        KindError, match="two classes are called own_kinds:Mine: rename one of them"
+    ):
         jaxnet.load({"sweep": {"attack": [first, second]}, "vehicles": 3})
 
 
@@ -181,7 +191,14 @@ def test_files_beside_a_config_shadow_no_library(tmp_path):
     import pandas as pd
 
     (folder / "own_kinds.py").write_text("import pandas as pd\n" + KINDS)
-    command = [sys.executable, "-c", LOOKS, str(folder / "study.yaml"), str(tmp_path / "out"), *LIBRARIES]
+    command = [
+        sys.executable,
+        "-c",
+        LOOKS,
+        str(folder / "study.yaml"),
+        str(tmp_path / "out"),
+        *LIBRARIES,
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.splitlines()[-1] == "[]"
     assert not marker.exists()

@@ -25,7 +25,9 @@ def test_no_lane_is_over_a_bound_that_holds_for_it():
 def test_a_bound_that_does_not_hold_is_told(monkeypatch):
     """With limits of half the size."""
     whole = stress.limits_of
-    monkeypatch.setattr(stress, "limits_of", lambda *given: {b: x / 2 for b, x in whole(*given).items()})
+    monkeypatch.setattr(
+        stress, "limits_of", lambda *given: {b: x / 2 for b, x in whole(*given).items()}
+    )
     (cell,) = jaxnet.load(stress.keys(np.random.default_rng(0))).cells
     found, _ = stress.check(cell.scenario, 0)
     assert found["peak_gain"].violations > 0
@@ -36,7 +38,9 @@ def test_cells_share_two_programs():
     rng = np.random.default_rng(0)
     scenarios = [jaxnet.load(stress.keys(rng)).cells[0].scenario for _ in range(20)]
     networks = [job(scenario, Keyed(0), [0]).network for scenario in scenarios]
-    assert {network.hearing.sources.shape for network in networks} == {(stress.HEARD, stress.VEHICLES)}
+    assert {network.hearing.sources.shape for network in networks} == {
+        (stress.HEARD, stress.VEHICLES)
+    }
     trimming = [network.shared for network in networks if network.shared is not None]
     assert 0 < len(trimming) < 20
     assert {len(shared.references) for shared in trimming} == {stress.HEARD}

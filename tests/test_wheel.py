@@ -27,11 +27,15 @@ def test_a_wheel_runs_outside_the_checkout(tmp_path):
     with zipfile.ZipFile(wheel) as packed:
         names = packed.namelist()
         packed.extractall(tmp_path / "installed")
-    files = {path.relative_to(ROOT).as_posix() for path in (ROOT / "jaxnet").rglob("*") if path.is_file()}
+    files = {
+        path.relative_to(ROOT).as_posix() for path in (ROOT / "jaxnet").rglob("*") if path.is_file()
+    }
     files = {name for name in files if "__pycache__" not in name}
     assert files == {name for name in names if name.startswith("jaxnet/")}
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "installed")}
     run = [sys.executable, "-P", "-c", PROGRAM, str(tmp_path / "installed")]
-    told = subprocess.run(run, check=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    told = subprocess.run(
+        run, check=True, cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
     assert told.stdout.split()[0] == "1"
     assert "report.html" in told.stdout

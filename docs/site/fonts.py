@@ -9,13 +9,17 @@ from mkdocs.structure.files import File
 
 KATEX = Path(__file__).parent / "katex"
 SHEET = "site/katex/katex.min.css"
-FONT = re.compile(r'url\((fonts/[\w-]+\.woff2)\) format\("woff2"\)(?:,url\([^)]*\) format\("\w+"\))*')
+FONT = re.compile(
+    r'url\((fonts/[\w-]+\.woff2)\) format\("woff2"\)(?:,url\([^)]*\) format\("\w+"\))*'
+)
 
 
 def on_files(files: Any, config: Any) -> Any:
     """Replace the style sheet by one that has its fonts inside."""
     files.remove(files.get_file_from_path(SHEET))
-    files.append(File.generated(config, SHEET, content=with_fonts((KATEX / "katex.min.css").read_text())))
+    files.append(
+        File.generated(config, SHEET, content=with_fonts((KATEX / "katex.min.css").read_text()))
+    )
     return files
 
 

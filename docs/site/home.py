@@ -13,7 +13,9 @@ def on_files(files: Any, config: Any) -> Any:
     """Add them to the files of the site."""
     home = re.sub(r"\bdocs/(?=[\w/-]+\.(?:md|png|ipynb))", "", (ROOT / "README.md").read_text())
     files.append(File.generated(config, "index.md", content=home))
-    files.append(File.generated(config, "changelog.md", content=(ROOT / "CHANGELOG.md").read_text()))
+    files.append(
+        File.generated(config, "changelog.md", content=(ROOT / "CHANGELOG.md").read_text())
+    )
     for name in ("LICENSE", "CITATION.cff"):
         files.append(File.generated(config, name, content=(ROOT / name).read_text()))
     return files

@@ -15,7 +15,12 @@ from jaxnet.kinds.kind import Kind
 PAGE = Path(__file__).parents[1] / "config.md"
 MARK = "<!-- From here on written by docs/site/keys.py -->\n"
 HEAD = "| key | takes | default | what it is |\n|---|---|---|---|\n"
-LIMITS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "< {}", "maximum": "≤ {}"}
+LIMITS = {
+    "exclusiveMinimum": "> {}",
+    "minimum": "≥ {}",
+    "exclusiveMaximum": "< {}",
+    "maximum": "≤ {}",
+}
 LIMITS["multipleOf"] = "a multiple of {}"
 WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
 DRAWN = ("Uniform", "Normal", "DiscreteChoice")
@@ -43,7 +48,10 @@ def current(page: str) -> str:
     parts += [section(key, each, each["properties"]) for key, each in inner.items()]
     parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"])]
     metrics = (registry.find("metrics", name) for name in registry.kind_names("metrics"))
-    parts += ["## metrics\n", *(f"`{each.name}` [{each.unit}]: {each.words}.\n" for each in metrics)]
+    parts += [
+        "## metrics\n",
+        *(f"`{each.name}` [{each.unit}]: {each.words}.\n" for each in metrics),
+    ]
     return "\n".join([prose + mark, *parts])
 
 
@@ -54,7 +62,9 @@ def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
     for base in dict.fromkeys(base for kind in kinds.values() for base in kind.__mro__[1:]):
         if keys := own(base):
             having = [name for name, kind in kinds.items() if issubclass(kind, base)]
-            yield section(titled(having, list(kinds)), known[kinds[having[0]].__name__], keys, level=3)
+            yield section(
+                titled(having, list(kinds)), known[kinds[having[0]].__name__], keys, level=3
+            )
     for name, kind in kinds.items():
         words = inspect.cleandoc(kind.__doc__ or "")
         if promise := getattr(kind, "guarantee", ""):
@@ -94,19 +104,28 @@ def section(title: str, model: Any, keys: Iterable[str], level: int = 2, words: 
     rows = [row(key, model["properties"][key], key in required) for key in keys]
     rows.sort(key=lambda cells: cells[2] != "required")
     table = HEAD + "".join(f"| {' | '.join(cells)} |\n" for cells in rows) if rows else ""
-    return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), table.rstrip()])) + "\n"
+    return (
+        "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), table.rstrip()])) + "\n"
+    )
 
 
 def row(key: str, node: Any, required: bool) -> list[str]:
     """Cells of a key: what it takes, its default, its meaning with its unit in brackets."""
     given = node.get("default")
     default = "its own" if "$ref" in node and isinstance(given, dict) else f"`{plain(given)}`"
-    return [f"`{key}`", takes(node), "required" if required else default, node.get("description", "")]
+    return [
+        f"`{key}`",
+        takes(node),
+        "required" if required else default,
+        node.get("description", ""),
+    ]
 
 
 def takes(node: Any) -> str:
     """What values a part of the schema allows, in words."""
-    limits = ", ".join(each.format(plain(node[name])) for name, each in LIMITS.items() if name in node)
+    limits = ", ".join(
+        each.format(plain(node[name])) for name, each in LIMITS.items() if name in node
+    )
     return f"{allowed(node)} {limits}".rstrip()
 
 
@@ -138,7 +157,9 @@ REFERENCES = {
     "DrawnVehicles": "{random: n}",
     "ChangingVehicles": "[{at: […], sets: […]}](#other-vehicles-from-given-times-on)",
     "EachOrder": "[one for each order](#a-magnitude-for-each-order)",
-    **dict.fromkeys(("Apiece", "Shared", "Listed"), "[one for each](#one-for-each-attacked-vehicle)"),
+    **dict.fromkeys(
+        ("Apiece", "Shared", "Listed"), "[one for each](#one-for-each-attacked-vehicle)"
+    ),
     "NearestSources": "{nearest: n}",
     "Samples": "{samples: […]}",
     "ShareOfLinks": "{share: s, seed: n}",

@@ -17,7 +17,9 @@ def on_files(files: Any, config: Any) -> Any:
     for notebook in [file for file in files if file.src_uri.endswith(".ipynb")]:
         page = PurePosixPath(notebook.src_uri).with_suffix(".md")
         markdown, images = as_markdown(notebook.content_string, notebook.name)
-        files.append(File.generated(config, str(page), content=with_download(markdown, notebook.name)))
+        files.append(
+            File.generated(config, str(page), content=with_download(markdown, notebook.name))
+        )
         for name, content in images.items():
             files.append(File.generated(config, str(page.parent / name), content=content))
     return files

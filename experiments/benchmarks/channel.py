@@ -15,7 +15,13 @@ from typing import Any
 import jaxnet
 from jaxnet.runs.cache import enable
 
-BASE = {"engine": "exact", "attack": "rotating", "defence": "trusted_trim", "horizon": 20.0, "tail": 5.0}
+BASE = {
+    "engine": "exact",
+    "attack": "rotating",
+    "defence": "trusted_trim",
+    "horizon": 20.0,
+    "tail": 5.0,
+}
 BURSTS = {"kind": "gilbert_elliott", "fail": 0.05, "recover": 0.25}
 SCATTERED = {"kind": "bernoulli", "probability": 0.1}
 CHANNELS: dict[str, dict[str, Any]] = {
@@ -31,7 +37,9 @@ CHANNELS: dict[str, dict[str, Any]] = {
 
 def main() -> None:
     """Print a line for each channel."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--lanes", type=int, default=4096)
     parser.add_argument("--runs", type=int, default=5)
     options = parser.parse_args()

@@ -50,7 +50,9 @@ def main(lanes: int, rounds: int, defence: str) -> None:
         times: dict[str, list[tuple[float, float]]] = {name: [] for name in WAYS}
         for _ in range(rounds):
             for name, way in WAYS.items():
-                times[name].append(timed_there(config) if way == ("--cluster",) else timed(config, way))
+                times[name].append(
+                    timed_there(config) if way == ("--cluster",) else timed(config, way)
+                )
     print(f"{'':26}{'least [s]':>10}{'median [s]':>12}{'lanes/s':>10}{'after the first':>17}")
     seconds, rates = {}, {}
     for name, seen in times.items():
@@ -62,7 +64,9 @@ def main(lanes: int, rounds: int, defence: str) -> None:
     print(f"\ntwo workers over one: {seconds[one] / seconds[two]:.2f} × as fast,", end=" ")
     print(f"{rates[two] / rates[one]:.2f} × after the first shard")
     for way, what in ((two, "two workers"), (there, "two that run already")):
-        print(f"{what} take {seconds[way] / seconds[process]:.2f} × the time of one process,", end=" ")
+        print(
+            f"{what} take {seconds[way] / seconds[process]:.2f} × the time of one process,", end=" "
+        )
         print(f"{rates[process] / rates[way]:.2f} × after the first shard")
 
 
@@ -75,9 +79,21 @@ def timed_there(config: Path) -> tuple[float, float]:
 def timed(config: Path, way: tuple[str, ...], *overrides: str) -> tuple[float, float]:
     """Wall seconds of a command, and lanes per second after its first shard."""
     out = config.with_name("out")
-    command = [sys.executable, "-m", "jaxnet", "run", str(config), *overrides, "--out", str(out), *way]
+    command = [
+        sys.executable,
+        "-m",
+        "jaxnet",
+        "run",
+        str(config),
+        *overrides,
+        "--out",
+        str(out),
+        *way,
+    ]
     began, seen = time.monotonic(), list[float]()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
     while process.poll() is None:
         there = len(list(out.glob("lanes/[0-9]*.parquet")))
         seen += [time.monotonic()] * (there - len(seen))

@@ -18,8 +18,12 @@ MOST_GROWTH = 1.2  # times, for ten times the lanes
 
 def main() -> None:
     """A line for each number of lanes, and their ratio."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--lanes", type=int, nargs=2, default=[10_000, 100_000], metavar=("FEW", "MANY"))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument(
+        "--lanes", type=int, nargs=2, default=[10_000, 100_000], metavar=("FEW", "MANY")
+    )
     peaks = [measured(lanes) for lanes in parser.parse_args().lanes]
     ratio = peaks[1] / peaks[0]
     print(f"ratio {ratio:.2f}: memory {'GROWS' if ratio > MOST_GROWTH else 'does not grow'}")
@@ -37,7 +41,15 @@ def peak_memory(lanes: int) -> float:
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "memory.yaml"
         config.write_text(f"name: memory\nsamples: {lanes}\nengine: exact\n")
-        command = [sys.executable, "-m", "jaxnet", "run", str(config), "--out", str(Path(folder) / "out")]
+        command = [
+            sys.executable,
+            "-m",
+            "jaxnet",
+            "run",
+            str(config),
+            "--out",
+            str(Path(folder) / "out"),
+        ]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)

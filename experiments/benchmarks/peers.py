@@ -63,7 +63,9 @@ def fleets(job: Job) -> list[Fleet]:
 def side_by_side(job: Job) -> Fleet:
     """All lanes at once, each array with the lanes as its first axis."""
     assert job.clock.ticks == 1, "the peers do not trim"
-    lane, heard = (jax.tree.map(np.asarray, each) for each in (job.inputs.lane, job.network.hearing))
+    lane, heard = (
+        jax.tree.map(np.asarray, each) for each in (job.inputs.lane, job.network.hearing)
+    )
     assert isinstance(lane.signal, Harmonic), "the peers know harmonic attacks alone"
     assert (heard.carried_sources == heard.sources).all(), "the peers know attacks that add alone"
     kinds, kind = np.unique(lane.weights, axis=0, return_inverse=True)
@@ -77,11 +79,15 @@ def side_by_side(job: Job) -> Fleet:
     vectors: Any = np.zeros((job.size, 3, 2, lane.initial.shape[2]), complex)
     path = -1j * lane.navigator.amplitude * np.exp(1j * lane.navigator.phase)
     vectors[:, [0, 1], [0, 1]] = path[:, :, None] * from_navigator[:, None]
-    vectors[:, 2] = np.einsum("lxs,lms->lxm", lane.vectors[..., 0] - 1j * lane.vectors[..., 1], added)
+    vectors[:, 2] = np.einsum(
+        "lxs,lms->lxm", lane.vectors[..., 0] - 1j * lane.vectors[..., 1], added
+    )
     frequency = np.concatenate([lane.navigator.frequency, lane.signal.frequency[:, None]], axis=1)
     turn, gain = 1j * frequency, lane.gain[:, :, None]
     vectors *= (gain[:, 0] + gain[:, 1] * turn + gain[:, 2] * turn**2 + turn**3)[..., None, None]
-    return Fleet(lane.initial, laplacian, inverse, lane.gain, frequency, vectors.real, -vectors.imag)
+    return Fleet(
+        lane.initial, laplacian, inverse, lane.gain, frequency, vectors.real, -vectors.imag
+    )
 
 
 def links(
@@ -89,10 +95,17 @@ def links(
 ) -> tuple[np.ndarray, ...]:
     """From weights by slot: L, a0, and with what weight each vehicle (row) receives each attack (column)."""
     m = sources.shape[1]
-    laplacian, from_navigator, added, everyone = np.eye(m), np.zeros(m), np.zeros((m, m)), np.arange(m)
+    laplacian, from_navigator, added, everyone = (
+        np.eye(m),
+        np.zeros(m),
+        np.zeros((m, m)),
+        np.arange(m),
+    )
     for source, carries, signal, weight in zip(sources, attacked, signals, weights, strict=True):
         vehicle = source > 0
-        laplacian[everyone, np.where(vehicle, source - 1, everyone)] -= np.where(vehicle, weight, 0.0)
+        laplacian[everyone, np.where(vehicle, source - 1, everyone)] -= np.where(
+            vehicle, weight, 0.0
+        )
         from_navigator += np.where(vehicle, 0.0, weight)
         added[everyone, signal] += np.where(carries, weight, 0.0)
     return laplacian, from_navigator, added
@@ -160,7 +173,10 @@ def numpy_field(lane: Fleet, dense: bool) -> Callable[[float, np.ndarray], np.nd
         x, y, heading, speed, turn_rate, force = state.reshape(6, m)
         along, sideways, angle = np.exp(1j * heading), speed * turn_rate, frequency * t
         own = k0 * (x + 1j * y) + along * (
-            k1 * speed + k2 * force - turn_rate * sideways + 1j * (k2 * sideways + 2.0 * turn_rate * force)
+            k1 * speed
+            + k2 * force
+            - turn_rate * sideways
+            + 1j * (k2 * sideways + 2.0 * turn_rate * force)
         )
         demand = np.concatenate([np.cos(angle), np.sin(angle)]) @ harmonics - laplacian @ own
         velocity = speed * along
@@ -221,13 +237,17 @@ def jax_field(t: Any, state: Any, lane: Fleet, dense: bool) -> jax.Array:
     drift = 2.0 * force * turn_rate * left - speed * turn_rate**2 * along
     own = k0 * state[:2] + k1 * velocity + k2 * acceleration + drift
     angle = lane.frequency * t
-    received = jnp.tensordot(jnp.cos(angle), lane.cosine, 1) + jnp.tensordot(jnp.sin(angle), lane.sine, 1)
+    received = jnp.tensordot(jnp.cos(angle), lane.cosine, 1) + jnp.tensordot(
+        jnp.sin(angle), lane.sine, 1
+    )
     demand = received - own @ lane.laplacian.T
     if dense:
         rows, columns = jnp.stack([along, left / speed]), jnp.stack([along, speed * left])
         mixing = jnp.einsum("axi,bxj,ij->aibj", rows, columns, lane.laplacian)
         right = jnp.einsum("axi,xi->ai", rows, demand)
-        inputs = jnp.linalg.solve(mixing.reshape(right.size, -1), right.ravel()).reshape(right.shape)
+        inputs = jnp.linalg.solve(mixing.reshape(right.size, -1), right.ravel()).reshape(
+            right.shape
+        )
     else:
         jerk = demand @ lane.inverse.T
         inputs = jnp.stack([(along * jerk).sum(axis=0), (left * jerk).sum(axis=0) / speed[0]])
@@ -300,7 +320,9 @@ def with_octave(job: Job) -> Positions:
     cells[:] = [octave_fleet(each) for each in fleets(job)]
     numbers = {"times": times, "rtol": RTOL, "atol": ATOL, "fleets": cells}
     with tempfile.TemporaryDirectory() as folder:
-        script, given, found = (Path(folder) / name for name in ("peer.m", "job.mat", "positions.mat"))
+        script, given, found = (
+            Path(folder) / name for name in ("peer.m", "job.mat", "positions.mat")
+        )
         script.write_text(OCTAVE)
         savemat(given, numbers, oned_as="column")
         command = [program, "--quiet", "--norc", script, given, found]

@@ -52,8 +52,12 @@ LINES = [
 
 def main() -> None:
     """The table and the figure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=1.0, help="least time of a point (default 1)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=1.0, help="least time of a point (default 1)"
+    )
     parser.add_argument("--out", type=Path, default=FIGURES, help="folder of the figure")
     given = parser.parse_args()
     print(f"{os.cpu_count()} cores, {platform.machine()}\n")
@@ -84,7 +88,13 @@ def point(line: Line, tolerance: float, seconds: float) -> tuple[float, float] |
     keys: dict[str, Any] = {"attack": "none", "defence": "none"}
     if line.solver:
         keys["engine"] = {"solver": line.solver, "rtol": tolerance, "atol": tolerance / 100}
-    request = {"what": line.what, "keys": keys, "lanes": line.lanes, "seconds": seconds, "checked": CHECKED}
+    request = {
+        "what": line.what,
+        "keys": keys,
+        "lanes": line.lanes,
+        "seconds": seconds,
+        "checked": CHECKED,
+    }
     try:
         row = apart({**request, "tolerance": tolerance}, timeout=PATIENCE)
     except subprocess.TimeoutExpired:

@@ -22,11 +22,15 @@ from typing import Any, NamedTuple
 from jaxnet.lanes.uniforms import Keyed
 
 SEED = 0
-PIECE = 16_384  # lanes drawn and simulated by one call, so that memory does not grow with their number
+PIECE = (
+    16_384  # lanes drawn and simulated by one call, so that memory does not grow with their number
+)
 WARM = 1_024  # lanes of the call that compiles, at most
 
 
-def apart(request: Mapping[str, Any], cores: Collection[int] = (), timeout: float | None = None) -> Any:
+def apart(
+    request: Mapping[str, Any], cores: Collection[int] = (), timeout: float | None = None
+) -> Any:
     """What `measure(**request)` finds in a new process, on these cores if any are named.
 
     Raises TimeoutExpired.
@@ -36,7 +40,10 @@ def apart(request: Mapping[str, Any], cores: Collection[int] = (), timeout: floa
         stdout=subprocess.PIPE,
         check=True,
         timeout=timeout,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # small matrices are solved faster by one thread
+        env={
+            **os.environ,
+            "OPENBLAS_NUM_THREADS": "1",
+        },  # small matrices are solved faster by one thread
         preexec_fn=(lambda: os.sched_setaffinity(0, cores)) if cores else None,
     )
     return json.loads(done.stdout)
@@ -63,7 +70,9 @@ def simulator(what: str, tolerance: float) -> Simulator:
     return {
         "jaxnet": Simulator(batch.simulate, WARM),
         "diffrax dense": Simulator(lambda job: peers.with_diffrax(job, True, tolerance), WARM),
-        "diffrax structured": Simulator(lambda job: peers.with_diffrax(job, False, tolerance), WARM),
+        "diffrax structured": Simulator(
+            lambda job: peers.with_diffrax(job, False, tolerance), WARM
+        ),
         "scipy dense": Simulator(lambda job: peers.with_scipy(job, True, tolerance), 0),
         "scipy structured": Simulator(lambda job: peers.with_scipy(job, False, tolerance), 0),
         "heyoka": Simulator(lambda job: with_heyoka.with_heyoka(job, tolerance), WARM),
@@ -103,7 +112,9 @@ def measure(
     return {**found, "error": error}
 
 
-def race(run: Callable[[Any], Any], draw: Callable[[range], Any], lanes: int, seconds: float) -> Any:
+def race(
+    run: Callable[[Any], Any], draw: Callable[[range], Any], lanes: int, seconds: float
+) -> Any:
     """Run all lanes, piece by piece, again and again until the time is up."""
     from jaxnet.engine.status import Status
 
@@ -118,7 +129,10 @@ def race(run: Callable[[Any], Any], draw: Callable[[range], Any], lanes: int, se
             busy += sum(os.times()[:4]) - before
             failed += int((outcome.status != Status.ok).sum()) if hasattr(outcome, "status") else 0
         rounds += 1
-    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    peak = max(
+        resource.getrusage(who).ru_maxrss
+        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
     return {
         "rate": rounds * lanes / wall,
         "lanes": rounds * lanes,
@@ -136,7 +150,9 @@ def greatest_error(run: Callable[[Any], Any], what: str, scenario: Any, lanes: i
     from jaxnet.runs import exactness
 
     if scenario.defence.kind != "none":
-        return float(exactness.deviations(exactness.lanes_at_ticks(scenario, SEED, range(lanes))).max())
+        return float(
+            exactness.deviations(exactness.lanes_at_ticks(scenario, SEED, range(lanes))).max()
+        )
     one = job(scenario, Keyed(SEED), range(lanes), ("state",) if what == "jaxnet" else ())
     found = run(one)
     positions = found.series["state"][..., :2] if what == "jaxnet" else found

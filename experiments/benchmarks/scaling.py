@@ -44,7 +44,12 @@ class Line(NamedTuple):
 
 
 LINES = [
-    Line("nonlinear", {"defence": "none"}, 512, {"color": style.BLUE, "marker": "o", "linestyle": "-"}),
+    Line(
+        "nonlinear",
+        {"defence": "none"},
+        512,
+        {"color": style.BLUE, "marker": "o", "linestyle": "-"},
+    ),
     Line(
         "exact",
         {"defence": "none", "engine": "exact"},
@@ -78,7 +83,9 @@ class Point(NamedTuple):
             lanes = self.number
         elif self.axis == "vehicles":
             keys = {**keys, "vehicles": self.number}
-            lanes = max(LEAST, 2 ** math.ceil(math.log2(lanes * VEHICLES[0] / self.number)))  # whole chunks
+            lanes = max(
+                LEAST, 2 ** math.ceil(math.log2(lanes * VEHICLES[0] / self.number))
+            )  # whole chunks
         return {"what": "jaxnet", "keys": keys, "lanes": lanes, "seconds": seconds}
 
     def cores(self) -> list[int]:
@@ -101,10 +108,18 @@ def axes() -> dict[str, list[int]]:
 
 def main() -> None:
     """The table and the figure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=3, help="times that all points are run (default 3)")
-    parser.add_argument("--seconds", type=float, default=3.0, help="least time of a point [s] (default 3)")
-    parser.add_argument("--budget", type=float, default=60.0, help="most time of a point [s] (default 60)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument(
+        "--repeats", type=int, default=3, help="times that all points are run (default 3)"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=3.0, help="least time of a point [s] (default 3)"
+    )
+    parser.add_argument(
+        "--budget", type=float, default=60.0, help="most time of a point [s] (default 60)"
+    )
     parser.add_argument(
         "--out", type=Path, default=FIGURES, help="folder of the figure (default docs/figures)"
     )
@@ -190,7 +205,10 @@ def draw_line(panel: Axes, line: Line, found: dict[int, list[float]], power: int
     """One line of a panel, and how it would go on from its first point in proportion to a power."""
     if not found:
         return
-    numbers, middle = np.array(list(found)), np.array([statistics.median(rates) for rates in found.values()])
+    numbers, middle = (
+        np.array(list(found)),
+        np.array([statistics.median(rates) for rates in found.values()]),
+    )
     low, high = (np.array([pick(rates) for rates in found.values()]) for pick in (min, max))
     if power is not None:
         panel.plot(numbers, middle[0] * (numbers / numbers[0]) ** float(power), **GUIDE, zorder=1)

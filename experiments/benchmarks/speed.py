@@ -56,14 +56,27 @@ LINES = [
     Line("numba, Dormand–Prince 5(4)", "rotating", "numba", ATTACKED, 1_024),
     Line(STRONGEST, "none", "heyoka", NOBODY, 2_048),
     Line(STRONGEST, "rotating", "heyoka", ATTACKED, 2_048),
-    Line("jaxnet nonlinear, dopri5", "none", "jaxnet", NOBODY | {"engine": {"solver": "dopri5"}}, 2_048),
+    Line(
+        "jaxnet nonlinear, dopri5",
+        "none",
+        "jaxnet",
+        NOBODY | {"engine": {"solver": "dopri5"}},
+        2_048,
+    ),
     Line("jaxnet nonlinear", "none", "jaxnet", NOBODY, 8_192),
     Line("jaxnet nonlinear", "rotating", "jaxnet", ATTACKED, 8_192),
     Line("jaxnet nonlinear, trimming each 0.05 s", "rotating", "jaxnet", {}, 4_096),
     Line("jaxnet exact", "rotating", "jaxnet", ATTACKED | EXACT, 16_384),
     Line("jaxnet exact, trimming each 0.05 s", "rotating", "jaxnet", EXACT, 8_192),
     Line("the exact loop in C", "rotating", "by hand", ATTACKED | EXACT, 16_384, checked=False),
-    Line("the exact loop in C, trimming each 0.05 s", "rotating", "by hand", EXACT, 16_384, checked=False),
+    Line(
+        "the exact loop in C, trimming each 0.05 s",
+        "rotating",
+        "by hand",
+        EXACT,
+        16_384,
+        checked=False,
+    ),
     ruled("W-MSR", "w_msr", checked=False),
     ruled("coordinate median", "coordinate_median", checked=False),
     ruled("geometric median", "geometric_median"),
@@ -72,16 +85,24 @@ LINES = [
 
 def main() -> None:
     """The table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=3, help="times that the sequence is run (default 3)")
-    parser.add_argument("--seconds", type=float, default=5.0, help="least time of a line (default 5)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument(
+        "--repeats", type=int, default=3, help="times that the sequence is run (default 3)"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=5.0, help="least time of a line (default 5)"
+    )
     given = parser.parse_args()
     rounds = [
         [measured(line, given.seconds, check=number == 0) for line in LINES]
         for number in range(given.repeats)
     ]
     print(f"{os.cpu_count()} cores, {platform.machine()}\n")
-    print("| what | attack | lanes | lanes/s | ratio | cores | greatest error [m] | peak memory [MiB] |")
+    print(
+        "| what | attack | lanes | lanes/s | ratio | cores | greatest error [m] | peak memory [MiB] |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     reference = [row["rate"] for row in (each[position(REFERENCE)] for each in rounds)]
     for number, line in enumerate(LINES):

@@ -19,7 +19,14 @@ from row import shown
 import jaxnet
 from jaxnet.runs.cache import enable
 
-BASE = {"vehicles": 12, "attack": "rotating", "defence": "none", "horizon": 30.0, "tail": 10.0, "seed": 3}
+BASE = {
+    "vehicles": 12,
+    "attack": "rotating",
+    "defence": "none",
+    "horizon": 30.0,
+    "tail": 10.0,
+    "seed": 3,
+}
 SOLVERS = ["gauss", "dopri5"]
 VARIATIONS: dict[str, dict[str, Any]] = {
     "as it is": {},
@@ -31,7 +38,9 @@ VARIATIONS: dict[str, dict[str, Any]] = {
     "random graph": {"topology": {"kind": "erdos_renyi", "probability": 0.4}},
     "attack of 100 rad/s": {"attack": {"kind": "rotating", "frequency": 100.0}},
     "attack of 1,000 m": {"attack": {"kind": "rotating", "magnitude": 1000}},
-    "attack that starts late": {"attack": {"kind": "envelope", "of": "rotating", "start": 12.3, "rise": 2.0}},
+    "attack that starts late": {
+        "attack": {"kind": "envelope", "of": "rotating", "start": 12.3, "rise": 2.0}
+    },
     "near-singular starts": {"initial": {"speed": {"uniform": [1e-4, 1e-2]}}},
     "120 s": {"horizon": 120.0},
     "three rounds": {"law": {"kind": "rounds", "rounds": 3}},
@@ -43,12 +52,18 @@ VARIATIONS: dict[str, dict[str, Any]] = {
 
 def main() -> None:
     """The table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--lanes", type=int, default=256, help="lanes of a variation (default 256)")
     lanes = parser.parse_args().lanes
     enable()
     print(f"{os.cpu_count()} cores, {platform.machine()}\n")
-    print("| | " + " | ".join(f"{solver}: peak, tail [m]; steps; lanes/s" for solver in SOLVERS) + " |")
+    print(
+        "| | "
+        + " | ".join(f"{solver}: peak, tail [m]; steps; lanes/s" for solver in SOLVERS)
+        + " |"
+    )
     print("|---" * (len(SOLVERS) + 1) + "|")
     for name, keys in VARIATIONS.items():
         exact, _ = rows({**keys, "engine": "exact"}, lanes)
@@ -68,7 +83,9 @@ def rows(keys: dict[str, Any], lanes: int) -> tuple[Any, float]:
 def cell(keys: dict[str, Any], solver: str, lanes: int, exact: Any) -> str:
     """What a solver does in a variation."""
     found, seconds = rows({**keys, "engine": {**keys.get("engine", {}), "solver": solver}}, lanes)
-    peak, tail = (float(np.nanmax(np.abs(found[key] - exact[key]))) for key in ("peak_error", "tail_max"))
+    peak, tail = (
+        float(np.nanmax(np.abs(found[key] - exact[key]))) for key in ("peak_error", "tail_max")
+    )
     failed = int((found["status"] != exact["status"]).sum())
     text = f"{peak:.1e}, {tail:.1e}; {found['steps'].mean():.0f}; {shown(lanes / seconds)}"
     return text + (f"; {failed} end otherwise" if failed else "")

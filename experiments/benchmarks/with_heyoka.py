@@ -67,14 +67,18 @@ def compiled(lanes: Fleet, tolerance: float) -> tuple[list[Any], dict[str, np.nd
         state = np.ones((6 * lanes.initial.shape[2], hy.recommended_simd_size()))
         pars = np.zeros((sum(int(which.sum()) for which in differs.values()), state.shape[1]))
         equations = closed_loop(hy, Fleet(*(leaf[0] for leaf in lanes)), differs)
-        one = hy.taylor_adaptive_batch(equations, state, tol=tolerance, pars=pars, compact_mode=True)
+        one = hy.taylor_adaptive_batch(
+            equations, state, tol=tolerance, pars=pars, compact_mode=True
+        )
         KNOWN[key] = [copy.deepcopy(one) for _ in os.sched_getaffinity(0)], differs
     return KNOWN[key]
 
 
 def own_numbers(lanes: Fleet, differs: dict[str, np.ndarray]) -> Float[np.ndarray, "lanes numbers"]:
     """The numbers of each lane that are not the same in all lanes."""
-    return np.concatenate([getattr(lanes, name)[:, which] for name, which in differs.items()], axis=1)
+    return np.concatenate(
+        [getattr(lanes, name)[:, which] for name, which in differs.items()], axis=1
+    )
 
 
 def closed_loop(hy: Any, lane: Fleet, differs: dict[str, np.ndarray]) -> list[tuple[Any, Any]]:
@@ -88,7 +92,9 @@ def closed_loop(hy: Any, lane: Fleet, differs: dict[str, np.ndarray]) -> list[tu
             count += 1
         known[name] = values
     m, gain = lane.initial.shape[1], known["gain"]
-    variables = hy.make_vars(*(f"{name}{i}" for i in range(m) for name in ("x", "y", "h", "v", "w", "f")))
+    variables = hy.make_vars(
+        *(f"{name}{i}" for i in range(m) for name in ("x", "y", "h", "v", "w", "f"))
+    )
     vehicles = [variables[6 * i : 6 * i + 6] for i in range(m)]
     waves = [(hy.cos(rate * hy.time), hy.sin(rate * hy.time)) for rate in known["frequency"]]
     own, frames = [], []
@@ -101,7 +107,9 @@ def closed_loop(hy: Any, lane: Fleet, differs: dict[str, np.ndarray]) -> list[tu
             2.0 * force * turn * c - speed * turn * turn * s,
         )
         place = x, y
-        own.append([gain[0] * place[k] + gain[1] * velocity[k] + gain[2] * acceleration[k] for k in (0, 1)])
+        own.append(
+            [gain[0] * place[k] + gain[1] * velocity[k] + gain[2] * acceleration[k] for k in (0, 1)]
+        )
         frames.append((c, s, drift))
 
     def total(terms: list[tuple[Any, Any]]) -> Any:
@@ -124,7 +132,8 @@ def closed_loop(hy: Any, lane: Fleet, differs: dict[str, np.ndarray]) -> list[tu
     for i, (x, y, heading, speed, turn, force) in enumerate(vehicles):
         c, s, drift = frames[i]
         across, up = (
-            total([(known["inverse"][i, j], demand[j][k]) for j in range(m)]) - drift[k] for k in (0, 1)
+            total([(known["inverse"][i, j], demand[j][k]) for j in range(m)]) - drift[k]
+            for k in (0, 1)
         )
         equations += [
             (x, speed * c),

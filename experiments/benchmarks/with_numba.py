@@ -45,14 +45,20 @@ def with_numba(job: Job, tolerance: float = RTOL) -> Positions:
 
     atol = ATOL * tolerance / RTOL
     found = simulated(*map(block, side_by_side(job)), output_times(job), tolerance, atol)
-    return np.moveaxis(found, -1, 1).reshape(len(filled), *found.shape[1:-1])[: job.size].swapaxes(2, 3)
+    return (
+        np.moveaxis(found, -1, 1)
+        .reshape(len(filled), *found.shape[1:-1])[: job.size]
+        .swapaxes(2, 3)
+    )
 
 
 @nb.njit(inline="always", **FAST)
 def circle(angle):
     """Cosine and sine by the polynomials of fdlibm."""
     turns = math.floor(angle * 0.6366197723675814 + 0.5)
-    rest = (angle - turns * 1.570796251296997 - turns * 7.549789415861596e-08) - turns * 5.390302858158119e-15
+    rest = (
+        angle - turns * 1.570796251296997 - turns * 7.549789415861596e-08
+    ) - turns * 5.390302858158119e-15
     z = rest * rest
     c = -1.13596475577881948265e-11
     c = 2.08757232129817482790e-09 + z * c
@@ -132,7 +138,11 @@ def simulated(initial, laplacian, inverse, gain, frequency, cosine, sine, times,
             sine[block],
         )
         state, trial = initial[block].copy(), np.empty((6, m, WIDTH))
-        k, work, waves = np.empty((7, 6, m, WIDTH)), np.empty((8, m, WIDTH)), np.empty((2, 3, WIDTH))
+        k, work, waves = (
+            np.empty((7, 6, m, WIDTH)),
+            np.empty((8, m, WIDTH)),
+            np.empty((2, 3, WIDTH)),
+        )
         time, now, step = np.zeros(WIDTH), np.empty(WIDTH), np.full(WIDTH, 1e-3)
         used, error, missed = np.empty(WIDTH), np.empty(WIDTH), np.empty(WIDTH)
         slopes(time, state, *known, waves, work, k[0])

@@ -234,7 +234,9 @@ class Results(stored.Results):
         ...     results.animate(cell=0, sample=0, out=f"{folder}/lane.gif").name
         'lane.gif'
         """
-        return writing.write_film(self, whole_number("cell", cell), whole_number("sample", sample), out)
+        return writing.write_film(
+            self, whole_number("cell", cell), whole_number("sample", sample), out
+        )
 
     def export(self, out: AnyPath | None = None, form: str = "mat") -> UPath:
         """Write a file for MATLAB and Octave, or the trajectories as CSV for pandas, R and Excel.

@@ -104,7 +104,10 @@ def run(
     enable()
     study = load(study)
     folder = Folder(default_out(study, out))
-    with folder.writing(), executor(folder.path, workers, cluster, devices or cores(), chunk) as others:
+    with (
+        folder.writing(),
+        executor(folder.path, workers, cluster, devices or cores(), chunk) as others,
+    ):
         admit(folder, study.config, fresh)
         # `runs` takes long to import; the workers start meanwhile.
         with reports.report_progress(progress) as report:
@@ -265,7 +268,9 @@ def field(
     return fields.field_of(load(study), whole_number("cell", cell), whole_number("sample", sample))
 
 
-def compare(first: stored.Results | AnyPath, second: stored.Results | AnyPath) -> "pairs.Comparison":
+def compare(
+    first: stored.Results | AnyPath, second: stored.Results | AnyPath
+) -> "pairs.Comparison":
     """Compare the lanes of two studies, paired by their draws.
 
     Parameters
@@ -297,7 +302,9 @@ def compare(first: stored.Results | AnyPath, second: stored.Results | AnyPath) -
     return pairs.compare_studies(a, b)
 
 
-def sensitivity(study: StudySource, samples: SupportsInt = 1024, out: AnyPath | None = None) -> pd.DataFrame:
+def sensitivity(
+    study: StudySource, samples: SupportsInt = 1024, out: AnyPath | None = None
+) -> pd.DataFrame:
     """Compute Sobol's indices of each metric to each quantity that a study draws, cell by cell.
 
     The function simulates `samples` (d + 2) lanes for a cell that draws d quantities. It writes
@@ -338,7 +345,9 @@ def sensitivity(study: StudySource, samples: SupportsInt = 1024, out: AnyPath | 
     return read_table(table)
 
 
-def rare(study: StudySource, points: SupportsInt = 1000, out: AnyPath | None = None) -> pd.DataFrame:
+def rare(
+    study: StudySource, points: SupportsInt = 1000, out: AnyPath | None = None
+) -> pd.DataFrame:
     """Estimate a very small share of unrecovered lanes by subset simulation, cell by cell.
 
     The function writes `rare.csv`. Cells that the file already has are not computed again.
@@ -425,7 +434,9 @@ def search(
     (['cell', 'found', 'late'], True)
     """
     results = run(with_random_lanes(study), out, fresh, progress, devices, chunk, workers, cluster)
-    with contextlib.nullcontext(no_progress) if progress is False else reports.report_steps() as told:
+    with (
+        contextlib.nullcontext(no_progress) if progress is False else reports.report_steps() as told
+    ):
         for _ in write_search(results, told, devices, chunk, workers, cluster):
             pass
     return results

@@ -83,10 +83,16 @@ def write_rare(study: Study, points: int, out: AnyPath | None, told: Steps = no_
 def write_comparison(found: "pairs.Comparison", out: AnyPath) -> Iterator[UPath]:
     """Write the tables and the page of a comparison into a folder."""
     folder = Folder(out)
-    pages = {"differences.csv": found.cells, "changed.csv": found.changed, "failed.csv": found.failed}
+    pages = {
+        "differences.csv": found.cells,
+        "changed.csv": found.changed,
+        "failed.csv": found.failed,
+    }
     for name, table in pages.items():
         yield folder.put(name, functools.partial(write_table, table))
-    yield folder.put("compare.html", lambda file: file.write(comparison.comparison_page(found).encode()))
+    yield folder.put(
+        "compare.html", lambda file: file.write(comparison.comparison_page(found).encode())
+    )
 
 
 def write_film(
@@ -145,7 +151,9 @@ def write_figure(
         yield from figures.save_figure(results, file, drawn)
 
 
-def write_report(results: Results, told: Steps = no_progress, replayed: bool = True) -> Iterator[UPath]:
+def write_report(
+    results: Results, told: Steps = no_progress, replayed: bool = True
+) -> Iterator[UPath]:
     """Write missing fits, the trajectories that the page shows, the figures, and the page at last.
 
     Without `replayed` no lane is simulated again; the page shows the lanes whose trajectories are stored.
@@ -179,7 +187,9 @@ def with_random_lanes(study: StudySource) -> Study:
     """Return the study with as many random lanes as its search takes; raise ConfigError without a search."""
     study = load(study)
     if study.config.search is None:
-        problem = Problem(study.config.name, "search", "is missing: search: {over: {attack.phase: each}}")
+        problem = Problem(
+            study.config.name, "search", "is missing: search: {over: {attack.phase: each}}"
+        )
         raise ConfigError([problem])
     return load(study, {"samples": study.config.search.budget})
 

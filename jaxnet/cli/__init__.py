@@ -52,7 +52,9 @@ class Sections(click.Group):
         """Write a section of help for each group of commands."""
         for title, commands in SECTIONS.items():
             with formatter.section(title):
-                formatter.write_dl([(str(each.name), each.get_short_help_str(200)) for each in commands])
+                formatter.write_dl(
+                    [(str(each.name), each.get_short_help_str(200)) for each in commands]
+                )
 
 
 @click.group(cls=Sections, context_settings={"help_option_names": ["-h", "--help"]})

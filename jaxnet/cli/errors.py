@@ -80,7 +80,9 @@ def report_file(error: Exception) -> str:
     """Write the traceback of an error to a new file; return where it is."""
     told = "".join(traceback.format_exception(error))
     try:
-        with tempfile.NamedTemporaryFile("w", prefix="jaxnet-", suffix=".txt", delete=False) as file:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="jaxnet-", suffix=".txt", delete=False
+        ) as file:
             file.write(f"jaxnet {__version__}: {shlex.join(sys.argv)}\n{told}")
     except OSError as unwritten:
         return f"its traceback cannot be written ({unwritten}):\n{told}"
@@ -101,7 +103,9 @@ def user_errors() -> Iterator[None]:
         sys.stdout.flush()
         os._exit(128 + number)  # not to wait for programs under way, whose lanes nobody will take
     except OSError as error:
-        if error.errno not in DISK_FAULTS and not isinstance(error, folder.UnwrittenError | PermissionError):
+        if error.errno not in DISK_FAULTS and not isinstance(
+            error, folder.UnwrittenError | PermissionError
+        ):
             raise
         told = f"cannot write standard output: {error.strerror}" if from_echo(error) else str(error)
         echo("; ".join(filter(None, (told, remedy()))), err=True)
@@ -109,7 +113,12 @@ def user_errors() -> Iterator[None]:
     except MemoryError as error:
         echo(f"out of memory{f': {error}' * bool(str(error))}; {cluster.KEPT}", err=True)
         sys.exit(2)
-    except (document.ConfigError, folder.FolderError, cluster.ClusterError, modules.KindError) as error:
+    except (
+        document.ConfigError,
+        folder.FolderError,
+        cluster.ClusterError,
+        modules.KindError,
+    ) as error:
         echo(str(error), err=True)
         if isinstance(error, document.ConfigError) and len(error.problems) > 1:
             echo(f"{len(error.problems)} errors", err=True)

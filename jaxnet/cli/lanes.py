@@ -31,7 +31,9 @@ sample_option = click.option(
 @results_argument
 @cell_option
 @sample_option
-@click.option("--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]")
+@click.option(
+    "--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]"
+)
 @out_option
 @takes_code
 def replay_command(
@@ -55,9 +57,13 @@ def replay_command(
 @results_argument
 @cell_option
 @sample_option
-@click.option("--out", metavar="FILE", help="Ends in .mp4 (needs ffmpeg) or .gif.  [default: into figures/]")
+@click.option(
+    "--out", metavar="FILE", help="Ends in .mp4 (needs ffmpeg) or .gif.  [default: into figures/]"
+)
 @takes_code
-def animate(results: str, cell: int, sample: int, out: str | None, trust: bool, config: Path | None) -> None:
+def animate(
+    results: str, cell: int, sample: int, out: str | None, trust: bool, config: Path | None
+) -> None:
     """Write a film of one lane: who hears whom, attacked vehicles and what they tell, and the errors.
 
     It is an MP4 where ffmpeg is found, else a GIF. A lane whose trajectory is not there is simulated again.

@@ -21,7 +21,16 @@ if TYPE_CHECKING:
     from jaxnet.api import writing
     from jaxnet.store import folder as storage
     from jaxnet.view import columns as summary
-    from jaxnet.view.text import analyses, comparison, folders, formats, progress, slopes, tables, width
+    from jaxnet.view.text import (
+        analyses,
+        comparison,
+        folders,
+        formats,
+        progress,
+        slopes,
+        tables,
+        width,
+    )
 else:
     analyses = LazyModule("jaxnet.view.text.analyses")
     comparison = LazyModule("jaxnet.view.text.comparison")
@@ -40,7 +49,9 @@ F = TypeVar("F", bound=Callable[..., object])
 AXES_OF = {"curve": ("x", "y", "hue", "panel"), **dict.fromkeys(HEAT, ("x", "hue", "panel"))}
 FORMATS = ("text", "csv", "markdown", "latex")
 
-results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
+results_argument = click.argument(
+    "results", type=click.Path()
+)  # a path or URL; shells complete paths
 out_option = click.option(
     "--out", metavar="DIR", type=click.Path(), help="Where to write, if not into RESULTS."
 )
@@ -55,7 +66,9 @@ def takes_code(command: F) -> F:
             help="The study's config, or its folder: kinds are loaded from the modules beside it.",
         ),
         click.option(
-            "--trust", is_flag=True, help="Load the kinds from where RESULTS says that their modules are."
+            "--trust",
+            is_flag=True,
+            help="Load the kinds from where RESULTS says that their modules are.",
         ),
     ):
         command = option(command)
@@ -84,7 +97,9 @@ where_option = click.option(
 @results_argument
 @format_option
 @click.option(
-    "--columns", metavar="A,B,…", help="Columns of cells.csv to show.  [default: what is asked first]"
+    "--columns",
+    metavar="A,B,…",
+    help="Columns of cells.csv to show.  [default: what is asked first]",
 )
 @click.option("--sort", metavar="COLUMN", help="Column to sort by; -COLUMN: the greatest first.")
 @where_option
@@ -159,7 +174,9 @@ def fit(results: str, out: str | None, trust: bool, config: Path | None) -> None
 @out_option
 @click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
 @click.option(
-    "--no-replay", is_flag=True, help="Simulate no lane again: the page shows stored trajectories alone."
+    "--no-replay",
+    is_flag=True,
+    help="Simulate no lane again: the page shows stored trajectories alone.",
 )
 @takes_code
 def report(
@@ -191,9 +208,13 @@ def show_page(page: "UPath") -> None:
 @click.argument("name", metavar="NAME", type=click.Choice(FIGURE_NAMES))
 @where_option
 @click.option("--x", metavar="KEY", help="Swept key across.  [default: the key of most numbers]")
-@click.option("--y", metavar="NAME", help="Metric or share of curve.  [default: what the study asks for]")
+@click.option(
+    "--y", metavar="NAME", help="Metric or share of curve.  [default: what the study asks for]"
+)
 @click.option("--hue", metavar="KEY", help="Swept key in colours; of a heat map, down.")
-@click.option("--panel", metavar="KEY", multiple=True, help="Swept key with a panel a value; repeatable.")
+@click.option(
+    "--panel", metavar="KEY", multiple=True, help="Swept key with a panel a value; repeatable."
+)
 @click.option(
     "--column",
     type=click.Choice(list(COLUMN_WIDTHS)),
@@ -206,7 +227,9 @@ def show_page(page: "UPath") -> None:
     is_flag=True,
     help="In matplotlib's own style (matplotlibrc), not in that for print.",
 )
-@click.option("--no-note", is_flag=True, help="Without the small line at the top: a caption says it.")
+@click.option(
+    "--no-note", is_flag=True, help="Without the small line at the top: a caption says it."
+)
 @out_option
 @takes_code
 def figure_command(
@@ -244,7 +267,9 @@ def figure_command(
         raise click.UsageError(f"{name} takes no --{unknown[0]}")
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        for path in writing.write_figure(opened, name, wanted(where), column, chosen, plain, not no_note):
+        for path in writing.write_figure(
+            opened, name, wanted(where), column, chosen, plain, not no_note
+        ):
             echo(f"wrote {path}", err=True)
 
 
@@ -263,7 +288,9 @@ def wanted(words: tuple[str, ...]) -> dict[str, list[str]]:
 @click.argument("a", type=click.Path())
 @click.argument("b", type=click.Path())
 @format_option
-@click.option("--out", metavar="DIR", type=click.Path(), help="Where to write.  [default: A-B beside B]")
+@click.option(
+    "--out", metavar="DIR", type=click.Path(), help="Where to write.  [default: A-B beside B]"
+)
 def compare_command(a: str, b: str, form: str, out: str | None) -> None:
     """Hold the lanes of results B against those of A, paired by their draws.
 
@@ -273,7 +300,9 @@ def compare_command(a: str, b: str, form: str, out: str | None) -> None:
     """
     with user_errors():
         found = jaxnet.compare(a, b)
-        for path in writing.write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
+        for path in writing.write_comparison(
+            found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")
+        ):
             echo(f"wrote {path}", err=True)
         if form == "text":
             echo(comparison.comparison_text(found))
@@ -289,7 +318,10 @@ def neighbour_of(folder: str, name: str) -> "UPath":
 @click.command()
 @results_argument
 @click.option(
-    "--mat", is_flag=False, flag_value="", help="A file for MATLAB.  [default: results.mat in RESULTS]"
+    "--mat",
+    is_flag=False,
+    flag_value="",
+    help="A file for MATLAB.  [default: results.mat in RESULTS]",
 )
 @click.option(
     "--csv",

@@ -61,7 +61,9 @@ def takes_config(command: C) -> C:
 
 
 machine_options = [
-    click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]"),
+    click.option(
+        "--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]"
+    ),
     click.option(
         "--chunk",
         type=click.IntRange(1),
@@ -69,7 +71,9 @@ machine_options = [
     ),
     click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among."),
     click.option(
-        "--cluster", metavar="tcp://…", help="A dask scheduler whose workers see the results folder."
+        "--cluster",
+        metavar="tcp://…",
+        help="A dask scheduler whose workers see the results folder.",
     ),
 ]
 
@@ -106,7 +110,9 @@ def init(file: Path) -> None:
     with user_errors():
         if file.exists():
             raise folder.FolderError(f"{file} is there already: give another FILE")
-        template = Template(Path(cells.__file__).with_name("starter.yaml").read_text(encoding="utf-8"))
+        template = Template(
+            Path(cells.__file__).with_name("starter.yaml").read_text(encoding="utf-8")
+        )
         content = template.substitute(file=shlex.quote(str(file)), name=json.dumps(file.stem))
         cells.read_document(document.Document(content, str(file)))
         with file.open("x", encoding="utf-8") as opened:
@@ -170,7 +176,10 @@ def run_command(
 @click.command("search")
 @takes_config
 @click.option(
-    "--out", metavar="DIR", type=click.Path(), help="Results folder or URL.  [default: results/NAME]"
+    "--out",
+    metavar="DIR",
+    type=click.Path(),
+    help="Results folder or URL.  [default: results/NAME]",
 )
 @click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
 @takes_machines
@@ -224,7 +233,9 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
     show_default=True,
     help="Lanes of a cell for each quantity drawn; twice as many come on top.",
 )
-@click.option("--out", metavar="DIR", type=click.Path(), help="Results folder.  [default: results/NAME]")
+@click.option(
+    "--out", metavar="DIR", type=click.Path(), help="Results folder.  [default: results/NAME]"
+)
 def sensitivity_command(
     config: Path, overrides: tuple[str, ...], metric: str | None, samples: int, out: str | None
 ) -> None:
@@ -239,7 +250,9 @@ def sensitivity_command(
         known += ["unrecovered"] if study.config.recovery else []
         metric = metric or cells.judged_metric(study.cells)
         if metric not in known:
-            raise click.BadParameter(f"one of {', '.join(known)} (got {metric})", param_hint="--metric")
+            raise click.BadParameter(
+                f"one of {', '.join(known)} (got {metric})", param_hint="--metric"
+            )
         echo(indices.plan_text(sensitivity.lanes_needed(study, samples), samples), err=True)
         with progress.report_steps() as told:
             written = list(writing.write_sensitivity(study, samples, out, told))
@@ -250,8 +263,12 @@ def sensitivity_command(
 
 @click.command("rare")
 @takes_config
-@click.option("--points", type=click.IntRange(100), default=1000, show_default=True, help="Lanes of a level.")
-@click.option("--out", metavar="DIR", type=click.Path(), help="Results folder.  [default: results/NAME]")
+@click.option(
+    "--points", type=click.IntRange(100), default=1000, show_default=True, help="Lanes of a level."
+)
+@click.option(
+    "--out", metavar="DIR", type=click.Path(), help="Results folder.  [default: results/NAME]"
+)
 def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str | None) -> None:
     """Tell how rarely the defence fails, where plain lanes would hardly show it.
 

@@ -19,7 +19,12 @@ def known_amplitude(scenario: Scenario) -> float:
     differ. The attack's code has to be available.
     """
     attack = scenario.attack
-    if not attack.present or not attack.bounded or any(own_numbers(attack)) or draws_functions(attack):
+    if (
+        not attack.present
+        or not attack.bounded
+        or any(own_numbers(attack))
+        or draws_functions(attack)
+    ):
         return np.nan
     if 0 not in attack.falsified():
         return 0.0

@@ -51,7 +51,9 @@ from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 
 Model = TypeVar("Model", bound=BaseModel)
 AnyScenario = TypeVar("AnyScenario", bound=Scenario)
-Locate = Callable[..., str]  # from candidate keys to the FILE:LINE:COL of the first that was written
+Locate = Callable[
+    ..., str
+]  # from candidate keys to the FILE:LINE:COL of the first that was written
 
 MOST_SWEPT_CELLS = 1_000_000
 DEFAULT_SCENARIO = Scenario()
@@ -59,9 +61,21 @@ SINGLE_KEY_MODELS: dict[str, type[BaseModel]] = {  # a model for each key
     key: create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
     for key, field in Scenario.model_fields.items()
 }
-FOLLOWED = ("topology", "vehicle", "navigator", "vehicles", "attack")  # other keys may follow from these
+FOLLOWED = (
+    "topology",
+    "vehicle",
+    "navigator",
+    "vehicles",
+    "attack",
+)  # other keys may follow from these
 RECORDS: dict[str, type[Record]] = {"initial": Initial, "channel": Channel}
-UNLABELLED_KEYS = ("kind", "label", "edges", "content", "names")  # keys of kinds that labels leave out
+UNLABELLED_KEYS = (
+    "kind",
+    "label",
+    "edges",
+    "content",
+    "names",
+)  # keys of kinds that labels leave out
 
 
 @dataclass(frozen=True)
@@ -105,7 +119,9 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     known = KnownKeys(document.data, values)
     wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
-    names = {} if settled is None else {k: escape_controls(each) for k, each in settled.labels.items()}
+    names = (
+        {} if settled is None else {k: escape_controls(each) for k, each in settled.labels.items()}
+    )
     problems += [
         Problem(document.place(("labels", key)), f"labels.{key}", "unknown key")
         for key in names
@@ -123,8 +139,15 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         problems += found
     if settled is not None and judges:
         scenarios = [cell.scenario for cell in cells]
-        swept = [key for key in values if not document.settled and spot(split_key(key)) in document.places]
-        found = [*faults.study_faults(settled, scenarios), *faults.replaced_faults(settled, swept, scenarios)]
+        swept = [
+            key
+            for key in values
+            if not document.settled and spot(split_key(key)) in document.places
+        ]
+        found = [
+            *faults.study_faults(settled, scenarios),
+            *faults.replaced_faults(settled, swept, scenarios),
+        ]
         problems += [located(fault, document.place) for fault in found]
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
@@ -142,7 +165,9 @@ def gives(document: Document, root: str) -> bool:
 def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
     """Return the scenario with what follows from its kinds: its network's nodes, and numbers not given."""
     if not scenario.navigator.present:
-        scenario = scenario.model_copy(update={"topology": without_leader(ByIdentity(scenario.topology))})
+        scenario = scenario.model_copy(
+            update={"topology": without_leader(ByIdentity(scenario.topology))}
+        )
     scenario = scenario if gives(document, "vehicles") else settle_vehicles(scenario)
     scenario = scenario if gives_usual_targets(document) else settle_targets(scenario)
     return scenario if gives(document, "gain") else settle_gain(scenario)
@@ -163,7 +188,9 @@ def gives_usual_targets(document: Document) -> bool:
     swept = swept if isinstance(swept, dict) else {}
     listed = [swept.get(key) for key in ("attack", "attack.vehicles")]
     attacks, lists = (each if isinstance(each, list) else [] for each in listed)
-    if registry.scope().judges and (not document.settled or "attack.vehicles" in document.overridden):
+    if registry.scope().judges and (
+        not document.settled or "attack.vehicles" in document.overridden
+    ):
         attacks = [data.get("attack"), *attacks]
     given = [each.get("vehicles") for each in attacks if isinstance(each, dict)]
     return registry.scope().judges and USUAL_TARGETS in [*given, *lists]
@@ -190,7 +217,9 @@ def settle_agreement(study: Config, swept: Sequence[Plain]) -> Config:
 
     If nobody leads in any cell, a search maximises the spread by default.
     """
-    known = [model_of("navigator", with_kind("navigator", value)) for value in swept] or [study.navigator]
+    known = [model_of("navigator", with_kind("navigator", value)) for value in swept] or [
+        study.navigator
+    ]
     leads = [getattr(each, "present", True) for each in known]
     if all(leads):
         return study
@@ -202,8 +231,14 @@ def settle_agreement(study: Config, swept: Sequence[Plain]) -> Config:
 
 def settle_detection(study: Config, swept: Sequence[Plain]) -> Config:
     """Return the study with the shares of alarms, if it or a swept cell has a detector."""
-    known = [model_of("detector", with_kind("detector", value)) for value in swept] or [study.detector]
-    return with_metrics(study, DETECTION) if any(getattr(each, "present", False) for each in known) else study
+    known = [model_of("detector", with_kind("detector", value)) for value in swept] or [
+        study.detector
+    ]
+    return (
+        with_metrics(study, DETECTION)
+        if any(getattr(each, "present", False) for each in known)
+        else study
+    )
 
 
 def with_metrics(study: Config, names: Sequence[str]) -> Config:
@@ -304,7 +339,9 @@ def complete(document: Document, field: str, holder: Plain, at: Keys) -> None:
             document.problems.append(Problem(document.place(key, at), dotted_key(key), str(error)))
 
 
-def validate(model: type[Model], data: PlainMapping, place: Locate) -> tuple[Model | None, list[Problem]]:
+def validate(
+    model: type[Model], data: PlainMapping, place: Locate
+) -> tuple[Model | None, list[Problem]]:
     """Return the model of the data, or None and the problem of each wrong key."""
     try:
         return model.model_validate(dict(data)), []
@@ -385,7 +422,9 @@ class KnownKeys:
             for value in self.given.get(root, [])
             if (model := model_of(root, value))
         )
-        return root in Scenario.model_fields and (open_ended or not inside or inside[0] in self.inside(root))
+        return root in Scenario.model_fields and (
+            open_ended or not inside or inside[0] in self.inside(root)
+        )
 
     def hint(self, root: str, word: str) -> str:
         """Return a hint to the key that a word probably means, or a list of the keys that can be swept."""
@@ -608,4 +647,6 @@ def without_empty_labels(value: Plain) -> Plain:
             for key, each in value.items()
             if not (key == "label" and each is None)
         }
-    return [without_empty_labels(each) for each in value] if isinstance(value, list | tuple) else value
+    return (
+        [without_empty_labels(each) for each in value] if isinstance(value, list | tuple) else value
+    )

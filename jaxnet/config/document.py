@@ -24,14 +24,19 @@ PlainMapping = Mapping[Any, Any]
 Spot = tuple[str, ...]  # keys as text, because pydantic reports a key 1.5 as text
 
 LONGEST_PART = 2000  # characters of each part of a problem's line
-CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")  # also of direction
-NO_CHARACTERS = re.compile("[\x00\ud800-\udfff]")  # characters that no file name and no UTF-8 text contains
+CONTROLS = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]"
+)  # also of direction
+NO_CHARACTERS = re.compile(
+    "[\x00\ud800-\udfff]"
+)  # characters that no file name and no UTF-8 text contains
 
 
 def escape_controls(text: str, but: str = "") -> str:
     """Return text whose control characters, but for some, are escape sequences that a reader sees."""
     return CONTROLS.sub(
-        lambda found: found[0] if found[0] in but else found[0].encode("unicode_escape").decode(), text
+        lambda found: found[0] if found[0] in but else found[0].encode("unicode_escape").decode(),
+        text,
     )
 
 
@@ -45,7 +50,9 @@ class Problem(NamedTuple):
     def __str__(self) -> str:
         """Return the line for the user, with control characters escaped."""
         line = ": ".join(
-            part if len(part) <= LONGEST_PART else part[:LONGEST_PART] + "…" for part in self if part
+            part if len(part) <= LONGEST_PART else part[:LONGEST_PART] + "…"
+            for part in self
+            if part
         )
         return escape_controls(line)
 
@@ -115,7 +122,9 @@ class Reader:
             raise ConfigError([self.problem(node, keys, TOO_DEEP)])
         kind = node.tag.removeprefix("tag:yaml.org,2002:")
         if isinstance(node, yaml.SequenceNode) and kind == "seq":
-            return [self.build(item, (*keys, n), [*above, node]) for n, item in enumerate(node.value)]
+            return [
+                self.build(item, (*keys, n), [*above, node]) for n, item in enumerate(node.value)
+            ]
         if isinstance(node, yaml.MappingNode) and kind == "map":
             return dict(self.items(node, keys, [*above, node]))
         raise ConfigError([self.problem(node, keys, f"the tag {node.tag} has no meaning here")])
@@ -140,7 +149,9 @@ class Reader:
         """Return a null, bool, int, float or text by YAML 1.2."""
         kind, text = node.tag.removeprefix("tag:yaml.org,2002:"), node.value
         if found := NO_CHARACTERS.search(text):
-            raise ConfigError([self.problem(node, keys, f"the character {found[0]!r} is not allowed")])
+            raise ConfigError(
+                [self.problem(node, keys, f"the character {found[0]!r} is not allowed")]
+            )
         if kind == "str":
             return text
         if kind in SCALARS and SCALARS[kind].fullmatch(text):
@@ -150,7 +161,11 @@ class Reader:
 
     def at(self, line: int, column: int) -> str:
         """Return FILE:LINE:COL; lines and columns count from 1."""
-        return f"{self.source}:{line + 1}:{column + 1}" if self.source and not self.within else self.source
+        return (
+            f"{self.source}:{line + 1}:{column + 1}"
+            if self.source and not self.within
+            else self.source
+        )
 
     def at_node(self, node: yaml.Node) -> str:
         """Return the place where a node starts."""
@@ -213,7 +228,9 @@ class Document:
         key, equals, text = word.partition("=")
         keys = split_key(key)
         if not equals or not key or "" in keys:
-            self.problems.append(Problem(source, key, "an override is KEY=VALUE, KEY a dotted name"))
+            self.problems.append(
+                Problem(source, key, "an override is KEY=VALUE, KEY a dotted name")
+            )
             return
         reader = Reader(source, keys)
         try:

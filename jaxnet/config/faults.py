@@ -5,7 +5,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from jaxnet.config.amplitude import known_amplitude
-from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, SearchSettings, Sequential
+from jaxnet.config.keys import (
+    KINDS,
+    RANDOMISATIONS,
+    Config,
+    Samples,
+    Scenario,
+    SearchSettings,
+    Sequential,
+)
 from jaxnet.config.scenario import scenario_graph
 from jaxnet.config.wording import shorten_value
 from jaxnet.kinds.fields import EachOrder, EachPosition, Number, is_drawn, value_range
@@ -17,7 +25,9 @@ from jaxnet.theory import exact
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 10**8
 MOST_LATE = 200  # ticks by which words may be late
-MOST_RATE = 0.5  # of a time constant in a tick over which a motion is a power series: errs by under 1e-7
+MOST_RATE = (
+    0.5  # of a time constant in a tick over which a motion is a power series: errs by under 1e-7
+)
 LEAST_CHOICES = 100  # choices that a search tries at least
 
 
@@ -28,7 +38,8 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         yield from chosen_faults(chosen.samples, study.samples)
     if isinstance(study.samples, Sequential) and study.recovery is None:
         yield Fault(
-            ("samples.until", "samples"), "needs to know what has recovered: give recovery: {tau: 0.01}"
+            ("samples.until", "samples"),
+            "needs to know what has recovered: give recovery: {tau: 0.01}",
         )
     if study.draws == "sobol":
         yield from sobol_faults(study)
@@ -39,12 +50,15 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     stores = study.save.errors or study.save.vehicles or study.save.trajectories != "none"
     if stores and "vehicles" not in study.sweep and len({cell.vehicles for cell in cells}) > 1:
         yield Fault(
-            ("save", "sweep.topology"), "stores arrays of one size: all networks need as many vehicles"
+            ("save", "sweep.topology"),
+            "stores arrays of one size: all networks need as many vehicles",
         )
     yield from metric_faults(study, cells)
 
 
-def replaced_faults(study: Config, swept: Sequence[str], cells: Sequence[Scenario]) -> Iterator[Fault]:
+def replaced_faults(
+    study: Config, swept: Sequence[str], cells: Sequence[Scenario]
+) -> Iterator[Fault]:
     """Yield the faults of given values that a sweep replaces, where they are wrong in every cell.
 
     They are those of a kind alone, or of a kind and the number of vehicles. A network brings its own number.
@@ -61,7 +75,9 @@ def replaced_faults(study: Config, swept: Sequence[str], cells: Sequence[Scenari
             wrong = kind_faults(root, kind, cell.model_copy(update={root: kind}))
             found = [each for each in wrong if f"{each.keys[0]}.".startswith(f"{key}.")]
             found = [
-                each for each in found if {part.split(".")[0] for part in each.keys} <= {root, "vehicles"}
+                each
+                for each in found
+                if {part.split(".")[0] for part in each.keys} <= {root, "vehicles"}
             ]
             if not found:
                 break
@@ -77,8 +93,12 @@ def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     twice = sorted({name for name in own if names.count(name) > 1})
     odd = [name for name in own if not name.isidentifier()]
     if twice or odd:
-        yield Fault(("metrics",), f"a metric's name must be a column's own (got {', '.join(twice + odd)})")
-    if shares := [name for name in own if name in DETECTION and not any(c.detector.present for c in cells)]:
+        yield Fault(
+            ("metrics",), f"a metric's name must be a column's own (got {', '.join(twice + odd)})"
+        )
+    if shares := [
+        name for name in own if name in DETECTION and not any(c.detector.present for c in cells)
+    ]:
         yield Fault(("metrics",), f"no word is judged without a detector (got {', '.join(shares)})")
 
 
@@ -97,7 +117,9 @@ def sobol_faults(study: Config) -> Iterator[Fault]:
     """Yield faults of a Sobol study: an unsuitable number of samples, or a recovery, whose interval is not
     known.
     """
-    each, rest = (0, 1) if isinstance(study.samples, Sequential) else divmod(study.samples, RANDOMISATIONS)
+    each, rest = (
+        (0, 1) if isinstance(study.samples, Sequential) else divmod(study.samples, RANDOMISATIONS)
+    )
     if rest or each & (each - 1):
         got = "until: …" if isinstance(study.samples, Sequential) else shorten_value(study.samples)
         yield Fault(
@@ -107,7 +129,8 @@ def sobol_faults(study: Config) -> Iterator[Fault]:
         )
     if study.recovery is not None:
         yield Fault(
-            ("recovery", "draws"), "has an interval of independent lanes: give draws: random, or no recovery"
+            ("recovery", "draws"),
+            "has an interval of independent lanes: give draws: random, or no recovery",
         )
 
 
@@ -115,13 +138,19 @@ def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
     """Yield faults of a search: swept keys, Sobol draws, an unknown metric, or too small a budget."""
     for key in search.over:
         if swept := [each for each in study.sweep if f"{key}.".startswith(f"{each}.")]:
-            yield Fault((f"search.over.{key}",), f"{swept[0]} is swept: search over it, or sweep it")
+            yield Fault(
+                (f"search.over.{key}",), f"{swept[0]} is swept: search over it, or sweep it"
+            )
     if study.draws == "sobol":
-        yield Fault(("draws", "search"), "a search is held against random lanes: give draws: random")
+        yield Fault(
+            ("draws", "search"), "a search is held against random lanes: give draws: random"
+        )
     measured = [metric.name for metric in study.measured()]
     if search.maximise == "unrecovered":
         if study.recovery is None:
-            yield Fault(("search.maximise",), "needs to know what has recovered: give recovery: {tau: 0.01}")
+            yield Fault(
+                ("search.maximise",), "needs to know what has recovered: give recovery: {tau: 0.01}"
+            )
     elif search.maximise not in measured:
         got = f"must be unrecovered, or one of {', '.join(measured)} (got {search.maximise})"
         yield Fault(("search.maximise",), got)
@@ -212,7 +241,9 @@ def old_word_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield a fault where a law cannot use words that are late or heard before."""
     channel, law = scenario.channel, scenario.law
     keys = tuple(
-        key for key, given in {"missing": channel.missing != "drop", "delay": channel.late}.items() if given
+        key
+        for key, given in {"missing": channel.missing != "drop", "delay": channel.late}.items()
+        if given
     )
     keys = tuple(f"channel.{key}" for key in keys)
     if law.linearised:
@@ -238,7 +269,9 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     elif told := multiple_fault(delay, "tick", tick, MOST_LATE):
         yield Fault(("channel.delay", "tick"), told)
     elif tells_motion(scenario) and tick * fastest_motion(scenario) > MOST_RATE:
-        told = f"late motions need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
+        told = (
+            f"late motions need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
+        )
         yield Fault(("channel.extrapolate", "tick", "law"), told)
     if scenario.channel.missing == "extrapolate":
         told = "a lost word is dropped or held where words are late: give drop or hold"
@@ -254,7 +287,9 @@ def fastest_motion(scenario: Scenario) -> float:
     for each in scenario.topology.turns() if scenario.law.local else ():
         rows = scenario_graph(scenario.model_copy(update={"topology": each})).weights.T[None]
         strength = each.strength(rows, scenario.navigator.present)
-        factors += [] if strength is None else [float(strength.of(np.ones((1, *rows.shape[::2]))).max())]
+        factors += (
+            [] if strength is None else [float(strength.of(np.ones((1, *rows.shape[::2]))).max())]
+        )
     return max(factors) * fastest_rate(scenario)
 
 
@@ -271,15 +306,21 @@ def detector_faults(scenario: Scenario) -> Iterator[Fault]:
     noises = {"channel.noise": scenario.channel.noise, "sensing": scenario.sensing}
     noisy = {key: noise for key, noise in noises.items() if not noise.exact()}
     if not noisy:
-        told = "no word has errors, so every other word is false: give channel: {noise: {position: …}}"
+        told = (
+            "no word has errors, so every other word is false: give channel: {noise: {position: …}}"
+        )
         yield Fault(("detector", "channel.noise"), told)
     for key, noise in noisy.items():
         if not noise.tells_deviations():
-            yield Fault(("detector", key), f"{noise.kind} tells no standard deviations of its errors")
+            yield Fault(
+                ("detector", key), f"{noise.kind} tells no standard deviations of its errors"
+            )
     if scenario.channel.late:
         yield Fault(("detector", "channel.delay"), "late words are not tested: give delay: 0")
     if scenario.channel.rounded:
-        yield Fault(("detector", "channel.quantisation"), "rounded words are not tested: leave it out")
+        yield Fault(
+            ("detector", "channel.quantisation"), "rounded words are not tested: leave it out"
+        )
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
@@ -304,7 +345,11 @@ def multiple_fault(value: float, name: str, of: float, most: int = MOST_MULTIPLE
     """Return what is wrong with a duration that is to be 1 to `most` times another, "" if nothing is."""
     if value / of > most + 0.5:
         return f"must be at most {most:,} times {name} = {of:.12g} (got {value:.12g})"
-    return "" if is_multiple(value, of) else f"must be a multiple of {name} = {of:.12g} (got {value:.12g})"
+    return (
+        ""
+        if is_multiple(value, of)
+        else f"must be a multiple of {name} = {of:.12g} (got {value:.12g})"
+    )
 
 
 def time_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -317,7 +362,9 @@ def time_faults(scenario: Scenario) -> Iterator[Fault]:
     if tail > 0 and (told := multiple_fault(tail, "output_step", step)):
         yield Fault(("tail", "output_step"), told)
     if tail > horizon:
-        yield Fault(("tail", "horizon"), f"must fit into horizon = {horizon:.12g} (got {tail:.12g})")
+        yield Fault(
+            ("tail", "horizon"), f"must fit into horizon = {horizon:.12g} (got {tail:.12g})"
+        )
 
 
 def gain_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -333,9 +380,12 @@ def gain_faults(scenario: Scenario) -> Iterator[Fault]:
     worst = least_stable(scenario.gain)
     if not (min(worst) > 0 and is_hurwitz(worst)):
         eigenvalues = eigenvalue_text(np.roots([1.0, *worst[::-1]]))
-        drawn = f" where {shorten_value(worst)} is drawn" if any(map(is_drawn, scenario.gain)) else ""
+        drawn = (
+            f" where {shorten_value(worst)} is drawn" if any(map(is_drawn, scenario.gain)) else ""
+        )
         yield Fault(
-            ("gain",), f"unstable: eigenvalues {eigenvalues}{drawn} (got {shorten_value(scenario.gain)})"
+            ("gain",),
+            f"unstable: eigenvalues {eigenvalues}{drawn} (got {shorten_value(scenario.gain)})",
         )
 
 
@@ -343,7 +393,10 @@ def matrix_faults(scenario: Scenario, matrices: np.ndarray) -> Iterator[Fault]:
     """Yield faults of gains that are matrices: an unstable closed loop, or an engine that lacks them."""
     eigenvalues = np.linalg.eigvals(exact.companion(matrices))
     if not eigenvalues.real.max() < 0:
-        eigenvalues, got = eigenvalues.reshape(-1, eigenvalues.shape[-1]), shorten_value(scenario.gain)
+        eigenvalues, got = (
+            eigenvalues.reshape(-1, eigenvalues.shape[-1]),
+            shorten_value(scenario.gain),
+        )
         eigenvalues = eigenvalues[eigenvalues.real.max(axis=1).argmax()]
         yield Fault(("gain",), f"unstable: eigenvalues {eigenvalue_text(eigenvalues)} (got {got})")
     if scenario.own_gains is not None:
@@ -366,7 +419,9 @@ def own_gain_faults(scenario: Scenario, given: int) -> Iterator[Fault]:
     if not scenario.law.solved or scenario.law.linearised:
         yield Fault(("gain", "law"), "gains of each vehicle need law: exact")
     if scenario.engine.by_functions:
-        message = f"the {scenario.engine.kind} engine moves all vehicles by one flow, that of one gain:"
+        message = (
+            f"the {scenario.engine.kind} engine moves all vehicles by one flow, that of one gain:"
+        )
         yield Fault(("gain", "engine"), f"{message} give engine: nonlinear")
     networks = len(scenario.topology.turns())
     if scenario.defence.coasts() or networks > 1 or not scenario.channel.loss.perfect():
@@ -385,7 +440,9 @@ def position_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield a fault unless a list of positions has one for each vehicle."""
     position = scenario.initial.position
     if isinstance(position, EachPosition) and len(position.root) != scenario.vehicles:
-        message = f"must be {scenario.vehicles} places, one for each vehicle (got {len(position.root)})"
+        message = (
+            f"must be {scenario.vehicles} places, one for each vehicle (got {len(position.root)})"
+        )
         yield Fault(("initial.position", "vehicles"), message)
 
 

@@ -39,7 +39,9 @@ def misses_ticks(key: str) -> Callable[[Scenario], bool]:
         _, time = found(scenario, key)
         times = time if isinstance(time, list) else [value_range(time)[0]]
         return (
-            not is_drawn(time) and scenario.tick > 0 and not all(is_multiple(t, scenario.tick) for t in times)
+            not is_drawn(time)
+            and scenario.tick > 0
+            and not all(is_multiple(t, scenario.tick) for t in times)
         )
 
     return idle
@@ -47,7 +49,11 @@ def misses_ticks(key: str) -> Callable[[Scenario], bool]:
 
 PERIODS = ("topology.every", "topology.at", "channel.loss.period", "channel.loss.length")
 RULES = (
-    IdleRule(("channel.extrapolate",), lambda s: not s.channel.late, "no word is late: give channel.delay"),
+    IdleRule(
+        ("channel.extrapolate",),
+        lambda s: not s.channel.late,
+        "no word is late: give channel.delay",
+    ),
     IdleRule(("channel.delay_of",), lambda s: not is_drawn(s.channel.delay), "no delay is drawn"),
     IdleRule(
         ("channel.missing",),
@@ -60,12 +66,17 @@ RULES = (
             lambda s, of=of: exact(of(s)),
             "there are no errors: give a standard deviation, as position",
         )
-        for at, of in {"channel.noise": lambda s: s.channel.noise, "sensing": lambda s: s.sensing}.items()
+        for at, of in {
+            "channel.noise": lambda s: s.channel.noise,
+            "sensing": lambda s: s.sensing,
+        }.items()
     ),
     IdleRule(("attack.announces",), lambda s: not s.defence.announcing(), ANNOUNCED),
     IdleRule(("defence.first_announcement",), lambda s: not s.defence.announcing(), ANNOUNCED),
     IdleRule(
-        ("defence.isolated",), lambda s: s.law.local, "under a local law no vehicle has a drive to keep"
+        ("defence.isolated",),
+        lambda s: s.law.local,
+        "under a local law no vehicle has a drive to keep",
     ),
     IdleRule(
         ("topology.navigator", "topology.navigator_weight"),
@@ -73,7 +84,9 @@ RULES = (
         "there is no navigator",
     ),
     *(
-        IdleRule((key,), misses_ticks(key), "it is no multiple of tick: it acts from the next tick on")
+        IdleRule(
+            (key,), misses_ticks(key), "it is no multiple of tick: it acts from the next tick on"
+        )
         for key in PERIODS
     ),
 )
@@ -99,14 +112,18 @@ def idle_keys(study: Study) -> dict[str, str]:
     for cell in study.cells:
         for key, why in idle_in(cell.scenario, links):
             reasons.setdefault(key, []).append(why)
-    told = {key: whys[0] for key, whys in reasons.items() if all(whys)} | dict(replaced_keys(study.config))
+    told = {key: whys[0] for key, whys in reasons.items() if all(whys)} | dict(
+        replaced_keys(study.config)
+    )
     search, horizon = study.config.search, min(cell.scenario.horizon for cell in study.cells)
     if search is not None and search.until < horizon:
         told["search.until"] = f"choices are run to the horizon of {horizon:g} s, which is later"
     return told
 
 
-def idle_in(scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]) -> Iterator[tuple[str, str]]:
+def idle_in(
+    scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]
+) -> Iterator[tuple[str, str]]:
     """Yield each key that a cell gives and a rule knows, and why it changes nothing, "" if it acts.
 
     `links` keeps the links of the networks of other cells.
@@ -118,12 +135,19 @@ def idle_in(scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]) -> It
     trusted = getattr(scenario.defence, "trusted", None)
     if not (isinstance(trusted, dict) and trusted):
         return
-    by = id(scenario.topology), id(scenario.navigator), scenario.vehicles  # objects that the cells hold
+    by = (
+        id(scenario.topology),
+        id(scenario.navigator),
+        scenario.vehicles,
+    )  # objects that the cells hold
     if by not in links:
         links[by] = links_of(scenario).pairs()
     for listener, sources in trusted.items():
         unheard = [source for source in sources if (listener - 1, source) not in links[by]]
-        yield f"defence.trusted.{listener}", f"{listener} does not hear {ranges(unheard)}" * bool(unheard)
+        yield (
+            f"defence.trusted.{listener}",
+            f"{listener} does not hear {ranges(unheard)}" * bool(unheard),
+        )
 
 
 def replaced_keys(config: Config) -> Iterator[tuple[str, str]]:
@@ -137,4 +161,7 @@ def replaced_keys(config: Config) -> Iterator[tuple[str, str]]:
         for key in keys:
             given, base = found(config, key)
             if given and not (key == "attack.vehicles" and base == usual_targets(config.vehicles)):
-                yield key, f"sweep.{swept} replaces " + (f"the whole {swept}" if key != swept else "it")
+                yield (
+                    key,
+                    f"sweep.{swept} replaces " + (f"the whole {swept}" if key != swept else "it"),
+                )

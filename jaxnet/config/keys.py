@@ -9,7 +9,14 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, Discriminator, Field, GetCoreSchemaHandler, PrivateAttr
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    PrivateAttr,
+)
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.engine.methods import Engine
@@ -64,7 +71,9 @@ class Initial(Record):
         default=Uniform(uniform=[-200.0, 200.0]),
         description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a line",
     )
-    heading: Number = Field(default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis")
+    heading: Number = Field(
+        default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis"
+    )
     speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
 
 
@@ -79,7 +88,9 @@ class Channel(Record):
         " heard last; extrapolate, the motion heard last, continued",
     )
     noise: Annotated[
-        ChannelNoise, KindOf("noise", "gaussian"), Field(description="errors of the words that arrive")
+        ChannelNoise,
+        KindOf("noise", "gaussian"),
+        Field(description="errors of the words that arrive"),
     ] = GaussianNoise()
     quantisation: NotNegativeByOrder = Field(
         default=0.0,
@@ -152,9 +163,13 @@ class Scenario(Record):
     output_step: float = Field(
         default=0.1, gt=0, description="[s], from one output time to the next, whole ticks"
     )
-    tail: float = Field(default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞")
+    tail: float = Field(
+        default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞"
+    )
     topology: Annotated[Graph, KindOf("topology"), Field(description="who hears whom")] = Cyclic()
-    navigator: Annotated[Navigator, KindOf("navigator"), Field(description="the path to track")] = Lissajous()
+    navigator: Annotated[Navigator, KindOf("navigator"), Field(description="the path to track")] = (
+        Lissajous()
+    )
     vehicle: Annotated[Vehicle, KindOf("vehicle"), Field(description="what moves")] = TwoWheeled()
     initial: Annotated[Initial, Field(description="where the vehicles start")] = Initial()
     gain: Gains = Field(
@@ -164,20 +179,26 @@ class Scenario(Record):
         " matrix, which couples the axes; or {vehicles: [...]}, a list for each vehicle",
     )
     law: Annotated[Law, KindOf("law"), Field(description="how the law is solved")] = ExactLaw()
-    attack: Annotated[AnyAttack, KindOf("attack"), Field(description="what is false in what is heard")] = (
-        Rotating()
-    )
-    defence: Annotated[AnyDefence, KindOf("defence"), Field(description="whom a vehicle believes")] = (
-        TrustedTrim()
-    )
+    attack: Annotated[
+        AnyAttack, KindOf("attack"), Field(description="what is false in what is heard")
+    ] = Rotating()
+    defence: Annotated[
+        AnyDefence, KindOf("defence"), Field(description="whom a vehicle believes")
+    ] = TrustedTrim()
     sensing: Annotated[
         Sensor, KindOf("sensing"), Field(description="what vehicles sense of their own motion")
     ] = Gaussian()
-    channel: Annotated[Channel, Field(description="what happens to messages on their way")] = Channel()
+    channel: Annotated[Channel, Field(description="what happens to messages on their way")] = (
+        Channel()
+    )
     detector: Annotated[
-        Detector, KindOf("detector"), Field(description="which words raise an alarm; an alarm does nothing")
+        Detector,
+        KindOf("detector"),
+        Field(description="which words raise an alarm; an alarm does nothing"),
     ] = NoDetector()
-    engine: Annotated[Engine, KindOf("engine"), Field(description="how lanes are advanced")] = Nonlinear()
+    engine: Annotated[Engine, KindOf("engine"), Field(description="how lanes are advanced")] = (
+        Nonlinear()
+    )
     metrics: list[Annotated[Metric, NamedMetric()]] = Field(
         default=[],
         description="what rows measure besides what all do; without a navigator also spread and outside",
@@ -210,7 +231,9 @@ class Scenario(Record):
     @property
     def leaderless(self) -> bool:
         """Whether vehicles agree with one another alone, so that rows measure their agreement."""
-        return not self.navigator.present and {*AGREEMENT} <= {metric.name for metric in self.metrics}
+        return not self.navigator.present and {*AGREEMENT} <= {
+            metric.name for metric in self.metrics
+        }
 
     @property
     def judged(self) -> str:
@@ -220,7 +243,17 @@ class Scenario(Record):
 
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
 KINDS = (  # keys that take a kind
-    *("topology", "navigator", "vehicle", "attack", "defence", "law", "sensing", "detector", "engine"),
+    *(
+        "topology",
+        "navigator",
+        "vehicle",
+        "attack",
+        "defence",
+        "law",
+        "sensing",
+        "detector",
+        "engine",
+    ),
 )
 INNER_KINDS = {  # families of deeper keys
     "attack.announces": "announcement",
@@ -232,7 +265,9 @@ INNER_KINDS = {  # families of deeper keys
 class Linspace(Record):
     """n evenly spaced values from a to b."""
 
-    linspace: Annotated[tuple[float, float, Annotated[int, Field(ge=1, le=100_000)]], Field(strict=False)]
+    linspace: Annotated[
+        tuple[float, float, Annotated[int, Field(ge=1, le=100_000)]], Field(strict=False)
+    ]
 
 
 class Geomspace(Record):
@@ -272,9 +307,12 @@ def stored_lanes_tag(value: object) -> str | None:
 class Save(Record):
     """Arrays that are stored beside the rows."""
 
-    errors: bool = Field(default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr")
+    errors: bool = Field(
+        default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr"
+    )
     vehicles: bool = Field(
-        default=False, description="errors of every vehicle of every lane over the tail, in vehicles.zarr"
+        default=False,
+        description="errors of every vehicle of every lane over the tail, in vehicles.zarr",
     )
     trajectories: Annotated[
         Annotated[Literal["none", "all"], union_member("word")]
@@ -285,7 +323,9 @@ class Save(Record):
             custom_error_type="lanes",
             custom_error_message="must be none, all, {samples: [...]} or {worst: K}",
         ),
-    ] = Field(default="none", description="lanes whose states are stored over time, in trajectories.zarr")
+    ] = Field(
+        default="none", description="lanes whose states are stored over time, in trajectories.zarr"
+    )
 
 
 def spacing_tag(value: object) -> str | None:
@@ -312,7 +352,9 @@ SweptValues = Annotated[
 def plain_file_name(name: str) -> str:
     """Return the name; raise ValueError if some file system cannot have a folder of this name."""
     if not re.fullmatch(r"\w[\w.-]{0,99}", name) or name.endswith("."):
-        raise ValueError("must be a plain file name: letters, digits, '_', '-' and '.' inside, at most 100")
+        raise ValueError(
+            "must be a plain file name: letters, digits, '_', '-' and '.' inside, at most 100"
+        )
     return name
 
 
@@ -329,7 +371,9 @@ class Recovery(Record):
         default="magnitude",
         description="what tau multiplies: ā, or the amplitude in force, by which positions are shifted",
     )
-    worst: int = Field(default=3, ge=0, description="lanes of the study that the report replays, the worst")
+    worst: int = Field(
+        default=3, ge=0, description="lanes of the study that the report replays, the worst"
+    )
 
 
 class ChosenVehicles(Record):
@@ -389,7 +433,9 @@ class SearchSettings(Record):
         default={},
         description="a metric of rows: its greatest value; a choice counts only where no start has more",
     )
-    budget: int = Field(default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell")
+    budget: int = Field(
+        default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell"
+    )
     starts: int = Field(
         default=1,
         ge=1,
@@ -403,16 +449,24 @@ class SearchSettings(Record):
         description="[s], to which the best choices are run, or to the horizon if that is later: of them the"
         " worst then is the answer",
     )
-    seed: int = Field(default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's")
+    seed: int = Field(
+        default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's"
+    )
 
 
 class Criterion(Record):
     """The criterion that ends the sampling of a cell."""
 
     half_width: float = Field(gt=0, lt=0.5, description="of the interval of each cell")
-    of: Literal["unrecovered"] = Field(default="unrecovered", description="the share whose interval it is")
-    confidence: float = Field(default=0.95, gt=0, lt=1, description="of all intervals of a cell together")
-    at_most: int = Field(default=100_000, ge=1, lt=2**32, description="samples, whatever the intervals are")
+    of: Literal["unrecovered"] = Field(
+        default="unrecovered", description="the share whose interval it is"
+    )
+    confidence: float = Field(
+        default=0.95, gt=0, lt=1, description="of all intervals of a cell together"
+    )
+    at_most: int = Field(
+        default=100_000, ge=1, lt=2**32, description="samples, whatever the intervals are"
+    )
 
 
 class Sequential(Record):
@@ -426,17 +480,24 @@ def samples_tag(value: object) -> str:
     return MARK + ("sequential" if isinstance(value, dict | Sequential) else "number")
 
 
-Sweep = Annotated[dict[str, SweptValues], Field(description="dotted key: values; cells are the product")]
+Sweep = Annotated[
+    dict[str, SweptValues], Field(description="dotted key: values; cells are the product")
+]
 
 
 class Config(Scenario):
     """All keys of a study."""
 
     name: Annotated[
-        str, AfterValidator(plain_file_name), Field(description="of the study, and of its results folder")
+        str,
+        AfterValidator(plain_file_name),
+        Field(description="of the study, and of its results folder"),
     ]
     seed: int = Field(
-        default=0, ge=0, lt=2**63, description="of all draws; a random graph that lanes share has its own"
+        default=0,
+        ge=0,
+        lt=2**63,
+        description="of all draws; a random graph that lanes share has its own",
     )
     samples: Annotated[
         Annotated[int, Field(ge=1, lt=2**32), union_member("number")]
@@ -448,7 +509,9 @@ class Config(Scenario):
         description="random, independent; sobol, samples as even as can be, in 16 sequences scrambled"
         " independently, by which intervals are made",
     )
-    recovery: Recovery | None = Field(default=None, description="when a lane counts as saved by its defence")
+    recovery: Recovery | None = Field(
+        default=None, description="when a lane counts as saved by its defence"
+    )
     search: SearchSettings | None = Field(default=None, description="what jaxnet search looks for")
     sweep: Sweep = Field(default={})
     labels: dict[str, str] = Field(

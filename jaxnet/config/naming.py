@@ -54,7 +54,9 @@ def value_name(key: str, value: object) -> str:
         return f"{number}{NO_BREAK}{noun} drawn at random"
     shown = magnitudes_with_units(key, value)
     name = f"ā{NO_BREAK}=" if key == MAGNITUDE and own_name(key) is None else f"{key_name(key)} ="
-    return NO_BREAK.join(filter(None, [name, shown or format_value(value), "" if shown else unit(key)]))
+    return NO_BREAK.join(
+        filter(None, [name, shown or format_value(value), "" if shown else unit(key)])
+    )
 
 
 def magnitudes_with_units(key: str, value: object) -> str:
@@ -140,11 +142,15 @@ def words_of_kind(key: str, label: str) -> str:
 def plain_words(value: object) -> str:
     """Return a list or mapping of a config in words."""
     if isinstance(value, dict):
-        if set(value) == {"random"}:  # attacked vehicles: the number must not read as that of a vehicle
+        if set(value) == {
+            "random"
+        }:  # attacked vehicles: the number must not read as that of a vehicle
             return f"{value['random']} drawn"
         if set(value) == {"at", "sets"}:  # attacked vehicles, which change
             return sets_in_words(value["at"], value["sets"])
-        return ", ".join(f"{str(key).replace('_', ' ')} {plain_words(inner)}" for key, inner in value.items())
+        return ", ".join(
+            f"{str(key).replace('_', ' ')} {plain_words(inner)}" for key, inner in value.items()
+        )
     if isinstance(value, list):
         inner = ", ".join(map(plain_words, value))
         return f"({inner})" if any(isinstance(each, list) for each in value) else inner

@@ -64,7 +64,9 @@ def network(
     try:
         found = object_network(given, first)
         if found is None:
-            raise KindError(f"a network is a matrix or a networkx graph (got {type(given).__name__})")
+            raise KindError(
+                f"a network is a matrix or a networkx graph (got {type(given).__name__})"
+            )
         chosen = None if leader is None else label_of(leader)
         numbered = number_nodes(found, direction, first, chosen, names, leads)
         return edges_of_network(numbered, label or network_label(given), leads)

@@ -63,4 +63,6 @@ def own_distribution(document: Document, key: str) -> Plain:
         return field.default.model_dump()
     if field is not None and (field.description or "").startswith("[rad]"):
         return FULL_TURN.model_dump()
-    raise LookupError(f"give the bounds between which to search: {{each: [a, b]}} (got each for {key})")
+    raise LookupError(
+        f"give the bounds between which to search: {{each: [a, b]}} (got each for {key})"
+    )

@@ -98,7 +98,9 @@ def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
         return everyone < 0
     if attack.targets():
         return np.isin(everyone, attack.targets())
-    return np.isin(everyone, graph.sources[attacked]) | ~np.isin(everyone, graph.sources[graph.heard])
+    return np.isin(everyone, graph.sources[attacked]) | ~np.isin(
+        everyone, graph.sources[graph.heard]
+    )
 
 
 def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
@@ -154,7 +156,9 @@ def with_sybils(
 
     def wider(given: np.ndarray, of_sybils: float) -> Digraph:
         values = given[listeners, slots]
-        values = np.concatenate([values, values[lies].repeat(more), np.full(sybils.size, of_sybils)])
+        values = np.concatenate(
+            [values, values[lies].repeat(more), np.full(sybils.size, of_sybils)]
+        )
         return of_links(graph.vehicles + sybils.size, rows, columns, values)
 
     links = (wider(attacked, 0.0).heard, wider(trusted, 1.0).heard)
@@ -180,7 +184,9 @@ def settles(scenario: Scenario) -> bool:
     graph, _, _, kept = situation_of(scenario)
     if kept is not None and kept.fixed is not None:
         return True
-    one = DropPolicy(graph, graph.heard, graph.heard.sum(axis=1) - 1)  # all sources but one are dropped
+    one = DropPolicy(
+        graph, graph.heard, graph.heard.sum(axis=1) - 1
+    )  # all sources but one are dropped
     return bool(safety.stay_joined(one, np.ones(graph.vehicles, bool)).all())
 
 
@@ -200,15 +206,33 @@ PREMISES = {
     "by law": Premise(lambda one: not one.attack.as_told(), "attacked vehicles move as they tell"),
     "not held": Premise(lambda one: not one.law.holds, "the law holds the jerk between ticks"),
     "solved": Premise(lambda one: one.law.solved, "the law is {one.law.kind}"),
-    "flat": Premise(lambda one: one.vehicle.flat, "{one.vehicle.kind} may not move as the law asks"),
+    "flat": Premise(
+        lambda one: one.vehicle.flat, "{one.vehicle.kind} may not move as the law asks"
+    ),
     "settled": Premise(settles, "gains differ by vehicle, and weights may switch"),
     "retained": Premise(
         lambda one: situation_of(one).retained is not None, "the defence may retain any neighbour"
     ),
 }
-MOTION = ("ideal", "not held", "solved", "flat", "settled")  # of the motion at last (theorems.md O1)
+MOTION = (
+    "ideal",
+    "not held",
+    "solved",
+    "flat",
+    "settled",
+)  # of the motion at last (theorems.md O1)
 BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
-    *("leader", "ideal", "alike", "one gain", "bounded", "one identity", "by law", "not held", "solved"),
+    *(
+        "leader",
+        "ideal",
+        "alike",
+        "one gain",
+        "bounded",
+        "one identity",
+        "by law",
+        "not held",
+        "solved",
+    ),
     *("flat", "retained"),
 )
 

@@ -29,7 +29,11 @@ def config_schema() -> JsonSchema:
                 {"enum": list(kinds)},
                 {"type": "string", "pattern": OUTSIDE},
                 *({"$ref": f"#/$defs/{kind.__name__}"} for kind in kinds.values()),
-                {"type": "object", "properties": {"kind": {"pattern": OUTSIDE}}, "required": ["kind"]},
+                {
+                    "type": "object",
+                    "properties": {"kind": {"pattern": OUTSIDE}},
+                    "required": ["kind"],
+                },
             ],
         }
     for family in KINDS:
@@ -52,7 +56,10 @@ def definitions(kind: type[Kind], name: str, default: str) -> JsonSchema:
     """Return the schema of a kind and of its keys. Only the default kind may omit `kind`."""
     own = kind.model_json_schema(ref_template="#/$defs/{model}")
     inner = own.pop("$defs", {})
-    own["properties"] = {"kind": {"const": name, "default": name, "type": "string"}, **own["properties"]}
+    own["properties"] = {
+        "kind": {"const": name, "default": name, "type": "string"},
+        **own["properties"],
+    }
     if name != default:
         own["required"] = ["kind", *own.get("required", [])]
     return {**inner, kind.__name__: own}

@@ -79,7 +79,9 @@ class Study:
         for key in self.cells[0].labels:
             values = dict.fromkeys(str(cell.labels[key]) for cell in self.cells)
             rows[key] = shorten(", ".join(values), 100, placeholder=" …")
-        body = "".join(f"<tr><th>{escape(key)}</th><td>{escape(row)}</td></tr>" for key, row in rows.items())
+        body = "".join(
+            f"<tr><th>{escape(key)}</th><td>{escape(row)}</td></tr>" for key, row in rows.items()
+        )
         return f"<table><caption>{escape(self.config.name)}</caption>{body}</table>"
 
 
@@ -137,7 +139,8 @@ def override_words(overrides: Overrides, known: PlainMapping) -> list[str]:
         return overrides
     leads = has_navigator(known, overrides)
     return [
-        f"{key}={yaml_of(native(each, key, leads=leads), inline=True)}" for key, each in overrides.items()
+        f"{key}={yaml_of(native(each, key, leads=leads), inline=True)}"
+        for key, each in overrides.items()
     ]
 
 
@@ -153,14 +156,18 @@ def has_navigator(known: PlainMapping, overrides: Overrides) -> bool | None:
         words = overrides
     for key, value in words.items():
         if key.split(".")[0] in ("navigator", "sweep"):
-            with contextlib.suppress(ConfigError, LookupError):  # which are told where the study is read
+            with contextlib.suppress(
+                ConfigError, LookupError
+            ):  # which are told where the study is read
                 read = Reader("").read(str(value)) if isinstance(overrides, list) else value
                 set_value(data, split_key(key), read)
     swept = data.get("sweep")
     listed = swept.get("navigator") if isinstance(swept, Mapping) else None
     each = listed if isinstance(listed, list) and listed else [data.get("navigator", {})]
     kinds = [
-        one if isinstance(one, Kind) else cells.model_of("navigator", cells.with_kind("navigator", one))
+        one
+        if isinstance(one, Kind)
+        else cells.model_of("navigator", cells.with_kind("navigator", one))
         for one in each
     ]
     leads = {getattr(kind, "present", True) for kind in kinds}
@@ -197,7 +204,9 @@ def read_study(
 
 def yaml_of(data: Plain, inline: bool) -> str:
     """Return plain data as YAML: one line for each key, or everything in one line."""
-    text = yaml.dump(data, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=inline, width=math.inf)
+    text = yaml.dump(
+        data, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=inline, width=math.inf
+    )
     return text.removesuffix("...\n").rstrip("\n")
 
 
@@ -237,7 +246,10 @@ class Native:
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
             raise refusal(keys, TOO_DEEP)
         if isinstance(value, Mapping):
-            return {plain_scalar(key, keys): self.plain(inner, (*keys, key)) for key, inner in value.items()}
+            return {
+                plain_scalar(key, keys): self.plain(inner, (*keys, key))
+                for key, inner in value.items()
+            }
         if isinstance(value, list | tuple | range):
             return [self.plain(inner, (*keys, number)) for number, inner in enumerate(value)]
         return plain_scalar(value, keys)
@@ -276,7 +288,10 @@ def plain_scalar(value: object, keys: Keys) -> bool | int | float | str | None:
     value = value.tolist() if isinstance(value, Listable) else value
     if isinstance(value, PurePath | UPath):
         return str(value)
-    if not (value is None or isinstance(value, bool | int | float | str)) or type(value) not in SCALAR_TYPES:
+    if (
+        not (value is None or isinstance(value, bool | int | float | str))
+        or type(value) not in SCALAR_TYPES
+    ):
         allowed = "must be a number, text, true, false, null, a list or a mapping"
         raise refusal(keys, f"{allowed} (got {value!r})")
     if isinstance(value, int) and abs(value) >= TOO_GREAT:

@@ -26,12 +26,16 @@ def explain(error: ErrorDetails, data: Plain) -> str:
     if kind in ("extra_forbidden", "invalid_key"):
         if renamed := renamed_key(error["loc"]):
             return renamed
-        return value_message(error) + suggestion(str(error["loc"][-1]), known_keys(error["loc"], data))
+        return value_message(error) + suggestion(
+            str(error["loc"][-1]), known_keys(error["loc"], data)
+        )
     if kind == "kind_name":
         name = given.get("kind") if isinstance(given, dict) else given
         known = registry.kind_names(error.get("ctx", {})["family"])
         return value_message(error) + suggestion(str(name), known, fallback=False)
-    return value_message(error) + (attacked_hint(error["loc"], given) if kind == "list_type" else "")
+    return value_message(error) + (
+        attacked_hint(error["loc"], given) if kind == "list_type" else ""
+    )
 
 
 def attacked_hint(location: tuple[int | str, ...], given: object) -> str:

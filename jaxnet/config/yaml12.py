@@ -44,7 +44,9 @@ class Yaml12Loader(yaml.SafeLoader):
     def __init__(self, text: str):
         super().__init__(text)
         self.depth = 0
-        self.sizes: dict[yaml.Node, int] = {}  # number of values of each node with its aliases expanded
+        self.sizes: dict[
+            yaml.Node, int
+        ] = {}  # number of values of each node with its aliases expanded
 
     def compose_node(self, parent: yaml.Node | None, index: int | yaml.Node | None) -> yaml.Node:
         """Return the node of the next events; raise ExcessError beyond the limits."""

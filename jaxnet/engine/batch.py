@@ -82,7 +82,9 @@ class Machine(NamedTuple):
         chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
         chunk = min(chunk, LATE_CHUNK) if plan.late else chunk
         cached = min(plan.engine.cached, CHOOSING if plan.choosing else math.inf)
-        few = min(chunk * math.sqrt(TYPICAL_FLEET / max(TYPICAL_FLEET, vehicles)), cached / vehicles)
+        few = min(
+            chunk * math.sqrt(TYPICAL_FLEET / max(TYPICAL_FLEET, vehicles)), cached / vehicles
+        )
         own = max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
         return min(self.chunk, max(own, 2 ** math.ceil(math.log2(lanes)))) if self.chunk else own
 
@@ -136,7 +138,9 @@ def simulate_each(
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def advance(load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: int, device: Any) -> Outcome:
+def advance(
+    load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: int, device: Any
+) -> Outcome:
     """Return the outcome of one load, in double precision whatever the process's default is."""
     count, queue = size(load), queue_of(load, capacity)
     with jax.enable_x64(True), jax.default_device(device):
@@ -175,7 +179,9 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
     def run(
         plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Int[Array, ""] | int
     ) -> Outcome:
-        COMPILING.add(threading.get_ident())  # JAX runs this line only while tracing, before compilation
+        COMPILING.add(
+            threading.get_ident()
+        )  # JAX runs this line only while tracing, before compilation
         # One loop around everything, compiled as one function: 1.02 times, plain, 12 vehicles. Without it,
         # iteration over links ends in other bits.
         return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
@@ -243,7 +249,9 @@ def size(batch: Inputs) -> int:
 
 def joined(trees: Sequence[Lanes]) -> Lanes:
     """Return one tree with the lanes of several trees, one after another."""
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *trees) if len(trees) > 1 else trees[0]
+    return (
+        jax.tree.map(lambda *leaves: np.concatenate(leaves), *trees) if len(trees) > 1 else trees[0]
+    )
 
 
 def part(tree: Lanes, start: int, stop: int | None) -> Lanes:

@@ -89,7 +89,9 @@ def stood(
     pull = pull + norm(of_path) * greatest_drive(lane.gain, path)
     pull = pull + sum(length(known[:, :, k]) / math.factorial(k) for k in range(parts.powers))
     pull = pull * (1.0 + interval * reach[-1])[None]
-    highest = path[order][None] + pull + sum(reach[k][None] * length(errors[k]) for k in range(order))
+    highest = (
+        path[order][None] + pull + sum(reach[k][None] * length(errors[k]) for k in range(order))
+    )
     forced, since = forced[:, :, : parts.functions], time - interval
 
     def driven(effect: Float[Array, "r all lanes"]) -> Jets:
@@ -117,7 +119,9 @@ def stood(
             free = plane.plus(free, signal.jets(known, pushed))
         return now - step, free, effect
 
-    return standstill.stands(pace, go_back, (time, free, effect), interval, flow.longest(lane.gain))[0]
+    return standstill.stands(
+        pace, go_back, (time, free, effect), interval, flow.longest(lane.gain)
+    )[0]
 
 
 def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
@@ -125,7 +129,9 @@ def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
     return jnp.sqrt((vectors**2).sum(axis=(0, 2)))
 
 
-def greatest_drive(gain: control.Gain, sizes: Float[Array, "derivatives lanes"]) -> Float[Array, "1 lanes"]:
+def greatest_drive(
+    gain: control.Gain, sizes: Float[Array, "derivatives lanes"]
+) -> Float[Array, "1 lanes"]:
     """Return a bound on R of a signal, from bounds on the signal and its derivatives."""
     return control.driven(control.norms(gain), sizes)[None]
 
@@ -145,4 +151,6 @@ def stood_held(
         free = flow.propagate(flow.of_integrators(-step, len(jets)), jets)
         return plane.plus(free, signal.jets(held, flow.held_input(-step, len(jets))))
 
-    return standstill.stands(pace, go_back, jets, interval, jnp.full(highest.shape[1:], interval))[0]
+    return standstill.stands(pace, go_back, jets, interval, jnp.full(highest.shape[1:], interval))[
+        0
+    ]

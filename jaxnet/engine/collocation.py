@@ -31,7 +31,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import gauss, standstill, stepper, tick
-from jaxnet.engine.following import FollowedLaw, Following, Jerk, exchanged, follow_weights, law_jerk
+from jaxnet.engine.following import (
+    FollowedLaw,
+    Following,
+    Jerk,
+    exchanged,
+    follow_weights,
+    law_jerk,
+)
 from jaxnet.engine.gauss import Jerks, Window
 from jaxnet.engine.loop import LaneFlags, PerVehicle, Tick, Ticks
 from jaxnet.engine.plan import Tolerances
@@ -48,7 +55,9 @@ from jaxnet.solvers.choice import factorised_at_once
 FIRST = 0.7  # [s] length of the first window that is tried
 PASSES = 10  # most evaluations at the nodes of a window
 CONVERGED = 0.1  # change of a pass over the tolerance, below which another pass changes nothing
-WIDTH = 8  # lanes whose windows are computed at once; 16 measured 0.9 times as fast, plain, 12 vehicles
+WIDTH = (
+    8  # lanes whose windows are computed at once; 16 measured 0.9 times as fast, plain, 12 vehicles
+)
 
 
 class CollocationState(NamedTuple):
@@ -119,19 +128,25 @@ class Collocation(Following[CollocationState]):
         """Return the vehicles' states (n, m, lanes)."""
         return self.lane.vehicle.state_of(state.jets)
 
-    def placed(self, state: CollocationState, vehicles: VehicleFlags, states: States) -> CollocationState:
+    def placed(
+        self, state: CollocationState, vehicles: VehicleFlags, states: States
+    ) -> CollocationState:
         """Put vehicles at rest with these states."""
         return state._replace(
             jets=plane.replaced(vehicles, self.lane.vehicle.output_jets(states), state.jets)
         )
 
-    def pace(self, state: CollocationState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
+    def pace(
+        self, state: CollocationState, decided: DecisionState
+    ) -> tuple[PerVehicle, PerVehicle]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), of the jets where these tell them."""
         if self.lane.vehicle.jets_tell_pace:
             return plane.pace(state.jets)
         return super().pace(state, decided)
 
-    def drive_now(self, state: CollocationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+    def drive_now(
+        self, state: CollocationState, decided: DecisionState
+    ) -> Float[Array, "2 m lanes"]:
         """Return `y‴ + P(ŷ)`, with y‴ of the window that has brought the vehicle here."""
         own = tick.sensed(state.jets, decided.noise)
         return state.window.jerk_at(state.signals.time) + control.feedback(self.lane.gain, own)
@@ -161,21 +176,31 @@ class Collocation(Following[CollocationState]):
         """
         lane, network, plan = self.lane, self.network, self.plan
 
-        def some(few: LaneIndices, carry: tuple[FollowedLaw, LaneFlags]) -> tuple[FollowedLaw, LaneFlags]:
+        def some(
+            few: LaneIndices, carry: tuple[FollowedLaw, LaneFlags]
+        ) -> tuple[FollowedLaw, LaneFlags]:
             followed, cut_off = carry
             part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
             if lane.law.holds:
-                given = followed.jerk, state.signals, tick.at_rest(decided, lane.vehicle.state_of(state.jets))
+                given = (
+                    followed.jerk,
+                    state.signals,
+                    tick.at_rest(decided, lane.vehicle.state_of(state.jets)),
+                )
                 last, now, states = jax.tree.map(lambda leaf: picked(leaf, few), given)
                 new, connected = exchanged(part, network, chosen, last, now, states, plan)
             else:
                 new, connected = follow_weights(part, network, chosen, plan, self.guesses)
-            followed = jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), followed, new)
+            followed = jax.tree.map(
+                lambda all_lanes, theirs: put(all_lanes, few, theirs), followed, new
+            )
             return followed, put(cut_off, few, ~connected)
 
         flagged = at.here if self.at_every_tick else at.anew
         at_once = factorised_at_once(lane.initial.shape[1])
-        followed, cut_off = for_each(flagged, at_once, some, (state.followed, jnp.zeros_like(at.here)))
+        followed, cut_off = for_each(
+            flagged, at_once, some, (state.followed, jnp.zeros_like(at.here))
+        )
         now, length = state.signals.time, state.length
         if lane.lossy:  # of a long window that ends at once, each tick would keep the error
             used = jnp.maximum(now - state.window.start, self.clock.interval)
@@ -276,10 +301,16 @@ class Collocation(Following[CollocationState]):
             jets = gauss.moved(coasted, length, jerks)
             found, off = jax.vmap(at_node)(now, jets, jerks)
             change = equations.solve(found - jerks)
-            largest = tuple(jnp.maximum(a, jnp.abs(b).max(axis=0)) for a, b in zip(sizes, jets, strict=True))
-            moves = tuple(jnp.abs(each).max(axis=0) for each in gauss.integrated(length, change, len(sizes)))
+            largest = tuple(
+                jnp.maximum(a, jnp.abs(b).max(axis=0)) for a, b in zip(sizes, jets, strict=True)
+            )
+            moves = tuple(
+                jnp.abs(each).max(axis=0) for each in gauss.integrated(length, change, len(sizes))
+            )
             missed = tuple(each.max(axis=0) for each in off)
-            left, unlike = (over_tolerance(each, largest, task.tolerances) for each in (moves, missed))
+            left, unlike = (
+                over_tolerance(each, largest, task.tolerances) for each in (moves, missed)
+            )
             new = jerks + change, left, unlike, largest
             jerks, *known = select(unfinished(carry), new, (jerks, *known))
             return jerks, passes + 1, *known
@@ -292,10 +323,18 @@ class Collocation(Following[CollocationState]):
             return unfinished(carry).any() & (carry[1] < PASSES)
 
         infinite, zero = jnp.full_like(length, jnp.inf), jnp.zeros_like(length)
-        begin = equations.solve(jax.vmap(guessed)(now, coasted)), jnp.asarray(0), infinite, zero, sizes
+        begin = (
+            equations.solve(jax.vmap(guessed)(now, coasted)),
+            jnp.asarray(0),
+            infinite,
+            zero,
+            sizes,
+        )
         jerks, _, left, unlike, largest = jax.lax.while_loop(under_way, one, begin)
         misfit = jnp.maximum(gauss.next_degrees(jerks), missed_signals(task, now, between))
-        error = left + over_tolerance(gauss.effect(length, misfit, len(sizes)), largest, task.tolerances)
+        error = left + over_tolerance(
+            gauss.effect(length, misfit, len(sizes)), largest, task.tolerances
+        )
         finite = jnp.isfinite(error)
         return jerks, jnp.where(finite & (unlike < 1.0), error, jnp.inf), finite
 
@@ -334,10 +373,14 @@ def missed_signals(task: Task, now: Signals, between: Signals) -> Jerk:
     if response is None:
         return jnp.zeros_like(task.jets[0])
     path = gauss.unresolved(now.path, between.path)
-    return path[:, None] + signal.combined(jnp.abs(response), gauss.unresolved(now.drive, between.drive))
+    return path[:, None] + signal.combined(
+        jnp.abs(response), gauss.unresolved(now.drive, between.drive)
+    )
 
 
-def over_tolerance(change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tolerances) -> Instants:
+def over_tolerance(
+    change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tolerances
+) -> Instants:
     """Return a change of the jets over the tolerance, as the root mean square over a fleet."""
     changes, sizes = jnp.concatenate(change), jnp.concatenate(size)
     return stepper.error_norm(changes, sizes, tolerances)

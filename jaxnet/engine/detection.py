@@ -49,7 +49,9 @@ def judged_words(
     scale = jnp.where(noisy, 1.0 / jnp.sqrt(jnp.where(noisy, variances, 1.0)), 0.0)
     orders = noisy.sum(axis=0)
     whitened = scale[:, None] * jnp.stack(residuals)
-    return JudgedWords(time, hearing.sources, whitened, orders, arrived & (orders > 0), lane.interval)
+    return JudgedWords(
+        time, hearing.sources, whitened, orders, arrived & (orders > 0), lane.interval
+    )
 
 
 def word_variances(lane: Lane, hearing: Hearing) -> list[Float[Array, "slots m lanes"]]:
@@ -64,12 +66,19 @@ def word_variances(lane: Lane, hearing: Hearing) -> list[Float[Array, "slots m l
     for kind, links in filter(None, (of_links, of_sensors)):
         for order, size in enumerate(kind.deviations()[: len(total)]):
             if size is not None:
-                total[order] = total[order] + jnp.where(links[..., None], size[None, None] ** 2, 0.0)
+                total[order] = total[order] + jnp.where(
+                    links[..., None], size[None, None] ** 2, 0.0
+                )
     return total
 
 
 def detect(
-    before: Detection, lane: Lane, hearing: Hearing, residuals: SlotJets, arrived: SlotFlags, time: LaneTimes
+    before: Detection,
+    lane: Lane,
+    hearing: Hearing,
+    residuals: SlotJets,
+    arrived: SlotFlags,
+    time: LaneTimes,
 ) -> Detection:
     """Return the alarms after a tick at which words with these residuals arrived."""
     words = judged_words(lane, hearing, residuals, arrived & (lane.weights > 0), time)

@@ -21,7 +21,9 @@ def nobody(vehicles: int, lanes: int) -> Isolation:
     return Isolation(zero, jnp.full(lanes, jnp.nan), jnp.zeros((vehicles, lanes), bool), zero)
 
 
-def passed(before: Isolation, cut_off: Bool[Array, "m lanes"], time: Float[Array, " lanes"]) -> Isolation:
+def passed(
+    before: Isolation, cut_off: Bool[Array, "m lanes"], time: Float[Array, " lanes"]
+) -> Isolation:
     """Return the vehicles cut off until now, after a tick at which decisions cut these vehicles off."""
     begins = cut_off.any(axis=0) & (before.first == 0)
     return Isolation(

@@ -17,7 +17,9 @@ TERMS = 18  # terms of the exponential's series; 1/18! is under rounding
 
 Durations = Float[Array, "lanes"]
 Transition = Float[Array, "r r 2 2 lanes"] | Float[Array, "r r lanes"]  # expm(A_c h)
-Effect = Float[Array, "r functions lanes"]  # g, the functions of G, with derivatives below the order r
+Effect = Float[
+    Array, "r functions lanes"
+]  # g, the functions of G, with derivatives below the order r
 Responses = Float[Array, "nodes r lanes"]  # expm(A_c (1 - x) h) B at the NODES x
 PowerResponses = Float[Array, "r powers lanes"]
 
@@ -116,7 +118,9 @@ def power_responses(
     for k in reversed(range(number)):
         each.append(lower(k, each[-1]))
 
-    def double(_: Any, carry: tuple[Transition, PowerResponses]) -> tuple[Transition, PowerResponses]:
+    def double(
+        _: Any, carry: tuple[Transition, PowerResponses]
+    ) -> tuple[Transition, PowerResponses]:
         flow, half = carry
         whole = jnp.stack(propagate(flow, half)) + shifted(half, jnp.ones_like(span))
         return jnp.einsum("ijl,jkl->ikl", flow, flow), whole * shares(jnp.full_like(span, 0.5))
@@ -137,7 +141,12 @@ def shifted(responses: PowerResponses, by: Durations) -> PowerResponses:
 
 
 def passed_on(
-    effect: Effect, flow: Transition, responses: Responses, lane: Lane, time: Durations, interval: Any
+    effect: Effect,
+    flow: Transition,
+    responses: Responses,
+    lane: Lane,
+    time: Durations,
+    interval: Any,
 ) -> Effect:
     """Return g and its derivatives an interval later, where `R(g) = R(β)`, from g now.
 

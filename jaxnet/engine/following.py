@@ -30,7 +30,9 @@ class FollowedLaw(NamedTuple):
     """Weights, factors and jerk that vehicles follow until the next tick. Absent parts are None."""
 
     weights: AxisWeights
-    factors: Any  # by the network's solver, of these weights' Laplacian; None where none is solved for
+    factors: (
+        Any  # by the network's solver, of these weights' Laplacian; None where none is solved for
+    )
     jerk: Jerk | None  # held until the next tick
     response: Vectors | None  # L⁻¹ d, or d under a local law; for a linearised law or a first guess
     strength: RowShares | None = None  # of the rows of weights, under a local law
@@ -57,7 +59,10 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         decided = tick.before_first(lane, network, plan)
         if lane.law.holds:
             return FollowedLaw(
-                tick.drive(lane, decided, plan).weights, None, jnp.zeros_like(lane.initial[:2]), None
+                tick.drive(lane, decided, plan).weights,
+                None,
+                jnp.zeros_like(lane.initial[:2]),
+                None,
             )
         return follow_weights(lane, network, decided, plan, self.guesses)[0]
 
@@ -95,7 +100,9 @@ def follow_weights(
         everybody = jnp.ones(lane.attack_scale.shape, bool)
         vectors = control.drive_vectors(lane.gain, drive.vectors)
         vectors = response(vectors, FollowedLaw(drive.weights, None, None, None), network)
-        return FollowedLaw(drive.weights, None, None, vectors, drive.strength, drive.known), everybody
+        return FollowedLaw(
+            drive.weights, None, None, vectors, drive.strength, drive.known
+        ), everybody
     factors, residual = network.solver.factorise(network.hearing, drive.weights)
     followed = FollowedLaw(drive.weights, factors, None, None, known=drive.known)
     if guesses or lane.law.linearised:
@@ -131,7 +138,9 @@ def exchanged(
     drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
     told = tick.Told(now.navigator, now.basis, now.path, now.drive, now.time)
     jerk = tick.exchange(lane, network, drive, own, told, last)
-    return FollowedLaw(drive.weights, None, jerk, None), ~tick.disconnected(lane, network, decided, plan)
+    return FollowedLaw(drive.weights, None, jerk, None), ~tick.disconnected(
+        lane, network, decided, plan
+    )
 
 
 def law_jerk(
@@ -169,7 +178,9 @@ def heard_means(
     network: Network, weights: AxisWeights, now: Signals, own: Jets, signals: Jets
 ) -> list[Float[Array, "2 m lanes"]]:
     """Return the weighted means of the received jets below the order, `Σ_j w_ij (y_j + a_ij)` and so on."""
-    sources = [jnp.concatenate([a[:, None], b], axis=1) for a, b in zip(now.navigator, own, strict=False)]
+    sources = [
+        jnp.concatenate([a[:, None], b], axis=1) for a, b in zip(now.navigator, own, strict=False)
+    ]
     return [network.hearing.mean(weights, *both) for both in zip(sources, signals, strict=False)]
 
 

@@ -39,10 +39,18 @@ class Rule(NamedTuple):
     """Constants of the method on the window from 0 to 1."""
 
     nodes: Float[np.ndarray, " nodes"]
-    integrals: Float[np.ndarray, "4 nodes nodes"]  # of polynomial l from 0 to node k; once to four times
-    powers: Float[np.ndarray, "5 nodes nodes"]  # coefficients of polynomial l over t^order, 0 to 4 integrals
-    highest: Float[np.ndarray, "4 nodes"]  # weights of the Legendre coefficients of the highest degrees
-    reach: Float[np.ndarray, " 4"]  # greatest integral of that Legendre polynomial; once to four times
+    integrals: Float[
+        np.ndarray, "4 nodes nodes"
+    ]  # of polynomial l from 0 to node k; once to four times
+    powers: Float[
+        np.ndarray, "5 nodes nodes"
+    ]  # coefficients of polynomial l over t^order, 0 to 4 integrals
+    highest: Float[
+        np.ndarray, "4 nodes"
+    ]  # weights of the Legendre coefficients of the highest degrees
+    reach: Float[
+        np.ndarray, " 4"
+    ]  # greatest integral of that Legendre polynomial; once to four times
     between: Float[np.ndarray, "places nodes"]  # values of polynomial l at PLACES
     lebesgue: float  # greatest sum of the absolute cardinal polynomials
 
@@ -52,7 +60,9 @@ def gauss_rule(nodes: int) -> Rule:
     places, shares = np.polynomial.legendre.leggauss(nodes)
     degrees = np.arange(nodes)
     values = np.polynomial.legendre.legvander(places, nodes - 1)
-    legendre = (degrees + 0.5)[:, None] * (values * shares[:, None]).T  # coefficient by degree and node
+    legendre = (degrees + 0.5)[:, None] * (
+        values * shares[:, None]
+    ).T  # coefficient by degree and node
     cardinal = [Legendre(column, domain=[0, 1]) for column in legendre.T]
     times, fine = (places + 1) / 2, np.linspace(0, 1, 1001)
     orders = [[one.integ(order, lbnd=0) for one in cardinal] for order in INTEGRALS]
@@ -70,7 +80,9 @@ def gauss_rule(nodes: int) -> Rule:
 
 def monomials(polynomials: list[Legendre], order: int) -> Float[np.ndarray, "nodes nodes"]:
     """Return the coefficients of polynomials in t from `t^order` on; the lower ones are 0."""
-    found = [one.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef for one in polynomials]
+    found = [
+        one.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef for one in polynomials
+    ]
     width = len(polynomials) + order
     return np.stack([np.pad(one, (0, width - len(one)))[order:] for one in found])
 
@@ -89,11 +101,15 @@ class Window(NamedTuple):
     def jets_at(self, time: Times) -> Jets:
         """Return the jets at a time [s] in the window."""
         orders = range(1, len(self.jets) + 1)
-        shares = jnp.stack([(self.length**order)[None] * self.shares(time, order) for order in orders])
+        shares = jnp.stack(
+            [(self.length**order)[None] * self.shares(time, order) for order in orders]
+        )
         start = tuple(jet[0] for jet in coasted(self.jets, (time - self.start)[None]))
 
         def add(node: LoopIndex, jets: Jets) -> Jets:
-            share = jax.lax.dynamic_index_in_dim(shares, node, axis=1, keepdims=False)[:, None, None]
+            share = jax.lax.dynamic_index_in_dim(shares, node, axis=1, keepdims=False)[
+                :, None, None
+            ]
             jerk = jax.lax.dynamic_index_in_dim(self.jerks, node, keepdims=False)
             return tuple(jet + each * jerk for jet, each in zip(jets, share[::-1], strict=True))
 
@@ -139,7 +155,8 @@ def linear(gain: control.Gain, length: Times) -> Linear:
     identity = matrix = jnp.eye(STAGES)[..., None]
     for order, each in zip(range(len(gain), 0, -1), gain, strict=True):
         matrix = (
-            matrix + (each * length**order)[None, None] * jnp.asarray(RULE.integrals[order - 1])[..., None]
+            matrix
+            + (each * length**order)[None, None] * jnp.asarray(RULE.integrals[order - 1])[..., None]
         )
     whole = jnp.concatenate([matrix, jnp.broadcast_to(identity, matrix.shape)], axis=1)
 
@@ -202,4 +219,6 @@ def unresolved(
 
 def effect(length: Times, jerk: Float[Array, "2 m lanes"], order: int) -> Jets:
     """Return the greatest effect on the jets of a jerk of this size that varies as the highest degree."""
-    return tuple((length**times * RULE.reach[times - 1])[None, None] * jerk for times in range(order, 0, -1))
+    return tuple(
+        (length**times * RULE.reach[times - 1])[None, None] * jerk for times in range(order, 0, -1)
+    )

@@ -32,7 +32,9 @@ def inner_at_start(lane: Lane, interval: Any) -> Inner | None:
     """Return the states at t = 0; None where the outputs determine all states."""
     if not lane.vehicle.internal:
         return None
-    return Inner(lane.vehicle.inner(lane.initial), jnp.broadcast_to(interval, lane.attack_scale.shape))
+    return Inner(
+        lane.vehicle.inner(lane.initial), jnp.broadcast_to(interval, lane.attack_scale.shape)
+    )
 
 
 def carried(
@@ -49,7 +51,10 @@ def carried(
         now, passed, number = carry
         end = stepper.towards(span, passed, jnp.minimum(now.inner.step, motion.longest))
         step = end - passed
-        there = [now, *[motion.later(now, decided, place * step, since) for place in OUTPUT_PLACES[1:]]]
+        there = [
+            now,
+            *[motion.later(now, decided, place * step, since) for place in OUTPUT_PLACES[1:]],
+        ]
         found, error = vehicle.inner_after(
             now.inner.states, [motion.all_jets(each, decided) for each in there], step
         )
@@ -57,7 +62,11 @@ def carried(
         kept = (passed < span) & ~(error >= 1.0)  # a lane whose numbers are not finite goes on
         step = jnp.where(passed < span, stepper.next_step(step, error, ORDER), now.inner.step)
         now = select(kept, there[-1]._replace(inner=Inner(found, step)), now)
-        return now._replace(inner=Inner(now.inner.states, step)), jnp.where(kept, end, passed), number + 1
+        return (
+            now._replace(inner=Inner(now.inner.states, step)),
+            jnp.where(kept, end, passed),
+            number + 1,
+        )
 
     start = state, jnp.where(moves, 0.0, span), jnp.asarray(0)
     now, passed, _ = jax.lax.while_loop(under_way, attempt, start)

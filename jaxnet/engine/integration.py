@@ -75,11 +75,15 @@ class Integration(Following[IntegrationState]):
         """Return the vehicles' states (n, m, lanes)."""
         return state.state
 
-    def placed(self, state: IntegrationState, vehicles: VehicleFlags, states: States) -> IntegrationState:
+    def placed(
+        self, state: IntegrationState, vehicles: VehicleFlags, states: States
+    ) -> IntegrationState:
         """Put vehicles at rest with these states."""
         return state._replace(state=jnp.where(vehicles[None], states, state.state))
 
-    def drive_now(self, state: IntegrationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+    def drive_now(
+        self, state: IntegrationState, decided: DecisionState
+    ) -> Float[Array, "2 m lanes"]:
         """Return `y‴ + P(ŷ)`, with y‴ of the vector field."""
         return tick.drive_along(self.lane, state.state, state.slope, decided.noise)
 
@@ -112,9 +116,18 @@ class Integration(Following[IntegrationState]):
                 new, connected = follow_weights(part, network, chosen, plan, self.guesses)
             there = vector_field(part, network, new, chosen, now, states, plan)
             proposed = stepper.first_step(states, there, tolerated)
-            proposed = jnp.where(picked(at.first, few) & (proposed > 0), proposed, picked(step, few))
-            followed = jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), followed, new)
-            return followed, put(slope, few, there), put(step, few, proposed), put(cut_off, few, ~connected)
+            proposed = jnp.where(
+                picked(at.first, few) & (proposed > 0), proposed, picked(step, few)
+            )
+            followed = jax.tree.map(
+                lambda all_lanes, theirs: put(all_lanes, few, theirs), followed, new
+            )
+            return (
+                followed,
+                put(slope, few, there),
+                put(step, few, proposed),
+                put(cut_off, few, ~connected),
+            )
 
         flagged = at.here if lane.law.holds or lane.sensor is not None else at.anew
         carry = state.followed, state.slope, state.step, jnp.zeros_like(at.here)
@@ -135,7 +148,9 @@ class Integration(Following[IntegrationState]):
         goal = clock.at(ticks + 1)
         end = stepper.towards(goal, time, state.step)
         trial = stepper.attempt(
-            lambda now, states: vector_field(lane, network, state.followed, decided, now, states, plan),
+            lambda now, states: vector_field(
+                lane, network, state.followed, decided, now, states, plan
+            ),
             lambda time: signals(lane, time),
             rule,
             time,

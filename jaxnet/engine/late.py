@@ -31,7 +31,9 @@ from jaxnet.model.signal import Vectors
 
 # Coefficients of a polynomial. A harmonic of ω [rad/s] errs by under (ωh/4)⁸ / 20,160 of its size.
 DEGREES = 8
-POINTS = (1 - np.cos(np.pi * (np.arange(DEGREES) + 0.5) / DEGREES)) / 2  # Chebyshev's, on a tick of length 1
+POINTS = (
+    1 - np.cos(np.pi * (np.arange(DEGREES) + 0.5) / DEGREES)
+) / 2  # Chebyshev's, on a tick of length 1
 TO_COEFFICIENTS = np.linalg.inv(
     POINTS[:, None] ** np.arange(DEGREES) / [math.factorial(k) for k in range(DEGREES)]
 )  # of σ^k / k!, with σ the share of a tick
@@ -47,7 +49,9 @@ LinkNumbers = Int[Array, "slots m lanes"]
 class SentJets(NamedTuple):
     """Jets of y at a tick, which listeners judge by."""
 
-    told: tuple[Float[Array, "*d 2 sources lanes"], ...]  # relative to the navigator, which comes first
+    told: tuple[
+        Float[Array, "*d 2 sources lanes"], ...
+    ]  # relative to the navigator, which comes first
     navigator: Float[Array, "*d r 2 lanes"]
     functions: Float[Array, "*d r B lanes"]  # of the attacks
 
@@ -61,10 +65,16 @@ class History(NamedTuple):
 
     told: tuple[Float[Array, "*d 2 degrees sources lanes"], ...]
     functions: Float[Array, "*d orders degrees B lanes"]  # of the attacks
-    vectors: Float[Array, "*d 2 signals B lanes"] | None  # of the attacks; None: at all times the lane's
-    rounding: tuple[Float[Array, "*d 2 slots m lanes"], ...] | None  # errors of jets; None: none are rounded
+    vectors: (
+        Float[Array, "*d 2 signals B lanes"] | None
+    )  # of the attacks; None: at all times the lane's
+    rounding: (
+        tuple[Float[Array, "*d 2 slots m lanes"], ...] | None
+    )  # errors of jets; None: none are rounded
     jets: SentJets | None  # None where nobody judges
-    ticks: Int[Array, "*d slots m lanes"] | None  # by which messages are late, where each has its own delay
+    ticks: (
+        Int[Array, "*d slots m lanes"] | None
+    )  # by which messages are late, where each has its own delay
     leading: Float[Array, "degrees 2 lanes"] | None  # R(y_0) from the last tick on
 
 
@@ -129,7 +139,9 @@ class DrawnDelay(NamedTuple):
         drawn = chance.drawn(self.key, time, "delay", "uniform", links)
         return 1 + (drawn[None] >= self.chances[:-1, None, None]).sum(axis=0)
 
-    def seconds(self, ages: Int[Array, "*links lanes"], interval: LaneTimes) -> Float[Array, "*links lanes"]:
+    def seconds(
+        self, ages: Int[Array, "*links lanes"], interval: LaneTimes
+    ) -> Float[Array, "*links lanes"]:
         """Return the delay [s] of messages, which arrive so many ticks late."""
         return ages.astype(float) * interval.reshape(*[1] * (ages.ndim - 1), -1)
 
@@ -268,12 +280,22 @@ def mean_words(
         entry = None if arrival.entry is None else one(arrival.entry, 0)
         errors = None if rounding is None else tuple(one(each, -3) for each in rounding)
         there = lane._replace(delay=lane.delay.on(lambda links: one(links, 0)))
-        given = told, errors, Arrival(arrival.came, entry), there, hearing.at(slot), plan, depth(history)
+        given = (
+            told,
+            errors,
+            Arrival(arrival.came, entry),
+            there,
+            hearing.at(slot),
+            plan,
+            depth(history),
+        )
         return sent_words(*given)[:, :, 0]
 
     def plus_lie(slot: LoopIndex, listener: LoopIndex, total: Polynomials) -> Polynomials:
         lie = false_word(history, arrival, lane, hearing, plan, slot, listener)
-        return xla.add_slice(total, (0, 0, listener), (weights[:, slot, listener][:, None] * lie)[:, :, None])
+        return xla.add_slice(
+            total, (0, 0, listener), (weights[:, slot, listener][:, None] * lie)[:, :, None]
+        )
 
     return hearing.over_attacked_links(plus_lie, plus_slots(start, weights, word))
 
@@ -326,7 +348,10 @@ def false_word(
 
     def signals(sent: History) -> Float[Array, "orders 2 degrees lanes"]:
         vectors = vectors_of(sent, lane)[:, number]  # (2, B, lanes)
-        parts = (vectors[None, :, None, b] * sent.functions[:, None, :, b] for b in range(vectors.shape[1]))
+        parts = (
+            vectors[None, :, None, b] * sent.functions[:, None, :, b]
+            for b in range(vectors.shape[1])
+        )
         return sum(parts, jnp.zeros(()))
 
     each = here.carried(here.entries(history._replace(leading=None)), signals)
@@ -426,12 +451,18 @@ def motion_of(
     for n in range(DEGREES):
         sensed = series[n : n + order]
         if n == 0 and noise is not None:
-            sensed = plane.plus(sensed, [weighed(jet, powers[k]) for k, jet in enumerate(noise[:order])])
+            sensed = plane.plus(
+                sensed, [weighed(jet, powers[k]) for k, jet in enumerate(noise[:order])]
+            )
         asked = weighed(drive[:, n], powers[order]) - control.feedback(gain, sensed)
         series.append(asked if strength is None else strength * asked)
-    told = [weighed(jnp.stack(series[k : k + DEGREES], axis=1), 1 / powers[k]) for k in range(order + 1)]
+    told = [
+        weighed(jnp.stack(series[k : k + DEGREES], axis=1), 1 / powers[k]) for k in range(order + 1)
+    ]
     if noise is not None:
-        told[:order] = [each.at[:, 0].add(error) for each, error in zip(told, noise, strict=False)][:order]
+        told[:order] = [each.at[:, 0].add(error) for each, error in zip(told, noise, strict=False)][
+            :order
+        ]
     return tuple(told)
 
 

@@ -35,7 +35,9 @@ LEAST_TERM = 2.0**-56  # relative size at which a series stops
 
 CHEBYSHEV_ANGLES = (np.arange(COEFFICIENTS) + 0.5) * np.pi / COEFFICIENTS
 CHEBYSHEV_POINTS = (1 - np.cos(CHEBYSHEV_ANGLES)) / 2  # Chebyshev's points in [0, 1]
-TO_CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * CHEBYSHEV_POINTS - 1, COEFFICIENTS - 1))
+TO_CHEBYSHEV = np.linalg.inv(
+    np.polynomial.chebyshev.chebvander(2 * CHEBYSHEV_POINTS - 1, COEFFICIENTS - 1)
+)
 INVERSE_FACTORIALS = np.array([1.0 / math.factorial(n) for n in range(MOST_TERMS + 1)])
 
 
@@ -43,7 +45,9 @@ def derivatives_of_chebyshev() -> Float[np.ndarray, "derivatives coefficients"]:
     """Return the derivatives at 0 of Chebyshev's polynomials of 2x - 1, of each order."""
     polynomials = np.polynomial.Chebyshev.identity(domain=[0, 1])
     basis = [polynomials.basis(n, domain=[0, 1]) for n in range(COEFFICIENTS)]
-    return np.array([[each.deriv(n)(0.0) if n else each(0.0) for each in basis] for n in range(COEFFICIENTS)])
+    return np.array(
+        [[each.deriv(n)(0.0) if n else each(0.0) for each in basis] for n in range(COEFFICIENTS)]
+    )
 
 
 DERIVATIVES = derivatives_of_chebyshev()
@@ -73,7 +77,9 @@ class Local(Held):
         lane, drive = self.lane, self.drive(state, decided)
         own = tick.sensed(state.jets, decided.noise)
         navigator = self.navigator(state)
-        demand = tick.followed_demand(lane, self.network, drive, own, navigator, state.basis, state.time)
+        demand = tick.followed_demand(
+            lane, self.network, drive, own, navigator, state.basis, state.time
+        )
         return demand + control.feedback(lane.gain, own)
 
     def later(
@@ -101,7 +107,9 @@ class Local(Held):
             some = jax.tree.map(lambda leaf: picked(leaf, few), (lane, drive, jets, time, span))
             return stood_in_tick(network, *some)
 
-        status, straight = between.stopped(now.straight, status, lambda: self.lead(now, decided), stood)
+        status, straight = between.stopped(
+            now.straight, status, lambda: self.lead(now, decided), stood
+        )
         return now._replace(straight=straight), status, arrived
 
 
@@ -123,7 +131,9 @@ def after_span(
         number: Int[Array, ""], carry: tuple[Jets, Float[Array, "m lanes"]]
     ) -> tuple[Jets, Float[Array, "m lanes"]]:
         jets, bound = carry
-        there, highest = by_series(lane, network, drive, jets, time + number.astype(float) * piece, piece)
+        there, highest = by_series(
+            lane, network, drive, jets, time + number.astype(float) * piece, piece
+        )
         return there, jnp.maximum(bound, highest)
 
     return jax.lax.fori_loop(0, pieces, one, (jets, jnp.zeros_like(jets[0][0])))
@@ -148,7 +158,10 @@ def by_series(
         """Return the derivative of order r + n from the r before it."""
         here = n < COEFFICIENTS
         functions = jax.tree.map(
-            lambda leaf: jnp.where(here, jax.lax.dynamic_index_in_dim(leaf, n, keepdims=False), 0.0), forcing
+            lambda leaf: jnp.where(
+                here, jax.lax.dynamic_index_in_dim(leaf, n, keepdims=False), 0.0
+            ),
+            forcing,
         )
         own = window
         if noise is not None:
@@ -158,7 +171,9 @@ def by_series(
             here = n < len(added)
             constant = jnp.where(here, jax.lax.dynamic_index_in_dim(added, n, keepdims=False), 0.0)
             now = drive._replace(known=KnownDrive(drive.known.share, constant[:, None], span))
-        return tick.followed_demand(lane, network, now, own, functions.navigator, functions.basis, time)
+        return tick.followed_demand(
+            lane, network, now, own, functions.navigator, functions.basis, time
+        )
 
     def add(carry: tuple) -> tuple:
         n, window, sums, bound, _ = carry
@@ -174,7 +189,9 @@ def by_series(
         n, *_, more = carry
         return ((n < COEFFICIENTS + order) | more) & (n + order < MOST_TERMS)
 
-    sums = tuple(sum(first[m] / math.factorial(m - k) for m in range(k, order)) for k in range(order))
+    sums = tuple(
+        sum(first[m] / math.factorial(m - k) for m in range(k, order)) for k in range(order)
+    )
     begin = jnp.asarray(0), first, sums, jnp.zeros_like(first[0][0]), jnp.asarray(True)
     _, _, sums, bound, _ = jax.lax.while_loop(under_way, add, begin)
     found = tuple(each / power[None, None] for each, power in zip(sums, powers, strict=False))
@@ -203,8 +220,12 @@ def forcing_of(lane: Lane, time: Instants, span: Instants) -> Forcing:
     known = Forcing(jax.vmap(lane.path)(times), jax.vmap(lane.basis)(times))
     powers = jnp.stack([span**k for k in range(known.navigator.shape[1])])
 
-    def of(values: Float[Array, "nodes jets functions lanes"]) -> Float[Array, "nodes jets functions lanes"]:
-        coefficients = jnp.tensordot(jnp.asarray(TO_CHEBYSHEV), values * powers[None, :, None], axes=1)
+    def of(
+        values: Float[Array, "nodes jets functions lanes"],
+    ) -> Float[Array, "nodes jets functions lanes"]:
+        coefficients = jnp.tensordot(
+            jnp.asarray(TO_CHEBYSHEV), values * powers[None, :, None], axes=1
+        )
         return jnp.tensordot(jnp.asarray(DERIVATIVES), coefficients, axes=1)
 
     return Forcing(*map(of, known))
@@ -217,7 +238,9 @@ def stood_in_tick(
     _, highest = after_span(lane, network, drive, jets, now, -span)
 
     def pace(state: tuple[Jets, Instants]) -> standstill.Pace:
-        return standstill.backwards(lane.vehicle, state[0], highest, None)  # nobody stops under this law
+        return standstill.backwards(
+            lane.vehicle, state[0], highest, None
+        )  # nobody stops under this law
 
     def go_back(state: tuple[Jets, Instants], step: Instants) -> tuple[Jets, Instants]:
         jets, time = state

@@ -99,7 +99,9 @@ class Motion(ABC, Generic[MotionState]):
         """Return the drive `z = y‴ + P(ŷ)` of each vehicle now [m/s³], where ŷ is what the vehicle senses."""
 
     @abstractmethod
-    def hold(self, state: MotionState, decided: DecisionState, at: Tick) -> tuple[MotionState, LaneFlags]:
+    def hold(
+        self, state: MotionState, decided: DecisionState, at: Tick
+    ) -> tuple[MotionState, LaneFlags]:
         """Return the state that follows the decisions, and the lanes in which a vehicle is cut off."""
 
     @abstractmethod
@@ -228,7 +230,9 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
     if plan.as_told:
         errors = told.told_errors(lane, basis, errors)
-    needed = before.coasting is not None or (before.reception is not None and plan.missing == "hold")
+    needed = before.coasting is not None or (
+        before.reception is not None and plan.missing == "hold"
+    )
     last = last_drive(fleet, motion, lane, first) if needed else None
     decided = tick.decide(lane, network, plan, before, errors, basis, time, last)
     if last is not None and decided.may_stop is not None:
@@ -272,7 +276,9 @@ def isolated(
     return run_if((failing & here).any(), seek, jnp.zeros(lane.weights.shape[1:], bool))
 
 
-def last_drive(fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags) -> Float[Array, "2 m lanes"]:
+def last_drive(
+    fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags
+) -> Float[Array, "2 m lanes"]:
     """Return the drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
     time, _ = motion.basis(fleet.state)
     navigator = [jet[:, None] for jet in lane.path(time)]
@@ -293,13 +299,19 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     shown = drive.vectors[:, batch.network.display_signals]
     speed, turn_rate = motion.pace(fleet.state, fleet.decided)
     error, lane = motion.errors(fleet.state)[0], batch.lane
-    states, coasting = tick.at_rest(fleet.decided, motion.states(fleet.state)), fleet.decided.coasting
+    states, coasting = (
+        tick.at_rest(fleet.decided, motion.states(fleet.state)),
+        fleet.decided.coasting,
+    )
     stopped = None if coasting is None else coasting.stopped
     if stopped is not None:
         speed, turn_rate = (jnp.where(stopped.vehicles, 0.0, each) for each in (speed, turn_rate))
     theirs = told.told_motion(lane, time, basis) if batch.plan.as_told else None
     if theirs is not None:
-        error, states = theirs.instead_of(theirs.errors[0], error), theirs.instead_of(theirs.states, states)
+        error, states = (
+            theirs.instead_of(theirs.errors[0], error),
+            theirs.instead_of(theirs.states, states),
+        )
         speed, turn_rate = map(theirs.instead_of, theirs.pace, (speed, turn_rate))
 
     def inputs() -> Float[Array, "2 m lanes"]:
@@ -384,15 +396,21 @@ def in_lockstep(
         fleet, series = carry
         last = number * clock.ticks
         if batch.acts or not plan.consistent:
-            fleet = jax.lax.fori_loop(jnp.maximum(0, last - clock.ticks + 1), last + 1, pass_tick, fleet)
+            fleet = jax.lax.fori_loop(
+                jnp.maximum(0, last - clock.ticks + 1), last + 1, pass_tick, fleet
+            )
         else:
             fleet = pass_tick(last, fleet)
         seen, ok = observe(fleet, motion, batch), fleet.status == Status.ok
         series = {
-            name: jax.lax.dynamic_update_index_in_dim(series[name], jnp.where(ok, value, jnp.nan), number, 0)
+            name: jax.lax.dynamic_update_index_in_dim(
+                series[name], jnp.where(ok, value, jnp.nan), number, 0
+            )
             for name, value in metrics.series(plan.save, seen).items()
         }
-        gathered = metrics.add(plan.metrics, fleet.gathered, seen, everywhere, jnp.asarray(number), clock)
+        gathered = metrics.add(
+            plan.metrics, fleet.gathered, seen, everywhere, jnp.asarray(number), clock
+        )
         stood = fleet.stood | is_singular(batch.lane, seen.state, fleet.decided.may_stop)
         status = within_bounds(fleet.status, gathered["peak_error"])
         return fleet._replace(gathered=gathered, stood=stood, status=status), series
@@ -431,13 +449,23 @@ def from_queue(
         gathered = metrics.add(plan.metrics, fleet.gathered, seen, due, number, clock)
         row = jnp.where(due, number, plan.rows)
         series = {
-            name: series[name].at[row, ..., places.number].set(jnp.moveaxis(value, -1, 0), mode="drop")
+            name: series[name]
+            .at[row, ..., places.number]
+            .set(jnp.moveaxis(value, -1, 0), mode="drop")
             for name, value in metrics.series(plan.save, seen).items()
         }
-        state, status, arrived = motion.advance(fleet.state, fleet.decided, fleet.ticks, fleet.status)
+        state, status, arrived = motion.advance(
+            fleet.state, fleet.decided, fleet.ticks, fleet.status
+        )
         ticks = fleet.ticks + arrived.astype(int)
         stood = fleet.stood | (due & is_singular(batch.lane, seen.state, fleet.decided.may_stop))
-        rest = {"ticks": ticks, "at_tick": arrived, "status": status, "stood": stood, "gathered": gathered}
+        rest = {
+            "ticks": ticks,
+            "at_tick": arrived,
+            "status": status,
+            "stood": stood,
+            "gathered": gathered,
+        }
         return fleet._replace(state=state, **rest), series
 
     def under_way(fleet: Fleet) -> LaneFlags:
@@ -453,5 +481,7 @@ def from_queue(
         return observe(start(queue), make(batch), batch)
 
     series = metrics.empty_series(plan.save, plan.rows, one)
-    outcome, series = work_off(queue, count, plan.chunk, Work(start, advance, under_way, end), series)
+    outcome, series = work_off(
+        queue, count, plan.chunk, Work(start, advance, under_way, end), series
+    )
     return outcome._replace(series=outcome.series | series)

@@ -125,7 +125,14 @@ def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]
     return {name: jnp.full((rows, *one.shape), jnp.nan) for name, one in shapes.items()}
 
 
-NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf, "sum": 0.0, "integral": 0.0, "last": jnp.nan}
+NEUTRAL = {
+    "mean": 0.0,
+    "max": -jnp.inf,
+    "min": jnp.inf,
+    "sum": 0.0,
+    "integral": 0.0,
+    "last": jnp.nan,
+}
 STEP_OVER_TIME = {
     "mean": jnp.add,
     "max": jnp.maximum,
@@ -136,7 +143,9 @@ STEP_OVER_TIME = {
 }
 OVER_VEHICLES = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}
 
-Gathered = Mapping[str, Float[Array, "m *lanes"]]  # by metric and vehicle, before any sum over vehicles
+Gathered = Mapping[
+    str, Float[Array, "m *lanes"]
+]  # by metric and vehicle, before any sum over vehicles
 
 
 def nothing(metrics: Sequence[Metric], shape: tuple[int, ...]) -> Gathered:
@@ -169,7 +178,9 @@ def add(
     return reduce_over_time(run, gathered, seen, there, weight) | after
 
 
-def trapezium(output: Int[Array, "*some"], first: Int[Array, ""], clock: Clock) -> Float[Array, "*some"]:
+def trapezium(
+    output: Int[Array, "*some"], first: Int[Array, ""], clock: Clock
+) -> Float[Array, "*some"]:
     """Return the weight [s] of an output time in the trapezoidal rule from output `first` to the last."""
     sides = (output > first).astype(float) + (output < clock.outputs).astype(float)
     return sides * (clock.at(clock.ticks) / 2)
@@ -223,11 +234,17 @@ def fleet_values(
     found = {}
     for metric in metrics:
         value = OVER_VEHICLES[metric.vehicles](gathered[metric.name], axis=0)
-        found[metric.name] = value / times[metric.over].astype(float) if metric.time == "mean" else value
+        found[metric.name] = (
+            value / times[metric.over].astype(float) if metric.time == "mean" else value
+        )
     return found
 
 
-MAY_BE = {"error": jnp.isfinite, "infinite": lambda x: ~jnp.isnan(x), "blank": lambda x: ~jnp.isinf(x)}
+MAY_BE = {
+    "error": jnp.isfinite,
+    "infinite": lambda x: ~jnp.isnan(x),
+    "blank": lambda x: ~jnp.isinf(x),
+}
 
 
 def all_defined(

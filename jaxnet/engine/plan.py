@@ -8,7 +8,9 @@ from jaxnet.engine.status import Code
 from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.model.lane import Lane
 
-CONNECTED = 1e-6  # residual of L⁻¹ a0 = 1: of order 1 where a vehicle is cut off, else ‖L⁻¹‖ times rounding
+CONNECTED = (
+    1e-6  # residual of L⁻¹ a0 = 1: of order 1 where a vehicle is cut off, else ‖L⁻¹‖ times rounding
+)
 
 
 class Plan(NamedTuple):
@@ -24,7 +26,9 @@ class Plan(NamedTuple):
     late: int = 0  # ticks by which words are late
     extrapolate: str = "none"  # what listeners make of late words (`late.word_gains`)
     as_told: bool = False  # whether attacked vehicles move as they tell
-    in_field: bool = False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
+    in_field: bool = (
+        False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
+    )
     save: tuple[str, ...] = ()  # names in `metrics.SERIES` and `metrics.VEHICLE_ERRORS`
     rows: int = 0  # of these stacks: the clock's outputs and t = 0; 0 where nothing is saved
     chunk: int = 0  # lanes side by side

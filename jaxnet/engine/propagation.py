@@ -65,8 +65,12 @@ class PropagationState(NamedTuple):
     effect: Effect | None  # g now, with two derivatives; None where g = β
     straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
     noise: Jets | None  # errors of the sensed jets until the next tick
-    inner: Inner | None = None  # what the outputs leave undetermined; None where they determine all states
-    since: Instants | None = None  # of the last tick [s]; None where nothing known drives the vehicles
+    inner: Inner | None = (
+        None  # what the outputs leave undetermined; None where they determine all states
+    )
+    since: Instants | None = (
+        None  # of the last tick [s]; None where nothing known drives the vehicles
+    )
 
 
 class Propagation(Motion[PropagationState]):
@@ -91,9 +95,15 @@ class Propagation(Motion[PropagationState]):
     def states(self, state: PropagationState) -> States:
         """Return the vehicles' states (n, m, lanes)."""
         vehicle, own = self.lane.vehicle, self.outputs(state)
-        return vehicle.state_of(own) if state.inner is None else vehicle.state_with(own, state.inner.states)
+        return (
+            vehicle.state_of(own)
+            if state.inner is None
+            else vehicle.state_with(own, state.inner.states)
+        )
 
-    def pace(self, state: PropagationState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
+    def pace(
+        self, state: PropagationState, decided: DecisionState
+    ) -> tuple[PerVehicle, PerVehicle]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), of the jets where these tell them."""
         if self.lane.vehicle.jets_tell_pace:
             return plane.pace(self.outputs(state))
@@ -103,7 +113,9 @@ class Propagation(Motion[PropagationState]):
         """Return the vehicles' lead, which is 0 where they are singular, and its derivative."""
         return standstill.lead(self.lane.vehicle, self.all_jets(state, decided), decided.may_stop)
 
-    def placed(self, state: PropagationState, vehicles: VehicleFlags, states: States) -> PropagationState:
+    def placed(
+        self, state: PropagationState, vehicles: VehicleFlags, states: States
+    ) -> PropagationState:
         """Put vehicles at rest with these states."""
         rest = self.lane.vehicle.output_jets(states)
         return state._replace(jets=plane.replaced(vehicles, rest, state.jets))
@@ -140,7 +152,9 @@ class Propagation(Motion[PropagationState]):
         """Return the longest span [s] of `later`."""
         return longest(self.lane.gain)
 
-    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+    def stood(
+        self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices
+    ) -> LaneFlags:
         """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
         raise NotImplementedError
 
@@ -173,7 +187,9 @@ class Propagation(Motion[PropagationState]):
         def stood(few: LaneIndices) -> LaneFlags:
             return self.stood(now, decided.may_stop, few)
 
-        status, straight = between.stopped(now.straight, status, lambda: self.lead(now, decided), stood)
+        status, straight = between.stopped(
+            now.straight, status, lambda: self.lead(now, decided), stood
+        )
         return now._replace(straight=straight), status, jnp.ones_like(straight)
 
 
@@ -208,7 +224,9 @@ class Solved(Propagation):
         jets = lane.vehicle.output_jets(lane.initial)
         return PropagationState(
             jets=plane.relative(jets, lane.path(time)),
-            response=jnp.zeros((self.parts.functions + self.parts.powers, 2, *lane.weights.shape[1:])),
+            response=jnp.zeros(
+                (self.parts.functions + self.parts.powers, 2, *lane.weights.shape[1:])
+            ),
             time=time,
             basis=basis,
             effect=None if self.plan.consistent else basis[: len(jets)].at[:, :attack].set(0.0),
@@ -226,7 +244,9 @@ class Solved(Propagation):
         """Return y with its derivatives below the order."""
         return plane.plus(state.jets, [jet[:, None] for jet in self.navigator(state)])
 
-    def placed(self, state: PropagationState, vehicles: VehicleFlags, states: States) -> PropagationState:
+    def placed(
+        self, state: PropagationState, vehicles: VehicleFlags, states: States
+    ) -> PropagationState:
         """Put vehicles at rest with these states."""
         rest = plane.relative(self.lane.vehicle.output_jets(states), self.navigator(state))
         return state._replace(jets=plane.replaced(vehicles, rest, state.jets))
@@ -243,10 +263,14 @@ class Solved(Propagation):
 
         def solve(carry: tuple[ByFunction, LaneFlags]) -> tuple[ByFunction, LaneFlags]:
             last, cut_off = carry
-            return response.solve_response(last, cut_off, at.anew, changed, decided, lane, network, plan)
+            return response.solve_response(
+                last, cut_off, at.anew, changed, decided, lane, network, plan
+            )
 
         carry = state.response, jnp.zeros_like(at.anew)
-        solved, cut_off = solve(carry) if decided.late is not None else run_if(at.anew.any(), solve, carry)
+        solved, cut_off = (
+            solve(carry) if decided.late is not None else run_if(at.anew.any(), solve, carry)
+        )
         state = state._replace(response=solved, noise=decided.noise)
         return state if state.since is None else state._replace(since=state.time), cut_off
 
@@ -257,7 +281,9 @@ class Solved(Propagation):
         error = control.feedback(self.lane.gain, state.noise)
         return signal.of_functions(state.response.at[self.parts.functions].add(-error))
 
-    def drive_now(self, state: PropagationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+    def drive_now(
+        self, state: PropagationState, decided: DecisionState
+    ) -> Float[Array, "2 m lanes"]:
         """Return `R(y_0) + Σ_b v_b R(β_b)`, in which the sensor's errors cancel."""
         gain = self.lane.gain
         path, functions = (
@@ -267,13 +293,17 @@ class Solved(Propagation):
         if state.since is not None:
             passed = (state.time - state.since) / self.clock.interval
             functions = jnp.concatenate([functions, signal.powers_of(passed, self.parts.powers)])
-        return path[:, None] + signal.combined(control.drive_vectors(gain, super().forced(state)), functions)
+        return path[:, None] + signal.combined(
+            control.drive_vectors(gain, super().forced(state)), functions
+        )
 
     def over_tick(
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
-        return self.over(state, time, self.clock.interval, self.numbers.flow, self.responses, self.pushed)
+        return self.over(
+            state, time, self.clock.interval, self.numbers.flow, self.responses, self.pushed
+        )
 
     def later(
         self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
@@ -317,10 +347,20 @@ class Solved(Propagation):
             forcing = jnp.concatenate([forcing, pushed], axis=1)
         return flow, forcing, there
 
-    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+    def stood(
+        self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices
+    ) -> LaneFlags:
         """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
         effect = state.basis[: len(state.jets)] if state.effect is None else state.effect
-        given = state.jets, self.forced(state), effect, self.driven, self.numbers.reach, state.time, apart
+        given = (
+            state.jets,
+            self.forced(state),
+            effect,
+            self.driven,
+            self.numbers.reach,
+            state.time,
+            apart,
+        )
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         return between.stood(*some, parts=self.parts, interval=self.clock.interval, plan=self.plan)
 
@@ -364,7 +404,9 @@ class Held(Propagation):
         )
         return state._replace(response=jerk[None]), cut_off
 
-    def drive_now(self, state: PropagationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+    def drive_now(
+        self, state: PropagationState, decided: DecisionState
+    ) -> Float[Array, "2 m lanes"]:
         """Return `y‴ + P(ŷ)`."""
         own = tick.sensed(state.jets, decided.noise)
         return state.response[0] + control.feedback(self.lane.gain, own)
@@ -390,7 +432,9 @@ class Held(Propagation):
         flow, forcing = (make(span, len(state.jets)) for make in (of_integrators, held_input))
         return flow, forcing, state._replace(time=time, basis=basis)
 
-    def stood(self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices) -> LaneFlags:
+    def stood(
+        self, state: PropagationState, apart: VehicleFlags | None, few: LaneIndices
+    ) -> LaneFlags:
         """Return the lanes, of a few, in which a vehicle not `apart` stood still in the last tick."""
         given = self.lane.vehicle, state.jets, self.forced(state), apart
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)

@@ -82,7 +82,9 @@ def work_off(
             state, record = work.advance(now, record)
             return now._replace(state=state), record
 
-        now, record = jax.lax.while_loop(lambda carry: busy(carry[0]).sum() > few, advance, (now, record))
+        now, record = jax.lax.while_loop(
+            lambda carry: busy(carry[0]).sum() > few, advance, (now, record)
+        )
         done = jnp.where(busy(now), length, now.number)
         ends = end(now.inputs, now.state)
         return now, taken, jax.tree.map(lambda leaf, end: put(leaf, done, end), left, ends), record
@@ -95,5 +97,7 @@ def work_off(
     nobody = Places(jnp.full(places, length), some, nothing(state, places))
     left = nothing(jax.eval_shape(end, some, state), length)
     carry = nobody, jnp.asarray(0), left, record
-    carry = jax.lax.while_loop(lambda carry: busy(carry[0]).any() | (carry[1] < count), until_some_end, carry)
+    carry = jax.lax.while_loop(
+        lambda carry: busy(carry[0]).any() | (carry[1] < count), until_some_end, carry
+    )
     return carry[2], carry[3]

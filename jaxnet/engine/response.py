@@ -44,7 +44,9 @@ def solve_response(
     if decided.late is not None:
         return late_response(decided), tick.disconnected(lane, network, decided, plan) & flagged
 
-    def some(few: LaneIndices | Stretch, carry: tuple[ByFunction, LaneFlags]) -> tuple[ByFunction, LaneFlags]:
+    def some(
+        few: LaneIndices | Stretch, carry: tuple[ByFunction, LaneFlags]
+    ) -> tuple[ByFunction, LaneFlags]:
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
         drive = tick.drive(part, chosen, plan)

@@ -50,7 +50,9 @@ def seeming(apart: VehicleFlags | None, now: Plane, following: Plane) -> tuple[P
     return jnp.where(apart[None], along, now), jnp.where(apart[None], across, following)
 
 
-def backwards(vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags | None) -> Pace:
+def backwards(
+    vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags | None
+) -> Pace:
     """Return the lead, its derivative back in time, and a bound on its second one, for the jets below r.
 
     `highest` bounds the r-th derivative. Where the lead's derivative is the r-th one, it points to 0 with
@@ -86,14 +88,18 @@ def stands(
         passed, still, number, state = carry
         velocity, acceleration, jerk = pace(state)
         still = still | (length(velocity) < LEAST_MARGIN).any(axis=0)
-        step = jnp.clip(safe(velocity, acceleration, jerk).min(axis=0), LEAST_PART * interval, longest)
+        step = jnp.clip(
+            safe(velocity, acceleration, jerk).min(axis=0), LEAST_PART * interval, longest
+        )
         arrives = passed + step >= interval
         step = jnp.where(still, 0.0, jnp.where(arrives, interval - passed, step))
         passed = jnp.where(still | ~arrives, passed + step, interval)
         return passed, still, number + 1, advance(state, step)
 
     zero = jnp.zeros_like(longest)
-    passed, still, _, state = jax.lax.while_loop(under_way, move, (zero, zero > 0, jnp.asarray(0), state))
+    passed, still, _, state = jax.lax.while_loop(
+        under_way, move, (zero, zero > 0, jnp.asarray(0), state)
+    )
     return still | (passed < interval) | (length(pace(state)[0]) < LEAST_MARGIN).any(axis=0), state
 
 
@@ -107,7 +113,9 @@ def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
     return (along & jnp.isfinite(sizes)).any(axis=0)
 
 
-def safe(velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]) -> Float[Array, "m lanes"]:
+def safe(
+    velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]
+) -> Float[Array, "m lanes"]:
     """Return a time in which the speed stays over FLOOR, from `‖v(t) - v - a t‖ ≤ J t²/2`.
 
     The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and nowhere nearer to 0 than at its foot.

@@ -5,7 +5,9 @@ from enum import IntEnum
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-LEAST_MARGIN = 1e-9  # of a vehicle, in its unit ([m/s] for wheeled ones); below it the law is singular
+LEAST_MARGIN = (
+    1e-9  # of a vehicle, in its unit ([m/s] for wheeled ones); below it the law is singular
+)
 LARGEST = 1e100  # [m] of E; products of greater numbers overflow
 
 

@@ -24,12 +24,18 @@ from jaxnet.engine.plan import Tolerances
 
 SOLVERS = {"dopri5": diffrax.Dopri5, "dopri8": diffrax.Dopri8}
 LEAST_RELATIVE_STEP = 4 * 2.0**-52  # a relative step below this no longer moves the time
-SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # safety, least and most of the factor from one step to the next
+SAFETY, LEAST, MOST = (
+    0.9,
+    0.2,
+    10.0,
+)  # safety, least and most of the factor from one step to the next
 FIRST_STEP = 0.01  # share of the time in which the state changes by its own size
 
 Times = Float[Array, " lanes"]
 States = Float[Array, "n m lanes"]
-VectorField = Callable[[Any, States], States]  # from the signals at a time and the states to the slopes
+VectorField = Callable[
+    [Any, States], States
+]  # from the signals at a time and the states to the slopes
 
 
 class Method(NamedTuple):

@@ -23,9 +23,7 @@ from jaxnet.model.circle import angle
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, length
 
-BRAKING = (
-    1e3  # [1/s] acceleration over speed, above which a vehicle that comes to rest brakes along its course
-)
+BRAKING = 1e3  # [1/s] acceleration over speed, above which a vehicle that comes to rest brakes along its course
 
 
 class Stopped(NamedTuple):
@@ -85,7 +83,9 @@ def rest_within_tick(
 
     still, end = run_if((span > 0).any(), search, (jnp.zeros_like(near), each))
     place, velocity, acceleration = (jet.reshape(2, *shape) for jet in end[:3])
-    brakes = length(acceleration) > BRAKING * length(velocity)  # rounding bends a velocity of 1e-9 m/s
+    brakes = length(acceleration) > BRAKING * length(
+        velocity
+    )  # rounding bends a velocity of 1e-9 m/s
     course = jnp.where(brakes[None], -acceleration, velocity)
     states = lane.vehicle.start(place, angle(course[0], course[1]), jnp.zeros(shape))
     return still.reshape(shape) & among, states

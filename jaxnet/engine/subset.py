@@ -22,7 +22,10 @@ class Stretch(NamedTuple):
 
 
 def for_each(
-    flagged: Bool[Array, "lanes"], width: int, work: Callable[[LaneIndices, Carry], Carry], carry: Carry
+    flagged: Bool[Array, "lanes"],
+    width: int,
+    work: Callable[[LaneIndices, Carry], Carry],
+    carry: Carry,
 ) -> Carry:
     """Apply `work` to the flagged lanes, `width` lanes at a time, and return the carry.
 
@@ -35,7 +38,9 @@ def for_each(
         done, carry = state
         return done + at_once, work(numbered(up_to, done, at_once), carry)
 
-    return jax.lax.while_loop(lambda state: state[0] < up_to[-1], some, (jnp.zeros((), int), carry))[1]
+    return jax.lax.while_loop(
+        lambda state: state[0] < up_to[-1], some, (jnp.zeros((), int), carry)
+    )[1]
 
 
 def for_stretches(
@@ -71,7 +76,9 @@ def run_if(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) 
 
 def select(flagged: Bool[Array, "lanes"], new: Carry, old: Carry) -> Carry:
     """Return the new tree in the flagged lanes, the old one elsewhere; lanes last."""
-    return jax.tree.map(lambda a, b: jnp.where(flagged.reshape(*[1] * (a.ndim - 1), -1), a, b), new, old)
+    return jax.tree.map(
+        lambda a, b: jnp.where(flagged.reshape(*[1] * (a.ndim - 1), -1), a, b), new, old
+    )
 
 
 def picked(array: jax.Array, few: LaneIndices | Stretch) -> jax.Array:
@@ -89,7 +96,8 @@ def put(array: jax.Array, few: LaneIndices | Stretch, lanes: jax.Array) -> jax.A
     def one(number: Any, array: jax.Array) -> jax.Array:
         place = few[number]
         new, old = (
-            jax.lax.dynamic_index_in_dim(*each, axis=-1) for each in ((lanes, number), (array, place))
+            jax.lax.dynamic_index_in_dim(*each, axis=-1)
+            for each in ((lanes, number), (array, place))
         )
         lane = jnp.where(place < array.shape[-1], new, old)  # JAX clips a place past the last lane
         return jax.lax.dynamic_update_index_in_dim(array, lane, place, axis=-1)

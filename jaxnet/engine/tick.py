@@ -53,7 +53,9 @@ Received = tuple[Float[Array, "2 slots m lanes"], ...]
 SomeReceived = tuple[Float[Array, "2 slots m lanes"] | None, ...]
 LaneFlags = Bool[Array, " lanes"]
 PerAxis = Float[Array, "2 m lanes"]
-Words = Float[Array, "2 degrees slots m lanes"]  # coefficients of σ^k / k!, with σ the share of the tick
+Words = Float[
+    Array, "2 degrees slots m lanes"
+]  # coefficients of σ^k / k!, with σ the share of the tick
 EachSignal = Float[Array, "2 signals lanes"]
 SignalJets = tuple[EachSignal, ...]
 
@@ -72,8 +74,12 @@ class Reception(NamedTuple):
     arrived: Bool[Array, "slots m lanes"]
     memory: Memory  # of the loss
     time: Instants  # of the tick [s]
-    words: Words | None = None  # that stand in for lost words; None where listeners drop a lost source
-    heard: Bool[Array, "slots m lanes"] | None = None  # links that may be used; None: those of `arrived`, or
+    words: Words | None = (
+        None  # that stand in for lost words; None where listeners drop a lost source
+    )
+    heard: Bool[Array, "slots m lanes"] | None = (
+        None  # links that may be used; None: those of `arrived`, or
+    )
     # all links, for which words stand in
 
 
@@ -82,7 +88,9 @@ class Coasting(NamedTuple):
 
     vehicles: VehicleFlags
     drive: PerAxis  # the drive z that they keep [m/s³]; 0 for other vehicles
-    cut_off: VehicleFlags  # of them, those that decisions alone cut off; nobody where their lane fails
+    cut_off: (
+        VehicleFlags  # of them, those that decisions alone cut off; nobody where their lane fails
+    )
     stopped: Stopped | None  # of those that are cut off; None where a vehicle cannot stop
 
 
@@ -96,7 +104,9 @@ class Reading(NamedTuple):
 class KnownDrive(NamedTuple):
     """What known words add to the drives until the next tick (see the module's docstring)."""
 
-    share: Float[Array, "axes m lanes"] | None  # of the weights of a row whose words are not live; None: 0
+    share: (
+        Float[Array, "axes m lanes"] | None
+    )  # of the weights of a row whose words are not live; None: 0
     drive: Float[Array, "2 degrees m lanes"]  # z_k [m/s³]
     interval: Instants  # from tick to tick [s]
     time: Instants | None = None  # of the tick [s]; None where the drive is constant
@@ -111,21 +121,33 @@ class KnownDrive(NamedTuple):
 class DecisionState(NamedTuple):
     """Decisions of one tick, and the memory of defences and attackers. Absent parts are None."""
 
-    decision: Decision | None  # of the defence, ([2,] slots, m, lanes); None if the defence decides nothing
+    decision: (
+        Decision | None
+    )  # of the defence, ([2,] slots, m, lanes); None if the defence decides nothing
     memory: Memory  # of the defence
     vectors: Vectors | None  # of attackers; None where all times have the lane's
     attacker_memory: Memory  # of strategic attackers
     noise: Jets | None = None  # errors of the jets that vehicles sense of themselves
     reception: Reception | None = None  # None where every message arrives
     coasting: Coasting | None = None  # None where no vehicle ever keeps its drive
-    network: Int[Array, " lanes"] | None = None  # number of the one in force; None where there is one
+    network: Int[Array, " lanes"] | None = (
+        None  # number of the one in force; None where there is one
+    )
     link_noise: SomeReceived | None = None  # errors of jets on links, None for an exact order
-    drawn: SomeReceived | None = None  # of these errors, those of the noise; None where words are not rounded
-    late: History | None = None  # what links carried in the last ticks; None where words are not late
-    weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
+    drawn: SomeReceived | None = (
+        None  # of these errors, those of the noise; None where words are not rounded
+    )
+    late: History | None = (
+        None  # what links carried in the last ticks; None where words are not late
+    )
+    weights: Float[Array, "slots m lanes"] | None = (
+        None  # of links; None where all times have the lane's
+    )
     detection: Detection | None = None  # alarms until now; None without a detector
     reading: Reading | None = None  # what vehicles sense; None where no reading is read again
-    known: KnownDrive | None = None  # what late words add to the drives; None where words are not late
+    known: KnownDrive | None = (
+        None  # what late words add to the drives; None where words are not late
+    )
 
     @property
     def may_stop(self) -> VehicleFlags | None:
@@ -152,7 +174,9 @@ class Drive(NamedTuple):
     vectors: Vectors  # of the attacks [m]
     noise: Jets | None  # errors of the sensed jets
     coasting: Coasting | None
-    strength: Float[Array, "axes m lanes"] | None = None  # of the rows of weights; None where it is 1
+    strength: Float[Array, "axes m lanes"] | None = (
+        None  # of the rows of weights; None where it is 1
+    )
     known: KnownDrive | None = None  # None where all words are live, without errors
 
 
@@ -234,7 +258,9 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         everybody = jnp.ones(lane.weights.shape, bool)
         around = surroundings(lane, network, time, memory, (*errors, zero))
         carried = attack(network, tell(errors), errors)
-        shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
+        shape = jax.eval_shape(
+            lambda: lane.defence.decide(errors, carried, everybody, memory, around)
+        )
         decision = first_decision(shape[0], lane)
     noise = None if lane.sensor is None else (zero,) * max(3, len(lane.gain))
     history = None if lane.delay is None else late.first_history(lane, plan)
@@ -243,7 +269,10 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     rest = noise, *channel, number, *first_link_errors(lane), history
     alarms = detection.first_detection(lane, network.hearing)
     again = None if lane.sensor is None else lane.sensor.stays(time, zero.shape[1])
-    last = alarms, None if again is None or noise is None else Reading(noise, (zero,) * len(lane.gain))
+    last = (
+        alarms,
+        None if again is None or noise is None else Reading(noise, (zero,) * len(lane.gain)),
+    )
     if not plan.strategic:
         changing = None if lane.periods is None else lane.vectors
         weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
@@ -257,7 +286,10 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
 
 def first_link_errors(lane: Lane) -> tuple[SomeReceived | None, SomeReceived | None]:
     """Return that jets on links have no errors before the first tick, as `disturb` returns their errors."""
-    rounded, silent = lane.steps is not None and lane.delay is None, jnp.zeros((2, *lane.weights.shape))
+    rounded, silent = (
+        lane.steps is not None and lane.delay is None,
+        jnp.zeros((2, *lane.weights.shape)),
+    )
     drawn = None
     if lane.noise is not None:
         drawn = tuple(silent if errs else None for errs in erring_orders(lane))
@@ -305,7 +337,9 @@ def first_reception(
     memory = None if lane.loss is None else lane.loss.start(messages)
     terms = degrees(lane, plan)
     holds = plan.missing == "hold" and history is not None
-    words = jnp.zeros((2, terms, *lane.weights.shape)) if terms and (holds or history is None) else None
+    words = (
+        jnp.zeros((2, terms, *lane.weights.shape)) if terms and (holds or history is None) else None
+    )
     return Reception(messages.present, memory, time, words, messages.present if holds else None)
 
 
@@ -363,7 +397,9 @@ def decide(
         reception=channel(lane, network, before, errors, time),
         **disturb(lane, network, before, state, errors, basis, time),
     )
-    state = state._replace(reception=listen(lane, network, plan, before, state, errors, basis, time, drive))
+    state = state._replace(
+        reception=listen(lane, network, plan, before, state, errors, basis, time, drive)
+    )
     state = state._replace(detection=raise_alarms(lane, network, state, errors, basis, time))
     state = judge(lane, network, plan, state, errors, basis, time)
     own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
@@ -414,7 +450,9 @@ def send(
     if state.reception is not None and lane.loss is not None:
         arrived = late.arrival(history, lane, time).came
         history = late.without_lost(history, arrived & ~state.reception.arrived)
-    rounding = None if lane.steps is None else rounding_errors(lane, network, state, errors, basis, time)
+    rounding = (
+        None if lane.steps is None else rounding_errors(lane, network, state, errors, basis, time)
+    )
     sent = told, state.vectors, rounding, jets
     return state._replace(late=late.remember(history, lane, plan, *sent, time))
 
@@ -435,7 +473,8 @@ def with_network(lane: Lane, number: Int[Array, " lanes"] | None) -> Lane:
         return lane
     _, *each = lane.turns
     weights, strength = jax.tree.map(
-        lambda leaf: jax.vmap(lambda networks, one: networks[one], -1, -1)(leaf, number), tuple(each)
+        lambda leaf: jax.vmap(lambda networks, one: networks[one], -1, -1)(leaf, number),
+        tuple(each),
     )
     return lane._replace(weights=weights, strength=strength)
 
@@ -496,7 +535,9 @@ def rounding_errors(
     sent = tuple(jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=False))
     told = attack(network, sent, signal.jets(attack_vectors(lane, state), basis))
 
-    def rounded(jet: Float[Array, "2 slots m lanes"], step: Instants) -> Float[Array, "2 slots m lanes"]:
+    def rounded(
+        jet: Float[Array, "2 slots m lanes"], step: Instants
+    ) -> Float[Array, "2 slots m lanes"]:
         unit = jnp.where(step > 0, step, 1.0)[None, None, None]
         return jnp.where((step > 0)[None, None, None], unit * jnp.round(jet / unit) - jet, 0.0)
 
@@ -512,7 +553,10 @@ def read_again(lane: Lane, last: Reading, own: Jets, time: Instants) -> dict[str
     fresh = sense(lane, last.errors, time)
     assert fresh is not None
     stays = xla.materialised(lambda: lane.sensor.stays(time, own[0].shape[1]))[None]
-    held = [jnp.where(stays, old - jet, new) for old, jet, new in zip(last.jets, own, fresh, strict=False)]
+    held = [
+        jnp.where(stays, old - jet, new)
+        for old, jet, new in zip(last.jets, own, fresh, strict=False)
+    ]
     noise = *held, *fresh[len(held) :]
     return {"noise": noise, "reading": Reading(fresh, plane.plus(own, noise))}
 
@@ -585,7 +629,9 @@ def listen(
             fresh = fresh + word_errors(gain, before.link_errors)
         fresh = fresh[:, None]
     else:
-        held = held_derivative(lane, before, errors, time, drive) if plan.missing == "hold" else None
+        held = (
+            held_derivative(lane, before, errors, time, drive) if plan.missing == "hold" else None
+        )
         jets = heard_jets(lane, network, speaking, errors, signals, time, held)
         fresh = expanded(gain, jets, lane.interval)[:, : words.shape[1]]
     words = jnp.where(heard[None, None], fresh, continued(words, jnp.ones_like(time)))
@@ -593,12 +639,19 @@ def listen(
 
 
 def late_words(
-    lane: Lane, network: Network, plan: Plan, before: DecisionState, state: DecisionState, time: Instants
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+    before: DecisionState,
+    state: DecisionState,
+    time: Instants,
 ) -> Words:
     """Return the late words that arrive, and on other links those heard last, which listeners hold."""
     last, now, history = before.reception, state.reception, before.late
     assert history is not None
-    words = late.arriving_words(history, late.arrival(history, lane, time), lane, network.hearing, plan)
+    words = late.arriving_words(
+        history, late.arrival(history, lane, time), lane, network.hearing, plan
+    )
     assert last is not None
     assert last.words is not None
     assert now is not None
@@ -764,7 +817,8 @@ def judge(
     if before.reception is not None:  # a slot without a message holds the vehicle itself
         arrived = before.reception.arrived
         received = tuple(
-            jnp.where(arrived[None], jet, mine[:, None]) for jet, mine in zip(received, own, strict=False)
+            jnp.where(arrived[None], jet, mine[:, None])
+            for jet, mine in zip(received, own, strict=False)
         )
     decision, memory = lane.defence.decide(
         own,
@@ -832,7 +886,9 @@ def known_now(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -
     return KnownDrive(share, drive, lane.interval, reception.time)
 
 
-def constant_drive(lane: Lane, state: DecisionState, heard: AxisWeights, degrees: int) -> KnownDrive:
+def constant_drive(
+    lane: Lane, state: DecisionState, heard: AxisWeights, degrees: int
+) -> KnownDrive:
     """Return what kept drives, and errors of the words with weights `heard`, add until the next tick."""
     coasting, reception = None if lane.law.local else state.coasting, state.reception
     share, drive = None, jnp.zeros((2, *heard.shape[2:]))
@@ -850,7 +906,9 @@ def slot_of(words: Words) -> Callable[[LoopIndex], Float[Array, "2 degrees m lan
     return lambda slot: jax.lax.dynamic_index_in_dim(words, slot, axis=2, keepdims=False)
 
 
-def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "axes m lanes"] | None:
+def row_strength(
+    lane: Lane, state: DecisionState, plan: Plan
+) -> Float[Array, "axes m lanes"] | None:
     """Return how strongly each vehicle follows those that it retains and hears, None where it is 1."""
     lane = with_network(lane, state.network)
     if lane.strength is None:
@@ -866,7 +924,13 @@ def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "
 
 
 def sight(
-    lane: Lane, network: Network, plan: Plan, state: DecisionState, errors: Jets, basis: Basis, time: Instants
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+    state: DecisionState,
+    errors: Jets,
+    basis: Basis,
+    time: Instants,
 ) -> Seen:
     """Return the view of a strategic attacker at a tick: everything but the channel of the tick."""
 
@@ -900,9 +964,17 @@ def surroundings(
     if announced is not None:
         sent = jnp.concatenate([jnp.zeros_like(announced[:, :1]), announced], axis=1)
         carried = heard.received(sent, control.driven(lane.gain, signals))
-        announced = lane.announces.received(heard.sent(sent), carried, attacked, heard.signals, time)
+        announced = lane.announces.received(
+            heard.sent(sent), carried, attacked, heard.signals, time
+        )
         announced = lane.defence.overheard(announced, heard.sources, time)
-    rest = network.shared, announced, attacked, arrived, lane.weights > 0 if linked is None else linked
+    rest = (
+        network.shared,
+        announced,
+        attacked,
+        arrived,
+        lane.weights > 0 if linked is None else linked,
+    )
     return Neighbourhood(heard.sources, lane.weights, trusted, lane.gain, time, *rest)
 
 
@@ -999,23 +1071,36 @@ def disconnected(lane: Lane, network: Network, state: DecisionState, plan: Plan)
     return cut_off(lane, network, state, plan).any(axis=0)
 
 
-def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
+def changes(
+    now: DecisionState, before: DecisionState, lane: Lane
+) -> tuple[LaneFlags, VehicleFlags]:
     """Return the lanes in which a decision changed, and the vehicles whose retained sources changed."""
-    lanes, others = jnp.zeros(lane.attack_scale.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
+    lanes, others = (
+        jnp.zeros(lane.attack_scale.shape, bool),
+        jnp.zeros(lane.weights.shape[1:], bool),
+    )
     if now.decision is not None:
         supports = [retained.support(one.decision) for one in (now, before)]
-        others = xla.materialised(lambda: retained.changed(*supports))  # 2.7 times, W-MSR, 12 vehicles
+        others = xla.materialised(
+            lambda: retained.changed(*supports)
+        )  # 2.7 times, W-MSR, 12 vehicles
         lanes = xla.in_any_row(others)
         if now.decision.dtype != bool:
             lanes = xla.in_any_row(now.decision != before.decision)
     if now.reception is not None and before.reception is not None:
         lanes = lanes | xla.in_any_row(now.reception.arrived != before.reception.arrived)
         if now.reception.words is not None and now.late is None:
-            moved = (now.reception.words != before.reception.words) & ~now.reception.arrived[None, None]
+            moved = (now.reception.words != before.reception.words) & ~now.reception.arrived[
+                None, None
+            ]
             lanes = lanes | xla.in_any_row(moved)
     if now.link_noise is not None or now.late is not None:
         lanes = jnp.ones_like(lanes)
-    if now.coasting is not None and now.coasting.stopped is not None and before.coasting is not None:
+    if (
+        now.coasting is not None
+        and now.coasting.stopped is not None
+        and before.coasting is not None
+    ):
         told = (now.coasting.drive != before.coasting.drive) & now.coasting.stopped.vehicles[None]
         lanes = lanes | xla.in_any_row(told)
     if now.network is not None and before.network is not None:
@@ -1028,7 +1113,10 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
 
 
 def drive_along(
-    lane: Lane, states: Float[Array, "n m lanes"], rates: Float[Array, "n m lanes"], noise: Jets | None
+    lane: Lane,
+    states: Float[Array, "n m lanes"],
+    rates: Float[Array, "n m lanes"],
+    noise: Jets | None,
 ) -> PerAxis:
     """Return the drive `z = y‴ + P(ŷ)` of vehicles whose states change at these rates."""
     own, (*_, jerk) = jax.jvp(lane.vehicle.output_jets, (states,), (rates,))

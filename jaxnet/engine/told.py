@@ -45,7 +45,9 @@ def told_motion(lane: Lane, time: Instants, basis: Basis) -> ToldMotion:
     jets = tuple(jet + path[:, None] for jet, path in zip(told, lane.path(time), strict=False))
     states = vehicle.state_of(jets[:order])
     inputs = vehicle.inputs_for(states, jets[order])
-    return ToldMotion(lying_vehicles(lane), told[:order], states, inputs, vehicle.pace(states, inputs))
+    return ToldMotion(
+        lying_vehicles(lane), told[:order], states, inputs, vehicle.pace(states, inputs)
+    )
 
 
 def lying_vehicles(lane: Lane) -> VehicleFlags:

@@ -25,7 +25,11 @@ def choice_study(study: Config, cell: Cell, box: Box, point: BoxPoint) -> Study:
     assert study.search is not None
     attacked = box.attacked(point)
     keys: dict[str, Any] = to_plain(cell.scenario)
-    keys |= {"name": f"{study.name}-worst-{cell.number}", "seed": study.seed, "samples": study.search.starts}
+    keys |= {
+        "name": f"{study.name}-worst-{cell.number}",
+        "seed": study.seed,
+        "samples": study.search.starts,
+    }
     keys |= {"recovery": to_plain(study)["recovery"]}
     overrides: dict[str, Any] = {VEHICLES: attacked} if box.lots else {}
     for name in study.search.over:
@@ -66,6 +70,10 @@ def simulate_choice(study: Study, folder: Folder, machine: Machine) -> UPath:
 def write_config(study: Study, name: str, file: BinaryIO) -> None:
     """Write a study as a YAML file with this name; its first line is the command that runs it."""
     body = yaml.dump(
-        to_plain(study.config), Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=None, width=100
+        to_plain(study.config),
+        Dumper=Yaml12Dumper,
+        sort_keys=False,
+        default_flow_style=None,
+        width=100,
     )
     file.write(f"# jaxnet run {name}\n{body}".encode())

@@ -28,7 +28,8 @@ class Box:
         self.columns = {place: column for column, place in enumerate(places)}
         self.lots = [column for place, column in self.columns.items() if place.name == VEHICLES]
         self.turns = np.array(
-            [place.name != VEHICLES and is_turn(value_at(scenario, place)) for place in places], bool
+            [place.name != VEHICLES and is_turn(value_at(scenario, place)) for place in places],
+            bool,
         )
 
     def lanes(self, points: Coordinates, samples: Int[np.ndarray, " lanes"]) -> Job:
@@ -57,7 +58,9 @@ class Box:
     def centre(self, attacked: Collection[int]) -> Float[np.ndarray, " coordinates"]:
         """Return the middle of the box, with lots that select these vehicles for the attack."""
         point = np.full(len(self.places), 0.5)
-        point[self.lots] = [0.25 if self.places[column].vehicle in attacked else 0.75 for column in self.lots]
+        point[self.lots] = [
+            0.25 if self.places[column].vehicle in attacked else 0.75 for column in self.lots
+        ]
         return point
 
     def attacked(self, point: Float[np.ndarray, " coordinates"]) -> list[int]:
@@ -72,7 +75,10 @@ class CachedSource:
     """Source that caches its numbers; a box asks for the same numbers many times."""
 
     def __init__(self, source: Source):
-        self.source, self.known = source, dict[tuple[str, tuple[int, ...], tuple[Entry, ...]], Drawn]()
+        self.source, self.known = (
+            source,
+            dict[tuple[str, tuple[int, ...], tuple[Entry, ...]], Drawn](),
+        )
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
         """Return the source's numbers from the cache."""

@@ -42,8 +42,12 @@ def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
         places = np.unique(np.geomspace(1, max(1, len(random)), MOST_POINTS).round().astype(int))[
             : len(random)
         ]
-        best, random_best = (np.maximum(each, LOG_FLOOR) for each in (best[thinned], random[places - 1]))
-        yield Course(cell, lanes[thinned], best, places.astype(float), random_best, bounds[cell.number])
+        best, random_best = (
+            np.maximum(each, LOG_FLOOR) for each in (best[thinned], random[places - 1])
+        )
+        yield Course(
+            cell, lanes[thinned], best, places.astype(float), random_best, bounds[cell.number]
+        )
 
 
 def random_course(results: Results, cell: int, metric: str) -> Float[np.ndarray, " lanes"]:

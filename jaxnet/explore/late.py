@@ -52,7 +52,9 @@ def choose_finalist(trials: Trials, until: float, measure: Measure, machine: Mac
     late = np.where(np.isfinite(late), late, math.nan)
     if np.isnan(late).all():
         return LateChoice(leader.point, leader.found, math.nan, time)
-    lasting = np.flatnonzero(late >= np.nanmax(late) - TIE_TOLERANCE * np.nan_to_num(abs(leader.found)))
+    lasting = np.flatnonzero(
+        late >= np.nanmax(late) - TIE_TOLERANCE * np.nan_to_num(abs(leader.found))
+    )
     number = max(lasting, key=lambda number: finalists[number].found)
     return LateChoice(finalists[number].point, finalists[number].found, float(late[number]), time)
 
@@ -64,9 +66,15 @@ def late_finalists(trials: Trials) -> list[Finalist]:
     return sorted(finite, key=lambda each: -each.found)[:most]
 
 
-def late_means(time: float, points: np.ndarray, trials: Trials, measure: Measure, machine: Machine) -> Means:
+def late_means(
+    time: float, points: np.ndarray, trials: Trials, measure: Measure, machine: Machine
+) -> Means:
     """Return the mean over the starts at each point, for lanes that last until a time [s]."""
-    box = Box(trials.box.scenario.model_copy(update={"horizon": time}), trials.box.source, trials.box.places)
+    box = Box(
+        trials.box.scenario.model_copy(update={"horizon": time}),
+        trials.box.source,
+        trials.box.places,
+    )
     samples = np.tile(np.arange(trials.starts), len(points))
     outcome = batch.simulate(box.lanes(points.repeat(trials.starts, axis=0), samples), machine)
     return measure(outcome).reshape(len(points), trials.starts).mean(axis=1)

@@ -27,7 +27,11 @@ REPEATS = 10  # independent runs of subset simulation
 
 
 def count_rare(
-    study: Study, folder: Folder, points: int, machine: Machine = EVERYTHING, progress: Steps = no_progress
+    study: Study,
+    folder: Folder,
+    points: int,
+    machine: Machine = EVERYTHING,
+    progress: Steps = no_progress,
 ) -> UPath:
     """Write `rare.csv` cell by cell; a stored row with as many points is not computed again.
 
@@ -40,7 +44,9 @@ def count_rare(
     for number, cell in enumerate(study.cells):
         progress("cells", number, len(study.cells))
         if cell.number not in known and threshold(cell, study.config.recovery) > 0:
-            rows.append({"cell": cell.number, **cell.labels, **rare_row(study, cell, points, machine)})
+            rows.append(
+                {"cell": cell.number, **cell.labels, **rare_row(study, cell, points, machine)}
+            )
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
             folder.put(RARE_FILE, functools.partial(write_table, table))
     return folder.path / RARE_FILE

@@ -22,7 +22,9 @@ from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
 
-SEARCH_VERSION = 4  # raise it when the algorithm changes: older stored searches are then not resumed
+SEARCH_VERSION = (
+    4  # raise it when the algorithm changes: older stored searches are then not resumed
+)
 POPULATIONS = 16  # side by side; more for large budgets
 INITIAL_SIGMA = 0.15  # of a new population, per edge of the box
 POLISH, SCREEN = 0.1, 0.2  # of the budget: for the line search, and for the first points
@@ -71,7 +73,12 @@ class Trials:
     """
 
     def __init__(
-        self, box: Box, starts: int, measure: Measure, machine: batch.Machine, known: Sequence[Starts] = ()
+        self,
+        box: Box,
+        starts: int,
+        measure: Measure,
+        machine: batch.Machine,
+        known: Sequence[Starts] = (),
     ):
         self.box, self.starts, self.measure, self.machine = box, starts, measure, machine
         self.known, self.values = list(known), list[Starts]()
@@ -103,7 +110,9 @@ class Trials:
     def simulate(self, points: Coordinates) -> Starts:
         """Return the objective at each point and start."""
         samples = np.tile(np.arange(self.starts), len(points))
-        outcome = batch.simulate(self.box.lanes(points.repeat(self.starts, axis=0), samples), self.machine)
+        outcome = batch.simulate(
+            self.box.lanes(points.repeat(self.starts, axis=0), samples), self.machine
+        )
         return self.measure(outcome).reshape(len(points), self.starts)
 
 
@@ -134,13 +143,17 @@ class Population:
 
     def ask(self) -> Coordinates:
         """Draw a generation and return its points."""
-        self.generation = np.stack([self.strategy.ask() for _ in range(self.strategy.population_size)])
+        self.generation = np.stack(
+            [self.strategy.ask() for _ in range(self.strategy.population_size)]
+        )
         return self.points()
 
     def points(self) -> Coordinates:
         """Return the generation's points in the box."""
         points = np.tile(self.base, (len(self.generation), 1))
-        points[:, self.free] = np.where(self.turns, self.generation % 1, 1 - np.abs(1 - self.generation % 2))
+        points[:, self.free] = np.where(
+            self.turns, self.generation % 1, 1 - np.abs(1 - self.generation % 2)
+        )
         return points
 
     def tell(self, values: Means) -> None:
@@ -187,10 +200,14 @@ def sets_of(box: Box, most: int, random: np.random.Generator) -> list[Sequence[i
     most = min(most, MOST_SETS)
     if math.comb(len(vehicles), number) <= most:
         return list(itertools.combinations(vehicles, number))
-    return [tuple(sorted(random.choice(vehicles, number, replace=False).tolist())) for _ in range(most)]
+    return [
+        tuple(sorted(random.choice(vehicles, number, replace=False).tolist())) for _ in range(most)
+    ]
 
 
-def random_points(box: Box, attacked: Sequence[int], number: int, random: np.random.Generator) -> Coordinates:
+def random_points(
+    box: Box, attacked: Sequence[int], number: int, random: np.random.Generator
+) -> Coordinates:
     """Return random points of the box at which these vehicles are attacked."""
     points, free = np.tile(box.centre(attacked), (number, 1)), box.free(attacked)
     points[:, free] = random.random((number, len(free)))
@@ -225,7 +242,9 @@ def screen_sets(
     for _ in range(rounds):
         each = max(1, choices // rounds // len(left))
         for some in split_items(left, max(1, CHOICES_AT_ONCE // each)):
-            points = np.concatenate([random_points(trials.box, attacked, each, random) for attacked in some])
+            points = np.concatenate(
+                [random_points(trials.box, attacked, each, random) for attacked in some]
+            )
             values, generation = trials.attempt("sets", points)
             yield generation
             values = lowest_if_failed(values).reshape(len(some), each)
@@ -254,7 +273,9 @@ def evolve_populations(
 
     size = new_population().strategy.population_size * trials.starts
     generations = (until - trials.lanes) // size  # of one population alone
-    side_by_side = max(1, generations // MOST_GENERATIONS, min(POPULATIONS, generations // LEAST_GENERATIONS))
+    side_by_side = max(
+        1, generations // MOST_GENERATIONS, min(POPULATIONS, generations // LEAST_GENERATIONS)
+    )
     populations = [new_population() for _ in range(side_by_side)]
     while trials.lanes + size * len(populations) <= until:
         generations_points = [population.ask() for population in populations]
@@ -287,7 +308,9 @@ def polish_best(trials: Trials, until: int) -> Iterator[Generation]:
             return
         along = np.zeros(len(point))
         along[free] = slope / np.abs(slope).max()
-        _, generation = trials.attempt("polish", shifted_points(box, point, LINE_STEPS[:, None] * along))
+        _, generation = trials.attempt(
+            "polish", shifted_points(box, point, LINE_STEPS[:, None] * along)
+        )
         yield generation
         if not trials.best > before + LEAST_IMPROVEMENT * abs(before):
             return

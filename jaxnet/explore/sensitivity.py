@@ -51,12 +51,19 @@ def lanes_needed(study: Study, samples: int) -> dict[int, int]:
 
 
 def write_indices(
-    study: Study, folder: Folder, samples: int, machine: Machine = EVERYTHING, progress: Steps = no_progress
+    study: Study,
+    folder: Folder,
+    samples: int,
+    machine: Machine = EVERYTHING,
+    progress: Steps = no_progress,
 ) -> UPath:
     """Write `sensitivity.csv` cell by cell; a stored row with as many samples is not computed again."""
     rows = known_index_rows(study, folder, samples)
     known, needed = {row["cell"] for row in rows}, lanes_needed(study, samples)
-    done, total = sum(lanes for cell, lanes in needed.items() if cell in known), sum(needed.values())
+    done, total = (
+        sum(lanes for cell, lanes in needed.items() if cell in known),
+        sum(needed.values()),
+    )
 
     def load_done(lanes: int) -> None:
         nonlocal done
@@ -101,7 +108,9 @@ def pick_freeze_outcomes(
     one = job(cell.scenario, keyed, [0])
     inputs = (job(cell.scenario, source, range(samples)).inputs for source in sources)
     lanes = samples * len(sources)
-    return list(batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done))
+    return list(
+        batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
+    )
 
 
 def index_rows(

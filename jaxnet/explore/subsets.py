@@ -38,13 +38,21 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    height: Height, coordinates: int, level: float, points: int, repeats: int, random: np.random.Generator
+    height: Height,
+    coordinates: int,
+    level: float,
+    points: int,
+    repeats: int,
+    random: np.random.Generator,
 ) -> Estimate:
     """Return the share of points whose height exceeds a level.
 
     The height of a failed lane is minus infinity.
     """
-    found = [estimate_once(height, coordinates, level, points, number, random) for number in range(repeats)]
+    found = [
+        estimate_once(height, coordinates, level, points, number, random)
+        for number in range(repeats)
+    ]
     shares = np.array([share for share, *_ in found])
     half = stats.t.ppf((1 + CONFIDENCE) / 2, repeats - 1) * shares.std(ddof=1) / np.sqrt(repeats)
     low, high = max(0.0, shares.mean() - half), shares.mean() + half
@@ -53,10 +61,18 @@ def estimate(
 
 
 def estimate_once(
-    height: Height, coordinates: int, level: float, points: int, repeat: int, random: np.random.Generator
+    height: Height,
+    coordinates: int,
+    level: float,
+    points: int,
+    repeat: int,
+    random: np.random.Generator,
 ) -> tuple[float, int, int]:
     """Run one repeat and return the share, the number of levels and the number of evaluations."""
-    where, chains = random.standard_normal((points, coordinates)), repeat * points + np.arange(points)
+    where, chains = (
+        random.standard_normal((points, coordinates)),
+        repeat * points + np.arange(points),
+    )
     heights, share, step, spent = height(where, chains), 1.0, 0.5, points
     for number in range(1, MOST_LEVELS + 1):
         order = np.argsort(-heights, kind="stable")

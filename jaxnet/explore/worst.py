@@ -64,7 +64,9 @@ class WorstChoice(NamedTuple):
     fresh_low: float  # 5 % quantile over further starts
     fresh_high: float  # greatest over further starts
     fresh_allowed: float  # share of further starts that fulfil `subject_to`
-    nonlinear: float  # mean over the starts of `found`, by the nonlinear engine if it moves the vehicles
+    nonlinear: (
+        float  # mean over the starts of `found`, by the nonlinear engine if it moves the vehicles
+    )
     lanes: int
     failed: int
 
@@ -77,12 +79,20 @@ class CellSearch:
         self.study, self.cell, self.folder, self.machine = study, cell, folder, machine
         self.settings: SearchSettings = study.search
         source = Keyed(study.seed)
-        drawn = [place for place in places_of(cell.scenario, source) if place.name in self.settings.over]
-        if missing := [key for key in self.settings.over if key not in {place.name for place in drawn}]:
+        drawn = [
+            place for place in places_of(cell.scenario, source) if place.name in self.settings.over
+        ]
+        if missing := [
+            key for key in self.settings.over if key not in {place.name for place in drawn}
+        ]:
             raise FolderError(f"{cell} does not draw {missing[0]}, so there is nothing to choose")
         self.box = Box(cell.scenario, source, drawn)
         self.stored = self.load()
-        known = np.split(self.stored["values"], np.cumsum(self.stored["sizes"])[:-1]) if self.stored else []
+        known = (
+            np.split(self.stored["values"], np.cumsum(self.stored["sizes"])[:-1])
+            if self.stored
+            else []
+        )
         self.trials = Trials(self.box, self.settings.starts, self.measure, machine, known)
 
     def measure(self, outcome: Outcome) -> Float[np.ndarray, " lanes"]:
@@ -96,7 +106,9 @@ class CellSearch:
         """Return the objective of each lane, allowed or not; not-a-number where the lane failed."""
         return np.where(outcome.status == 0, self.objective(outcome.metrics), math.nan)
 
-    def allowed(self, metrics: Mapping[str, Float[Array | np.ndarray, " lanes"]]) -> Bool[np.ndarray, "..."]:
+    def allowed(
+        self, metrics: Mapping[str, Float[Array | np.ndarray, " lanes"]]
+    ) -> Bool[np.ndarray, "..."]:
         """Return whether lanes with these metrics fulfil `subject_to`; a blank metric does not."""
         fulfilled = np.asarray(True)
         for name, most in self.settings.subject_to.items():
@@ -134,7 +146,13 @@ class CellSearch:
         """Return a hash of everything that determines the search."""
         counted = self.settings.maximise == "unrecovered"
         over = [to_plain(self.study.recovery)] if counted and self.study.recovery else []
-        told = [SEARCH_VERSION, digest(self.study), to_plain(self.settings), self.cell.number, *over]
+        told = [
+            SEARCH_VERSION,
+            digest(self.study),
+            to_plain(self.settings),
+            self.cell.number,
+            *over,
+        ]
         identity = json.dumps(told)
         return hashlib.sha256(identity.encode()).hexdigest()
 
@@ -150,21 +168,29 @@ class CellSearch:
             with np.load(io.BytesIO(gate.read_whole(path)), allow_pickle=False) as stored:
                 return dict(stored) if str(stored["stamp"]) == self.stamp() else {}
         except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
-            raise FolderError(f"{path} cannot be read ({error}): remove it to search anew") from error
+            raise FolderError(
+                f"{path} cannot be read ({error}): remove it to search anew"
+            ) from error
 
     def save(self, **more: np.ndarray | str) -> None:
         """Write the values of all choices, unless they are stored already."""
         values = self.trials.values
         if more or len(values) > len(self.trials.known):
             sizes = np.array([len(each) for each in values])
-            content = {"stamp": np.array(self.stamp()), "sizes": sizes, "values": np.concatenate(values)}
+            content = {
+                "stamp": np.array(self.stamp()),
+                "sizes": sizes,
+                "values": np.concatenate(values),
+            }
             content |= {name: np.array(value) for name, value in more.items()}
             self.folder.put(self.file, lambda file: np.savez_compressed(file, **content))  # pyright: ignore[reportArgumentType]
 
     def worst(self, results: Results) -> tuple[Study, WorstChoice]:
         """Return the study of the worst choice and its row; both are stored."""
         if "worst" in self.stored:
-            return self.study_of(self.stored["point"]), WorstChoice(*json.loads(str(self.stored["worst"])))
+            return self.study_of(self.stored["point"]), WorstChoice(
+                *json.loads(str(self.stored["worst"]))
+            )
         choice = late.choose_finalist(self.trials, self.settings.until, self.measure, self.machine)
         study = self.study_of(choice.point)
         found = self.verify(choice, study, results)
@@ -237,7 +263,9 @@ def bound_of(scenario: Scenario, metric: str) -> float:
     if metric not in REDUCTIONS or scenario_gain(scenario) is None:
         return math.nan
     of_vehicles = REDUCTIONS[metric]
-    return min(float(of_vehicles(bound.vehicles)) for bound, _ in limits.valid_bounds(scenario).values())
+    return min(
+        float(of_vehicles(bound.vehicles)) for bound, _ in limits.valid_bounds(scenario).values()
+    )
 
 
 def worst_table(found: Sequence[WorstChoice], cells: Sequence[Cell]) -> pd.DataFrame:
@@ -274,7 +302,10 @@ def search_each(
         yield alone.simulate_choice(choice, folder.inside(f"worst/{cell.number}"), machine)
         name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
         yield folder.put(name, functools.partial(alone.write_config, choice, name))
-        tables = {"search.csv": pd.DataFrame(generations), "worst.csv": worst_table(found, study.cells)}
+        tables = {
+            "search.csv": pd.DataFrame(generations),
+            "worst.csv": worst_table(found, study.cells),
+        }
         for name, table in tables.items():
             folder.put(name, functools.partial(write_table, table))
     yield from (results.path / name for name in ("search.csv", "worst.csv"))

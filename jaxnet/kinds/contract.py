@@ -105,8 +105,12 @@ def misfit(
     if hint is bool:
         return None if isinstance(value, int | np.bool_) else (value, "True or False")
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
-        found = [misfit(each, value, sizes, known, hints) for each in parts if each is not type(None)]
-        return None if value is None and type(None) in parts else None if None in found else found[0]
+        found = [
+            misfit(each, value, sizes, known, hints) for each in parts if each is not type(None)
+        ]
+        return (
+            None if value is None and type(None) in parts else None if None in found else found[0]
+        )
     if typing.get_origin(hint) is not tuple:
         return None
     if parts[1:] == (...,):
@@ -140,7 +144,9 @@ def holds_numbers(value: Any, wanted: str) -> bool:
     """Return whether an array holds numbers of a type; NumPy's whole numbers count as real ones."""
     if wanted == "float64" and not isinstance(value, np.ndarray | np.generic):
         return value.dtype == wanted
-    return value.dtype.kind in {"bool": "b", "int64": "iu", "float64": "fiu"}.get(wanted, value.dtype.kind)
+    return value.dtype.kind in {"bool": "b", "int64": "iu", "float64": "fiu"}.get(
+        wanted, value.dtype.kind
+    )
 
 
 def memory_misfit(value: Any, sizes: AxisSizes, known: dict[str, Any]) -> Misfit | None:

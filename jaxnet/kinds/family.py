@@ -27,7 +27,9 @@ class KindOf:
             return value
         if not isinstance(value, dict):
             known = ", ".join(registry.kind_names(self.family))
-            raise PydanticCustomError("kind", "must be a mapping, or one of {known}", {"known": known})
+            raise PydanticCustomError(
+                "kind", "must be a mapping, or one of {known}", {"known": known}
+            )
         if self.default is not None:
             value = {"kind": self.default, **value}
         try:
@@ -46,7 +48,9 @@ class KindOf:
         """Validate by `validate`, and serialise a kind by its own model."""
         return core_schema.no_info_plain_validator_function(
             self.validate,
-            serialization=core_schema.plain_serializer_function_ser_schema(lambda kind: kind.model_dump()),
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                lambda kind: kind.model_dump()
+            ),
         )
 
     def __get_pydantic_json_schema__(

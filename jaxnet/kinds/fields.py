@@ -115,7 +115,9 @@ else:
 
 
 if TYPE_CHECKING:
-    Magnitude = Any  # ā: a number or a distribution in a config; numbers of lanes while they are simulated
+    Magnitude = (
+        Any  # ā: a number or a distribution in a config; numbers of lanes while they are simulated
+    )
 else:
     Magnitude = Number | np.ndarray
 
@@ -227,7 +229,9 @@ else:
 
 
 class AxisGains(
-    RootModel[Annotated[list[Annotated[list[float], Len(1, 4)]], Len(2, 2), AfterValidator(equally_long)]]
+    RootModel[
+        Annotated[list[Annotated[list[float], Len(1, 4)]], Len(2, 2), AfterValidator(equally_long)]
+    ]
 ):
     """Gains of each axis: two lists with a number for each order."""
 
@@ -239,7 +243,9 @@ class AxisGains(
 
 
 class MatrixGains(
-    RootModel[Annotated[list[Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]], Len(1, 4)]]
+    RootModel[
+        Annotated[list[Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]], Len(1, 4)]
+    ]
 ):
     """Gains that couple the axes: a 2 × 2 matrix for each order."""
 
@@ -253,8 +259,10 @@ class MatrixGains(
 class VehicleGains(Record):
     """Gains of each vehicle: a list for each, in the order of their numbers."""
 
-    vehicles: Annotated[list[Annotated[list[float], Len(1, 4)]], Len(1), AfterValidator(equally_long)] = (
-        Field(description="k0, k1, … of each vehicle, with which it judges and follows what it hears")
+    vehicles: Annotated[
+        list[Annotated[list[float], Len(1, 4)]], Len(1), AfterValidator(equally_long)
+    ] = Field(
+        description="k0, k1, … of each vehicle, with which it judges and follows what it hears"
     )
 
     def matrices(self) -> np.ndarray:

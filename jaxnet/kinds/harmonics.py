@@ -52,10 +52,10 @@ class Harmonics(Attack):
         for key, number in numbers.items():
             table = getattr(self, key)
             wanted = len(self.targets()), number * self.harmonics
-            if isinstance(table, Table) and {(len(table.root), len(row)) for row in table.root} != {wanted}:
-                message = (
-                    f"must be {wanted[0]} lists, one for each of attack.vehicles, of {wanted[1]} numbers"
-                )
+            if isinstance(table, Table) and {(len(table.root), len(row)) for row in table.root} != {
+                wanted
+            }:
+                message = f"must be {wanted[0]} lists, one for each of attack.vehicles, of {wanted[1]} numbers"
                 yield Fault((f"attack.{key}", "attack"), message)
 
     def fastest(self) -> float:
@@ -65,7 +65,9 @@ class Harmonics(Attack):
     def basis(self, time: AnyTimes) -> SignalBasis:
         """Return cosine and sine of each harmonic, lowest first."""
         xp = time.__array_namespace__()
-        each = [Harmonic(order * self.frequency).basis(time) for order in range(1, self.harmonics + 1)]
+        each = [
+            Harmonic(order * self.frequency).basis(time) for order in range(1, self.harmonics + 1)
+        ]
         return xp.concatenate(each, axis=1)
 
     def vectors(self) -> np.ndarray:
@@ -91,14 +93,18 @@ class Harmonics(Attack):
         for start in range(0, len(attacked), SIGNALS):
             some = attacked[start : start + SIGNALS]
             unit = each[some] / scale[some, None, None]
-            norms = [rate[some] ** order * self.peak(unit, order) for order in range(self.told_order + 1)]
+            norms = [
+                rate[some] ** order * self.peak(unit, order) for order in range(self.told_order + 1)
+            ]
             found[some] = scale[some] * np.maximum.reduce(norms)
         return found.reshape(m, 1, lanes) / np.cos(np.pi / FINENESS)
 
     def peak(self, vectors: np.ndarray, order: int) -> np.ndarray:
         """Return the greatest norm on the grid of a derivative by the angle, for vectors (signals, 2, B)."""
         count, number = FINENESS * self.harmonics, np.arange(1, self.harmonics + 1)
-        spectrum = (vectors[..., ::2] - 1j * vectors[..., 1::2]) * (1j * number) ** order * (count / 2)
+        spectrum = (
+            (vectors[..., ::2] - 1j * vectors[..., 1::2]) * (1j * number) ** order * (count / 2)
+        )
         x, y = np.moveaxis(np.fft.irfft(np.insert(spectrum, 0, 0.0, axis=-1), count), 1, 0)
         return np.sqrt((x**2 + y**2).max(axis=-1))
 

@@ -51,9 +51,13 @@ class Kind(Record, metaclass=KindType):
 
     kind: ClassVar[str]
     words: ClassVar[str] = ""  # name in figures and tables; "" is `kind` without underscores
-    untraced: ClassVar[frozenset[str]] = frozenset({"label"})  # fields that no method reads while lanes run
+    untraced: ClassVar[frozenset[str]] = frozenset(
+        {"label"}
+    )  # fields that no method reads while lanes run
     claims: ClassVar[frozenset[str]] = frozenset()  # names of what theory takes on trust
-    neutral: ClassVar[frozenset[str]] = frozenset({"kind", "words", "untraced", "model_config", "faults"})
+    neutral: ClassVar[frozenset[str]] = frozenset(
+        {"kind", "words", "untraced", "model_config", "faults"}
+    )
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
@@ -123,7 +127,9 @@ class Kind(Record, metaclass=KindType):
                 values[key] = value.drawn(draw, dotted)
             elif is_number(value):
                 each = any(isinstance(mark, Each) for mark in field.metadata)
-                values[key] = draw.each(value, dotted)[..., 0].T if each else draw.one(value, dotted)
+                values[key] = (
+                    draw.each(value, dotted)[..., 0].T if each else draw.one(value, dotted)
+                )
             elif isinstance(value, list) and value and all(map(is_number, value)):
                 values[key] = draw.several(value, dotted).T
             else:
@@ -136,7 +142,9 @@ class Kind(Record, metaclass=KindType):
         made = cls.__new__(cls)
         object.__setattr__(made, "__dict__", dict(values))
         for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
-            object.__setattr__(made, name, set(values) if name == "__pydantic_fields_set__" else None)
+            object.__setattr__(
+                made, name, set(values) if name == "__pydantic_fields_set__" else None
+            )
         return made
 
 

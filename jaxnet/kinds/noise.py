@@ -59,7 +59,9 @@ class NormalErrors(ErrorsAtTicks):
 
     position: NotNegative = Field(default=0.0, description="[m], standard deviation on each axis")
     velocity: NotNegative = Field(default=0.0, description="[m/s], standard deviation on each axis")
-    acceleration: NotNegative = Field(default=0.0, description="[m/s²], standard deviation on each axis")
+    acceleration: NotNegative = Field(
+        default=0.0, description="[m/s²], standard deviation on each axis"
+    )
     correlation: NotNegative = Field(
         default=0.0,
         description="[s], in which the correlation falls to 1/e; 0: independent ticks",
@@ -75,7 +77,9 @@ class NormalErrors(ErrorsAtTicks):
     def sizes(self) -> dict[str, Any]:
         """Return the standard deviations without outliers, by order of derivative."""
         found = {order: getattr(self, order) for order in self.orders}
-        return {order: size for order, size in found.items() if order in JET_ORDERS or size is not None}
+        return {
+            order: size for order, size in found.items() if order in JET_ORDERS or size is not None
+        }
 
     def exact(self) -> bool:
         """Return whether all standard deviations are 0."""
@@ -123,12 +127,15 @@ class NormalErrors(ErrorsAtTicks):
             return zero if size is None else size.reshape(*[1] * (zero.ndim - 1), -1) * draw(order)
 
         zeros = map(jnp.zeros_like, last)
-        errors = tuple(scaled(*each, zero) for each, zero in zip(self.sizes().items(), zeros, strict=True))
+        errors = tuple(
+            scaled(*each, zero) for each, zero in zip(self.sizes().items(), zeros, strict=True)
+        )
         if self.outliers is None:
             return errors
         lifted = uniform()
         share, factor = (
-            each.reshape(*[1] * (lifted.ndim - 1), -1) for each in (self.outliers, self.outlier_factor)
+            each.reshape(*[1] * (lifted.ndim - 1), -1)
+            for each in (self.outliers, self.outlier_factor)
         )
         grown = jnp.where(lifted < share, factor, 1.0)[None]
         return tuple(grown * each for each in errors)

@@ -46,7 +46,9 @@ def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
     if not isinstance(drawn, Kind) or "_leaves" in vars(drawn):
         return drawn
     cls = type(drawn)
-    values = {key: as_pytree(each) for key, each in vars(drawn).items() if key not in drawn.untraced}
+    values = {
+        key: as_pytree(each) for key, each in vars(drawn).items() if key not in drawn.untraced
+    }
     if cls not in REGISTERED_CLASSES:
         REGISTERED_CLASSES.add(cls)
         jax.tree_util.register_pytree_node(

@@ -55,7 +55,9 @@ def value_message(error: ErrorDetails) -> str:
         return str(context["error"])
     if kind in ("too_short", "too_long"):
         word, number = (
-            ("least", context["min_length"]) if kind == "too_short" else ("most", context["max_length"])
+            ("least", context["min_length"])
+            if kind == "too_short"
+            else ("most", context["max_length"])
         )
         entries = "1 entry" if number == 1 else f"{number} entries"
         return f"must have at {word} {entries} (got {shorten_value(given)})"

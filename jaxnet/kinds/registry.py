@@ -33,7 +33,9 @@ class Scope:
 
     judges = True  # whether the study is new: kinds then read their files and report faults
 
-    def __init__(self, folder: Path | None = None, known: Mapping[FamilyName, KindOrMetric] | None = None):
+    def __init__(
+        self, folder: Path | None = None, known: Mapping[FamilyName, KindOrMetric] | None = None
+    ):
         self.folder, self.known = folder, dict(known or {})
 
     def __eq__(self, other: object) -> bool:
@@ -44,7 +46,9 @@ class Scope:
 
     def __reduce__(self) -> tuple[Callable[..., "Scope"], tuple[object, ...]]:
         """Pickle the modules and names of the classes, from which another process loads the classes."""
-        origins = {key: (provenance.origin_of(each), name_in(each)) for key, each in self.known.items()}
+        origins = {
+            key: (provenance.origin_of(each), name_in(each)) for key, each in self.known.items()
+        }
         return scope_of, (self.folder, origins)
 
     @contextlib.contextmanager
@@ -70,7 +74,9 @@ class Scope:
 
 
 CURRENT_SCOPE: ContextVar[Scope | None] = ContextVar("scope", default=None)
-LOADED: dict[FamilyName, list[Any]] = {}  # everything from outside that this process has found, latest last
+LOADED: dict[
+    FamilyName, list[Any]
+] = {}  # everything from outside that this process has found, latest last
 METRIC_REFERENCES: dict[Any, str] = {}  # names by which metrics from outside were found
 
 
@@ -79,10 +85,13 @@ def scope() -> Scope:
     return CURRENT_SCOPE.get() or Scope()
 
 
-def scope_of(folder: Path | None, origins: Mapping[FamilyName, tuple[modules.Origin, str]]) -> Scope:
+def scope_of(
+    folder: Path | None, origins: Mapping[FamilyName, tuple[modules.Origin, str]]
+) -> Scope:
     """Return a scope that another process has sent; raise KindError if a module differs in this process."""
     known = {
-        key: modules.attribute(modules.load_origin(origin), name) for key, (origin, name) in origins.items()
+        key: modules.attribute(modules.load_origin(origin), name)
+        for key, (origin, name) in origins.items()
     }
     for key, found in known.items():
         record_found(*key, found)
@@ -179,7 +188,11 @@ def kind_in_module(module: ModuleType, family: str, name: str) -> KindOrMetric |
     for found in vars(module).values():
         if isinstance(found, base) and getattr(found, "name", None) == name:
             return found
-        if isinstance(found, type) and issubclass(found, base) and found.__dict__.get("kind") == name:
+        if (
+            isinstance(found, type)
+            and issubclass(found, base)
+            and found.__dict__.get("kind") == name
+        ):
             return found
     return None
 
@@ -188,5 +201,7 @@ def text_in(data: object) -> Iterator[str]:
     """Yield all text in plain data except the keys of mappings."""
     if isinstance(data, str):
         yield data
-    for inner in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
+    for inner in (
+        data.values() if isinstance(data, dict) else data if isinstance(data, list) else ()
+    ):
         yield from text_in(inner)

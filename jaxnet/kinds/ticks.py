@@ -37,7 +37,9 @@ class DrawsAtTicks(Kind):
         found = super().drawn(draw, name)
         if not self.draws():
             return found
-        return self.filled({**vars(found), "key": draw.one(Uniform(uniform=[0.0, 1.0]), f"{name}.key")})
+        return self.filled(
+            {**vars(found), "key": draw.one(Uniform(uniform=[0.0, 1.0]), f"{name}.key")}
+        )
 
     def random(
         self,
@@ -66,9 +68,13 @@ class DrawsAtTicks(Kind):
         Raises KindError unless `draws` returns True, and for another distribution.
         """
         if "key" not in vars(self):
-            raise KindError(f"{self.kind}: a kind that calls random(…) gives draws(self), which returns True")
+            raise KindError(
+                f"{self.kind}: a kind that calls random(…) gives draws(self), which returns True"
+            )
         if distribution not in chance.SAMPLERS:
-            raise KindError(f"{self.kind}: random(…) draws from 'uniform' or 'normal' (got {distribution!r})")
+            raise KindError(
+                f"{self.kind}: random(…) draws from 'uniform' or 'normal' (got {distribution!r})"
+            )
         return chance.drawn(vars(self)["key"], time, purpose, distribution, shape)
 
 

@@ -18,7 +18,9 @@ from jaxnet.lanes.uniforms import Drawn, Entry, Source
 class Draw:
     """Draws of numbers for samples, as NumPy arrays with a first axis over samples."""
 
-    def __init__(self, source: Source, samples: Sequence[int], vehicles: int, listed: Sequence[int] = ()):
+    def __init__(
+        self, source: Source, samples: Sequence[int], vehicles: int, listed: Sequence[int] = ()
+    ):
         """Take a source, sample numbers, and the number of vehicles.
 
         `listed` holds the vehicles in the order in which the lists of a config give numbers.
@@ -43,7 +45,9 @@ class Draw:
         vehicles get its first entry.
         """
         shape = len(self.samples), len(self.everyone), components
-        places = [(vehicle, component) for vehicle in self.everyone for component in range(components)]
+        places = [
+            (vehicle, component) for vehicle in self.everyone for component in range(components)
+        ]
         match number:
             case fields.Shared():
                 return np.broadcast_to(self.one(number, name)[:, None, None], shape)
@@ -76,7 +80,9 @@ class Draw:
         found = np.empty((len(self.samples), len(numbers)))
         drawn = [column for column, number in enumerate(numbers) if is_drawn(number)]
         if drawn:
-            found[:, drawn] = self.source.uniforms(name, self.samples, [places[column] for column in drawn])
+            found[:, drawn] = self.source.uniforms(
+                name, self.samples, [places[column] for column in drawn]
+            )
         alike: dict[int, list[int]] = {}
         for column, number in enumerate(numbers):
             alike.setdefault(id(number), []).append(column)
@@ -119,7 +125,11 @@ class Alone(Draw):
 
     def one(self, number: Any, name: str) -> Any:
         """Return one number for each lane, or for its vehicle if vehicles differ: (n · samples,)."""
-        return self.each(number, name)[:, 0, 0] if fields.differs(number) else super().one(number, name)
+        return (
+            self.each(number, name)[:, 0, 0]
+            if fields.differs(number)
+            else super().one(number, name)
+        )
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
         """Return numbers for each attacked vehicle: (n · samples, 1, components)."""
@@ -148,5 +158,9 @@ def share_up_to(number: Any, values: Float[np.ndarray, " n"]) -> Float[np.ndarra
     """Return the probability that a bounded distribution draws at most each of these values."""
     if isinstance(number, fields.Uniform):
         low, high = number.uniform
-        return np.interp(values, [low, high], [0.0, 1.0]) if high > low else (values >= low).astype(float)
+        return (
+            np.interp(values, [low, high], [0.0, 1.0])
+            if high > low
+            else (values >= low).astype(float)
+        )
     return (np.array(number.choice)[:, None] <= values[None]).mean(axis=0)

@@ -30,7 +30,9 @@ from jaxnet.model.strength import RowStrength, WithOwnWeight
 from jaxnet.solvers.choice import choose_solver
 
 
-def job(scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
+def job(
+    scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[str, ...] = ()
+) -> Job:
     """Return the lanes of one cell.
 
     `save` names the series to save, of `metrics.SERIES` and `metrics.VEHICLE_ERRORS`. The numbers have double
@@ -45,7 +47,10 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     prove_presumed(scenario, vehicle)
-    navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
+    navigator, start = (
+        scenario.navigator.drawn(draw, "navigator"),
+        start_of(scenario, vehicle, draw),
+    )
     output = np.asarray(vehicle.output_jets(start)[0])
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, output)
     attacked = first_attacked(scenario.attack).chosen(draw)
@@ -86,7 +91,10 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
-        Inputs(lanes, numbers), network_of(scenario, sources), clock_of(scenario), plan_of(scenario, save)
+        Inputs(lanes, numbers),
+        network_of(scenario, sources),
+        clock_of(scenario),
+        plan_of(scenario, save),
     )
 
 
@@ -143,9 +151,13 @@ def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods |
     weights: Any = None
     if attack.splits():
         graph = scenario.topology
-        weights = np.stack([weights_of(scenario, draw, sources, graph, each) for each in sets], axis=1)
+        weights = np.stack(
+            [weights_of(scenario, draw, sources, graph, each) for each in sets], axis=1
+        )
     attacked = np.stack([each[owners] for each in sets])
-    return Periods(draw.same(at), lanes_first(attacked), None if weights is None else as_array(weights))
+    return Periods(
+        draw.same(at), lanes_first(attacked), None if weights is None else as_array(weights)
+    )
 
 
 def weights_of(
@@ -214,7 +226,11 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
 
 def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
     """Return the signal number of each link."""
-    return hearing.link_signals(sources) if scenario.attack.by_link() else hearing.of_transmitters(sources)
+    return (
+        hearing.link_signals(sources)
+        if scenario.attack.by_link()
+        else hearing.of_transmitters(sources)
+    )
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
@@ -253,7 +269,9 @@ def steps_of(scenario: Scenario, draw: Draw) -> Any:
     return np.repeat(draw.one(given, "channel.quantisation")[:, None], order, axis=1)
 
 
-def delay_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> SteadyDelay | DrawnDelay | None:
+def delay_of(
+    scenario: Scenario, draw: Draw, sources: np.ndarray
+) -> SteadyDelay | DrawnDelay | None:
     """Return the delay of words, None where they are not late. What is drawn is rounded to whole ticks."""
     delay, tick = scenario.channel.delay, scenario.tick
     if not scenario.channel.late:
@@ -305,7 +323,10 @@ def attack_of(
     """
     attack = scenario.attack
     first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]
-    chosen, draw = attack.chosen(draw), Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
+    chosen, draw = (
+        attack.chosen(draw),
+        Draw(draw.source, draw.samples, scenario.vehicles, attack.targets()),
+    )
     if attack.by_link():
         sources = sources_of(scenario)
         owners = hearing.of_transmitters(sources).T.ravel()
@@ -359,7 +380,9 @@ def basis_by_vehicle(
     vectors = np.zeros((2, m, given.shape[2], n, count))
     number, lane = np.indices(attacked.shape)
     vectors[:, attacked, :, number, lane] = given.reshape(2, -1, n, count).transpose(2, 3, 0, 1)
-    side_by_side = jax.tree.map(lambda leaf: leaf.reshape(*leaf.shape[:-1], n, count), as_pytree(signal))
+    side_by_side = jax.tree.map(
+        lambda leaf: leaf.reshape(*leaf.shape[:-1], n, count), as_pytree(signal)
+    )
     vectors = vectors.reshape(2, m, -1, count) * chosen[None, :, None]
     together = np.linalg.norm(sizes.reshape(len(sizes), n, count), axis=1)
     return Apart(side_by_side), vectors, scale.reshape(n, count).max(axis=0), together
@@ -406,7 +429,9 @@ def tree(drawn: Any, count: int = 1) -> Any:
     `drawn` is a kind with its numbers drawn, or another tree of arrays. A single number is repeated for
     `count` lanes.
     """
-    leaves = jax.tree.map(lambda leaf: leaf if np.ndim(leaf) else np.full(count, leaf), as_pytree(drawn))
+    leaves = jax.tree.map(
+        lambda leaf: leaf if np.ndim(leaf) else np.full(count, leaf), as_pytree(drawn)
+    )
     return jax.tree.map(lanes_first, leaves)
 
 

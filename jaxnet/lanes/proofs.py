@@ -27,13 +27,23 @@ FINITE_STEP = 1e-4  # [s], step of the difference quotients
 CLOSE_ENOUGH = 1e-3  # relative, tolerance between a derivative and its difference quotient
 PROOF_ROUNDING = 1e-9
 TRIED_VEHICLES = 512  # states in which a vehicle is tried, at least 4 for each
-TRIED_SIZES = (-1.0, 2.0)  # decimal logarithms of the norms of jets; the derivative asked for: ten times
+TRIED_SIZES = (
+    -1.0,
+    2.0,
+)  # decimal logarithms of the norms of jets; the derivative asked for: ten times
 ALIKE = 1e-6  # relative, difference of a derivative from what was asked for
-PROVED = set[Hashable]()  # vehicles that this process has tried, by their keys and what is presumed of them
+PROVED = set[
+    Hashable
+]()  # vehicles that this process has tried, by their keys and what is presumed of them
 
 
 def prove(
-    attack: AnyAttack, basis: Any, vectors: np.ndarray | None, sizes: Any, horizon: float, count: int
+    attack: AnyAttack,
+    basis: Any,
+    vectors: np.ndarray | None,
+    sizes: Any,
+    horizon: float,
+    count: int,
 ) -> None:
     """Raise KindError if the functions, unit vectors or sizes of a drawn attack violate their contract.
 
@@ -44,9 +54,13 @@ def prove(
     name, sizes = type(attack).__name__, np.asarray(sizes)[: len(ORDERS)]
     first = np.asarray(basis(np.zeros(count)))
     if first.ndim != 3 or first.shape[::2] != (4, count):
-        raise KindError(f"{name}.basis must have the shape (4, B, lanes = {count}) (got {first.shape})")
+        raise KindError(
+            f"{name}.basis must have the shape (4, B, lanes = {count}) (got {first.shape})"
+        )
     if sizes.shape not in ((4, 1), (4, count)):
-        raise KindError(f"{name}.sizes must have the shape (4, lanes = {count}) (got {sizes.shape})")
+        raise KindError(
+            f"{name}.sizes must have the shape (4, lanes = {count}) (got {sizes.shape})"
+        )
     if vectors is not None:
         prove_vectors(name, vectors, first.shape[1], count)
     each = jax.vmap(lambda t: basis(jnp.full(count, t)))
@@ -77,7 +91,9 @@ def prove_path(navigator: Navigator, horizon: float, count: int) -> None:
         return
 
     def jets(instants: np.ndarray) -> np.ndarray:
-        return np.stack([np.asarray(navigator.jets(np.full(count, instant))) for instant in instants])
+        return np.stack(
+            [np.asarray(navigator.jets(np.full(count, instant))) for instant in instants]
+        )
 
     times, quotients, now = around(jets, horizon)
     prove_finite(navigator, "jets", now)
@@ -105,10 +121,14 @@ def prove_derivatives(
     given: Float[np.ndarray, "instants 3 functions lanes"],
 ) -> None:
     """Raise KindError if a derivative of order 1 to 3 differs from its difference quotient."""
-    scale = np.abs(given).max(axis=(0, 2, 3)) + np.abs(quotients).max(axis=(0, 2, 3)) + PROOF_ROUNDING
+    scale = (
+        np.abs(given).max(axis=(0, 2, 3)) + np.abs(quotients).max(axis=(0, 2, 3)) + PROOF_ROUNDING
+    )
     apart = np.abs(quotients - given).max(axis=(2, 3)) / scale
     if not (apart <= CLOSE_ENOUGH).all():
-        instant, order = np.unravel_index(np.nanargmax(np.nan_to_num(apart, nan=np.inf)), apart.shape)
+        instant, order = np.unravel_index(
+            np.nanargmax(np.nan_to_num(apart, nan=np.inf)), apart.shape
+        )
         raise KindError(
             f"{name}: what stands at order {order + 1} is not the derivative of order {order}"
             f" (at t = {times[instant]:.4g} s)"
@@ -164,11 +184,15 @@ def prove_vehicle(vehicle: Vehicle, count: int, motion: bool, engine: str) -> No
     sizes = 10 ** random.uniform(*TRIED_SIZES, (vehicle.order + 1, 1, count, tries))
     sizes[-1] *= 10
     asked = sizes * random.uniform(-1.0, 1.0, (vehicle.order + 1, 2, count, tries))
-    drawn = jax.tree.map(lambda leaf: leaf[..., np.arange(tries) % leaf.shape[-1]], as_pytree(vehicle))
+    drawn = jax.tree.map(
+        lambda leaf: leaf[..., np.arange(tries) % leaf.shape[-1]], as_pytree(vehicle)
+    )
     headings = random.uniform(-np.pi, np.pi, (count, tries))
     states, rates, size = map(np.asarray, jax.jit(motion_tried)(drawn, asked, headings))
     told = type(vehicle).__name__, f"the {engine} engine takes it for granted: give engine: "
-    refuse_unlike(states, asked[:-1], 0.0, told, ("state_of", 0, "{kind: nonlinear, solver: dopri5}"))
+    refuse_unlike(
+        states, asked[:-1], 0.0, told, ("state_of", 0, "{kind: nonlinear, solver: dopri5}")
+    )
     if motion:
         refuse_unlike(rates, asked[1:], size, told, ("motion", 1, "nonlinear"))
 
@@ -209,4 +233,6 @@ def refuse_unlike(
         one = np.unravel_index(np.argmin(gentle), gentle.shape)
         order = int(np.argmax(apart[:, :, *one].max(axis=1)))
         got = f"{given[order, :, *one]} where {asked[order, :, *one]} is asked for"
-        raise KindError(f"{name}.{method}: derivative {order + first} of the output is {got}; {why}{instead}")
+        raise KindError(
+            f"{name}.{method}: derivative {order + first} of the output is {got}; {why}{instead}"
+        )

@@ -59,7 +59,9 @@ def keyed_draws(seed: int, name: str, samples: tuple[int, ...], places: tuple[En
     )
     with jax.enable_x64(True):
         key = jax.random.fold_in(jax.random.key(seed), zlib.crc32(name.encode()))
-        drawn = np.block([[np.asarray(bits(key, row, column)) for column in columns] for row in rows])
+        drawn = np.block(
+            [[np.asarray(bits(key, row, column)) for column in columns] for row in rows]
+        )
     found = ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
     found.flags.writeable = False
     return found
@@ -217,6 +219,8 @@ def bits(key: Any, samples: Any, slots: Any) -> Any:
     """Return 64 random bits for each sample and slot."""
 
     def one(sample: Any, slot: Any) -> Any:
-        return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, sample), slot), (), "uint64")
+        return jax.random.bits(
+            jax.random.fold_in(jax.random.fold_in(key, sample), slot), (), "uint64"
+        )
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(samples, slots)

@@ -74,7 +74,9 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
 def half_planes(position: Points, heard: Bool[Array, "slots m lanes"]) -> HalfPlanes:
     """Return the half-planes with the set of all centerpoints as intersection."""
     slots = len(heard)
-    apart = jnp.where((heard[:, None] & heard[None])[None], position[:, None] - position[:, :, None], 0.0)
+    apart = jnp.where(
+        (heard[:, None] & heard[None])[None], position[:, None] - position[:, :, None], 0.0
+    )
     across = jnp.stack([-apart[1], apart[0]]).reshape(2, slots**2, *heard.shape[1:])
     axes = jnp.asarray([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
     axes = jnp.broadcast_to(axes[:, :, None, None], (2, 4, *heard.shape[1:]))
@@ -101,7 +103,9 @@ def middle(sides: HalfPlanes, beside: Point) -> Point:
     """
     numbers = jnp.arange(sides.offset.shape[0])
 
-    def add(carry: Moment, side: tuple[LoopIndex, Point, OfVehicles, OfVehicles]) -> tuple[Moment, None]:
+    def add(
+        carry: Moment, side: tuple[LoopIndex, Point, OfVehicles, OfVehicles]
+    ) -> tuple[Moment, None]:
         moment, total = carry
         number, normal, offset, gap = side
         foot, along = beside - gap[None] * normal, jnp.stack([-normal[1], normal[0]])
@@ -110,7 +114,9 @@ def middle(sides: HalfPlanes, beside: Point) -> Point:
         most = jnp.where(rate > PARALLEL, limit, jnp.inf).min(axis=0)
         fewest = jnp.where(rate < -PARALLEL, limit, -jnp.inf).max(axis=0)
         same = (dot(sides.normal, normal[:, None]) > 0) & (jnp.abs(rate) < SAME)
-        same = same & (jnp.abs(sides.offset - offset[None]) < SAME) & (numbers < number)[:, None, None]
+        same = (
+            same & (jnp.abs(sides.offset - offset[None]) < SAME) & (numbers < number)[:, None, None]
+        )
         fits = (fewest <= most) & ((jnp.abs(rate) > PARALLEL) | (room >= 0)).all(axis=0)
         fits = fits & ~same.any(axis=0) & (dot(normal, normal) > 0)
         size = jnp.where(fits, most - fewest + TINY, 0.0)
@@ -136,7 +142,9 @@ def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
     """
     apart = position - point[:, None]
     size = jnp.where(of > 0, length(apart), 0.0).max(axis=0)
-    features = jnp.concatenate([jnp.ones_like(of)[None], apart / jnp.where(size > 0, size, 1.0)[None, None]])
+    features = jnp.concatenate(
+        [jnp.ones_like(of)[None], apart / jnp.where(size > 0, size, 1.0)[None, None]]
+    )
 
     def shares(factors: Multipliers) -> SlotWeights:
         return jnp.maximum(0.0, (factors[:, None] * features).sum(axis=0))
@@ -155,7 +163,9 @@ def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
 
     def off(state: tuple[LoopIndex, Multipliers]) -> Bool[Array, ""]:
         number, factors = state
-        return (number < CENTERPOINT_ROUNDS) & (jnp.abs(gradient(factors)) * size[None] > CLOSE).any()
+        return (number < CENTERPOINT_ROUNDS) & (
+            jnp.abs(gradient(factors)) * size[None] > CLOSE
+        ).any()
 
     def better(state: tuple[LoopIndex, Multipliers]) -> tuple[LoopIndex, Multipliers]:
         number, factors = state

@@ -81,7 +81,9 @@ def angle(across: Numbers, up: Numbers) -> Numbers:
     steep = small > 0.4142135623730951 * great
     part = xp.where(steep, small - great, small) / xp.where(steep, small + great, great)
     square = part * part
-    turned = xp.where(steep, 0.7853981633974483, 0.0) + (part - part * square * polynomial(ARC, square))
+    turned = xp.where(steep, 0.7853981633974483, 0.0) + (
+        part - part * square * polynomial(ARC, square)
+    )
     turned = xp.where(high > wide, 1.5707963267948966 - turned, turned)
     turned = xp.where(across < 0, 3.141592653589793 - turned, turned)
     return xp.where(up < 0, -turned, turned)

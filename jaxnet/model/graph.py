@@ -65,7 +65,10 @@ class Digraph(NamedTuple):
 
 
 def of_links(
-    vehicles: int, listeners: Numbered, sources: Numbered, weights: Shaped[np.ndarray, " links"] | float = 1.0
+    vehicles: int,
+    listeners: Numbered,
+    sources: Numbered,
+    weights: Shaped[np.ndarray, " links"] | float = 1.0,
 ) -> Digraph:
     """Return the graph of listeners, from 0, sources and weights.
 
@@ -80,7 +83,9 @@ def of_links(
     return Digraph(table, found)
 
 
-def slotted(vehicles: int, listeners: Row, sources: Row) -> tuple[Row, Row, Int[np.ndarray, "m slots"]]:
+def slotted(
+    vehicles: int, listeners: Row, sources: Row
+) -> tuple[Row, Row, Int[np.ndarray, "m slots"]]:
     """Return row and slot of each link, and the table of sources slot by slot.
 
     The links must be sorted by listener.
@@ -118,10 +123,14 @@ def normalised(graph: Digraph) -> Digraph:
     """Return the graph with rows that sum to 1, or to 0 if a vehicle hears no source."""
     weights = graph.weights
     total = totals(graph.sources, weights, graph.vehicles + 1)[:, None]
-    return graph._replace(weights=np.divide(weights, total, out=np.zeros_like(weights), where=total > 0))
+    return graph._replace(
+        weights=np.divide(weights, total, out=np.zeros_like(weights), where=total > 0)
+    )
 
 
-def row_sums(graph: Digraph, navigator: bool) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+def row_sums(
+    graph: Digraph, navigator: bool
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Return the weight of each vehicle on itself, and the sum of its other weights.
 
     `navigator` says whether the navigator counts among the others.

@@ -118,7 +118,9 @@ class Hearing(NamedTuple):
         """Return `Σ_j w_ij y_j`, the weighted mean of the sent messages."""
         return self.slot_by_slot(weights, lambda one: one.sent(sources))
 
-    def slot_by_slot(self, weights: AxisWeights, heard: Callable[["Hearing"], Numbers]) -> VehicleMeans:
+    def slot_by_slot(
+        self, weights: AxisWeights, heard: Callable[["Hearing"], Numbers]
+    ) -> VehicleMeans:
         """Return the weighted sum over slots of the values that `heard` gives for one slot: (2, m, *lanes).
 
         `heard` receives a Hearing with one slot and returns an array (2, 1, m, *lanes).
@@ -190,7 +192,9 @@ def of_slots(
     signals: Int[np.ndarray, "slots m"],
 ) -> Hearing:
     """Return the Hearing of arrays by slot, with attacked links sorted first in each slot."""
-    return Hearing(sources, carried_sources, attacked, signals, np.argsort(~attacked, axis=1, kind="stable"))
+    return Hearing(
+        sources, carried_sources, attacked, signals, np.argsort(~attacked, axis=1, kind="stable")
+    )
 
 
 def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:
@@ -228,7 +232,9 @@ def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "sl
     """Return the graph of weights by slot, with the weights of all identities of a source added."""
     listeners = np.broadcast_to(np.arange(sources.shape[1]), sources.shape)
     links = (listeners.ravel(), sources.ravel())
-    return of_matrix(sparse.coo_array((weights.ravel(), links), shape=(len(sources.T), len(sources.T) + 1)))
+    return of_matrix(
+        sparse.coo_array((weights.ravel(), links), shape=(len(sources.T), len(sources.T) + 1))
+    )
 
 
 def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
@@ -255,7 +261,9 @@ def by_slot(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots 
     """
     m = graph.vehicles
     listeners, each = graph.edges()
-    links = np.append(listeners * (m + 1) + graph.sources[listeners, each], (m + 1) ** 2)  # and a sentinel
+    links = np.append(
+        listeners * (m + 1) + graph.sources[listeners, each], (m + 1) ** 2
+    )  # and a sentinel
     wanted = np.arange(m)[None] * (m + 1) + sources
     place = np.searchsorted(links, wanted)
     theirs = np.append(values[listeners, each], np.zeros_like(values, shape=1))

@@ -24,7 +24,9 @@ class Periods(NamedTuple):
 
     at: Float[Array, "periods *lanes"]  # [s], the first 0
     attacked: Bool[Array, "periods signals *lanes"]  # signals in force
-    weights: Float[Array, "periods slots m *lanes"] | None  # None where all periods have those of the lane
+    weights: (
+        Float[Array, "periods slots m *lanes"] | None
+    )  # None where all periods have those of the lane
 
 
 class Lane(NamedTuple):
@@ -46,17 +48,25 @@ class Lane(NamedTuple):
     vectors: Float[Array, "2 signals functions *lanes"]  # of the attack [m]; initial if strategic
     attack_scale: Float[Array, "*lanes"]  # [m], factor of the unit vectors of the attack
     announces: Any  # announcements of attacked links, a kind with its numbers drawn
-    sizes: Float[Array, "2 derivatives *lanes"]  # greatest norms by order: navigator's path, signal functions
+    sizes: Float[
+        Array, "2 derivatives *lanes"
+    ]  # greatest norms by order: navigator's path, signal functions
     interval: Float[Array, "*lanes"]  # [s] from tick to tick
     sensor: Any = None  # None where vehicles sense without errors
     loss: Any = None  # None where every message arrives
     noise: Any = None  # None where words arrive without errors
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
-    delay: Any = None  # of words, `engine.late.SteadyDelay` or `DrawnDelay`; None where words are not late
+    delay: Any = (
+        None  # of words, `engine.late.SteadyDelay` or `DrawnDelay`; None where words are not late
+    )
     periods: Periods | None = None  # None where the same vehicles are attacked all along
-    gain_apart: Float[Array, "r m *lanes"] | None = None  # each vehicle's own gains minus `gain`; None: 0
-    steps: Float[Array, "r *lanes"] | None = None  # [m, m/s, …] to which jets in words are rounded, or None
+    gain_apart: Float[Array, "r m *lanes"] | None = (
+        None  # each vehicle's own gains minus `gain`; None: 0
+    )
+    steps: Float[Array, "r *lanes"] | None = (
+        None  # [m, m/s, …] to which jets in words are rounded, or None
+    )
     detector: Any = None  # None where nobody tests words
 
     @property

@@ -31,15 +31,21 @@ def inputs_near_navigator(
     target = vehicle.state_of(jets[:order])
 
     def exact(state: VehicleStates, z: Plane) -> Plane:
-        return vehicle.inputs_for(state, z - control.feedback(lane.gain, vehicle.output_jets(state)))
+        return vehicle.inputs_for(
+            state, z - control.feedback(lane.gain, vehicle.output_jets(state))
+        )
 
     there, change = jax.jvp(
-        exact, (target, control.driven(lane.gain, jets)), (state_error(vehicle.units, states, target), drive)
+        exact,
+        (target, control.driven(lane.gain, jets)),
+        (state_error(vehicle.units, states, target), drive),
     )
     return there + change
 
 
-def state_error(units: tuple[str, ...], states: VehicleStates, target: VehicleStates) -> VehicleStates:
+def state_error(
+    units: tuple[str, ...], states: VehicleStates, target: VehicleStates
+) -> VehicleStates:
     """Return the states minus the target, with differences in radians of at most half a turn."""
     error, turn = states - target, 2 * math.pi
     angles = jnp.asarray([unit == "rad" for unit in units])[:, None, None]

@@ -12,12 +12,16 @@ from scipy import sparse
 
 from jaxnet.model.graph import Numbered
 
-Neighbours = Any  # (m, m) booleans: listener i hears source j; a dense array or a sparse SciPy array
+Neighbours = (
+    Any  # (m, m) booleans: listener i hears source j; a dense array or a sparse SciPy array
+)
 
 
 def of_pairs(vehicles: int, listeners: Numbered, sources: Numbered) -> Neighbours:
     """Return the pattern of links from lists of listeners and sources, from 0."""
-    return sparse.coo_array((np.ones(len(listeners), bool), (listeners, sources)), shape=(vehicles, vehicles))
+    return sparse.coo_array(
+        (np.ones(len(listeners), bool), (listeners, sources)), shape=(vehicles, vehicles)
+    )
 
 
 def circulant(vehicles: int, offsets: Iterable[int]) -> Neighbours:

@@ -43,7 +43,9 @@ def everybody(graph: Digraph) -> DropPolicy:
     return DropPolicy(graph, graph.none, np.zeros(graph.vehicles, int))
 
 
-def any_untrusted(graph: Digraph, trusted: Links, number: int | Int[np.ndarray, " m"]) -> DropPolicy:
+def any_untrusted(
+    graph: Digraph, trusted: Links, number: int | Int[np.ndarray, " m"]
+) -> DropPolicy:
     """Return the policy of a defence that drops `number` untrusted sources of each vehicle.
 
     A vehicle with fewer untrusted sources drops all of them.

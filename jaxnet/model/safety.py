@@ -72,7 +72,10 @@ def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
     - Tolerant: each vehicle has at most `bears` attacked links that it may drop, and no other attacked link.
     - Joined: the vehicles join each other to the navigator, whichever links they drop.
     """
-    falsified, fatal = drops.graph.heard & attacked, np.broadcast_to(bears[:, None] + 1, attacked.shape)
+    falsified, fatal = (
+        drops.graph.heard & attacked,
+        np.broadcast_to(bears[:, None] + 1, attacked.shape),
+    )
     left = bears + 1 - (np.where(drops.links, 1, fatal) * falsified).sum(axis=1)
     out = np.zeros(len(bears) + 1, bool)
     while True:
@@ -97,7 +100,11 @@ def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None
     """
     if len(inside) > MOST_RATED or not inside.any():
         return None
-    weights, sources, rank = drops.graph.weights, drops.graph.sources, np.arange(drops.links.shape[1])
+    weights, sources, rank = (
+        drops.graph.weights,
+        drops.graph.sources,
+        np.arange(drops.links.shape[1]),
+    )
     lightest = np.sort(np.where(drops.links, weights, 0.0) + ~drops.links, axis=1)
     kept = weights.sum(axis=1) - lightest.sum(axis=1, where=rank < drops.number[:, None])
     factor, rounds = np.concatenate([[0.0], np.full(len(inside), np.nan)]), 0

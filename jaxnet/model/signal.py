@@ -19,7 +19,9 @@ from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
 ORDERS = (0, 1, 2, 3)  # orders of the derivatives in a received message
 
 Vectors = Float[Any, "2 _ functions *lanes"]  # one set for each vehicle, or for each link
-ByFunction = Float[Any, "functions 2 m *lanes"]  # vectors of the vehicles, one function after the other
+ByFunction = Float[
+    Any, "functions 2 m *lanes"
+]  # vectors of the vehicles, one function after the other
 Basis = Float[Any, "derivatives functions *lanes"]  # β_b and its derivatives, three or as many as r
 
 
@@ -59,7 +61,9 @@ class WithNavigator(NamedTuple):
 
     def basis(self, time: Numbers) -> Basis:
         """Return all functions with derivatives up to r, three at least: (derivatives, B + 2, lanes)."""
-        each = (up_to(len(self.gain), one, time) for one in (self.signal.basis, self.navigator.jets))
+        each = (
+            up_to(len(self.gain), one, time) for one in (self.signal.basis, self.navigator.jets)
+        )
         return time.__array_namespace__().concatenate(list(each), axis=1)
 
 
@@ -122,7 +126,9 @@ def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> 
     import jax.numpy as jnp
 
     time = jnp.asarray(time)
-    lower, rates = jax.jvp(lambda now: up_to(order - 1, function, now), (time,), (jnp.ones_like(time),))
+    lower, rates = jax.jvp(
+        lambda now: up_to(order - 1, function, now), (time,), (jnp.ones_like(time),)
+    )
     return jnp.concatenate([lower, rates[-1:]])
 
 

@@ -47,7 +47,10 @@ def stiffened(score: Scores, retained: Mask, tolerance: Float[Array, " lanes"]) 
 
 
 def filtered(
-    score: Scores, before: Scores, interval: Float[Array, " lanes"], constant: Float[Array, " lanes"]
+    score: Scores,
+    before: Scores,
+    interval: Float[Array, " lanes"],
+    constant: Float[Array, " lanes"],
 ) -> Scores:
     """Return low-pass filtered scores, `s ← s + (1 - e^{-h/T}) (Δ - s)`.
 
@@ -80,7 +83,9 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
         left = jnp.where(taken, -jnp.inf, score)
         # Unrolled: 1.08 times, trimming, 12 vehicles and 1,000.
         number = jax.lax.scan(farther, nobody, (slots, left), unroll=8)[0][0]
-        return turn + 1, taken | (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
+        return turn + 1, taken | (slots[:, None, None] == number[None]) & (turn < theta)[
+            None, :, None
+        ]
 
     turns = jnp.max(theta)
     carry = jnp.zeros_like(turns), jnp.zeros_like(candidates)

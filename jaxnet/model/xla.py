@@ -25,7 +25,9 @@ def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
     Both functions must compute the same value.
     """
     device = jax.config.values["jax_default_device"] or jax.devices()[0]  # the target of the trace
-    platform = getattr(device, "platform", device)  # the default device may be the name of a platform
+    platform = getattr(
+        device, "platform", device
+    )  # the default device may be the name of a platform
     return work() if platform == "cpu" else elsewhere()
 
 

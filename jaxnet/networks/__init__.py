@@ -28,7 +28,9 @@ class NamedNetwork(NamedTuple):
 
     nodes: tuple[str, ...]
     links: LinkList
-    navigator: str | None = None  # the node of column 0 of [a0 | A]; None where nothing says who leads
+    navigator: str | None = (
+        None  # the node of column 0 of [a0 | A]; None where nothing says who leads
+    )
 
 
 class NumberedNetwork(NamedTuple):
@@ -42,9 +44,12 @@ def write_network(network: NamedNetwork) -> str:
     """Return a network as one line of text: its nodes, and its links a,b,w, with blanks between them."""
     nodes = [quote(node, safe="") for node in network.nodes]
     links = [
-        f"{quote(one, safe='')},{quote(other, safe='')},{weight}" for one, other, weight in network.links
+        f"{quote(one, safe='')},{quote(other, safe='')},{weight}"
+        for one, other, weight in network.links
     ]
-    return " ".join([*nodes, *links, *([] if network.navigator is None else [f"={network.navigator}"])])
+    return " ".join(
+        [*nodes, *links, *([] if network.navigator is None else [f"={network.navigator}"])]
+    )
 
 
 def parse_network(content: str) -> NamedNetwork:
@@ -138,9 +143,13 @@ def refuse_navigator(network: NamedNetwork, first: int, leader: str | None) -> N
     """Raise KindError if a key, or a link from column 0 of `[a0 | A]`, names a navigator."""
     none = "and there is no navigator (navigator: none)"
     if first or leader is not None:
-        raise KindError(f"{'first' if first else 'leader'} says which node is the navigator, {none}")
+        raise KindError(
+            f"{'first' if first else 'leader'} says which node is the navigator, {none}"
+        )
     if any(source == network.navigator for _, source, _ in network.links):
-        raise KindError(f"column 0 of a matrix m × (m + 1) is what the navigator tells, {none}: give zeros")
+        raise KindError(
+            f"column 0 of a matrix m × (m + 1) is what the navigator tells, {none}: give zeros"
+        )
 
 
 def range_of_numbers(labels: Iterable[str], first: int, links: int) -> list[str]:
@@ -152,7 +161,9 @@ def range_of_numbers(labels: Iterable[str], first: int, links: int) -> list[str]
         missing = first
         while missing in numbers:
             missing += 1
-        raise KindError(f"nodes are numbered {first} to {max(numbers)}, but node {missing} has no edge")
+        raise KindError(
+            f"nodes are numbered {first} to {max(numbers)}, but node {missing} has no edge"
+        )
     return [str(number) for number in range(first, max(numbers) + 1)]
 
 
@@ -164,7 +175,9 @@ def named_leader(labels: Sequence[str]) -> str:
     return found[0]
 
 
-def without_navigator_hearing(edges: EdgeList, order: Sequence[str], direction: Direction) -> EdgeList:
+def without_navigator_hearing(
+    edges: EdgeList, order: Sequence[str], direction: Direction
+) -> EdgeList:
     """Return the edges without those by which the navigator hears a vehicle that also hears it.
 
     Raises KindError if the vehicle does not hear the navigator: the edge is then most likely the wrong way

@@ -10,7 +10,15 @@ from jaxnet.networks.objects import networkx_network
 from jaxnet.outside.modules import KindError
 
 CALLED = ("name", "label", "id")  # attributes of a node that may name it
-FAULTS = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, UserWarning, expat.ExpatError)
+FAULTS = (
+    SyntaxError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    UserWarning,
+    expat.ExpatError,
+)
 
 
 def read_graphml(content: bytes, name: str) -> NamedNetwork:
@@ -18,7 +26,9 @@ def read_graphml(content: bytes, name: str) -> NamedNetwork:
     try:
         networkx = importlib.import_module("networkx")
     except ImportError as error:
-        raise KindError(f"{name}: GraphML needs networkx: pip install 'jaxnet-sim[graphs]'") from error
+        raise KindError(
+            f"{name}: GraphML needs networkx: pip install 'jaxnet-sim[graphs]'"
+        ) from error
     try:
         refuse_unread(content)
         with warnings.catch_warnings():
@@ -26,12 +36,16 @@ def read_graphml(content: bytes, name: str) -> NamedNetwork:
             network = networkx.read_graphml(io.BytesIO(content))
         called = node_names(dict(network.nodes(data=True)))
         weight = network.graph.get("edge_default", {}).get("weight", 1.0)
-        return networkx_network(networkx.relabel_nodes(network, called), unread=("id",), weight=weight)
+        return networkx_network(
+            networkx.relabel_nodes(network, called), unread=("id",), weight=weight
+        )
     except KindError as error:
         raise KindError(f"{name}: {error}") from error
     except (networkx.NetworkXException, *FAULTS) as error:
         reason = str(error) or type(error).__name__
-        raise KindError(f"{name}: must be GraphML with nodes and weighted edges ({reason})") from error
+        raise KindError(
+            f"{name}: must be GraphML with nodes and weighted edges ({reason})"
+        ) from error
 
 
 def node_names(nodes: dict[str, dict[str, object]]) -> dict[str, str]:
@@ -41,7 +55,8 @@ def node_names(nodes: dict[str, dict[str, object]]) -> dict[str, str]:
     number.
     """
     found = {
-        node: str(next((data[key] for key in CALLED if key in data), node)) for node, data in nodes.items()
+        node: str(next((data[key] for key in CALLED if key in data), node))
+        for node, data in nodes.items()
     }
     bare = {node: name.removeprefix("n") for node, name in found.items()}
     if all(map(NODE_NUMBER.fullmatch, bare.values())):

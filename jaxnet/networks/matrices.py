@@ -35,7 +35,9 @@ def matrix_network(given: GivenMatrix, first: int = 0) -> NamedNetwork:
     shape: tuple[int, ...] = given.shape or ()
     if len(shape) != 2 or shape[1] - shape[0] not in (0, 1):
         got = " × ".join(map(str, shape))
-        raise KindError(f"a matrix is n × n, or m × (m + 1) with the navigator in column 0 (got {got})")
+        raise KindError(
+            f"a matrix is n × n, or m × (m + 1) with the navigator in column 0 (got {got})"
+        )
     try:
         rows, columns, values = graph.entries(given)
         values = values.astype(float, casting="safe")
@@ -59,7 +61,9 @@ def matrix_network(given: GivenMatrix, first: int = 0) -> NamedNetwork:
     return NamedNetwork((), list(links), None if square else "0")
 
 
-def laplacian_links(rows: graph.Row, columns: graph.Row, values: np.ndarray) -> tuple[np.ndarray, ...]:
+def laplacian_links(
+    rows: graph.Row, columns: graph.Row, values: np.ndarray
+) -> tuple[np.ndarray, ...]:
     """Return the links of a Laplacian; raise KindError unless each row sums to 0."""
     sums = np.bincount(rows, values)
     if np.abs(sums).max() > LAPLACIAN_ROUNDING * np.abs(values).max():

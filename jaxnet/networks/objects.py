@@ -52,7 +52,9 @@ def object_network(value: object, first: int = 0) -> NamedNetwork | None:
         return networkx_network(value)
     if sparse.issparse(value):
         value = sparse.coo_array(value)  # pyright: ignore[reportArgumentType]
-    return matrix_network(value, first) if isinstance(value, np.ndarray | sparse.coo_array) else None
+    return (
+        matrix_network(value, first) if isinstance(value, np.ndarray | sparse.coo_array) else None
+    )
 
 
 def networkx_network(
@@ -84,7 +86,9 @@ def networkx_network(
     for one, other, data in network.edges(data=True):
         ends = labels[one], labels[other]
         if odd := [name for name in data if name not in ("weight", *unread)]:
-            raise KindError(f"edge {text_of(ends)} has the attribute {odd[0]!r}; only 'weight' is read")
+            raise KindError(
+                f"edge {text_of(ends)} has the attribute {odd[0]!r}; only 'weight' is read"
+            )
         links.append((*ends, weight_of(data.get("weight", weight), ends)))
     back = [] if network.is_directed() else [(j, i, w) for i, j, w in links if i != j]
     numbered = all(map(is_whole, network.nodes))

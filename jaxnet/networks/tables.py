@@ -22,7 +22,18 @@ from jaxnet.outside.modules import KindError
 COMMENTS = ("#", "%")
 ATTRIBUTES = re.compile(r"(\S+)\s+(\S+)\s+(\{.*\})\s*")  # a row that networkx wrote
 HEADER_WORDS = {
-    *("source", "target", "from", "to", "listener", "speaker", "sender", "receiver", "head", "tail"),
+    *(
+        "source",
+        "target",
+        "from",
+        "to",
+        "listener",
+        "speaker",
+        "sender",
+        "receiver",
+        "head",
+        "tail",
+    ),
     *("i", "j", "u", "v", "s", "t", "src", "dst", "node1", "node2", "weight", "w"),
 }
 READ = "a row is i, j or i, j, w, numbers or names and a weight > 0; or all are a matrix n × n or m × (m + 1)"
@@ -73,7 +84,9 @@ def split_fields(line: str, separator: str) -> list[str]:
     """Split a row at a separator; quotes may enclose a field."""
     fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
     point = re.compile(r"(?<=[0-9]),(?=[0-9])")
-    return [point.sub(".", field.strip()) if separator == ";" else field.strip() for field in fields]
+    return [
+        point.sub(".", field.strip()) if separator == ";" else field.strip() for field in fields
+    ]
 
 
 def split_attributes(line: str) -> list[str]:
@@ -115,7 +128,9 @@ def matrix_of_rows(rows: Sequence[TableRow]) -> np.ndarray | None:
     except ValueError:
         return None
     laplacian = width == height and (numbers < 0).any()
-    without_loops = width == 3 and not numbers[:, 2].all() and not np.diag(numbers, width - height).any()
+    without_loops = (
+        width == 3 and not numbers[:, 2].all() and not np.diag(numbers, width - height).any()
+    )
     return numbers if width > 3 or laplacian or without_loops else None
 
 
@@ -125,7 +140,9 @@ def edge_links(rows: Sequence[TableRow], name: str) -> LinkList:
     for place, fields, line in rows:
         try:
             one, other, *weight = fields
-            links.append((node_label(one), node_label(other), row_weight(*weight) if weight else 1.0))
+            links.append(
+                (node_label(one), node_label(other), row_weight(*weight) if weight else 1.0)
+            )
         except (TypeError, ValueError) as error:
             got = shorten(line, 60, placeholder=" …")
             raise KindError(f"{name}:{place}: {READ} (got {got}); {EXPORTS}") from error
@@ -147,7 +164,12 @@ def node_label(text: str) -> str:
 
 def refuse_mixed(links: LinkList, rows: Sequence[TableRow], name: str) -> None:
     """Raise KindError if some nodes are numbers and some names; 0 may lead named nodes."""
-    ends = [(end, row) for (*both, _), row in zip(links, rows, strict=True) for end in both if end != "0"]
+    ends = [
+        (end, row)
+        for (*both, _), row in zip(links, rows, strict=True)
+        for end in both
+        if end != "0"
+    ]
     for end, (place, _, line) in ends:
         if bool(NODE_NUMBER.fullmatch(end)) != bool(NODE_NUMBER.fullmatch(ends[0][0])):
             got = shorten(line, 60, placeholder=" …")

@@ -33,13 +33,17 @@ def traceback_lines(error: BaseException) -> Iterator[tuple[str, int]]:
 
 def outside_files() -> set[str]:
     """Return all files from which kinds from outside were loaded or imported."""
-    return modules.loaded_files() | {each.file for each in provenance.IMPORTED_SOURCES.values() if each.file}
+    return modules.loaded_files() | {
+        each.file for each in provenance.IMPORTED_SOURCES.values() if each.file
+    }
 
 
 def blame(error: BaseException) -> KindError | None:
     """Return a KindError with the place if an error passed through a file from outside, else None."""
     outside = outside_files()
-    if isinstance(error, KindError) or not any(file in outside for file, _ in traceback_lines(error)):
+    if isinstance(error, KindError) or not any(
+        file in outside for file, _ in traceback_lines(error)
+    ):
         return None
     return KindError(with_place(error))
 

@@ -10,7 +10,9 @@ from jaxnet.outside.modules import KindError
 class Family(NamedTuple):
     """Where the kinds of a family are found."""
 
-    package: str  # the folder with one file for each kind of jaxnet; its __init__ defines the base class
+    package: (
+        str  # the folder with one file for each kind of jaxnet; its __init__ defines the base class
+    )
     base: str
     group: str  # the group of entry points, by which installed packages offer kinds
 

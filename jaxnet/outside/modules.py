@@ -47,7 +47,9 @@ class Origin(NamedTuple):
 
     folder: str  # empty: the module is imported by its name
     module: str
-    hashes: tuple[tuple[str, str], ...] = ()  # SHA-256 of the module and of its neighbours that it imports
+    hashes: tuple[
+        tuple[str, str], ...
+    ] = ()  # SHA-256 of the module and of its neighbours that it imports
 
 
 class ModuleFolder:
@@ -72,7 +74,9 @@ class ModuleFolder:
 
     def current(self) -> bool:
         """Return whether no file has changed since it was read."""
-        return all(file.is_file() and file.read_bytes() == held for file, held in self.sources.items())
+        return all(
+            file.is_file() and file.read_bytes() == held for file, held in self.sources.items()
+        )
 
     def hashes(self, module: str) -> dict[str, str]:
         """Return the SHA-256 of a module's file and of the neighbours that it imports, by name."""
@@ -120,7 +124,11 @@ def closure(held: ModuleFolder, module: str) -> dict[str, Path]:
     while ahead:
         name = ahead.pop()
         file = file_of(held.folder, name)
-        if name in found or file is None or (found and not is_neighbour(held, name.partition(".")[0])):
+        if (
+            name in found
+            or file is None
+            or (found and not is_neighbour(held, name.partition(".")[0]))
+        ):
             continue
         found[name] = file
         ahead += parents(name)
@@ -144,7 +152,9 @@ def imports_in(source: bytes, package: str) -> Iterator[str]:
         if isinstance(node, ast.Import):
             yield from (each.name for each in node.names)
         elif isinstance(node, ast.ImportFrom):
-            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            above = (
+                package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            )
             base = ".".join([*filter(None, above), *filter(None, [node.module])])
             yield from (".".join(filter(None, [base, each.name])) for each in node.names)
             yield base
@@ -154,7 +164,9 @@ class NeighbourFinder:
     """Import finder for the private names of modules in folders."""
 
     @classmethod
-    def find_spec(cls, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
+    def find_spec(
+        cls, fullname: str, path: object = None, target: object = None
+    ) -> ModuleSpec | None:
         """Return the specification of a module with a private name, None for any other name."""
         state, _, module = fullname.partition(".")
         held = STATES.get(state)
@@ -216,9 +228,13 @@ def is_neighbour(held: ModuleFolder, top: str) -> bool:
 
     Modules of Python and of installed packages take precedence, except over a name that the config uses.
     """
-    if file_of(held.folder, top) is None and not (top.isidentifier() and (held.folder / top).is_dir()):
+    if file_of(held.folder, top) is None and not (
+        top.isidentifier() and (held.folder / top).is_dir()
+    ):
         return False
-    return top in held.named or not (top in sys.stdlib_module_names or top == "jaxnet" or is_installed(top))
+    return top in held.named or not (
+        top in sys.stdlib_module_names or top == "jaxnet" or is_installed(top)
+    )
 
 
 def without_private(words: str) -> str:

@@ -42,7 +42,9 @@ class Provenance(NamedTuple):
     version: str | None  # of the module's distribution
 
 
-IMPORTED_SOURCES: dict[str, Provenance] = {}  # of modules imported by their names, at the time of import
+IMPORTED_SOURCES: dict[
+    str, Provenance
+] = {}  # of modules imported by their names, at the time of import
 FOLDERS: WeakKeyDictionary[Any, ModuleFolder] = (
     WeakKeyDictionary()
 )  # folders of a script's classes and metrics
@@ -111,7 +113,8 @@ def made_of(found: KindOrMetric) -> dict[str, Provenance]:
         return {name: IMPORTED_SOURCES.setdefault(name, read_source(name))}
     hashes = held.hashes(name)
     return {
-        each: Provenance(str(file), hashes[each], None) for each, file in modules.closure(held, name).items()
+        each: Provenance(str(file), hashes[each], None)
+        for each, file in modules.closure(held, name).items()
     }
 
 
@@ -120,7 +123,9 @@ def read_source(module: str) -> Provenance:
     file = getattr(sys.modules[module], "__file__", None) or ""
     if not Path(file).is_file():  # a shell may say "<stdin>"
         return Provenance("", "", None)
-    return Provenance(file, hashlib.sha256(Path(file).read_bytes()).hexdigest(), modules.version_of(module))
+    return Provenance(
+        file, hashlib.sha256(Path(file).read_bytes()).hexdigest(), modules.version_of(module)
+    )
 
 
 def refuse_changed(found: KindOrMetric, name: str) -> None:
@@ -147,7 +152,10 @@ def hash_typed_code(module: str, kinds: list[KindOrMetric]) -> Provenance:
     while ahead:
         name, thing = ahead.pop()
         held_by = [vars(base).items() for base in bases_in(module, thing)]
-        parts = [thing, *(each for held_in in held_by for key, each in held_in if not key.startswith("__"))]
+        parts = [
+            thing,
+            *(each for held_in in held_by for key, each in held_in if not key.startswith("__")),
+        ]
         codes = [code for part in parts for code in codes_of(part)]
         told[name] = [(code.co_code, code.co_names, as_words(code.co_consts)) for code in codes]
         told[name] += [as_words(part) + as_words(defaults_of(part)) for part in parts]

@@ -48,7 +48,9 @@ def import_module(module: str, folder: Path | None) -> ModuleType:
     by_name = module in sys.modules or module.partition(".")[0] in sys.stdlib_module_names
     elsewhere = [] if by_name else map(Path, filter(None, sys.path))
     for place in filter(None, (folder, *elsewhere)):
-        if modules.file_of(place, module) is None or (place != folder and modules.is_installed(module)):
+        if modules.file_of(place, module) is None or (
+            place != folder and modules.is_installed(module)
+        ):
             continue
         return modules.module_folder(place).load(module)
     found = importlib.import_module(module)

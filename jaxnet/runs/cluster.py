@@ -97,7 +97,9 @@ def executor(
     if workers is not None and address is not None:
         raise ClusterError("give workers or a cluster, not both")
     if folder.protocol == "memory":
-        raise ClusterError(f"{folder} is seen by this process alone: give workers another folder with --out")
+        raise ClusterError(
+            f"{folder} is seen by this process alone: give workers another folder with --out"
+        )
     if importlib.util.find_spec("distributed") is None:
         raise ClusterError('workers need dask.distributed: pip install "jaxnet-sim[cluster]"')
     if workers is not None:
@@ -126,7 +128,10 @@ class Cluster:
         """Simulate shards; yield a report on each. Raises ClusterError or FolderError."""
         task = functools.partial(simulate_shard, work, self.chunk)
         yield from self.deal(
-            task, work.config.scope, work.modules, {f"shard {shard.number}": shard for shard in todo}
+            task,
+            work.config.scope,
+            work.modules,
+            {f"shard {shard.number}": shard for shard in todo},
         )
 
     def deal(
@@ -195,16 +200,21 @@ def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
     quiet_tracker()
     start_server()
     each = max(1, cores // number)
-    settings = {"scheduler.allowed-failures": MOST_LOSSES, "worker.multiprocessing-method": "forkserver"}
-    start = functools.partial(  # imports distributed, and with it the defaults that `settings` change
-        distributed.LocalCluster,
-        n_workers=number,
-        threads_per_worker=each,
-        memory_limit=None,
-        dashboard_address="127.0.0.1:0",
-        silence_logs=NO_LOGS,
-        preload=__name__,
-        env={"NPROC": str(each)},  # threads of XLA
+    settings = {
+        "scheduler.allowed-failures": MOST_LOSSES,
+        "worker.multiprocessing-method": "forkserver",
+    }
+    start = (
+        functools.partial(  # imports distributed, and with it the defaults that `settings` change
+            distributed.LocalCluster,
+            n_workers=number,
+            threads_per_worker=each,
+            memory_limit=None,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=NO_LOGS,
+            preload=__name__,
+            env={"NPROC": str(each)},  # threads of XLA
+        )
     )
     with (
         dask.config.set({f"distributed.{key}": value for key, value in settings.items()}),
@@ -220,7 +230,9 @@ def start_server() -> None:
     It imports the workers' modules once, while this process does other things. It does not start JAX,
     which would not survive a fork.
     """
-    multiprocessing.get_context("forkserver").set_forkserver_preload(["distributed", "jaxnet.runs.shards"])
+    multiprocessing.get_context("forkserver").set_forkserver_preload(
+        ["distributed", "jaxnet.runs.shards"]
+    )
     forkserver.ensure_running()
 
 
@@ -247,7 +259,9 @@ def workers_at(address: str) -> "Iterator[distributed.Client]":
         refuse_strangers(client)
         client.run(get_ready, wait=False, on_error="ignore")
         if not client.nthreads():
-            warnings.warn(f"the scheduler at {address} has no workers yet: waiting for them", stacklevel=2)
+            warnings.warn(
+                f"the scheduler at {address} has no workers yet: waiting for them", stacklevel=2
+            )
         yield client
 
 
@@ -262,7 +276,9 @@ def refuse_strangers(client: "distributed.Client") -> None:
     theirs |= {name: client.run(metadata.version, name, on_error="return") for name in PACKAGES}
     for worker in theirs["jaxnet"]:
         answered = {package: said.get(worker) for package, said in theirs.items()}
-        if not any(each is None or isinstance(each, OSError) for each in answered.values()):  # it lives
+        if not any(
+            each is None or isinstance(each, OSError) for each in answered.values()
+        ):  # it lives
             refuse_versions(worker, answered, versions())
 
 
@@ -304,7 +320,9 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
     """Simulate and store a shard on a worker, unless the folder has it."""
     ended = 0
 
-    def see(lanes: int = 0) -> None:  # at first, and before anything is written: it may be another's by then
+    def see(
+        lanes: int = 0,
+    ) -> None:  # at first, and before anything is written: it may be another's by then
         nonlocal ended
         ended += lanes
         work.folder.look()

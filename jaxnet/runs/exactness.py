@@ -26,7 +26,10 @@ def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> bat
             " solved at every instant"
         )
     return job(
-        scenario.model_copy(update={"output_step": scenario.tick}), Keyed(seed), samples, ("state", "kept")
+        scenario.model_copy(update={"output_step": scenario.tick}),
+        Keyed(seed),
+        samples,
+        ("state", "kept"),
     )
 
 
@@ -60,7 +63,9 @@ def greatest_distance(
     signals = [np.stack(signal.jets(lane.vectors, lane.signal.basis(np.asarray(t)))) for t in times]
     navigator = np.stack([np.asarray(lane.navigator.jets(np.asarray(t))) for t in times], axis=-1)
     own = lane.vehicle.output_jets(lane.initial)
-    start = np.stack([(np.asarray(y) - y_0[:, :1]).T for y, y_0 in zip(own, navigator, strict=False)])
+    start = np.stack(
+        [(np.asarray(y) - y_0[:, :1]).T for y, y_0 in zip(own, navigator, strict=False)]
+    )
     slots = [np.asarray(each) for each in (hearing.sources, hearing.attacked, hearing.signals)]
     listeners = np.arange(slots[0].shape[1])
 

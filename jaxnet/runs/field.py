@@ -30,7 +30,9 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
     if attack.periods():
         raise ValueError("attacked vehicles change at ticks, and a vector field knows of no ticks")
     if defence.coasts():
-        raise ValueError(f"{defence.kind} has isolated: coast, and a vector field knows of no ticks")
+        raise ValueError(
+            f"{defence.kind} has isolated: coast, and a vector field knows of no ticks"
+        )
     if not scenario.law.solved:
         raise ValueError(
             f"the vector field is that of the law solved at every instant (got {scenario.law.kind})"
@@ -47,6 +49,8 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
 
     @jax.jit
     def derivative(time: ArrayLike, state: ArrayLike, args: object = None) -> jax.Array:
-        return lane_field(jnp.asarray(time, float), jnp.asarray(state, float), followed, network, one.plan)
+        return lane_field(
+            jnp.asarray(time, float), jnp.asarray(state, float), followed, network, one.plan
+        )
 
     return derivative, lane.initial

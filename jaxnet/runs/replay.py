@@ -22,7 +22,9 @@ from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
 
 
-def replay(results: Results, cell: int, sample: int, engine: str | None = None) -> tuple[UPath, pd.Series]:
+def replay(
+    results: Results, cell: int, sample: int, engine: str | None = None
+) -> tuple[UPath, pd.Series]:
     """Store the lane's trajectory under `replays/`; return its path and the lane's row.
 
     `engine` is the name of an engine, by default the study's own.
@@ -98,7 +100,9 @@ def worst_of(results: Results) -> list[tuple[int, int]]:
     asked = results.study.config.recovery
     if asked is None:
         return []
-    return recovery.worst_lanes(worst_of_cells(results, asked.worst), results.study.cells, asked.worst)
+    return recovery.worst_lanes(
+        worst_of_cells(results, asked.worst), results.study.cells, asked.worst
+    )
 
 
 def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
@@ -106,7 +110,9 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
     metric = judged_metric(results.study.cells)
     lanes = results.by_cell("cell", "sample", metric, where=rows.OK)
     found = [each.nlargest(number, metric) for _, each in lanes]
-    nothing = pd.DataFrame({"cell": np.empty(0, int), "sample": np.empty(0, int), metric: np.empty(0)})
+    nothing = pd.DataFrame(
+        {"cell": np.empty(0, int), "sample": np.empty(0, int), metric: np.empty(0)}
+    )
     return pd.concat(found, ignore_index=True) if found else nothing
 
 

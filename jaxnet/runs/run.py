@@ -68,7 +68,9 @@ class Run:
     ):
         self.began, self.before = time.monotonic(), folder.manifest
         if isinstance(study.samples, int):
-            study = study.model_copy(update={"samples": max(study.samples, self.before.get("samples", 0))})
+            study = study.model_copy(
+                update={"samples": max(study.samples, self.before.get("samples", 0))}
+            )
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
         self.crew = crew or local_executor(machine)
         self.modules = modules_of(study)
@@ -112,7 +114,11 @@ class Run:
             return looks
         until = self.study.samples.until
         halves = recovery.half_intervals(tally.counts, self.cells, samples, until)
-        wide = [number for number, half in enumerate(halves) if half > until.half_width and looks[number]]
+        wide = [
+            number
+            for number, half in enumerate(halves)
+            if half > until.half_width and looks[number]
+        ]
         if wide:
             tally.last_look = (
                 f"± {halves[wide].max():.2g}, ± {until.half_width:g} is asked;"
@@ -127,7 +133,9 @@ class Run:
         Returns the number of these shards, the number simulated now, and the number of failed lanes.
         """
         if isinstance(self.study.samples, keys.Sequential):
-            raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
+            raise FolderError(
+                "a part of the shards needs a number of samples, not a criterion to stop by"
+            )
         samples = [self.study.samples] * len(self.cells)
         self.need_room(sum(samples) // of)
         mine = layout.shards_of(self.cells, samples, self.size)[number::of]
@@ -156,7 +164,9 @@ class Run:
     def begin(self, samples: Sequence[int]) -> None:
         """Write the manifest's description of the folder before the simulation."""
         about, before = self.about(samples), self.folder.manifest
-        same = all(before.get(entry) == about[entry] for entry in ("save", "samples", "cell_samples"))
+        same = all(
+            before.get(entry) == about[entry] for entry in ("save", "samples", "cell_samples")
+        )
         self.folder.write_manifest(**about, finished=same and before["finished"])
 
     def prepare(self, samples: int) -> dict[str, str]:
@@ -164,7 +174,9 @@ class Run:
         identities = {}
         for name, variables in layout.filled_stores(self.cells, self.study.save).items():
             with self.folder.naming(name):
-                store = arrays.prepare(self.folder.path / name, variables, self.cells, samples, self.size)
+                store = arrays.prepare(
+                    self.folder.path / name, variables, self.cells, samples, self.size
+                )
             identities[name] = arrays.store_identity(store)
         return identities
 
@@ -192,7 +204,9 @@ class Run:
             found = list(pool.map(lambda shard: shards.find_done(work, shard), wanted))
         missing = [work.missing(shard, done) for shard, done in zip(wanted, found, strict=True)]
         todo = [shard for shard in missing if shard is not None]
-        self.folder.need(layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo)))
+        self.folder.need(
+            layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo))
+        )
         self.tell(tally, [done for done in found if done is not None])
         concerned = {shard.cell.number: shard.cell for shard in todo}
         shards.try_kinds(self.study, [*concerned.values()], self.machine, work.series)
@@ -225,12 +239,15 @@ class Run:
         told = f"made with another {' and '.join(changed)}"
         self.clear_derived(told, (*DERIVED, *(SEARCHED if searched else ())))
 
-    def clear_derived(self, told: str = "made of the rows before", names: Sequence[str] = DERIVED) -> None:
+    def clear_derived(
+        self, told: str = "made of the rows before", names: Sequence[str] = DERIVED
+    ) -> None:
         """Remove `cells.csv`, and with a warning these files, which are no longer those of the study."""
         if taken := [name for name in names if (self.folder.path / name).exists()]:
             again = "jaxnet report makes it again"
             warnings.warn(
-                f"{self.folder.path}: removing what was {told}: {', '.join(taken)} ({again})", stacklevel=2
+                f"{self.folder.path}: removing what was {told}: {', '.join(taken)} ({again})",
+                stacklevel=2,
             )
         self.folder.clear((*taken, "cells.csv"))
 
@@ -241,19 +258,25 @@ class Run:
         if not isinstance(self.study.save.trajectories, str):
             metric = judged_metric(self.cells)
             lanes = rows.scan_cells(self.folder, every, ("sample", "status", metric))
-            chosen = {number: chosen_samples(self.study.save, each, metric) for number, each in lanes}
+            chosen = {
+                number: chosen_samples(self.study.save, each, metric) for number, each in lanes
+            }
             missing = missing or not self.stored(chosen)
             if missing:
                 self.store_chosen(chosen)
         table = summary.summarise(self.folder, every, self.cells, self.study, samples)
         self.folder.put("cells.csv", functools.partial(write_table, table))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
-        for taken in self.folder.path.glob("lanes/*.npz"):  # of parts that saved what is not asked for now
+        for taken in self.folder.path.glob(
+            "lanes/*.npz"
+        ):  # of parts that saved what is not asked for now
             self.folder.remove(f"lanes/{taken.name}")
         self.folder.write_manifest(  # all of it once more: an earlier holder's may have arrived late
             **self.about(samples),
             lanes={"total": total, "ok": total - failed, "failed": failed},
-            wall_seconds=round(self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began, 3),
+            wall_seconds=round(
+                self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began, 3
+            ),
             finished=True,
         )
         return missing
@@ -268,16 +291,21 @@ class Run:
     def store_chosen(self, chosen: Mapping[int, Sequence[int]]) -> None:
         """Simulate the chosen lanes again, and write their trajectories into a new store."""
         path, variables = self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells)
-        lanes = [(self.cells[cell], sample) for cell, samples in chosen.items() for sample in samples]
+        lanes = [
+            (self.cells[cell], sample) for cell, samples in chosen.items() for sample in samples
+        ]
         if arrays.open_for_writing(path) is not None:
             warnings.warn(
-                f"{path} holds all lanes, and is replaced by one of those that are chosen", stacklevel=2
+                f"{path} holds all lanes, and is replaced by one of those that are chosen",
+                stacklevel=2,
             )
         self.folder.remove(CHOSEN_STORE)
         with self.folder.naming(CHOSEN_STORE):
             store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
         first = 0
-        for cell, samples in ((self.cells[number], samples) for number, samples in chosen.items() if samples):
+        for cell, samples in (
+            (self.cells[number], samples) for number, samples in chosen.items() if samples
+        ):
             source = source_of(self.study, cell.scenario)
             one = job(cell.scenario, source, samples, layout.series_of(variables))
             series = batch.simulate(one, self.machine).series

@@ -53,13 +53,17 @@ class Assignment(NamedTuple):
     types: dict[str, pa.DataType]  # of the swept keys' columns
     isolation: list[str]  # columns on vehicles that decisions cut off
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
-    filled: dict[str, str] | None  # identities of those stores; None: arrays are put beside the rows
+    filled: (
+        dict[str, str] | None
+    )  # identities of those stores; None: arrays are put beside the rows
     modules: dict[str, Provenance]  # that kinds from outside came from
 
     @property
     def variables(self) -> dict[str, Variable]:
         """Variables that the study saves over time, of all stores."""
-        return {name: each for variables in self.stores.values() for name, each in variables.items()}
+        return {
+            name: each for variables in self.stores.values() for name, each in variables.items()
+        }
 
     @property
     def series(self) -> tuple[str, ...]:
@@ -83,13 +87,17 @@ class Assignment(NamedTuple):
         """Return the shard with its missing samples alone; None if it is complete."""
         first = shard.samples.start if done is None else self.first(shard) + done.sums.lanes
         return (
-            shard._replace(samples=range(first, shard.samples.stop)) if first < shard.samples.stop else None
+            shard._replace(samples=range(first, shard.samples.stop))
+            if first < shard.samples.stop
+            else None
         )
 
     def done(self, shard: Shard, rows: pa.Table) -> Done:
         """Return the report on a shard with these rows."""
         wanted = rows.select(["status", shard.cell.scenario.judged]).to_pandas()
-        return Done(shard.number, shard.cell.number, sums_of(shard.cell, wanted, self.config.recovery))
+        return Done(
+            shard.number, shard.cell.number, sums_of(shard.cell, wanted, self.config.recovery)
+        )
 
 
 def simulate_shards(
@@ -104,7 +112,9 @@ def simulate_shards(
     """
     stores = {name: arrays.open_for_writing(work.folder.path / name) for name in work.filled or {}}
     for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
-        values = arrays.series_values(work.variables, outcome.series, shard.cell.scenario.vehicle.states)
+        values = arrays.series_values(
+            work.variables, outcome.series, shard.cell.scenario.vehicle.states
+        )
         if work.filled is None:
             checksums = write_beside(work, shard, values)
         else:
@@ -123,7 +133,9 @@ def simulate_outcomes(
 ) -> Iterator[tuple[Shard, Outcome]]:
     """Yield each shard and its outcome; shards that fit one program follow each other."""
     some = {shard.cell.number: shard for shard in shards}  # one of each cell
-    sources = {number: source_of(work.config, shard.cell.scenario) for number, shard in some.items()}
+    sources = {
+        number: source_of(work.config, shard.cell.scenario) for number, shard in some.items()
+    }
 
     def drawn(shard: Shard, samples: Sequence[int]) -> Job:
         return job(shard.cell.scenario, sources[shard.cell.number], samples, work.series)
@@ -136,11 +148,15 @@ def simulate_outcomes(
         one = drawn(alike[0], [0])
         inputs = (drawn(shard, shard.samples).inputs for shard in alike)
         lanes = sum(len(shard.samples) for shard in alike)
-        ends = batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
+        ends = batch.simulate_each(
+            inputs, lanes, one.network, one.clock, one.plan, machine, load_done
+        )
         yield from zip(alike, ends, strict=True)
 
 
-def try_kinds(config: Config, cells: Sequence[Cell], machine: Machine, series: tuple[str, ...] = ()) -> None:
+def try_kinds(
+    config: Config, cells: Sequence[Cell], machine: Machine, series: tuple[str, ...] = ()
+) -> None:
     """Trace a job of each program that has kinds from outside; raise KindError where one breaks its contract.
 
     `series` are those that the study saves.
@@ -164,7 +180,10 @@ def program_of(one: Job) -> Program:
 
 
 def write_arrays(
-    work: Assignment, shard: Shard, values: dict[str, np.ndarray], stores: "Mapping[str, zarr.Group | None]"
+    work: Assignment,
+    shard: Shard,
+    values: dict[str, np.ndarray],
+    stores: "Mapping[str, zarr.Group | None]",
 ) -> dict[str, int]:
     """Write a shard's arrays into the stores; return the checksums of its chunks."""
     samples, checksums = slice(shard.samples.start, shard.samples.stop), {}
@@ -172,8 +191,12 @@ def write_arrays(
         store = stores[name]
         assert store is not None
         with work.folder.naming(name):
-            arrays.write_chunks(store, (shard.cell.number, samples), {key: values[key] for key in variables})
-        checksums |= arrays.read_checksums(work.folder.path / name, variables, chunk_of(work, shard))
+            arrays.write_chunks(
+                store, (shard.cell.number, samples), {key: values[key] for key in variables}
+            )
+        checksums |= arrays.read_checksums(
+            work.folder.path / name, variables, chunk_of(work, shard)
+        )
     return checksums
 
 
@@ -209,7 +232,9 @@ def find_done(work: Assignment, shard: Shard) -> Done | None:
             raise TornError("holds lanes of another study or version, or is parted otherwise")
         if table.column_names != rows.column_names(shard.cell, work.isolation):
             raise TornError("has other columns")
-        there = range(work.first(shard), work.first(shard) + min(table.num_rows, work.rows_of(shard)))
+        there = range(
+            work.first(shard), work.first(shard) + min(table.num_rows, work.rows_of(shard))
+        )
         if wrong := rows.wrong_rows(table, shard.cell.number, there):
             raise TornError(wrong)
         table = table.slice(0, work.rows_of(shard))

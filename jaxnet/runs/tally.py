@@ -94,5 +94,6 @@ class Tally:
             share = np.where(attacked_mask(self.cells) & self.recovery, over / ok, np.nan)
             columns = np.stack([errors / ok, share], axis=1).tolist()
         return [
-            Standing(number, int(lanes[number]), *columns[number]) for number in np.flatnonzero(ok).tolist()
+            Standing(number, int(lanes[number]), *columns[number])
+            for number in np.flatnonzero(ok).tolist()
         ]

@@ -46,7 +46,9 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
     spread = np.linspace(0, len(ended) - 1, min(len(ended), MOST_REPLAYED)).round().astype(int)
     found: dict[tuple[int, int], str] = {}
     metric = judged_metric(results.study.cells)
-    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=ended[spread].tolist()):
+    for cell, lanes in results.by_cell(
+        "sample", metric, where=rows.OK, cells=ended[spread].tolist()
+    ):
         samples = lanes.sort_values(metric, kind="stable")["sample"].tolist()
         found[cell, samples[-1]] = "worst of its cell"
         found.setdefault((cell, samples[(len(samples) - 1) // 2]), "median of its cell")
@@ -63,9 +65,7 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
     size = layout.variable_bytes(layout.trajectory_variables(cells), cells)
     vehicles = max(cell.scenario.vehicles for cell in cells)
     if size > MOST_BYTES or vehicles > MOST_VEHICLES:
-        words = (
-            f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each, are too large to be put in motion"
-        )
+        words = f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each, are too large to be put in motion"
         warnings.warn(f"{results.place}: {words}", stacklevel=2)
         return
     wanted = dict.fromkeys(worst_of(results), "nonlinear")

@@ -44,7 +44,9 @@ class Blocks(Solver[BlockFactors]):
     vehicles: Int[Any, "blocks size"]  # vehicle at each place, from 0; m at an unused place
     place: Int[Any, " m"]  # place of each vehicle, counted through all blocks
 
-    def solve(self, hearing: Hearing, weights: AxisWeights, right: Columns) -> tuple[Columns, Residual]:
+    def solve(
+        self, hearing: Hearing, weights: AxisWeights, right: Columns
+    ) -> tuple[Columns, Residual]:
         """Solve for several columns b, and return the solution and the residual of `L⁻¹ a0 = 1`."""
         before, own, after, navigator = self.blocks_of(hearing, weights)
         whole = jnp.concatenate([self.in_blocks(right), navigator], axis=2)
@@ -87,13 +89,17 @@ class Blocks(Solver[BlockFactors]):
         - a0, the weights of the navigator.
         """
         blocks, size = self.vehicles.shape
-        carried_sources = hearing.carried_sources.at[:, self.vehicles].get(mode="fill", fill_value=0)
+        carried_sources = hearing.carried_sources.at[:, self.vehicles].get(
+            mode="fill", fill_value=0
+        )
         heard = jnp.moveaxis(weights, 0, 2).at[:, self.vehicles].get(mode="fill", fill_value=0.0)
         first = (jnp.arange(blocks)[:, None] - 1) * size  # place of the first column after a0
         columns = jnp.where(
             carried_sources > 0, jnp.asarray(self.place)[carried_sources - 1] - first[None] + 1, 0
         )
-        table = add_weights(jnp.zeros((blocks, size, 1 + 3 * size, *heard.shape[3:])), columns, heard)
+        table = add_weights(
+            jnp.zeros((blocks, size, 1 + 3 * size, *heard.shape[3:])), columns, heard
+        )
         before, own, after = jnp.split(table[:, :, 1:], 3, axis=2)
         return before, identity(own) - own, after, table[:, :, :1]
 

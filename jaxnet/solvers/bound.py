@@ -28,7 +28,9 @@ def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
     times = apply_laplacian(hearing, of_vehicles(hearing, weights))
     m, axes, lanes = weights.shape[2], len(weights), weights.shape[-1]
     right = jnp.ones((m, 1, axes, lanes))
-    v = iterated(times, right, right, lambda _: jnp.where(reached, CERTIFICATE, jnp.inf)[None, None])[0]
+    v = iterated(
+        times, right, right, lambda _: jnp.where(reached, CERTIFICATE, jnp.inf)[None, None]
+    )[0]
     greatest = residual_norm(v)[0]
     least = times(v).min(axis=0)[0] - rounding(hearing) * greatest
     bound = jnp.where(least > 0, greatest / least, jnp.nan)

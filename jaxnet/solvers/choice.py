@@ -98,7 +98,9 @@ GRAPHS: dict[str, Callable[[int], Neighbours]] = {
     "`cyclic` (ring)": lambda m: patterns.circulant(m, (-1, 1)),
     "`path`": lambda m: patterns.of_pairs(m, np.arange(1, m), np.arange(m - 1)),
     "`lattice` of 4 neighbours": lambda m: patterns.lattice(m, 4),
-    "`random_regular` of degree 4": lambda m: patterns.drawn_regular(m, 4, np.random.default_rng(0)),
+    "`random_regular` of degree 4": lambda m: patterns.drawn_regular(
+        m, 4, np.random.default_rng(0)
+    ),
     "`erdos_renyi`, 8 sources on average": lambda m: patterns.of_pairs(
         m, *np.random.default_rng(0).integers(m, size=(2, 8 * m))
     ),
@@ -144,7 +146,14 @@ def row(name: str, m: int) -> str:
     """Return the row of one graph and size."""
     listeners, heard = sparse.csr_array(GRAPHS[name](m)).nonzero()
     solver, why = choose_solver(slotted(m, listeners, heard + 1)[2].T)
-    cells = name, f"{m:,}", f"`{type(solver).__name__}`", why, solved_at_once(m), factorised_at_once(m)
+    cells = (
+        name,
+        f"{m:,}",
+        f"`{type(solver).__name__}`",
+        why,
+        solved_at_once(m),
+        factorised_at_once(m),
+    )
     return f"| {' | '.join(map(str, cells))} |\n"
 
 

@@ -53,12 +53,16 @@ class Dense(Solver[InverseColumns]):
     def of(cls, sources: Int[np.ndarray, "slots m"]) -> "Dense":
         """Return the solver for the sources of each listener, slot by slot."""
         m, apart = sources.shape[1], deaf_to_each_other(sources)
-        apart = apart[: max((m // part for part in FLEET_PARTS if m // part <= len(apart)), default=0)]
+        apart = apart[
+            : max((m // part for part in FLEET_PARTS if m // part <= len(apart)), default=0)
+        ]
         coupled = np.setdiff1d(np.arange(m), apart)
         place = np.argsort(np.append(coupled, apart))
         return cls(part_of(coupled, sources), part_of(apart, sources), place)
 
-    def solve(self, hearing: Hearing, weights: AxisWeights, right: Columns) -> tuple[Columns, Residual]:
+    def solve(
+        self, hearing: Hearing, weights: AxisWeights, right: Columns
+    ) -> tuple[Columns, Residual]:
         """Solve for several columns b, and return the solution and the residual of `L⁻¹ a0 = 1`."""
         n, m, columns = len(self.coupled.vehicles), *right.shape[:2]
         heard, place = hearing.carried_sources, jnp.asarray(self.place)
@@ -66,7 +70,9 @@ class Dense(Solver[InverseColumns]):
 
         def rows(part: FleetPart, first: int) -> PartRows:
             """Return the rows `[D | b | a0]` or `[-B | c | a0]` of a part, whose first place is given."""
-            own = identity(jnp.zeros((m, m, *right.shape[2:])))[first : first + len(part.vehicles), :n]
+            own = identity(jnp.zeros((m, m, *right.shape[2:])))[
+                first : first + len(part.vehicles), :n
+            ]
             given = right.at[jnp.asarray(part.vehicles)].get(mode="promise_in_bounds")
 
             def weight(number: LoopIndex) -> tuple[TablePlace, Float[Array, "axes lanes"]]:
@@ -110,7 +116,11 @@ class Dense(Solver[InverseColumns]):
         return jnp.moveaxis(inverse, 0, 2), residual
 
     def apply(
-        self, hearing: Hearing, factors: InverseColumns, right: PlaneVector, start: PlaneVector | None
+        self,
+        hearing: Hearing,
+        factors: InverseColumns,
+        right: PlaneVector,
+        start: PlaneVector | None,
     ) -> PlaneVector:
         """Return `L⁻¹` times one vector on each axis."""
         return product(factors, right)

@@ -40,14 +40,18 @@ def apply_laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
 
     def times(x: Unknowns) -> Unknowns:
         def less(slot: LoopIndex, total: Unknowns) -> Unknowns:
-            return total - heard[slot][:, None] * x.at[carried_sources[slot]].get(mode="promise_in_bounds")
+            return total - heard[slot][:, None] * x.at[carried_sources[slot]].get(
+                mode="promise_in_bounds"
+            )
 
         return jax.lax.fori_loop(0, len(carried_sources), less, x)
 
     return times
 
 
-def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tuple[Unknowns, Sizes]:
+def iterated(
+    times: Map, right: Unknowns, x: Unknowns, allowed: Allowance
+) -> tuple[Unknowns, Sizes]:
     """Improve x by restarted BiCGSTAB, and return the best x and the norm of its residual.
 
     The iteration ends when `allowed` admits the residual, or after STARTS starts. Each start continues from
@@ -70,7 +74,9 @@ def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tu
     left = right - times(x)
     size = residual_norm(left)
     carry = jnp.asarray(0), x, left, size, size > allowed(residual_norm(x))
-    _, x, _, size, _ = jax.lax.while_loop(lambda carry: (carry[0] < STARTS) & carry[4].any(), start, carry)
+    _, x, _, size, _ = jax.lax.while_loop(
+        lambda carry: (carry[0] < STARTS) & carry[4].any(), start, carry
+    )
     return x, size
 
 
@@ -95,11 +101,17 @@ def stabilised(
         following = inner_product(shadow, left)
         beta = following / along * (alpha / omega)
         direction = left + beta * (direction - omega * image)
-        going = going & (residual_norm(left)[None] > allowed(residual_norm(x))[None]) & jnp.isfinite(beta)
+        going = (
+            going
+            & (residual_norm(left)[None] > allowed(residual_norm(x))[None])
+            & jnp.isfinite(beta)
+        )
         return number + 1, x, left, direction, following, going
 
     carry = jnp.asarray(0), x, left, left, inner_product(shadow, left), going[None]
-    return jax.lax.while_loop(lambda carry: (carry[0] < ROUNDS * len(x)) & carry[5].any(), step, carry)[1]
+    return jax.lax.while_loop(
+        lambda carry: (carry[0] < ROUNDS * len(x)) & carry[5].any(), step, carry
+    )[1]
 
 
 def inner_product(x: Unknowns, y: Unknowns) -> InnerProducts:

@@ -8,7 +8,14 @@ import jax.numpy as jnp
 
 from jaxnet.model.hearing import AxisWeights, Hearing
 from jaxnet.solvers.bound import InverseBound, inverse_bound, rounding
-from jaxnet.solvers.iteration import Sizes, Unknowns, apply_laplacian, iterated, of_vehicles, residual_norm
+from jaxnet.solvers.iteration import (
+    Sizes,
+    Unknowns,
+    apply_laplacian,
+    iterated,
+    of_vehicles,
+    residual_norm,
+)
 from jaxnet.solvers.solver import Columns, PlaneVector, Residual, Solver
 
 ACCURACY = 1e-12  # wanted error of a solution, relative to its greatest component
@@ -29,7 +36,9 @@ class Iterative(Solver[Bounded]):
 
     starts: ClassVar[bool] = True
 
-    def solve(self, hearing: Hearing, weights: AxisWeights, right: Columns) -> tuple[Columns, Residual]:
+    def solve(
+        self, hearing: Hearing, weights: AxisWeights, right: Columns
+    ) -> tuple[Columns, Residual]:
         """Solve for several columns b. The residual is a bound on the relative error."""
         factors, residual = self.factorise(hearing, weights)
         solution, error = certified(hearing, factors, right, jnp.zeros_like(right))
@@ -46,25 +55,36 @@ class Iterative(Solver[Bounded]):
     ) -> PlaneVector:
         """Return `L⁻¹` times one vector on each axis. `start` is the initial guess, None for 0."""
         columns, guess = (
-            jnp.moveaxis(each.reshape(len(factors.weights), -1, *each.shape[1:]), 2, 0).swapaxes(1, 2)
+            jnp.moveaxis(each.reshape(len(factors.weights), -1, *each.shape[1:]), 2, 0).swapaxes(
+                1, 2
+            )
             for each in (right, jnp.zeros_like(right) if start is None else start)
         )
         found, _ = certified(hearing, factors, columns, guess)
         return jnp.moveaxis(found.swapaxes(1, 2), 0, 2).reshape(right.shape)
 
 
-def certified(hearing: Hearing, factors: Bounded, right: Unknowns, start: Unknowns) -> tuple[Unknowns, Sizes]:
+def certified(
+    hearing: Hearing, factors: Bounded, right: Unknowns, start: Unknowns
+) -> tuple[Unknowns, Sizes]:
     """Solve `L x = b` from an initial guess, and return x and a bound on its relative error.
 
     The solution is NaN in three cases: b is not finite, the norm bound is not finite, or the error is at
     least LOOSEST. The error bound of a NaN solution is 0.
     """
     weights, bound = factors
-    times, size, limited = apply_laplacian(hearing, weights), residual_norm(right), jnp.isfinite(bound)[None]
+    times, size, limited = (
+        apply_laplacian(hearing, weights),
+        residual_norm(right),
+        jnp.isfinite(bound)[None],
+    )
     share = jnp.maximum(ACCURACY / bound, rounding(hearing))[None]
     unit = jnp.where(size > 0, size, 1.0)[None]
     x, left = iterated(
-        times, right / unit, start / unit, lambda reached: jnp.where(limited, share * reached, jnp.inf)
+        times,
+        right / unit,
+        start / unit,
+        lambda reached: jnp.where(limited, share * reached, jnp.inf),
     )
     error = jnp.where(left == 0.0, 0.0, bound[None] * left / residual_norm(x))
     found = limited & (error < LOOSEST)

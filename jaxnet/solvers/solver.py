@@ -32,7 +32,9 @@ class Solver(ABC, Generic[Factors]):
     starts: ClassVar[bool] = False  # whether `apply` uses an initial guess
 
     @abstractmethod
-    def solve(self, hearing: Hearing, weights: AxisWeights, right: Columns) -> tuple[Columns, Residual]:
+    def solve(
+        self, hearing: Hearing, weights: AxisWeights, right: Columns
+    ) -> tuple[Columns, Residual]:
         """Solve for several columns b, and return the solution and the residual of `L⁻¹ a0 = 1`."""
 
     @abstractmethod

@@ -30,7 +30,9 @@ WINDOW = 33  # blocks in a window
 
 WindowNumbers = Int[Array, " few"]
 FlaggedBlocks = Bool[Array, "blocks lanes"]
-Corrected = tuple[FlaggedBlocks, Int[Array, " lanes"], ByFunction]  # flags, windows so far, solution
+Corrected = tuple[
+    FlaggedBlocks, Int[Array, " lanes"], ByFunction
+]  # flags, windows so far, solution
 
 
 @jax.tree_util.register_dataclass
@@ -59,12 +61,21 @@ class Windowed(Blocks):
             blocks, windows, x = carry
             starts, needed = window_starts(blocks)
             up_to = jnp.cumsum(jnp.where(going(carry), needed.sum(axis=0), 0))
-            taken = needed & (going(carry) & (up_to <= WINDOWS_TOGETHER))[None]  # all of a lane or none
+            taken = (
+                needed & (going(carry) & (up_to <= WINDOWS_TOGETHER))[None]
+            )  # all of a lane or none
             number = (jnp.cumsum(taken)[None] <= jnp.arange(WINDOWS_TOGETHER)[:, None]).sum(axis=1)
             lanes = jnp.where(number < taken.size, number % flagged.size, flagged.size)
-            theirs, bound = starts.ravel().at[number].get(mode="clip"), allowed.at[lanes].get(mode="clip")
+            theirs, bound = (
+                starts.ravel().at[number].get(mode="clip"),
+                allowed.at[lanes].get(mode="clip"),
+            )
             x, at_edges = self.correct(system, x, lanes, theirs)
-            return clear_flags(blocks, lanes, theirs, at_edges > bound[None]), windows + taken.sum(axis=0), x
+            return (
+                clear_flags(blocks, lanes, theirs, at_edges > bound[None]),
+                windows + taken.sum(axis=0),
+                x,
+            )
 
         carry = blocks & suited[None], jnp.zeros(flagged.shape, int), x
         blocks, _, x = jax.lax.while_loop(lambda carry: going(carry).any(), some, carry)
@@ -82,7 +93,9 @@ class Windowed(Blocks):
             lambda lane, start: self.left_in_window(system, x, lane, start), -1, -1
         )(lanes, starts)
         first = (starts[None] + jnp.arange(WINDOW)[:, None] - 1) * size  # place of the first column
-        place = jnp.asarray(self.place)[carried_sources - 1].reshape(len(carried_sources), WINDOW, size, -1)
+        place = jnp.asarray(self.place)[carried_sources - 1].reshape(
+            len(carried_sources), WINDOW, size, -1
+        )
         columns = jnp.where(
             carried_sources.reshape(place.shape) > 0, place - first[None, :, None], 3 * size
         )  # out of range: dropped
@@ -90,24 +103,32 @@ class Windowed(Blocks):
         nothing = jnp.zeros((WINDOW, size, 3 * size, *heard.shape[3:]))
         rows = np.arange(WINDOW)[None, :, None, None], np.arange(size)[None, None, :, None]
         each = jnp.arange(len(lanes))[None, None, None]
-        table = nothing.at[(*rows, columns, slice(None), each)].add(heard.swapaxes(3, 4), mode="drop")
+        table = nothing.at[(*rows, columns, slice(None), each)].add(
+            heard.swapaxes(3, 4), mode="drop"
+        )
         before, own, after = jnp.split(table, 3, axis=2)
         by_axis = left.reshape(WINDOW, size, -1, len(weights), functions, len(lanes)).swapaxes(3, 4)
         right = by_axis.reshape(WINDOW, size, -1, len(weights), len(lanes))
         found = from_block_to_block(before, identity(own) - own, after, right)
         at_edges = jnp.abs(found.at[np.array([0, -1])].get()).max(axis=(1, 2, 3))
-        added = found.reshape(by_axis.shape).swapaxes(3, 4).reshape(left.shape).transpose(2, 1, 0, 3)
+        added = (
+            found.reshape(by_axis.shape).swapaxes(3, 4).reshape(left.shape).transpose(2, 1, 0, 3)
+        )
         return x.at[:, :, vehicles, lanes[None]].add(added, mode="drop"), at_edges
 
     def left_in_window(
         self, system: System, x: ByFunction, lane: LoopIndex, start: LoopIndex
-    ) -> tuple[Int[Array, " w"], Int[Array, "slots w"], Float[Array, "axes slots w"], Float[Array, "w 2 _"]]:
+    ) -> tuple[
+        Int[Array, " w"], Int[Array, "slots w"], Float[Array, "axes slots w"], Float[Array, "w 2 _"]
+    ]:
         """Return the vehicles of one window of a lane, their sources and weights, and their `b - L x`."""
         vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(self.vehicles), start, WINDOW).ravel()
         heard = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
         _, carried_sources, attacked, signals, _ = heard
         weights = system.weights.at[:, vehicles, lane].get(mode="clip")
-        weights = retained.in_force(weights, system.decision.at[:, :, vehicles, lane].get(mode="clip"))
+        weights = retained.in_force(
+            weights, system.decision.at[:, :, vehicles, lane].get(mode="clip")
+        )
         weights = jnp.where(vehicles[None, None] < x.shape[2], weights, 0.0)
         own, sent = (
             jnp.moveaxis(x.at[:, :, who, lane].get(mode="clip"), (0, 1), (-1, -2))
@@ -171,7 +192,9 @@ def clear_flags(
             blocks = jax.lax.dynamic_update_slice(blocks, left, place)
         return blocks
 
-    return jax.lax.fori_loop(0, lanes.size, beside, jax.lax.fori_loop(0, lanes.size, within, blocks))
+    return jax.lax.fori_loop(
+        0, lanes.size, beside, jax.lax.fori_loop(0, lanes.size, within, blocks)
+    )
 
 
 def dominance(system: System) -> Float[Array, " lanes"]:

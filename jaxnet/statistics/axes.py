@@ -63,7 +63,9 @@ def choose_axes(
         A key is not swept or is named twice, or a hue has too many values.
     """
     values = swept_values_of(cells)
-    panels = None if panel is None else tuple(k for each in as_texts(panel) for k in each.split(","))
+    panels = (
+        None if panel is None else tuple(k for each in as_texts(panel) for k in each.split(","))
+    )
     for argument, named in zip(ARGUMENTS, (x, hue, panels), strict=True):
         for key in as_texts(named):
             if key not in values:
@@ -110,7 +112,8 @@ def numeric(values: Iterable[Label]) -> bool:
 def on_a_scale(values: Iterable[Label]) -> bool:
     """Return whether all values are numbers for which an axis has room; other values are names."""
     return all(
-        isinstance(value, int | float) and (value == 0 or 1 / GREATEST_SHOWN <= abs(value) <= GREATEST_SHOWN)
+        isinstance(value, int | float)
+        and (value == 0 or 1 / GREATEST_SHOWN <= abs(value) <= GREATEST_SHOWN)
         for value in values
     )
 
@@ -127,7 +130,9 @@ def geometric(values: Sequence[Label]) -> bool:
     """Return whether positive numbers lie more evenly on a log axis, and over most of a decade."""
     steps = np.unique(np.array(values, float))
     if len(steps) < 3:
-        return len(steps) == 2 and bool(steps[0] > 0 and steps[1] / steps[0] >= SPREAD_OF_A_LOG_AXIS)
+        return len(steps) == 2 and bool(
+            steps[0] > 0 and steps[1] / steps[0] >= SPREAD_OF_A_LOG_AXIS
+        )
     if steps[0] <= 0 or steps[-1] / steps[0] < SPREAD_OF_A_LOG_AXIS:
         return False
 

@@ -72,7 +72,8 @@ def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
     """Return the ends of a log axis for bands [m]."""
     low = min(float(each.low.min()) for each in found.values())
     return decades(
-        max(LOG_FLOOR, low), max(LOG_FLOOR, *(float(each.greatest.max()) for each in found.values()))
+        max(LOG_FLOOR, low),
+        max(LOG_FLOOR, *(float(each.greatest.max()) for each in found.values())),
     )
 
 

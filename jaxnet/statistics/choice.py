@@ -24,7 +24,9 @@ def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
     Raises FolderError for a key that is not swept, and for a value without a cell.
     """
     swept = swept_values_of(cells)
-    listing = "; ".join(f"{key}: {', '.join(shown_values(key, values))}" for key, values in swept.items())
+    listing = "; ".join(
+        f"{key}: {', '.join(shown_values(key, values))}" for key, values in swept.items()
+    )
     found = list(cells)
     for key, wanted in where.items():
         if key not in swept:
@@ -57,7 +59,9 @@ def plain_spaces(words: str) -> str:
 def matching_labels(cells: Sequence[Cell], key: str, value: object) -> set[Label]:
     """Return the labels of a swept key that a wanted value means."""
     first = {cell.labels[key]: cell for cell in reversed(cells)}  # the first cell of each label
-    named = next(each for each in cells[0].labels if each == key)  # with the name that the config gives it
+    named = next(
+        each for each in cells[0].labels if each == key
+    )  # with the name that the config gives it
     return {
         label
         for label, cell in first.items()

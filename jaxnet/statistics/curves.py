@@ -47,7 +47,9 @@ class Curve(NamedTuple):
     group: Group
     cells: pd.DataFrame
     bounds: Mapping[tuple[str, str], float]  # slope by bound and vehicle (1 to m, worst, fleet)
-    fits: Mapping[tuple[str, float | None], tuple[float, float, float]]  # s, low, high by metric and quantile
+    fits: Mapping[
+        tuple[str, float | None], tuple[float, float, float]
+    ]  # s, low, high by metric and quantile
 
     @property
     def sizes(self) -> Float[np.ndarray, " cells"]:
@@ -86,7 +88,9 @@ class Curve(NamedTuple):
     def mean_slope(self, bound: str) -> float:
         """Return the mean of a bound over vehicles, per ā; not-a-number if the bound has no slopes."""
         each = [
-            slope for (name, vehicle), slope in self.bounds.items() if name == bound and vehicle.isdigit()
+            slope
+            for (name, vehicle), slope in self.bounds.items()
+            if name == bound and vehicle.isdigit()
         ]
         return float(np.mean(each)) if each else np.nan
 
@@ -105,7 +109,11 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
 
     `of` restricts the groups to some cells. Raises FolderError for an unfinished run.
     """
-    cells, bounds, fits = results.cells, stored_table(results, "bounds"), stored_table(results, "fit")
+    cells, bounds, fits = (
+        results.cells,
+        stored_table(results, "bounds"),
+        stored_table(results, "fit"),
+    )
     found = []
     for group in attacked_groups(results.study.cells if of is None else of):
         if not group.attacked:
@@ -127,14 +135,20 @@ def bound_slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
     }
 
 
-def proportional_slopes(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
+def proportional_slopes(
+    rows: pd.DataFrame,
+) -> dict[tuple[str, float | None], tuple[float, float, float]]:
     """Return the slopes s of `fit.csv` with intervals, by metric and quantile (None: least squares).
 
     They are not-a-number where there is no slope.
     """
     proportional: Any = rows[(rows["model"] == "proportional") & (rows["parameter"] == "s")]
     return {
-        (row.metric, None if np.isnan(row.quantile) else row.quantile): (row.estimate, row.low, row.high)
+        (row.metric, None if np.isnan(row.quantile) else row.quantile): (
+            row.estimate,
+            row.low,
+            row.high,
+        )
         for row in proportional.itertuples()
     }
 
@@ -160,7 +174,9 @@ class GroupTable:
 
     def of(self, labels: Mapping[str, Label]) -> pd.DataFrame:
         """Return the rows whose swept keys have these values."""
-        return self.rows.iloc[self.places.get(tuple(canonical_value(labels[key]) for key in self.keys), [])]
+        return self.rows.iloc[
+            self.places.get(tuple(canonical_value(labels[key]) for key in self.keys), [])
+        ]
 
 
 def stored_table(results: Results, name: str) -> GroupTable:
@@ -168,7 +184,9 @@ def stored_table(results: Results, name: str) -> GroupTable:
     file, keys = results.file(f"{name}.csv"), [*labels_without_magnitude(results.study.cells[0])]
     if not file.exists():
         empty = pd.DataFrame(columns=[*keys, *STORED_COLUMNS[name]])
-        return GroupTable(empty.astype({key: CURVE_COLUMN_TYPES[key] for key in STORED_COLUMNS[name]}), keys)
+        return GroupTable(
+            empty.astype({key: CURVE_COLUMN_TYPES[key] for key in STORED_COLUMNS[name]}), keys
+        )
     return GroupTable(read_table(file, 0, [*keys, *STORED_COLUMNS[name]], CURVE_COLUMN_TYPES), keys)
 
 
@@ -189,9 +207,14 @@ def axis_ends(found: Sequence[Curve], metric: str) -> tuple[float, float]:
     for curve in found:
         most = curve.sizes.max()
         low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
-        high += [*curve.spread(metric, "max")[0], *(most * s for s in curve.limits(metric).values())]
+        high += [
+            *curve.spread(metric, "max")[0],
+            *(most * s for s in curve.limits(metric).values()),
+        ]
     least = LEAST_SHARE_SHOWN * min(curve.sizes.min() for curve in found)
-    return decades(max(least, min(low, default=least)), max(filter(np.isfinite, high), default=least))
+    return decades(
+        max(least, min(low, default=least)), max(filter(np.isfinite, high), default=least)
+    )
 
 
 def decades(low: float, high: float) -> tuple[float, float]:

@@ -24,8 +24,12 @@ class CurveFamily(NamedTuple):
 
     parameters: tuple[str, ...]
     bent: Callable[[PerMagnitude, Number], tuple[PerMagnitude, PerMagnitude]]  # offset and growth
-    through: Callable[[PerMagnitude, PerMagnitude], Pairs]  # shapes through (x_i, u_i) and (x_j, u_j)
-    read: Callable[[PerMagnitude, Number, Number], tuple[Number, ...]]  # parameters, of shape and scale
+    through: Callable[
+        [PerMagnitude, PerMagnitude], Pairs
+    ]  # shapes through (x_i, u_i) and (x_j, u_j)
+    read: Callable[
+        [PerMagnitude, Number, Number], tuple[Number, ...]
+    ]  # parameters, of shape and scale
 
 
 def affine_growth(x: PerMagnitude, shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
@@ -76,11 +80,16 @@ CURVE_FAMILIES: dict[str, CurveFamily] = {
     "power": CurveFamily(("c", "p"), power_growth, power_shapes, power_parameters),
 }
 
-MODELS = {"proportional": ("s",), **{model: curve.parameters for model, curve in CURVE_FAMILIES.items()}}
+MODELS = {
+    "proportional": ("s",),
+    **{model: curve.parameters for model, curve in CURVE_FAMILIES.items()},
+}
 
 
 def model_value(
-    model: str, x: Float[np.ndarray, " n"], parameters: Sequence[float] | Float[np.ndarray, " parameters"]
+    model: str,
+    x: Float[np.ndarray, " n"],
+    parameters: Sequence[float] | Float[np.ndarray, " parameters"],
 ) -> Float[np.ndarray, " n"]:
     """Return f(x) of a model by name."""
     first, second = (*parameters, 0.0)[:2]

@@ -38,9 +38,7 @@ from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
-NO_ULTIMATE_ERROR = (
-    "without a navigator there is no error to fit and no bound: `jaxnet figure curve` draws the spread"
-)
+NO_ULTIMATE_ERROR = "without a navigator there is no error to fit and no bound: `jaxnet figure curve` draws the spread"
 FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
 FITTED_QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
@@ -60,7 +58,9 @@ NO_CURVE_INTERVAL = (
     "no interval: too few draws are off, or beyond the quantile; no upper end: theory does not bound the"
     " error"
 )
-Estimates = dict[float | None, dict[str, np.ndarray]]  # parameters by quantile and model, a row per resample
+Estimates = dict[
+    float | None, dict[str, np.ndarray]
+]  # parameters by quantile and model, a row per resample
 
 
 class Errors(NamedTuple):
@@ -120,7 +120,9 @@ def fit_table(results: Results, progress: Steps = no_progress) -> pd.DataFrame:
     tasks = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
     independent = results.study.config.draws == "random"
 
-    def rows_of_task(task: tuple[dict[str, Label], dict[int, float], str]) -> list[dict[str, object]]:
+    def rows_of_task(
+        task: tuple[dict[str, Label], dict[int, float], str],
+    ) -> list[dict[str, object]]:
         labels, cells, metric = task
         errors = read_errors(results, cells, metric)
         most = greatest_slope(results, cells, metric)
@@ -153,7 +155,10 @@ def greatest_slope(results: Results, cells: dict[int, float], metric: str) -> fl
     The slope is infinite where theory gives no bound.
     """
     slopes = [
-        ceilings(results.study.config, results.study.cells[cell], range(results.samples[cell]))[metric] / size
+        ceilings(results.study.config, results.study.cells[cell], range(results.samples[cell]))[
+            metric
+        ]
+        / size
         for cell, size in cells.items()
     ]
     return float(np.max(slopes))
@@ -172,11 +177,15 @@ def draw_resamples(samples: int, at_once: int) -> Iterator[np.ndarray]:
     """Yield how often each resample draws each sample, `at_once` resamples at a time."""
     random = np.random.default_rng(SEED)
     for first in range(0, RESAMPLES, at_once):
-        drawn = (random.integers(samples, size=samples) for _ in range(min(at_once, RESAMPLES - first)))
+        drawn = (
+            random.integers(samples, size=samples) for _ in range(min(at_once, RESAMPLES - first))
+        )
         yield np.stack([np.bincount(each, minlength=samples).astype(np.int16) for each in drawn])
 
 
-def fit_rows(errors: Errors, independent: bool = True, most: float = np.inf) -> Iterator[dict[str, object]]:
+def fit_rows(
+    errors: Errors, independent: bool = True, most: float = np.inf
+) -> Iterator[dict[str, object]]:
     """Yield the rows of one set of errors; `most` bounds the errors per ā.
 
     The rows have no intervals if samples are not independent (`independent` is False).
@@ -203,7 +212,10 @@ def fit_rows(errors: Errors, independent: bool = True, most: float = np.inf) -> 
                 and (model == "proportional" or not is_ambiguous(drawn[quantile]))
             ):
                 low, high = percentile_interval(drawn[quantile][model])
-                low, high = np.minimum(low, estimate), np.maximum(high, estimate)  # resamples are coarse
+                low, high = (
+                    np.minimum(low, estimate),
+                    np.maximum(high, estimate),
+                )  # resamples are coarse
             score = aicc(errors, model, estimate) if quantile is None else np.nan
             if model == "proportional" and not sloped:
                 estimate = low = high = np.full(1, np.nan)
@@ -238,32 +250,49 @@ def has_slope(errors: Errors) -> bool:
     rises = np.where(np.abs(rises) > EXACT_FIT * np.nanmax(errors.y), rises, 0.0)
     error = rises.std() / np.sqrt(max(1, rises.size - 1))
     steepest = rises.max(initial=0.0)
-    return bool(not rises.size or rises.mean() > 2 * error or steepest > -3 * rises.min(initial=0.0))
+    return bool(
+        not rises.size or rises.mean() > 2 * error or steepest > -3 * rises.min(initial=0.0)
+    )
 
 
 def bootstrap(ranked: Ranked, counts: Iterable[np.ndarray], models: tuple[str, ...]) -> Estimates:
     """Return the estimates of all resamples."""
     parts = [estimates(ranked, some, FITTED_QUANTILES, models, RESAMPLED) for some in counts]
     return {
-        quantile: {model: np.concatenate([part[quantile][model] for part in parts]) for model in models}
+        quantile: {
+            model: np.concatenate([part[quantile][model] for part in parts]) for model in models
+        }
         for quantile in parts[0]
     }
 
 
 def estimates(
-    ranked: Ranked, counts: np.ndarray, quantiles: tuple[float, ...], models: tuple[str, ...], effort: Effort
+    ranked: Ranked,
+    counts: np.ndarray,
+    quantiles: tuple[float, ...],
+    models: tuple[str, ...],
+    effort: Effort,
 ) -> Estimates:
     """Return the parameters of some models per row of counts, by least squares (None) and at quantiles.
 
     The computation uses double precision in every process.
     """
-    bins = (ranked.bins @ np.ascontiguousarray(counts.T)).T.reshape(-1, *ranked.data.ratios.shape[:2])
+    bins = (ranked.bins @ np.ascontiguousarray(counts.T)).T.reshape(
+        -1, *ranked.data.ratios.shape[:2]
+    )
     weights, sums = np.split(counts.astype(float) @ ranked.lanes, 2, axis=1)
     with jax.enable_x64(True):
-        means = least_squares(ranked.data.x, weights, sums / np.maximum(weights, 1.0), effort, models)
-        rest = quantile_regression(ranked.data, bins.astype(float), np.array(quantiles), effort, models)
+        means = least_squares(
+            ranked.data.x, weights, sums / np.maximum(weights, 1.0), effort, models
+        )
+        rest = quantile_regression(
+            ranked.data, bins.astype(float), np.array(quantiles), effort, models
+        )
     found = {model: [np.asarray(means[model]), *np.asarray(rest[model])] for model in models}
-    return {each: {model: found[model][n] for model in models} for n, each in enumerate((None, *quantiles))}
+    return {
+        each: {model: found[model][n] for model in models}
+        for n, each in enumerate((None, *quantiles))
+    }
 
 
 def mean_ratio(errors: Errors, most: float) -> tuple[float, float]:

@@ -38,12 +38,19 @@ def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
         attack = cell.scenario.attack
         if attack.present and not is_drawn(attack.amplitude()):
             members.setdefault(tuple(labels_without_magnitude(cell).items()), []).append(cell)
-    return [Group(dict(labels), tuple(sorted(group, key=magnitude))) for labels, group in members.items()]
+    return [
+        Group(dict(labels), tuple(sorted(group, key=magnitude)))
+        for labels, group in members.items()
+    ]
 
 
 def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
     """Return the labels of a cell without its ā; a label that is no number, as of a list, stays."""
-    return {key: label for key, label in cell.labels.items() if key != MAGNITUDE or isinstance(label, str)}
+    return {
+        key: label
+        for key, label in cell.labels.items()
+        if key != MAGNITUDE or isinstance(label, str)
+    }
 
 
 def magnitude(cell: Cell) -> float:

@@ -16,7 +16,9 @@ HULL_COLUMNS = ["in_hull", "in_hull_low", "in_hull_high"]
 HULL_WORDS = "in the hull"
 
 
-def hull_share(cell: Cell, outside: Float[np.ndarray, " lanes"], confidence: float) -> dict[str, float]:
+def hull_share(
+    cell: Cell, outside: Float[np.ndarray, " lanes"], confidence: float
+) -> dict[str, float]:
     """Return the share of a cell's ok lanes that stay in the hull, with both ends of its exact interval.
 
     The numbers are not-a-number where a navigator leads, and without a lane.

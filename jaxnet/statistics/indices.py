@@ -29,7 +29,9 @@ class Indices(NamedTuple):
 
 
 def sobol_indices(
-    a: Float[np.ndarray, " rows"], b: Float[np.ndarray, " rows"], mixed: Float[np.ndarray, "groups rows"]
+    a: Float[np.ndarray, " rows"],
+    b: Float[np.ndarray, " rows"],
+    mixed: Float[np.ndarray, "groups rows"],
 ) -> Indices:
     """Return the indices from values at the draws a, b and ab_i.
 
@@ -38,11 +40,15 @@ def sobol_indices(
     """
     if len(a) < FEWEST_ROWS or not np.ptp([a, b]) > LEAST_VARIATION * max(1.0, np.abs(a).max()):
         return Indices(*np.full((3, 2, len(mixed)), np.nan))
-    size = np.abs(np.concatenate([a[None], b[None], mixed])).max()  # squares of great values overflow
+    size = np.abs(
+        np.concatenate([a[None], b[None], mixed])
+    ).max()  # squares of great values overflow
     a, b, mixed = a / size, b / size, mixed / size
     centre = np.mean([a, b])
     a, b, mixed = a - centre, b - centre, mixed - centre
-    terms = np.concatenate([b * (mixed - a), (a - mixed) ** 2 / 2, [(a + b) / 2, (a**2 + b**2) / 2]])
+    terms = np.concatenate(
+        [b * (mixed - a), (a - mixed) ** 2 / 2, [(a + b) / 2, (a**2 + b**2) / 2]]
+    )
 
     def ratios(weights: Float[np.ndarray, "some rows"]) -> Float[np.ndarray, "some indices"]:
         means = weights @ terms.T / len(a)

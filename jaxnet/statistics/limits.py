@@ -32,7 +32,9 @@ from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
 
 LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
-MOST_LIMITS = 2**20  # in memory at a time, over vehicles, times and lanes; a few arrays of this size exist
+MOST_LIMITS = (
+    2**20
+)  # in memory at a time, over vehicles, times and lanes; a few arrays of this size exist
 
 
 class Violation(NamedTuple):
@@ -49,7 +51,9 @@ class Violation(NamedTuple):
 VIOLATION_COLUMNS = Violation._fields
 
 Limits = Float[np.ndarray, "times m lanes"]
-Response = Callable[[np.ndarray], np.ndarray | float]  # jets (3, 2, signals, lanes) to (3, 2, m, lanes)
+Response = Callable[
+    [np.ndarray], np.ndarray | float
+]  # jets (3, 2, signals, lanes) to (3, 2, m, lanes)
 
 
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
@@ -62,13 +66,17 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
     blocks = []
     for group in attacked_groups(cells):
         for name, bound in bounds_of(group.cells[0].scenario).items():
-            numbered = {str(number): slope for number, slope in enumerate(bound.vehicles.tolist(), 1)}
+            numbered = {
+                str(number): slope for number, slope in enumerate(bound.vehicles.tolist(), 1)
+            }
             slopes = numbered | {"worst": bound.worst, "fleet": bound.fleet}
             blocks += [
                 {**group.labels, "bound": name, "vehicle": vehicle, "slope": s}
                 for vehicle, s in slopes.items()
             ]
-    return pd.DataFrame(blocks, columns=[*labels_without_magnitude(cells[0]), "bound", "vehicle", "slope"])
+    return pd.DataFrame(
+        blocks, columns=[*labels_without_magnitude(cells[0]), "bound", "vehicle", "slope"]
+    )
 
 
 def bounds_of(scenario: Scenario) -> dict[str, Bound]:
@@ -91,7 +99,9 @@ def unchecked_cells(cells: Sequence[Cell]) -> dict[str, list[int]]:
 
 def unchecked_words(cells: Sequence[Cell]) -> str:
     """Return the cells for which no bound is known, with the reasons; "" if there are none."""
-    return "; ".join(f"{cells_named(numbers)}: {why}" for why, numbers in unchecked_cells(cells).items())
+    return "; ".join(
+        f"{cells_named(numbers)}: {why}" for why, numbers in unchecked_cells(cells).items()
+    )
 
 
 def violations_table(results: Results) -> pd.DataFrame:
@@ -119,17 +129,22 @@ def violations_table(results: Results) -> pd.DataFrame:
     return pd.DataFrame(found, columns=list(VIOLATION_COLUMNS))
 
 
-def suspect_lanes(scenario: Scenario, source: Source, rows: pd.DataFrame) -> Bool[np.ndarray, " lanes"]:
+def suspect_lanes(
+    scenario: Scenario, source: Source, rows: pd.DataFrame
+) -> Bool[np.ndarray, " lanes"]:
     """Return the lanes that exceed a bound without its transient; no other lane can violate the bound."""
     magnitude = magnitudes(scenario, Draw(source, rows["sample"].tolist(), scenario.vehicles))
     errors = rows["tail_max"].to_numpy()
     least = [
-        error_limit(scenario, bound, magnitude).max(axis=0) for bound, _ in valid_bounds(scenario).values()
+        error_limit(scenario, bound, magnitude).max(axis=0)
+        for bound, _ in valid_bounds(scenario).values()
     ]
     return np.any([errors > limit for limit in least], axis=0)
 
 
-def excesses(results: Results, cell: Cell, source: Source, rows: pd.DataFrame) -> Iterator[Violation]:
+def excesses(
+    results: Results, cell: Cell, source: Source, rows: pd.DataFrame
+) -> Iterator[Violation]:
     """Yield the rows of the violations' table for some lanes of one cell."""
     scenario, samples, errors = cell.scenario, rows["sample"].tolist(), rows["tail_max"].to_numpy()
     for bound, limits in limits_of(scenario, source, samples, tail_of(scenario)).items():
@@ -183,7 +198,9 @@ def known_ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[s
         limits = limits_of(scenario, source, samples[first : first + at_once], times)
         least = functools.reduce(np.fmin, limits.values())
         lanes = {"tail_mean": least.mean(axis=(0, 1)), "tail_max": least.max(axis=(0, 1))}
-        found = {metric: float(np.maximum(most, lanes[metric].max())) for metric, most in found.items()}
+        found = {
+            metric: float(np.maximum(most, lanes[metric].max())) for metric, most in found.items()
+        }
     return found
 
 
@@ -200,7 +217,9 @@ def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
     reach, known = scenario_gain(scenario), situation_of(scenario)
     assert reach is not None
     gain = np.array(scenario.gain)
-    found: dict[str, tuple[Bound, Response]] = {"peak_gain": (bounds.peak_gain(reach, gain), zero_response)}
+    found: dict[str, tuple[Bound, Response]] = {
+        "peak_gain": (bounds.peak_gain(reach, gain), zero_response)
+    }
     if scenario.attack.harmonic() and scenario.attack.consistent():
         found["harmonic"] = bounds.harmonic(reach, gain), zero_response
     if reach.fixed is not None and not np.isinf(reach.norms):
@@ -236,7 +255,10 @@ def forced_response(scenario: Scenario, word: Digraph, added: Digraph) -> Respon
 
 
 def error_limit(
-    scenario: Scenario, bound: Bound, magnitude: Float[np.ndarray, " lanes"], transient: Limits | float = 0.0
+    scenario: Scenario,
+    bound: Bound,
+    magnitude: Float[np.ndarray, " lanes"],
+    transient: Limits | float = 0.0,
 ) -> Float[np.ndarray, "*times m lanes"]:
     """Return `slope ā` + transient [m] with the allowances, by (time,) vehicle and lane."""
     with np.errstate(invalid="ignore"):  # infinity times 0 is not-a-number
@@ -245,7 +267,9 @@ def error_limit(
 
 
 @functools.lru_cache
-def transient_factors(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.ndarray, "times r"]:
+def transient_factors(
+    gain: tuple[float, ...], times: tuple[float, ...]
+) -> Float[np.ndarray, "times r"]:
     """Return `|expm(A_c t)_{0k}|` from a cache; most cells share their gain and tail."""
     return np.abs(expm(exact.companion(np.array(gain)) * np.array(times)[:, None, None])[:, 0])
 
@@ -254,7 +278,10 @@ def initial_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarr
     """Return E and the attackers' signals at t = 0, with derivatives below the order r: (r, 2, m, lanes)."""
     with jax.enable_x64(True):  # kinds may use JAX
         vehicle = scenario.vehicle.drawn(draw, "vehicle")
-        start, navigator = start_of(scenario, vehicle, draw), scenario.navigator.drawn(draw, "navigator")
+        start, navigator = (
+            start_of(scenario, vehicle, draw),
+            scenario.navigator.drawn(draw, "navigator"),
+        )
         own, zero = np.stack(vehicle.output_jets(start)), np.zeros(len(draw.samples))
         function, vectors, *_ = attack_of(scenario, draw, navigator, own[0])
         path = np.stack(navigator.jets(zero))

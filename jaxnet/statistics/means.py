@@ -19,7 +19,9 @@ from scipy.optimize import brentq
 
 Terms = Float[np.ndarray, " n"]
 
-QUANTILE_PRECISION = 1e-12  # of the mean gap to the bound: precision of a quantile, and its least gap
+QUANTILE_PRECISION = (
+    1e-12  # of the mean gap to the bound: precision of a quantile, and its least gap
+)
 LEAST_ROOT = 1e-6  # smaller saddlepoint roots are 0
 
 
@@ -48,7 +50,9 @@ def mean_interval(
     counts = np.ones(len(sums)) if counts is None else counts
     if not len(sums) or not np.isfinite(sums).all():
         return np.nan, np.nan
-    return 0.0 - upper_end(-sums, counts, -least, confidence), upper_end(sums, counts, most, confidence)
+    return 0.0 - upper_end(-sums, counts, -least, confidence), upper_end(
+        sums, counts, most, confidence
+    )
 
 
 def upper_end(sums: Terms, counts: Terms, most: float, confidence: float) -> float:
@@ -56,7 +60,10 @@ def upper_end(sums: Terms, counts: Terms, most: float, confidence: float) -> flo
     most, size = max(most, (sums / counts).max()), max(abs(most), np.abs(sums / counts).max())
     if not 0 < size < np.inf:
         return np.nan if size else 0.0
-    gaps, weights = np.append(most / size * counts - sums / size, 0.0), np.append(counts, counts.max())
+    gaps, weights = (
+        np.append(most / size * counts - sums / size, 0.0),
+        np.append(counts, counts.max()),
+    )
     if not gaps.any():
         return float(most)
     middle = gaps.sum() / weights.sum()

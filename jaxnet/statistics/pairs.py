@@ -78,12 +78,17 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     if not any(map(len, tables)):
         raise FolderError(f"{first.path} and {second.path} have no sample in common")
     criteria = [results.study.config.recovery for results in (first, second)]
-    judged = [mark_unrecovered(lanes, pair, criteria) for lanes, pair in zip(tables, pairs, strict=True)]
+    judged = [
+        mark_unrecovered(lanes, pair, criteria) for lanes, pair in zip(tables, pairs, strict=True)
+    ]
     changed = [
         lanes.loc[lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])].dropna()
         for lanes in judged
     ]
-    rows = [comparison_row(pair, lanes, (first, second)) for pair, lanes in zip(pairs, judged, strict=True)]
+    rows = [
+        comparison_row(pair, lanes, (first, second))
+        for pair, lanes in zip(pairs, judged, strict=True)
+    ]
     compared = compared_metrics(first, second)[0]
     told = [f"{name}{side}" for name in (compared, "unrecovered") for side in SIDES]
     return Comparison(
@@ -92,7 +97,9 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         unpaired_cells(first, second, pairs),
         pd.DataFrame(rows),
         lane_table(pairs, changed, ["sample", *told]),
-        lane_table(pairs, [lanes.loc[~lanes["ok"]] for lanes in judged], ["sample", "status_A", "status_B"]),
+        lane_table(
+            pairs, [lanes.loc[~lanes["ok"]] for lanes in judged], ["sample", "status_A", "status_B"]
+        ),
     )
 
 
@@ -125,7 +132,9 @@ def paired_cells(first: Results, second: Results) -> list[CellPair]:
     if not pairs:
         swept = "; ".join(
             f"{key} is "
-            + ", ".join(f"{swept_values_text(each, key)} in {each.place}" for each in (first, second))
+            + ", ".join(
+                f"{swept_values_text(each, key)} in {each.place}" for each in (first, second)
+            )
             for key in common
         )
         raise FolderError(f"sweep: no cell of one study has a like in the other: {swept}")
@@ -138,7 +147,9 @@ def draw_design(results: Results) -> str:
     return study.draws if study.draws == "random" else f"{study.draws} with {study.samples} samples"
 
 
-def by_values(results: Results, common: Sequence[str], other: Results) -> dict[tuple[str, ...], Cell]:
+def by_values(
+    results: Results, common: Sequence[str], other: Results
+) -> dict[tuple[str, ...], Cell]:
     """Return the cells by their values of some swept keys.
 
     Raises FolderError if two cells have equal values.
@@ -166,8 +177,12 @@ def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
     sides, metrics = [], compared_metrics(first, second)
     for results, cell, side in zip((first, second), pair, SIDES, strict=True):
         columns = dict.fromkeys(("status", *metrics, cell.scenario.judged))
-        found: Any = next(lanes for _, lanes in results.by_cell("sample", *columns, cells=[cell.number]))
-        sides.append(found[["sample", *columns]].rename(columns={name: name + side for name in columns}))
+        found: Any = next(
+            lanes for _, lanes in results.by_cell("sample", *columns, cells=[cell.number])
+        )
+        sides.append(
+            found[["sample", *columns]].rename(columns={name: name + side for name in columns})
+        )
     return sides[0].merge(sides[1], on="sample").sort_values("sample")
 
 
@@ -238,7 +253,9 @@ def cell_numbers(pair: CellPair) -> dict[str, int]:
     return {"cell": a} if a == b else {"cell": a, "cell_B": b}
 
 
-def lane_table(pairs: Sequence[CellPair], lanes: Sequence[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
+def lane_table(
+    pairs: Sequence[CellPair], lanes: Sequence[pd.DataFrame], columns: list[str]
+) -> pd.DataFrame:
     """Return a table of these lanes of each pair, with the cells' numbers and swept values."""
     found = []
     for pair, rows in zip(pairs, lanes, strict=True):
@@ -279,5 +296,7 @@ def unpaired_cells(first: Results, second: Results, pairs: Sequence[CellPair]) -
     found = []
     for side, results in enumerate((first, second)):
         paired = {pair[side].number for pair in pairs}
-        found += [f"{cell} of {'AB'[side]}" for cell in results.study.cells if cell.number not in paired]
+        found += [
+            f"{cell} of {'AB'[side]}" for cell in results.study.cells if cell.number not in paired
+        ]
     return found

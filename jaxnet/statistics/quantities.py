@@ -94,7 +94,9 @@ class Quantity(NamedTuple):
         known = known[np.isfinite(known)]
         if self.log:
             return decades(max(self.floor, known.min()), known.max())
-        if self.unit == "m" and np.abs(known).max() < LOG_FLOOR:  # rounding needs no scale of its own
+        if (
+            self.unit == "m" and np.abs(known).max() < LOG_FLOOR
+        ):  # rounding needs no scale of its own
             return 0.0, 1.0
         return min(0.0, float(known.min())), float(known.max())
 
@@ -172,7 +174,9 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         return told._replace(lanes=lanes_of_each(results, table, "lanes"))
     if name == "in_hull" and any(cell.scenario.leaderless for cell in cells):
         table = hull_table(results, cells, confidence)
-        told = Quantity(name, f"lanes {HULL_WORDS}", "%", True, confidence, table, hull_definition(cells))
+        told = Quantity(
+            name, f"lanes {HULL_WORDS}", "%", True, confidence, table, hull_definition(cells)
+        )
         return told._replace(lanes=lanes_of_each(results, table, "ok"))
     metric, statistic = metric_and_statistic(study, name)
     words = f"{metric.words or metric.name.replace('_', ' ')}, {STATISTIC_WORDS[statistic]}"
@@ -245,7 +249,9 @@ def statistic_table(
             found[number] = told["mean"], told["low"], told["high"]
         else:
             found[number] = values.max(), np.nan, np.nan
-    return pd.DataFrame.from_dict(found, orient="index", columns=["value", "low", "high"], dtype=float)
+    return pd.DataFrame.from_dict(
+        found, orient="index", columns=["value", "low", "high"], dtype=float
+    )
 
 
 def quantile_interval(

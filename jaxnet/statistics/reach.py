@@ -24,5 +24,10 @@ def scenario_gain(scenario: Scenario) -> AttackGain | None:
     attack = scenario.attack
     order = scenario.vehicle.order
     orders, shares = tuple(heard_orders(attack, order)), magnitude_shares(attack, order)
-    smooth = attack.consistent() and not attack.strategic and not attack.splits() and not attack.periods()
+    smooth = (
+        attack.consistent()
+        and not attack.strategic
+        and not attack.splits()
+        and not attack.periods()
+    )
     return spread.attack_gain(known.retained, known.attacked, carried, smooth, orders, shares)

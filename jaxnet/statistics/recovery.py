@@ -179,7 +179,9 @@ def unrecovered_columns(
     counted = attacked_mask(cells) & (counts.ended > 0)
     share = counts.unrecovered / np.maximum(counts.ended, 1)
     columns = {"unrecovered": share, "unrecovered_low": low, "unrecovered_high": high}
-    return pd.DataFrame({name: np.where(counted, values, np.nan) for name, values in columns.items()})
+    return pd.DataFrame(
+        {name: np.where(counted, values, np.nan) for name, values in columns.items()}
+    )
 
 
 def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
@@ -200,5 +202,7 @@ def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[
     ).dropna()
     lanes = lanes.sort_values("ratio", ascending=False, kind="stable")
     lanes["place"] = lanes.groupby("group").cumcount()
-    chosen: Any = lanes.sort_values(["place", "ratio"], ascending=[True, False], kind="stable").head(number)
+    chosen: Any = lanes.sort_values(
+        ["place", "ratio"], ascending=[True, False], kind="stable"
+    ).head(number)
     return list(zip(chosen["cell"].tolist(), chosen["sample"].tolist(), strict=True))

@@ -104,7 +104,9 @@ class Cumulative(NamedTuple):
     def ratio_of(self, rank: Ranks) -> PerMagnitude:
         """Return the weighted sum of the first `rank` ratios."""
         last = self.last_bin(rank)
-        inside = take_column(flatten_bins(self.data.sums), rank + last)  # a bin has one more sum than lanes
+        inside = take_column(
+            flatten_bins(self.data.sums), rank + last
+        )  # a bin has one more sum than lanes
         return take_column(self.ratio, last) + take_column(self.mean, last) * inside
 
     def rank_at(self, wanted: PerMagnitude) -> Ranks:
@@ -113,7 +115,9 @@ class Cumulative(NamedTuple):
         last = jnp.sum(self.weight[:, 1:] < wanted[:, None], axis=1)
         last = jnp.minimum(last, self.mean.shape[1] - 1)
         missing = wanted - take_column(self.weight, last)
-        further = jnp.ceil(missing / jnp.where(missing > 0, take_column(self.mean, last), 1.0)).astype(int)
+        further = jnp.ceil(
+            missing / jnp.where(missing > 0, take_column(self.mean, last), 1.0)
+        ).astype(int)
         first = last * self.data.ratios.shape[2]
         return first + jnp.clip(further, 1, jnp.maximum(take_column(lanes, last), 1)) - 1
 
@@ -123,7 +127,8 @@ def cumulate(data: Data, bins: Float[Array, "j bins"]) -> Cumulative:
     lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
     mean = bins / jnp.maximum(lanes, 1).astype(float)
     weight, ratio = (
-        jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0))) for each in (bins, mean * data.sums[:, :, -1])
+        jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0)))
+        for each in (bins, mean * data.sums[:, :, -1])
     )
     return Cumulative(data, mean, weight, ratio)
 
@@ -165,7 +170,10 @@ def pinball_loss(
             )
 
         known = weights > 0
-        low, high = jnp.min(own, initial=jnp.inf, where=known), jnp.max(own, initial=-jnp.inf, where=known)
+        low, high = (
+            jnp.min(own, initial=jnp.inf, where=known),
+            jnp.max(own, initial=-jnp.inf, where=known),
+        )
         begin = low, high, jnp.minimum(rank_of(low), first), jnp.maximum(rank_of(high), first + 1)
         low, high, under, over = lax.fori_loop(0, halvings, halve, begin)
         falling, rising = (cumulative.weight_of(rank) - wanted for rank in (under, over))
@@ -221,7 +229,9 @@ def fit_curves(
     curves = [CURVE_FAMILIES[model] for model in models if model in CURVE_FAMILIES]
     if not curves:
         return {"proportional": straight[None]}
-    found = jax.vmap(lambda kind: search_shape(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
+    found = jax.vmap(lambda kind: search_shape(curves, kind, x, loss, effort))(
+        jnp.arange(len(curves))
+    )
     ends = zip(curves, found.shape, found.scale, strict=True)
     read = [jnp.stack(curve.read(x, shape, scale)) for curve, shape, scale in ends]
     return dict(zip(models, [straight[None], *read], strict=True))
@@ -290,7 +300,9 @@ def evaluate_shape(
     def bent(shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
         return lax.switch(kind, [curve.bent for curve in curves], x, shape)
 
-    (offset, growth), (offset_bends, growth_bends) = jax.jvp(bent, (shape,), (jnp.ones_like(shape),))
+    (offset, growth), (offset_bends, growth_bends) = jax.jvp(
+        bent, (shape,), (jnp.ones_like(shape),)
+    )
     best = loss.best(offset, growth)
     return best, jnp.sum(best.pull * (offset_bends + best.scale * growth_bends))
 
@@ -320,7 +332,9 @@ def quantile_regression(
 ) -> dict[str, Float[Array, "q n parameters"]]:
     """Return the parameters of some models at quantiles up to 1, per row of bin weights."""
 
-    def one(quantile: Number, bins: Float[Array, "j bins"]) -> dict[str, Float[Array, " parameters"]]:
+    def one(
+        quantile: Number, bins: Float[Array, "j bins"]
+    ) -> dict[str, Float[Array, " parameters"]]:
         return fit_curves(data.x, pinball_loss(data, bins, quantile, effort.scales), effort, models)
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(quantiles, bins)

@@ -19,16 +19,18 @@ from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard
 
 SUMMARISED = ("tail_mean", "tail_max")  # norms, so not negative
-NO_MEAN_INTERVAL = (
-    "no interval of a mean holds without a bound on every lane: an end is missing where theory gives none"
-)
+NO_MEAN_INTERVAL = "no interval of a mean holds without a bound on every lane: an end is missing where theory gives none"
 
 MetricRange = tuple[float, float]  # least and greatest of a metric
 UNBOUNDED = -np.inf, np.inf
 
 
 def summarise(
-    folder: Folder, shards: Sequence[Shard], cells: Sequence[Cell], study: Config, samples: Sequence[int]
+    folder: Folder,
+    shards: Sequence[Shard],
+    cells: Sequence[Cell],
+    study: Config,
+    samples: Sequence[int],
 ) -> pd.DataFrame:
     """Return `cells.csv`: swept keys, lanes, ok, failed, and statistics of the tail errors over ok lanes.
 
@@ -39,7 +41,12 @@ def summarise(
     sure = np.array([recovery.confidence_of(study.samples, each) for each in samples])
     for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
-        row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
+        row = {
+            **cells[number].labels,
+            "lanes": len(lanes),
+            "ok": len(ok),
+            "failed": len(lanes) - len(ok),
+        }
         ranges = ranges_of(study, cells[number], ok["sample"].tolist())
         drawn = independent_units(study, ok["sample"].to_numpy())
         for metric in metrics:
@@ -71,7 +78,9 @@ def summarised_metrics(study: Config) -> list[str]:
     return [*SUMMARISED, *(metric.name for metric in study.measured()[len(CONTRACT) :])]
 
 
-def independent_units(study: Config, samples: Int[np.ndarray, " lanes"]) -> Int[np.ndarray, " lanes"] | None:
+def independent_units(
+    study: Config, samples: Int[np.ndarray, " lanes"]
+) -> Int[np.ndarray, " lanes"] | None:
     """Return the number of each sample's independent sequence; None if the samples are independent."""
     if study.draws == "random" or not isinstance(study.samples, int):
         return None
@@ -80,7 +89,9 @@ def independent_units(study: Config, samples: Int[np.ndarray, " lanes"]) -> Int[
 
 def interval_basis(study: Config) -> str:
     """Return the units over which intervals of means are computed, in words."""
-    return "lanes" if study.draws == "random" else f"the means of {RANDOMISATIONS} scrambled sequences"
+    return (
+        "lanes" if study.draws == "random" else f"the means of {RANDOMISATIONS} scrambled sequences"
+    )
 
 
 def metric_statistics(

@@ -14,7 +14,12 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import count_between, counted
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
-from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, configured_magnitude, failed_kinds
+from jaxnet.statistics.curves import (
+    SHARE_COLUMNS,
+    cell_magnitudes,
+    configured_magnitude,
+    failed_kinds,
+)
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.recovery import confidence_told, share_definition
 from jaxnet.store.results import Results
@@ -52,7 +57,9 @@ def tiling(cells: Sequence[Cell], axes: Axes | None = None) -> Tiling | None:
     numbers = np.full((len(groups), len(rows), len(columns)), NO_CELL)
     for place, (_, mine) in enumerate(groups):
         for cell in mine:
-            numbers[place, rows.index(cell.labels[row]), columns.index(cell.labels[column])] = cell.number
+            numbers[place, rows.index(cell.labels[row]), columns.index(cell.labels[column])] = (
+                cell.number
+            )
     return Tiling(column, row, columns, rows, [labels for labels, _ in groups], numbers)
 
 
@@ -65,9 +72,13 @@ def tile_table(results: Results) -> pd.DataFrame:
     without numbers.
     """
     cells: Any = results.cells
-    found = pd.DataFrame({name: 100 * cells.get(name, np.nan) for name in SHARE_COLUMNS}, index=cells.index)
+    found = pd.DataFrame(
+        {name: 100 * cells.get(name, np.nan) for name in SHARE_COLUMNS}, index=cells.index
+    )
     alone = is_leaderless(results.study.cells)
-    found["worst"] = cells["spread_max"] if alone else cells["tail_max_max"] / cell_magnitudes(results)
+    found["worst"] = (
+        cells["spread_max"] if alone else cells["tail_max_max"] / cell_magnitudes(results)
+    )
     found[["ok", "failed"]] = cells[["ok", "failed"]]
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
     found["interval"] = [interval_text(low, high) if low < high else "" for low, high in ends]
@@ -87,7 +98,9 @@ def blank_reason(cell: Cell, ok: int) -> str:
 
 def blank_reasons(found: pd.DataFrame, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
     """Return why some of these tiles have no number."""
-    reasons = [*found["blank"].where(found[metric].isna()).reindex(numbers.ravel()).dropna().unique()]
+    reasons = [
+        *found["blank"].where(found[metric].isna()).reindex(numbers.ravel()).dropna().unique()
+    ]
     return [*filter(None, reasons), *(["not run"] if (numbers == NO_CELL).any() else [])]
 
 
@@ -118,7 +131,11 @@ def tile_text(metric: str, value: float, whole: bool = False) -> str:
         told = f"{value:.4g}"
         if whole and (told != "100" or value == 100):
             return told
-        return two_digits(value) if value <= 50 else plain_text(100 - Decimal(two_digits(100 - value, False)))
+        return (
+            two_digits(value)
+            if value <= 50
+            else plain_text(100 - Decimal(two_digits(100 - value, False)))
+        )
     if value >= 0.1:
         return two_digits(value)
     return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")

@@ -26,7 +26,11 @@ def vehicle_table(results: Results, cells: Sequence[Cell]) -> pd.DataFrame:
         if not len(values):
             continue
         limit = threshold(cell, results.study.config.recovery)
-        off = np.full(values.shape[1], np.nan) if np.isnan(limit) else 100 * (values > limit).mean(axis=0)
+        off = (
+            np.full(values.shape[1], np.nan)
+            if np.isnan(limit)
+            else 100 * (values > limit).mean(axis=0)
+        )
         low, median, high, greatest = np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0)
         numbers = np.arange(1, values.shape[1] + 1)
         columns = [cell.number, numbers, len(values), low, median, high, greatest, off]

@@ -43,7 +43,9 @@ def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
             f"{folder.path} was written by jaxnet {written_by}, this is {__version__}; {ANOTHER_FOLDER}"
         )
     elif holds not in (None, digest(config)):
-        raise FolderError(f"{folder.path} holds another study{difference(folder, config)}; {ANOTHER_FOLDER}")
+        raise FolderError(
+            f"{folder.path} holds another study{difference(folder, config)}; {ANOTHER_FOLDER}"
+        )
 
 
 def claim(folder: Folder, config: Config) -> None:
@@ -72,7 +74,9 @@ def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
     """
     folder.refuse_strange()
     entries = ("hash", "samples", "cell_samples")
-    rows_of: dict[str, object] = {each: manifest[each] for each in entries if manifest.get(each) is not None}
+    rows_of: dict[str, object] = {
+        each: manifest[each] for each in entries if manifest.get(each) is not None
+    }
     rows_of["jaxnet"] = manifest["versions"]["jaxnet"]
     file = folder.path / DERIVED_FROM
     if file.exists():
@@ -86,7 +90,9 @@ def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
             )
         return
     if taken := [name for name in OURS if (folder.path / name).exists()]:
-        raise FolderError(f"{folder.path} holds {taken[0]} of something else: give another folder with --out")
+        raise FolderError(
+            f"{folder.path} holds {taken[0]} of something else: give another folder with --out"
+        )
     rows_of["settings"] = settings_of(config)
     folder.put(DERIVED_FROM, lambda file: file.write((json.dumps(rows_of) + "\n").encode()))
 
@@ -101,7 +107,9 @@ def version_and_hash(folder: Folder) -> tuple[str | None, str | None]:
             raise FolderError(f"{folder.path / 'manifest.json'} is not a manifest of ours")
         return manifest["versions"]["jaxnet"], manifest["hash"]
     names = sorted(path.name for path in folder.path.iterdir()) if folder.path.exists() else []
-    strangers = [name for name in names if not name.startswith(".") and name not in ("study.yaml", "lanes")]
+    strangers = [
+        name for name in names if not name.startswith(".") and name not in ("study.yaml", "lanes")
+    ]
     if not strangers and "lanes" in names:
         inside = (path.name for path in (folder.path / "lanes").iterdir())
         strangers = [f"lanes/{name}" for name in inside if not LANES.fullmatch(name)]

@@ -51,7 +51,8 @@ def prepare(
     coords = coordinates(cells, samples)
     group = open_for_writing(path, (*variables, "sample"))
     if group is None or not all(
-        has_layout(array_in(group, name), variable.dims, chunk) for name, variable in variables.items()
+        has_layout(array_in(group, name), variable.dims, chunk)
+        for name, variable in variables.items()
     ):
         group = zarr.open_group(store_at(path), mode="w")
         create_arrays(group, variables, coords, (1, chunk))
@@ -81,7 +82,9 @@ def consolidate(group: "zarr.Group") -> None:
         zarr.consolidate_metadata(group.store)
 
 
-def open_for_writing(path: UPath, names: Sequence[str] = (), mark: str = IDENTITY_KEY) -> "zarr.Group | None":
+def open_for_writing(
+    path: UPath, names: Sequence[str] = (), mark: str = IDENTITY_KEY
+) -> "zarr.Group | None":
     """Open the store at a path for writing; None unless it is whole and has these arrays.
 
     The attribute `mark` is written last, so a store that has it is whole.
@@ -160,7 +163,12 @@ def create_arrays(
 
 
 def add_array(
-    group: "zarr.Group", name: str, dims: tuple[str, ...], values: np.ndarray, unit: str, meaning: str
+    group: "zarr.Group",
+    name: str,
+    dims: tuple[str, ...],
+    values: np.ndarray,
+    unit: str,
+    meaning: str,
 ) -> None:
     """Write a whole array at once, with the attributes `units` and `long_name`."""
     dtype: Any = str if values.dtype == object else values.dtype
@@ -183,7 +191,9 @@ def add_shared(
         add_array(group, name, dims, whole, unit, meaning)
 
 
-def cell_values(cell: Cell, variables: Mapping[str, Variable], time: np.ndarray) -> dict[str, np.ndarray]:
+def cell_values(
+    cell: Cell, variables: Mapping[str, Variable], time: np.ndarray
+) -> dict[str, np.ndarray]:
     """Return the navigator's path [m] of shape (time, 2) and the source heard in each slot, for one cell."""
     made = {
         "navigator": lambda: cell.scenario.navigator.jets(time)[0].T,
@@ -202,9 +212,15 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
     names = []
     for key, given in labels.items():
         values = np.array(given)
-        names.append(f"{key}_name" if key in group else key)  # a swept attack beside the signal `attack`
+        names.append(
+            f"{key}_name" if key in group else key
+        )  # a swept attack beside the signal `attack`
         values = values.astype(object) if values.dtype.kind in "UO" else values
-        told = DIMENSIONS[key] if key in ("cell", "sample") else (naming.unit(key), naming.key_name(key))
+        told = (
+            DIMENSIONS[key]
+            if key in ("cell", "sample")
+            else (naming.unit(key), naming.key_name(key))
+        )
         add_array(group, names[-1], (dim,), values, *told)
     group.attrs["coordinates"] = " ".join(names)
 
@@ -227,7 +243,9 @@ def write_chunks(
     Chunks are written whole, since an existing chunk may be torn.
     """
     for name, each in values.items():
-        array = array_in(group, name).with_config({"write_empty_chunks": True})  # or `intact` would miss them
+        array = array_in(group, name).with_config(
+            {"write_empty_chunks": True}
+        )  # or `intact` would miss them
         array[place] = pad_slots(each, array.shape[len(place) :])
 
 
@@ -245,7 +263,9 @@ def fill_value_of(dtype: np.dtype | str) -> int | float:
     return np.nan if np.issubdtype(dtype, np.floating) else NOBODY
 
 
-def read_checksums(path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]) -> dict[str, int]:
+def read_checksums(
+    path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]
+) -> dict[str, int]:
     """Return the stored checksum of the chunk of each array at a place."""
     found = {}
     for name, file in chunk_files(path, variables, place):
@@ -255,7 +275,10 @@ def read_checksums(path: UPath, variables: Mapping[str, Variable], place: tuple[
 
 
 def is_intact(
-    path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...], written: Mapping[str, int]
+    path: UPath,
+    variables: Mapping[str, Variable],
+    place: tuple[int, ...],
+    written: Mapping[str, int],
 ) -> bool:
     """Return whether the chunks at a place have the checksums that were recorded when they were written."""
     for name, file in chunk_files(path, variables, place):

@@ -15,13 +15,17 @@ from jaxnet.store.arrays import CHECKSUM
 from jaxnet.store.foreign import Promise
 
 MOST_LABEL_BYTES = 2**26  # bytes of a chunk of labels
-Due = Callable[[int, int], bool]  # of a cell and a block of samples: whether their chunk is in the store
+Due = Callable[
+    [int, int], bool
+]  # of a cell and a block of samples: whether their chunk is in the store
 
 
 class GatedStore(WrapperStore[Store]):
     """A store that reads no chunk beyond its promise, and says which chunk is missing or corrupt."""
 
-    def __init__(self, store: Store, place: str, promises: Mapping[str, Promise], due: Due | None = None):
+    def __init__(
+        self, store: Store, place: str, promises: Mapping[str, Promise], due: Due | None = None
+    ):
         super().__init__(store)
         self.place, self.promises, self.due = place, promises, due
 
@@ -38,9 +42,13 @@ class GatedStore(WrapperStore[Store]):
         most = most_bytes(promise)
         found = await self._store.get(key, prototype, RangeByteRequest(0, most + 1))
         if found is not None:
-            await asyncio.to_thread(check_chunk, f"{self.place}/{key}", found.to_bytes(), promise, most)
+            await asyncio.to_thread(
+                check_chunk, f"{self.place}/{key}", found.to_bytes(), promise, most
+            )
         elif promise.summed and self.due is not None and self.due(*map(int, key.split("/")[2:4])):
-            raise gate.FolderError(f"{self.place}/{key} is missing; jaxnet run simulates its lanes again")
+            raise gate.FolderError(
+                f"{self.place}/{key} is missing; jaxnet run simulates its lanes again"
+            )
         return found
 
 

@@ -31,8 +31,19 @@ from jaxnet.store.looking import describe_outside
 from jaxnet.version import __version__
 
 UNHASHED = ("name", "save", "samples", "recovery", "search", "labels")  # keys that change no row
-EVALUATED = ("name", "recovery", "search", "labels")  # those of them that tables, figures and pages show
-DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
+EVALUATED = (
+    "name",
+    "recovery",
+    "search",
+    "labels",
+)  # those of them that tables, figures and pages show
+DERIVED = (
+    "fit.csv",
+    "bounds.csv",
+    "violations.csv",
+    "figures",
+    "report.html",
+)  # from rows, made when asked
 OURS = (
     "study.yaml",
     "manifest.json",
@@ -51,9 +62,15 @@ OURS = (
     "worst.yaml",
     *DERIVED,
 )
-DERIVED_FROM = "made-of.json"  # in a folder beside the results: of which rows it holds what was made
-GATED = frozenset((*OURS, DERIVED_FROM, ".lock", "results.mat", "csv"))  # what jaxnet reads and writes
-ANSWER = 10  # [s] in which a store must answer at first; later it may take as many tries as it likes
+DERIVED_FROM = (
+    "made-of.json"  # in a folder beside the results: of which rows it holds what was made
+)
+GATED = frozenset(
+    (*OURS, DERIVED_FROM, ".lock", "results.mat", "csv")
+)  # what jaxnet reads and writes
+ANSWER = (
+    10  # [s] in which a store must answer at first; later it may take as many tries as it likes
+)
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 
 
@@ -100,7 +117,9 @@ class TakenError(FolderError):
 
 def unhashed(config: Config) -> tuple[str, ...]:
     """Return the keys that change no row. The number of samples changes rows only if draws are not random."""
-    return UNHASHED if config.draws == "random" else tuple(key for key in UNHASHED if key != "samples")
+    return (
+        UNHASHED if config.draws == "random" else tuple(key for key in UNHASHED if key != "samples")
+    )
 
 
 def digest(config: Config, modules: Mapping[str, tuple[str, str | None]] | None = None) -> str:
@@ -182,10 +201,14 @@ def reach(path: UPath) -> None:
         raise FolderError(f"{path}: {error}") from error
 
 
-def put_file(root: Path, final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]) -> None:
+def put_file(
+    root: Path, final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]
+) -> None:
     """Write a file under a temporary name, look, and rename it."""
     if not final.parent.resolve().is_relative_to(root.resolve()):
-        raise FolderError(f"{final.parent} is a link out of {root}, and nothing is written through it")
+        raise FolderError(
+            f"{final.parent} is a link out of {root}, and nothing is written through it"
+        )
     final.parent.mkdir(parents=True, exist_ok=True)
     temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
     try:
@@ -256,7 +279,9 @@ def are_samples(numbers: object, manifest: dict[str, Any]) -> bool:
 def has_type(value: object, kind: type | dict[str, type]) -> bool:
     """Return whether a value has a type, or is a mapping whose values have these types."""
     if isinstance(kind, dict):
-        return isinstance(value, dict) and all(has_type(value.get(key), each) for key, each in kind.items())
+        return isinstance(value, dict) and all(
+            has_type(value.get(key), each) for key, each in kind.items()
+        )
     return type(value) is kind or (kind is float and type(value) is int)
 
 
@@ -387,7 +412,9 @@ class Folder:
         """Write `study.yaml`: the study with every default, which a run accepts as a config."""
         data = to_plain(config)
         ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
-        body = yaml.dump(ordered, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=None, width=100)
+        body = yaml.dump(
+            ordered, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=None, width=100
+        )
         text = f"# jaxnet run study.yaml\n{body}"
         self.put("study.yaml", lambda file: file.write(text.encode()))
 

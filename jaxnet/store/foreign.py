@@ -53,7 +53,9 @@ def refuse_foreign(path: UPath, sizes: Mapping[str, int] | None = None) -> dict[
             if array is not None and found.setdefault(name, promise_of(array)) != promise_of(array):
                 raise FolderError(f"{each}: no array of ours: {file} tells of other chunks")
     if arrays:
-        raise FolderError(f"{file}: no store of ours: it tells of {sorted(arrays)[0]!r}, which is not there")
+        raise FolderError(
+            f"{file}: no store of ours: it tells of {sorted(arrays)[0]!r}, which is not there"
+        )
     return found
 
 
@@ -81,7 +83,10 @@ def wrong_in_group(found: dict[str, object]) -> Iterator[str]:
 
 def wrong_in_array(found: object, sizes: Mapping[str, int]) -> Iterator[str]:
     """Yield what distinguishes an array from one of ours, with these sizes along its dimensions."""
-    if not isinstance(found, dict) or (found.get("zarr_format"), found.get("node_type")) != (3, "array"):
+    if not isinstance(found, dict) or (found.get("zarr_format"), found.get("node_type")) != (
+        3,
+        "array",
+    ):
         yield "it is no array of version 3"
         return
     kind: Any = found.get("data_type")

@@ -36,7 +36,9 @@ def create_lanes(
     coords = coordinates(cells, 0) | {"lane": np.arange(len(lanes))}
     arrays.create_arrays(group, along_lanes(variables), coords, (1,))
     place = {"cell": [cell.number for cell, _ in lanes], "sample": [sample for _, sample in lanes]}
-    arrays.add_labels(group, "lane", place | arrays.swept_labels(cells, [cell for cell, _ in lanes]))
+    arrays.add_labels(
+        group, "lane", place | arrays.swept_labels(cells, [cell for cell, _ in lanes])
+    )
     return group
 
 
@@ -50,7 +52,9 @@ def write_lanes(
     """Write lanes of one cell, the first of them at the place `first`."""
     values = arrays.series_values(variables, series, cell.scenario.vehicle.states)
     count = len(next(iter(values.values())))
-    same = arrays.cell_values(cell, cell_variables(variables), np.asarray(arrays.array_in(group, "time")[:]))
+    same = arrays.cell_values(
+        cell, cell_variables(variables), np.asarray(arrays.array_in(group, "time")[:])
+    )
     values |= {name: np.broadcast_to(each, (count, *each.shape)) for name, each in same.items()}
     arrays.write_chunks(group, (slice(first, first + count),), values)
 
@@ -71,7 +75,8 @@ def holds(path: UPath, variables: Mapping[str, Variable], lanes: Sequence[tuple[
     there = [np.asarray(arrays.array_in(group, name)[:]).tolist() for name in ("cell", "sample")]
     written: Any = group.attrs[CHECKSUMS]
     return list(zip(*there, strict=True)) == list(lanes) and all(
-        arrays.is_intact(path, along_lanes(variables), (lane,), each) for lane, each in enumerate(written)
+        arrays.is_intact(path, along_lanes(variables), (lane,), each)
+        for lane, each in enumerate(written)
     )
 
 
@@ -83,4 +88,6 @@ def files_of(
     group = create_lanes(zarr.storage.MemoryStore(held), variables, [cell], [(cell, sample)])
     write_lanes(group, 0, cell, variables, series)
     arrays.consolidate(group)
-    return {name: held[name].to_bytes() for name in sorted(held, key=lambda name: name == "zarr.json")}
+    return {
+        name: held[name].to_bytes() for name in sorted(held, key=lambda name: name == "zarr.json")
+    }

@@ -28,7 +28,9 @@ class Variable(NamedTuple):
 
 LANE_TIME = ("cell", "sample", "time")
 ERRORS = {
-    "tracking": Variable(LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - y_0‖", "tracking"),
+    "tracking": Variable(
+        LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - y_0‖", "tracking"
+    ),
     "disagreement": Variable(
         LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - Σ w_ij y_j‖", "disagreement"
     ),
@@ -38,23 +40,39 @@ SPREAD_OVER_TIME = Variable(
 )
 VEHICLE_ARRAYS = {
     "tail_mean": Variable(
-        ("cell", "sample", "vehicle"), "float32", "m", "mean of ‖y_i - y_0‖ over the tail", "vehicle_mean"
+        ("cell", "sample", "vehicle"),
+        "float32",
+        "m",
+        "mean of ‖y_i - y_0‖ over the tail",
+        "vehicle_mean",
     ),
     "tail_max": Variable(
-        ("cell", "sample", "vehicle"), "float32", "m", "greatest ‖y_i - y_0‖ over the tail", "vehicle_max"
+        ("cell", "sample", "vehicle"),
+        "float32",
+        "m",
+        "greatest ‖y_i - y_0‖ over the tail",
+        "vehicle_max",
     ),
 }
 TRAJECTORIES = {
-    "states": Variable((*LANE_TIME, "vehicle", "state"), "float64", "", "states of the vehicles", "state"),
+    "states": Variable(
+        (*LANE_TIME, "vehicle", "state"), "float64", "", "states of the vehicles", "state"
+    ),
     "inputs": Variable(
-        (*LANE_TIME, "vehicle", "input"), "float64", "", "control inputs u_i of the vehicles", "inputs"
+        (*LANE_TIME, "vehicle", "input"),
+        "float64",
+        "",
+        "control inputs u_i of the vehicles",
+        "inputs",
     ),
     "attack": Variable(
         (*LANE_TIME, "vehicle", "axis"), "float64", "m", "signal of each attacked vehicle", "attack"
     ),
     "kept": Variable((*LANE_TIME, "slot", "vehicle"), "float32", "1", "weights in force", "kept"),
 }
-NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "m", "position y_0 of the navigator", "navigator")
+NAVIGATOR = Variable(
+    ("cell", "time", "axis"), "float64", "m", "position y_0 of the navigator", "navigator"
+)
 HEARD_SOURCES = Variable(
     ("cell", "slot", "vehicle"), "int32", "1", "whom a vehicle hears in a slot", "sources"
 )
@@ -99,7 +117,9 @@ def slots_of(cells: Sequence[Cell]) -> int:
     """Return the largest number of slots of a cell whose defence decides; 0 without such a cell."""
     alike = {}
     for scenario in (cell.scenario for cell in cells if cell.scenario.defence.decides):
-        several = scenario.attack.identities() + scenario.attack.splits() > 1  # slots of an attacked source
+        several = (
+            scenario.attack.identities() + scenario.attack.splits() > 1
+        )  # slots of an attacked source
         alike[id(scenario.topology), several and id(scenario.attack)] = scenario
     return max((len(sources_of(each)) for each in alike.values()), default=0)
 
@@ -155,7 +175,9 @@ def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str,
 
 def lane_bytes(cells: Sequence[Cell], save: keys.Save) -> int:
     """Return an upper bound on the bytes of arrays that a lane leaves in the folder."""
-    return sum(variable_bytes(variables, cells) for variables in filled_stores(cells, save).values())
+    return sum(
+        variable_bytes(variables, cells) for variables in filled_stores(cells, save).values()
+    )
 
 
 def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
@@ -177,7 +199,9 @@ def error_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
     """
     leaderless = [cell.scenario.leaderless for cell in cells]
     spread = {"spread": SPREAD_OVER_TIME} if any(leaderless) else {}
-    return spread | {name: each for name, each in ERRORS.items() if name != "tracking" or not all(leaderless)}
+    return spread | {
+        name: each for name, each in ERRORS.items() if name != "tracking" or not all(leaderless)
+    }
 
 
 def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
@@ -185,7 +209,10 @@ def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
 
     States and inputs have one unit for each of their labels, separated by commas.
     """
-    decides, vehicle = any(cell.scenario.defence.decides for cell in cells), cells[0].scenario.vehicle
+    decides, vehicle = (
+        any(cell.scenario.defence.decides for cell in cells),
+        cells[0].scenario.vehicle,
+    )
     units = {"states": ", ".join(vehicle.units), "inputs": ", ".join(vehicle.input_units)}
     return {
         name: variable._replace(unit=units.get(name, variable.unit))
@@ -202,7 +229,10 @@ def series_of(variables: Mapping[str, Variable]) -> tuple[str, ...]:
 def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
     """Return the arrays of a store of chosen lanes, with `lane` as the first dimension."""
     every = {**variables, **cell_variables(variables)}
-    return {name: variable._replace(dims=("lane", *own_dims(variable))) for name, variable in every.items()}
+    return {
+        name: variable._replace(dims=("lane", *own_dims(variable)))
+        for name, variable in every.items()
+    }
 
 
 def cell_variables(variables: Mapping[str, Variable]) -> dict[str, Variable]:
@@ -219,6 +249,7 @@ def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> 
     """Return the bytes of one lane's part of these arrays."""
     coords = coordinates(cells, 1)
     return sum(
-        int(np.prod([len(coords[dim]) for dim in own_dims(variable)])) * np.dtype(variable.dtype).itemsize
+        int(np.prod([len(coords[dim]) for dim in own_dims(variable)]))
+        * np.dtype(variable.dtype).itemsize
         for variable in variables.values()
     )

@@ -58,7 +58,9 @@ class Hold(NamedTuple):
             return ""
         if not there:
             return "was removed, or its .lock was"
-        return f"was taken over by {owner(there)} at {lock_entry(there, 'since', 'an unknown time')}"
+        return (
+            f"was taken over by {owner(there)} at {lock_entry(there, 'since', 'an unknown time')}"
+        )
 
 
 @contextlib.contextmanager
@@ -100,7 +102,9 @@ def hold_file(file: UPath, alone: bool) -> Iterator[Hold]:
         text = lock_content(
             holder_entries(token, "" if alone else "parts of a run, the last that began by "), 0
         )
-        os.pwrite(lock, text, 0)  # over what is there, so that whoever reads meanwhile finds a token
+        os.pwrite(
+            lock, text, 0
+        )  # over what is there, so that whoever reads meanwhile finds a token
         os.ftruncate(lock, len(text))
         yield Hold(file, token)
     finally:
@@ -164,7 +168,8 @@ def remove_silent(file: UPath) -> bool:
     """Remove the lock if its holder does not change it for `SILENCE`; return whether the lock is gone."""
     before, deadline = read_lock(file), time.monotonic() + SILENCE
     warnings.warn(
-        f"{file.parent} is held by {owner(before)}: waiting {SILENCE:g} s for a sign of life", stacklevel=2
+        f"{file.parent} is held by {owner(before)}: waiting {SILENCE:g} s for a sign of life",
+        stacklevel=2,
     )
     while time.monotonic() < deadline:
         time.sleep(min(1.0, SILENCE / 10))

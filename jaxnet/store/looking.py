@@ -25,15 +25,28 @@ from jaxnet.outside import provenance as source
 from jaxnet.outside.families import FAMILIES, base_of
 from jaxnet.outside.references import entry_points, import_reference
 
-METRIC = ("name", "unit", "over", "time", "vehicles", "words")  # what is known of a metric besides its code
+METRIC = (
+    "name",
+    "unit",
+    "over",
+    "time",
+    "vehicles",
+    "words",
+)  # what is known of a metric besides its code
 Found = type[Kind] | Metric  # a kind from outside
 Description = dict[str, object]  # of a kind from outside, in JSON
-ASKS = {"drawn", "drawn_keys", "apart", "chosen", "signal", "told", "faults"}  # need the types of keys
+ASKS = {
+    "drawn",
+    "drawn_keys",
+    "apart",
+    "chosen",
+    "signal",
+    "told",
+    "faults",
+}  # need the types of keys
 
 
-GIVE_CODE = (
-    "give the study's config, beside which it is (--config FILE), or trust the folder's word (--trust)"
-)
+GIVE_CODE = "give the study's config, beside which it is (--config FILE), or trust the folder's word (--trust)"
 
 
 class MissingKindError(KindError):
@@ -65,7 +78,9 @@ class Looking(Scope):
 
     judges = False
 
-    def __init__(self, results: Path | None, manifest: Mapping[str, Any], places: Iterable[Path] = ()):
+    def __init__(
+        self, results: Path | None, manifest: Mapping[str, Any], places: Iterable[Path] = ()
+    ):
         super().__init__()
         self.results, self.manifest, self.places = results, manifest, list(places)
         self.stand_ins: dict[tuple[str, str], Found] = {}
@@ -104,9 +119,16 @@ class Looking(Scope):
         reference = offered.get(name, name if ":" in name else "")
         module = reference.partition(":")[0]
         known = name in offered or modules.is_installed(module)
-        if not reference or "__main__" in module or not known or self.is_inside(module.partition(".")[0]):
+        if (
+            not reference
+            or "__main__" in module
+            or not known
+            or self.is_inside(module.partition(".")[0])
+        ):
             return None
-        with contextlib.suppress(KindError):  # of another version of the package: it is shown as a name
+        with contextlib.suppress(
+            KindError
+        ):  # of another version of the package: it is shown as a name
             return import_reference(reference, name, None)
         return None
 
@@ -138,7 +160,10 @@ def describe_outside(
     """Return the manifest's description of kinds from outside, for readers without their code."""
     wanted = list(named)
     return {
-        name: {"family": family, **(of_class(found) if isinstance(found, type) else of_metric(found))}
+        name: {
+            "family": family,
+            **(of_class(found) if isinstance(found, type) else of_metric(found)),
+        }
         for (family, name), found in known.items()
         if any(each is found for each in wanted)
     }
@@ -152,11 +177,16 @@ def of_metric(metric: source.MetricLike) -> Description:
 def of_class(cls: type) -> Description:
     """Describe a class: its base, keys with defaults, constant facts, and overridden methods."""
     base = next(each for each in cls.__mro__ if is_ours(each))
-    keys = {key: field.get_default() for key, field in cls.model_fields.items() if not field.is_required()}
+    keys = {
+        key: field.get_default()
+        for key, field in cls.model_fields.items()
+        if not field.is_required()
+    }
     return {
         "base": base.__name__,
         "kind": cls.kind,
-        "keys": dict.fromkeys(cls.model_fields) | {key: json_value(each) for key, each in keys.items()},
+        "keys": dict.fromkeys(cls.model_fields)
+        | {key: json_value(each) for key, each in keys.items()},
         "facts": {
             key: getattr(cls, key)
             for key in facts_of(base)
@@ -200,7 +230,9 @@ def json_value(value: object) -> object:
 def metric_like(family: str, name: str, told: Description) -> Metric:
     """Return a metric without its function, from the manifest's description."""
     texts = {key: told[key] for key in METRIC if isinstance(told.get(key), str)}
-    found = Metric(**{"name": name.rpartition(":")[2], "unit": "", **texts, "of": missing_method(name)})
+    found = Metric(
+        **{"name": name.rpartition(":")[2], "unit": "", **texts, "of": missing_method(name)}
+    )
     METRIC_REFERENCES[found] = name
     return found
 
@@ -213,7 +245,9 @@ def class_like(family: str, name: str, told: Description) -> type[Kind]:
         base, told = base_of(family), {}
     listed = told.get("own")
     own = [key for key in methods_of(base) if not isinstance(listed, list) or key in listed]
-    namespace: dict[str, Any] = {key: missing_method(name) for key in {*own, *ASKS} if hasattr(base, key)}
+    namespace: dict[str, Any] = {
+        key: missing_method(name) for key in {*own, *ASKS} if hasattr(base, key)
+    }
     namespace |= facts_like(name, base, told.get("facts"))
     namespace |= {
         "__module__": __name__,

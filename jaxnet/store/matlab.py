@@ -20,7 +20,17 @@ from jaxnet.store.results import Results
 
 MOST_VARIABLE_BYTES = 2**31 - 2**20  # of a variable, its header included
 LONGEST_NAME = 63  # letters of a name
-RESERVED = {"case", "catch", "end", "function", "otherwise", "parfor", "persistent", "spmd", "switch"}
+RESERVED = {
+    "case",
+    "catch",
+    "end",
+    "function",
+    "otherwise",
+    "parfor",
+    "persistent",
+    "spmd",
+    "switch",
+}
 StructField = TypeVar("StructField")
 Struct = dict[str, np.ndarray | dict[str, np.ndarray]]  # a structure of MATLAB
 STORES = ("errors", "vehicles", "trajectories")
@@ -35,11 +45,15 @@ def write_mat(results: Results, out: str | Path | UPath | None = None) -> UPath:
     content = dict(structs_of(results))
     return Folder(place.parent).put(
         place.name,
-        lambda file: io.savemat(file, content, do_compression=True, oned_as="column", long_field_names=True),
+        lambda file: io.savemat(
+            file, content, do_compression=True, oned_as="column", long_field_names=True
+        ),
     )
 
 
-def structs_of(results: Results) -> Iterator[tuple[str, Mapping[str, np.ndarray | dict[str, np.ndarray]]]]:
+def structs_of(
+    results: Results,
+) -> Iterator[tuple[str, Mapping[str, np.ndarray | dict[str, np.ndarray]]]]:
     """Yield the structures of the file: the stores, the rows (`lanes`), `cells`, and the swept keys."""
     for name in STORES:
         if (results.path / f"{name}.zarr").exists():
@@ -68,9 +82,15 @@ def column_struct(table: pd.DataFrame) -> dict[str, np.ndarray]:
 
 def array_struct(data: xr.Dataset) -> Struct:
     """Return a store as a structure of arrays and coordinates; `dims` names the dimensions of each array."""
-    every = {str(name): each for name, each in {**data.data_vars, **data.coords}.items() if name != "lane"}
+    every = {
+        str(name): each
+        for name, each in {**data.data_vars, **data.coords}.items()
+        if name != "lane"
+    }
     dims = valid_names({name: np.array(each.dims, dtype=object) for name, each in every.items()})
-    return valid_names({name: plain_array(each.values) for name, each in every.items()}) | {"dims": dims}
+    return valid_names({name: plain_array(each.values) for name, each in every.items()}) | {
+        "dims": dims
+    }
 
 
 def plain_array(values: np.ndarray) -> np.ndarray:

@@ -38,8 +38,21 @@ COLUMNS = {  # that a reader of a table needs
     "sensitivity.csv": "cell metric quantity first first_low first_high total total_low total_high threshold",
     "rare.csv": "cell share low high levels lanes failed plain_lanes points threshold",
 }
-TEXTS = {"metric", "model", "parameter", "bound", "vehicle", "command", "attacked", "phase", "quantity"}
-ANALYSES = ("sensitivity", "rare")  # what a folder may hold without a run, each with a table of its name
+TEXTS = {
+    "metric",
+    "model",
+    "parameter",
+    "bound",
+    "vehicle",
+    "command",
+    "attacked",
+    "phase",
+    "quantity",
+}
+ANALYSES = (
+    "sensitivity",
+    "rare",
+)  # what a folder may hold without a run, each with a table of its name
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,7 +60,9 @@ class Results:
     """The tables and arrays of a results folder, read at their first use."""
 
     path: UPath
-    out: Folder | None = None  # where what is made of the rows is written, if not into the folder itself
+    out: Folder | None = (
+        None  # where what is made of the rows is written, if not into the folder itself
+    )
     trust: bool = field(default=False, compare=False)
     config: Path | None = field(default=None, compare=False)
 
@@ -74,7 +89,9 @@ class Results:
         """Study of the run. A kind from outside without its code is known by its name and description."""
         local = self.path if isinstance(self.path, Path) else None
         study = read_study(
-            Document.read(self.path / "study.yaml"), (), Looking(local, self.manifest, self.code_places())
+            Document.read(self.path / "study.yaml"),
+            (),
+            Looking(local, self.manifest, self.code_places()),
         )
         if not (isinstance(study.config.scope, Looking) and study.config.scope.missing):
             refuse_edited(Folder(self.path), study.config)
@@ -84,7 +101,9 @@ class Results:
                 " jaxnet run makes them again"
             )
         for name in changed_modules(Folder(self.path), study.config):
-            warnings.warn(f"{name} was changed since the rows in {self.place} were made", stacklevel=2)
+            warnings.warn(
+                f"{name} was changed since the rows in {self.place} were made", stacklevel=2
+            )
         return study
 
     def code_places(self) -> Iterator[Path]:
@@ -112,7 +131,9 @@ class Results:
     def tell_missing(self, what: str) -> None:
         """Warn that `what` is left out if the code of a kind is not available."""
         if self.missing:
-            warnings.warn(f"{what} left out: {MissingKindError(', '.join(self.missing))}", stacklevel=2)
+            warnings.warn(
+                f"{what} left out: {MissingKindError(', '.join(self.missing))}", stacklevel=2
+            )
 
     @property
     def analyses(self) -> list[str]:
@@ -208,7 +229,9 @@ class Results:
         empty = pd.DataFrame({"cell": [], "sample": [], "status": []})
         if not self.manifest["lanes"]["failed"]:
             return 0, empty
-        failed: Any = pd.concat([lanes for _, lanes in self.by_cell(where=~rows.OK)], ignore_index=True)
+        failed: Any = pd.concat(
+            [lanes for _, lanes in self.by_cell(where=~rows.OK)], ignore_index=True
+        )
         wanted = ["cell", "sample", "status"]
         if (failed["status"] == "disconnected").any():
             wanted += [name for name in ("cut_off", "cut_off_at") if name in failed]
@@ -233,7 +256,9 @@ class Results:
             A number is not a nonnegative integer.
         """
         cell, sample = whole_number("cell", cell), whole_number("sample", sample)
-        mine = [shard for shard in self.shards if shard.cell.number == cell and sample in shard.samples]
+        mine = [
+            shard for shard in self.shards if shard.cell.number == cell and sample in shard.samples
+        ]
         for _, lanes in rows.scan_cells(Folder(self.path), mine):
             return lanes[lanes["sample"] == sample].iloc[0]
         return None
@@ -243,7 +268,9 @@ class Results:
         """Number of samples of each cell: they differ where cells end by a criterion."""
         cells = len(self.study.cells)
         if self.manifest.get("cells", cells) != cells:
-            told = f"its manifest tells of {self.manifest['cells']} cells, and its study has {cells}"
+            told = (
+                f"its manifest tells of {self.manifest['cells']} cells, and its study has {cells}"
+            )
             raise FolderError(f"{self.place} is not what a run left: {told}")
         return samples_of_cells(self.manifest, cells)
 
@@ -267,7 +294,9 @@ class Results:
         """
         self.need_run()
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
-            raise FolderError(f"{self.place} holds an unfinished run: the command that began it goes on")
+            raise FolderError(
+                f"{self.place} holds an unfinished run: the command that began it goes on"
+            )
         return self.checked("cells.csv", self.path / "cells.csv")
 
     def needed(self, name: str) -> list[str]:
@@ -276,18 +305,24 @@ class Results:
             return COLUMNS[name].split()
         config = self.study.config
         own = (metric.name for metric in config.measured()[len(CONTRACT) :])
-        found = [f"{metric}_{each}" for metric in ("tail_mean", "tail_max", *own) for each in STATISTICS]
+        found = [
+            f"{metric}_{each}" for metric in ("tail_mean", "tail_max", *own) for each in STATISTICS
+        ]
         return ["lanes", "ok", "failed", *found]
 
     def checked(self, name: str, file: UPath) -> pd.DataFrame:
         """Read a table; raise FolderError if a reader's columns, numbers or cells are not there."""
         needed, cells = self.needed(name), len(self.study.cells)
         found = read_table(file, sum(self.samples) if self.manifest["finished"] else 0, needed)
-        shares = [each for each in ("unrecovered", "in_hull") if each in found and name == "cells.csv"]
+        shares = [
+            each for each in ("unrecovered", "in_hull") if each in found and name == "cells.csv"
+        ]
         needed += [f"{share}{end}" for share in shares for end in ("", "_low", "_high")]
         if missing := [each for each in needed if each not in found]:
             raise FolderError(f"{file} is not a table of ours (no column {missing[0]})")
-        strange = [each for each in needed if each not in TEXTS and not is_numeric_dtype(found[each])]
+        strange = [
+            each for each in needed if each not in TEXTS and not is_numeric_dtype(found[each])
+        ]
         if len(found) and strange:
             raise FolderError(f"{file} is not a table of ours ({strange[0]} holds text)")
         numbers = found["cell"] if "cell" in needed else range(cells)
@@ -358,7 +393,9 @@ class Results:
             raise FolderError(f"{self.place} has no {name}: {remedy or made}")
         return self.checked(name, file)
 
-    def replay_command(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> str:
+    def replay_command(
+        self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None
+    ) -> str:
         """Return the shell command that simulates one lane again, or Python's call for results in memory.
 
         Parameters

@@ -107,7 +107,9 @@ def outcome_table(
     for key, label in shard.cell.labels.items():
         columns[key] = pa.array([label] * count, type=types[key])
     columns["status"] = [status.Status(code).name for code in outcome.status]
-    columns |= {metric.name: outcome.metrics[metric.name] for metric in shard.cell.scenario.measured()}
+    columns |= {
+        metric.name: outcome.metrics[metric.name] for metric in shard.cell.scenario.measured()
+    }
     columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
     columns |= {name: pa.array(outcome.cut_off[name], type=ISOLATION[name]) for name in isolation}
     if isolation:
@@ -115,7 +117,9 @@ def outcome_table(
     return pa.table(columns)
 
 
-def tick_times(scenario: Scenario, times: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " lanes"]:
+def tick_times(
+    scenario: Scenario, times: Float[np.ndarray, " lanes"]
+) -> Float[np.ndarray, " lanes"]:
     """Return times of the engine [s] as multiples of the tick, rounded once."""
     known, found, tick = np.isfinite(times), times.copy(), interval_of(scenario)
     found[known] = multiples(tick, np.rint(times[known] / tick).astype(int).tolist())
@@ -176,7 +180,9 @@ def read_columns(path: UPath, columns: Sequence[str] | None = None) -> pa.Table:
 
 def strange_file(metadata: pq.FileMetaData, schema: pa.Schema) -> str:
     """Return what is wrong with a row file, before its rows are decompressed; "" if nothing is."""
-    bytes_of = sum(metadata.row_group(number).total_byte_size for number in range(metadata.num_row_groups))
+    bytes_of = sum(
+        metadata.row_group(number).total_byte_size for number in range(metadata.num_row_groups)
+    )
     if metadata.num_rows > MOST_ROWS or bytes_of > MOST_FILE:
         return f"it has {metadata.num_rows:,} rows in {bytes_of:,} bytes"
     return strange_columns(schema)
@@ -204,11 +210,15 @@ def refuse_lost(folder: Folder, manifest: Manifest) -> None:
             why = "is missing"
         except TornError as error:
             why = f"is {error}"
-        return why and f"{row_file(number)} (cell {cell}, samples {wanted[0]} to {wanted[-1]}) {why}"
+        return (
+            why and f"{row_file(number)} (cell {cell}, samples {wanted[0]} to {wanted[-1]}) {why}"
+        )
 
     for part in (part for part in due if part[-1]):
         parts.append(part)
-        if Path(row_file(part[0])).name not in there:  # a manifest may promise more than any folder holds
+        if (
+            Path(row_file(part[0])).name not in there
+        ):  # a manifest may promise more than any folder holds
             break
     with ThreadPoolExecutor(READERS) as pool:
         found = list(filter(None, pool.map(lost, parts)))
@@ -229,7 +239,10 @@ def wrong_rows(rows: pa.Table, cell: int, wanted: range) -> str:
     return "" if np.array_equal(samples, wanted) else "lost samples, or has some twice"
 
 
-TEXT_TYPES = {pa.string(), pa.large_string()}  # the latter if other programs have written a file again
+TEXT_TYPES = {
+    pa.string(),
+    pa.large_string(),
+}  # the latter if other programs have written a file again
 NUMBER_TYPES = {pa.int64(), pa.float64()}
 COLUMN_TYPES = {
     "cell": {pa.int64()},
@@ -285,8 +298,12 @@ def scan_cells(
         if strange := strange_columns(data.schema):
             raise FolderError(f"{folder.path}/lanes holds no rows of ours: {strange}")
         study = folder.manifest.get("hash")
-        data_of_ours = data.replace_schema(data.schema.remove_metadata())  # pandas would heed its own there
-        scanner = data_of_ours.scanner(columns=wanted, filter=within if where is None else within & where)
+        data_of_ours = data.replace_schema(
+            data.schema.remove_metadata()
+        )  # pandas would heed its own there
+        scanner = data_of_ours.scanner(
+            columns=wanted, filter=within if where is None else within & where
+        )
         found = (checked_batch(study, each) for each in scanner.scan_batches())
         batches = (batch for batch in found if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
@@ -303,7 +320,9 @@ def scan_cells(
 def checked_batch(study: str | None, found: ds.TaggedRecordBatch) -> pa.RecordBatch:
     """Return the rows of a scanned batch; raise FolderError if their file belongs to another study."""
     if study is not None and is_foreign(found.fragment.metadata.metadata, study):
-        raise FolderError(f"{found.fragment.path} holds lanes of another study; jaxnet run replaces them")
+        raise FolderError(
+            f"{found.fragment.path} holds lanes of another study; jaxnet run replaces them"
+        )
     return found.record_batch
 
 

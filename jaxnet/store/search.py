@@ -26,7 +26,9 @@ def find_results(
             if (here := path.resolve()) in entered:
                 return
             entered.add(here)
-        inside = (each for each in path.iterdir() if each.is_dir() and not each.name.startswith("."))
+        inside = (
+            each for each in path.iterdir() if each.is_dir() and not each.name.startswith(".")
+        )
         for each in sorted(inside, key=lambda each: each.name):
             yield from find_results(each, entered)
 

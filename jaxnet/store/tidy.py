@@ -55,7 +55,9 @@ def trajectory_table(cell: Cell, sample: int, lane: "xr.Dataset") -> pd.DataFram
     columns |= {"time": np.repeat(time, len(vehicles)), "vehicle": np.tile(vehicles, len(time))}
     for name in PER_VEHICLE:
         array = lane[name].transpose("time", "vehicle", ...)
-        for label, values in zip(array[array.dims[2]].values, np.moveaxis(array.values, 2, 0), strict=True):
+        for label, values in zip(
+            array[array.dims[2]].values, np.moveaxis(array.values, 2, 0), strict=True
+        ):
             columns[f"attack_{label}" if name == "attack" else str(label)] = values.ravel()
     for axis, values in zip(lane["axis"].values, lane["navigator"].values.T, strict=True):
         columns[f"navigator_{axis}"] = np.repeat(values, len(vehicles))

@@ -20,7 +20,9 @@ def between_ticks(
     rates = [1.0 if order + 1 in reach.orders else np.inf for order in reach.orders]
     if reach.shares is not None:
         rates = np.inf
-    most = float(reach.factors(gain) @ np.broadcast_to(np.minimum(rates, fastest), len(reach.orders)))
+    most = float(
+        reach.factors(gain) @ np.broadcast_to(np.minimum(rates, fastest), len(reach.orders))
+    )
     if one_frequency:
         most = min(most, fastest * response.harmonic_norm(gain))
     return response.impulse_norm(gain) * reach.gains * most * tick

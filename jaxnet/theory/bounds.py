@@ -39,7 +39,14 @@ class Bound(NamedTuple):
         return float(self.vehicles.max())
 
 
-BOUND_KEYS = ("static", "peak_gain", "lyapunov_printed", "lyapunov_corrected", "lyapunov_best", "star_norm")
+BOUND_KEYS = (
+    "static",
+    "peak_gain",
+    "lyapunov_printed",
+    "lyapunov_corrected",
+    "lyapunov_best",
+    "star_norm",
+)
 
 
 def ultimate_bounds(reach: AttackGain, gain: LawGain) -> dict[str, Bound]:

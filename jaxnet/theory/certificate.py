@@ -40,7 +40,9 @@ def certify(network: Digraph, attacked: Links) -> Certificate:
         heard=network.heard.sum(axis=1),
         unreachable=lost,
         inverse_norm=norm,
-        attacked_links=[(int(i) + 1, int(network.sources[i, slot])) for i, slot in np.argwhere(attacked)],
+        attacked_links=[
+            (int(i) + 1, int(network.sources[i, slot])) for i, slot in np.argwhere(attacked)
+        ],
         all_attacked=numbered_vehicles(np.asarray(~honest.any(axis=1))),
         cut_off=graph.unreachable(network.only(honest)),
     )
@@ -51,7 +53,9 @@ class JointReach(NamedTuple):
 
     union: list[int]  # over the links of all networks
     always: list[int]  # in each network
-    nominal: list[int]  # in each network, and no source is ever one that the navigator does not reach
+    nominal: list[
+        int
+    ]  # in each network, and no source is ever one that the navigator does not reach
 
 
 def joint_reach(networks: Sequence[Digraph]) -> JointReach:
@@ -65,7 +69,9 @@ def joint_reach(networks: Sequence[Digraph]) -> JointReach:
     always = set(range(1, vehicles + 1))
     for network in networks:
         listeners, slots = network.edges()
-        links |= set(zip((listeners + 1).tolist(), network.sources[listeners, slots].tolist(), strict=True))
+        links |= set(
+            zip((listeners + 1).tolist(), network.sources[listeners, slots].tolist(), strict=True)
+        )
         always -= set(graph.unreachable(network))
     everything = graph.weighted(vehicles, [(*link, 1.0) for link in sorted(links)])
     union = set(range(1, vehicles + 1)) - set(graph.unreachable(everything))
@@ -83,8 +89,12 @@ def numbered_vehicles(mask: Bool[np.ndarray, " m"]) -> list[int]:
 class Margin(NamedTuple):
     """Attacked sets that break the safety of each vehicle; sets of at most three vehicles are tried."""
 
-    sets: list[list[tuple[int, ...]]]  # for each unsafe vehicle, the minimal attacked sets that break it
-    further: Int[np.ndarray, " m"]  # least number of further attacked vehicles that break it; 0 if unsafe
+    sets: list[
+        list[tuple[int, ...]]
+    ]  # for each unsafe vehicle, the minimal attacked sets that break it
+    further: Int[
+        np.ndarray, " m"
+    ]  # least number of further attacked vehicles that break it; 0 if unsafe
 
 
 def margin(safe: Callable[[list[int]], Vehicles], attacked: Sequence[int], vehicles: int) -> Margin:

@@ -22,13 +22,17 @@ def lags(weights: Weights, delay: float) -> Float[np.ndarray, " m"]:
     return delay * np.linalg.solve(graph.laplacian(weights), np.ones(len(weights)))
 
 
-def word_factors(gain: LawGain, delay: float, extrapolate: str, local: bool) -> Float[np.ndarray, " factors"]:
+def word_factors(
+    gain: LawGain, delay: float, extrapolate: str, local: bool
+) -> Float[np.ndarray, " factors"]:
     """Return the factors of y, ẏ, …, y^(r) in a word that is late by `delay` [s].
 
     They are those of R, or of R after the delay by Taylor. Under a `local` law vehicles do not tell y^(r).
     """
     order = len(gain)
-    powers = [delay**n / math.factorial(n) * (extrapolate != "none" or n == 0) for n in range(order + 1)]
+    powers = [
+        delay**n / math.factorial(n) * (extrapolate != "none" or n == 0) for n in range(order + 1)
+    ]
     factors = [sum(gain[n - j] * powers[j] for j in range(n + 1)) for n in range(order)]
     jerk = sum(gain[k] * powers[order - k] for k in range(order)) if extrapolate == "jerk" else 0.0
     return np.array([*factors, 0.0 if local else 1.0 + jerk])
@@ -43,7 +47,9 @@ def jerk_margin(weights: Weights, gain: LawGain) -> float:
     radius, order = np.abs(np.linalg.eigvals(weights[:, 1:])).max(), len(gain)
 
     def excess(delay: float) -> float:
-        factor = 1 + sum(gain[k] * delay ** (order - k) / math.factorial(order - k) for k in range(order))
+        factor = 1 + sum(
+            gain[k] * delay ** (order - k) / math.factorial(order - k) for k in range(order)
+        )
         return radius * factor - 1
 
     if excess(MOST_DELAY) <= 0:

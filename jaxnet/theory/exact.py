@@ -29,7 +29,9 @@ def companion(gain: PlaneGains) -> Float[np.ndarray, "*lanes n n"]:
         order = gain.shape[-3]
         last = -np.moveaxis(gain, -3, -2).reshape(*gain.shape[:-3], 2, -1)
         shift = np.kron(np.eye(order, k=1), np.eye(2))[:-2]
-        return np.concatenate([np.broadcast_to(shift, (*gain.shape[:-3], *shift.shape)), last], axis=-2)
+        return np.concatenate(
+            [np.broadcast_to(shift, (*gain.shape[:-3], *shift.shape)), last], axis=-2
+        )
     order = gain.shape[-1]
     matrix = np.broadcast_to(np.eye(order, k=1), (*gain.shape, order)).copy()
     matrix[..., -1, :] = -gain

@@ -121,13 +121,21 @@ def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> Robustn
     Each node of a set hears at most r nodes outside its set.
     """
     n, degrees = len(heard), heard.sum(axis=1)
-    slack = np.maximum(degrees - known.low, 0)  # r ≥ low: the row of a node outside a set always holds
+    slack = np.maximum(
+        degrees - known.low, 0
+    )  # r ≥ low: the row of a node outside a set always holds
     rows = sparse.hstack([twice(np.diag(slack) - heard), -np.ones((2 * n, 1))])
     cost = np.append(np.zeros(2 * n), 1)
-    found = solve(cost, [(rows, -np.inf, np.tile(slack - degrees, 2)), *two_sets(n, 1)], known, seconds)
+    found = solve(
+        cost, [(rows, -np.inf, np.tile(slack - degrees, 2)), *two_sets(n, 1)], known, seconds
+    )
     if found is None:
         return known
-    high = known.high if found.x is None else min(known.high, most_outside(heard, both_sets(found.x, n)))
+    high = (
+        known.high
+        if found.x is None
+        else min(known.high, most_outside(heard, both_sets(found.x, n)))
+    )
     return RobustnessBracket(min(high, max(known.low, proved(found))), high)
 
 

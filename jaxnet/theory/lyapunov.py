@@ -30,7 +30,9 @@ def printed_constant(gain: LawGain, Q: exact.Weight | None = None) -> float:
 
 def corrected_constant(gain: LawGain, Q: exact.Weight | None = None) -> float:
     """Return `√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
-    return printed_constant(gain, Q) * float(np.sqrt(np.linalg.cond(exact.lyapunov_matrix(gain, Q))))
+    return printed_constant(gain, Q) * float(
+        np.sqrt(np.linalg.cond(exact.lyapunov_matrix(gain, Q)))
+    )
 
 
 def best_constant(gain: LawGain) -> float:

@@ -58,7 +58,9 @@ def march(
     return states[:, : steps + 1]
 
 
-def variation(states: StatesInTime, matrix: Float[np.ndarray, "states states"], step: float) -> float:
+def variation(
+    states: StatesInTime, matrix: Float[np.ndarray, "states states"], step: float
+) -> float:
     """Return ∫|h| over some steps: h is the first of the states, ḣ the second, ∫h the last.
 
     Within a step h may cross zero once, or touch zero and come back.
@@ -129,5 +131,7 @@ def axis_star_norm(gain: LawGain, output: Float[np.ndarray, "rows r"] | None = N
         ellipsoid = solve_continuous_lyapunov(matrix + alpha / 2 * identity, -entry / alpha)
         return float(np.linalg.norm(output @ ellipsoid @ output.T, 2))
 
-    shares = minimize_scalar(lambda share: size(share * most), bounds=(1e-6, 1 - 1e-6), method="bounded")
+    shares = minimize_scalar(
+        lambda share: size(share * most), bounds=(1e-6, 1 - 1e-6), method="bounded"
+    )
     return float(np.sqrt(shares.fun))

@@ -57,7 +57,9 @@ def pairs(hears: Iterable[object], nodes: int) -> list[int]:
     """
     heard = heard_matrix(hears, nodes)
     if nodes > MOST_NODES:
-        raise ValueError(f"nodes: must be at most {MOST_NODES} (got {nodes}); larger: robustness_bracket")
+        raise ValueError(
+            f"nodes: must be at most {MOST_NODES} (got {nodes}); larger: robustness_bracket"
+        )
     return robustness(heard)
 
 
@@ -100,7 +102,9 @@ def checked_pair(pair: object, nodes: int, where: str) -> tuple[int, int]:
     """Return listener and source of a pair, or raise ValueError with the pair and its place."""
     ends = tuple(pair) if isinstance(pair, Iterable) else ()
     if len(ends) != 2 or not all(is_node(end, nodes) for end in ends):
-        raise ValueError(f"{where}: must be [listener, source], two nodes from 1 to {nodes} (got {pair!r})")
+        raise ValueError(
+            f"{where}: must be [listener, source], two nodes from 1 to {nodes} (got {pair!r})"
+        )
     if ends[0] == ends[1]:
         raise ValueError(f"{where}: node {ends[0]} hears itself")
     return int(ends[0]), int(ends[1])
@@ -259,7 +263,9 @@ def percolated_nodes(
     return [int(node) for node in np.flatnonzero(reached) + 1]
 
 
-def led_digraph(hears: Iterable[object], nodes: int, leaders: Iterable[object]) -> tuple[Digraph, Nodes]:
+def led_digraph(
+    hears: Iterable[object], nodes: int, leaders: Iterable[object]
+) -> tuple[Digraph, Nodes]:
     """Return the graph of pairs and the flags of its leaders; nobody hears the navigator, a leader too."""
     seeds = np.arange(nodes + 1) == 0
     for leader in leaders:
@@ -270,7 +276,9 @@ def led_digraph(hears: Iterable[object], nodes: int, leaders: Iterable[object]) 
     return of_links(nodes, listeners, sources + 1), seeds
 
 
-def trusted_matrix(trusted: Iterable[object], heard: Bool[np.ndarray, "n n"]) -> Bool[np.ndarray, "n n"]:
+def trusted_matrix(
+    trusted: Iterable[object], heard: Bool[np.ndarray, "n n"]
+) -> Bool[np.ndarray, "n n"]:
     """Return the matrix of trusted pairs, or raise ValueError if one is no link."""
     marks = heard_matrix(trusted, len(heard))
     for i, j in np.argwhere(marks & ~heard).tolist():

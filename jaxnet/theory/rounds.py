@@ -71,7 +71,9 @@ def critical_loss(mu: np.ndarray, gain: LawGain, tick: float) -> float:
         return 0.0
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if mean_square_growth(mu, gain, tick, middle) < 1 else (low, middle)
+        low, high = (
+            (middle, high) if mean_square_growth(mu, gain, tick, middle) < 1 else (low, middle)
+        )
     return low
 
 
@@ -95,7 +97,11 @@ def local_rate(eigenvalues: np.ndarray, gain: LawGain) -> float:
 
 
 def late_growth(
-    eigenvalues: np.ndarray, gain: LawGain, word: Float[np.ndarray, " factors"], tick: float, late: int
+    eigenvalues: np.ndarray,
+    gain: LawGain,
+    word: Float[np.ndarray, " factors"],
+    tick: float,
+    late: int,
 ) -> float:
     """Return the factor of the slowest motion at each tick where words are late by a number of ticks >= 1.
 
@@ -134,7 +140,11 @@ def least_rounds(weights: Weights, gain: LawGain, tick: float) -> tuple[int, int
     in μ, because M is affine in μ. So a disc is stable if and only if its edge is stable. Every number of
     rounds that moves all μ into the disc is then stable.
     """
-    found, low, high = eigenvalues(weights), 0.0, 1.0  # low, high: radius of the greatest stable disc
+    found, low, high = (
+        eigenvalues(weights),
+        0.0,
+        1.0,
+    )  # low, high: radius of the greatest stable disc
     most, slow = np.abs(found).max(), found[np.real(found).argmax()]
     if growth(0.0, gain, tick) >= 1 or most >= 1:
         return None

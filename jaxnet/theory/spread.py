@@ -20,7 +20,9 @@ from jaxnet.theory.response import LawGain
 
 Gains = Float[np.ndarray, " m"]
 GAIN_TOLERANCE = 1e-12  # relative; a smaller improvement ends the iteration
-LEAST_GAIN_SHARE = 1e-15  # of the greatest gain; smaller gains, far from every attack, are not improved
+LEAST_GAIN_SHARE = (
+    1e-15  # of the greatest gain; smaller gains, far from every attack, are not improved
+)
 LEAST_NORMAL = float(np.finfo(float).tiny)  # smaller numbers have no relative precision
 
 
@@ -28,7 +30,9 @@ class AttackGain(NamedTuple):
     """Gains from attacks to the errors of a network's vehicles."""
 
     gains: Gains  # γ
-    fixed: Digraph | None  # weights in force for good; None where retained neighbours, or attacks, may jump
+    fixed: (
+        Digraph | None
+    )  # weights in force for good; None where retained neighbours, or attacks, may jump
     norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the fixed weights; not-a-number without these and for large fleets
     orders: tuple[int, ...] = ORDERS  # of the received derivatives that attacks falsify
     shares: tuple[float, ...] | None = None  # of ā, the magnitudes of these orders; None: each is ā
@@ -112,7 +116,9 @@ def worst_gains(retained: DropPolicy, attacked: Links, carried: Links) -> Gains:
     while True:
         reward = attacked + carried * np.append(0.0, better)[sources]
         better = gains_of(worst_kept_weights(weights, reward, links, number))
-        if (better <= np.maximum(gains * (1 + GAIN_TOLERANCE), LEAST_GAIN_SHARE * better.max())).all():
+        if (
+            better <= np.maximum(gains * (1 + GAIN_TOLERANCE), LEAST_GAIN_SHARE * better.max())
+        ).all():
             return np.where(joined, better, np.inf)
         gains = better
 

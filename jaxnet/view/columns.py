@@ -37,7 +37,14 @@ from jaxnet.store.results import Results
 COUNTS = ("ok", "failed", "lanes")
 SHARE_NAMES = ("unrecovered", "in_hull")
 ERROR_COLUMNS = ("tail_mean_mean", "tail_mean_median", "tail_mean_q95", "tail_max_max")
-AGREEMENT_COLUMNS = ("spread_mean", "spread_median", "spread_q95", "spread_max", "in_hull", "outside_max")
+AGREEMENT_COLUMNS = (
+    "spread_mean",
+    "spread_median",
+    "spread_q95",
+    "spread_max",
+    "in_hull",
+    "outside_max",
+)
 STATISTIC_TITLES = {"mean": "mean", "median": "median", "q05": "q05", "q95": "q95", "max": "worst"}
 TITLES = {"tail_mean_mean": "tail mean", "tail_max_max": "worst", "unrecovered": "unrecovered"}
 LATEX_SYMBOLS = {
@@ -187,13 +194,17 @@ def summary_columns(
     if sort:
         name = known_column(sort.removeprefix("-"), table, keys)
         values = [cell.labels[name] for cell in cells] if name in keys else rows[name].tolist()
-        order = pd.Series(values).sort_values(ascending=not sort.startswith("-"), kind="stable").index
+        order = (
+            pd.Series(values).sort_values(ascending=not sort.startswith("-"), kind="stable").index
+        )
         cells, rows = [cells[place] for place in order], rows.iloc[list(order)]
     numbers = Column("cell", "cell", "cell", [cell.number for cell in cells])
     swept = [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
     study = results.study.config
     every = results.study.cells
-    wanted = [known_column(name, table, keys) for name in names] or default_columns(study, table, every)
+    wanted = [known_column(name, table, keys) for name in names] or default_columns(
+        study, table, every
+    )
     if not names and (reduced := reduced_amplitudes(cells)):
         swept.append(amplitude_column(cells, reduced))
     found = [statistic_column(each, rows, study, every) for each in wanted if each not in keys]
@@ -225,14 +236,21 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
     order = sorted(first.values())
     places = {
         (combination, value): place
-        for place, (combination, value) in enumerate(zip(combinations, swept[key].values, strict=True))
+        for place, (combination, value) in enumerate(
+            zip(combinations, swept[key].values, strict=True)
+        )
     }
     across = [
-        across_column(each, swept[key], value, [places[combinations[place], value] for place in order])
+        across_column(
+            each, swept[key], value, [places[combinations[place], value] for place in order]
+        )
         for each in quantities
         for value in dict.fromkeys(swept[key].values)
     ]
-    return [*(each._replace(values=[each.values[place] for place in order]) for each in rows), *across]
+    return [
+        *(each._replace(values=[each.values[place] for place in order]) for each in rows),
+        *across,
+    ]
 
 
 def across_column(column: Column, key: Column, value: Any, places: Sequence[int]) -> Column:
@@ -300,7 +318,9 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
         title = HULL_WORDS if share == "in_hull" else share_name(cells)
         words = ", ".join([title, *filter(None, [name.removeprefix(share).lstrip("_")])])
         ends = interval_ends(rows[f"{name}_low"], rows[f"{name}_high"]) if name == share else None
-        return Column(name, f"{words} [%]", latex_title(words, "%"), rows[name].tolist(), ends, 100.0)
+        return Column(
+            name, f"{words} [%]", latex_title(words, "%"), rows[name].tolist(), ends, 100.0
+        )
     stem, _, end = name.rpartition("_")
     metric, statistic = metric_and_statistic(study, stem if end in ("low", "high") else name)
     which = STATISTIC_TITLES.get(end, end)

@@ -12,7 +12,9 @@ STUDY = {"vehicles": 4, "horizon": 2.0, "tail": 1.0, "engine": "exact", "attack"
 
 def load(**sweep):
     """A study that sweeps dotted keys, given with _ for the dot."""
-    return jaxnet.load(STUDY | {"sweep": {key.replace("_", ".", 1): each for key, each in sweep.items()}})
+    return jaxnet.load(
+        STUDY | {"sweep": {key.replace("_", ".", 1): each for key, each in sweep.items()}}
+    )
 
 
 def test_entries_of_lists_are_swept():
@@ -21,7 +23,10 @@ def test_entries_of_lists_are_swept():
         gain_0=[0.5, 1], **{"navigator_amplitude.1": [60, 70]}, **{"attack_vehicles.0": [1, 3]}
     ).cells
     assert [cell.scenario.gain for cell in cells[::4]] == [[0.5, 3.0, 3.0], [1.0, 3.0, 3.0]]
-    assert [cell.scenario.navigator.amplitude for cell in cells[:4:2]] == [[100.0, 60.0], [100.0, 70.0]]
+    assert [cell.scenario.navigator.amplitude for cell in cells[:4:2]] == [
+        [100.0, 60.0],
+        [100.0, 70.0],
+    ]
     assert [cell.scenario.attack.vehicles for cell in cells[:2]] == [[1], [3]]
     assert naming.value_name("gain.0", 0.5).split() == ["gain", "k0", "=", "0.5"]
     assert naming.quantity("gain.0") == "gain k0"
@@ -31,7 +36,9 @@ def test_entries_of_lists_are_swept():
 def test_cells_are_the_studies_that_their_keys_make():
     """Each one loaded alone, without a sweep."""
     topologies, magnitudes = ["star", {"kind": "path"}, {"navigator_weight": 0.3}], [1, 2.5]
-    study = load(topology=topologies, attack_magnitude=magnitudes, attack_phase=[0.5, {"uniform": [0, 1]}])
+    study = load(
+        topology=topologies, attack_magnitude=magnitudes, attack_phase=[0.5, {"uniform": [0, 1]}]
+    )
     for cell in study.cells:
         topology, rest = divmod(cell.number, 4)
         attack = {"vehicles": [2], "magnitude": magnitudes[rest // 2]}

@@ -59,7 +59,10 @@ def test_a_number_of_vehicles_does_not_read_as_a_vehicle():
 
 def test_a_config_names_its_keys_and_changes_no_row():
     """Swept keys carry the name; the hash of the study stays; a key that is none is refused."""
-    keys = {"sweep": {"attack.frequency": [0.5, 1.0]}, "labels": {"attack.frequency": "carrier frequency"}}
+    keys = {
+        "sweep": {"attack.frequency": [0.5, 1.0]},
+        "labels": {"attack.frequency": "carrier frequency"},
+    }
     study = jaxnet.load(keys)
     assert labels_title(study.cells[0].labels).startswith("carrier frequency")
     (key,) = pickle.loads(pickle.dumps(copy.deepcopy(study.cells[1].labels)))

@@ -20,7 +20,10 @@ SHORTEST = {"horizon": 1.0, "tail": 0.2}
 def test_a_failed_lane_is_named_and_spoils_no_other(engine):
     """Of 200 lanes three fail, and the others are the same to the last bit."""
     given = systems.study(engine=engine, **SHORTEST)
-    clean, faulty = systems.lanes(given, 200), zip((17, 100, 199), faults.FAULTS.values(), strict=True)
+    clean, faulty = (
+        systems.lanes(given, 200),
+        zip((17, 100, 199), faults.FAULTS.values(), strict=True),
+    )
     failed = {n: status for n, status in faulty if faults.fits(engine, status)}
     before, after = systems.simulate(clean), systems.simulate(faults.with_faults(clean, failed))
     assert (before.status == Status.ok).all()
@@ -37,10 +40,22 @@ def test_a_failed_lane_is_named_and_spoils_no_other(engine):
 def test_the_step_limit_is_a_limit(solver):
     """Also where one step ends one interval; the step that reaches the horizon may be the last allowed."""
     easy = {"solver": solver, "rtol": 1e-3, "atol": 1e-3}
-    keys = {"attack": "none", "defence": "none", "initial": {"speed": 20.0}, "horizon": 20.0, "tail": 1.0}
-    needed = int(systems.simulate(systems.lanes(systems.study(engine=easy, **keys), 1, ())).steps[0])
+    keys = {
+        "attack": "none",
+        "defence": "none",
+        "initial": {"speed": 20.0},
+        "horizon": 20.0,
+        "tail": 1.0,
+    }
+    needed = int(
+        systems.simulate(systems.lanes(systems.study(engine=easy, **keys), 1, ())).steps[0]
+    )
     assert needed > 2
-    for limit, status in ((needed, Status.ok), (needed - 1, Status.max_steps), (1, Status.max_steps)):
+    for limit, status in (
+        (needed, Status.ok),
+        (needed - 1, Status.max_steps),
+        (1, Status.max_steps),
+    ):
         given = systems.study(engine={"max_steps": limit, **easy}, **keys)
         outcome = systems.simulate(systems.lanes(given, 1, ()))
         assert (outcome.status[0], outcome.steps[0]) == (status, limit)
@@ -73,14 +88,18 @@ def test_chunks_of_another_width_agree():
 @pytest.mark.parametrize(("decides", "cached"), [(False, 40_000), (True, 16_000)])
 def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, monkeypatch):
     """A power of two, from the engine's own chunk on; the vehicles of all lanes fit into a core's cache."""
-    plan = systems.lanes(systems.study(engine="exact", **SHORTEST), 1, ()).plan._replace(decides=decides)
+    plan = systems.lanes(systems.study(engine="exact", **SHORTEST), 1, ()).plan._replace(
+        decides=decides
+    )
     monkeypatch.setattr(plan.engine, "chunk", chunk)
     fleets = [1, 12, 13, 50, 100, 300, 1_000, 3_000, 10_000, 100_000]
     widths = [batch.EVERYTHING.width(plan, vehicles) for vehicles in fleets]
     assert widths[:2] == [chunk] * 2
     assert widths == sorted(widths, reverse=True)
     assert all(math.log2(width).is_integer() for width in widths)
-    assert all(width == 2 or width * m < 2 * cached for width, m in zip(widths, fleets, strict=True))
+    assert all(
+        width == 2 or width * m < 2 * cached for width, m in zip(widths, fleets, strict=True)
+    )
     assert widths[-1] == 2
     assert batch.Machine(chunk=5).width(plan, 300) == 5
     assert batch.Machine(chunk=10**9).width(plan, 12, lanes=3) == chunk
@@ -91,7 +110,12 @@ def test_an_engine_says_how_many_vehicles_stay_in_a_cache(monkeypatch):
     """Of large fleets no more are side by side: 1,200 in the nonlinear engine, in a power of two of lanes."""
     plan = systems.lanes(systems.study(engine="nonlinear", **SHORTEST), 1, ()).plan
     monkeypatch.setattr(plan.engine, "chunk", 64)
-    assert [batch.EVERYTHING.width(plan, vehicles) for vehicles in (150, 300, 600, 1_000)] == [8, 4, 2, 2]
+    assert [batch.EVERYTHING.width(plan, vehicles) for vehicles in (150, 300, 600, 1_000)] == [
+        8,
+        4,
+        2,
+        2,
+    ]
 
 
 @pytest.mark.parametrize("engine", ["nonlinear", "exact"])
@@ -106,7 +130,9 @@ def test_numbers_never_compile_anew(engine):
     )
     systems.simulate(first)
     compiled = []
-    jax.monitoring.register_event_duration_secs_listener(lambda name, *_, **__: compiled.append(name))
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda name, *_, **__: compiled.append(name)
+    )
     for lanes in others:
         assert systems.simulate(lanes).status.tolist() == [0, 0]
     assert not [name for name in compiled if "backend_compile" in name]
@@ -133,8 +159,12 @@ def test_metrics_are_those_of_the_stored_trajectory():
         }
         for name, value in known.items():
             np.testing.assert_allclose(outcome.metrics[name][number], value, rtol=1e-12)
-        np.testing.assert_allclose(outcome.series["tracking"][number], errors.mean(axis=1), rtol=1e-12)
-        np.testing.assert_allclose(outcome.series["disagreement"][number], apart.mean(axis=1), rtol=1e-12)
+        np.testing.assert_allclose(
+            outcome.series["tracking"][number], errors.mean(axis=1), rtol=1e-12
+        )
+        np.testing.assert_allclose(
+            outcome.series["disagreement"][number], apart.mean(axis=1), rtol=1e-12
+        )
 
 
 @pytest.mark.parametrize("engine", ["nonlinear", "exact"])

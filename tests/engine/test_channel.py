@@ -12,7 +12,12 @@ from tests import reference, systems
 from tests.engine.test_exactness import attack_on_links, navigator_at
 
 TICK, TICKS = 0.1, 30
-ONE_STEP = {"method": "DOP853", "first_step": TICK, "rtol": 1e-6, "atol": 1e-6}  # off by about 1e-12 a tick
+ONE_STEP = {
+    "method": "DOP853",
+    "first_step": TICK,
+    "rtol": 1e-6,
+    "atol": 1e-6,
+}  # off by about 1e-12 a tick
 KEYS = {"horizon": TICK * TICKS, "tail": 1.0, "output_step": TICK, "tick": TICK}
 NEAR = {"initial": {"position": {"uniform": [-20.0, 20.0]}}}
 
@@ -56,7 +61,8 @@ def keepers(heard):
         new = {
             i
             for i in range(m)
-            if i not in reached and any(heard[i, j] and (j == 0 or j - 1 in reached) for j in range(m + 1))
+            if i not in reached
+            and any(heard[i, j] and (j == 0 or j - 1 in reached) for j in range(m + 1))
         }
         reached, grew = reached | new, bool(new)
     return alone | (set(range(m)) - reached)
@@ -67,7 +73,12 @@ class Plain:
 
     def __init__(self, one, number, noisy, lossy, rounds):
         self.lane, self.navigator = systems.lane(one, number), navigator_at(one, number)
-        self.attack, self.noisy, self.lossy, self.rounds = attack_on_links(one, number), noisy, lossy, rounds
+        self.attack, self.noisy, self.lossy, self.rounds = (
+            attack_on_links(one, number),
+            noisy,
+            lossy,
+            rounds,
+        )
         self.k = np.append(self.lane.gain, 1.0)
 
     def fed_back(self, jets):
@@ -176,7 +187,9 @@ def test_vehicles_move_as_the_plain_program(case, engine, law, orders):
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
     for number in range(2):
-        known, count = Plain(one, number, rounds=0 if law == "exact" else 2, **CASES[case]).positions()
+        known, count = Plain(
+            one, number, rounds=0 if law == "exact" else 2, **CASES[case]
+        ).positions()
         apart = np.abs(outcome.series["state"][number, :, :, :2] - known).max()
         assert apart <= (1e-7 if engine == "exact" else 2e-8 if case == "loss" else 1e-5)
         assert outcome.unheard[number] == count
@@ -196,7 +209,12 @@ def dropped(arrived, error, attack):
 
 def test_trimming_judges_what_arrived():
     """Everybody hears everybody: at every tick the farthest of those who arrived is dropped, if three did."""
-    keys = KEYS | {"topology": "complete", "vehicles": 5, "engine": "exact", "channel": {"loss": Striped()}}
+    keys = KEYS | {
+        "topology": "complete",
+        "vehicles": 5,
+        "engine": "exact",
+        "channel": {"loss": Striped()},
+    }
     keys |= {"attack": {"kind": "rotating", "vehicles": [2, 4]}, "defence": "trusted_trim"}
     one = systems.lanes(systems.study(**keys), 1)
     outcome, lane = systems.simulate(one), systems.lane(one, 0)

@@ -45,7 +45,9 @@ class Odd(TwoWheeled):
     def state_of(self, jets):
         state = super().state_of(jets)
         told = state[FORCE] * self.times[None]
-        return state.__array_namespace__().concatenate([state[:FORCE], told[None], state[FORCE + 1 :]])
+        return state.__array_namespace__().concatenate(
+            [state[:FORCE], told[None], state[FORCE + 1 :]]
+        )
 
 
 PUSHED = Odd(push=0.3)
@@ -114,7 +116,8 @@ def test_an_attack_is_seen_whenever_it_begins():
 def test_a_window_serves_ticks_and_outputs_until_a_decision_changes():
     """Ten times as many ticks and outputs take no more windows where nobody decides."""
     coarse, fine = (
-        outcome(attack="rotating", defence="none", tick=tick, output_step=tick) for tick in (0.5, 0.05)
+        outcome(attack="rotating", defence="none", tick=tick, output_step=tick)
+        for tick in (0.5, 0.05)
     )
     np.testing.assert_array_equal(coarse.steps, fine.steps)
     assert coarse.steps.max() < 12

@@ -14,7 +14,16 @@ PAIR = {
     "vehicles": 4,
     "topology": {
         "kind": "edges",
-        "edges": [[1, 2, 1], [1, 3, 1], [1, 4, 1], [2, 1, 1], [2, 3, 1], [2, 4, 1], [3, 0, 1], [4, 0, 1]],
+        "edges": [
+            [1, 2, 1],
+            [1, 3, 1],
+            [1, 4, 1],
+            [2, 1, 1],
+            [2, 3, 1],
+            [2, 4, 1],
+            [3, 0, 1],
+            [4, 0, 1],
+        ],
     },
     "attack": {"kind": "bias", "magnitude": 5.0, "vehicles": [4]},
     "engine": "exact",
@@ -40,7 +49,9 @@ def safe(study):
     """Vehicles that are safe for one reason or another."""
     scenario = study.cells[0].scenario
     known = situation_of(scenario)
-    return np.any([each.vehicles for each in safe_in(scenario, known.graph, known.attacked)], axis=0)
+    return np.any(
+        [each.vehicles for each in safe_in(scenario, known.graph, known.attacked)], axis=0
+    )
 
 
 def test_two_who_trust_each_other_know_nothing():
@@ -77,7 +88,12 @@ def test_the_ring_by_what_drives():
 def test_a_false_third_derivative_alone(score, saves):
     """Positions, velocities and accelerations do not show it; what is announced does."""
     study = systems.study(
-        attack={"kind": "spoof", "orders": [3], "magnitude": 10.0, "direction": {"uniform": [0, 6.28]}},
+        attack={
+            "kind": "spoof",
+            "orders": [3],
+            "magnitude": 10.0,
+            "direction": {"uniform": [0, 6.28]},
+        },
         defence={"kind": "trusted_trim", **SCORES[score]},
         engine="exact",
         horizon=90.0,

@@ -44,7 +44,9 @@ def is_lost(loss, tick, listener, source):
     """Whether a message is lost at a tick, for NumPy and JAX."""
     a, b, c, d = loss.factors
     listener, source = listener * int(loss.of == "link"), source * int(loss.of != "all")
-    return (a * tick + b * listener + c * source + d * listener * source + tick**2) % 29 < loss.share
+    return (
+        a * tick + b * listener + c * source + d * listener * source + tick**2
+    ) % 29 < loss.share
 
 
 class Swinging(Sensor):
@@ -57,7 +59,16 @@ class Swinging(Sensor):
         """Three orders."""
         vehicle, axis = jnp.arange(float(vehicles))[None, :, None], jnp.arange(2.0)[:, None, None]
         return tuple(
-            swung(jnp, self.size[None, None], self.pace[None, None], time[None, None], vehicle, 0.0, axis, k)
+            swung(
+                jnp,
+                self.size[None, None],
+                self.pace[None, None],
+                time[None, None],
+                vehicle,
+                0.0,
+                axis,
+                k,
+            )
             for k in range(3)
         )
 
@@ -75,10 +86,15 @@ class Humming(ChannelNoise):
 
     def next_errors(self, last, time, interval, sources):
         """Four orders."""
-        listeners, told = jnp.arange(float(sources.shape[1]))[None, :, None], sources.astype(float)[..., None]
+        listeners, told = (
+            jnp.arange(float(sources.shape[1]))[None, :, None],
+            sources.astype(float)[..., None],
+        )
         size, pace, time = (each[None, None] for each in (self.size, self.pace, time))
         return tuple(
-            jnp.stack([swung(jnp, size, pace, time, listeners, told, float(axis), k) for axis in range(2)])
+            jnp.stack(
+                [swung(jnp, size, pace, time, listeners, told, float(axis), k) for axis in range(2)]
+            )
             for k in (0, 1, 2, HIGHEST)[: 3 + self.errs_in_highest()]
         )
 
@@ -105,14 +121,20 @@ def late_by(tick, listener, slot):
 NODES = (1 - np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)) / 2  # of a tick of length 1
 VALUES = chebyshev.chebvander(2 * NODES - 1, DEGREE)
 ANTIDERIVATIVES = chebyshev.chebint(np.eye(DEGREE + 1), lbnd=-1, axis=0) / 2
-INTEGRALS = chebyshev.chebvander(2 * NODES - 1, DEGREE + 1) @ ANTIDERIVATIVES @ np.linalg.inv(VALUES)
-POWERS = [np.linalg.matrix_power(INTEGRALS, n) for n in range(5)]  # integrals from the tick to the nodes
+INTEGRALS = (
+    chebyshev.chebvander(2 * NODES - 1, DEGREE + 1) @ ANTIDERIVATIVES @ np.linalg.inv(VALUES)
+)
+POWERS = [
+    np.linalg.matrix_power(INTEGRALS, n) for n in range(5)
+]  # integrals from the tick to the nodes
 
 
 def taylor(jets, by):
     """Jets (orders, …) later by a time, of the polynomial with these jets."""
     each = range(len(jets))
-    return np.stack([sum(jets[n] * by ** (n - k) / math.factorial(n - k) for n in each[k:]) for k in each])
+    return np.stack(
+        [sum(jets[n] * by ** (n - k) / math.factorial(n - k) for n in each[k:]) for k in each]
+    )
 
 
 def harmonic(time, order, frequency, phase):
@@ -127,7 +149,10 @@ class Fleet:
 
     def __init__(self, keys, delays):
         self.keys, self.channel, self.delays, self.h = keys, keys["channel"], delays, keys["tick"]
-        self.nodes, self.integrals = self.h * NODES, [self.h**n * each for n, each in enumerate(POWERS)]
+        self.nodes, self.integrals = (
+            self.h * NODES,
+            [self.h**n * each for n, each in enumerate(POWERS)],
+        )
         self.attack, self.defence, self.law = keys["attack"], keys["defence"], keys["law"]["kind"]
         self.holds = self.law == "rounds" or keys["law"].get("hold", False)
         self.r, self.m, self.k = len(keys["gain"]), keys["vehicles"], np.append(keys["gain"], 1.0)
@@ -189,7 +214,10 @@ class Fleet:
         size = given["magnitude"] / max(frequency**k for k in np.flatnonzero(self.falsified()))
         if given["kind"] == "rotating":
             phase = given["phase"][place]
-            axes = [harmonic(time, r, frequency, phase + np.pi / 2), harmonic(time, r, frequency, phase)]
+            axes = [
+                harmonic(time, r, frequency, phase + np.pi / 2),
+                harmonic(time, r, frequency, phase),
+            ]
             return size * np.stack(axes, axis=-1).transpose(1, 0, 2) * self.falsified()
         angle = given["direction"][place]
         wave = harmonic(time, r, frequency, given["phase"][place]).T[..., None]
@@ -237,13 +265,19 @@ class Fleet:
         """What rounding adds to jets at a tick, (orders, 2)."""
         step = np.zeros((self.r + 1, 1))
         step[: self.r, 0] = self.channel["quantisation"]
-        return np.where(step > 0, step * np.round(jets / np.where(step > 0, step, 1.0)), jets) - jets
+        return (
+            np.where(step > 0, step * np.round(jets / np.where(step > 0, step, 1.0)), jets) - jets
+        )
 
     def arrival(self, n, i, j):
         """The tick at which the message was sent that is heard at tick n, None where none is."""
         loss, after = self.channel["loss"], self.newest.get((i, j), -1) + 1
         came = [b for b in range(max(0, n - 3, after), n + 1) if b + self.delays(b, i, j) == n]
-        if not came or self.network(n)[i, j] == 0 or (isinstance(loss, Hashed) and is_lost(loss, n, i, j)):
+        if (
+            not came
+            or self.network(n)[i, j] == 0
+            or (isinstance(loss, Hashed) and is_lost(loss, n, i, j))
+        ):
             return None
         self.newest[i, j] = came[-1]
         return came[-1]
@@ -253,7 +287,9 @@ class Fleet:
         given, jets = self.keys["initial"], np.zeros((self.m, self.r, 2))
         jets[:, 0] = given["position"]
         if self.r in (2, 3):
-            jets[:, 1] = given["speed"] * np.array([np.cos(given["heading"]), np.sin(given["heading"])])
+            jets[:, 1] = given["speed"] * np.array(
+                [np.cos(given["heading"]), np.sin(given["heading"])]
+            )
         return jets
 
     def motion(self):
@@ -289,7 +325,8 @@ class Fleet:
         free = self.free(jets)
         highest = self.solved(n, free, shares, known, live)
         moved = free + np.stack(
-            [np.einsum("cd,idx->icx", self.integrals[self.r - k], highest) for k in range(self.r)], axis=2
+            [np.einsum("cd,idx->icx", self.integrals[self.r - k], highest) for k in range(self.r)],
+            axis=2,
         )
         own = np.concatenate([moved + self.noise[:, None], highest[:, :, None]], axis=2)
         self.sent.append({(i, j): self.carried(t + self.nodes, i, j, own[j - 1]) for i, j in links})
@@ -323,14 +360,19 @@ class Fleet:
             told = self.carried(np.zeros(1), i, j, own[None, j - 1])[0]
             if self.holds:
                 told = told + self.rounding[0][i, j] + self.errors[i, j]
-            self.words[i, j], self.last[i, j] = self.value(told) + np.zeros((DEGREE + 1, 1)), (0, told)
+            self.words[i, j], self.last[i, j] = (
+                self.value(told) + np.zeros((DEGREE + 1, 1)),
+                (0, told),
+            )
 
     def judge(self, own, arrived):
         """Whom vehicles believe of those that arrived."""
         for i in range(self.m):
             came = {j: b for (a, j), b in arrived.items() if a == i and b is not None}
             links = [(b, (i, j)) for j, b in came.items()]
-            told = [self.at_tick[b][x][0] + self.rounding[b][x][0] + self.errors[x][0] for b, x in links]
+            told = [
+                self.at_tick[b][x][0] + self.rounding[b][x][0] + self.errors[x][0] for b, x in links
+            ]
             self.believed[i, list(came)] = True
             for j, axis in self.dropped(own[i, 0], dict(zip(came, told, strict=True))):
                 self.believed[i, j, axis] = False
@@ -346,7 +388,9 @@ class Fleet:
                 beyond = [each for each in away if each[1] == axis and sign * away[each] > 0]
                 found += sorted(beyond, key=lambda each: -abs(away[each]))[:count]
             return found
-        if kind == "trusted_trim" and (len(told) < 2 * count + 1 or len(told) - len(others) < count):
+        if kind == "trusted_trim" and (
+            len(told) < 2 * count + 1 or len(told) - len(others) < count
+        ):
             return []
         middle = told[0] if kind == "trusted_trim" and count else own
         farthest = sorted(others, key=lambda j: -np.linalg.norm(told[j] - middle))
@@ -408,7 +452,9 @@ class Fleet:
             right[i] += shares[i, j] * values
         for i, j in live:
             added = self.carried(n * self.h + self.nodes, i, j, np.zeros((count, self.r + 1, 2)))
-            right[i] += shares[i, j] * self.value(added + self.rounding[n][i, j] + self.errors[i, j])
+            right[i] += shares[i, j] * self.value(
+                added + self.rounding[n][i, j] + self.errors[i, j]
+            )
             if j > 0 and not self.is_replaced(i, j):
                 graph[i, j - 1] = shares[i, j]
         hears, solved = shares.any(axis=1), np.zeros((m, count, 2))
@@ -462,8 +508,14 @@ def drawn(seed, engine, h=H):
     if defence["kind"] != "none":
         theta = "theta" if defence["kind"] == "trusted_trim" else "F"
         defence |= {theta: pick(1, 1, 2), "isolated": pick("fail", "coast", "coast")}
-    sensing = Swinging(size=some(0.05, 0.4), pace=some(1, 9)) if draw.uniform() < 0.6 else "gaussian"
-    figure = {"amplitude": some(10, 30, 2), "frequency": some(0.4, 1, 2), "phase": some(0.5, 1.0, 2)}
+    sensing = (
+        Swinging(size=some(0.05, 0.4), pace=some(1, 9)) if draw.uniform() < 0.6 else "gaussian"
+    )
+    figure = {
+        "amplitude": some(10, 30, 2),
+        "frequency": some(0.4, 1, 2),
+        "phase": some(0.5, 1.0, 2),
+    }
     start = {"position": some(-20, 20, 4, 2), "heading": some(0, 6), "speed": some(5, 9)}
     return {
         "tick": h,
@@ -497,7 +549,10 @@ def network(draw, m):
 
 def attack(r, pick, some):
     """Keys of an attack on one or two vehicles."""
-    kind, vehicles = pick("none", "rotating", "sinusoid", "bias", "spoof", "own_path"), pick([1], [4], [2, 3])
+    kind, vehicles = (
+        pick("none", "rotating", "sinusoid", "bias", "spoof", "own_path"),
+        pick([1], [4], [2, 3]),
+    )
     if kind == "none":
         return {"kind": kind}
     links = pick("neighbour", "neighbour", "navigator")
@@ -507,7 +562,9 @@ def attack(r, pick, some):
         return keys | {"frequency": some(0.3, 2), "phase": some(0, 6)}
     keys |= {"threat": pick("adds", "adds", "replaces"), "magnitude": some(1, 8)}
     if r == 3 and keys["threat"] == "adds":
-        keys["orders"] = pick([0, 1, 2, 3], [0], [0, 1], [0, 2], [0, 3] if kind == "bias" else [1, 3])
+        keys["orders"] = pick(
+            [0, 1, 2, 3], [0], [0, 1], [0, 2], [0, 3] if kind == "bias" else [1, 3]
+        )
     if kind in ("rotating", "sinusoid"):
         keys |= {"frequency": some(0.3, 2, len(vehicles)), "phase": some(0, 6, len(vehicles))}
     return keys if kind == "rotating" else keys | {"direction": some(0, 6, len(vehicles))}

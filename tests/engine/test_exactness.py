@@ -9,7 +9,9 @@ TOPOLOGIES = ["star", "cyclic", "path"]
 RANDOM_GRAPH = {
     "kind": "edges",
     "edges": [
-        [i, j, 1.0 + (5 * i + 3 * j) % 7] for i in range(1, 13) for j in {0, i % 12 + 1, (5 * i) % 13} - {i}
+        [i, j, 1.0 + (5 * i + 3 * j) % 7]
+        for i in range(1, 13)
+        for j in {0, i % 12 + 1, (5 * i) % 13} - {i}
     ],
 }
 DIRECTION = {"uniform": [0, 6.28]}
@@ -90,7 +92,9 @@ def test_attacked_without_trimming(keys):
     To 1e-5 m in the nonlinear engine, to rounding in the exact one.
     """
     accuracies = {"nonlinear": 1e-5, "exact": 1e-9}
-    of_engine = [systems.lanes(systems.study(engine=each, defence="none", **keys), 1) for each in accuracies]
+    of_engine = [
+        systems.lanes(systems.study(engine=each, defence="none", **keys), 1) for each in accuracies
+    ]
     outcomes = [systems.simulate(one) for one in of_engine]
     for number in range(of_engine[0].size):
         known = exact(of_engine[0], number, 0.1, 300)["positions"]
@@ -114,7 +118,9 @@ def trimmed():
 @pytest.mark.parametrize(
     ("engine", "accuracy", "knife_edge"), [("nonlinear", 1e-4, 1e-6), ("exact", 1e-9, 1e-9)]
 )
-def test_trimming_at_ticks_decides_and_moves_as_the_reference(trimmed, engine, accuracy, knife_edge):
+def test_trimming_at_ticks_decides_and_moves_as_the_reference(
+    trimmed, engine, accuracy, knife_edge
+):
     """The same decisions, and positions over 30 s for as long as they are the same."""
     _, outcome, known = trimmed
     if engine == "exact":
@@ -176,7 +182,9 @@ def test_trimming_in_the_vector_field_is_the_limit_of_trimming_at_ticks():
     """On a lane that recovers: the finer the ticks, the nearer to `tick: 0`."""
     ended = {}
     for tick in (0.1, 0.025, 0):
-        given = systems.study(tick=tick, horizon=10.0, tail=1.0, attack={"magnitude": 5.0, "vehicles": [2]})
+        given = systems.study(
+            tick=tick, horizon=10.0, tail=1.0, attack={"magnitude": 5.0, "vehicles": [2]}
+        )
         outcome = systems.simulate(systems.lanes(given, 1))
         assert (outcome.status == 0).all()
         ended[tick] = outcome.series["state"][0, :, :, :2]
@@ -201,9 +209,13 @@ GAIN = [{"uniform": [0.5, 1.5]}, {"uniform": [2.5, 3.5]}, {"choice": [2.5, 3, 3.
 
 def test_drawn_gains_and_edges_are_each_lane_s_own():
     """O2 with gains and a weighted digraph drawn lane by lane, to 1e-9 m."""
-    edges = [[i, j, {"uniform": [weight / 4, 4 * weight]}] for i, j, weight in RANDOM_GRAPH["edges"]]
+    edges = [
+        [i, j, {"uniform": [weight / 4, 4 * weight]}] for i, j, weight in RANDOM_GRAPH["edges"]
+    ]
     topology = {"kind": "edges", "edges": edges}
-    one = systems.lanes(systems.study(engine="exact", defence="none", topology=topology, gain=GAIN), 6)
+    one = systems.lanes(
+        systems.study(engine="exact", defence="none", topology=topology, gain=GAIN), 6
+    )
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     assert len({systems.lane(one, number).weights.tobytes() for number in range(6)}) == 6
@@ -216,7 +228,9 @@ def test_trimming_with_drawn_gains_and_weights():
     """The same decisions and positions as the reference that has the lane's numbers, tolerance included."""
     topology = {"navigator_weight": {"uniform": [0.05, 0.5]}}
     defence = {"tolerance": {"uniform": [0.1, 1]}}
-    given = systems.study(engine="exact", topology=topology, defence=defence, gain=GAIN, output_step=0.05)
+    given = systems.study(
+        engine="exact", topology=topology, defence=defence, gain=GAIN, output_step=0.05
+    )
     one = systems.lanes(given, 3)
     outcome = systems.simulate(one)
     for number in range(3):

@@ -27,7 +27,9 @@ def window_of(jerks, jets):
         [[[p(gauss.RULE.nodes * h) for p, h in zip(row, LENGTHS, strict=True)]] for row in jerks]
     )
     values = jnp.asarray(np.moveaxis(at_nodes, -1, 0))
-    return gauss.Window(jnp.asarray(START), jnp.asarray(LENGTHS), tuple(map(jnp.asarray, jets)), values)
+    return gauss.Window(
+        jnp.asarray(START), jnp.asarray(LENGTHS), tuple(map(jnp.asarray, jets)), values
+    )
 
 
 @pytest.mark.parametrize("past", [0.0, 0.31, 1.0])

@@ -118,12 +118,18 @@ class Returning(Steering):
         """Along x."""
         number = jnp.where(memory < 4, 1.0, self.scale)[None, None, None]
         vectors = jnp.stack([number, 0.0 * number])[:, 0]
-        return jnp.broadcast_to(vectors, (2, seen.errors[0].shape[1], 1, memory.shape[0])), memory + 1
+        return jnp.broadcast_to(
+            vectors, (2, seen.errors[0].shape[1], 1, memory.shape[0])
+        ), memory + 1
 
 
 def plain(kind, lane):
     """The plain program of a defence and of the attack that chooses: `choose` for `march`, what it chose."""
-    carried, memory, chosen = np.ones(lane.weights.shape, bool), np.zeros((2, *lane.weights.shape)), []
+    carried, memory, chosen = (
+        np.ones(lane.weights.shape, bool),
+        np.zeros((2, *lane.weights.shape)),
+        [],
+    )
 
     def choose(n, error):
         nonlocal memory
@@ -150,7 +156,12 @@ def named(kind):
 KEYS = {"horizon": 5.0, "tail": 1.0, "output_step": TICK, "tick": TICK}
 INSTANTS = np.arange(101) * TICK
 MAGNITUDE = 0.3
-CIRCLE = {"kind": "lissajous", "amplitude": [1.0, 1.0], "frequency": [0.4, 0.4], "phase": [0.0, 1.57]}
+CIRCLE = {
+    "kind": "lissajous",
+    "amplitude": [1.0, 1.0],
+    "frequency": [0.4, 0.4],
+    "phase": [0.0, 1.57],
+}
 SMALL = {"vehicles": 6, "topology": RANDOM, "navigator": CIRCLE, "gain": [6.0, 11.0, 6.0]}
 SMALL |= {"initial": {"position": {"uniform": [-2, 2]}}}
 
@@ -170,7 +181,10 @@ def errors_of(one, outcome, number):
 
 def start_of(one, number):
     """E and two derivatives at t = 0: (3, m, 2)."""
-    return reference.flat_jets(systems.lane(one, number).initial.T) - navigator_at(one, number)(0.0)[:3, None]
+    return (
+        reference.flat_jets(systems.lane(one, number).initial.T)
+        - navigator_at(one, number)(0.0)[:3, None]
+    )
 
 
 @pytest.mark.parametrize(
@@ -219,7 +233,9 @@ def test_a_defence_in_the_vector_field_is_told_the_time():
 def test_no_attack_that_chooses_is_over_its_magnitude(number):
     """Whatever it returns, for whomever; what has no direction leaves no lane that calls itself ok."""
     attack = named(Returning) | {"magnitude": 3.0}
-    scenario = systems.study(engine="exact", attack=attack, defence="none", **KEYS).cells[0].scenario
+    scenario = (
+        systems.study(engine="exact", attack=attack, defence="none", **KEYS).cells[0].scenario
+    )
     made = scenario.attack.model_copy(update={"scale": number})
     outcome = systems.simulate(
         job(scenario.model_copy(update={"attack": made}), Keyed(0), [0], systems.EVERYTHING)
@@ -231,5 +247,7 @@ def test_no_attack_that_chooses_is_over_its_magnitude(number):
         return
     assert outcome.status.tolist() == [Status.ok]
     attacked = signal[4:, [1, 4, 7, 10]]
-    np.testing.assert_allclose(attacked, np.broadcast_to([3 * min(1, number), 0], attacked.shape), rtol=1e-14)
+    np.testing.assert_allclose(
+        attacked, np.broadcast_to([3 * min(1, number), 0], attacked.shape), rtol=1e-14
+    )
     assert not np.delete(signal, [1, 4, 7, 10], axis=1).any()

@@ -21,7 +21,14 @@ def car(state, inputs):
     """Equations of the car with a wheelbase of 0.5 m, state `[x, y, θ, v, δ, a]`, input `[ȧ, δ̇]`."""
     _, _, heading, speed, steering, acceleration = state
     turn_rate = speed * np.tan(steering) / 0.5
-    return [speed * np.cos(heading), speed * np.sin(heading), turn_rate, acceleration, inputs[1], inputs[0]]
+    return [
+        speed * np.cos(heading),
+        speed * np.sin(heading),
+        turn_rate,
+        acceleration,
+        inputs[1],
+        inputs[0],
+    ]
 
 
 def test_inputs_drive_the_vehicles_along_the_stored_states():
@@ -62,7 +69,9 @@ def test_engines_agree_on_the_inputs(keys, engines):
     """After each decision: the inputs jump where a vehicle drops a source, senses anew or loses a message."""
     known, *others = (
         systems.simulate(
-            systems.lanes(systems.study(engine=engine, attack=TURNING, **KEYS, **keys), 2, ("inputs",))
+            systems.lanes(
+                systems.study(engine=engine, attack=TURNING, **KEYS, **keys), 2, ("inputs",)
+            )
         ).series["inputs"]
         for engine in ("exact", *engines)
     )

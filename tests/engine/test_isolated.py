@@ -46,7 +46,9 @@ def companion(gain):
 def test_a_vehicle_cut_off_goes_to_rest_where_its_last_drive_leads():
     """On the path the last vehicle keeps z, so its y solves `y^(r) + … + k0 y = z`; others are nominal."""
     defence = {"kind": f"{__name__}:LastDrops", "isolated": "coast"}
-    keys = KEYS | NEAR | {"topology": "path", "vehicles": 3, "gain": [2.0, 4.0, 2.5], "attack": "none"}
+    keys = (
+        KEYS | NEAR | {"topology": "path", "vehicles": 3, "gain": [2.0, 4.0, 2.5], "attack": "none"}
+    )
     begins = [0.0, 0.7]
     given = systems.study(engine="exact", defence=defence, sweep={"defence.since": begins}, **keys)
     one = systems.lanes(given, 1)
@@ -79,7 +81,11 @@ def coasting(one, number, since):
         return np.einsum("kl,lmx->kmx", expm(flow * time), jets)
 
     known = np.array([navigator(t)[0] + ahead(error, t)[0] for t in TIMES])
-    z = np.append(gain, 1.0) @ navigator(since)[: r + 1] if since else np.tensordot(gain, start, 1)[2]
+    z = (
+        np.append(gain, 1.0) @ navigator(since)[: r + 1]
+        if since
+        else np.tensordot(gain, start, 1)[2]
+    )
     rest = np.concatenate([z[None] / gain[0], np.zeros((r - 1, 2))])[:, None]
     away = ahead(error, since)[:, 2:] + navigator(since)[:r, None] - rest
     for n, t in enumerate(TIMES):
@@ -151,7 +157,9 @@ class Plain:
             kept = {i: kept.get(i, last[i]) for i in keeping}
             weights = np.where(believed & arrived[None], self.lane.weights[None], 0.0)
             for i in range(m):
-                weights[:, i] = 0.0 if i in keeping else weights[:, i] / weights[:, i].sum(1, keepdims=True)
+                weights[:, i] = (
+                    0.0 if i in keeping else weights[:, i] / weights[:, i].sum(1, keepdims=True)
+                )
             jets, jerk = self.moved(n * TICK, jets, weights, kept, jerk)
         return np.stack(path), off, coasting
 
@@ -163,8 +171,12 @@ class Plain:
 
     def moved(self, t, jets, weights, kept, jerk):
         """A tick with these weights and kept drives, and the jerk at its end."""
-        found = [self.on_axis(axis, t, jets[..., axis], weights, kept, jerk[:, axis]) for axis in (0, 1)]
-        return np.stack([one[0] for one in found], axis=-1), np.stack([one[1] for one in found], axis=-1)
+        found = [
+            self.on_axis(axis, t, jets[..., axis], weights, kept, jerk[:, axis]) for axis in (0, 1)
+        ]
+        return np.stack([one[0] for one in found], axis=-1), np.stack(
+            [one[1] for one in found], axis=-1
+        )
 
     def on_axis(self, axis, t, jets, weights, kept, jerk):
         """A tick on one axis: (3, m) jets and (m,) jerk. Under rounds a coasting vehicle holds its jerk."""
@@ -177,7 +189,11 @@ class Plain:
             y, v, a = jets
             h = TICK
             return np.stack(
-                [y + h * v + h**2 / 2 * a + h**3 / 6 * jerk, v + h * a + h**2 / 2 * jerk, a + h * jerk]
+                [
+                    y + h * v + h**2 / 2 * a + h**3 / 6 * jerk,
+                    v + h * a + h**2 / 2 * jerk,
+                    a + h * jerk,
+                ]
             ), jerk
         inverse, constant = np.linalg.inv(np.eye(self.m) - heard), np.zeros(self.m)
         for i, z in kept.items():
@@ -196,7 +212,20 @@ class Plain:
 
 
 TWO_ROUNDS = {"kind": "rounds", "rounds": 2}
-LINKS = [[1, 0], [2, 0], [1, 3], [2, 4], [3, 1], [3, 2], [4, 2], [4, 3], [4, 5], [5, 3], [5, 4], [5, 1]]
+LINKS = [
+    [1, 0],
+    [2, 0],
+    [1, 3],
+    [2, 4],
+    [3, 1],
+    [3, 2],
+    [4, 2],
+    [4, 3],
+    [4, 5],
+    [5, 3],
+    [5, 4],
+    [5, 1],
+]
 ATTACKED = {
     "topology": {"kind": "edges", "edges": [[*link, 1.0] for link in LINKS]},
     "vehicles": 5,
@@ -234,7 +263,9 @@ def test_vehicles_coast_as_the_plain_program(law, lossy):
         share = sum(map(len, off)) / (5 * (TICKS + 1))
         assert outcome.cut_off["cut_off_share"][number] == pytest.approx(share)
         assert outcome.unheard[number] == sum(map(len, coasting))
-        assert sum(bool(a) != bool(b) for a, b in zip(off[1:], off, strict=False)) >= (1 if lossy else 2)
+        assert sum(bool(a) != bool(b) for a, b in zip(off[1:], off, strict=False)) >= (
+            1 if lossy else 2
+        )
 
 
 @pytest.fixture(scope="module")
@@ -274,5 +305,8 @@ def test_rows_tell_who_since_when_and_how_long(results):
     assert "disconnected, vehicle 4 since 1.2 s" in tables.failures_text(results)
     alone = rows.isolation_columns(jaxnet.load({"defence": "w_msr", "law": "local"}).cells)
     assert alone == []
-    assert rows.isolation_columns(jaxnet.load({"defence": "w_msr"}).cells) == ["cut_off", "cut_off_at"]
+    assert rows.isolation_columns(jaxnet.load({"defence": "w_msr"}).cells) == [
+        "cut_off",
+        "cut_off_at",
+    ]
     assert rows.isolation_columns(jaxnet.load({"defence": "none"}).cells) == []

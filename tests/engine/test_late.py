@@ -63,7 +63,9 @@ def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, kno
     settled = slice(140, None)
     for axis, (size, frequency) in enumerate([(100.0, 0.2), (50.0, 0.4)]):
         found = outcome.series["state"][0, settled, -1, axis]
-        expected = size * factors(matrix_of(graph, 12), frequency, 0.1)[-1] * np.exp(1j * frequency * time)
+        expected = (
+            size * factors(matrix_of(graph, 12), frequency, 0.1)[-1] * np.exp(1j * frequency * time)
+        )
         assert found == pytest.approx(expected.imag[settled], abs=2e-6)
         off = abs(expected[0] - size)
         assert known[axis] is None or off == pytest.approx(known[axis], abs=6e-7)
@@ -92,7 +94,9 @@ class PlainLate:
 
     def words(self, tick, s):
         """What links carry at time s of a tick, (m, m + 1, 2)."""
-        sent = np.concatenate([(self.k @ self.navigator(s).reshape(4, 2))[None], self.drive(tick, s)])
+        sent = np.concatenate(
+            [(self.k @ self.navigator(s).reshape(4, 2))[None], self.drive(tick, s)]
+        )
         return sent[None] + np.tensordot(self.k, self.attack(s), 1)
 
     def drive(self, tick, s):
@@ -144,11 +148,19 @@ class PlainLate:
 
 @pytest.mark.parametrize(
     ("engine", "late", "orders", "accuracy"),
-    [("exact", 2, [0], 1e-7), ("exact", 1, [0, 1, 2, 3], 1e-7), ("nonlinear", 3, [0, 1, 2, 3], 1e-5)],
+    [
+        ("exact", 2, [0], 1e-7),
+        ("exact", 1, [0, 1, 2, 3], 1e-7),
+        ("nonlinear", 3, [0, 1, 2, 3], 1e-5),
+    ],
 )
 def test_vehicles_with_late_words_move_as_the_plain_program(engine, late, orders, accuracy):
     """All at once: late and lost words, errors of sensors, attacks, trimming, and other gains."""
-    keys = KEYS | NEAR | {"gain": [2.0, 4.0, 2.5], "vehicles": 5, "topology": "complete", "sensing": Wavy()}
+    keys = (
+        KEYS
+        | NEAR
+        | {"gain": [2.0, 4.0, 2.5], "vehicles": 5, "topology": "complete", "sensing": Wavy()}
+    )
     keys |= {"attack": {"kind": "rotating", "orders": orders, "vehicles": [2, 4]}, "engine": engine}
     keys |= {"defence": "trusted_trim", "channel": {"loss": Striped(), "delay": late * TICK}}
     one = systems.lanes(systems.study(**keys), 1)
@@ -168,11 +180,23 @@ def test_vehicles_with_late_words_move_as_the_plain_program(engine, late, orders
         ({"channel": {"delay": 0.07}}, "multiple of tick = 0.05"),
         ({"channel": {"delay": 20.0}}, "at most 200 times tick"),
         ({"channel": {"delay": 0.1}, "tick": 0.0}, "give a tick"),
-        ({"channel": {"delay": 0.1}, "law": {"kind": "rounds", "rounds": 2}}, "makes one at a tick"),
-        ({"channel": {"missing": "hold"}, "law": {"kind": "rounds", "rounds": 2}}, "makes one at a tick"),
+        (
+            {"channel": {"delay": 0.1}, "law": {"kind": "rounds", "rounds": 2}},
+            "makes one at a tick",
+        ),
+        (
+            {"channel": {"missing": "hold"}, "law": {"kind": "rounds", "rounds": 2}},
+            "makes one at a tick",
+        ),
         ({"channel": {"delay": 0.1, "missing": "extrapolate"}}, "dropped or held"),
-        ({"channel": {"delay": 0.1, "extrapolate": "jerk"}, "law": "local"}, "no highest derivative"),
-        ({"channel": {"delay": 0.4}, "law": LOCAL, "tick": 0.2, "gain": [9, 9, 9]}, "fastest time constant"),
+        (
+            {"channel": {"delay": 0.1, "extrapolate": "jerk"}, "law": "local"},
+            "no highest derivative",
+        ),
+        (
+            {"channel": {"delay": 0.4}, "law": LOCAL, "tick": 0.2, "gain": [9, 9, 9]},
+            "fastest time constant",
+        ),
         ({"channel": {"delay": {"uniform": [0.02, 0.1]}}}, "at least half a tick"),
         ({"channel": {"delay": {"normal": [0.2, 0.1]}}}, "must be at least 0"),
         ({"channel": {"delay": -0.1}}, "must be at least 0"),
@@ -195,7 +219,11 @@ def test_extrapolated_words_are_off_less(extrapolate, known):
     With the factors c_n of y^(n) in a word and e = exp(-iωτ): `X = e (A w X + a0 w R)`, w the word over X.
     """
     delay = {"jets": 0.1, "jerk": 0.03}[extrapolate]
-    given = {"topology": "cyclic", "channel": {"delay": delay, "extrapolate": extrapolate}, "tick": delay}
+    given = {
+        "topology": "cyclic",
+        "channel": {"delay": delay, "extrapolate": extrapolate},
+        "tick": delay,
+    }
     keys = given | {"horizon": 240.0, "output_step": 0.3, "initial": {"position": 0.0}} | QUIET
     outcome = systems.simulate(systems.lanes(systems.study(**keys), 1))
     time, weights, settled = np.arange(801) * 0.3, matrix_of(Cyclic(), 12), slice(700, None)

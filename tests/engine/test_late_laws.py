@@ -18,7 +18,13 @@ from tests.matrices import matrix_of
 from tests.theory.test_rounds import late_polynomial
 
 H = 0.1
-AGENTS = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1 / H], "tick": H}
+AGENTS = {
+    "vehicle": "single_integrator",
+    "navigator": "none",
+    "law": "local",
+    "gain": [1 / H],
+    "tick": H,
+}
 AGENTS |= {"output_step": H, "horizon": 30.0, "tail": 0.0, "engine": "exact", "vehicles": 6}
 AGENTS |= {"initial": {"position": {"uniform": [-1.0, 1.0]}}}
 WEIGHTS = np.array([[0.5 + (3 * i + 5 * j) % 7 / 10 for j in range(6)] for i in range(6)])
@@ -33,7 +39,9 @@ class Thirds(Loss):
         """About a third."""
         number = jnp.round(messages.time / H).astype(int)[None, None]
         return is_lost(
-            number, jnp.arange(messages.sources.shape[1])[None, :, None], messages.sources[..., None]
+            number,
+            jnp.arange(messages.sources.shape[1])[None, :, None],
+            messages.sources[..., None],
         ), memory
 
 
@@ -68,7 +76,9 @@ def stepped(x, lies, late, missing, trims, lost, step=0.0):
             heard[i, fresh] = True
             for axis in range(2):
                 if trims and fresh:
-                    kept, _ = subsequence(x[i, axis], words[i, fresh, axis], np.ones(len(fresh)), set(), 1)
+                    kept, _ = subsequence(
+                        x[i, axis], words[i, fresh, axis], np.ones(len(fresh)), set(), 1
+                    )
                     believed[i, fresh, axis] = np.isin(np.arange(len(fresh)), kept)
                 used = [j for j in others if heard[i, j] and believed[i, j, axis]]
                 total = WEIGHTS[i, i] * x[i, axis] + WEIGHTS[i, used] @ words[i, used, axis]
@@ -174,20 +184,40 @@ def test_messages_are_late_as_often_as_the_distribution_says():
 def test_two_on_a_line_under_the_exact_law():
     """Messages of 1 to 3 ticks: the closed form of `ẏ + k y = α + β s`, tick by tick, behind a ramp."""
     k, speed, ticks = 1.3, 2.0, 40
-    keys = {"vehicle": "single_integrator", "navigator": Powers(x=[1.0, speed], y=[0.0]), "topology": "path"}
-    keys |= {"vehicles": 2, "gain": [k], "tick": H, "output_step": H, "horizon": ticks * H, "tail": 0.0}
-    keys |= {"initial": {"position": [[3.0, 0.0], [-2.0, 0.0]]}, "attack": "none", "defence": "none"}
+    keys = {
+        "vehicle": "single_integrator",
+        "navigator": Powers(x=[1.0, speed], y=[0.0]),
+        "topology": "path",
+    }
+    keys |= {
+        "vehicles": 2,
+        "gain": [k],
+        "tick": H,
+        "output_step": H,
+        "horizon": ticks * H,
+        "tail": 0.0,
+    }
+    keys |= {
+        "initial": {"position": [[3.0, 0.0], [-2.0, 0.0]]},
+        "attack": "none",
+        "defence": "none",
+    }
     channel = {"delay": {"uniform": [H, 3 * H]}, "delay_of": "message", "missing": "hold"}
     one = systems.lanes(systems.study(**keys, channel=channel, engine="exact"), 1)
     lane = one.inputs.lane
     one = one._replace(inputs=one.inputs._replace(lane=lane._replace(delay=Patterned(*lane.delay))))
     found = systems.simulate(one).series["state"][0, :, :, 0]
-    y, told = np.array([3.0, -2.0]), [[] for _ in range(3)]  # what the navigator and both say, by tick
+    y, told = (
+        np.array([3.0, -2.0]),
+        [[] for _ in range(3)],
+    )  # what the navigator and both say, by tick
     drives, newest, path = [np.array([k * y[0], 0.0]), np.array([k * y[1], 0.0])], [-1, -1], [y]
     for n in range(ticks):
         told[0].append(np.array([k * (1.0 + speed * n * H) + speed, k * speed]))  # α, β
         for i in range(2):
-            came = [b for b in range(max(0, n - 3), n) if b + patterned(b, i, 0) == n and b > newest[i]]
+            came = [
+                b for b in range(max(0, n - 3), n) if b + patterned(b, i, 0) == n and b > newest[i]
+            ]
             if came:
                 newest[i], drives[i] = came[-1], told[i][came[-1]]
             elif n:
@@ -213,13 +243,27 @@ def test_motions_obey_the_polynomial_of_late_exchanges():
         windows = np.lib.stride_tricks.sliding_window_view(path[late + 1 :], len(polynomial))
         assert np.abs(windows @ polynomial).max() < 1e-11 * np.abs(path).max()
     told = " ".join(check_text(study).split())
-    assert "0.06 s late; no bound holds; stable, deviations times 0.988730 at each tick of 0.02 s" in told
+    assert (
+        "0.06 s late; no bound holds; stable, deviations times 0.988730 at each tick of 0.02 s"
+        in told
+    )
 
 
 def test_a_place_is_reached_as_it_is_told():
     """Vehicles of order 1 end at the rounded word of a navigator at rest, off by at most half a step."""
-    keys = {"vehicle": "single_integrator", "navigator": Powers(x=[3.37], y=[-1.24]), "topology": "star"}
-    keys |= {"vehicles": 2, "gain": [2.0], "horizon": 20.0, "tail": 0.0, "attack": "none", "defence": "none"}
+    keys = {
+        "vehicle": "single_integrator",
+        "navigator": Powers(x=[3.37], y=[-1.24]),
+        "topology": "star",
+    }
+    keys |= {
+        "vehicles": 2,
+        "gain": [2.0],
+        "horizon": 20.0,
+        "tail": 0.0,
+        "attack": "none",
+        "defence": "none",
+    }
     study = systems.study(**keys, channel={"quantisation": 0.5}, engine="exact")
     ends = systems.simulate(systems.lanes(study, 1)).series["state"][0, -1]
     np.testing.assert_allclose(ends, [[3.5, -1.0]] * 2, rtol=0, atol=1e-9)

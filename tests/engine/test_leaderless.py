@@ -12,7 +12,13 @@ from tests.engine.test_orders import subsequence
 
 PUBLISHED = Path(__file__).parents[1] / "theory" / "published_robustness.json"
 GRAPHS = {each["name"]: each for each in json.loads(PUBLISHED.read_text())}
-KEYS = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [8.0], "tick": 0.1}
+KEYS = {
+    "vehicle": "single_integrator",
+    "navigator": "none",
+    "law": "local",
+    "gain": [8.0],
+    "tick": 0.1,
+}
 KEYS |= {"engine": "exact", "output_step": 0.1, "metrics": ["spread", "outside"], "tail": 0.0}
 KEYS |= {"save": {"trajectories": "all"}}
 
@@ -36,10 +42,14 @@ def honest_paths(results, liar, sample=0):
 def test_vehicles_step_by_the_weights_of_their_neighbours():
     """A plain program of W-MSR, step by step, and the spread and the way outside the hull in the row."""
     liar, attack = 5, {"kind": "rotating", "magnitude": 30.0, "frequency": 0.9, "vehicles": [5]}
-    results = simulated(topology=edges_of("jia 10 union"), attack=attack, defence="w_msr", horizon=8.0)
+    results = simulated(
+        topology=edges_of("jia 10 union"), attack=attack, defence="w_msr", horizon=8.0
+    )
     data = results.trajectories.sel(cell=0, sample=0)
     states, signal = data["states"].values, data["attack"].values
-    heard = [[j - 1 for i, j in sorted(GRAPHS["jia 10 union"]["hears"]) if i == n + 1] for n in range(10)]
+    heard = [
+        [j - 1 for i, j in sorted(GRAPHS["jia 10 union"]["hears"]) if i == n + 1] for n in range(10)
+    ]
     x = states[0].copy()
     for n in range(len(states) - 1):
         sent, new = x + signal[n], x.copy()
@@ -69,7 +79,10 @@ def test_a_network_that_is_robust_enough_agrees_inside_the_box_of_its_starts():
         "output_step": 0.5,
         "samples": 64,
     }
-    attacks = [{"kind": kind, "magnitude": 40.0, "vehicles": {"random": 1}} for kind in ("bias", "rotating")]
+    attacks = [
+        {"kind": kind, "magnitude": 40.0, "vehicles": {"random": 1}}
+        for kind in ("bias", "rotating")
+    ]
     results = simulated(**keys, sweep={"attack": attacks})
     assert (results.lanes["spread"] < 1e-3).all()
     for cell in range(2):
@@ -93,7 +106,9 @@ def test_a_network_that_is_not_robust_enough_may_stay_apart():
 def test_the_way_outside_the_hull_is_measured_along_half_planes():
     """A liar that everybody believes draws the fleet out of the hull of its starts."""
     attack = {"kind": "bias", "magnitude": 500.0, "vehicles": [1]}
-    results = simulated(topology=edges_of("oddi Test_6"), attack=attack, defence="none", horizon=20.0)
+    results = simulated(
+        topology=edges_of("oddi Test_6"), attack=attack, defence="none", horizon=20.0
+    )
     honest = honest_paths(results, 1)
     angles = np.linspace(0, 2 * np.pi, 3601)
     along = honest @ np.stack([np.cos(angles), np.sin(angles)])
@@ -137,7 +152,9 @@ def test_a_law_that_asks_for_a_navigator_is_refused_and_check_says_what_is_known
 def test_a_link_that_is_replaced_carries_the_signal_alone():
     """One step of a plain program, with a liar that is drawn."""
     attack = {"kind": "bias", "magnitude": 7.0, "threat": "replaces", "vehicles": {"random": 1}}
-    results = simulated(topology=edges_of("jia 10 union"), attack=attack, defence="none", horizon=0.1)
+    results = simulated(
+        topology=edges_of("jia 10 union"), attack=attack, defence="none", horizon=0.1
+    )
     states, signal = (
         results.trajectories[name].sel(cell=0, sample=0).values for name in ("states", "attack")
     )
@@ -152,9 +169,19 @@ def test_a_link_that_is_replaced_carries_the_signal_alone():
 
 def test_a_lost_message_is_left_out_and_who_hears_nobody_stands_still():
     """The last step of a fleet that loses everything changes nothing; one that loses half still agrees."""
-    keys = {"topology": edges_of("jia 10 union"), "attack": "none", "defence": "none", "horizon": 30.0}
+    keys = {
+        "topology": edges_of("jia 10 union"),
+        "attack": "none",
+        "defence": "none",
+        "horizon": 30.0,
+    }
     lost = {"kind": "bernoulli", "probability": 1.0}
-    still = simulated(**keys, channel={"loss": lost}).trajectories["states"].sel(cell=0, sample=0).values
+    still = (
+        simulated(**keys, channel={"loss": lost})
+        .trajectories["states"]
+        .sel(cell=0, sample=0)
+        .values
+    )
     np.testing.assert_array_equal(still, np.broadcast_to(still[0], still.shape))
     half = simulated(**keys, channel={"loss": lost | {"probability": 0.5}})
     assert half.lanes["spread"].iloc[0] < 1e-6

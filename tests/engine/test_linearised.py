@@ -8,7 +8,11 @@ import jaxnet
 from jaxnet.kinds.kind import KindError
 from tests.matrices import matrix_of
 
-CIRCLE = {"amplitude": [40.0, 40.0], "frequency": [0.5, 0.5], "phase": [np.pi / 2, 0.0]}  # 20 m/s, heads up
+CIRCLE = {
+    "amplitude": [40.0, 40.0],
+    "frequency": [0.5, 0.5],
+    "phase": [np.pi / 2, 0.0],
+}  # 20 m/s, heads up
 ALIKE = {"heading": np.pi / 2, "speed": 20.0}
 FLEET = 4
 PLACES = [[43.0, 1.0], [37.0, -2.0], [40.0, 4.0], [41.0, 0.5]]
@@ -16,7 +20,13 @@ PLACES = [[43.0, 1.0], [37.0, -2.0], [40.0, 4.0], [41.0, 0.5]]
 
 def paths(**keys):
     """Results and states (times, vehicles, n) of one lane."""
-    keys = {"navigator": CIRCLE, "vehicles": FLEET, "horizon": 6.0, "tail": 1.0, "defence": "none"} | keys
+    keys = {
+        "navigator": CIRCLE,
+        "vehicles": FLEET,
+        "horizon": 6.0,
+        "tail": 1.0,
+        "defence": "none",
+    } | keys
     keys = {"attack": "none", "save": {"trajectories": "all"}} | keys
     keys["initial"] = {"position": PLACES, **ALIKE} | keys.get("initial", {})
     results = jaxnet.simulate(keys, progress=False)
@@ -27,7 +37,10 @@ def paths(**keys):
 def robot(x, u):
     """Rates of a two-wheeled robot, and its jets."""
     _, _, heading, v, turn, force = x
-    h, n = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
+    h, n = (
+        np.array([np.cos(heading), np.sin(heading)]),
+        np.array([-np.sin(heading), np.cos(heading)]),
+    )
     jets = [x[:2], v * h, force * h + v * turn * n]
     third = (2 * force * turn + v * u[1]) * n + (u[0] - v * turn**2) * h
     return np.array([*(v * h), turn, force, u[1], u[0]]), [*jets, third]
@@ -64,7 +77,9 @@ def test_means_of_states_and_inputs_give_the_same_motion(attacked):
     def field(time, flat):
         x, u0 = flat.reshape(FLEET, 6), np.zeros(2)
         heading, v = rate * time + np.pi / 2, radius * rate
-        x0 = np.array([radius * np.cos(rate * time), radius * np.sin(rate * time), heading, v, rate, 0.0])
+        x0 = np.array(
+            [radius * np.cos(rate * time), radius * np.sin(rate * time), heading, v, rate, 0.0]
+        )
         to_jets = slopes(lambda each: np.concatenate(robot(each, u0)[1][:3]), x0)  # 6 × 6
         to_third = slopes(lambda each: robot(each, u0)[1][3], x0)
         psi = slopes(lambda each: robot(x0, each)[1][3], u0)
@@ -90,19 +105,34 @@ def test_the_difference_from_the_exact_law_is_of_second_order():
 
     def positions(scale, places):
         """Ends and positions of both laws."""
-        initial = {"position": places, "heading": np.pi / 4 + 0.2 * scale, "speed": 800**0.5 + scale}
-        keys = {"initial": initial, "navigator": "lissajous", "defence": "trusted_trim", "horizon": 30.0}
-        keys |= {"sensing": {"kind": "gaussian", "position": 0.02 * scale, "velocity": 0.02 * scale}}
+        initial = {
+            "position": places,
+            "heading": np.pi / 4 + 0.2 * scale,
+            "speed": 800**0.5 + scale,
+        }
+        keys = {
+            "initial": initial,
+            "navigator": "lissajous",
+            "defence": "trusted_trim",
+            "horizon": 30.0,
+        }
+        keys |= {
+            "sensing": {"kind": "gaussian", "position": 0.02 * scale, "velocity": 0.02 * scale}
+        }
         found = [paths(law=law, **keys) for law in ("exact", "linearised")]
         return [(results.lanes["tail_max"][0], states[..., :2]) for results, _, states in found]
 
     apart = []
     for scale in (1.0, 0.5, 0.25):
-        (_, exact), (_, linearised) = positions(scale, ((np.array(PLACES) - [40.0, 0.0]) * scale).tolist())
+        (_, exact), (_, linearised) = positions(
+            scale, ((np.array(PLACES) - [40.0, 0.0]) * scale).tolist()
+        )
         apart.append(np.abs(exact - linearised).max())
     assert apart[0] < 1.0
     np.testing.assert_allclose(np.divide(apart[:-1], apart[1:]), 4.0, atol=0.3)
-    (exact, _), (linearised, _) = positions(1.0, [[-500.0, 200.0], [300.0, 400.0], [0.0, 0.0], [500.0, 0.0]])
+    (exact, _), (linearised, _) = positions(
+        1.0, [[-500.0, 200.0], [300.0, 400.0], [0.0, 0.0], [500.0, 0.0]]
+    )
     assert exact < 0.1
     assert not linearised < 10.0
 

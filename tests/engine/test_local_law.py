@@ -80,14 +80,20 @@ def test_the_law_agrees_with_a_plain_integration():
         return np.concatenate([y[1:].ravel(), asked.ravel()])
 
     start = np.moveaxis(jets[:, :, 0], 1, 2).ravel()
-    plain = solve_ivp(rates, (0.0, 4.0), start, t_eval=times, rtol=1e-11, atol=1e-11, method="DOP853")
+    plain = solve_ivp(
+        rates, (0.0, 4.0), start, t_eval=times, rtol=1e-11, atol=1e-11, method="DOP853"
+    )
     positions = plain.y.T.reshape(len(times), order, 12, 2)[:, 0]
     np.testing.assert_allclose(states[..., :2], positions, rtol=0, atol=1e-7)
 
 
 def test_shorter_and_shorter_holds_come_to_the_law_at_every_instant():
     """Under trimming, noise and loss off: the held law is off by a multiple of the tick."""
-    keys = {"attack": {"kind": "bias", "magnitude": 3.0}, "defence": "none", "initial": {"speed": 20.0}}
+    keys = {
+        "attack": {"kind": "bias", "magnitude": 3.0},
+        "defence": "none",
+        "initial": {"speed": 20.0},
+    }
     _, _, states = paths(**keys, vehicle="double_integrator")
     apart = []
     for tick in (0.02, 0.01):
@@ -100,7 +106,13 @@ def test_shorter_and_shorter_holds_come_to_the_law_at_every_instant():
 def test_decisions_noise_and_loss_act_at_ticks():
     """Single integrators under W-MSR, noise and loss, tick by tick, with expm of each tick's matrix."""
     h = 0.1
-    keys = {"vehicle": "single_integrator", "navigator": "none", "gain": [2.0], "tick": h, "output_step": h}
+    keys = {
+        "vehicle": "single_integrator",
+        "navigator": "none",
+        "gain": [2.0],
+        "tick": h,
+        "output_step": h,
+    }
     keys |= {
         "attack": {"kind": "bias", "magnitude": 150.0, "vehicles": [2]},
         "defence": "w_msr",
@@ -116,10 +128,12 @@ def test_decisions_noise_and_loss_act_at_ticks():
             for i in range(7):
                 heard = [j for j in range(7) if j != i]
                 above = sorted(
-                    (j for j in heard if sent[j, axis] > before[i, axis]), key=lambda j: sent[j, axis]
+                    (j for j in heard if sent[j, axis] > before[i, axis]),
+                    key=lambda j: sent[j, axis],
                 )
                 below = sorted(
-                    (j for j in heard if sent[j, axis] < before[i, axis]), key=lambda j: sent[j, axis]
+                    (j for j in heard if sent[j, axis] < before[i, axis]),
+                    key=lambda j: sent[j, axis],
                 )
                 kept = [j for j in heard if j not in (*above[-1:], *below[:1])]
                 W[i, kept] = 1 / len(kept)
@@ -141,7 +155,10 @@ def test_engines_agree_path_by_path():
         "defence": "w_msr",
         "tick": 0.1,
     }
-    keys |= {"topology": {"kind": "circulant", "offsets": [1, 2, 3], "own_weight": 1.0}, "vehicles": 6}
+    keys |= {
+        "topology": {"kind": "circulant", "offsets": [1, 2, 3], "own_weight": 1.0},
+        "vehicles": 6,
+    }
     keys |= {"horizon": 2.0, "initial": {"speed": 20.0}}
     keys["attack"] |= {"vehicles": [2, 4]}
     _, _, exact = paths(**keys)
@@ -153,7 +170,9 @@ def test_engines_agree_path_by_path():
 def test_a_vehicle_that_comes_to_rest_fails_alone():
     """A robot on the navigator's line that has to turn back stands still on the way, and no other does."""
     keys = {"topology": {"kind": "edges", "edges": [[1, 0, 1.0]]}, "vehicles": 1, "attack": "none"}
-    keys |= {"navigator": {"kind": "lissajous", "amplitude": [1000.0, 0.0], "frequency": [0.01, 0.01]}}
+    keys |= {
+        "navigator": {"kind": "lissajous", "amplitude": [1000.0, 0.0], "frequency": [0.01, 0.01]}
+    }
     keys |= {
         "initial": {"position": [[-50.0, 0.0]], "speed": 10.0},
         "sweep": {"initial.heading": [0.0, 3.141592653589793]},

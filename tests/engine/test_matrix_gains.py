@@ -51,7 +51,9 @@ def test_the_closed_loop_is_a_matrix_exponential(engine, gain):
     def about(time):
         """Where the errors settle, around the navigator: (vehicles, 4)."""
         path = np.asarray(results.study.config.navigator.jets(np.asarray(time)))
-        return np.concatenate([path[k] + effect @ rotated(first, time, k) for k in range(2)], axis=1)
+        return np.concatenate(
+            [path[k] + effect @ rotated(first, time, k) for k in range(2)], axis=1
+        )
 
     free = states[0] - about(0.0)
     for time, now in zip(times, states, strict=True):
@@ -66,7 +68,11 @@ def test_a_multiple_of_the_identity_is_a_number():
     np.testing.assert_allclose(alike, plain, rtol=0, atol=1e-9)
     turned = paths(gain=[[[1.0, 0.3], [-0.3, 1.0]], *[[[3.0, 0.0], [0.0, 3.0]]] * 2], **keys)[2]
     assert np.abs(turned - plain).max() > 1.0
-    on_line = {"position": [[-10.0, 0.0], [90.0, 0.0], [20.0, 0.0], [0.0, 0.0]], "heading": 0.0, "speed": 5.0}
+    on_line = {
+        "position": [[-10.0, 0.0], [90.0, 0.0], [20.0, 0.0], [0.0, 0.0]],
+        "heading": 0.0,
+        "speed": 5.0,
+    }
     path = {"kind": "lissajous", "amplitude": [100.0, 0.0], "frequency": [0.2, 0.2]}
     keys |= {"initial": on_line, "navigator": path, "attack": ATTACK | {"magnitude": 0.0}}
     ends = [paths(gain=gain, **keys)[0].lanes for gain in ([1.0, 3.0, 3.0], [[1.0, 3.0, 3.0]] * 2)]
@@ -93,10 +99,19 @@ def test_the_motion_turns_with_the_gains_when_the_plane_is_turned():
     ("keys", "reason"),
     [
         (
-            {"gain": [[[1.0, 0.0], [0.0, 1.0]], [[0.1, 3.0], [-3.0, 0.1]], [[0.1, 0.0], [0.0, 0.1]]]},
+            {
+                "gain": [
+                    [[1.0, 0.0], [0.0, 1.0]],
+                    [[0.1, 3.0], [-3.0, 0.1]],
+                    [[0.1, 0.0], [0.0, 0.1]],
+                ]
+            },
             "unstable",
         ),
-        ({"gain": [[1.0, 3.0, 3.0], [9.0, 1.0, 1.0]]}, r"unstable: eigenvalues .*\[9.0, 1.0, 1.0\]"),
+        (
+            {"gain": [[1.0, 3.0, 3.0], [9.0, 1.0, 1.0]]},
+            r"unstable: eigenvalues .*\[9.0, 1.0, 1.0\]",
+        ),
         ({"gain": [[1.0, 3.0, 3.0], [1.0, 3.0]]}, "as many numbers as the other lists"),
         ({"gain": [[1.0, 2.0], [1.0, 2.0]]}, "must be 3, one for each order of two_wheeled"),
         ({"gain": [[1.0, 3.0, 3.0]] * 3}, "at most 2 entries"),

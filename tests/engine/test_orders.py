@@ -43,7 +43,9 @@ def paths(**keys):
 
 def test_engines_agree_on_vehicles_with_states_inside():
     """The dense system with 2m unknowns; windows and steps: tests/kinds/vehicles/test_look_ahead.py."""
-    exact, stacked = (paths(vehicle="look_ahead", engine=engine)[0] for engine in ("exact", "stacked"))
+    exact, stacked = (
+        paths(vehicle="look_ahead", engine=engine)[0] for engine in ("exact", "stacked")
+    )
     np.testing.assert_allclose(stacked, exact, rtol=0, atol=1e-5)
 
 
@@ -52,7 +54,9 @@ def test_static_gains_do_not_depend_on_the_order():
     keys = {"vehicle": "planar_quadrotor", "defence": "none", "horizon": 60.0, "samples": 2}
     keys["attack"] = {"kind": "bias", "vehicles": LIARS, "magnitude": 5.0}
     rows = jaxnet.simulate({"engine": "exact", "topology": "cyclic", **keys}, progress=False).lanes
-    np.testing.assert_allclose(rows[["tail_mean", "tail_max"]].max() / 5.0, [3.0, 3.1034], atol=5e-5)
+    np.testing.assert_allclose(
+        rows[["tail_mean", "tail_max"]].max() / 5.0, [3.0, 3.1034], atol=5e-5
+    )
 
 
 def test_the_law_agrees_with_a_plain_integration():
@@ -67,7 +71,9 @@ def test_the_law_agrees_with_a_plain_integration():
     L, a0 = np.eye(12) - weights[:, 1:], weights[:, 0]
     first = data["attack"].values[0]  # (vehicle, axis), ā/1.7^r long where attacked
     amplitude = 5.0 / 1.7**order
-    np.testing.assert_allclose(np.linalg.norm(first[np.array(LIARS) - 1], axis=1), amplitude, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.norm(first[np.array(LIARS) - 1], axis=1), amplitude, rtol=1e-12
+    )
     turned = np.stack([-first[:, 1], first[:, 0]], axis=1)
 
     def attacked(time, k):
@@ -88,13 +94,17 @@ def test_the_law_agrees_with_a_plain_integration():
     known = solve_ivp(
         rates, (0, times[-1]), start.ravel(), t_eval=times, rtol=1e-11, atol=1e-10, method="DOP853"
     )
-    found = known.y.reshape(order, 12, 2, -1).transpose(3, 1, 0, 2).reshape(len(times), 12, 2 * order)
+    found = (
+        known.y.reshape(order, 12, 2, -1).transpose(3, 1, 0, 2).reshape(len(times), 12, 2 * order)
+    )
     np.testing.assert_allclose(states, found, atol=1e-7)
 
 
 def subsequence(own, received, weights, spared, F):
     """W-MSR on one axis, and the mean of what it retains; the own value where nothing is retained."""
-    equal = 1e-12 * np.maximum(1, np.maximum(np.abs(received), abs(own)))  # as the engine's comparisons
+    equal = 1e-12 * np.maximum(
+        1, np.maximum(np.abs(received), abs(own))
+    )  # as the engine's comparisons
     other = [n for n in range(len(received)) if n not in spared]
     above = sorted((received[n], n) for n in other if received[n] - own > equal[n])[::-1]
     below = sorted((received[n], n) for n in other if own - received[n] > equal[n])
@@ -103,7 +113,9 @@ def subsequence(own, received, weights, spared, F):
     return kept, np.dot(received[kept], weights[kept]) / weights[kept].sum() if kept else own
 
 
-@pytest.mark.parametrize(("share", "F", "navigator"), [(0.6, 1, "all"), (1.0, 1, "all"), (0.8, 2, [1, 6])])
+@pytest.mark.parametrize(
+    ("share", "F", "navigator"), [(0.6, 1, "all"), (1.0, 1, "all"), (0.8, 2, [1, 6])]
+)
 def test_single_integrators_step_by_their_weights(share, F, navigator):
     """Steps of W-MSR by a plain program, with k0 = share/tick and five liars.
 
@@ -175,7 +187,9 @@ def test_gains_follow_the_order():
     assert [cell.scenario.gain for cell in study.cells] == [[1], [1, 2], [1, 3, 3]]
     again = jaxnet.load(study, {"samples": 2})
     assert [cell.scenario.gain for cell in again.cells] == [[1], [1, 2], [1, 3, 3]]
-    with pytest.raises(jaxnet.ConfigError, match="gain: must be 1, one for each order of single_integrator"):
+    with pytest.raises(
+        jaxnet.ConfigError, match="gain: must be 1, one for each order of single_integrator"
+    ):
         jaxnet.load({"engine": "exact", "vehicle": "single_integrator", "gain": [1, 3, 3]})
     with pytest.raises(jaxnet.ConfigError, match=r"gain: unstable: eigenvalues 1\+0j"):
         jaxnet.load({"engine": "exact", "vehicle": "single_integrator", "gain": [-1]})

@@ -54,7 +54,9 @@ def whole_fleet(weights, attack, start):
 )
 def test_a_path_is_that_of_one_matrix_exponential(engine):
     """`E = L⁻¹ ε`, where each ε_i has the poles of its own gains."""
-    results = jaxnet.simulate(KEYS | {"topology": "path", "attack": BIAS, "engine": engine}, progress=False)
+    results = jaxnet.simulate(
+        KEYS | {"topology": "path", "attack": BIAS, "engine": engine}, progress=False
+    )
     found, attack = errors_of(results)
     weights = np.eye(4, 5)
     for errors, lies in zip(found, attack, strict=True):
@@ -62,18 +64,25 @@ def test_a_path_is_that_of_one_matrix_exponential(engine):
 
 
 def test_on_a_star_each_vehicle_has_its_own_free_response():
-    results = jaxnet.simulate(KEYS | {"topology": "star", "attack": "none", "engine": TIGHT}, progress=False)
+    results = jaxnet.simulate(
+        KEYS | {"topology": "star", "attack": "none", "engine": TIGHT}, progress=False
+    )
     for errors in errors_of(results)[0]:
         for vehicle, (k0, k1) in enumerate(GAINS):
             own = errors[:, :, vehicle]
-            known = [expm(np.array([[0, 1], [-k0, -k1]]) * t) @ own[0] for t in np.arange(0, 3.01, 0.5)]
+            known = [
+                expm(np.array([[0, 1], [-k0, -k1]]) * t) @ own[0] for t in np.arange(0, 3.01, 0.5)
+            ]
             np.testing.assert_allclose(own, known, atol=1e-6)
 
 
 def test_equal_gains_are_one_gain():
     """With sensors' errors, trimming and an attack whose derivatives are false, in the default vehicle."""
     keys = {"vehicles": 5, "horizon": 2.0, "tail": 1.0, "samples": 2, "topology": "complete"}
-    keys |= {"sensing": {"kind": "gaussian", "position": 0.1}, "attack": {"kind": "spoof", "vehicles": [2]}}
+    keys |= {
+        "sensing": {"kind": "gaussian", "position": 0.1},
+        "attack": {"kind": "spoof", "vehicles": [2]},
+    }
     keys |= {"defence": {"kind": "w_msr", "F": 1}}
     one, each = (
         jaxnet.simulate(keys | {"gain": gain}, progress=False).lanes
@@ -92,7 +101,10 @@ def test_equal_gains_are_one_gain():
         ({"gain": {"vehicles": [*GAINS[:3], [-1.0, 2.0]]}}, "unstable: eigenvalues"),
         ({"engine": "exact"}, "the exact engine moves all vehicles by one flow"),
         ({"law": "rounds"}, "need law: exact"),
-        ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}, "need words that all arrive"),
+        (
+            {"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}},
+            "need words that all arrive",
+        ),
     ],
 )
 def test_what_gains_of_each_vehicle_cannot_do_is_refused(keys, message):

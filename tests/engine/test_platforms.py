@@ -16,7 +16,9 @@ def test_lanes_end_as_they_do_where_xla_is_told_otherwise(monkeypatch, engine, v
     found = outcome(engine, vehicles)
     assert (found.switches > 0).any()
     told = []
-    monkeypatch.setattr(xla, "on_cpus", lambda work, elsewhere: told.append(elsewhere) or elsewhere())
+    monkeypatch.setattr(
+        xla, "on_cpus", lambda work, elsewhere: told.append(elsewhere) or elsewhere()
+    )
     other = outcome(engine, vehicles)
     assert told
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9), found, other)
@@ -25,7 +27,9 @@ def test_lanes_end_as_they_do_where_xla_is_told_otherwise(monkeypatch, engine, v
 def outcome(engine, vehicles):
     """Outcome of a few lanes, by a program of their own."""
     batch.program.cache_clear()
-    (cell,) = jaxnet.load({"engine": engine, "vehicles": vehicles, "horizon": 3.0, "tail": 1.0}).cells
+    (cell,) = jaxnet.load(
+        {"engine": engine, "vehicles": vehicles, "horizon": 3.0, "tail": 1.0}
+    ).cells
     return batch.simulate(job(cell.scenario, Keyed(0), range(4)))
 
 

@@ -8,7 +8,9 @@ from jaxnet.engine import batch
 
 def test_trimming_leaves_the_known_share_of_lanes_unrecovered(monkeypatch):
     """Cyclic, rotating attack of 10 m, 90 s: 4 to 9 % of 2,000 lanes stay over a hundredth of it."""
-    faster = {"xla_backend_optimization_level": "1"}  # takes longer to compile, which as many lanes make good
+    faster = {
+        "xla_backend_optimization_level": "1"
+    }  # takes longer to compile, which as many lanes make good
     monkeypatch.setitem(batch.COMPILER, "cpu", batch.COMPILER["cpu"] | faster)
     monkeypatch.setattr(batch, "program", functools.cache(batch.program.__wrapped__))
     assert 0.04 <= agreement.unrecovered(2000) <= 0.09

@@ -47,7 +47,9 @@ def plain(one, number, weights, rounds, carried):
         for i in range(m):
             for j in np.flatnonzero(weights[n, i]):
                 word = k @ there if j == 0 or not carried[i, j] else fed_back[j - 1]
-                demand[i] = demand[i] + weights[n, i, j] * (word + np.tensordot(k, added[:, i, j], 1))
+                demand[i] = demand[i] + weights[n, i, j] * (
+                    word + np.tensordot(k, added[:, i, j], 1)
+                )
         for _ in range(rounds):
             told = np.concatenate([np.zeros((1, 2)), q])
             q = demand + (weights[n] * carried) @ told
@@ -79,7 +81,12 @@ def test_vehicles_move_as_the_plain_program(case, engine, accuracy):
 def random_digraph(seed):
     """Seven vehicles, each of which hears the one before; the weights are drawn too."""
     rng = np.random.default_rng(seed)
-    heard = [(i, j) for i in range(1, 8) for j in range(8) if j == i - 1 or (j != i and rng.random() < 0.4)]
+    heard = [
+        (i, j)
+        for i in range(1, 8)
+        for j in range(8)
+        if j == i - 1 or (j != i and rng.random() < 0.4)
+    ]
     return {"kind": "edges", "edges": [[i, j, float(rng.uniform(0.2, 1.0))] for i, j in heard]}
 
 
@@ -135,7 +142,9 @@ def test_the_fleet_is_late_for_a_slow_navigator(topology):
     one = systems.lanes(study, 1)
     position = systems.simulate(one).series["state"][0, -1, :, :2]
     navigator = systems.lane(one, 0).navigator
-    before, after = (np.asarray(navigator.jets(np.asarray(60.0 - 3.0 + by)))[3] for by in (-1e-3, 1e-3))
+    before, after = (
+        np.asarray(navigator.jets(np.asarray(60.0 - 3.0 + by)))[3] for by in (-1e-3, 1e-3)
+    )
     weights = dense(study.cells[0].scenario.topology.normalised_rows(12))
     known = theory.lateness(weights, 0.02, 2) * np.linalg.norm(after - before) / 2e-3
     found = np.linalg.norm(position - np.asarray(navigator.jets(np.asarray(60.0)))[0], axis=1)
@@ -144,7 +153,13 @@ def test_the_fleet_is_late_for_a_slow_navigator(topology):
 
 def test_many_rounds_and_short_ticks_come_to_the_law_itself():
     """Half the tick, half the distance; a sinusoid on the ring, nobody trimmed."""
-    keys = {"attack": "sinusoid", "defence": "none", "horizon": 10.0, "output_step": 0.1, "engine": "exact"}
+    keys = {
+        "attack": "sinusoid",
+        "defence": "none",
+        "horizon": 10.0,
+        "output_step": 0.1,
+        "engine": "exact",
+    }
     limit = systems.simulate(systems.lanes(systems.study(**keys), 2)).series["state"][..., :2]
     apart = []
     for tick in (0.02, 0.01):
@@ -169,7 +184,9 @@ def test_what_a_lane_that_diverges_comes_to():
         near = horizon == 30.0
         assert end.status == [Status.ok if near else Status.diverged]
         assert near == (end.metrics["tail_mean"] > 1e25)
-    exact, nonlinear = (ends[engine, 30.0].metrics["tail_mean"] for engine in ("exact", "nonlinear"))
+    exact, nonlinear = (
+        ends[engine, 30.0].metrics["tail_mean"] for engine in ("exact", "nonlinear")
+    )
     np.testing.assert_allclose(nonlinear, exact, rtol=1e-9)
 
 
@@ -198,9 +215,14 @@ class Withdrawn(Defence):
 
 def test_who_is_cut_off_has_failed():
     """As with the law itself, though rounds know nothing of it: from the tick on at which it happens."""
-    keys = {"topology": {"kind": "cyclic", "navigator": [1]}, "defence": {"kind": f"{__name__}:Withdrawn"}}
+    keys = {
+        "topology": {"kind": "cyclic", "navigator": [1]},
+        "defence": {"kind": f"{__name__}:Withdrawn"},
+    }
     law = {"kind": "rounds", "rounds": 6}
-    outcome = systems.simulate(systems.lanes(systems.study(engine="exact", law=law, **keys, **KEYS), 1))
+    outcome = systems.simulate(
+        systems.lanes(systems.study(engine="exact", law=law, **keys, **KEYS), 1)
+    )
     assert outcome.status == [Status.disconnected]
     told = np.isfinite(outcome.series["tracking"][0])
     assert told[:10].all()
@@ -232,7 +254,8 @@ def test_a_law_from_outside():
     assert known < 1 < theory.growth(values, np.array([1.0, 3.0, 3.0]), 0.04)
     told = " ".join(check.check_text(study).split())
     assert (
-        f"law stable, deviations times {max(found):.4f} at each tick of 0.04 s safe nothing is proved" in told
+        f"law stable, deviations times {max(found):.4f} at each tick of 0.04 s safe nothing is proved"
+        in told
     )
 
 
@@ -243,7 +266,10 @@ def test_fleets_that_diverge_end_and_leave_the_others_alone():
     """
     keys = {"vehicles": 3, "vehicle": "unicycle", "topology": "path", "law": "local", "tick": 0.2}
     keys |= {"defence": "none", "horizon": 66.0, "output_step": 6.6, "tail": 6.6, "seed": 4060}
-    keys |= {"attack": {"kind": "sinusoid", "magnitude": 14.5, "vehicles": [2]}, "engine": "nonlinear"}
+    keys |= {
+        "attack": {"kind": "sinusoid", "magnitude": 14.5, "vehicles": [2]},
+        "engine": "nonlinear",
+    }
     keys["initial"] = {"position": {"uniform": [-50, 50]}}
     gains = [[90.0, 19.0], [1.0, 2.0]]
     wild, calm = systems.lanes(systems.study(**keys, sweep={"gain": gains}), 2, ()).jobs

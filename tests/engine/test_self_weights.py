@@ -10,7 +10,13 @@ from tests import systems
 from tests.engine.test_orders import subsequence
 
 H = 0.1
-KEYS = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1 / H], "tick": H}
+KEYS = {
+    "vehicle": "single_integrator",
+    "navigator": "none",
+    "law": "local",
+    "gain": [1 / H],
+    "tick": H,
+}
 KEYS |= {"engine": "exact", "horizon": 5.0, "output_step": H, "tail": 0.0}
 RING = [[i, j % 6 + 1, 1.0 + i / 10] for i in range(1, 7) for j in (i, i + 1, i + 3)]
 
@@ -116,9 +122,13 @@ def test_check_tells_the_factor_of_the_slowest_disagreement(topology, radius):
 def test_a_lost_word_leaves_the_weight_on_oneself():
     """With every word lost the fleet stands still, and W of those who came moves it otherwise."""
     keys = {"topology": {"kind": "complete", "own_weight": 1.0}, "vehicles": 7, "attack": "none"}
-    still, _ = paths(**keys, channel={"loss": {"kind": "bernoulli", "probability": 0.999999}}, horizon=1.0)
+    still, _ = paths(
+        **keys, channel={"loss": {"kind": "bernoulli", "probability": 0.999999}}, horizon=1.0
+    )
     np.testing.assert_array_equal(still[-1], still[0])
-    moved, _ = paths(**keys, channel={"loss": {"kind": "bernoulli", "probability": 1e-9}}, horizon=0.1)
+    moved, _ = paths(
+        **keys, channel={"loss": {"kind": "bernoulli", "probability": 1e-9}}, horizon=0.1
+    )
     np.testing.assert_allclose(moved[1], np.tile(moved[0].mean(axis=0), (7, 1)), atol=1e-12)
 
 
@@ -133,7 +143,9 @@ def test_a_lost_word_leaves_the_weight_on_oneself():
 def test_other_laws_refuse_what_would_not_act(topology, words):
     """The solution of the exact law does not depend on the strength of a row."""
     with pytest.raises(jaxnet.ConfigError, match=words):
-        jaxnet.load({"topology": {"kind": "edges", "edges": [[1, 0, 1.0]]} | topology, "attack": "none"})
+        jaxnet.load(
+            {"topology": {"kind": "edges", "edges": [[1, 0, 1.0]]} | topology, "attack": "none"}
+        )
 
 
 def test_drawn_weights_are_no_weights_on_oneself():

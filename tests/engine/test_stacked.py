@@ -82,7 +82,14 @@ def test_a_car_that_decides_by_axis_under_replaced_words():
     ours, known = (outcome(CAR, engine=engine) for engine in (fine, "exact"))
     agree(ours, known, 1e-6)
     assert ours.switches.any()
-    whole = [0.0, 0.1, 0.45, 0.1 / 0.55, 0.45 / 0.55, 1.0]  # if a source were dropped on both axes or none
+    whole = [
+        0.0,
+        0.1,
+        0.45,
+        0.1 / 0.55,
+        0.45 / 0.55,
+        1.0,
+    ]  # if a source were dropped on both axes or none
     assert not np.isclose(ours.series["kept"][..., None], whole).any(axis=-1).all()
 
 
@@ -118,7 +125,9 @@ def test_failed_lanes_are_named_and_spoil_no_other(ring, trimmed):
     initial[2, 0, 1] = np.nan
     gain[3] = np.nan  # the start is finite, the vector field is not
     limit = np.where(np.arange(6) == 4, 10, limit)
-    weights[5] = np.where(ring.network.hearing.sources > 0, weights[5], 0.0)  # nobody hears the navigator
+    weights[5] = np.where(
+        ring.network.hearing.sources > 0, weights[5], 0.0
+    )  # nobody hears the navigator
     lane = lane._replace(initial=initial, gain=gain, weights=weights)
     inputs = given._replace(lane=lane, numbers=given.numbers._replace(max_steps=limit))
     after = systems.simulate(ring._replace(inputs=inputs))
@@ -140,7 +149,9 @@ def test_who_is_cut_off(retained):
     """Reaching everybody slot by slot, on each axis, is what the graph's own search says."""
     kept = FULL * np.reshape(retained, FULL.shape)
     weights = jnp.stack([jnp.asarray(matrices.by_slot(each, SOURCES)) for each in (FULL, kept)])
-    assert bool(reaches_everybody(HEARING, weights)) == (not graph.unreachable(graph.of_matrix(kept)))
+    assert bool(reaches_everybody(HEARING, weights)) == (
+        not graph.unreachable(graph.of_matrix(kept))
+    )
 
 
 def wall(time, state, args):
@@ -192,10 +203,14 @@ def test_other_solvers(name):
     np.testing.assert_allclose(solution.ys[0], np.exp(-2.0), rtol=3e-2)
 
 
-@pytest.mark.parametrize("name", ["Dopri6", "tsit5", "Euler", "KenCarp4", "HalfSolver", "diffeqsolve"])
+@pytest.mark.parametrize(
+    "name", ["Dopri6", "tsit5", "Euler", "KenCarp4", "HalfSolver", "diffeqsolve"]
+)
 def test_what_is_no_such_solver_is_refused(name):
     """Where the config is read, with those that there are."""
     with pytest.raises(jaxnet.ConfigError) as told:
         systems.study(engine={"kind": "stacked", "solver": name})
-    assert "engine.solver: must be an adaptive ODE solver of diffrax: Bosh3, Dopri5" in str(told.value)
+    assert "engine.solver: must be an adaptive ODE solver of diffrax: Bosh3, Dopri5" in str(
+        told.value
+    )
     assert ("did you mean 'Tsit5'?" in str(told.value)) == (name == "tsit5")

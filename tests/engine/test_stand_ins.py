@@ -42,14 +42,22 @@ class Powers(Navigator):
                 total = total + coefficients[n] * math.perm(n, d) * time ** (n - d)
             return total
 
-        return xp.stack([xp.stack([derivative(each, d) for each in (self.x, self.y)]) for d in range(4)])
+        return xp.stack(
+            [xp.stack([derivative(each, d) for each in (self.x, self.y)]) for d in range(4)]
+        )
 
 
 def errors(loss, missing, speed, horizon, lanes=1, **keys):
     """Errors along the path (lanes, outputs, m), from rest on a star whose navigator goes straight on."""
     keys = {"navigator": Powers(x=[0.0, speed], y=[0.0]), **keys}
     keys |= {"initial": {"position": 0.0, "heading": 0.0, "speed": speed}, "topology": "star"}
-    keys |= {"attack": "none", "defence": "none", "tail": 0.0, "horizon": horizon, "output_step": 0.1}
+    keys |= {
+        "attack": "none",
+        "defence": "none",
+        "tail": 0.0,
+        "horizon": horizon,
+        "output_step": 0.1,
+    }
     keys |= {"engine": "exact", "tick": 0.1} | keys
     one = systems.lanes(systems.study(channel={"loss": loss, "missing": missing}, **keys), lanes)
     outcome = systems.simulate(one)
@@ -91,7 +99,10 @@ def test_a_cubic_is_extrapolated_without_error():
         2.0,
         {"topology": "star", "attack": "none", "defence": "none", "tick": 0.1, "engine": "exact"},
     )
-    keys |= {"initial": {"position": [[3.0, 1.0]] * 3, "heading": 0.0, "speed": speed}, "vehicles": 3}
+    keys |= {
+        "initial": {"position": [[3.0, 1.0]] * 3, "heading": 0.0, "speed": speed},
+        "vehicles": 3,
+    }
     keys |= {"navigator": path, "tail": 0.0, "horizon": 6.0, "output_step": 0.1, "tick": 0.1}
     loss = {"kind": "jamming", "intervals": [[2.0, 9.0]]}
     ends = []
@@ -106,7 +117,10 @@ class Ripple(ChannelNoise):
     """Errors that differ by tick, listener, source, axis and order."""
 
     def next_errors(self, last, time, interval, sources):
-        listeners, told = jnp.arange(float(sources.shape[1]))[None, :, None], sources.astype(float)[..., None]
+        listeners, told = (
+            jnp.arange(float(sources.shape[1]))[None, :, None],
+            sources.astype(float)[..., None],
+        )
         return tuple(
             jnp.stack([ripple(time[None, None], listeners, told, axis, k) for axis in range(2)])
             for k in range(3)
@@ -144,19 +158,30 @@ class StandIns(Plain):
             else:
                 told = attack[:3, i, j] + (navigator[:3] if j == 0 else jets[:, j - 1]) + error
                 jerk = attack[3, i, j] + navigator[3] if j == 0 else np.zeros(2)
-                found[i, j] = lambda s, t=t, told=told, jerk=jerk: self.continued([*told, jerk], s - t)
+                found[i, j] = lambda s, t=t, told=told, jerk=jerk: self.continued(
+                    [*told, jerk], s - t
+                )
         return found
 
     def continued(self, jets, s):
         """R of a Taylor polynomial."""
-        moved = [sum(jets[n] * s ** (n - k) / math.factorial(n - k) for n in range(k, 4)) for k in range(4)]
+        moved = [
+            sum(jets[n] * s ** (n - k) / math.factorial(n - k) for n in range(k, 4))
+            for k in range(4)
+        ]
         return self.k @ np.array(moved)
 
     def positions(self):
         """(ticks + 1, m, 2)."""
         jets = reference.flat_jets(self.lane.initial.T)
         m, path, weights = jets.shape[1], [], self.lane.weights
-        noise, jerk, words, heard, self.before = np.zeros_like(jets), np.zeros((m, 2)), {}, weights > 0, 0.0
+        noise, jerk, words, heard, self.before = (
+            np.zeros_like(jets),
+            np.zeros((m, 2)),
+            {},
+            weights > 0,
+            0.0,
+        )
         silent = True
         for n in range(TICKS + 1):
             t = n * TICK
@@ -206,7 +231,9 @@ class StandIns(Plain):
 )
 def test_vehicles_move_as_the_plain_program(engine, missing, orders, rippled):
     """On the ring under attack, sensors with errors, gains other than the default."""
-    keys = KEYS | NEAR | {"gain": [2.0, 4.0, 2.5], "defence": "none", "sensing": Wavy(), "vehicles": 5}
+    keys = (
+        KEYS | NEAR | {"gain": [2.0, 4.0, 2.5], "defence": "none", "sensing": Wavy(), "vehicles": 5}
+    )
     keys["attack"] = {"kind": "rotating", "orders": orders, "vehicles": [2, 4]}
     keys["channel"] = {"loss": Striped(), "missing": missing}
     if rippled:
@@ -227,7 +254,13 @@ def test_a_law_that_cannot_use_old_words_refuses_them():
 
 def test_agents_step_towards_what_they_hear_with_errors():
     """`x ← W (x + n)` under the local law, with lost words dropped."""
-    keys = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1], "tick": 1.0}
+    keys = {
+        "vehicle": "single_integrator",
+        "navigator": "none",
+        "law": "local",
+        "gain": [1],
+        "tick": 1.0,
+    }
     keys |= {"output_step": 1.0, "tail": 0.0, "horizon": 20.0, "engine": "exact", "vehicles": 5}
     keys |= {"defence": "none", "attack": "none", "channel": {"loss": Fifths(), "noise": Ripple()}}
     one = systems.lanes(systems.study(**keys), 1)

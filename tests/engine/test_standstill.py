@@ -13,7 +13,14 @@ from tests.engine.test_exactness import navigator_at
 
 LANES, TICK, HORIZON = 16, 0.1, 3.0
 PATH = {"kind": "lissajous", "amplitude": [100.0, 0.0], "frequency": [0.2, 0.2]}
-KEYS = {"navigator": PATH, "horizon": HORIZON, "tail": 1.0, "tick": TICK, "attack": "none", "defence": "none"}
+KEYS = {
+    "navigator": PATH,
+    "horizon": HORIZON,
+    "tail": 1.0,
+    "tick": TICK,
+    "attack": "none",
+    "defence": "none",
+}
 
 
 def on_a_line(engine, reach=75.0, **keys):
@@ -77,7 +84,9 @@ def test_engines_agree_whoever_lies_or_decides():
     """Derivatives that do not belong together, and trimming at ticks: vehicle 3 drops one liar of two."""
     spoof = {"kind": "spoof", "vehicles": [2, 4], "magnitude": 1.0, "direction": 0.0}
     keys = {"attack": spoof, "defence": "trusted_trim"}
-    ours, theirs = (systems.simulate(on_a_line(engine, **keys)).status for engine in ("exact", "nonlinear"))
+    ours, theirs = (
+        systems.simulate(on_a_line(engine, **keys)).status for engine in ("exact", "nonlinear")
+    )
     assert ours.tolist() == theirs.tolist()
     assert {*ours.tolist()} == {Status.ok, Status.singular}
 
@@ -85,7 +94,8 @@ def test_engines_agree_whoever_lies_or_decides():
 def test_a_held_jerk_is_seen_to_turn_a_vehicle_round_within_a_tick():
     """By the roots of its velocity, a parabola; Runge–Kutta methods see only who has turned at a step."""
     exact, gauss, steps = (
-        on_a_line(engine, 40.0, law="rounds") for engine in ("exact", "nonlinear", {"solver": "dopri5"})
+        on_a_line(engine, 40.0, law="rounds")
+        for engine in ("exact", "nonlinear", {"solver": "dopri5"})
     )
     plan = steps.plan._replace(save=systems.EVERYTHING, rows=round(HORIZON / TICK) + 1)
     theirs = systems.simulate(steps._replace(plan=plan))
@@ -108,7 +118,11 @@ def test_a_speed_is_enclosed(least):
 
     def pace(time):
         velocity = jnp.stack([slope * (time - turn), least + 0.0 * time])[:, None]
-        return velocity, jnp.stack([slope + 0.0 * time, 0.0 * time])[:, None], jnp.full((1, 1), 300.0)
+        return (
+            velocity,
+            jnp.stack([slope + 0.0 * time, 0.0 * time])[:, None],
+            jnp.full((1, 1), 300.0),
+        )
 
     start = jnp.zeros(1)
     found, _ = standstill.stands(pace, lambda time, step: time + step, start, 0.1, start + 1.0)

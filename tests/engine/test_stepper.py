@@ -32,7 +32,9 @@ def field(now, state):
 
 
 # The same of one lane.
-TERM = diffrax.ODETerm(lambda t, y, args: field(signals(jnp.asarray(t)[None]), y[..., None])[..., 0])
+TERM = diffrax.ODETerm(
+    lambda t, y, args: field(signals(jnp.asarray(t)[None]), y[..., None])[..., 0]
+)
 
 
 def moments(seed):
@@ -69,7 +71,9 @@ def by_diffrax(solver, start, end, y0):
 @pytest.mark.parametrize("solver", SOLVERS)
 @given(
     seed=st.integers(0, 2**32 - 1),
-    tolerated=st.sampled_from([(1e-7, 1e-9), (1.0, 0.0), (0.0, 1.0)]).map(lambda pair: tolerances(*pair)),
+    tolerated=st.sampled_from([(1e-7, 1e-9), (1.0, 0.0), (0.0, 1.0)]).map(
+        lambda pair: tolerances(*pair)
+    ),
 )
 def test_a_step_is_diffraxs(solver, seed, tolerated):
     """State, slope at its end, and the norm of its error over what is tolerated."""
@@ -92,7 +96,9 @@ def by_controller(solver, step, error):
     controller = diffrax.PIDController(rtol=0.0, atol=1.0)
     order = stepper.SOLVERS[solver]().error_order(TERM)
     y, first = jnp.zeros(()), (jnp.asarray(1.0), jnp.asarray(1.0), False)
-    kept, begin, end, *_ = controller.adapt_step_size(jnp.zeros(()), step, y, y, None, error, order, first)
+    kept, begin, end, *_ = controller.adapt_step_size(
+        jnp.zeros(()), step, y, y, None, error, order, first
+    )
     return kept, end - begin
 
 
@@ -143,7 +149,12 @@ def test_lanes_step_as_diffrax_integrates_each():
     @functools.partial(jax.vmap, in_axes=(0, -1))
     def solve(first, y0):
         controller, saved = diffrax.PIDController(rtol=1e-7, atol=1e-9), diffrax.SaveAt(steps=True)
-        limits = {"stepsize_controller": controller, "saveat": saved, "max_steps": 30, "throw": False}
+        limits = {
+            "stepsize_controller": controller,
+            "saveat": saved,
+            "max_steps": 30,
+            "throw": False,
+        }
         return diffrax.diffeqsolve(TERM, diffrax.Dopri5(), 0.0, 1e3, first, y0, **limits)
 
     known = solve(first, state)
@@ -152,7 +163,9 @@ def test_lanes_step_as_diffrax_integrates_each():
     for lane in range(LANES):
         mine = kept[:, lane]
         np.testing.assert_allclose(times[mine, lane], known.ts[lane][: mine.sum()], rtol=1e-6)
-        np.testing.assert_allclose(states[mine, ..., lane], known.ys[lane][: mine.sum()], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(
+            states[mine, ..., lane], known.ys[lane][: mine.sum()], rtol=0, atol=1e-7
+        )
 
 
 @pytest.mark.parametrize(("solver", "order", "fewest"), [("dopri5", 5, 16), ("dopri8", 8, 3)])

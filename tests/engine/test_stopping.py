@@ -23,7 +23,9 @@ def stopping(engine, vehicle, order=3, **keys):
     """Two lanes whose vehicles 3 and 4 are cut off at once and from 0.7 s on, with two gains."""
     defence = {"kind": f"{LastDrops.__module__}:LastDrops", "isolated": "coast", **keys}
     parts = [
-        systems.study(engine=engine, vehicle=vehicle, gain=gain, defence=defence | {"since": since}, **KEYS)
+        systems.study(
+            engine=engine, vehicle=vehicle, gain=gain, defence=defence | {"since": since}, **KEYS
+        )
         for gain, since in zip(GAINS[order], (0.0, 0.7), strict=True)
     ]
     return [systems.lanes(part, 1) for part in parts]
@@ -66,7 +68,11 @@ class Known:
 
         def ahead(time):
             velocity = self.coasting(time)[1]
-            return velocity @ first / np.hypot(*first) if self.since == 0 else np.hypot(*velocity) - 1e-9
+            return (
+                velocity @ first / np.hypot(*first)
+                if self.since == 0
+                else np.hypot(*velocity) - 1e-9
+            )
 
         grid = np.arange(self.since, TICK * TICKS, TICK / 2)
         number = next(n for n, time in enumerate(grid) if ahead(time) < 0)
@@ -126,10 +132,17 @@ def test_a_vehicle_that_has_stopped_stays_and_passes_nothing_on():
     Vehicle 2 goes on with what 3 tells: from then on `ε_2 = y_2 - (y_0 + p) / 2` dies away. Both engines.
     """
     keys = KEYS | {"horizon": 24.0, "vehicle": "two_wheeled"}
-    defence = {"kind": f"{LastDrops.__module__}:LastDrops", "isolated": "coast", "since": 0.7, "until": 12.0}
+    defence = {
+        "kind": f"{LastDrops.__module__}:LastDrops",
+        "isolated": "coast",
+        "since": 0.7,
+        "until": 12.0,
+    }
     ends = []
     for engine in ("exact", "nonlinear"):
-        one = systems.lanes(systems.study(engine=engine, gain=GAINS[3][1], defence=defence, **keys), 1)
+        one = systems.lanes(
+            systems.study(engine=engine, gain=GAINS[3][1], defence=defence, **keys), 1
+        )
         outcome, navigator = systems.simulate(one), navigator_at(one, 0)
         assert outcome.status.tolist() == [Status.ok]
         assert outcome.cut_off["stopped"].tolist() == [2]

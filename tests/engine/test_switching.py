@@ -11,7 +11,13 @@ RING = [[i, 1 + (i + k) % 6, 1.0 + k] for i in range(1, 7) for k in (0, 4)]
 PAIRS = [[i, 7 - i, 2] for i in range(1, 7)] + [[2, 3, 1], [5, 1, 3], [4, 4, 1]]
 SPARSE = [[1, 2, 1], [3, 5, 1], [6, 2, 0.5]]
 NETWORKS = [{"kind": "edges", "edges": edges} for edges in (RING, PAIRS, SPARSE)]
-LINE = {"vehicles": 6, "vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1]}
+LINE = {
+    "vehicles": 6,
+    "vehicle": "single_integrator",
+    "navigator": "none",
+    "law": "local",
+    "gain": [1],
+}
 LINE |= {"tick": 1.0, "output_step": 1.0, "tail": 0.0, "engine": "exact"}
 CHAIN = [[1, 0, 1], [2, 1, 1]]
 LIAR = {"kind": "own_path", "vehicles": [3], "centre": [-5, 0], "swing": [0, 0]}
@@ -61,8 +67,20 @@ def test_agents_step_by_the_network_in_force():
 def test_weights_are_those_of_each_network_under_the_exact_law():
     """Star and path in turn: weights and errors are those of the network in force."""
     networks = [{"kind": "star"}, {"kind": "path"}]
-    attack = {"kind": "bias", "vehicles": [2], "magnitude": 4.0, "direction": 0.0, "links": "neighbour"}
-    keys = {"engine": "exact", "attack": attack, "defence": "none", "horizon": 60.0, "output_step": 1.0}
+    attack = {
+        "kind": "bias",
+        "vehicles": [2],
+        "magnitude": 4.0,
+        "direction": 0.0,
+        "links": "neighbour",
+    }
+    keys = {
+        "engine": "exact",
+        "attack": attack,
+        "defence": "none",
+        "horizon": 60.0,
+        "output_step": 1.0,
+    }
     keys["topology"] = {"kind": "switching", "networks": networks, "every": 30.0}
     mixed = systems.simulate(systems.lanes(systems.study(**keys), 1))
     path = systems.simulate(systems.lanes(systems.study(**keys | {"topology": networks[1]}), 1))
@@ -78,10 +96,21 @@ def test_weights_are_those_of_each_network_under_the_exact_law():
 
 def test_trust_counts_in_the_network_in_force():
     """Vehicle 2 hears 0 and 1, or 1 alone: it retains the navigator, or else 1, and is never unheard."""
-    networks = [{"kind": "edges", "edges": edges} for edges in ([[1, 0, 1], [2, 0, 1], [2, 1, 1]], CHAIN)]
-    attack = {"kind": "bias", "magnitude": 10, "vehicles": [1], "links": "neighbour", "direction": 0.0}
+    networks = [
+        {"kind": "edges", "edges": edges} for edges in ([[1, 0, 1], [2, 0, 1], [2, 1, 1]], CHAIN)
+    ]
+    attack = {
+        "kind": "bias",
+        "magnitude": 10,
+        "vehicles": [1],
+        "links": "neighbour",
+        "direction": 0.0,
+    }
     keys = {"vehicles": 2, "vehicle": "double_integrator", "tick": 0.1, "horizon": 4.0, "tail": 0.0}
-    keys |= {"topology": {"kind": "switching", "networks": networks, "every": 1.0}, "attack": attack}
+    keys |= {
+        "topology": {"kind": "switching", "networks": networks, "every": 1.0},
+        "attack": attack,
+    }
     one = systems.lanes(systems.study(**keys, engine="exact", defence="trusted_only"), 1)
     kept = systems.simulate(one).series["kept"][0, :-1, 1]
     second = np.arange(40) // 10 % 2 == 1
@@ -90,12 +119,16 @@ def test_trust_counts_in_the_network_in_force():
 
 def test_a_random_order_is_drawn_at_each_change():
     """Each network stays for its time, and all appear about equally often; a drawn period is a lane's own."""
-    networks = [{"kind": "edges", "edges": [[i, 1 + (i + k) % 6, 1] for i in range(1, 7)]} for k in range(3)]
+    networks = [
+        {"kind": "edges", "edges": [[i, 1 + (i + k) % 6, 1] for i in range(1, 7)]} for k in range(3)
+    ]
     keys = LINE | {"horizon": 300.0, "defence": "none", "attack": "none"}
     keys["topology"] = {"kind": "switching", "networks": networks, "every": 3.0, "order": "random"}
 
     def numbers(every):
-        one = systems.lanes(systems.study(**keys | {"topology": keys["topology"] | {"every": every}}), 4)
+        one = systems.lanes(
+            systems.study(**keys | {"topology": keys["topology"] | {"every": every}}), 4
+        )
         kept = systems.simulate(one).series["kept"][:, :-1]
         number = np.stack([kept[:, :, 0, 1 + (k + 1) % 6] > 0 for k in range(3)]).argmax(axis=0)
         return np.asarray(one.inputs.lane.turns.schedule.every), number
@@ -120,15 +153,28 @@ def test_a_random_order_is_drawn_at_each_change():
         ({"at": [2.0, 1.0]}, "ascending"),
         ({"every": 1.0, "own_weight": 1.0}, "own_weight to each"),
         ({"every": {"uniform": [0, 1]}}, "greater than 0, whatever is drawn"),
-        ({"every": 1.0, "networks": [NETWORKS[0], {"kind": "edges", "edges": [[9, 1, 1]]}]}, "networks.1"),
-        ({"every": 1.0, "networks": [NETWORKS[0], {"kind": "small_world", "redraw": True}]}, "without draws"),
-        ({"every": 1.0, "defence": {"kind": "trusted_only", "trusted": {"nearest": 1}}}, "who is nearest"),
+        (
+            {"every": 1.0, "networks": [NETWORKS[0], {"kind": "edges", "edges": [[9, 1, 1]]}]},
+            "networks.1",
+        ),
+        (
+            {"every": 1.0, "networks": [NETWORKS[0], {"kind": "small_world", "redraw": True}]},
+            "without draws",
+        ),
+        (
+            {"every": 1.0, "defence": {"kind": "trusted_only", "trusted": {"nearest": 1}}},
+            "who is nearest",
+        ),
     ],
 )
 def test_networks_that_cannot_take_turns_are_refused(more, message):
     """With the key that the user may change."""
     keys = {key: more[key] for key in more if key == "defence"}
-    topology = {"kind": "switching", "networks": NETWORKS, **{key: more[key] for key in more.keys() - keys}}
+    topology = {
+        "kind": "switching",
+        "networks": NETWORKS,
+        **{key: more[key] for key in more.keys() - keys},
+    }
     with pytest.raises(ConfigError, match=message):
         systems.study(topology=topology, **LINE, **keys)
 
@@ -138,7 +184,9 @@ def test_nothing_is_claimed_of_the_union_of_networks():
     loss = {"loss": {"kind": "bernoulli", "probability": 0.2, "of": "all"}}
     turns = {"kind": "switching", "networks": ["cyclic", "path"], "every": 3.0}
     for topology, told in (("cyclic", True), (turns, False)):
-        study = systems.study(defence="none", law="rounds", attack="none", channel=loss, topology=topology)
+        study = systems.study(
+            defence="none", law="rounds", attack="none", channel=loss, topology=topology
+        )
         assert ("in mean square" in " ".join(check_text(study).split())) == told
     strong = {"kind": "edges", "edges": [[i, j, 9 * w] for i, j, w in RING], "normalised": False}
     weak = {"kind": "edges", "edges": RING, "normalised": False}

@@ -44,5 +44,7 @@ def test_iteration_leads_where_one_dense_block_does(engine, monkeypatch):
     for name in SAVED:
         np.testing.assert_allclose(iterated.series[name], known.series[name], rtol=0, atol=1e-8)
     alone = one._replace(inputs=batch.part(one.inputs, 0, 1))
-    for ours, theirs in zip(*map(jax.tree.leaves, (batch.simulate(alone, FEW), iterated)), strict=True):
+    for ours, theirs in zip(
+        *map(jax.tree.leaves, (batch.simulate(alone, FEW), iterated)), strict=True
+    ):
         np.testing.assert_array_equal(ours, theirs[:1])

@@ -45,7 +45,13 @@ def test_what_failed_is_over_nothing():
 def test_lanes_as_counted(tmp_path):
     """The share of a trimmed ring that does not recover, as plain lanes have it, and the table is kept."""
     keys = {"attack": {"kind": "rotating", "magnitude": 10.0, "frequency": 0.7}, "engine": "exact"}
-    keys |= {"horizon": 30.0, "tail": 2.0, "output_step": 0.5, "tick": 0.25, "recovery": {"tau": 0.3}}
+    keys |= {
+        "horizon": 30.0,
+        "tail": 2.0,
+        "output_step": 0.5,
+        "tick": 0.25,
+        "recovery": {"tau": 0.3},
+    }
     given = systems.study(samples=2000, **keys)
     plain = jaxnet.simulate(given, progress=False).cells["unrecovered"].iloc[0]
     table = jaxnet.rare(given, points=100, out=tmp_path / "s")

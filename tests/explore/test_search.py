@@ -43,7 +43,9 @@ def study(over, budget=1000, **keys):
 def box_of(given):
     """The box of a study's first cell."""
     scenario, source = given.cells[0].scenario, Keyed(given.config.seed)
-    drawn = [place for place in places_of(scenario, source) if place.name in given.config.search.over]
+    drawn = [
+        place for place in places_of(scenario, source) if place.name in given.config.search.over
+    ]
     return Box(scenario, source, drawn)
 
 
@@ -61,13 +63,17 @@ def test_the_worst_is_found_where_it_is_known(case):
 
 def test_sets_of_vehicles_are_all_tried():
     """Of six vehicles on a ring, the best pair is the one that the exact solution of all pairs has."""
-    given = study({"attack.vehicles": {"choose": 2}}, budget=200, vehicles=6, attack=experiment.IN_PHASE)
+    given = study(
+        {"attack.vehicles": {"choose": 2}}, budget=200, vehicles=6, attack=experiment.IN_PHASE
+    )
     trials = Trials(box_of(given), 2, largest, MANY)
     (only,) = search_box(trials, 200, 0)
     assert only.phase == "sets"
     assert only.lanes == 2 * math.comb(6, 2)
     found = {
-        pair: experiment.static_bound({**KEYS, "vehicles": 6, "attack": {**BIAS, "vehicles": list(pair)}})
+        pair: experiment.static_bound(
+            {**KEYS, "vehicles": 6, "attack": {**BIAS, "vehicles": list(pair)}}
+        )
         for pair in itertools.combinations(range(1, 7), 2)
     }
     best = max(found.values())
@@ -77,13 +83,19 @@ def test_sets_of_vehicles_are_all_tried():
 
 def test_a_point_is_the_lane_that_is_drawn_there():
     """To the last bit, if its coordinates are the numbers of a sample; all else is the sample's."""
-    over = {"attack.phase": "each", "attack.frequency": [0.1, 4.0], "attack.vehicles": {"choose": 3}}
+    over = {
+        "attack.phase": "each",
+        "attack.frequency": [0.1, 4.0],
+        "attack.vehicles": {"choose": 3},
+    }
     given = study(over, attack={"kind": "rotating"}, search={"maximise": "tail_mean"})
     box = box_of(given)
     drawn = [box.source.uniforms(place.name, [5, 8], [place[1:]])[:, 0] for place in box.places]
     ours = box.lanes(np.stack(drawn, axis=1), np.array([5, 8]))
     theirs = job(given.cells[0].scenario, Keyed(0), [5, 8])
-    for one, other in zip(jax.tree.leaves(ours.inputs), jax.tree.leaves(theirs.inputs), strict=True):
+    for one, other in zip(
+        jax.tree.leaves(ours.inputs), jax.tree.leaves(theirs.inputs), strict=True
+    ):
         np.testing.assert_array_equal(one, other)
 
 
@@ -104,7 +116,9 @@ def test_choices_of_which_a_lane_fails_count_less():
 def test_larger_budgets_have_more_populations(monkeypatch):
     """So many that none has more generations than it is to have; a batch then has work for all cores."""
     monkeypatch.setattr(search, "MOST_GENERATIONS", 20)
-    monkeypatch.setattr(Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None])
+    monkeypatch.setattr(
+        Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None]
+    )
 
     def searching(budget):
         trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
@@ -122,14 +136,20 @@ def test_larger_budgets_have_more_populations(monkeypatch):
 def test_polishing_is_kept_little_of_a_large_budget(budget, kept, monkeypatch):
     """A tenth, or ten steps: a step tries two choices a number, of four, and 24 along the slope."""
     monkeypatch.setattr(search, "MOST_STEPS", 10)
-    monkeypatch.setattr(Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None])
+    monkeypatch.setattr(
+        Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None]
+    )
     trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
     lanes = [each.lanes for each in search_box(trials, budget, 0) if each.phase == "search"]
     assert lanes[-1] <= budget - kept < 2 * lanes[-1] - lanes[-2]
 
 
 OVER = {"attack.phase": "each", "attack.frequency": [0.2, 2.0]}
-TRIMMED = {"attack": {"kind": "rotating", "magnitude": 10.0}, "defence": "trusted_trim", "tick": 0.1}
+TRIMMED = {
+    "attack": {"kind": "rotating", "magnitude": 10.0},
+    "defence": "trusted_trim",
+    "tick": 0.1,
+}
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +177,10 @@ def test_the_worst_is_a_study_of_its_own(whole):
         random = results.lanes.query(f"cell == {cell}")["tail_max"]
         assert row["random"] == random.max()
         assert row["fresh_low"] <= row["fresh"] <= row["fresh_high"]
-    assert results.searched.groupby("cell")["best"].last().tolist() == results.worst["greatest"].tolist()
+    assert (
+        results.searched.groupby("cell")["best"].last().tolist()
+        == results.worst["greatest"].tolist()
+    )
 
 
 def test_the_table_and_the_page_tell_what_is_left_late(whole):
@@ -211,7 +234,9 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
 @pytest.mark.parametrize("when", ["again from other starts", "tail_max"])
 def test_a_search_whose_folder_is_taken_over_writes_no_more(whole, tmp_path, when):
     """Neither what it has tried nor what it has found."""
-    shutil.copytree(whole[0].path, tmp_path / "s", ignore=shutil.ignore_patterns("search*", "worst*"))
+    shutil.copytree(
+        whole[0].path, tmp_path / "s", ignore=shutil.ignore_patterns("search*", "worst*")
+    )
     before = []
 
     def take(what, *_):
@@ -293,7 +318,13 @@ def test_the_worst_attack_that_is_not_seen(tmp_path, monkeypatch):
     """
     monkeypatch.setattr(worst, "FRESH", 48)
     attack = {"kind": "bias", "vehicles": [1, 3], "magnitude": 1.0}
-    keys = {"vehicles": 4, "topology": "complete", "output_step": 2.0, "tail": 4.0, "attack": attack}
+    keys = {
+        "vehicles": 4,
+        "topology": "complete",
+        "output_step": 2.0,
+        "tail": 4.0,
+        "attack": attack,
+    }
     keys |= {"channel": {"noise": {"position": 1.0}}, "detector": {"kind": "chi_squared"}}
     keys |= {"sweep": {"detector.false_alarms": [0.01, 0.5]}, "horizon": 20.0}
     asked = {"subject_to": {"alarms": 0.02}, "starts": 1, "until": 1.0, "maximise": "tail_mean"}
@@ -336,7 +367,12 @@ def test_what_persists_is_told_apart_from_what_is_transient(tmp_path, monkeypatc
     begins to fall at 900 s, and falls as long as it rises.
     """
     monkeypatch.setattr(worst, "FRESH", 8)
-    attack = {"kind": "envelope", "of": {"kind": "bias", "direction": 0.0}, "magnitude": 10.0, "stop": 900.0}
+    attack = {
+        "kind": "envelope",
+        "of": {"kind": "bias", "direction": 0.0},
+        "magnitude": 10.0,
+        "stop": 900.0,
+    }
     given = study({"attack.rise": [5.0, 800.0]}, budget=200, topology="cyclic", attack=attack)
     fading = jaxnet.search(given, tmp_path / "s", progress=False)
     (row,) = fading.worst.to_dict("records")
@@ -366,12 +402,16 @@ NAN = math.nan
         ([-1.0, -2.0, -3.0], [-8.0, -7.0, -9.0], 1),
     ],
 )
-def test_the_choice_is_the_finalist_that_is_worst_at_the_late_time(found, after, chosen, monkeypatch):
+def test_the_choice_is_the_finalist_that_is_worst_at_the_late_time(
+    found, after, chosen, monkeypatch
+):
     """Of finalists that are equal then, the worst at the horizon."""
     trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
     points = np.arange(3.0)[:, None] + np.zeros(len(trials.box.places))
     trials.best, trials.point = found[0], points[0]
-    trials.finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)][1:]
+    trials.finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)][
+        1:
+    ]
     monkeypatch.setattr(late, "late_means", lambda *_: np.array(after))
     choice = late.choose_finalist(trials, 1000.0, largest, systems.FEW)
     assert (choice.point[0], choice.found, choice.until) == (chosen, found[chosen], 1000.0)

@@ -52,7 +52,9 @@ def test_draws_follow_their_distribution(number, distribution):
 
 def test_a_choice_takes_each_value_alike():
     """Chi-squared, 20,000 draws of three values."""
-    values = draw(fields.DiscreteChoice(choice=[1.0, 5.0, 9.0]), 0, "attack.magnitude", range(20_000), [0])
+    values = draw(
+        fields.DiscreteChoice(choice=[1.0, 5.0, 9.0]), 0, "attack.magnitude", range(20_000), [0]
+    )
     listed, counts = np.unique(values, return_counts=True)
     assert listed.tolist() == [1.0, 5.0, 9.0]
     assert stats.chisquare(counts).pvalue > 1e-3
@@ -119,7 +121,10 @@ SMALL = {"vehicles": 3, "attack": {"vehicles": [2]}}
 def everything(of):
     """Studies with all numbers of a lane made by `of` from a number: a ring, and a digraph solved exactly."""
     both = {"gain": [of(1.0), of(3.0), of(3.0)], "defence": {"tolerance": of(1e-6)}}
-    ring = {"topology": {"navigator_weight": of(0.1)}, "engine": {"rtol": of(1e-6), "atol": of(1e-8)}}
+    ring = {
+        "topology": {"navigator_weight": of(0.1)},
+        "engine": {"rtol": of(1e-6), "atol": of(1e-8)},
+    }
     edges = [[i, j, of(float(weight))] for i, j, weight in EDGES]
     exact = {**SMALL, "topology": {"kind": "edges", "edges": edges}, "engine": "exact"}
     return systems.study(**both, **ring), systems.study(**both, **exact)
@@ -153,7 +158,9 @@ def test_k0_k1_and_k2_are_drawn_apart():
     assert (u < 1).all()
     assert np.abs(np.corrcoef(u.T) - np.eye(3)).max() < 0.08
     middle = systems.lanes(systems.study(gain=[1, {"uniform": [3, 4]}, 4]), 2000).inputs.lane.gain
-    np.testing.assert_array_equal(middle, np.stack([np.full(2000, 1.0), 3 + u[:, 1], np.full(2000, 4.0)], 1))
+    np.testing.assert_array_equal(
+        middle, np.stack([np.full(2000, 1.0), 3 + u[:, 1], np.full(2000, 4.0)], 1)
+    )
 
 
 def test_swept_weights_share_their_draws():
@@ -173,7 +180,10 @@ def test_an_edge_s_number_belongs_to_the_edge():
 
     def ratios(edges):
         """Weights of 3 over that of the navigator, which is not drawn."""
-        graph = {"kind": "edges", "edges": [[*link, {"uniform": [1, 2]} if link[1] else 1] for link in edges]}
+        graph = {
+            "kind": "edges",
+            "edges": [[*link, {"uniform": [1, 2]} if link[1] else 1] for link in edges],
+        }
         given = systems.study(vehicles=3, attack="none", topology=graph)
         navigator, *others = systems.lanes(given, 20).inputs.lane.weights[:, :3, 2].T
         return np.array(others) / navigator

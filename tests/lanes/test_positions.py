@@ -5,13 +5,22 @@ import pytest
 
 import jaxnet
 
-KEYS = {"vehicles": 3, "engine": "exact", "horizon": 0.1, "tail": 0.0, "attack": "none", "defence": "none"}
+KEYS = {
+    "vehicles": 3,
+    "engine": "exact",
+    "horizon": 0.1,
+    "tail": 0.0,
+    "attack": "none",
+    "defence": "none",
+}
 KEYS |= {"save": {"trajectories": "all"}}
 
 
 def starts(position, **keys):
     """Positions of two lanes at t = 0, (samples, vehicles, 2)."""
-    results = jaxnet.simulate(KEYS | {"initial": {"position": position}} | keys, samples=2, progress=False)
+    results = jaxnet.simulate(
+        KEYS | {"initial": {"position": position}} | keys, samples=2, progress=False
+    )
     states = results.trajectories["states"].isel(time=0).transpose("cell", "sample", ...).values
     return states[..., :2]
 

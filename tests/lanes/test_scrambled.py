@@ -36,7 +36,9 @@ KEYS = {
 def test_samples_are_points_of_sequences_however_they_are_asked_for():
     """One after the other and in any order, those that SciPy makes at once; what has no column is random."""
     source = Scrambled(3, 8, COLUMNS)
-    sequences = [qmc.Sobol(DIMENSIONS, bits=32, rng=np.random.default_rng([3, each])) for each in range(4)]
+    sequences = [
+        qmc.Sobol(DIMENSIONS, bits=32, rng=np.random.default_rng([3, each])) for each in range(4)
+    ]
     whole = np.concatenate([each.random(8) for each in sequences]) + 2.0**-33
     np.testing.assert_array_equal(source.uniforms("x", range(32), ENTRIES), whole)
     some = [31, 5, 6, 17, 3]
@@ -59,7 +61,9 @@ def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():
         found = metric_statistics(values, (0.85**5, 1.4**5), samples // 16)
         held.append(found["low"] <= 1 <= found["high"])
         means.append(found["mean"])
-        random.append(integrand(np.random.default_rng(seed).random((len(samples), DIMENSIONS))).mean())
+        random.append(
+            integrand(np.random.default_rng(seed).random((len(samples), DIMENSIONS))).mean()
+        )
     assert np.mean(held) > 0.95 - 0.02
     assert abs(np.mean(means) - 1) < 4 * np.std(means) / np.sqrt(500)
     assert np.var(means) < np.var(random) / 20
@@ -89,7 +93,9 @@ def test_every_number_of_a_lane_has_a_dimension_of_its_own():
     study = systems.study(**KEYS)
     source = source_of(study.config, study.cells[0].scenario)
     assert isinstance(source, Scrambled)
-    assert sorted(source.columns.values()) == list(range(3 * 4 + 3))  # positions, headings, speeds, phases
+    assert sorted(source.columns.values()) == list(
+        range(3 * 4 + 3)
+    )  # positions, headings, speeds, phases
     lane = job(study.cells[0].scenario, source, range(64)).inputs.lane
     assert len(np.unique(lane.initial[:, :2].ravel())) == 64 * 6
 
@@ -130,7 +136,10 @@ def test_intervals_are_over_the_sequences(tmp_path):
     [
         ({"samples": 100}, "16 times a power of two"),
         ({"samples": 48}, "16 times a power of two"),
-        ({"samples": {"until": {"half_width": 0.1}}, "recovery": {"tau": 0.1}}, "16 times a power of two"),
+        (
+            {"samples": {"until": {"half_width": 0.1}}, "recovery": {"tau": 0.1}},
+            "16 times a power of two",
+        ),
         ({"recovery": {"tau": 0.1}}, "interval of independent lanes"),
     ],
 )

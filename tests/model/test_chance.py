@@ -32,11 +32,15 @@ def test_the_inverse_of_the_error_function_is_that_of_scipy():
     odd = np.concatenate([np.arange(-(2**24) + 1, 2**24, 2**13 - 2), [2**24 - 1, -1, 1]])
     number = (odd * 2.0**-24).astype(np.float32)
     mine = np.sqrt(2.0) * np.asarray(jax.jit(chance.inverse_error)(number), float)
-    np.testing.assert_allclose(mine, stats.norm.ppf((1 + number.astype(float)) / 2), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        mine, stats.norm.ppf((1 + number.astype(float)) / 2), rtol=0, atol=1e-6
+    )
 
 
 def test_normal_numbers_are_normal():
-    numbers = np.ravel(chance.drawn(jnp.full(2, 0.3), jnp.array([0.0, 0.1]), "x", "normal", (250_000,)))
+    numbers = np.ravel(
+        chance.drawn(jnp.full(2, 0.3), jnp.array([0.0, 0.1]), "x", "normal", (250_000,))
+    )
     assert stats.kstest(numbers, "norm").pvalue > 0.01
     for power, expected, variance in ((1, 0, 1), (2, 1, 2), (3, 0, 15), (4, 3, 96)):
         spread = np.sqrt(variance / len(numbers))
@@ -70,6 +74,7 @@ class Sampler(Loss):
 def test_another_distribution_is_refused():
     keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "channel": {"loss": Sampler()}}
     with pytest.raises(
-        jaxnet.KindError, match=r"sampler: random\(…\) draws from 'uniform' or 'normal' \(got 'gamma'"
+        jaxnet.KindError,
+        match=r"sampler: random\(…\) draws from 'uniform' or 'normal' \(got 'gamma'",
     ):
         jaxnet.simulate(keys, samples=2, progress=False)

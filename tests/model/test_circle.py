@@ -50,10 +50,14 @@ def test_the_angle_of_a_vector_is_numpys(how, seed):
     """In each octant and on its borders, of vectors of any size: within 2.5 units in the last place."""
     rng = np.random.default_rng(seed)
     corners = np.arange(-8, 8) * np.pi / 8
-    around = np.concatenate([rng.uniform(-np.pi, np.pi, 500), corners, corners + 1e-16, [1e-100, 3.0]])
+    around = np.concatenate(
+        [rng.uniform(-np.pi, np.pi, 500), corners, corners + 1e-16, [1e-100, 3.0]]
+    )
     size = 10.0 ** rng.uniform(-50, 50, around.shape)
     vectors = size * np.cos(around), size * np.sin(around)
-    one = {"numpy": angle, "jax": lambda *each: angle(*map(jnp.asarray, each)), "compiled": ANGLE}[how]
+    one = {"numpy": angle, "jax": lambda *each: angle(*map(jnp.asarray, each)), "compiled": ANGLE}[
+        how
+    ]
     found, exact = (
         np.asarray(one(*vectors)),
         np.arctan2(*(each.astype(np.longdouble) for each in vectors[::-1])),

@@ -95,7 +95,9 @@ class Problem:
 def structured(state, weights, navigator, signal, heard, solver, gain):
     """`u` as the engine finds it."""
     own, attack = ROBOT.output_jets(state), control.driven(gain, signal)
-    demand = control.demand(own, control.driven(gain, navigator), attack, heard, weights[None], gain)
+    demand = control.demand(
+        own, control.driven(gain, navigator), attack, heard, weights[None], gain
+    )
     factors, _ = solver.factorise(heard, weights[None, ..., None])
     return ROBOT.inputs_for(state, solver.apply(heard, factors, demand[..., None], None)[..., 0])
 
@@ -168,7 +170,9 @@ def test_demand_is_the_third_derivative_received_less_the_feedback_of_the_error(
     own = tuple(jnp.arange(12.0).reshape(3, 2, 2).swapaxes(1, 2))  # y_1 = [0, 1], y_2 = [2, 3], …
     gain = jnp.array([2.0, 3.0, 5.0])
     navigator, attack = jnp.full((4, 2), 100.0), control.driven(gain, jnp.full((4, 2, 2), 0.5))
-    demand = control.demand(own, control.driven(gain, navigator), attack, heard, weights[None], gain)
+    demand = control.demand(
+        own, control.driven(gain, navigator), attack, heard, weights[None], gain
+    )
     z = np.array([[27.0, 27.75], [30.0, 30.75], [33.0, 33.75], [25.5, 25.5]])
     error = np.array([[0.0, 1.0], [4.0, 5.0], [8.0, 9.0]]) - z[:3]
     first = z[3] - 2.0 * error[0] - 3.0 * error[1] - 5.0 * error[2]

@@ -78,7 +78,9 @@ def test_hops_are_the_powers_of_the_links_that_first_reach(heard):
 @given(digraphs(), st.data())
 def test_the_least_of_each_listener_are_the_first_of_a_sorted_list(heard, data):
     """With ties, to the lower number."""
-    values = np.array(data.draw(st.lists(st.integers(0, 2), min_size=30, max_size=30)), float).reshape(5, 6)
+    values = np.array(
+        data.draw(st.lists(st.integers(0, 2), min_size=30, max_size=30)), float
+    ).reshape(5, 6)
     count = np.array(data.draw(st.lists(st.integers(0, 6), min_size=5, max_size=5)))
     expected = {
         (i, j)

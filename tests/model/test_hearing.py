@@ -41,7 +41,11 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
     arrays = jnp.asarray(sent), jnp.asarray(signal)
     added = np.asarray(added_by_slot(network, arrays[1]))
     received = np.asarray(received_by_slot(network, *arrays))
-    expected, carried, lies = np.zeros((2, FLEET)), np.zeros((FLEET, FLEET + 1)), np.zeros((2, FLEET))
+    expected, carried, lies = (
+        np.zeros((2, FLEET)),
+        np.zeros((FLEET, FLEET + 1)),
+        np.zeros((2, FLEET)),
+    )
     for i in range(1, FLEET + 1):
         slot_of = {j: slot for slot, j in enumerate(slots[:, i - 1])}
         for j in np.flatnonzero(weights[i - 1]):
@@ -53,7 +57,9 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
             carried[i - 1, speaker] += weights[i - 1, j]
             lies[:, i - 1] += weights[i - 1, j] * attack
     in_slots = jnp.asarray(by_slot[0])
-    np.testing.assert_allclose(mean(network, in_slots[None], *arrays), expected, rtol=0, atol=1e-14 * FLEET)
+    np.testing.assert_allclose(
+        mean(network, in_slots[None], *arrays), expected, rtol=0, atol=1e-14 * FLEET
+    )
     found = mean_added(network, in_slots[None], arrays[1])
     np.testing.assert_allclose(found, lies, rtol=0, atol=1e-14 * FLEET)
     np.testing.assert_allclose(matrix(network, in_slots), carried, rtol=0, atol=1e-14)
@@ -64,7 +70,11 @@ def test_what_slots_have_is_told_link_by_link():
     """Those of a source's identities added, none of a slot that a listener leaves over or a cell lacks."""
     graph = of_matrix(np.array([[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0]]))
     slots = hearing.slots(graph, np.where(graph.sources == 2, 2, 1))
-    assert slots.tolist() == [[0, 1, 2], [2, 3, 2], [2, 2, 3]]  # the last but one left over, and the last
+    assert slots.tolist() == [
+        [0, 1, 2],
+        [2, 3, 2],
+        [2, 2, 3],
+    ]  # the last but one left over, and the last
     slots = np.concatenate([slots, np.full((1, 3), -1)])
     values = np.array([[1, 2, 3], [4, 5, 6], [7, 0, 0], [9, 9, 9]])
     assert hearing.by_link(graph, values, slots).tolist() == [1, 11, 2, 5, 9]

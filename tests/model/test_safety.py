@@ -35,7 +35,11 @@ def drops_of(heard, trusted, theta):
     """Who is dropped by whoever announces and trims, with equal weights."""
     network = graph.normalised(graph.of_matrix(heard))
     each = {i: int(n) for i, n in enumerate(theta, 1)}
-    return TrustedTrim(score="announced", theta=each).retained(network, slotwise(network, trusted)).believed()
+    return (
+        TrustedTrim(score="announced", theta=each)
+        .retained(network, slotwise(network, trusted))
+        .believed()
+    )
 
 
 def greatest(drops, attacked):
@@ -128,7 +132,10 @@ def percolates(inside, heard, attacked, trusted, theta):
     for _ in EVERYONE:
         for i in inside:
             known = sources[i] & there
-            if len(known) > 2 * theta[i - 1] or sum(trusted[i - 1, j] for j in known) > theta[i - 1]:
+            if (
+                len(known) > 2 * theta[i - 1]
+                or sum(trusted[i - 1, j] for j in known) > theta[i - 1]
+            ):
                 there.add(i)
     return inside <= there
 
@@ -180,7 +187,12 @@ def announced(drops, safe, attacked, trusted, theta, rng, rounds):
 def test_the_rate_where_everybody_hears_the_navigator():
     """1 less the least weight of the navigator's word in force: on the ring one of two neighbours is left."""
     ring = graph.weighted(
-        5, [(i, j, w) for i in EVERYONE for j, w in ((0, 2.0), (i % 5 + 1, 9.0), ((i - 2) % 5 + 1, 9.0))]
+        5,
+        [
+            (i, j, w)
+            for i in EVERYONE
+            for j, w in ((0, 2.0), (i % 5 + 1, 9.0), ((i - 2) % 5 + 1, 9.0))
+        ],
     )
     heard = graph.dense(ring) > 0
     drops = drops_of(heard, heard & (np.arange(6) == 0), [1] * 5)._replace(graph=ring)
@@ -220,7 +232,10 @@ def test_who_may_be_cut_off_is_not_safe():
 def test_what_is_filtered_proves_nothing():
     """The theorem is of what is announced at the tick."""
     star = graph.weighted(1, [(1, 0, 1.0)])
-    assert set(reasons(TrustedTrim(score="announced", filter=1.0), star)) == {"untouched", "by trust"}
+    assert set(reasons(TrustedTrim(score="announced", filter=1.0), star)) == {
+        "untouched",
+        "by trust",
+    }
 
 
 def test_percolation_by_hand():

@@ -116,9 +116,15 @@ def test_three_parts_in_any_order(study, whole, tmp_path):
         jaxnet.run_part(jaxnet.load(STUDY, {"seed": 1}), 1, 3, tmp_path / "out")
     (tmp_path / "out" / "lanes" / "00002.npz").write_bytes(b"PK")
     swap(*(tmp_path / "out" / "lanes" / f"{shard}.npz" for shard in ("00005", "00008")))
-    with pytest.warns(UserWarning, match=r"the arrays beside it are torn .* simulated again") as said:
+    with pytest.warns(
+        UserWarning, match=r"the arrays beside it are torn .* simulated again"
+    ) as said:
         told = told_by(study, tmp_path / "out")
-    assert sorted(re.search(r"\d{5}", str(each.message))[0] for each in said) == ["00002", "00005", "00008"]
+    assert sorted(re.search(r"\d{5}", str(each.message))[0] for each in said) == [
+        "00002",
+        "00005",
+        "00008",
+    ]
     assert told[0] == (5 * 256, 12 * 256, 0)  # all of two parts, but for these
     assert_same(jaxnet.open(tmp_path / "out"), whole)
     assert not list((tmp_path / "out").glob("lanes/*.npz"))
@@ -142,7 +148,12 @@ def test_what_was_torn_is_told_and_done_again(study, whole, tmp_path):
     flip(tmp_path / "out" / "errors.zarr" / "tracking" / "c" / "6" / "0" / "0", 500)
     (tmp_path / "out" / "errors.zarr" / "disagreement" / "c" / "8" / "0" / "0").unlink()
     (tmp_path / "out" / "errors.zarr" / "disagreement" / "c" / "9" / "0" / "0").write_bytes(b"")
-    swap(*(tmp_path / "out" / "errors.zarr" / "tracking" / "c" / cell / "0" / "0" for cell in ("0", "1")))
+    swap(
+        *(
+            tmp_path / "out" / "errors.zarr" / "tracking" / "c" / cell / "0" / "0"
+            for cell in ("0", "1")
+        )
+    )
     with pytest.warns(UserWarning, match="simulated again") as said:
         told = told_by(study, tmp_path / "out")
     assert told[0][0] == (SHARDS - 8) * 256
@@ -265,11 +276,15 @@ def test_a_worker_killed_in_mid_shard(study, whole, tmp_path, monkeypatch, no_se
         results = jaxnet.run(study, tmp_path / "out", progress=kill, workers=2)
     pd.testing.assert_frame_equal(results.lanes, whole.lanes, check_exact=True)
     xr.testing.assert_equal(results.errors.load(), whole.errors.load())
-    assert_same(jaxnet.run(study, tmp_path / "out"), whole)  # clear of what it may have been killed writing
+    assert_same(
+        jaxnet.run(study, tmp_path / "out"), whole
+    )  # clear of what it may have been killed writing
     assert len(killed) == 2
     assert not multiprocessing.active_children()
     lost, other = sorted((str(each.message) for each in warned), key=lambda text: "old" in text)
-    assert re.fullmatch(r"worker tcp://\S+ was lost; others do what it had under way: [1-9]\d*", lost)
+    assert re.fullmatch(
+        r"worker tcp://\S+ was lost; others do what it had under way: [1-9]\d*", lost
+    )
     assert other == "the disk is old"
 
 
@@ -288,7 +303,9 @@ def members(group):
     """Processes of a group that are at work."""
     table = subprocess.check_output(["ps", "-eo", "pgid=,stat=,pid="], text=True)
     rows = (line.split() for line in table.splitlines())
-    return [pid for number, state, pid in rows if int(number) == group and not state.startswith("Z")]
+    return [
+        pid for number, state, pid in rows if int(number) == group and not state.startswith("Z")
+    ]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
@@ -353,7 +370,15 @@ def scheduler(place, *preload):
         "--no-show",
     ]
     start = [sys.executable, "-m", "distributed.cli.dask_scheduler", *words]
-    work = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
+    work = [
+        sys.executable,
+        "-m",
+        "distributed.cli.dask_worker",
+        address,
+        "--nthreads",
+        "1",
+        "--no-nanny",
+    ]
     processes = [
         subprocess.Popen(start, **quiet),
         subprocess.Popen([*work, "--no-dashboard", *preload], **quiet),

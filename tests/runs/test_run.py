@@ -48,7 +48,15 @@ STUDY = {
 }
 COLUMNS = [
     *("cell", "sample", "topology", "attack.magnitude", "status", "tail_mean", "tail_max"),
-    *("tail_disagreement", "peak_error", "min_speed", "peak_turn_rate", "steps", "switches", "unheard"),
+    *(
+        "tail_disagreement",
+        "peak_error",
+        "min_speed",
+        "peak_turn_rate",
+        "steps",
+        "switches",
+        "unheard",
+    ),
     *("cut_off", "cut_off_at"),
 ]
 
@@ -92,12 +100,22 @@ def test_optimised_programs_make_the_same_rows(config, results, tmp_path):
     """As users compile them, unlike the tests; a lane replayed with all saved is the same to the last bit."""
     commands = []
     for engine in ("exact", "nonlinear"):
-        words = [f"engine={engine}", "topology=cyclic", "sweep={attack.magnitude: [0, 5.5]}", "save={}"]
+        words = [
+            f"engine={engine}",
+            "topology=cyclic",
+            "sweep={attack.magnitude: [0, 5.5]}",
+            "save={}",
+        ]
         commands.append(["run", str(config), *words, "--out", str(tmp_path / engine)])
         commands.append(["replay", str(tmp_path / engine), "--cell", "1", "--sample", "2"])
     optimised = {key: value for key, value in os.environ.items() if key != "XLA_FLAGS"}
     started = [sys.executable, "-c", COMMANDS, json.dumps(commands)]
-    assert subprocess.check_output(started, env=optimised, text=True).count("the same as the stored row") == 2
+    assert (
+        subprocess.check_output(started, env=optimised, text=True).count(
+            "the same as the stored row"
+        )
+        == 2
+    )
     known = results.lanes.query("topology == 'cyclic'")
     for engine, accuracy in {"exact": 1e-9, "nonlinear": 1e-5}.items():
         ours = jaxnet.open(tmp_path / engine).lanes
@@ -115,9 +133,9 @@ def test_cells_summarise_the_rows(results):
             assert cell[f"{metric}_mean"] == pytest.approx(mine[metric].mean(), rel=1e-12)
             assert cell[f"{metric}_median"] == pytest.approx(mine[metric].median(), rel=1e-12)
             assert cell[f"{metric}_max"] == mine[metric].max()
-            most = ceilings(results.study.config, results.study.cells[number], mine["sample"].tolist())[
-                metric
-            ]
+            most = ceilings(
+                results.study.config, results.study.cells[number], mine["sample"].tolist()
+            )[metric]
             ends = means.mean_interval(mine[metric].to_numpy(), 0.0, most, 0.95)
             assert (cell[f"{metric}_low"], cell[f"{metric}_high"]) == pytest.approx(ends, rel=1e-9)
 
@@ -136,7 +154,11 @@ def test_arrays_are_labelled_as_the_contract_says(results):
     assert paths["kept"].dtype == np.float32
     assert paths["vehicle"].values.tolist() == list(range(1, 13))
     assert paths["source"].dims == ("cell", "slot", "vehicle")
-    assert paths["time"].values.tolist() == errors["time"].values.tolist() == [k / 10 for k in range(21)]
+    assert (
+        paths["time"].values.tolist()
+        == errors["time"].values.tolist()
+        == [k / 10 for k in range(21)]
+    )
     assert paths.sel(time=0.3).sizes["vehicle"] == 12  # 3 * 0.1 is another double
     np.testing.assert_allclose(paths["kept"].sum("slot").values, 1.0, atol=1e-6)
     heading = paths.sel(state="heading")["states"].values
@@ -144,7 +166,9 @@ def test_arrays_are_labelled_as_the_contract_says(results):
     assert (heading <= np.pi).all()
     position = paths["states"].sel(state=["x", "y"]).values
     apart = np.linalg.norm(position - paths["navigator"].values[:, None, :, None], axis=-1)
-    np.testing.assert_allclose(apart[:, :, 10:].mean(axis=(2, 3)).ravel(), results.lanes["tail_mean"])
+    np.testing.assert_allclose(
+        apart[:, :, 10:].mean(axis=(2, 3)).ravel(), results.lanes["tail_mean"]
+    )
     np.testing.assert_allclose(errors["tracking"].values, apart.mean(axis=3), rtol=1e-6)
     attack = np.linalg.norm(paths["attack"].values, axis=-1)
     np.testing.assert_allclose(attack[1][:, :, [1, 4, 7, 10]], 5.5)
@@ -158,7 +182,11 @@ def test_arrays_are_selected_by_what_was_swept(results):
         attacked = data.sel({"attack.magnitude": 5.5})
         assert attacked["cell"].values.tolist() == [1, 3]
         assert attacked.sel(topology="cyclic")["cell"].item() == 3
-        assert data.sel(cell=3).drop_vars("sample").identical(attacked.isel(cell=1).drop_vars("sample"))
+        assert (
+            data.sel(cell=3)
+            .drop_vars("sample")
+            .identical(attacked.isel(cell=1).drop_vars("sample"))
+        )
 
 
 def test_the_stored_study_runs_as_it_is(results):
@@ -193,7 +221,9 @@ def test_a_missing_shard_is_made_again_as_it_was(config, results, tmp_path):
     kept = (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns
     told = []
     (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").touch()
-    again = jaxnet.run(jaxnet.load(config), tmp_path / "cut", progress=lambda *now: told.append(now))
+    again = jaxnet.run(
+        jaxnet.load(config), tmp_path / "cut", progress=lambda *now: told.append(now)
+    )
     assert told[0] == (9, 12, 0)
     assert told[-1] == (12, 12, 0)
     pd.testing.assert_frame_equal(again.lanes, results.lanes, check_exact=True)
@@ -205,7 +235,9 @@ def test_another_study_is_refused_and_loses_nothing(config, results, tmp_path):
     """The message names the key that differs; `fresh` replaces."""
     shutil.copytree(results.path, tmp_path / "taken")
     other = jaxnet.load(config, {"gain": [6, 11, 6]})
-    with pytest.raises(FolderError, match=r"gain is \[1.0, 3.0, 3.0\] there and \[6.0, 11.0, 6.0\] here"):
+    with pytest.raises(
+        FolderError, match=r"gain is \[1.0, 3.0, 3.0\] there and \[6.0, 11.0, 6.0\] here"
+    ):
         jaxnet.run(other, tmp_path / "taken")
     kept = jaxnet.open(tmp_path / "taken")
     pd.testing.assert_frame_equal(kept.lanes, results.lanes, check_exact=True)
@@ -260,7 +292,9 @@ def test_a_file_is_no_results_folder(config, tmp_path):
     """Neither to write into nor to read from."""
     (tmp_path / "file").write_text("mine")
     for path in (tmp_path / "file", tmp_path / "file" / "inside"):
-        with pytest.raises(FolderError, match=r"cannot be written to: .* give another folder with --out"):
+        with pytest.raises(
+            FolderError, match=r"cannot be written to: .* give another folder with --out"
+        ):
             jaxnet.run(jaxnet.load(config), path)
         with pytest.raises(FolderError, match="not a results folder"):
             jaxnet.open(path)
@@ -300,21 +334,27 @@ def test_chosen_trajectories(config, tmp_path):
 
 
 @pytest.mark.parametrize("choice", ["all", {"samples": [0, 1]}])
-def test_whom_vehicles_retain_is_told_of_cells_that_hear_through_more_or_less_slots(tmp_path, choice):
+def test_whom_vehicles_retain_is_told_of_cells_that_hear_through_more_or_less_slots(
+    tmp_path, choice
+):
     """By the formula of the documentation: of links of the graph alone, and of all on a star."""
     sweep = {"topology": ["star", "cyclic"]}
     given = systems.study(
         engine="exact", horizon=2.0, tail=1.0, samples=2, sweep=sweep, save={"trajectories": choice}
     )
     data = jaxnet.run(given, tmp_path / "out").trajectories.load()
-    chunk = next(path for path in (tmp_path / "out/trajectories.zarr/kept/c/0").rglob("*") if path.is_file())
+    chunk = next(
+        path for path in (tmp_path / "out/trajectories.zarr/kept/c/0").rglob("*") if path.is_file()
+    )
     chunk.write_bytes(bytes([chunk.read_bytes()[0] ^ 1]) + chunk.read_bytes()[1:])
     with warnings.catch_warnings(category=UserWarning, action="ignore"):  # that it is corrupt
         assert jaxnet.run(given, tmp_path / "out").trajectories.identical(data)
     for cell in given.cells:
         graph = dense(situation_of(cell.scenario).graph)
         one = (
-            data.isel(cell=cell.number, sample=1) if choice == "all" else data.isel(lane=2 * cell.number + 1)
+            data.isel(cell=cell.number, sample=1)
+            if choice == "all"
+            else data.isel(lane=2 * cell.number + 1)
         )
         weights = [one["kept"].where(one["source"] == j).sum("slot").values for j in range(13)]
         weights = np.stack(weights, axis=-1)
@@ -377,7 +417,11 @@ def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):
         first.write_bytes(second.read_bytes())
         second.write_bytes(content)
 
-    for harm in (swap, lambda: first.write_bytes(bytes([content[0] ^ 1]) + content[1:]), second.unlink):
+    for harm in (
+        swap,
+        lambda: first.write_bytes(bytes([content[0] ^ 1]) + content[1:]),
+        second.unlink,
+    ):
         harm()
         assert jaxnet.run(study, tmp_path / "out").trajectories.identical(whole)
         assert first.read_bytes() == content
@@ -421,7 +465,12 @@ def test_a_failed_lane_keeps_its_row(config, tmp_path):
 
     All have failed, so none is chosen: the store of trajectories is there, and has none.
     """
-    keys = {"engine": {"max_steps": 1}, "sweep": {}, "samples": 6, "save.trajectories": {"worst": 1}}
+    keys = {
+        "engine": {"max_steps": 1},
+        "sweep": {},
+        "samples": 6,
+        "save.trajectories": {"worst": 1},
+    }
     results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "failing")
     assert results.trajectories["states"].shape == (0, 21, 12, 6)
     panels.panels_figure(results, results.study.cells, trajectories=True, errors=False)
@@ -497,11 +546,19 @@ def test_numbers_and_distributions_swept_together(tmp_path):
     before = few.lanes
     many = jaxnet.run(systems.study(samples=4, **given), tmp_path / "out")
     rows = many.lanes
-    pd.testing.assert_frame_equal(rows[rows["sample"] < 2].reset_index(drop=True), before, check_exact=True)
+    pd.testing.assert_frame_equal(
+        rows[rows["sample"] < 2].reset_index(drop=True), before, check_exact=True
+    )
     weights = ['{"uniform": [0.1, 0.2]}', "0.15"]
-    assert rows["topology.navigator_weight"].tolist() == [name for name in weights for _ in range(8)]
-    assert many.cells["topology.navigator_weight"].tolist() == [name for name in weights for _ in range(2)]
-    assert many.errors["topology.navigator_weight"].values.tolist() == many.cells.iloc[:, 0].tolist()
+    assert rows["topology.navigator_weight"].tolist() == [
+        name for name in weights for _ in range(8)
+    ]
+    assert many.cells["topology.navigator_weight"].tolist() == [
+        name for name in weights for _ in range(2)
+    ]
+    assert (
+        many.errors["topology.navigator_weight"].values.tolist() == many.cells.iloc[:, 0].tolist()
+    )
     assert rows["gain"].nunique() == 2
     assert rows["tail_mean"].nunique() == 16
     given = systems.study(samples=4, **given)
@@ -515,7 +572,10 @@ def test_a_run_that_the_disk_has_no_room_for_is_not_begun(config, tmp_path, monk
     with pytest.raises(FolderError, match=r"may need \d+ MiB, and 0 MiB are free there"):
         jaxnet.run(jaxnet.load(config), tmp_path / "full")
     assert not list(tmp_path.glob("full/lanes/*"))
-    more = {"samples": 10**9, "save.trajectories": "all"}  # as many numbers of samples would be 8 GB
+    more = {
+        "samples": 10**9,
+        "save.trajectories": "all",
+    }  # as many numbers of samples would be 8 GB
     monkeypatch.setattr(layout, "shards_of", None)
     for run in (jaxnet.run, partial(jaxnet.run_part, part=0, parts=2)):
         with pytest.raises(FolderError, match="are free there"):
@@ -539,7 +599,9 @@ def test_a_disk_that_fills_up_loses_nothing(config, results, tmp_path, monkeypat
     assert "No space left on device" in ended.output
     assert "the same command goes on" in ended.output
     assert CliRunner().invoke(main, command).exit_code == 0
-    pd.testing.assert_frame_equal(jaxnet.open(tmp_path / "out").lanes, results.lanes, check_exact=True)
+    pd.testing.assert_frame_equal(
+        jaxnet.open(tmp_path / "out").lanes, results.lanes, check_exact=True
+    )
 
 
 def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
@@ -554,10 +616,14 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     assert other["steps"] > own["steps"] == 0
     assert other["tail_mean"] == pytest.approx(own["tail_mean"], abs=1e-6)
     paths = xr.open_zarr(path)["states"].values[0, :, :, :2]
-    np.testing.assert_allclose(paths, results.trajectories["states"].values[1, 2, :, :, :2], atol=1e-5)
+    np.testing.assert_allclose(
+        paths, results.trajectories["states"].values[1, 2, :, :, :2], atol=1e-5
+    )
 
 
-@pytest.mark.filterwarnings("ignore:Consolidated metadata")  # warnings are caught by one thread at a time
+@pytest.mark.filterwarnings(
+    "ignore:Consolidated metadata"
+)  # warnings are caught by one thread at a time
 def test_two_replays_of_one_lane_at_once(results, tmp_path):
     """Neither stops the other, and whoever reads meanwhile finds the store whole."""
     shutil.copytree(results.path, tmp_path / "copy")

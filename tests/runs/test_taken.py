@@ -68,7 +68,10 @@ def started(config: Path, out: Path, *words: str) -> subprocess.Popen[str]:
     """A run that ignores Ctrl-C, when its first shards are there."""
     run = [sys.executable, "-m", "jaxnet", "run", str(config), *words, "--out", str(out)]
     process = subprocess.Popen(
-        ["sh", "-c", IGNORED, "sh", *run], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        ["sh", "-c", IGNORED, "sh", *run],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     deadline = time.monotonic() + WAIT
     while not done(out) and process.poll() is None and time.monotonic() < deadline:
@@ -109,7 +112,13 @@ def test_a_run_in_the_background_is_terminated(config, whole, tmp_path):
     assert there.items() <= done(out).items()
 
 
-SMALL = {**STUDY, "name": "small", "samples": 2, "horizon": 2.0, "sweep": {"attack.magnitude": [1, 5.5]}}
+SMALL = {
+    **STUDY,
+    "name": "small",
+    "samples": 2,
+    "horizon": 2.0,
+    "sweep": {"attack.magnitude": [1, 5.5]},
+}
 FILES = ["study.yaml", "manifest.json", "lanes/00000.parquet", "lanes/00001.parquet", "cells.csv"]
 KEPT = "what is finished is kept, the same command goes on or give another place with --out"
 
@@ -137,7 +146,13 @@ def failing(real, error: int, after: int):
 
 @pytest.mark.parametrize(
     ("file", "error"),
-    list(zip(FILES, [errno.EACCES, errno.ENOSPC, errno.EROFS, errno.ENOSPC, errno.EACCES], strict=True)),
+    list(
+        zip(
+            FILES,
+            [errno.EACCES, errno.ENOSPC, errno.EROFS, errno.ENOSPC, errno.EACCES],
+            strict=True,
+        )
+    ),
 )
 def test_a_disk_that_fails_in_the_middle_loses_nothing(small, tmp_path, monkeypatch, file, error):
     """Full, or read-only, as this file is written: one line says so, and the same command goes on."""
@@ -148,7 +163,9 @@ def test_a_disk_that_fails_in_the_middle_loses_nothing(small, tmp_path, monkeypa
         patch.setattr(os, "fsync", failing(os.fsync, error, FILES.index(file)))
         ended = CliRunner().invoke(main, command)
     assert ended.exit_code == 2, ended.output
-    assert ended.stderr.splitlines()[-1] == f"cannot write {out / file}: {os.strerror(error)}; {KEPT}"
+    assert (
+        ended.stderr.splitlines()[-1] == f"cannot write {out / file}: {os.strerror(error)}; {KEPT}"
+    )
     assert "Traceback" not in ended.stderr
     assert {path.name for path in out.rglob(".*")} == {".lock"}
     there = done(out)
@@ -169,7 +186,9 @@ def test_a_disk_that_fails_within_arrays_loses_nothing(small, tmp_path, monkeypa
         patch.setattr(_local, "_put", failing(_local._put, errno.ENOSPC, after))
         ended = CliRunner().invoke(main, command)
     assert ended.exit_code == 2, ended.output
-    stores = [f"cannot write {tmp_path / 'out' / name}: " for name in ("errors.zarr", "trajectories.zarr")]
+    stores = [
+        f"cannot write {tmp_path / 'out' / name}: " for name in ("errors.zarr", "trajectories.zarr")
+    ]
     *_, last = ended.stderr.splitlines()
     assert last in [f"{store}No space left on device; {KEPT}" for store in stores]
     assert CliRunner().invoke(main, command).exit_code == 0

@@ -59,7 +59,9 @@ def retained(links, seed, lanes=3):
 def known(weights, right):
     """NumPy's solution for each axis and lane."""
     laplacian = np.eye(len(weights))[None, None] - np.moveaxis(weights[:, 1:], (2, 3), (0, 1))
-    return np.moveaxis(np.linalg.solve(laplacian, np.moveaxis(right, (2, 3), (0, 1))), (0, 1), (2, 3))
+    return np.moveaxis(
+        np.linalg.solve(laplacian, np.moveaxis(right, (2, 3), (0, 1))), (0, 1), (2, 3)
+    )
 
 
 @pytest.mark.parametrize("name", GRAPHS)
@@ -79,10 +81,14 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     factors, residual = factorise(solver, heard, by_slot(heard, weights))
     assert (residual < 1e-12).all()
     twice = apply(solver, heard, factors, jnp.asarray(right[:, 0].swapaxes(0, 1)))
-    np.testing.assert_allclose(twice.swapaxes(0, 1), known(weights, right)[:, 0], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        twice.swapaxes(0, 1), known(weights, right)[:, 0], rtol=0, atol=1e-11
+    )
 
 
-@pytest.mark.parametrize(("name", "vehicles"), [("cyclic", 12), ("cyclic", 7), ("path", 9), ("complete", 8)])
+@pytest.mark.parametrize(
+    ("name", "vehicles"), [("cyclic", 12), ("cyclic", 7), ("path", 9), ("complete", 8)]
+)
 def test_vehicles_that_need_no_elimination_hear_none_of_each_other(name, vehicles):
     """They are a half, a third or a quarter of the fleet, or nobody."""
     links = matrices.links_of(registry.find("topology", name)(), vehicles)
@@ -178,7 +184,11 @@ def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
     clean, _ = solve(solver, heard, by_slot(heard, whole), jnp.asarray(right))
     solution, residual = solve(solver, heard, by_slot(heard, cut), jnp.asarray(right))
     factors, also = factorise(solver, heard, by_slot(heard, cut))
-    assert np.isinf(residual).tolist() == np.isinf(also).tolist() == [False, True, True, False, True, False]
+    assert (
+        np.isinf(residual).tolist()
+        == np.isinf(also).tolist()
+        == [False, True, True, False, True, False]
+    )
     np.testing.assert_array_equal(solution[..., [0, 3]], clean[..., [0, 3]])
     alone, theirs = (
         jnp.asarray(right[:, 0].swapaxes(0, 1)),
@@ -198,7 +208,8 @@ def test_what_iteration_does_not_find_is_not_a_number():
     steep, flat = (
         graph.dense(
             graph.weighted(
-                m, [(i, i - 1, 1 - s) for i in range(1, m + 1)] + [(i, i + 1, s) for i in range(1, m)]
+                m,
+                [(i, i - 1, 1 - s) for i in range(1, m + 1)] + [(i, i + 1, s) for i in range(1, m)],
             )
         )
         for s in (0.999, 0.2)
@@ -230,7 +241,9 @@ def test_the_residual_tells_whether_the_navigator_reaches_everybody(each_hears):
     in_slots = by_slot(heard, graph.dense(network)[..., None, None])
     reached = graph.unreachable(network) == []
     assert bool(factorise(solver, heard, in_slots)[1][0] < CONNECTED) == reached
-    assert bool(solve(solver, heard, in_slots, jnp.zeros((5, 1, 1, 1)))[1][0] < CONNECTED) == reached
+    assert (
+        bool(solve(solver, heard, in_slots, jnp.zeros((5, 1, 1, 1)))[1][0] < CONNECTED) == reached
+    )
 
 
 @pytest.mark.parametrize("name", ["ring", "lattice", "complete"])
@@ -253,7 +266,9 @@ def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
     cut[np.ix_(lost, [0, *(others + 1)])] = 0.0
     whole, cut = (each / each.sum(axis=1, keepdims=True) for each in (whole, cut))
     right = jnp.asarray(rng.normal(size=(m, 3, 1, 2)))
-    both, one = (by_slot(heard, np.stack([whole, other], axis=-1)[:, :, None]) for other in (whole, cut))
+    both, one = (
+        by_slot(heard, np.stack([whole, other], axis=-1)[:, :, None]) for other in (whole, cut)
+    )
     clean, connected = solve(solver, heard, both, right)
     solution, residual = solve(solver, heard, one, right)
     assert (connected < CONNECTED).all()

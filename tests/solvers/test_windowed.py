@@ -27,7 +27,9 @@ TOPOLOGIES = {  # blocks of a window, share of links with the navigator's word, 
 def known(lane, network, decision):
     """`L⁻¹ d` (2, m, B, lanes) by matrices, for who is retained (axes, slots, m, lanes)."""
     weights = np.where(decision, np.asarray(lane.weights), 0.0)
-    weights = np.broadcast_to(weights / weights.sum(axis=1, keepdims=True), (2, *lane.weights.shape))
+    weights = np.broadcast_to(
+        weights / weights.sum(axis=1, keepdims=True), (2, *lane.weights.shape)
+    )
     heard, vectors = jax.tree.map(np.asarray, (network.hearing, lane.vectors))
     found = np.zeros((2, VEHICLES, lane.vectors.shape[2], weights.shape[-1]))
     for axis, number in np.ndindex(2, weights.shape[-1]):
@@ -50,13 +52,17 @@ def begun(topology, replaced, lanes):
     """
     given = systems.study(vehicles=VEHICLES, topology=topology, engine="exact", attack=ATTACK)
     one = systems.lanes(given, lanes, ())
-    lane = jax.tree.map(lambda leaf: jnp.asarray(np.moveaxis(np.asarray(leaf), 0, -1)), one.inputs.lane)
+    lane = jax.tree.map(
+        lambda leaf: jnp.asarray(np.moveaxis(np.asarray(leaf), 0, -1)), one.inputs.lane
+    )
     network = jax.tree.map(jnp.asarray, one.network)
     rng, carried_sources = np.random.default_rng(0), np.asarray(network.hearing.carried_sources)
     vectors = np.asarray(lane.attack_scale) * rng.uniform(-1, 1, lane.vectors.shape)
     spoken = np.where(rng.random(carried_sources.shape) < replaced, 0, carried_sources)
     sources, _, _, signals, _ = map(np.asarray, network.hearing)
-    heard = jax.tree.map(jnp.asarray, hearing.of_slots(sources, spoken, carried_sources > 0, signals))
+    heard = jax.tree.map(
+        jnp.asarray, hearing.of_slots(sources, spoken, carried_sources > 0, signals)
+    )
     everybody = np.ones((2, *lane.weights.shape), bool)
     return lane._replace(vectors=jnp.asarray(vectors)), network._replace(hearing=heard), everybody
 
@@ -74,7 +80,9 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
     lane, network, before = begun(keys, replaced, 5)
     vehicles, after = np.asarray(network.solver.vehicles), before[:axes].copy()
     middle, edge = vehicles[40, 0], vehicles[40 + window // 2, 0]
-    for number, those in enumerate([[middle], [middle, edge, 1], [middle], range(VEHICLES), [middle]]):
+    for number, those in enumerate(
+        [[middle], [middle, edge, 1], [middle], range(VEHICLES), [middle]]
+    ):
         after[-1, 2, those, number] = False
     after[0, 0, middle, 2] = False
     changed = (after != before[:axes]).any(axis=(0, 1))
@@ -113,8 +121,17 @@ def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
 
 def test_lanes_with_errors_and_losses_go_as_with_one_dense_matrix(monkeypatch):
     """By windows, blocks and iteration. The system changes in all rows at every tick; some hear nobody."""
-    keys = {"sensing": {"position": 0.1}, "channel": {"loss": {"kind": "bernoulli", "probability": 0.5}}}
-    keys |= {"topology": "cyclic", "vehicles": 150, "horizon": 0.5, "tail": 0.5, "attack": "rotating"}
+    keys = {
+        "sensing": {"position": 0.1},
+        "channel": {"loss": {"kind": "bernoulli", "probability": 0.5}},
+    }
+    keys |= {
+        "topology": "cyclic",
+        "vehicles": 150,
+        "horizon": 0.5,
+        "tail": 0.5,
+        "attack": "rotating",
+    }
     study, found = systems.study(engine="exact", **keys), {}
     limits = {Windowed: ("LEAST_WINDOWED", 2 * windowed.WINDOW), Blocks: None}
     limits |= {Iterative: ("LARGEST_BLOCK", 1), Dense: ("ONE_BLOCK", 150)}

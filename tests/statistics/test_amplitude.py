@@ -42,7 +42,14 @@ def test_it_is_known_by_formula_and_said():
     assert np.isnan(amplitude_in_force(drawn.cells[0].scenario))
 
 
-STAR = {"topology": "star", "vehicles": 4, "defence": "none", "engine": "exact", "samples": 2, "tail": 5.0}
+STAR = {
+    "topology": "star",
+    "vehicles": 4,
+    "defence": "none",
+    "engine": "exact",
+    "samples": 2,
+    "tail": 5.0,
+}
 FAST = {"kind": "rotating", "vehicles": [2], "frequency": 2.0, "magnitude": 8.0}
 
 
@@ -70,8 +77,12 @@ def test_recovery_compares_with_what_it_is_told_to(of, share, tmp_path):
 def test_recovery_of_an_amplitude_that_is_not_known_is_refused(attack):
     """Drawn frequencies, an attack that ā does not bound, and one that shifts no position."""
     keys = {"name": "of", **STAR, "attack": attack, "recovery": {"of": "amplitude"}}
-    with pytest.raises(jaxnet.ConfigError, match=r"recovery\.of: the amplitude in force of attack \w+ is"):
+    with pytest.raises(
+        jaxnet.ConfigError, match=r"recovery\.of: the amplitude in force of attack \w+ is"
+    ):
         jaxnet.load(keys)
     cells = jaxnet.load(keys | {"attack": FAST, "sweep": {"attack.magnitude": [0, 1]}}).cells
     asked = Recovery(tau=0.1, of="amplitude")
-    assert [threshold(cell, asked) for cell in cells] == pytest.approx([np.nan, 0.1 / 8], nan_ok=True)
+    assert [threshold(cell, asked) for cell in cells] == pytest.approx(
+        [np.nan, 0.1 / 8], nan_ok=True
+    )

@@ -21,11 +21,21 @@ def test_numbers_go_across_and_kinds_into_colours():
     """The key of most numbers is on x, the kinds are the hue, the rest are panels."""
     assert choose_axes(CELLS) == ("attack.frequency", "defence", ("vehicles", "topology"))
     assert choose_axes(CELLS, x="vehicles")[:2] == ("vehicles", "defence")
-    assert choose_axes(CELLS, hue="vehicles") == ("attack.frequency", "vehicles", ("defence", "topology"))
-    assert choose_axes(CELLS[:1]) == (None, None, ("defence", "attack.frequency", "vehicles", "topology"))
+    assert choose_axes(CELLS, hue="vehicles") == (
+        "attack.frequency",
+        "vehicles",
+        ("defence", "topology"),
+    )
+    assert choose_axes(CELLS[:1]) == (
+        None,
+        None,
+        ("defence", "attack.frequency", "vehicles", "topology"),
+    )
 
 
-@pytest.mark.parametrize("named", [{}, *({a: k} for a, k in itertools.product(("x", "hue", "panel"), SWEEP))])
+@pytest.mark.parametrize(
+    "named", [{}, *({a: k} for a, k in itertools.product(("x", "hue", "panel"), SWEEP))]
+)
 def test_no_two_cells_have_one_place(named):
     """Whatever is chosen, the values of x and hue within a panel are those of one cell."""
     axes = choose_axes(CELLS, **named)
@@ -41,7 +51,10 @@ def test_no_two_cells_have_one_place(named):
 @pytest.mark.parametrize(
     ("named", "words"),
     [
-        ({"x": "tick"}, r"x: tick is not swept \(swept are defence, attack.frequency, vehicles, topology\)"),
+        (
+            {"x": "tick"},
+            r"x: tick is not swept \(swept are defence, attack.frequency, vehicles, topology\)",
+        ),
         ({"x": "vehicles", "hue": "vehicles"}, "vehicles is named twice"),
         (
             {"hue": "attack.frequency", "most_hues": 3},
@@ -67,6 +80,8 @@ def test_a_log_axis_is_for_geometric_numbers():
 
 def test_numbers_rise_and_kinds_keep_their_order():
     """On every axis."""
-    cells = systems.study(sweep={"attack.magnitude": [5, 1, 3], "defence": ["trusted_trim", "none"]}).cells
+    cells = systems.study(
+        sweep={"attack.magnitude": [5, 1, 3], "defence": ["trusted_trim", "none"]}
+    ).cells
     assert ordered_values(cells, "attack.magnitude") == [1, 3, 5]
     assert ordered_values(cells, "defence") == ["trusted_trim", "none"]

@@ -49,7 +49,12 @@ def test_what_is_not_there_is_refused_with_what_is(cells, where, words):
 @pytest.fixture
 def named_cells():
     """Cells whose values tables show in other words than the config."""
-    defences = ["none", {"kind": "trusted_trim", "label": "trimming"}, "w_msr", {"kind": "w_msr", "F": 2}]
+    defences = [
+        "none",
+        {"kind": "trusted_trim", "label": "trimming"},
+        "w_msr",
+        {"kind": "w_msr", "F": 2},
+    ]
     drawn = [{"random": 1}, {"random": 4}]
     sweep = {"attack.vehicles": drawn, "defence": defences}
     return systems.study(attack={"kind": "rotating"}, sweep=sweep, vehicles=12).cells
@@ -84,6 +89,7 @@ def test_the_values_of_a_refusal_are_those_of_tables(named_cells, wrong):
     """Each listed value is accepted as it stands there."""
     with pytest.raises(FolderError, match="has no value") as refused:
         select_cells(named_cells, {"attack.vehicles": wrong})
-    assert "(swept are attack.vehicles: 1 drawn, 4 drawn; defence: no defence, trimming, W-MSR" in str(
-        refused.value
+    assert (
+        "(swept are attack.vehicles: 1 drawn, 4 drawn; defence: no defence, trimming, W-MSR"
+        in str(refused.value)
     )

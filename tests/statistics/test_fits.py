@@ -30,13 +30,17 @@ def few_resamples(monkeypatch):
 def best(errors, counts=ONCE):
     """Parameters to rounding of each model, by quantile (None: least squares)."""
     found = fit.estimates(errors.ranked(), counts, QUANTILES, tuple(MODELS), fit.EXACT)
-    return {quantile: {model: each[0] for model, each in at.items()} for quantile, at in found.items()}
+    return {
+        quantile: {model: each[0] for model, each in at.items()} for quantile, at in found.items()
+    }
 
 
 def noisy(seed=0, model="affine", spread=0.4):
     """Skewed errors about a curve, some lanes failed."""
     random = np.random.default_rng(seed)
-    scatter = random.lognormal(sigma=spread, size=(1, S)) * random.lognormal(sigma=spread, size=(len(X), S))
+    scatter = random.lognormal(sigma=spread, size=(1, S)) * random.lognormal(
+        sigma=spread, size=(len(X), S)
+    )
     y = model_value(model, X, TRUE[model])[:, None] * scatter
     y[1, 3:9] = y[4, 0] = np.nan
     return fit.Errors(X, y)
@@ -117,7 +121,9 @@ def test_least_squares_weigh_all_magnitudes_alike():
     found = best(errors)[None]
     assert found["proportional"][0] == pytest.approx(np.mean(ratios[there]), rel=1e-12)
     design = np.stack([np.repeat(1 / X, S), np.ones(len(X) * S)], axis=1)[there.ravel()]
-    np.testing.assert_allclose(found["affine"], np.linalg.lstsq(design, ratios[there])[0], rtol=1e-9)
+    np.testing.assert_allclose(
+        found["affine"], np.linalg.lstsq(design, ratios[there])[0], rtol=1e-9
+    )
     steps = fit.Errors(X, X[:, None] * np.array([1, 1, 1, 1, 3.0])[:, None] * np.ones((1, S)))
     assert best(steps)[None]["proportional"][0] == pytest.approx(1.4)
     assert best(steps)[0.5]["proportional"][0] == pytest.approx(1.0)
@@ -129,10 +135,13 @@ def test_least_squares_have_no_slope_left():
     found = best(errors)[None]["power"]
 
     def loss(parameters):
-        return np.nansum(((errors.y - model_value("power", X, parameters)[:, None]) / X[:, None]) ** 2)
+        return np.nansum(
+            ((errors.y - model_value("power", X, parameters)[:, None]) / X[:, None]) ** 2
+        )
 
     around = [
-        found * (1 + 1e-3 * np.array(step)) for step in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1))
+        found * (1 + 1e-3 * np.array(step))
+        for step in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1))
     ]
     assert all(loss(parameters) > loss(found) for parameters in around)
 
@@ -156,7 +165,8 @@ def test_resamples_are_fitted_closely_enough(monkeypatch):
     for quantile, at in few.items():
         for model in ("proportional", "affine", "power"):
             ours, theirs = (
-                np.array(fit.percentile_interval(each)) for each in (at[model], many[quantile][model])
+                np.array(fit.percentile_interval(each))
+                for each in (at[model], many[quantile][model])
             )
             assert np.all(np.abs(ours - theirs) < 0.02 * (theirs[1] - theirs[0]))
 
@@ -164,7 +174,9 @@ def test_resamples_are_fitted_closely_enough(monkeypatch):
 def bootstrapped(errors):
     """Fits of the resamples."""
     return fit.bootstrap(
-        errors.ranked(), fit.draw_resamples(errors.y.shape[1], fit.RESAMPLES_TOGETHER), errors.models
+        errors.ranked(),
+        fit.draw_resamples(errors.y.shape[1], fit.RESAMPLES_TOGETHER),
+        errors.models,
     )
 
 
@@ -185,7 +197,8 @@ def test_neighbours_that_share_a_weight_leave_the_intervals(shared, monkeypatch)
     for quantile, at in bootstrapped(errors).items():
         for model in ("proportional", "affine", "power"):
             ours, theirs = (
-                np.stack(fit.percentile_interval(each)) for each in (at[model], whole[quantile][model])
+                np.stack(fit.percentile_interval(each))
+                for each in (at[model], whole[quantile][model])
             )
             noise = 0.0 if quantile is None else 0.14 * (theirs[1] - theirs[0])
             assert np.all(np.abs(ours - theirs) <= noise)
@@ -247,7 +260,10 @@ def test_no_interval_of_too_few_draws():
     """
     for quantile, fewest in ((0.5, 20), (0.95, 200)):
         for draws, told in ((fewest - 1, False), (fewest, True)):
-            assert fit.bootstrap_suffices(fit.Errors(np.ones(1), np.ones((1, draws))), quantile) is told
+            assert (
+                fit.bootstrap_suffices(fit.Errors(np.ones(1), np.ones((1, draws))), quantile)
+                is told
+            )
     for rest in (1e-28, 1.0):
         for off, told in (
             (44, False),
@@ -285,7 +301,9 @@ def test_aicc_finds_the_model_and_is_blank_without_residuals(monkeypatch):
         rows = pd.DataFrame(fit.fit_rows(noisy(9, model, spread=0.03)))
         assert rows["quantile"].isna().sum() == rows["aicc"].notna().sum() == 6
         assert rows.loc[rows["aicc"].idxmin(), "model"] == model
-    exact = fit.Errors(X, 2.0 * X[:, None] * (1 + 1e-10 * np.random.default_rng(0).normal(size=(len(X), S))))
+    exact = fit.Errors(
+        X, 2.0 * X[:, None] * (1 + 1e-10 * np.random.default_rng(0).normal(size=(len(X), S)))
+    )
     rows = pd.DataFrame(fit.fit_rows(exact))
     own = rows[(rows["model"] == "proportional") & (rows["quantile"] != fit.ENVELOPE)]
     assert rows.loc[rows["model"] != "constant", "aicc"].isna().all()
@@ -320,7 +338,9 @@ def test_a_slope_is_told_where_errors_rise(curve, told):
 def test_where_is_no_slope_no_quantile_has_one(monkeypatch):
     """Estimates and intervals of s·ā are blank, the criterion is there, and so are the other models."""
     monkeypatch.setattr(fit, "FEWEST_BEYOND", 1)
-    flat = fit.Errors(X, 0.7 * (1 + 0.2 * np.random.default_rng(0).random(S)) * np.ones((len(X), 1)))
+    flat = fit.Errors(
+        X, 0.7 * (1 + 0.2 * np.random.default_rng(0).random(S)) * np.ones((len(X), 1))
+    )
     rows = pd.DataFrame(fit.fit_rows(flat)).set_index("model")
     assert rows.loc["proportional", ["estimate", "low", "high"]].isna().all(axis=None)
     assert rows.loc["power", "estimate"].notna().all()
@@ -347,7 +367,11 @@ def test_extreme_errors_are_fitted_without_complaint(monkeypatch):
     """
     monkeypatch.setattr(fit, "FEWEST_BEYOND", 1)
     random = np.random.default_rng(0)
-    y = X[:, None] * np.where(random.random((len(X), S)) < 0.8, 1e-28, 2.0) * random.random((len(X), S))
+    y = (
+        X[:, None]
+        * np.where(random.random((len(X), S)) < 0.8, 1e-28, 2.0)
+        * random.random((len(X), S))
+    )
     y[2], y[3] = 0.0, np.nan
     rows = pd.DataFrame(fit.fit_rows(fit.Errors(X, y)))
     assert rows["estimate"].notna().all()
@@ -397,7 +421,17 @@ def test_table_holds_every_fit(monkeypatch):
             )
         )
     table = fit.fit_table(results(pd.concat(rows), sweep=sweep, attack="replay"))
-    names = ["topology", "metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc"]
+    names = [
+        "topology",
+        "metric",
+        "model",
+        "quantile",
+        "parameter",
+        "estimate",
+        "low",
+        "high",
+        "aicc",
+    ]
     assert list(table.columns) == names
     assert len(table) == 2 * 2 * (4 * 5 + 1)
     assert table["quantile"].dtype == float
@@ -407,7 +441,10 @@ def test_table_holds_every_fit(monkeypatch):
         direct = pd.DataFrame(fit.fit_rows(noisy(number)))
         for metric, unit in (("tail_mean", 1.0), ("tail_max", 2.0)):
             ours = table[(table["topology"] == topology) & (table["metric"] == metric)]
-            slopes = ours[ours["model"] == "proportional"], direct[direct["model"] == "proportional"]
+            slopes = (
+                ours[ours["model"] == "proportional"],
+                direct[direct["model"] == "proportional"],
+            )
             values = [each[["estimate", "low", "high"]].to_numpy(float) for each in slopes]
             np.testing.assert_allclose(values[0], unit * values[1], rtol=1e-9)
 

@@ -68,7 +68,12 @@ def test_a_lane_over_its_bound_is_found(engine):
     Over that static is violated, over 2 √2 · 3 = 8.5 m the bound of one frequency, over 24 m the peak gain; a
     failed lane violates nothing.
     """
-    keys = {"topology": "star", "attack": {"kind": "bias", "magnitude": 3}, "horizon": 60, "samples": 5}
+    keys = {
+        "topology": "star",
+        "attack": {"kind": "bias", "magnitude": 3},
+        "horizon": 60,
+        "samples": 5,
+    }
     study = systems.study(engine=engine, **keys)
     accuracy = {"exact": 1e-8, "nonlinear": 1e-5}[engine]
     errors = [3.0, 3.0 + 2 * accuracy, 23.9, 24.1, np.nan]
@@ -92,7 +97,9 @@ def test_a_lane_over_its_bound_is_found(engine):
 def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
     """The same table as of all lanes' starts; errors below bounds, above their limits, and in between."""
     attack = {"kind": "rotating", "magnitude": magnitude}
-    study = systems.study(samples=200, engine="exact", topology="star", attack=attack, horizon=12, tail=1)
+    study = systems.study(
+        samples=200, engine="exact", topology="star", attack=attack, horizon=12, tail=1
+    )
     errors = np.random.default_rng(0).uniform(0, np.repeat([4, 40], 100))
     some = violations_table(results_of(study, tail_max=errors))
     few = bounds.suspect_lanes
@@ -145,11 +152,19 @@ class Swelling(Rotating):
 
 def test_what_has_one_frequency_is_held_against_less():
     """On the ring that trims 2 √2 · 2.475 ā = 35.0 m: not several frequencies, nor a position alone."""
-    attacks = ["rotating", "sinusoid", "bias", "multisine", {"kind": "sinusoid", "orders": [0]}, Swelling()]
+    attacks = [
+        "rotating",
+        "sinusoid",
+        "bias",
+        "multisine",
+        {"kind": "sinusoid", "orders": [0]},
+        Swelling(),
+    ]
     study = systems.study(horizon=60, sweep={"attack": attacks})
     cells = list(range(len(attacks)))
     below, over = (
-        violations_table(results_of(study, cell=cells, tail_max=[e] * len(cells))) for e in (34.9, 35.1)
+        violations_table(results_of(study, cell=cells, tail_max=[e] * len(cells)))
+        for e in (34.9, 35.1)
     )
     assert "harmonic" not in set(below["bound"])
     found = over.query("bound == 'harmonic'")
@@ -160,8 +175,18 @@ def test_what_has_one_frequency_is_held_against_less():
 @pytest.mark.parametrize("channel", ["neighbour", "navigator"])
 def test_the_transient_is_that_of_the_drawn_start(channel):
     """Against the reference program's jets and displacements, lane by lane; ā is the lane's own."""
-    attack = {"kind": "rotating", "vehicles": [1, 2], "links": channel, "magnitude": {"uniform": [1, 9]}}
-    keys = {"vehicles": 4, "topology": {"kind": "edges", "edges": EDGES}, "gain": GAIN, "defence": "none"}
+    attack = {
+        "kind": "rotating",
+        "vehicles": [1, 2],
+        "links": channel,
+        "magnitude": {"uniform": [1, 9]},
+    }
+    keys = {
+        "vehicles": 4,
+        "topology": {"kind": "edges", "edges": EDGES},
+        "gain": GAIN,
+        "defence": "none",
+    }
     (cell,) = systems.study(attack=attack, **keys).cells
     times, samples = np.array([0.0, 0.7, 3.0]), [0, 4, 2]
     found = limits_of(cell.scenario, Keyed(0), samples, times)
@@ -203,9 +228,15 @@ def peak_gain(gain):
     ("keys", "why"),
     [
         ({"sensing": {"position": 0.1}}, "vehicles sense with errors or messages are lost"),
-        ({"gain": [{"uniform": [1, 2]}, 3, 3]}, "networks, weights or gains are drawn for each lane"),
+        (
+            {"gain": [{"uniform": [1, 2]}, 3, 3]},
+            "networks, weights or gains are drawn for each lane",
+        ),
         ({"attack": "freeze"}, "ā does not bound the attack"),
-        ({"attack": {"kind": "rotating", "sybils": 1}}, "attacked vehicles have several identities"),
+        (
+            {"attack": {"kind": "rotating", "sybils": 1}},
+            "attacked vehicles have several identities",
+        ),
         ({"law": "rounds"}, "the law holds the jerk between ticks"),
         ({"defence": "w_msr"}, "the defence may retain any neighbour"),
     ],
@@ -217,4 +248,7 @@ def test_cells_without_a_bound_have_their_own_reason(keys, why):
     assert bounds.unchecked_cells(systems.study(**keys).cells) == {why: [0]}
     assert bounds.unchecked_words(systems.study(**keys).cells) == f"cell 0: {why}"
     if plain is not None:
-        assert bounds.unchecked_words(systems.study(sweep={key: [plain, value]}).cells) == f"cell 1: {why}"
+        assert (
+            bounds.unchecked_words(systems.study(sweep={key: [plain, value]}).cells)
+            == f"cell 1: {why}"
+        )

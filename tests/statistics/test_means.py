@@ -10,7 +10,9 @@ from experiments import means as experiment
 from jaxnet.statistics import means
 
 REPEATS = 250
-NOISE = 2.5 * np.sqrt(0.95 * 0.05 / REPEATS)  # what a share of 95 % misses by in one case of a hundred
+NOISE = 2.5 * np.sqrt(
+    0.95 * 0.05 / REPEATS
+)  # what a share of 95 % misses by in one case of a hundred
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +41,8 @@ def test_students_interval_does_not(size, known, populations):
 
 
 @pytest.mark.parametrize(
-    ("name", "widest"), [("sinusoid", 0.1), ("no defence", 0.1), ("rotating", 0.1), ("sinusoid 0.35", 0.1)]
+    ("name", "widest"),
+    [("sinusoid", 0.1), ("no defence", 0.1), ("rotating", 0.1), ("sinusoid 0.35", 0.1)],
 )
 def test_ten_thousand_lanes_cost_little(name, widest, populations):
     """The interval is a tenth wider than Student's where that holds, but for what unseen lanes may add."""
@@ -66,7 +69,10 @@ def test_of_others_it_is_the_quantile_of_weighted_means():
     low, high = means.mean_interval(values, 0.0, 9.0, 0.95)
     weights = random.standard_exponential((200_000, 41))
     weights /= weights.sum(axis=1, keepdims=True)
-    known = [np.quantile(weights @ np.append(values, end), at) for end, at in ((0.0, 0.025), (9.0, 0.975))]
+    known = [
+        np.quantile(weights @ np.append(values, end), at)
+        for end, at in ((0.0, 0.025), (9.0, 0.975))
+    ]
     assert (low, high) == pytest.approx(known, rel=5e-3)
 
 

@@ -49,7 +49,8 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
             {
                 lane["sample"]: lane
                 for lane in lanes.to_dict("records")
-                if lane["topology"] == row["topology"] and lane["attack.magnitude"] == row["attack.magnitude"]
+                if lane["topology"] == row["topology"]
+                and lane["attack.magnitude"] == row["attack.magnitude"]
             }
             for lanes in (a, b)
         ]
@@ -128,9 +129,14 @@ def test_the_interval_of_a_difference_of_shares_holds_as_often_as_it_says():
 def test_the_interval_leaves_out_no_change_where_mcnemars_test_does():
     """For every number of lanes saved and lost up to 12, of 50."""
     for saved, lost in itertools.product(range(13), repeat=2):
-        sides = np.repeat([[True, False], [False, True], [False, False]], [saved, lost, 50 - saved - lost], 0)
+        sides = np.repeat(
+            [[True, False], [False, True], [False, False]], [saved, lost, 50 - saved - lost], 0
+        )
         found = pairs.share_shift(*sides.T)
-        assert (found.p < 0.05) == (not found.unrecovered_low <= 0 <= found.unrecovered_high), (saved, lost)
+        assert (found.p < 0.05) == (not found.unrecovered_low <= 0 <= found.unrecovered_high), (
+            saved,
+            lost,
+        )
 
 
 @pytest.mark.parametrize(
@@ -146,7 +152,9 @@ def test_the_interval_leaves_out_no_change_where_mcnemars_test_does():
 )
 def test_what_cannot_be_paired_is_refused(without, keys, words):
     """Another seed, no cell in common, several cells for one."""
-    other = jaxnet.simulate(systems.study(**KEYS | {"horizon": 1.0, "tail": 0.5, "samples": 1} | keys))
+    other = jaxnet.simulate(
+        systems.study(**KEYS | {"horizon": 1.0, "tail": 0.5, "samples": 1} | keys)
+    )
     with pytest.raises(FolderError, match=words):
         jaxnet.compare(without, other)
 

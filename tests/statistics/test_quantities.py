@@ -5,7 +5,12 @@ import pytest
 from scipy import stats
 
 import jaxnet
-from jaxnet.statistics.quantities import asked_quantity, known_quantities, quantile_interval, quantity_of
+from jaxnet.statistics.quantities import (
+    asked_quantity,
+    known_quantities,
+    quantile_interval,
+    quantity_of,
+)
 from jaxnet.store.folder import FolderError
 
 
@@ -33,7 +38,13 @@ def test_the_interval_of_a_quantile_holds_as_often_as_it_says(quantile, lanes):
 @pytest.fixture(scope="module")
 def results():
     """Two cells of twenty lanes, one attacked."""
-    keys = {"engine": "exact", "horizon": 10.0, "tail": 2.0, "vehicles": 3, "attack": {"vehicles": [2]}}
+    keys = {
+        "engine": "exact",
+        "horizon": 10.0,
+        "tail": 2.0,
+        "vehicles": 3,
+        "attack": {"vehicles": [2]},
+    }
     keys |= {"samples": 20, "recovery": {"tau": 0.5}, "defence": "none"}
     return jaxnet.simulate(keys | {"sweep": {"attack.magnitude": [0, 20]}}, progress=False)
 
@@ -67,7 +78,9 @@ def test_shares_are_in_percent_and_what_has_none_is_blank(results):
     found = quantity_of(results, results.study.cells, "unrecovered")
     assert np.isnan(found.values.loc[0].to_numpy(dtype=float)).all()
     share = 100 * results.cells.loc[1, ["unrecovered", "unrecovered_low", "unrecovered_high"]]
-    np.testing.assert_allclose(found.values.loc[1].to_numpy(dtype=float), share.to_numpy(dtype=float))
+    np.testing.assert_allclose(
+        found.values.loc[1].to_numpy(dtype=float), share.to_numpy(dtype=float)
+    )
     assert found.ends == (0, 100)
     failed = quantity_of(results, results.study.cells, "failed").values
     assert failed["value"].tolist() == [0, 0]

@@ -91,7 +91,9 @@ def test_the_table_has_the_shares(tmp_path):
 
 def test_the_worst_lanes_are_of_all_groups():
     """The worst for its ā of each group first, the greater ratio before; then the second of each."""
-    cells = jaxnet.load({"sweep": {"topology": ["star", "path"], "attack.magnitude": [1, 10]}}).cells
+    cells = jaxnet.load(
+        {"sweep": {"topology": ["star", "path"], "attack.magnitude": [1, 10]}}
+    ).cells
     rows = pd.DataFrame(
         {
             "cell": [0, 0, 1, 1, 2, 3],
@@ -135,7 +137,9 @@ def test_a_cell_stops_when_its_interval_is_narrow_enough(tmp_path, small_shards)
         rows, looks = fixed.lanes[fixed.lanes["cell"] == cell], LOOKS.index(samples[cell]) + 1
         over = (rows["tail_mean"] > rows["attack.magnitude"]).to_numpy()
         ends = [
-            stats.binomtest(int(over[:first].sum()), first).proportion_ci(1 - 0.05 / (look * (look + 1)))
+            stats.binomtest(int(over[:first].sum()), first).proportion_ci(
+                1 - 0.05 / (look * (look + 1))
+            )
             for look, first in enumerate(LOOKS[:looks], 1)
         ]
         assert [(end.high - end.low) / 2 <= 0.1 for end in ends] == [False] * (looks - 1) + [True]
@@ -239,7 +243,9 @@ def test_a_shard_that_is_there_in_part_is_gone_on_with(tmp_path, monkeypatch):
     for samples in (3, 6, 11, 20):
         told.clear()
         grown = jaxnet.run(
-            systems.study(samples=samples, **given), tmp_path / "a", progress=lambda *now: told.append(now)
+            systems.study(samples=samples, **given),
+            tmp_path / "a",
+            progress=lambda *now: told.append(now),
         )
         assert told[-1][0] == told[-1][1] == 3 * samples
         assert told[0][0] == {3: 0, 6: 9, 11: 18, 20: 33}[samples]
@@ -252,7 +258,9 @@ def test_a_shard_that_is_there_in_part_is_gone_on_with(tmp_path, monkeypatch):
 
 def test_intervals_for_one_look_do_not_survive_many():
     """Of 1,000 runs, every interval that is looked at on the way has to hold."""
-    honest, naive = (stopping.coverage(0.05, 1000, at) for at in (recovery.confidence_at, stopping.plain))
+    honest, naive = (
+        stopping.coverage(0.05, 1000, at) for at in (recovery.confidence_at, stopping.plain)
+    )
     assert min(honest.last, honest.every) >= 0.95
     assert naive.every < 0.9
 

@@ -23,7 +23,18 @@ KEYS = {
     "sweep": {"topology": ["star", "cyclic"], "attack": ["bias"], "attack.magnitude": [0, 1, 10]},
     "recovery": {"tau": 0.01, "worst": 1},
 }
-FIT = ["topology", "attack", "metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc"]
+FIT = [
+    "topology",
+    "attack",
+    "metric",
+    "model",
+    "quantile",
+    "parameter",
+    "estimate",
+    "low",
+    "high",
+    "aicc",
+]
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +82,9 @@ def test_the_report_makes_what_is_missing(folder, monkeypatch):
     """The worst lane by the nonlinear engine; figures; a page that names the study."""
     drawn = every.draw_figures  # the other figures are alike, and tests/test_api.py has them drawn
     names = ("ultimate", "curve")
-    monkeypatch.setattr(every, "draw_figures", lambda results, told=no_progress: drawn(results, names, told))
+    monkeypatch.setattr(
+        every, "draw_figures", lambda results, told=no_progress: drawn(results, names, told)
+    )
     written = invoke("report", folder)
     assert len(list((folder / "replays").glob("*-nonlinear.zarr"))) == 1
     for name in ("report.html", "figures/ultimate.pdf", "figures/curve.png"):
@@ -99,9 +112,13 @@ def test_what_was_derived_from_rows_goes_when_rows_are_added(folder):
     invoke("fit", folder)
     jaxnet.run(systems.study(samples=8, **KEYS), folder)
     assert (folder / "fit.csv").exists()
-    with pytest.warns(UserWarning, match="removing what was made of the rows before: fit.csv, bounds.csv"):
+    with pytest.warns(
+        UserWarning, match="removing what was made of the rows before: fit.csv, bounds.csv"
+    ):
         jaxnet.run(systems.study(samples=9, **KEYS), folder)
-    assert not [name for name in ("fit.csv", "bounds.csv", "violations.csv") if (folder / name).exists()]
+    assert not [
+        name for name in ("fit.csv", "bounds.csv", "violations.csv") if (folder / name).exists()
+    ]
     assert not (folder / "figures").exists()
     with pytest.raises(FolderError, match=r"has no fit.csv: jaxnet fit .* makes it"):
         _ = jaxnet.open(folder).fits
@@ -109,7 +126,9 @@ def test_what_was_derived_from_rows_goes_when_rows_are_added(folder):
 
 def test_a_study_without_an_attack_has_no_fit(tmp_path):
     """It says so, and its report does without."""
-    jaxnet.run(systems.study(samples=2, **{**KEYS, "sweep": {}, "attack": "none"}), tmp_path / "out")
+    jaxnet.run(
+        systems.study(samples=2, **{**KEYS, "sweep": {}, "attack": "none"}), tmp_path / "out"
+    )
     refused = CliRunner().invoke(main, ["fit", str(tmp_path / "out")])
     assert refused.exit_code == 2
     assert "no cell has an attack with ā > 0" in refused.output

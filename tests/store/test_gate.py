@@ -93,9 +93,7 @@ def test_a_finished_folder_that_lost_rows_says_which(how, words, made, folder):
     """Whoever opens it; a run simulates them again, to the last bit. An unfinished run opens as it is."""
     whole = jaxnet.open(made).lanes
     lost(folder, how)
-    line = (
-        f"{folder} lacks rows of its run: {ROWS} (cell 0, samples 0 to 3) {words}; jaxnet run simulates them"
-    )
+    line = f"{folder} lacks rows of its run: {ROWS} (cell 0, samples 0 to 3) {words}; jaxnet run simulates them"
     for command in (["show", folder], ["export", folder, "--csv"], ["compare", made, folder]):
         assert told(*command).startswith(line), command
     with pytest.raises(FolderError, match="lacks rows of its run"):
@@ -118,7 +116,16 @@ def test_an_unfinished_run_and_rows_of_a_part_open(made, folder):
 
 
 PLACES = [
-    *(".lock", "study.yaml", "manifest.json", "cells.csv", ROWS, CHUNK, "errors.zarr/zarr.json", "fit.csv"),
+    *(
+        ".lock",
+        "study.yaml",
+        "manifest.json",
+        "cells.csv",
+        ROWS,
+        CHUNK,
+        "errors.zarr/zarr.json",
+        "fit.csv",
+    ),
     *("figures", "replays", "worst", "csv", "lanes", "errors.zarr", "errors.zarr/tracking"),
 ]
 
@@ -130,7 +137,10 @@ def test_only_files_and_folders_of_its_own_are_in_a_folder(what, name, folder, t
     place = folder / name
     shutil.rmtree(place) if place.is_dir() else place.unlink(missing_ok=True)
     outside = tmp_path / "outside"
-    aims = {"link": outside / "mine" if place.suffix else outside, "link to zeros": Path("/dev/zero")}
+    aims = {
+        "link": outside / "mine" if place.suffix else outside,
+        "link to zeros": Path("/dev/zero"),
+    }
     os.mkfifo(place) if what == "pipe" else place.symlink_to(aims[what])
     line = f"{place} is a {what.split()[0]}, and only files and folders count here"
     for command in (["show", folder], ["run", tmp_path / "small.yaml", "--out", folder, "--fresh"]):
@@ -154,7 +164,10 @@ def test_a_link_to_the_folder_is_followed(folder, tmp_path):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("manifest.json", "manifest.json has 1,099,511,627,776 bytes, and 268,435,456 at most are due"),
+        (
+            "manifest.json",
+            "manifest.json has 1,099,511,627,776 bytes, and 268,435,456 at most are due",
+        ),
         ("cells.csv", "cells.csv has 1,099,511,627,776 bytes"),
         ("study.yaml", "study.yaml"),
         (ROWS, "00000.parquet has 1,099,511,627,776 bytes"),
@@ -182,7 +195,9 @@ def chunk_of(content: bytes) -> bytes:
         chunk_of(bytes(8)),
         b"",
         b"x" * 40,
-        b"(\xb5/\xfd" + bytes(30) + google_crc32c.value(b"(\xb5/\xfd" + bytes(30)).to_bytes(4, "little"),
+        b"(\xb5/\xfd"
+        + bytes(30)
+        + google_crc32c.value(b"(\xb5/\xfd" + bytes(30)).to_bytes(4, "little"),
         None,
     ],
     ids=["a bomb", "short", "empty", "rotten", "rotten with its checksum", "gone"],
@@ -207,16 +222,31 @@ def test_a_chunk_is_what_its_store_promises(content, folder):
             "cells.csv is not a table of ours (no column tail_mean_low)",
         ),
         ("cells.csv", ",4,4,0,", ",4,four,0,", "cells.csv is not a table of ours (ok holds text)"),
-        ("study.yaml", "tau: 0.25", "tau: 0.5", "study.yaml has another recovery than the tables beside it"),
+        (
+            "study.yaml",
+            "tau: 0.25",
+            "tau: 0.5",
+            "study.yaml has another recovery than the tables beside it",
+        ),
         ("manifest.json", '"jaxnet": "', '"jaxnot": "', "not a manifest of ours: versions is"),
-        ("manifest.json", '"wall_seconds"', '"wall"', "not a manifest of ours: it has no wall_seconds"),
+        (
+            "manifest.json",
+            '"wall_seconds"',
+            '"wall"',
+            "not a manifest of ours: it has no wall_seconds",
+        ),
         (
             "manifest.json",
             '"samples": 4',
             '"samples": 2147483648',
             "lanes/00002.parquet (cell 0, samples 4096 to",
         ),
-        ("manifest.json", '"cells": 2', '"cells": 1', "its manifest tells of 1 cells, and its study has 2"),
+        (
+            "manifest.json",
+            '"cells": 2',
+            '"cells": 1',
+            "its manifest tells of 1 cells, and its study has 2",
+        ),
         ("manifest.json", "{", "\x00{", "manifest.json is not a manifest ("),
     ],
 )
@@ -239,7 +269,9 @@ def test_what_was_made_with_other_settings_goes(folder, tmp_path):
     (folder / "report.html").write_text("τ was 0.25")
     assert {each.name for each in (folder / "figures").iterdir()} >= {"vehicles.png"}
     other = STUDY | {"recovery": {"tau": 0.5}}
-    line = r"made with another recovery: fit\.csv, bounds\.csv, violations\.csv, figures, report\.html"
+    line = (
+        r"made with another recovery: fit\.csv, bounds\.csv, violations\.csv, figures, report\.html"
+    )
     with pytest.warns(UserWarning, match=line):
         found = jaxnet.run(other, folder, progress=False)
     assert not [name for name in ("fit.csv", "figures", "report.html") if (folder / name).exists()]

@@ -34,12 +34,20 @@ def test_the_numbers_are_the_same(results, tmp_path):
     for name in ("tail_mean", "tail_max", "sample", "steps"):
         np.testing.assert_array_equal(held["lanes"][name], results.lanes[name])
     assert held["lanes"]["status"].tolist() == results.lanes["status"].tolist()
-    np.testing.assert_array_equal(held["cells"]["tail_mean_median"], results.cells["tail_mean_median"])
+    np.testing.assert_array_equal(
+        held["cells"]["tail_mean_median"], results.cells["tail_mean_median"]
+    )
     assert held["swept"]["attack"].tolist() == ["none", "rotating"]
     np.testing.assert_array_equal(held["errors"]["tracking"], results.errors["tracking"])
     for name in ("states", "navigator", "attack", "kept", "source"):
         np.testing.assert_array_equal(held["trajectories"][name], results.trajectories[name])
-    assert held["trajectories"]["dims"]["states"].tolist() == ["cell", "sample", "time", "vehicle", "state"]
+    assert held["trajectories"]["dims"]["states"].tolist() == [
+        "cell",
+        "sample",
+        "time",
+        "vehicle",
+        "state",
+    ]
     assert held["trajectories"]["attack_name"].tolist() == ["none", "rotating"]
     other = results.export(tmp_path / "mine.mat")
     assert io.loadmat(other)["__header__"]

@@ -110,7 +110,10 @@ def files(path: str | UPath) -> dict[str, bytes]:
     """Every file there, as another client sees it."""
     seen = UPath(path, skip_instance_cache=True) if "://" in str(path) else UPath(path)
     found = seen.fs.find(seen.path)
-    return {name.removeprefix(seen.fs._strip_protocol(seen.path)): seen.fs.cat_file(name) for name in found}
+    return {
+        name.removeprefix(seen.fs._strip_protocol(seen.path)): seen.fs.cat_file(name)
+        for name in found
+    }
 
 
 def progress(study: Study, out: str, **options: Any) -> tuple[int, int]:
@@ -128,7 +131,9 @@ def test_results_at_a_url_are_those_on_the_disk(url, local):
     study = jaxnet.load(STUDY, {"save.trajectories": "none"})
     assert progress(study, url) == (0, 4)
     assert_equal(jaxnet.open(url), local)
-    assert {*files(url)} | {"/.lock"} == {name for name in files(local.path) if "trajectories" not in name}
+    assert {*files(url)} | {"/.lock"} == {
+        name for name in files(local.path) if "trajectories" not in name
+    }
     rows = place(url) / "lanes/00000.parquet"
     chunks = [place(url) / f"errors.zarr/tracking/c/{cell}/0/0" for cell in (0, 1)]
     whole = {path: path.read_bytes() for path in (rows, *chunks)}
@@ -170,9 +175,16 @@ def test_what_is_not_ours_is_left_alone(url, study):
             jaxnet.run(study, thesis.path, fresh=fresh)
     with pytest.raises(FolderError, match="not a results folder"):
         jaxnet.open(f"{url}/thesis")
-    for name in ("lanes/00000.parquet", "errors.zarr/tracking/c/0/0/0", "cells.csv", "notes/mine.txt"):
+    for name in (
+        "lanes/00000.parquet",
+        "errors.zarr/tracking/c/0/0/0",
+        "cells.csv",
+        "notes/mine.txt",
+    ):
         ours.put(name, lambda file: file.write(b"something"))
-    ours.write_manifest(versions={"jaxnet": "0"}, hash="another", save={}, samples=1, finished=False)
+    ours.write_manifest(
+        versions={"jaxnet": "0"}, hash="another", save={}, samples=1, finished=False
+    )
     with pytest.raises(FolderError, match=r"written by jaxnet 0"):
         admit(ours, study.config)
     admit(ours, study.config, fresh=True)
@@ -231,7 +243,9 @@ def test_one_who_lives_is_not_disturbed(objects, monkeypatch):
     with folder.writing(), pytest.warns(UserWarning, match="waiting 20 s for a sign of life"):  # noqa: PT031
         refused(folder)
         refused(folder, alone=False)
-        monkeypatch.setattr(folder.path.fs, "pipe_file", lambda path, value, mode=None: pipe(path, value))
+        monkeypatch.setattr(
+            folder.path.fs, "pipe_file", lambda path, value, mode=None: pipe(path, value)
+        )
         refused(folder)
     assert files(objects) == {}
     with folder.writing(alone=False), folder.writing():
@@ -257,7 +271,10 @@ def test_the_place_of_one_who_died_is_taken(objects, monkeypatch):
     for alone in (True, False):
         folder = Folder(objects)
         folder.put(".lock", lambda file: file.write(OTHER))
-        with pytest.warns(UserWarning, match="held by process 1 on Mars: waiting"), folder.writing(alone):
+        with (
+            pytest.warns(UserWarning, match="held by process 1 on Mars: waiting"),
+            folder.writing(alone),
+        ):
             assert b"Mars" not in lock.read_lock(folder.path / ".lock")
         assert files(objects) == {}
 
@@ -332,7 +349,9 @@ def test_a_part_stops_where_one_wants_the_folder_alone(url, study, local):
 def test_a_folder_that_is_removed_ends_its_run(url, study):
     """Nothing is made in its place."""
     remove = once(1, url, lambda: place(url).fs.rm(place(url).path, recursive=True))
-    with pytest.raises(TakenError, match=rf"{place(url)} was removed, or its \.lock was: this process"):
+    with pytest.raises(
+        TakenError, match=rf"{place(url)} was removed, or its \.lock was: this process"
+    ):
         jaxnet.run(study, url, progress=remove)
     assert not place(url).exists()
 
@@ -389,5 +408,7 @@ def test_a_server_that_is_not_there_is_not_waited_for(bucket, monkeypatch):
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     monkeypatch.setattr(S3FileSystem, "_cache", {})  # connections to the other server
     monkeypatch.setattr(folders, "ANSWER", 1)
-    with pytest.raises(FolderError, match=r"s3://bucket/study: (no answer within 1 s|Could not connect)"):
+    with pytest.raises(
+        FolderError, match=r"s3://bucket/study: (no answer within 1 s|Could not connect)"
+    ):
         jaxnet.open("s3://bucket/study")

@@ -18,7 +18,10 @@ KEYS = {
     "vehicles": 3,
     "topology": "star",
     "attack": {"vehicles": [2]},
-    "sweep": {"attack.magnitude": [1, 5.5], "topology": ["star", {"kind": "star", "label": "other"}]},
+    "sweep": {
+        "attack.magnitude": [1, 5.5],
+        "topology": ["star", {"kind": "star", "label": "other"}],
+    },
 }
 ARRAYS = ("states", "state", ""), ("inputs", "input", ""), ("attack", "axis", "attack_")
 
@@ -26,7 +29,9 @@ ARRAYS = ("states", "state", ""), ("inputs", "input", ""), ("attack", "axis", "a
 @pytest.fixture(scope="module", params=["all", {"samples": [1]}], ids=["all", "chosen"])
 def results(request):
     """Four cells of two lanes, with the trajectories of all or of one lane a cell."""
-    return jaxnet.simulate(KEYS | {"save": {"errors": True, "trajectories": request.param}}, progress=False)
+    return jaxnet.simulate(
+        KEYS | {"save": {"errors": True, "trajectories": request.param}}, progress=False
+    )
 
 
 def test_csv_files_read_back_equal_the_arrays(tmp_path, results):
@@ -49,14 +54,18 @@ def test_csv_files_read_back_equal_the_arrays(tmp_path, results):
                 np.testing.assert_array_equal(read[f"{before}{label}"].values, known)
         for axis in ("x", "y"):
             known = lane["navigator"].sel(axis=axis).values
-            np.testing.assert_array_equal(read[f"navigator_{axis}"].values, np.tile(known[:, None], 3))
+            np.testing.assert_array_equal(
+                read[f"navigator_{axis}"].values, np.tile(known[:, None], 3)
+            )
 
 
 def lane_of(data, cell, sample):
     """The trajectory of a lane in a store of either layout."""
     if "lane" not in data.dims:
         return data.sel(cell=cell, sample=sample)
-    return data.isel(lane=int(np.flatnonzero((data["cell"] == cell) & (data["sample"] == sample))[0]))
+    return data.isel(
+        lane=int(np.flatnonzero((data["cell"] == cell) & (data["sample"] == sample))[0])
+    )
 
 
 def test_the_command_writes_csv_and_says_what_is_missing(tmp_path):
@@ -66,14 +75,18 @@ def test_the_command_writes_csv_and_says_what_is_missing(tmp_path):
     done = CliRunner().invoke(main, ["export", str(results.path), "--csv"])
     assert done.exit_code == 0, done.output
     assert len(list((tmp_path / "run" / "csv").glob("*.csv"))) == 8
-    done = CliRunner().invoke(main, ["export", str(results.path), "--csv", str(tmp_path / "mine"), "--mat"])
+    done = CliRunner().invoke(
+        main, ["export", str(results.path), "--csv", str(tmp_path / "mine"), "--mat"]
+    )
     assert done.exit_code == 0, done.output
     assert len(list((tmp_path / "mine").glob("*.csv"))) == 8
     assert (tmp_path / "run" / "results.mat").exists()
     with pytest.raises(FolderError, match=r"^form: one of mat, csv \(got 'xls'\)$"):
         results.export(form="xls")
     bare = jaxnet.simulate(KEYS | {"save": {"errors": True}}, progress=False)
-    with pytest.raises(FolderError, match=r"the study in memory has no trajectories.zarr: run it with save"):
+    with pytest.raises(
+        FolderError, match=r"the study in memory has no trajectories.zarr: run it with save"
+    ):
         bare.export(tmp_path / "none", form="csv")
 
 

@@ -43,7 +43,10 @@ def bound() -> list[str]:
     """How to start a process whom permissions bind; skips the test where there is no way."""
     if os.geteuid():
         return []
-    if shutil.which("setpriv") is None or subprocess.run([*BOUND, "true"], capture_output=True).returncode:
+    if (
+        shutil.which("setpriv") is None
+        or subprocess.run([*BOUND, "true"], capture_output=True).returncode
+    ):
         pytest.skip("this is root, whom no permission binds, and setpriv cannot change that here")
     return BOUND
 
@@ -72,7 +75,11 @@ def given(commands: list[list[str]], place: Path) -> list[tuple[int, str, str]]:
 
 def contents(folder: Path) -> dict[str, bytes]:
     """All files in a folder."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def test_a_folder_that_cannot_be_written_to(shelf, tmp_path):
@@ -132,7 +139,9 @@ def test_what_is_made_of_some_rows_is_not_taken_for_that_of_others(tmp_path):
     other = jaxnet.run(jaxnet.load(STUDY, {"seed": 1}), tmp_path / "other")
     for _ in range(2):
         assert jaxnet.open(first.path, tmp_path / "made").out.path == tmp_path / "made"
-    with pytest.raises(FolderError, match="made holds what was made of other rows: give another folder"):
+    with pytest.raises(
+        FolderError, match="made holds what was made of other rows: give another folder"
+    ):
         jaxnet.open(other.path, tmp_path / "made")
     jaxnet.run(jaxnet.load(STUDY, {"samples": 3}), first.path)
     with pytest.raises(FolderError, match="made holds what was made of other rows"):

@@ -76,7 +76,9 @@ def test_figure_and_page_show_who_tracks(results):
 
 def test_a_lane_that_failed_has_no_errors_of_vehicles(tmp_path):
     """Not-a-number for each vehicle; a figure of failed lanes alone is refused."""
-    results = jaxnet.run({**KEYS, **PATH, "save": {"vehicles": True}}, tmp_path / "out", progress=False)
+    results = jaxnet.run(
+        {**KEYS, **PATH, "save": {"vehicles": True}}, tmp_path / "out", progress=False
+    )
     assert (results.lanes["status"] == "disconnected").all()
     assert np.isnan(results.vehicles["tail_mean"]).all()
     with pytest.raises(FolderError, match="no lane of these cells came to its end"):

@@ -151,7 +151,11 @@ NU = 0.1  # [m/s³]
 
 def test_lanes_under_noise_end_within_the_corollary():
     """`‖h‖₁ γ (2M + ν)` of a constant lie on the ring, M = ν/ω of one hop, γ = 2.475 (corollary 1)."""
-    attack = {"kind": "bias", "magnitude": {"uniform": [0.0, 1.0]}, "direction": {"uniform": [-3.1, 3.1]}}
+    attack = {
+        "kind": "bias",
+        "magnitude": {"uniform": [0.0, 1.0]},
+        "direction": {"uniform": [-3.1, 3.1]},
+    }
     keys = {"engine": "exact", "attack": attack, "horizon": 60.0, "output_step": 1.0, "tail": 30.0}
     found = systems.simulate(
         systems.lanes(systems.study(**keys, defence=Disturbed(score="announced")), 8, save=())
@@ -167,7 +171,8 @@ def test_late_announcements_do_no_harm(liar):
     for seed, (network, _) in enumerate(NETWORKS):
         greatest = rounds(network, liar, number=200, delay=4, seed=seed).max(axis=1)
         assert (
-            greatest[5:] <= np.lib.stride_tricks.sliding_window_view(greatest, 5).max(axis=1)[:-1] + 1e-12
+            greatest[5:]
+            <= np.lib.stride_tricks.sliding_window_view(greatest, 5).max(axis=1)[:-1] + 1e-12
         ).all()
         assert greatest[-1] < 0.1 * greatest[0]
 
@@ -220,5 +225,10 @@ def ended(keys):
     trusted[:, 0] = True
     for i, j in keys.get("trusts", []):
         trusted[i - 1, j] = True
-    network = weights, attacked & (weights > 0), trusted, np.full(4, keys.get("theta", 1)) * [1, 1, 0, 0]
+    network = (
+        weights,
+        attacked & (weights > 0),
+        trusted,
+        np.full(4, keys.get("theta", 1)) * [1, 1, 0, 0],
+    )
     return rounds(network, lambda rng, told, *_: np.full(told.shape, 3.0))[-1]

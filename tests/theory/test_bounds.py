@@ -87,7 +87,9 @@ def absolute_integral(p, sigma, omega):
 def test_the_peak_gain_is_the_integral_of_the_absolute_impulse_response(p, sigma, omega):
     """Of every sort of complex pair."""
     gain = gain_of(-p, complex(-sigma, omega), complex(-sigma, -omega))
-    assert response.impulse_norm(gain) == pytest.approx(absolute_integral(p, sigma, omega), rel=1e-10)
+    assert response.impulse_norm(gain) == pytest.approx(
+        absolute_integral(p, sigma, omega), rel=1e-10
+    )
 
 
 def test_a_ring_that_hardly_decays_has_the_peak_gain_of_its_sine():
@@ -111,11 +113,16 @@ def test_a_disturbance_can_attain_the_peak_gain():
     assert state[0] == pytest.approx(response.impulse_norm(gain), rel=1e-4)
 
 
-@pytest.mark.parametrize("gain", [[1.0, 3.0, 3.0], [2.0], [1.0, 2.0], [1.0, 4.0, 6.0, 4.0], [5.0, 3.0, 2.0]])
+@pytest.mark.parametrize(
+    "gain", [[1.0, 3.0, 3.0], [2.0], [1.0, 2.0], [1.0, 4.0, 6.0, 4.0], [5.0, 3.0, 2.0]]
+)
 def test_lemma_1_bounds_the_flow_of_the_errors(gain):
     """At dense times; at the default gain the factor is √κ(P) = 4.762563."""
     factor, rate = exact.decay_constants(np.array(gain))
-    flow = [np.linalg.norm(expm(exact.companion(np.array(gain)) * t), 2) for t in np.linspace(0, 40, 801)]
+    flow = [
+        np.linalg.norm(expm(exact.companion(np.array(gain)) * t), 2)
+        for t in np.linspace(0, 40, 801)
+    ]
     bound = factor * np.exp(-rate * np.linspace(0, 40, 801))
     assert (flow <= bound * (1 + 1e-12)).all()
     assert rate > 0
@@ -202,7 +209,10 @@ def test_the_ring_that_trims_may_switch():
 def test_attacks_that_may_jump_have_no_static_bound():
     """A strategic attack's vectors change at ticks, and with them G: the peak gain alone covers that."""
     network = of(CYCLIC, ATTACKED, theta=0)
-    smooth, jumping = bounds_of(network), ultimate_bounds(attack_gain(*network.spread, smooth=False), GAIN)
+    smooth, jumping = (
+        bounds_of(network),
+        ultimate_bounds(attack_gain(*network.spread, smooth=False), GAIN),
+    )
     assert np.isnan(jumping["static"].vehicles).all()
     np.testing.assert_array_equal(jumping["peak_gain"].vehicles, smooth["peak_gain"].vehicles)
 

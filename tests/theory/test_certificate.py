@@ -14,7 +14,11 @@ from tests import reference, systems
 from tests.engine.test_exactness import navigator_at
 
 ATTACKED = [2, 5, 8, 11]
-STAR, CYCLIC, PATH = Star().weights(12), Cyclic(navigator_weight=0.1).weights(12), Path().weights(12)
+STAR, CYCLIC, PATH = (
+    Star().weights(12),
+    Cyclic(navigator_weight=0.1).weights(12),
+    Path().weights(12),
+)
 
 
 def certificate(weights, attacked=()):
@@ -82,7 +86,9 @@ def test_what_breaks_whom():
     """1 bears one liar of {2, 3, 4}, 5 none of {4}; what 6 believes nobody can touch."""
 
     def safe(attacked):
-        return np.array([len({2, 3, 4} & {*attacked}) < 2, True, True, True, 4 not in attacked, True])
+        return np.array(
+            [len({2, 3, 4} & {*attacked}) < 2, True, True, True, 4 not in attacked, True]
+        )
 
     found = margin(safe, [2, 4, 6], 6)
     assert found.sets == [[(2, 4)], [], [], [], [(4,)], []]
@@ -104,11 +110,16 @@ def test_joint_reach_is_that_of_powers_of_matrices():
         heard = rng.uniform(size=(2, 5, 6)) < 0.3
         heard[:, np.arange(5), np.arange(1, 6)] = False
         networks = [graph.of_links(5, *np.nonzero(each)) for each in heard]
-        steps = [np.vstack([np.eye(6)[:1], each + np.eye(5, 6, 1)]) for each in (*heard, heard.any(axis=0))]
+        steps = [
+            np.vstack([np.eye(6)[:1], each + np.eye(5, 6, 1)])
+            for each in (*heard, heard.any(axis=0))
+        ]
         first, second, union = (np.linalg.matrix_power(each, 6)[1:, 0] > 0 for each in steps)
         always = first & second
         sets = [np.array([number >> i & 1 for i in range(5)], bool) for number in range(32)]
-        inside = [s for s in sets if (s <= always).all() and not heard[:, s][:, :, 1:][:, :, ~s].any()]
+        inside = [
+            s for s in sets if (s <= always).all() and not heard[:, s][:, :, 1:][:, :, ~s].any()
+        ]
         nominal = max(inside, key=lambda s: s.sum())
         known = [(np.flatnonzero(each) + 1).tolist() for each in (union, always, nominal)]
         assert list(joint_reach(networks)) == known
@@ -116,7 +127,11 @@ def test_joint_reach_is_that_of_powers_of_matrices():
 
 def test_certain_vehicles_move_as_on_a_star_and_others_do_not():
     """Vehicle 6 is reached in each network, and hears 4, which keeps its last drive in one."""
-    topology = {"kind": "switching", "every": 2.0, "networks": [{"kind": "edges", "edges": e} for e in TURNS]}
+    topology = {
+        "kind": "switching",
+        "every": 2.0,
+        "networks": [{"kind": "edges", "edges": e} for e in TURNS],
+    }
     keys = {"vehicles": 6, "engine": "exact", "attack": "none", "defence": "none", "horizon": 4.0}
     keys |= {"tail": 1.0}
     one = systems.lanes(systems.study(**keys, topology=topology), 1)

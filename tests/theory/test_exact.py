@@ -34,7 +34,9 @@ def rotating(magnitude, phases, vehicles=12):
         for attacked, phase in zip(ATTACKED[vehicles >= ATTACKED], phases, strict=True):
             for k in range(4):
                 angle = 0.7 * t + phase + k * np.pi / 2
-                signal[k, attacked - 1] = magnitude * 0.7**k * np.array([np.cos(angle), np.sin(angle)])
+                signal[k, attacked - 1] = (
+                    magnitude * 0.7**k * np.array([np.cos(angle), np.sin(angle)])
+                )
         return signal
 
     return attack
@@ -84,7 +86,8 @@ def test_agrees_with_the_reference_program_while_it_trims(trimmed, gain):
 
 
 @pytest.mark.parametrize(
-    "weights", [matrix_of(Path(), 5), matrix_of(Figure1(), 5), matrix_of(Cyclic(navigator_weight=0.1), 5)]
+    "weights",
+    [matrix_of(Path(), 5), matrix_of(Figure1(), 5), matrix_of(Cyclic(navigator_weight=0.1), 5)],
 )
 def test_agrees_with_integrating_the_law(weights):
     """The law as a vehicle applies it, to what it receives of moving neighbours, by DOP853."""
@@ -121,7 +124,12 @@ def test_agrees_with_integrating_the_law(weights):
     ("weights", "channel", "mean", "greatest"),
     [
         (matrix_of(Star(), 12), "navigator", 1 / 3, 1.0),
-        (matrix_of(Path(), 12), "neighbour", 22 / 12, 4.0),  # each vehicle carries all attacks before it
+        (
+            matrix_of(Path(), 12),
+            "neighbour",
+            22 / 12,
+            4.0,
+        ),  # each vehicle carries all attacks before it
         (matrix_of(Cyclic(navigator_weight=0.1), 12), "neighbour", 3.0, 90 / 29),
     ],
 )

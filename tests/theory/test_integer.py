@@ -71,7 +71,9 @@ def test_circulant_digraphs_are_as_robust_as_enumerated(n, k):
     assert robustness_bracket(heard, LONG) == exactly(len(robustness(heard)))
 
 
-@pytest.mark.parametrize(("n", "k", "r"), [(20, 4, 2), (24, 6, 3), (30, 5, 3), (25, 6, 4), (21, 4, 3)])
+@pytest.mark.parametrize(
+    ("n", "k", "r"), [(20, 4, 2), (24, 6, 3), (30, 5, 3), (25, 6, 4), (21, 4, 3)]
+)
 def test_larger_circulant_digraphs_are_as_robust_as_proved(n, k, r):
     """⌈k/2⌉ for even n, ⌊k/2⌋ + 1 for odd n and even k."""
     assert robustness_bracket(circulant(n, k), LONG) == exactly(r)

@@ -59,7 +59,9 @@ def mutual(n, *steps):
     """A ring in which all hear those so many places before and after."""
     heard = np.zeros((n, n), bool)
     for step in steps:
-        heard |= np.roll(np.eye(n, dtype=bool), step, axis=1) | np.roll(np.eye(n, dtype=bool), -step, axis=1)
+        heard |= np.roll(np.eye(n, dtype=bool), step, axis=1) | np.roll(
+            np.eye(n, dtype=bool), -step, axis=1
+        )
     return heard
 
 
@@ -113,12 +115,15 @@ def test_with_one_navigator_every_graph_that_it_reaches_is_exactly_one_robust(se
 def test_percolation_that_bears_one_liar():
     """4 hears three leaders, 5 two of them and 4, 6 trusts 4 and 5, 7 hears two, 8 trusts one."""
     heard, trusted = np.zeros((2, 8, 9), bool)
-    heard[3, [0, 1, 2]] = heard[4, [0, 1, 4]] = heard[5, [4, 5]] = heard[6, [0, 4]] = heard[7, [0, 6]] = True
+    heard[3, [0, 1, 2]] = heard[4, [0, 1, 4]] = heard[5, [4, 5]] = heard[6, [0, 4]] = heard[
+        7, [0, 6]
+    ] = True
     trusted[5, [4, 5]] = trusted[7, 0] = True
     leaders = np.arange(9) < 4
     network = of_matrix(heard)
     assert (
-        percolated_vehicles(network, slotwise(network, trusted), leaders).tolist() == [True] * 6 + [False] * 2
+        percolated_vehicles(network, slotwise(network, trusted), leaders).tolist()
+        == [True] * 6 + [False] * 2
     )
 
 
@@ -164,14 +169,20 @@ def test_percolation_leaves_the_greatest_set_that_cannot_be_entered(seed, F):
             outside = [pair for pair in hears if pair[0] == i and pair[1] not in each]
             return sum(Fraction(1, F + 1 if pair in trust else 2 * F + 1) for pair in outside)
 
-        closed = [each for each in sets_without(nodes, leaders) if all(share(i, each) < 1 for i in each)]
+        closed = [
+            each for each in sets_without(nodes, leaders) if all(share(i, each) < 1 for i in each)
+        ]
         left = set().union(*closed)
-        assert percolated_nodes(hears, nodes, leaders, F, trust) == sorted({*range(1, nodes + 1)} - left)
+        assert percolated_nodes(hears, nodes, leaders, F, trust) == sorted(
+            {*range(1, nodes + 1)} - left
+        )
 
 
 def test_wrong_leaders_and_trust_are_named():
     for wrong in (0, 4, 1.0):
-        with pytest.raises(ValueError, match=rf"leaders: must be nodes from 1 to 3 \(got {wrong}\)"):
+        with pytest.raises(
+            ValueError, match=rf"leaders: must be nodes from 1 to 3 \(got {wrong}\)"
+        ):
             percolated_nodes([[1, 2]], 3, [wrong], 1)
     with pytest.raises(ValueError, match="leaders: at least one node must be no leader"):
         strong_robustness([[1, 2]], 2, [1, 2])
@@ -210,11 +221,27 @@ def test_pairs_are_links_from_one_in_any_order(seed):
 @pytest.mark.parametrize(
     ("hears", "nodes", "words"),
     [
-        ([[1, 2], [1, 4]], 3, "hears[1]: must be [listener, source], two nodes from 1 to 3 (got [1, 4])"),
+        (
+            [[1, 2], [1, 4]],
+            3,
+            "hears[1]: must be [listener, source], two nodes from 1 to 3 (got [1, 4])",
+        ),
         ([[0, 1]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [0, 1])"),
-        ([[1, 2, 3]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [1, 2, 3])"),
-        ([[1, 2.0]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [1, 2.0])"),
-        ([[True, 2]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [True, 2])"),
+        (
+            [[1, 2, 3]],
+            3,
+            "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [1, 2, 3])",
+        ),
+        (
+            [[1, 2.0]],
+            3,
+            "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [1, 2.0])",
+        ),
+        (
+            [[True, 2]],
+            3,
+            "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [True, 2])",
+        ),
         (["12"], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got '12')"),
         ([3], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got 3)"),
         ([[2, 2]], 3, "hears[0]: node 2 hears itself"),

@@ -27,7 +27,12 @@ def test_the_papers_ring(tick, number, known):
 NUMBERS = st.floats(-0.99, 0.99)
 
 
-@given(real=NUMBERS, imaginary=NUMBERS, tick=st.floats(0.01, 1.0), gain=st.tuples(*[st.floats(0.1, 9)] * 3))
+@given(
+    real=NUMBERS,
+    imaginary=NUMBERS,
+    tick=st.floats(0.01, 1.0),
+    gain=st.tuples(*[st.floats(0.1, 9)] * 3),
+)
 def test_growth_is_that_of_the_polynomial(real, imaginary, tick, gain):
     """`(z - μ)(z - 1)³ + (1 - μ) z N(z)`, N from what a held jerk adds to E, Ė and Ë over a tick."""
     mu, (k0, k1, k2), h = real + 1j * imaginary, gain, tick
@@ -133,7 +138,9 @@ def test_radii_of_late_words():
     ring, word = rounds.eigenvalues(RING), np.append(GAIN, 1.0)
     for late, radius in known.items():
         if late:
-            assert rounds.late_growth(ring, GAIN, word, 0.02, late) == pytest.approx(radius, abs=5e-7)
+            assert rounds.late_growth(ring, GAIN, word, 0.02, late) == pytest.approx(
+                radius, abs=5e-7
+            )
         roots = [late_polynomial(value, GAIN, 0.02, late).roots for value in ring]
         assert max(np.abs(each).max() for each in roots) == pytest.approx(radius, abs=5e-6)
     for weights in digraphs():

@@ -58,7 +58,9 @@ def of(weights, attacked, channel="auto", theta=1, trusted=None, threat="adds"):
     network = graph.of_matrix(weights)
     links = whole(network, attack.attacked_links(network))
     trusts = whole(network, graph.trusted_links(network, trusted or {}))
-    return Network(weights, links, ~(links & attack.replaces()), trusts, np.full(len(weights), theta))
+    return Network(
+        weights, links, ~(links & attack.replaces()), trusts, np.full(len(weights), theta)
+    )
 
 
 def hearing(sources):
@@ -142,12 +144,16 @@ def test_worst_gains_are_the_greatest_of_all_choices(network):
 @given(networks())
 def test_the_weights_are_fixed_where_nobody_has_a_choice(network):
     """And they are those of the only choice."""
-    rows = [choices(*each) for each in zip(network.weights, network.trusted, network.theta, strict=True)]
+    rows = [
+        choices(*each) for each in zip(network.weights, network.trusted, network.theta, strict=True)
+    ]
     found = network.retained.fixed
     if any(len(each) > 1 for each in rows):
         assert found is None
     else:
-        np.testing.assert_allclose(graph.dense(found), np.stack([only for (only,) in rows]), rtol=1e-14)
+        np.testing.assert_allclose(
+            graph.dense(found), np.stack([only for (only,) in rows]), rtol=1e-14
+        )
 
 
 def test_the_ring_that_trims():
@@ -168,7 +174,8 @@ def test_rounds_do_not_grow_with_the_fleet(topology, monkeypatch):
     monkeypatch.setattr(graph, "solver", lambda network: rounds.append(network) or solver(network))
     keys = {"topology": topology, "defence": "trusted_trim"}
     small, large = (
-        scenario_gain(systems.study(**keys, vehicles=m).cells[0].scenario).gains for m in (1_000, 10_000)
+        scenario_gain(systems.study(**keys, vehicles=m).cells[0].scenario).gains
+        for m in (1_000, 10_000)
     )
     np.testing.assert_allclose(large[:50], small[:50], rtol=1e-9)
     assert 2 < large.max() < 3

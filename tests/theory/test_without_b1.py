@@ -22,7 +22,9 @@ def world(defence, liar, sign, shift):
     """
     attack = {"kind": "bias", "magnitude": MAGNITUDE, "vehicles": [liar], "announces": "honest"}
     attack["direction"] = 0.0 if sign > 0 else np.pi
-    study = systems.study(**PAIR | {"attack": attack, "horizon": 30.0, "tail": 1.0}, defence=defence)
+    study = systems.study(
+        **PAIR | {"attack": attack, "horizon": 30.0, "tail": 1.0}, defence=defence
+    )
     job = systems.lanes(study, 8)
     initial = job.inputs.lane.initial.copy()
     initial[:, 0, :2] += shift
@@ -32,7 +34,9 @@ def world(defence, liar, sign, shift):
     return outcome.status, outcome.series["state"][..., :2] - path[None, :, None]
 
 
-@pytest.mark.parametrize("defence", RULES, ids=lambda rule: f"{rule['kind']} {rule.get('score', '')}")
+@pytest.mark.parametrize(
+    "defence", RULES, ids=lambda rule: f"{rule['kind']} {rule.get('score', '')}"
+)
 def test_no_rule_tells_two_worlds_apart(defence):
     """Theorem 6: 4 adds ā, or 3 takes ā away and the navigator is ā elsewhere; 1 and 2 hear the same.
 
@@ -45,7 +49,9 @@ def test_no_rule_tells_two_worlds_apart(defence):
     assert (status == again).all()
     listeners, apart = slice(0, 2), np.array([MAGNITUDE, 0.0])
     assert np.allclose(errors[ok][:, :, listeners] - others[ok][:, :, listeners], apart, atol=1e-6)
-    off = np.maximum(*(np.linalg.norm(each[ok][:, -1, listeners], axis=-1) for each in (errors, others)))
+    off = np.maximum(
+        *(np.linalg.norm(each[ok][:, -1, listeners], axis=-1) for each in (errors, others))
+    )
     assert (off >= MAGNITUDE / 2 - 1e-6).all()
 
 

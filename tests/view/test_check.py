@@ -16,7 +16,9 @@ def section(text: str, title: str) -> str:
 
 def test_the_papers_topologies():
     """Nobody in star and path is protected, and both break the paper's own Assumption 1."""
-    text = check.check_text(systems.study(sweep={"topology": ["star", "cyclic", "path"]}, samples=7))
+    text = check.check_text(
+        systems.study(sweep={"topology": ["star", "cyclic", "path"]}, samples=7)
+    )
     assert "3 cells × 7 samples = 21 lanes" in text
     star, cyclic, path = (section(text, name) for name in ("star", "cyclic", "path"))
     assert "nobody is protected" in star
@@ -27,7 +29,9 @@ def test_the_papers_topologies():
     assert "Assumption 1  holds" in cyclic
     assert "in what they hear of the navigator" in star
     assert "in what they transmit, 8 links" in cyclic
-    norms = [section(text, name).split("‖L⁻¹‖₂")[1].split()[0] for name in ("star", "cyclic", "path")]
+    norms = [
+        section(text, name).split("‖L⁻¹‖₂")[1].split()[0] for name in ("star", "cyclic", "path")
+    ]
     assert norms == ["1", "10", "7.963"]
     for part in (star, cyclic, path):
         assert "exactly 1-robust" in part
@@ -47,14 +51,12 @@ def test_a_start_that_has_not_died_away_is_told(horizon, told):
 
 def robustness_of(**keys):
     """The line of robustness, without its beginning."""
-    rows = section(check.certificates(systems.study(**keys).cells)[0], keys["topology"]["kind"]).splitlines()
+    rows = section(
+        check.certificates(systems.study(**keys).cells)[0], keys["topology"]["kind"]
+    ).splitlines()
     (line,) = [row.strip() for row in rows if row.startswith("  robustness")]
-    start = (
-        "robustness    exactly 1-robust with the navigator, as every graph that it reaches, while W-MSR with"
-    )
-    start += (
-        " F = 1 asks for 3-robustness against F-local attackers, (2, 2)-robustness against F-total attackers"
-    )
+    start = "robustness    exactly 1-robust with the navigator, as every graph that it reaches, while W-MSR with"
+    start += " F = 1 asks for 3-robustness against F-local attackers, (2, 2)-robustness against F-total attackers"
     assert line.startswith(start)
     return line.removeprefix(start)
 
@@ -113,7 +115,9 @@ def test_a_search_that_ends_early_tells_bounds(known, total, told):
 def test_programs_of_many_networks_share_their_time(monkeypatch):
     """None runs for 16 vehicles or fewer, nor for more than twenty networks."""
     asked = []
-    monkeypatch.setattr(check, "brackets", lambda n, heard, seconds: (asked.append(seconds), BOUNDS)[1])
+    monkeypatch.setattr(
+        check, "brackets", lambda n, heard, seconds: (asked.append(seconds), BOUNDS)[1]
+    )
     keys = {"vehicles": 20, "attack": "none", "defence": "none"}
     for seeds in (1, 4, 21):
         topology = {
@@ -145,7 +149,9 @@ def test_what_is_drawn_lane_by_lane_is_said():
     """The certificate is of the weights' medians, 0.1 and 0.1 and 0.2, and says in which cells."""
     weights = [{"uniform": [0.05, 0.15]}, 0.1, {"choice": [0.2, 0.1, 0.3]}]
     gains = [[1, 3, 3], [1, 3, {"uniform": [3, 4]}]]
-    text = check.check_text(systems.study(sweep={"topology.navigator_weight": weights, "gain": gains}))
+    text = check.check_text(
+        systems.study(sweep={"topology.navigator_weight": weights, "gain": gains})
+    )
     tenth, fifth = (section(text, f"cyclic, cells {cells}") for cells in ("0-3", "4, 5"))
     assert [part.split("‖L⁻¹‖₂")[1].split()[0] for part in (tenth, fifth)] == ["10", "5"]
     assert "weights       drawn in cells 0, 1; what is said is of their medians" in tenth
@@ -156,7 +162,11 @@ def test_what_is_drawn_lane_by_lane_is_said():
 
 def test_hundreds_of_cells_are_told_in_few_lines():
     """What is swept, one network in full, and what is different in those whose report differs; 80 columns."""
-    defences = ["none", {"kind": "trusted_trim", "label": "trimming by trusted redundancy"}, "w_msr"]
+    defences = [
+        "none",
+        {"kind": "trusted_trim", "label": "trimming by trusted redundancy"},
+        "w_msr",
+    ]
     seeds = {"topology.seed": list(range(100)), "defence": defences}
     given = systems.study(topology={"kind": "random_regular", "degree": 4}, sweep=seeds)
     text = check.check_text(given)
@@ -195,7 +205,10 @@ def test_the_law_by_exchanges():
     )
     assert "4 rounds are the least that is stable, and every number from 6 on" in text[long:]
     assert "that is while everybody is retained" in text[long:]
-    assert text.count("safe nothing is proved; the theorems are of the law solved at every instant") == 2
+    assert (
+        text.count("safe nothing is proved; the theorems are of the law solved at every instant")
+        == 2
+    )
     assert "law rounds nothing is proved" in text
     untrimmed = check.check_text(systems.study(law={"kind": "rounds", "rounds": 2}, defence="none"))
     assert "stable, deviations times 0.9667" in untrimmed
@@ -228,7 +241,10 @@ def test_the_guarantee_is_of_the_rule_in_use(words):
     ("keys", "told"),
     [
         (
-            {"law": "rounds", "channel": {"loss": {"kind": "bernoulli", "probability": 0.5, "of": "all"}}},
+            {
+                "law": "rounds",
+                "channel": {"loss": {"kind": "bernoulli", "probability": 0.5, "of": "all"}},
+            },
             "UNSTABLE in mean square, deviations times 1.0089 at each tick; stable up to a loss of 0.4131",
         ),
         ({"channel": {"delay": 0.1}}, "vehicles end late by 1 s"),
@@ -256,7 +272,9 @@ LATTICE = {"vehicles": 8, "topology": {"kind": "lattice", "neighbours": 4}, "eng
 
 def drawn_text(number, **keys):
     """What check says where each lane draws its attacked vehicles."""
-    given = systems.study(attack={"kind": "rotating", "vehicles": {"random": number}}, **LATTICE | keys)
+    given = systems.study(
+        attack={"kind": "rotating", "vehicles": {"random": number}}, **LATTICE | keys
+    )
     return " ".join(check.check_text(given).split())
 
 
@@ -277,9 +295,12 @@ def test_a_draw_has_the_weakest_of_its_reasons():
     scenario = drawn.cells[0].scenario
     graph = scenario.topology.normalised_rows(5)
     found, *_ = safe_in_all(scenario, graph, attacked_draws(scenario, graph))
-    alone = [systems.study(attack={"kind": "rotating", "vehicles": [i]}, **keys) for i in range(1, 6)]
+    alone = [
+        systems.study(attack={"kind": "rotating", "vehicles": [i]}, **keys) for i in range(1, 6)
+    ]
     each = [
-        safe_in(one.cells[0].scenario, graph, situation_of(one.cells[0].scenario).attacked) for one in alone
+        safe_in(one.cells[0].scenario, graph, situation_of(one.cells[0].scenario).attacked)
+        for one in alone
     ]
     expected = np.all([reasons[0].vehicles for reasons in each], axis=0)
     np.testing.assert_array_equal(found.vehicles, expected)

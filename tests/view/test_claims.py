@@ -81,8 +81,15 @@ def test_gains_of_each_vehicle_prove_nothing_where_weights_switch():
     fixed = told(**keys, defence="none")
     assert "safe every vehicle untouched" in fixed
     assert "(Lemma 1)" in fixed
-    acyclic = {"vehicles": 4, "gain": {"vehicles": [[1, 3, 3], [8, 12, 6]] * 2}, "defence": "trusted_trim"}
-    edges = [[i, j, 1.0] for i, j in [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 0), (4, 2), (4, 3)]]
+    acyclic = {
+        "vehicles": 4,
+        "gain": {"vehicles": [[1, 3, 3], [8, 12, 6]] * 2},
+        "defence": "trusted_trim",
+    }
+    edges = [
+        [i, j, 1.0]
+        for i, j in [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 0), (4, 2), (4, 3)]
+    ]
     text = told(**acyclic, attack="none", topology={"kind": "edges", "edges": edges})
     assert "safe every vehicle untouched" in text
     assert "Lemma 1" not in text
@@ -205,7 +212,10 @@ def test_a_defence_from_outside_inherits_no_certificate():
         text = told(attack=BIAS, defence=defence)
         assert "safe not known of 1-6" in text
         assert "by majority" not in text
-        assert scenario_gain(systems.study(**RING, attack=BIAS, defence=defence).cells[0].scenario) is None
+        assert (
+            scenario_gain(systems.study(**RING, attack=BIAS, defence=defence).cells[0].scenario)
+            is None
+        )
         assert safe(attack="none", defence=defence) == {}
 
 
@@ -246,7 +256,9 @@ def test_a_kind_from_outside_takes_its_claims_with_it(keys, claim):
 
 def test_a_path_from_outside_is_as_slow_as_it_is():
     """Not as its parent."""
-    assert Halting().slowest(30.0)[0] == pytest.approx(0.01 * Lissajous().slowest(30.0)[0], rel=1e-6)
+    assert Halting().slowest(30.0)[0] == pytest.approx(
+        0.01 * Lissajous().slowest(30.0)[0], rel=1e-6
+    )
 
 
 def test_bounds_of_a_vehicle_that_does_not_follow_are_unknown():
@@ -260,7 +272,11 @@ def test_stability_is_not_told_of_losses_or_of_liars_that_change():
     lossy = {"channel": {"loss": {"kind": "bernoulli", "probability": 0.5}}}
     assert "deviations times" in told(**LEADERLESS, law="local")
     assert "deviations times" not in told(**LEADERLESS, law="local", **lossy)
-    liars = {"kind": "rotating", "threat": "replaces", "vehicles": {"at": [0.0, 10.0], "sets": [[2], [5]]}}
+    liars = {
+        "kind": "rotating",
+        "threat": "replaces",
+        "vehicles": {"at": [0.0, 10.0], "sets": [[2], [5]]},
+    }
     assert "without the attack" in told(law="rounds", attack=liars, defence="none")
 
 

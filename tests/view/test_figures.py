@@ -16,7 +16,16 @@ from jaxnet.api import writing
 from jaxnet.config.scenario import situation_of
 from jaxnet.statistics.bands import error_bands
 from jaxnet.store.results import Results
-from jaxnet.view.figures import FIGURE_NAMES, bands, every, multiples, panels, style, tails, topology
+from jaxnet.view.figures import (
+    FIGURE_NAMES,
+    bands,
+    every,
+    multiples,
+    panels,
+    style,
+    tails,
+    topology,
+)
 from jaxnet.view.page import networks
 from jaxnet.view.page.plots import bands_data
 from tests import systems
@@ -39,7 +48,9 @@ def results(tmp_path_factory):
 def texts(figure):
     """Everything written in a figure."""
     return [
-        text.get_text() for axes in figure.axes for text in [axes.title, axes.xaxis.label, axes.yaxis.label]
+        text.get_text()
+        for axes in figure.axes
+        for text in [axes.title, axes.xaxis.label, axes.yaxis.label]
     ]
 
 
@@ -48,7 +59,12 @@ def test_panels(results):
     figure = panels.panels_figure(results, results.study.cells, trajectories=True, errors=True)
     planes = [axes for axes in figure.axes if axes.get_xlabel() == "x [m]"]
     errors = [axes for axes in figure.axes if axes.get_yscale() == "log"]
-    assert [axes.get_title() for axes in planes] == ["(a) star", "(b) cyclic", "(d) star", "(e) cyclic"]
+    assert [axes.get_title() for axes in planes] == [
+        "(a) star",
+        "(b) cyclic",
+        "(d) star",
+        "(e) cyclic",
+    ]
     assert len(errors) == 4
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in planes}) == 1
     assert "no\N{NO-BREAK SPACE}attack\ny [m]" in texts(figure)
@@ -84,7 +100,10 @@ def test_topologies(results):
     star, cyclic = figure.axes
     assert (star.get_title(), cyclic.get_title()) == ("star", "cyclic")
     assert (len(star.patches), len(cyclic.patches)) == (12, 36)
-    red = [[patch.get_linestyle() != "-" for patch in axes.patches].count(True) for axes in (star, cyclic)]
+    red = [
+        [patch.get_linestyle() != "-" for patch in axes.patches].count(True)
+        for axes in (star, cyclic)
+    ]
     assert red == [4, 8]
     labels = {text.get_text() for text in cyclic.texts}
     assert {"0.1", "0.45", *map(str, range(13))} == labels
@@ -144,7 +163,10 @@ def test_panels_without_trajectories_name_their_rows(many, monkeypatch):
     titles = [axes.get_title().replace("\N{NO-BREAK SPACE}", " ") for axes in figure.axes[::2]]
     assert titles[1] == "(b) rotating attack, ā = 2 m, attack frequency = 0.1 rad/s"
     assert len(titles) == 4
-    assert figure.get_suptitle() == "4 of 60 rows and 4 of 5 topologies are drawn; all are in errors.zarr"
+    assert (
+        figure.get_suptitle()
+        == "4 of 60 rows and 4 of 5 topologies are drawn; all are in errors.zarr"
+    )
 
 
 def test_one_lane_is_a_line_and_no_band(results):
@@ -157,8 +179,12 @@ def test_one_lane_is_a_line_and_no_band(results):
         drawn = bands.bands_figure(cells, found)
         told = {text.get_text() for text in drawn.legends[0].get_texts()}
         assert (parts <= told, "without a band: one lane" in told) == (many, not many)
-        assert (len(drawn.axes[0].collections), len(drawn.axes[0].lines)) == ((1, 2) if many else (0, 1))
-        assert [panel["lanes"] for panel in bands_data(cells, found)["panels"]] == [2 if many else 1]
+        assert (len(drawn.axes[0].collections), len(drawn.axes[0].lines)) == (
+            (1, 2) if many else (0, 1)
+        )
+        assert [panel["lanes"] for panel in bands_data(cells, found)["panels"]] == [
+            2 if many else 1
+        ]
 
 
 def test_bands_say_what_they_leave_out(many, results):
@@ -170,7 +196,9 @@ def test_bands_say_what_they_leave_out(many, results):
     )
 
 
-@pytest.mark.parametrize("ends", [(2.1, 4.5), (80, 210), (0.9, 9.5), (60, 350), (1, 99), (1e-3, 1e3)])
+@pytest.mark.parametrize(
+    "ends", [(2.1, 4.5), (80, 210), (0.9, 9.5), (60, 350), (1, 99), (1e-3, 1e3)]
+)
 def test_log_axes_have_numbers_side_by_side(ends):
     """Two at least however short the axis, and none on another."""
     with mpl.rc_context(style.PRINT_STYLE):
@@ -181,7 +209,9 @@ def test_log_axes_have_numbers_side_by_side(ends):
         multiples.log_ticks(axis)
     figure.draw_without_rendering()
     for axis, side in ((panel.xaxis, 0), (panel.yaxis, 1)):
-        within = [tick.label1 for tick in axis.get_major_ticks() if ends[0] <= tick.get_loc() <= ends[1]]
+        within = [
+            tick.label1 for tick in axis.get_major_ticks() if ends[0] <= tick.get_loc() <= ends[1]
+        ]
         boxes = [label.get_window_extent() for label in within if label.get_text()]
         assert len(boxes) >= 2
         edges = sorted((box.min[side], box.max[side]) for box in boxes)
@@ -192,7 +222,11 @@ def test_log_axes_have_numbers_side_by_side(ends):
 @mpl.rc_context(style.PRINT_STYLE)
 def graphs_of(vehicles, attacked, topologies, **keys):
     """The figure of these graphs."""
-    given = {"vehicles": vehicles, "attack": {"vehicles": attacked}, "sweep": {"topology": topologies}}
+    given = {
+        "vehicles": vehicles,
+        "attack": {"vehicles": attacked},
+        "sweep": {"topology": topologies},
+    }
     figure = topology.topology_figure(systems.study(**given, **keys).cells)
     figure.draw_without_rendering()
     return figure
@@ -204,7 +238,9 @@ def test_nodes_of_graphs_keep_apart(vehicles):
     figure = graphs_of(vehicles, [2], ["star", "cyclic", "path"])
     for axes in figure.axes:
         nodes: Any = [line for line in axes.lines if line.get_marker() in ("o", "s")]
-        places = axes.transData.transform([line.get_xydata()[0] for line in nodes]) * 72 / figure.dpi
+        places = (
+            axes.transData.transform([line.get_xydata()[0] for line in nodes]) * 72 / figure.dpi
+        )
         apart = np.hypot(*(places[:, None] - places).T) + 1e3 * np.eye(len(nodes))
         assert apart.min() > max(line.get_markersize() for line in nodes)
         written: dict[str, Any] = {text.get_text(): text.get_fontsize() for text in axes.texts}
@@ -257,11 +293,14 @@ def test_chosen_cells_are_what_is_drawn(results):
     """What all rows share stands above them; a choice is told by the file's name, and no other's."""
     figure = results.plot.tails(where={"topology": "cyclic"})
     named = [
-        label.get_text().replace("\N{NO-BREAK SPACE}", " ") for label in figure.axes[0].get_yticklabels()
+        label.get_text().replace("\N{NO-BREAK SPACE}", " ")
+        for label in figure.axes[0].get_yticklabels()
     ]
     assert named == ["ā = 0 m", "ā = 5 m"]
     assert figure.get_suptitle() == "all with cyclic; one dot per lane; median and 5 to 95 %"
-    dots = np.concatenate([line.get_xdata() for line in figure.axes[0].lines if line.get_marker() == "."])
+    dots = np.concatenate(
+        [line.get_xdata() for line in figure.axes[0].lines if line.get_marker() == "."]
+    )
     kept = results.lanes[results.lanes["topology"] == "cyclic"]
     np.testing.assert_allclose(np.sort(dots), np.sort(kept["tail_mean"]))
     names = [
@@ -311,11 +350,15 @@ def test_a_dollar_in_a_label_is_a_dollar():
 
 def test_the_style_for_print_can_be_left_out(tmp_path):
     """A plain figure has the sizes of matplotlib's settings, drawn and saved; the other has its own."""
-    results = jaxnet.run(systems.study(samples=2, horizon=1.0, tail=0.5, engine="exact"), tmp_path / "out")
+    results = jaxnet.run(
+        systems.study(samples=2, horizon=1.0, tail=0.5, engine="exact"), tmp_path / "out"
+    )
     with mpl.rc_context({"font.size": 17.0, "savefig.dpi": 50}):
         plain, print_ = results.plot.plain.tails(), results.plot.tails()
         (name,) = [
-            path for path in writing.write_figure(results, "tails", plain=True) if path.suffix == ".png"
+            path
+            for path in writing.write_figure(results, "tails", plain=True)
+            if path.suffix == ".png"
         ]
     assert plain.axes[0].xaxis.label.get_fontsize() == 17.0
     assert print_.axes[0].xaxis.label.get_fontsize() == 8.0

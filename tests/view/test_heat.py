@@ -43,7 +43,12 @@ def made(study, failed=(), **columns) -> Results:
     share = number / np.maximum(ok, 1)
     shares = {"unrecovered": share, "unrecovered_low": low, "unrecovered_high": high}
     table = {name: np.where(known, values, np.nan) for name, values in shares.items()}
-    table |= {"tail_max_max": np.where(ok > 0, share, np.nan), "ok": ok, "failed": 40 - ok, **columns}
+    table |= {
+        "tail_max_max": np.where(ok > 0, share, np.nan),
+        "ok": ok,
+        "failed": 40 - ok,
+        **columns,
+    }
     results = Results(UPath("nowhere"))
     rows = [(cell, pd.DataFrame({"status": [*kinds.elements()]})) for cell, kinds in lost.items()]
     vars(results).update(
@@ -69,7 +74,10 @@ def test_every_cell_stands_where_its_values_say():
     assert (found.row, found.rows) == ("defence", SWEEP["defence"])
     assert sorted(found.cells.ravel()) == list(range(24))
     for (panel, row, column), number in np.ndenumerate(found.cells):
-        labels = found.panels[panel] | {"defence": found.rows[row], "attack.frequency": found.columns[column]}
+        labels = found.panels[panel] | {
+            "defence": found.rows[row],
+            "attack.frequency": found.columns[column],
+        }
         assert cells[number].labels == labels
     found = tiling([cell for cell in cells if cell.number != 13])
     assert found is not None
@@ -84,8 +92,16 @@ def test_every_cell_stands_where_its_values_say():
             "attack.frequency",
             "attack.magnitude",
         ),
-        ({"attack.magnitude": [1, 2, 3], "topology": ["star", "cyclic"]}, "topology", "attack.magnitude"),
-        ({"topology": ["star", "cyclic"], "defence": ["none", "trusted_trim"]}, "defence", "topology"),
+        (
+            {"attack.magnitude": [1, 2, 3], "topology": ["star", "cyclic"]},
+            "topology",
+            "attack.magnitude",
+        ),
+        (
+            {"topology": ["star", "cyclic"], "defence": ["none", "trusted_trim"]},
+            "defence",
+            "topology",
+        ),
         ({"tick": [0.05, 0.1], "attack.magnitude": [1, 2, 3]}, "tick", "attack.magnitude"),
     ],
 )
@@ -119,7 +135,12 @@ def test_only_all_lanes_are_100_per_cent():
             (62.5, "63", "62.5"),
             (63.5, "64", "63.5"),
         ),
-        *((0.0, "0", "0"), (100.0, "100", "100"), (99.75, "99.75", "99.75"), (99.998, "99.998", "99.998")),
+        *(
+            (0.0, "0", "0"),
+            (100.0, "100", "100"),
+            (99.75, "99.75", "99.75"),
+            (99.998, "99.998", "99.998"),
+        ),
     ],
 )
 def test_a_tile_agrees_with_the_table(share, few, many):
@@ -140,7 +161,9 @@ def test_a_rounded_interval_holds_the_exact_one(lanes):
         assert told[1] - told[0] <= 1.2 * (high - low)
 
 
-@pytest.mark.parametrize(("error", "words"), [(3.14, "3.1"), (0.11, "0.11"), (7.2e-4, "7e-4"), (1e-12, "0")])
+@pytest.mark.parametrize(
+    ("error", "words"), [(3.14, "3.1"), (0.11, "0.11"), (7.2e-4, "7e-4"), (1e-12, "0")]
+)
 def test_errors_are_told_in_four_letters(error, words):
     """Below 1e-9 of ā they are rounding."""
     assert tiles.tile_text("worst", error) == words
@@ -200,7 +223,9 @@ def test_a_tile_tells_its_cells_share_and_interval():
         "38 to 40 lanes a tile; 95 % intervals, at most 17 points to a side;"
         " * other lanes failed, and are in no number: 40 nonfinite, 2 disconnected"
     )
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["no attack, no lane ended"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "no attack, no lane ended"
+    ]
     assert panels[0].get_xlabel() == ""
     assert panels[2].get_xlabel() == "attack frequency [rad/s]"
     bar = next(panel for panel in figure.axes if panel.get_xlabel() == "lanes unrecovered [%]")
@@ -261,10 +286,16 @@ def test_errors_are_per_size_on_a_log_scale():
 def test_more_panels_than_a_page_has_room_for():
     """The first, with their numbers; the figure is no taller than a page and says what is left out."""
     graphs = [{"kind": "cyclic", "label": f"graph {n}"} for n in range(30)]
-    sweep = {"topology": graphs, "defence": SWEEP["defence"], "attack.frequency": np.arange(1.0, 9).tolist()}
+    sweep = {
+        "topology": graphs,
+        "defence": SWEEP["defence"],
+        "attack.frequency": np.arange(1.0, 9).tolist(),
+    }
     figure = drawn(made(study_of(sweep)))
     shown = [panel for panel in figure.axes if panel.get_title()]
-    assert f"{len(shown)} of 30 panels are drawn; all are in cells.csv" in plain(figure.get_suptitle())
+    assert f"{len(shown)} of 30 panels are drawn; all are in cells.csv" in plain(
+        figure.get_suptitle()
+    )
     assert len(shown) >= 12
     assert figure.get_figheight() <= style.GREATEST_HEIGHT
 
@@ -274,7 +305,11 @@ def test_more_panels_than_a_page_has_room_for():
     [
         ({}, {}, "a sweep of two values at least of two keys"),
         ({"attack.frequency": [1.0, 2.0]}, {}, "a sweep of two values at least of two keys"),
-        (SWEEP, {"topology": "star", "attack.magnitude": 10, "defence": "none"}, "a sweep of two values"),
+        (
+            SWEEP,
+            {"topology": "star", "attack.magnitude": 10, "defence": "none"},
+            "a sweep of two values",
+        ),
         (SWEEP, {"attack.magnitude": 0}, "an attack and 'recovery={tau: 0.01}'"),
     ],
 )

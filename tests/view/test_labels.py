@@ -38,7 +38,10 @@ def results(tmp_path_factory):
         "labels": {"attack.magnitude": NAME},
         "sweep": {
             "attack.magnitude": [1, 10],
-            "defence": [{"kind": "none", "label": FORMULA}, {"kind": "trusted_only", "label": ESCAPES}],
+            "defence": [
+                {"kind": "none", "label": FORMULA},
+                {"kind": "trusted_only", "label": ESCAPES},
+            ],
         },
     }
     return jaxnet.run(study, tmp_path_factory.mktemp("labels") / "out", progress=False)
@@ -77,7 +80,10 @@ def test_a_spreadsheet_computes_no_label(results):
 
 @settings(max_examples=15)
 @given(
-    st.lists(st.text(st.sampled_from("=+-@'a1.e\t")) | st.sampled_from(["-1.5", "'=x", "''-"]), min_size=1)
+    st.lists(
+        st.text(st.sampled_from("=+-@'a1.e\t")) | st.sampled_from(["-1.5", "'=x", "''-"]),
+        min_size=1,
+    )
 )
 def test_a_table_reads_back_as_it_was(texts):
     """Text and titles, however many apostrophes they begin with; text begins no formula."""

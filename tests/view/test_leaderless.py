@@ -26,7 +26,13 @@ from tests.view.test_page import read_through, section
 
 DEAF = [(1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (3, 2), (4, 2)]  # links that are not there
 LINKS = [[i, j, 1.0] for i, j in itertools.product(range(1, 6), repeat=2) if (i, j) not in DEAF]
-KEYS = {"name": "agree", "vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [8.0]}
+KEYS = {
+    "name": "agree",
+    "vehicle": "single_integrator",
+    "navigator": "none",
+    "law": "local",
+    "gain": [8.0],
+}
 KEYS |= {
     "vehicles": 5,
     "topology": {"kind": "edges", "edges": LINKS},
@@ -59,7 +65,9 @@ def spreads(results):
     """The greatest distance of vehicles other than the liar by cell, sample and time, one pair at a time."""
     places = np.delete(results.trajectories["states"].values, 1, axis=3)
     pairs_of = itertools.combinations(range(places.shape[3]), 2)
-    return np.max([np.linalg.norm(places[:, :, :, i] - places[:, :, :, j], axis=3) for i, j in pairs_of], 0)
+    return np.max(
+        [np.linalg.norm(places[:, :, :, i] - places[:, :, :, j], axis=3) for i, j in pairs_of], 0
+    )
 
 
 def test_rows_arrays_and_cells_hold_the_spread(results, spreads):
@@ -76,7 +84,10 @@ def test_rows_arrays_and_cells_hold_the_spread(results, spreads):
 
 def test_the_share_in_the_hull_is_that_of_a_plain_search(monkeypatch):
     """Honest vehicles at every output time, among triangles of their starts, by Delaunay."""
-    keys = KEYS | {"sweep": {"defence": ["none", "w_msr"]}, "attack": KEYS["attack"] | {"magnitude": 70.0}}
+    keys = KEYS | {
+        "sweep": {"defence": ["none", "w_msr"]},
+        "attack": KEYS["attack"] | {"magnitude": 70.0},
+    }
     results = jaxnet.simulate(keys | {"samples": 5}, progress=False)
     places = np.delete(results.trajectories["states"].values, 1, axis=3)[..., :2]
     stays = np.ones(places.shape[:2], bool)
@@ -90,8 +101,12 @@ def test_the_share_in_the_hull_is_that_of_a_plain_search(monkeypatch):
     quantity = quantity_of(results, results.study.cells, "in_hull")
     np.testing.assert_allclose(quantity.values["value"], 100 * stays.mean(axis=1))
     known = [binomtest(int(each.sum()), 5).proportion_ci(method="exact") for each in stays]
-    np.testing.assert_allclose(results.cells["in_hull_low"], [each.low for each in known], atol=1e-12)
-    np.testing.assert_allclose(quantity.values["high"], [100 * each.high for each in known], atol=1e-9)
+    np.testing.assert_allclose(
+        results.cells["in_hull_low"], [each.low for each in known], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        quantity.values["high"], [100 * each.high for each in known], atol=1e-9
+    )
     monkeypatch.setenv("COLUMNS", "200")
     text = tables.summary_text(results)
     assert "leaves the convex hull of their starts by over 1e-08 m" in text
@@ -101,7 +116,11 @@ def test_the_share_in_the_hull_is_that_of_a_plain_search(monkeypatch):
 def test_links_of_a_network_without_a_navigator_are_just_links(results):
     """In the legend of the figure and of the page."""
     (legend,) = results.plot.topologies().legends
-    assert [text.get_text() for text in legend.get_texts()] == ["attacked vehicle", "attacked link", "link"]
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "attacked vehicle",
+        "attacked link",
+        "link",
+    ]
     assert "</svg>link</li>" in networks_html(results.study.cells)
 
 
@@ -128,7 +147,9 @@ def words_of(figure):
     return "\n".join(each.get_text() for each in figure.findobj(Text))
 
 
-@pytest.mark.parametrize("name", ["curve", "tails", "bands", "panels", "heat", "heat_worst", "topologies"])
+@pytest.mark.parametrize(
+    "name", ["curve", "tails", "bands", "panels", "heat", "heat_worst", "topologies"]
+)
 def test_a_figure_says_nothing_of_errors(results, name):
     """Neither on an axis nor in a legend or note; the spread, or the share without agreement, is named."""
     words = words_of(getattr(every.Plots(results), name)())
@@ -143,7 +164,9 @@ def test_figures_draw_the_spread(results, spreads):
     drawn = [line.get_ydata() for panel in figure.axes for line in panel.lines]
     medians = np.maximum(np.median(spreads, axis=1), 1e-9)
     for median in medians:
-        assert any(len(line) == len(median) and np.allclose(line, median, rtol=1e-5) for line in drawn)
+        assert any(
+            len(line) == len(median) and np.allclose(line, median, rtol=1e-5) for line in drawn
+        )
     heat = every.Plots(results).heat_worst()
     values = heat.axes[0].collections[0].get_array().ravel()
     np.testing.assert_allclose(sorted(values), sorted(results.cells["spread_max"]), rtol=1e-12)
@@ -151,7 +174,9 @@ def test_figures_draw_the_spread(results, spreads):
 
 def test_what_needs_a_navigator_is_refused(results):
     """There is no error to bound or to fit; the message names the figure of the spread."""
-    with pytest.raises(FolderError, match="without a navigator there is no error to fit and no bound"):
+    with pytest.raises(
+        FolderError, match="without a navigator there is no error to fit and no bound"
+    ):
         every.Plots(results).ultimate()
     with pytest.raises(FolderError, match="`jaxnet figure curve` draws the spread"):
         results.fit()
@@ -165,7 +190,9 @@ def test_a_film_has_no_navigator(other):
     apart = np.linalg.norm(lane["states"].values - honest.mean(axis=1, keepdims=True), axis=2)
     np.testing.assert_allclose(film.errors, apart, rtol=0, atol=1e-12)
     told = lane["attack"].values[:, 1]
-    np.testing.assert_array_equal(film.told[:, 0], told)  # of a link that is replaced, the signal alone
+    np.testing.assert_array_equal(
+        film.told[:, 0], told
+    )  # of a link that is replaced, the signal alone
     figure, *_ = film_figure(film, other.study.cells[1], 0)
     assert not OF_A_NAVIGATOR.search(words_of(figure))
 
@@ -181,8 +208,12 @@ def test_a_comparison_is_of_spreads(results, other):
 def test_check_knows_the_stability_of_a_fleet_whose_liar_is_drawn():
     """A complete graph of five has the eigenvalues 1 and -1/4: at k0 = 4/5/tick all agree in one step."""
     drawn = {"kind": "bias", "threat": "replaces", "vehicles": {"random": 1}}
-    text = " ".join(check.check_text(jaxnet.load(KEYS | {"attack": drawn, "topology": "complete"})).split())
-    assert "stable, deviations times 0.0000 at each tick of 0.1 s; that is without the attack" in text
+    text = " ".join(
+        check.check_text(jaxnet.load(KEYS | {"attack": drawn, "topology": "complete"})).split()
+    )
+    assert (
+        "stable, deviations times 0.0000 at each tick of 0.1 s; that is without the attack" in text
+    )
     assert "none: rows measure the spread of the vehicles that are not attacked" in text
     assert "error" not in text
 
@@ -217,15 +248,32 @@ def test_the_page_says_nothing_of_errors(browser, results):
     assert "m from the mean" in words
     assert "Distance of each vehicle from the mean of those not attacked" in words
     left = words.replace("navigator\nno navigator", "")
-    assert [left[each.start() - 40 : each.end() + 40] for each in OF_A_NAVIGATOR.finditer(left)] == []
+    assert [
+        left[each.start() - 40 : each.end() + 40] for each in OF_A_NAVIGATOR.finditer(left)
+    ] == []
 
 
 def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
     """The spread is told in metres; a panel is not empty where vehicles agree."""
     monkeypatch.setattr(explored, "FRESH", 8)
-    attack = {"kind": "own_path", "vehicles": [2], "centre": [30, 0], "frequency": {"uniform": [0.1, 1]}}
-    over = {"over": {"attack.frequency": [0.1, 1]}, "maximise": "spread", "budget": 100, "until": 1.0}
-    keys = KEYS | {"attack": attack, "defence": "w_msr", "sweep": {"gain": [[8.0], [6.0]]}, "save": {}}
+    attack = {
+        "kind": "own_path",
+        "vehicles": [2],
+        "centre": [30, 0],
+        "frequency": {"uniform": [0.1, 1]},
+    }
+    over = {
+        "over": {"attack.frequency": [0.1, 1]},
+        "maximise": "spread",
+        "budget": 100,
+        "until": 1.0,
+    }
+    keys = KEYS | {
+        "attack": attack,
+        "defence": "w_msr",
+        "sweep": {"gain": [[8.0], [6.0]]},
+        "save": {},
+    }
     results = jaxnet.search(keys | {"search": over}, tmp_path / "out", progress=False)
     told = worst.search_text(results)
     assert "the worst spread [m]; late" in told
@@ -237,7 +285,9 @@ def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
         drawn = getattr(every.Plots(results), name)()
         assert not any("bound" in words.get_text() for words in drawn.findobj(Text))
         for panel in drawn.axes:
-            heights = np.concatenate([line.get_data()[name == "search"] for line in panel.get_lines()])
+            heights = np.concatenate(
+                [line.get_data()[name == "search"] for line in panel.get_lines()]
+            )
             assert np.isfinite(np.log(heights)).all()
     under_way = every.search.bounds_figure(rows.head(1), results.study.cells, "spread", 3.5)
     assert any("1 of 2 cells are drawn" in words.get_text() for words in under_way.findobj(Text))

@@ -37,7 +37,14 @@ def labelled(graphs):
 @pytest.mark.parametrize(
     ("sweep", "named"),
     [
-        ({"attack.frequency": [0.1, 0.3, 1.0], "defence": ["none", "w_msr"], "tick": [0.05, 0.1]}, {}),
+        (
+            {
+                "attack.frequency": [0.1, 0.3, 1.0],
+                "defence": ["none", "w_msr"],
+                "tick": [0.05, 0.1],
+            },
+            {},
+        ),
         ({"attack.frequency": [0.1, 0.3, 1.0], "defence": ["none", "w_msr"]}, {"x": "defence"}),
         ({"topology": labelled(LONG), "attack.magnitude": [1, 2, 4]}, {"x": "topology"}),
         ({}, {}),
@@ -65,7 +72,10 @@ SIZES = {
     6: {"topology": labelled(LONG)},
     36: {"defence": RULES[:3], "attack.frequency": [0.1, 0.2, 0.4], "vehicles": [3, 4, 5, 6]},
     96: {"topology": labelled(LONG), "attack.magnitude": [1, 2, 5, 10], "defence": RULES},
-    300: {"attack.magnitude": [float(number) for number in range(1, 51)], "topology": labelled(LONG)},
+    300: {
+        "attack.magnitude": [float(number) for number in range(1, 51)],
+        "topology": labelled(LONG),
+    },
 }
 
 
@@ -77,7 +87,9 @@ def test_no_label_touches_another(cells, column, share):
     found = study_cells(**SIZES[cells])
     assert len(found) == cells
     with mpl.rc_context(style.PRINT_STYLE):
-        figure = lines.curve_figure(numbered(found, share), choose_axes(found), found, COLUMN_WIDTHS[column])
+        figure = lines.curve_figure(
+            numbered(found, share), choose_axes(found), found, COLUMN_WIDTHS[column]
+        )
         figure.draw_without_rendering()
     boxes = [(text.get_text(), text.get_window_extent()) for text in shown_texts(figure)]
     for words, box in boxes:
@@ -102,7 +114,9 @@ def shown_texts(figure):
                     hidden.add(id(tick.label1))
     every = figure.findobj(mpl_text.Text)
     return [
-        text for text in every if text.get_text().strip() and text.get_visible() and id(text) not in hidden
+        text
+        for text in every
+        if text.get_text().strip() and text.get_visible() and id(text) not in hidden
     ]
 
 
@@ -118,17 +132,32 @@ def test_ticks_stand_at_the_values_where_they_are_few():
     sweep = {"attack.frequency": [0.1, 0.2, 0.4, 0.8, 1.6, 3.2], "defence": ["none", "w_msr"]}
     cells = study_cells(**sweep)
     with mpl.rc_context(style.PRINT_STYLE):
-        figure = lines.curve_figure(numbered(cells), choose_axes(cells), cells, COLUMN_WIDTHS["one"])
+        figure = lines.curve_figure(
+            numbered(cells), choose_axes(cells), cells, COLUMN_WIDTHS["one"]
+        )
         figure.draw_without_rendering()
     panel = figure.axes[0]
     assert panel.get_xscale() == "log"
     assert panel.get_xticks().tolist() == sweep["attack.frequency"]
-    assert [each.get_text() for each in panel.get_xticklabels()] == ["0.1", "0.2", "0.4", "0.8", "1.6", "3.2"]
+    assert [each.get_text() for each in panel.get_xticklabels()] == [
+        "0.1",
+        "0.2",
+        "0.4",
+        "0.8",
+        "1.6",
+        "3.2",
+    ]
     assert set(range(0, 101, 20)) <= set(panel.get_yticks())
     rates = np.geomspace(0.1, 3, 5).tolist()
     with mpl.rc_context(style.PRINT_STYLE):
         assert lines.value_ticks(rates, True, 1.3) == ["0.1", "0.23", "0.55", "1.3", "3"]
-        assert lines.value_ticks([100, 101, 102, 200, 1000], False, 1.0) == ["100", "", "", "", "1000"]
+        assert lines.value_ticks([100, 101, 102, 200, 1000], False, 1.0) == [
+            "100",
+            "",
+            "",
+            "",
+            "1000",
+        ]
         assert lines.value_ticks([123, 1000], False, 3.0) == ["123", "1000"]
 
 
@@ -154,7 +183,10 @@ def test_labels_of_axes_do_not_touch_in_larger_type():
         larger: style.Style = {**style.LAYOUT, "font.size": size}
         with mpl.rc_context(larger):
             drawn, panels = multiples.panel_grid(
-                labels, "attack magnitude ā [m]", "spread of the vehicles, median [m]", COLUMN_WIDTHS["one"]
+                labels,
+                "attack magnitude ā [m]",
+                "spread of the vehicles, median [m]",
+                COLUMN_WIDTHS["one"],
             )
             drawn.draw_without_rendering()
             left, right = (panel.xaxis.label.get_window_extent() for panel in panels)

@@ -48,13 +48,18 @@ def folder(tmp_path_factory):
     replay(results, 5, 2)
     share = pd.read_csv(results.path / "cells.csv")
     share["unrecovered"] = [np.nan, 0.25, 0.5, np.nan, 0.75, 1.0]
-    share["unrecovered_low"], share["unrecovered_high"] = share["unrecovered"] - 0.1, share["unrecovered"]
+    share["unrecovered_low"], share["unrecovered_high"] = (
+        share["unrecovered"] - 0.1,
+        share["unrecovered"],
+    )
     share.to_csv(results.path / "cells.csv", index=False)
     slopes, fits = [], []
     for place, topology in enumerate(("star", HOSTILE), 1):
         for vehicle in (*range(1, 13), "worst", "fleet"):
             slopes.append([topology, "static", vehicle, "" if place == 2 else 7.25])
-            slopes.append([topology, "peak_gain", vehicle, place * (vehicle if vehicle in range(13) else 12)])
+            slopes.append(
+                [topology, "peak_gain", vehicle, place * (vehicle if vehicle in range(13) else 12)]
+            )
             slopes.append([topology, "lyapunov_printed", vehicle, np.inf if place == 2 else 40])
         fits.append([topology, "tail_max", "proportional", "", "s", 3.5 * place, 3, 4, -8.0])
         fits.append([topology, "tail_max", "proportional", 0.95, "s", 6.5, 6, 7, ""])
@@ -62,7 +67,17 @@ def folder(tmp_path_factory):
         fits.append([topology, "tail_mean", "proportional", "", "s", *[""] * 3, 9.0])
     columns = ["topology", "bound", "vehicle", "slope"]
     pd.DataFrame(slopes, columns=columns).to_csv(results.path / "bounds.csv", index=False)
-    columns = ["topology", "metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc"]
+    columns = [
+        "topology",
+        "metric",
+        "model",
+        "quantile",
+        "parameter",
+        "estimate",
+        "low",
+        "high",
+        "aicc",
+    ]
     pd.DataFrame(fits, columns=columns).to_csv(results.path / "fit.csv", index=False)
     violation = [[4, 1, "peak_gain", 30.0, 20.0, "jaxnet replay out --cell 4 --sample 1"]]
     columns = ["cell", "sample", "bound", "tail_max", "limit", "command"]
@@ -94,7 +109,13 @@ def test_the_summary_has_the_numbers_of_cells_csv(folder, html):
     """All cells, in full precision."""
     stored = pd.read_csv(folder / "cells.csv")
     stored["unrecovered"] *= 100
-    columns = ["attack.magnitude", "unrecovered", "tail_mean_mean", "tail_mean_median", "tail_mean_q95"]
+    columns = [
+        "attack.magnitude",
+        "unrecovered",
+        "tail_mean_mean",
+        "tail_mean_median",
+        "tail_mean_q95",
+    ]
     text = section(html, "summary")
     shown = np.array(rows_of(text))
     np.testing.assert_array_equal(shown[:, 0], range(6))
@@ -107,10 +128,16 @@ def test_the_summary_has_the_numbers_of_cells_csv(folder, html):
 def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str]:
     """Findings of a study of three samples whose cells have these mean tail errors."""
     made, errors = systems.study(samples=3, **keys), np.array(errors)
-    rows = pd.DataFrame({"cell": 0, "sample": range(3), "status": [*failed, *["ok"] * (3 - len(failed))]})
+    rows = pd.DataFrame(
+        {"cell": 0, "sample": range(3), "status": [*failed, *["ok"] * (3 - len(failed))]}
+    )
     rows = rows[rows["status"] != "ok"] if failed else rows
     results = Results(UPath(tmp_path))
-    table = {"ok": np.where(np.isnan(errors), 0, 3), "tail_mean_mean": errors, "tail_max_max": 2 * errors}
+    table = {
+        "ok": np.where(np.isnan(errors), 0, 3),
+        "tail_mean_mean": errors,
+        "tail_max_max": 2 * errors,
+    }
     table |= {"tail_mean_low": 0.5 * errors, "tail_mean_high": 1.5 * errors, **dict(cells)}
     lanes = {"ok": 3 * len(errors) - len(failed), "failed": len(failed), "total": 3 * len(errors)}
     vars(results).update(
@@ -158,7 +185,9 @@ def test_findings_compare_the_values_of_a_kind(tmp_path):
         " W-MSR <b>1 to 2 ā</b>, least in 2; no\xa0defence <b>2 to 4 ā</b>, least in 1."
     )
     shares = {key: [0.5, 0.75, 1.0, 1.0] for key in curves.SHARE_COLUMNS}
-    told_of_shares = told(tmp_path, [4.0, 20.0, 1.0, 20.0], cells=shares, recovery={"tau": 0.1}, sweep=sweep)
+    told_of_shares = told(
+        tmp_path, [4.0, 20.0, 1.0, 20.0], cells=shares, recovery={"tau": 0.1}, sweep=sweep
+    )
     assert told_of_shares[2] == (
         "Lanes unrecovered by defence over 2 settings, least within intervals:"
         " no\xa0defence <b>50 to 75 %</b>, least in 2; W-MSR <b>100 %</b>, least in 0."
@@ -179,8 +208,13 @@ def test_findings_of_a_single_cell(tmp_path):
     )
     assert extremes == "The mean error over the tail is <b>2 ā</b> over all lanes."
     assert share == "No share unrecovered: no attacked lane came to its end."
-    assert bounds == ("The tightest bound, static, is <b>2 times</b> the worst error found: 8 ā over 4 ā.")
-    assert "The mean is 20 m (at least 10 m with 97.5 % confidence), over 3 ok lanes; no upper end" in sure
+    assert bounds == (
+        "The tightest bound, static, is <b>2 times</b> the worst error found: 8 ā over 4 ā."
+    )
+    assert (
+        "The mean is 20 m (at least 10 m with 97.5 % confidence), over 3 ok lanes; no upper end"
+        in sure
+    )
 
 
 def test_findings_where_nobody_is_attacked(tmp_path):
@@ -226,7 +260,14 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     text = page.write_page(jaxnet.open(copy)).read_text()
     shown = cells_of(section(text, "summary"))
     zero = "0 (rounding)"
-    assert [row[4].split(" <")[0] for row in shown] == [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
+    assert [row[4].split(" <")[0] for row in shown] == [
+        zero,
+        "2e-09",
+        zero,
+        "2e-09",
+        zero,
+        "1.1e-08",
+    ]
     assert [row[7] for row in shown][:3] == [zero] * 3
     assert rows_of(section(text, "summary"))[0][3] == 2e-10
     star, ring = cells_of(section(text, "ultimate"))
@@ -252,7 +293,9 @@ def test_what_a_config_says_is_text(html):
 
 def data_of(html: str) -> str:
     """The numbers of the plots."""
-    return re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.DOTALL)[1]
+    return re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.DOTALL)[
+        1
+    ]
 
 
 def test_violations_and_failures_have_their_commands(folder, html, monkeypatch):
@@ -291,7 +334,9 @@ def test_text_figure_and_page_say_that_there_is_no_slope(folder):
     for metric, told in (("tail_max", False), ("tail_mean", True)):
         drawn = ultimate.ultimate_figure(found, metric)
         assert ("no slope: errors" in drawn.get_suptitle()) is told
-        assert ("least squares s·ā" in [each.get_text() for each in drawn.legends[0].get_texts()]) is not told
+        assert (
+            "least squares s·ā" in [each.get_text() for each in drawn.legends[0].get_texts()]
+        ) is not told
 
 
 def test_values_are_alike_however_a_file_writes_them():
@@ -348,7 +393,9 @@ def test_the_answer_has_the_numbers_of_the_cells(folder):
         for cell, x, value in zip(series["cells"], series["x"], series["value"], strict=True)
     }
     assert points == {0: (0, None), 1: (1, 25), 2: (10, 50), 3: (0, None), 4: (1, 75), 5: (10, 100)}
-    rows = plots.curve_data(quantity_of(results, cells, "tail_max"), choose_axes(cells, x="topology"), cells)
+    rows = plots.curve_data(
+        quantity_of(results, cells, "tail_max"), choose_axes(cells, x="topology"), cells
+    )
     assert rows["x"]["names"] == ["star", HOSTILE]
     assert [each["x"] for each in rows["panels"][0]["series"]] == [[0, 1]] * 3
 
@@ -365,7 +412,9 @@ def test_figures_are_written_in_both_formats(folder):
 def test_missing_files_leave_their_sections_out(folder, tmp_path):
     """A folder of rows alone still makes a page, which says what to run."""
     bare = tmp_path / "bare folder"
-    shutil.copytree(folder, bare, ignore=shutil.ignore_patterns("*.zarr", "fit.csv", "bounds.csv", "viol*"))
+    shutil.copytree(
+        folder, bare, ignore=shutil.ignore_patterns("*.zarr", "fit.csv", "bounds.csv", "viol*")
+    )
     cells = pd.read_csv(bare / "cells.csv")
     cells.drop(columns=[name for name in cells if "unrecovered" in name]).to_csv(
         bare / "cells.csv", index=False
@@ -427,7 +476,8 @@ def test_every_plot_is_drawn_and_nothing_overflows(opened, width, scheme):
     shown = opened(width, scheme)
     read_through(shown)
     points = shown.eval_on_selector_all(
-        ".plot", "plots => plots.map(p => p.querySelectorAll('.main-svg :is(.trace path, image)').length)"
+        ".plot",
+        "plots => plots.map(p => p.querySelectorAll('.main-svg :is(.trace path, image)').length)",
     )
     assert len(points) == 1 + 2 + 6 + 3
     assert min(points) > 0
@@ -483,7 +533,9 @@ def lane_shown(shown, path):
 def drawn(shown, name: str, mode: str = "markers") -> np.ndarray:
     """Points of the first trace of that name in the plane."""
     find = f"plot => {{ const t = plot.data.find(t => t.name === '{name}' && t.mode === '{mode}');"
-    return np.array(shown.eval_on_selector("#lanes .plane", find + " return [[...t.x], [...t.y]] }"), float).T
+    return np.array(
+        shown.eval_on_selector("#lanes .plane", find + " return [[...t.x], [...t.y]] }"), float
+    ).T
 
 
 def test_the_slider_moves_the_vehicles(opened, folder):
@@ -516,7 +568,9 @@ def test_a_lane_opens_at_its_worst_around_the_navigator(opened, folder):
     off = lane["states"].values[..., :2] - lane["navigator"].values[:, None]
     worst = 8 + np.linalg.norm(off, axis=-1).max(axis=1)[8:].argmax()
     assert shown.locator("#lanes input").input_value() == str(worst)
-    np.testing.assert_allclose(drawn(shown, "vehicle"), off[worst, [0, 2, 3, 5, 6, 8, 9, 11]], rtol=1e-4)
+    np.testing.assert_allclose(
+        drawn(shown, "vehicle"), off[worst, [0, 2, 3, 5, 6, 8, 9, 11]], rtol=1e-4
+    )
     told = off[worst, [1, 4, 7, 10]] + lane["attack"].values[worst, [1, 4, 7, 10]]
     np.testing.assert_allclose(drawn(shown, "place that is told"), told, rtol=1e-4)
     np.testing.assert_array_equal(drawn(shown, "navigator"), [[0.0, 0.0]])
@@ -540,8 +594,13 @@ def hold_against(shown, lane, place: int) -> None:
     attacked = [1, 4, 7, 10]
     told = lane["states"].values[attacked, :2] + lane["attack"].values[attacked]
     np.testing.assert_allclose(drawn(shown, "place that is told"), told, rtol=1e-5)
-    rows = shown.eval_on_selector("#lanes .raster", f"plot => plot.data[0].text.map(row => row[{place}])")
-    said = {tuple(map(int, re.findall(r"\d+", row.replace("the navigator", "0"))[:2])): row for row in rows}
+    rows = shown.eval_on_selector(
+        "#lanes .raster", f"plot => plot.data[0].text.map(row => row[{place}])"
+    )
+    said = {
+        tuple(map(int, re.findall(r"\d+", row.replace("the navigator", "0"))[:2])): row
+        for row in rows
+    }
     weights = systems.of_slots(lane["kept"].values, lane["source"].values)
     assert len(said) == 36
     assert {link for link, row in said.items() if ": retained" in row} == {
@@ -554,13 +613,24 @@ def hold_against(shown, lane, place: int) -> None:
 
 @pytest.mark.parametrize(
     ("topology", "threat", "of_navigator", "replaced"),
-    [("star", "adds", True, False), ("path", "replaces", False, True), ("path", "adds", False, False)],
+    [
+        ("star", "adds", True, False),
+        ("path", "replaces", False, True),
+        ("path", "adds", False, False),
+    ],
 )
-def test_what_is_falsified_depends_on_the_attack(tmp_path, topology, threat, of_navigator, replaced):
+def test_what_is_falsified_depends_on_the_attack(
+    tmp_path, topology, threat, of_navigator, replaced
+):
     """What is heard of the navigator where no vehicle hears another; a word instead of another's."""
     attack = {"kind": "bias", "magnitude": 3, "threat": threat}
     study = systems.study(
-        engine="exact", topology=topology, attack=attack, horizon=0.5, tail=0.1, save={"trajectories": "all"}
+        engine="exact",
+        topology=topology,
+        attack=attack,
+        horizon=0.5,
+        tail=0.1,
+        save={"trajectories": "all"},
     )
     (lane,), stored = trajectories.lanes_data(jaxnet.run(study, tmp_path / "out"))
     assert stored == 1
@@ -572,7 +642,10 @@ def test_headings_are_the_states_or_the_paths():
     import xarray as xr
 
     values = np.array(
-        [[[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -1.0]], [[0.0, 2.0, 0.0, 1.0], [0.0, 2.0, 0.0, -1.0]]]
+        [
+            [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -1.0]],
+            [[0.0, 2.0, 0.0, 1.0], [0.0, 2.0, 0.0, -1.0]],
+        ]
     )
     named = xr.DataArray(values, dims=("time", "vehicle", "state"))
     known = named.assign_coords(state=["x", "y", "heading", "speed"])
@@ -610,9 +683,13 @@ def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
     paths = list(watched.replay_watched(results))
     ranked = results.lanes.sort_values("tail_mean").groupby("cell")["sample"]
     wanted = [(cell, sample) for cell in (0, 2) for sample in ranked.get_group(cell).tolist()[1:]]
-    assert {path.stem for path in paths} == {f"cell-{cell}-sample-{sample}" for cell, sample in wanted}
+    assert {path.stem for path in paths} == {
+        f"cell-{cell}-sample-{sample}" for cell, sample in wanted
+    }
     before = [(path / "zarr.json").stat().st_mtime_ns for path in paths]
-    assert [(path / "zarr.json").stat().st_mtime_ns for path in watched.replay_watched(results)] == before
+    assert [
+        (path / "zarr.json").stat().st_mtime_ns for path in watched.replay_watched(results)
+    ] == before
 
 
 def test_a_report_without_replays_simulates_nothing(tmp_path, monkeypatch):
@@ -633,10 +710,14 @@ def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypa
     """It says so. Whom each of 12 vehicles retains in 3 slots at 6 output times is part of a lane."""
     from jaxnet.runs import watched
 
-    results = jaxnet.run(systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1), tmp_path / "out")
+    results = jaxnet.run(
+        systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1), tmp_path / "out"
+    )
     part = 6 * 12 * 3 * 4
     monkeypatch.setattr(watched, "MOST_BYTES", part)
-    with pytest.warns(UserWarning, match=r"out: lanes of 12 vehicles, 0\.01 MB each, are too large"):
+    with pytest.warns(
+        UserWarning, match=r"out: lanes of 12 vehicles, 0\.01 MB each, are too large"
+    ):
         assert list(watched.replay_watched(results)) == []
     monkeypatch.setattr(watched, "MOST_BYTES", 10 * part)
     monkeypatch.setattr(watched, "MOST_VEHICLES", 11)
@@ -657,7 +738,9 @@ def test_cells_are_named_by_how_many_they_are(html):
         "cells 0, 1",
         "cells 0-3, 7",
     ]
-    assert wording.cells_named([*range(0, 24, 2)]) == "cells 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22"
+    assert (
+        wording.cells_named([*range(0, 24, 2)]) == "cells 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22"
+    )
     assert wording.cells_named([*range(0, 200, 2)]) == "100 cells (0, 2, 4, …)"
     text = section(html, "run")
     assert "star, cells 0-2\n" in text
@@ -689,12 +772,18 @@ def test_paper_cuts_nothing(opened):
 
 def numbers_of(shown, table: str) -> list[int]:
     """Numbers of the cells in the rows that are seen."""
-    return [int(text) for text in shown.locator(f"{table} tbody tr:visible td:first-child").all_inner_texts()]
+    return [
+        int(text)
+        for text in shown.locator(f"{table} tbody tr:visible td:first-child").all_inner_texts()
+    ]
 
 
 def titles(shown, section: str) -> list[str]:
     """Of the plots that are seen."""
-    return [text.replace("\xa0", " ") for text in shown.locator(f"{section} h3:visible").all_inner_texts()]
+    return [
+        text.replace("\xa0", " ")
+        for text in shown.locator(f"{section} h3:visible").all_inner_texts()
+    ]
 
 
 def test_the_choice_shows_just_its_cells(opened):
@@ -725,7 +814,14 @@ def test_a_tile_tells_all_when_it_is_reached(opened, folder):
     shown = opened(390, "light")
     tiles = shown.locator("#heat tbody td")
     told = shown.locator("#heat output")
-    assert tiles.all_inner_texts() == ["–", "25\n15–25", "50\n40–50", "–", "75\n65–75", "100\n90–100"]
+    assert tiles.all_inner_texts() == [
+        "–",
+        "25\n15–25",
+        "50\n40–50",
+        "–",
+        "75\n65–75",
+        "100\n90–100",
+    ]
     tiles.nth(1).hover()
     words = "star, ā = 1 m (cell 1): 25 % unrecovered, 95 % interval 15 to 25 %, of 3 lanes; none failed."
     assert told.inner_text().replace("\xa0", " ") == words
@@ -825,9 +921,16 @@ def test_the_networks_are_drawn_with_their_own_links(html):
     assert [ring.count(f'class="{kind}"') for kind in kinds] == [8, 12, 16, 4, 8]
 
 
-LONG = ["the ring of the first laboratory", "a star", "chain with a shortcut from the last to the first"]
+LONG = [
+    "the ring of the first laboratory",
+    "a star",
+    "chain with a shortcut from the last to the first",
+]
 SIZES = {36: (3, 4), 300: (10, 10)}  # frequencies and magnitudes of three networks
-WIDTHS = {36: (390, 800, 1400), 300: (390,)}  # of a phone, a tablet and a desk [px]; the first is tightest
+WIDTHS = {
+    36: (390, 800, 1400),
+    300: (390,),
+}  # of a phone, a tablet and a desk [px]; the first is tightest
 TOUCHING = """plots => plots.flatMap(plot => {
   const frame = plot.getBoundingClientRect();
   const texts = [...plot.querySelectorAll(".main-svg text")];

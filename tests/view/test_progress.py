@@ -38,7 +38,10 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
         report(tally := tally_of(0, 100))
         assert line_of("0/100") == "0/100 lanes  first lanes under way  0 failed  unknown time left"
         batch.COMPILING.add(0)
-        assert line_of("0/100 lanes  compiling") == "0/100 lanes  compiling  0 failed  unknown time left"
+        assert (
+            line_of("0/100 lanes  compiling")
+            == "0/100 lanes  compiling  0 failed  unknown time left"
+        )
         batch.COMPILING.clear()
         tally.record([Done(0, 0, Sums(50, 48, 0, 0.0))])
         report(tally)
@@ -92,7 +95,10 @@ def test_a_run_reports_by_default_on_a_terminal(monkeypatch):
 
 def test_a_tally_has_the_mean_of_all_rows_however_they_came():
     """Shards told twice, the second time with more rows, in parts; as pandas says."""
-    cells, random = systems.study(sweep={"attack.magnitude": [0, 2]}).cells, np.random.default_rng(0)
+    cells, random = (
+        systems.study(sweep={"attack.magnitude": [0, 2]}).cells,
+        np.random.default_rng(0),
+    )
     errors = random.exponential(1.0, 40)
     rows = pd.DataFrame({"status": ["ok"] * 39 + ["singular"], "tail_mean": [*errors[:39], np.nan]})
     tally = Tally(cells, 80, recovery=True)

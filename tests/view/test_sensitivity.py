@@ -20,7 +20,13 @@ def made(cells):
         for number, name in enumerate(NAMES):
             first, total = 0.1 * number + 0.001 * cell, 0.2 * number
             rows.append(
-                {"cell": cell, "metric": "tail_mean", "quantity": name, "samples": 64, "left_out": cell == 1}
+                {
+                    "cell": cell,
+                    "metric": "tail_mean",
+                    "quantity": name,
+                    "samples": 64,
+                    "left_out": cell == 1,
+                }
             )
             rows[-1] |= {"first": first, "first_low": first - 0.1, "first_high": first + 0.2}
             rows[-1] |= {"total": total, "total_low": total - 0.1, "total_high": total + 0.2}
@@ -39,8 +45,12 @@ def test_the_figure_has_what_the_table_says(cells, width):
     assert [tick.get_text() for tick in panels[0].get_yticklabels()] == NAMES
     for cell, panel in enumerate(panels):
         for order, container in zip(("first", "total"), panel.containers, strict=True):
-            np.testing.assert_array_equal(container[0].get_xdata(), table[table["cell"] == cell][order])
-    assert len(panels) == cells or f"{len(panels)} of {cells} cells are drawn" in drawn.get_suptitle()
+            np.testing.assert_array_equal(
+                container[0].get_xdata(), table[table["cell"] == cell][order]
+            )
+    assert (
+        len(panels) == cells or f"{len(panels)} of {cells} cells are drawn" in drawn.get_suptitle()
+    )
     assert drawn.get_figheight() <= 9.5
 
 

@@ -47,7 +47,9 @@ def test_each_swept_key_has_its_values_and_unit():
 def test_noise_and_losses_have_their_numbers():
     """A loss of probability 0 is none."""
     loss = {"loss": {"kind": "bernoulli", "probability": 0.2}}
-    told = rows(sensing={"position": 0.1}, channel=loss, sweep={"channel.loss.probability": [0, 0.2]})
+    told = rows(
+        sensing={"position": 0.1}, channel=loss, sweep={"channel.loss.probability": [0, 0.2]}
+    )
     assert told["sensor errors"] == "Gaussian, position = 0.1"
     assert told["lost messages"] == "none, Bernoulli"
     assert told["loss probability"] == "0, 0.2"
@@ -64,13 +66,20 @@ def test_without_an_attack_there_is_no_magnitude():
 def test_what_is_heard_of_the_navigator_is_told_apart():
     """By the links that carry the attack; one vehicle hears, two hear."""
     links = {"kind": "rotating", "links": "navigator", "vehicles": [2]}
-    assert rows(topology="star", attack=links)["attacked signals"] == "what vehicle 2 hears of the navigator"
+    assert (
+        rows(topology="star", attack=links)["attacked signals"]
+        == "what vehicle 2 hears of the navigator"
+    )
 
 
 def test_a_magnitude_that_scales_nothing_is_left_out():
     """A liar's path has sizes of its own; ā stands there if recovery compares with it."""
     assert "magnitude ā" not in rows(attack={"kind": "own_path"})
     assert rows(attack={"kind": "own_path"}, recovery={"tau": 0.1})["magnitude ā"] == "5 m"
-    told = rows(attack={"kind": "spoof", "magnitude": [3, 0.5], "vehicles": {"at": [2], "sets": [[4]]}})
+    told = rows(
+        attack={"kind": "spoof", "magnitude": [3, 0.5], "vehicles": {"at": [2], "sets": [[4]]}}
+    )
     assert told["magnitude ā"] == "(3 m, 0.5 m/s)"
-    assert told["attacked signals"].startswith("what attacked vehicles (nobody until 2 s, then 4) transmit")
+    assert told["attacked signals"].startswith(
+        "what attacked vehicles (nobody until 2 s, then 4) transmit"
+    )

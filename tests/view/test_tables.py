@@ -22,7 +22,13 @@ def results_of(sweep: dict[str, list[object]], recovery: bool, cells: int = 1) -
     names = [f"{metric}_{name}" for metric in ("tail_mean", "tail_max") for name in STATISTICS]
     names += ["unrecovered", "unrecovered_low", "unrecovered_high"] * recovery
     rows = [
-        {**cell.labels, "lanes": 5, "ok": 5, "failed": 0, **dict.fromkeys(names, 0.123456 + cell.number)}
+        {
+            **cell.labels,
+            "lanes": 5,
+            "ok": 5,
+            "failed": 0,
+            **dict.fromkeys(names, 0.123456 + cell.number),
+        }
         for cell in study.cells[:cells]
     ]
     results = Results(UPath("nowhere"))
@@ -70,7 +76,12 @@ def test_columns_are_chosen_and_cells_sorted():
     """By the names of cells.csv; a metric alone is its mean; another name is refused with those there are."""
     results = results_of({"attack.magnitude": [1, 2, 3]}, True, 3)
     shown = columns.summary_columns(results, ["tail_max", "unrecovered"], sort="-tail_mean_mean")
-    assert [each.name for each in shown] == ["cell", "attack.magnitude", "tail_max_mean", "unrecovered"]
+    assert [each.name for each in shown] == [
+        "cell",
+        "attack.magnitude",
+        "tail_max_mean",
+        "unrecovered",
+    ]
     assert shown[0].values == [2, 1, 0]
     with pytest.raises(FolderError, match=r"no column speed \(there are attack.magnitude, "):
         columns.summary_columns(results, ["speed"])
@@ -90,7 +101,9 @@ def test_long_labels_are_cut_and_that_is_said(monkeypatch):
 def test_a_table_for_a_paper():
     """booktabs, symbols, units and intervals; no column that is the same everywhere, no number of a cell."""
     results = results_of({"attack.magnitude": [1, 2], "defence": ["none", "w_msr"]}, False, 4)
-    text = formats.in_format(columns.summary_columns(results, ["tail_mean", "tail_max_max", "ok"]), "latex")
+    text = formats.in_format(
+        columns.summary_columns(results, ["tail_mean", "tail_max_max", "ok"]), "latex"
+    )
     assert text.splitlines() == [
         r"% \usepackage{booktabs}",
         "% all cells: ok 5",
@@ -107,7 +120,10 @@ def test_a_table_for_a_paper():
         r"\end{tabular}",
     ]
     small = columns.Column("x", "x", "x", [1e-7, 2.5e12])
-    assert [formats.latex_text(text) for text in small.texts()] == [r"1$\cdot10^{-7}$", r"2.5$\cdot10^{12}$"]
+    assert [formats.latex_text(text) for text in small.texts()] == [
+        r"1$\cdot10^{-7}$",
+        r"2.5$\cdot10^{12}$",
+    ]
 
 
 def test_what_attacks_leave_of_the_papers_is_said_with_the_cells():
@@ -172,7 +188,9 @@ def test_a_table_for_a_paper_says_what_its_numbers_are():
     vars(results)["manifest"] = {"samples": 5}
     found = columns.summary_columns(results, ["unrecovered"])
     notes = [*tables.summary_notes(results, found), tables.setting_note(results)]
-    comments = [each for each in formats.in_format(found, "latex", notes).splitlines() if each[0] == "%"]
+    comments = [
+        each for each in formats.in_format(found, "latex", notes).splitlines() if each[0] == "%"
+    ]
     assert any("exact binomial" in each for each in comments)
     assert any("mean error over the tail > 0.1" in each for each in comments)
     assert any("5 lanes a cell; horizon" in each for each in comments)

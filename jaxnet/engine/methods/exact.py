@@ -26,7 +26,9 @@ else:
 class Flow(NamedTuple):
     """`expm(A_c h)` over one tick h, and how E^(r) in a tick depends on E and its derivatives at its end."""
 
-    flow: Float[Array, "r r 2 2 *lanes"] | Float[Array, "r r *lanes"]  # of gains that are matrices: blocks
+    flow: (
+        Float[Array, "r r 2 2 *lanes"] | Float[Array, "r r *lanes"]
+    )  # of gains that are matrices: blocks
     reach: Float[Array, "r *lanes"]
 
 
@@ -59,10 +61,14 @@ class Exact(Engine):
         return Flow(draw.same(flow[0]), draw.same(reach[0])) if alike else Flow(flow, reach)  # pyright: ignore[reportArgumentType]
 
     @staticmethod
-    def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
+    def simulate(
+        queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
+    ) -> Outcome:
         """Advance all lanes in lockstep by `engine.propagation`, or by `engine.local`."""
         from jaxnet.engine import local, loop, propagation
 
         law = queue.lane.law
-        motion = propagation.Held if law.holds else propagation.Solved if law.solved else local.Local
+        motion = (
+            propagation.Held if law.holds else propagation.Solved if law.solved else local.Local
+        )
         return loop.in_lockstep(motion, queue, network, clock, plan)

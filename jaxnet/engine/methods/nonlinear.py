@@ -44,16 +44,26 @@ class Nonlinear(Engine):
         default="gauss",
         description="collocation in the jets of the outputs (gauss), or a Runge–Kutta pair in the states",
     )
-    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(default=1e-7, description="relative, of a step")
+    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(
+        default=1e-7, description="relative, of a step"
+    )
     atol: Positive = Field(default=1e-9, description="absolute, of a step")
     max_steps: int = Field(
-        default=100_000, ge=1, le=10**15, description="of a lane's whole fleet, refused ones included"
+        default=100_000,
+        ge=1,
+        le=10**15,
+        description="of a lane's whole fleet, refused ones included",
     )
 
     def presumes(self, scenario: ScenarioView) -> Presumed:
         """Return that jets tell the state where `gauss` integrates, which works with jets."""
         in_field = scenario.defence.decides and scenario.tick == 0
-        states = self.solver != "gauss" or in_field or scenario.vehicle.internal or scenario.law.linearised
+        states = (
+            self.solver != "gauss"
+            or in_field
+            or scenario.vehicle.internal
+            or scenario.law.linearised
+        )
         return "nothing" if states else "state"
 
     def options(self) -> tuple[Hashable, ...]:
@@ -68,7 +78,9 @@ class Nonlinear(Engine):
         return plan.Tolerances(rtol, atol, draw.same(self.max_steps))
 
     @staticmethod
-    def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
+    def simulate(
+        queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
+    ) -> Outcome:
         """Advance the first `count` lanes of the queue by `engine.collocation` or `engine.integration`."""
         from jaxnet.engine import collocation, integration, loop
 

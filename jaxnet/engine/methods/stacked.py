@@ -49,7 +49,9 @@ def solvers() -> list[str]:
 
 def fits(found: type) -> bool:
     """Return whether a class is a solver that needs only a vector field to choose its steps."""
-    if not issubclass(found, diffrax.AbstractAdaptiveSolver) or found.__name__.startswith("Abstract"):
+    if not issubclass(found, diffrax.AbstractAdaptiveSolver) or found.__name__.startswith(
+        "Abstract"
+    ):
         return False
     return getattr(found, "term_structure", None) is diffrax.AbstractTerm
 
@@ -61,7 +63,9 @@ def known_solver(name: str) -> str:
         return name
     near = difflib.get_close_matches(name.lower(), known, n=1)
     hint = f" (did you mean '{known[near[0]]}'?)" if near else ""
-    raise ValueError(f"must be an adaptive ODE solver of diffrax: {', '.join(known.values())}{hint}")
+    raise ValueError(
+        f"must be an adaptive ODE solver of diffrax: {', '.join(known.values())}{hint}"
+    )
 
 
 class Stacked(Engine):
@@ -73,11 +77,16 @@ class Stacked(Engine):
     in_field: ClassVar[bool] = True
 
     solver: Annotated[str, AfterValidator(known_solver)] = Field(
-        default="Dopri5", description="a class of diffrax, an adaptive ODE solver: Tsit5, Dopri8, Kvaerno5, …"
+        default="Dopri5",
+        description="a class of diffrax, an adaptive ODE solver: Tsit5, Dopri8, Kvaerno5, …",
     )
-    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(default=1e-7, description="relative, of a step")
+    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(
+        default=1e-7, description="relative, of a step"
+    )
     atol: Positive = Field(default=1e-9, description="absolute, of a step")
-    max_steps: int = Field(default=100_000, ge=1, le=10**9, description="of a lane, refused ones included")
+    max_steps: int = Field(
+        default=100_000, ge=1, le=10**9, description="of a lane, refused ones included"
+    )
 
     def options(self) -> tuple[Hashable, ...]:
         """Return the solver, and the most steps that it may take in one tick."""
@@ -89,7 +98,9 @@ class Stacked(Engine):
         return Tolerances(rtol, atol, draw.same(self.max_steps))
 
     @staticmethod
-    def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
+    def simulate(
+        queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
+    ) -> Outcome:
         """Advance all lanes of the queue in lockstep (`ByDiffrax`); lanes from `count` on are padding."""
         return loop.in_lockstep(ByDiffrax, queue, network, clock, plan)
 
@@ -106,13 +117,19 @@ class FieldInputs(NamedTuple):
     """Arguments of one lane's vector field besides time and state; no leaf has an axis over lanes."""
 
     lane: Lane
-    weights: Float[Array, "axes slots m"]  # in force until the next tick, unless decided in the field
+    weights: Float[
+        Array, "axes slots m"
+    ]  # in force until the next tick, unless decided in the field
     vectors: Float[Array, "2 m functions"]  # of the attacks
     noise: tuple[Float[Array, "2 m"], ...] | None  # errors of the sensed jets
     known: KnownDrive | None  # what words add that are not live
     strength: Float[Array, "axes m"] | None  # of the rows of weights, None where it is 1
-    frozen: Bool[Array, " m"] | None  # vehicles that stop, or will before the next tick; None: nobody may
-    may_stop: Bool[Array, " m"] | None  # vehicles that are cut off, and stop where they come to rest
+    frozen: (
+        Bool[Array, " m"] | None
+    )  # vehicles that stop, or will before the next tick; None: nobody may
+    may_stop: (
+        Bool[Array, " m"] | None
+    )  # vehicles that are cut off, and stop where they come to rest
 
 
 class ByDiffrax(Motion[StackedState]):
@@ -144,12 +161,16 @@ class ByDiffrax(Motion[StackedState]):
         """Return the number of steps that diffrax has taken."""
         return state.steps
 
-    def hold(self, state: StackedState, decided: DecisionState, at: Tick) -> tuple[StackedState, LaneFlags]:
+    def hold(
+        self, state: StackedState, decided: DecisionState, at: Tick
+    ) -> tuple[StackedState, LaneFlags]:
         """Return the state unchanged, and the lanes in which a vehicle is cut off and does not coast."""
         if self.lane.law.local or tick.coasts(self.lane) or self.lane.turns is not None:
             return state, jnp.zeros_like(at.here)
         weights = tick.weights_without_loss(self.lane, decided, self.plan)
-        reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(weights)
+        reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(
+            weights
+        )
         return state, ~reached
 
     def drive_now(self, state: StackedState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
@@ -173,7 +194,9 @@ class ByDiffrax(Motion[StackedState]):
         end = jnp.where(ok, jnp.broadcast_to(clock.at(ticks + 1), state.time.shape), state.time)
         solve = functools.partial(solution, network=self.network, plan=plan)
         followed = self.followed(state, decided)
-        moved, steps, reason = jax.vmap(solve, -1, -1)(followed, tolerances, state.time, end, state.state)
+        moved, steps, reason = jax.vmap(solve, -1, -1)(
+            followed, tolerances, state.time, end, state.state
+        )
         steps, last = state.steps + steps, clock.outputs * clock.ticks
         status = jnp.where(ok, reason, status)
         needed = steps + (ticks + 1 < last).astype(int)  # a tick takes one step at least
@@ -199,7 +222,15 @@ class Controller(diffrax.PIDController):
     """Diffrax's PID controller with another first step and other reasons to fail."""
 
     def init(
-        self, terms: Any, t0: Any, t1: Any, y0: Any, dt0: Any, args: Any, func: Any, error_order: Any
+        self,
+        terms: Any,
+        t0: Any,
+        t1: Any,
+        y0: Any,
+        dt0: Any,
+        args: Any,
+        func: Any,
+        error_order: Any,
     ) -> Any:
         """Begin with the whole tick as the first step.
 
@@ -247,7 +278,9 @@ def solution(
     def field(time: Any, state: StateOfOne, followed: FieldInputs) -> StateOfOne:
         return lane_field(time, state, followed, network, plan)
 
-    def stands(time: Instant, state: StateOfOne, followed: FieldInputs, **_: object) -> Bool[Array, ""]:
+    def stands(
+        time: Instant, state: StateOfOne, followed: FieldInputs, **_: object
+    ) -> Bool[Array, ""]:
         margin, apart = followed.lane.vehicle.margin, followed.may_stop
         still = margin(state) * jnp.sign(margin(followed.lane.initial)) < LEAST_MARGIN
         return (still if apart is None else still & ~apart).any()
@@ -260,7 +293,9 @@ def solution(
         None,
         state,
         followed,
-        stepsize_controller=Controller(tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False),
+        stepsize_controller=Controller(
+            tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False
+        ),
         event=diffrax.Event(stands) if followed.lane.vehicle.singular else None,
         max_steps=max_steps,
         throw=False,
@@ -279,7 +314,9 @@ def lane_field(
 ) -> StateOfOne:
     """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
     lane, weights, vectors, noise, known, strength, frozen, _ = followed
-    alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
+    alone, there, now = jax.tree.map(
+        lambda leaf: leaf[..., None], (lane, state, time)
+    )  # kinds need lanes
     if plan.in_field:
         drive = decided_in_field(alone, there, now, network, plan)
         weights, strength = jax.tree.map(lambda leaf: leaf[..., 0], (drive.weights, drive.strength))
@@ -318,7 +355,9 @@ def lane_field(
     return rates if frozen is None else jnp.where(frozen[None], 0.0, rates)
 
 
-def decided_in_field(lane: Lane, state: States, time: Instants, network: Network, plan: Plan) -> Drive:
+def decided_in_field(
+    lane: Lane, state: States, time: Instants, network: Network, plan: Plan
+) -> Drive:
     """Return the drive for the jets received now, decided without memory; lanes last."""
     errors = plane.relative(lane.vehicle.output_jets(state), lane.path(time))
     before, basis = tick.before_first(lane, network, plan), lane.basis(time)
@@ -354,7 +393,9 @@ def jets_of_navigator(
     return navigator[order][:, None] * weights.sum(axis=0)[None] + added
 
 
-def of_axes(inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]) -> Float[Array, "2 m"]:
+def of_axes(
+    inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]
+) -> Float[Array, "2 m"]:
     """Return the input whose r-th derivative on each axis is that of the law with that axis' weights.
 
     `L ⊗ I₂` keeps axes apart, so the solution with one axis' weights is right on that axis.

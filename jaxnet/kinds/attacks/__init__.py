@@ -78,7 +78,9 @@ class ChangingVehicles(Record):
 
 def attacked_tag(value: object) -> str:
     """Return the tag of attacked vehicles: listed, drawn, or changing at given times."""
-    if isinstance(value, ChangingVehicles) or (isinstance(value, dict) and {"at", "sets"} & {*value}):
+    if isinstance(value, ChangingVehicles) or (
+        isinstance(value, dict) and {"at", "sets"} & {*value}
+    ):
         return MARK + "changing"
     drawn = isinstance(value, DrawnVehicles) or (isinstance(value, dict) and "random" in value)
     return MARK + ("drawn" if drawn else "listed")
@@ -201,7 +203,9 @@ class AnyAttack(Kind):
 
     def of_order(self: AnyAttackKind, order: int) -> AnyAttackKind:
         """Return the drawn attack for vehicles of an order, which hear derivatives up to this order."""
-        return self if order <= self.told_order else self.filled({**vars(self), "told_order": order})
+        return (
+            self if order <= self.told_order else self.filled({**vars(self), "told_order": order})
+        )
 
     def signal(self) -> Signal:
         """Return the object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)
@@ -234,7 +238,9 @@ class AnyAttack(Kind):
         """
         if self.bounded:
             return np.asarray(self.sizes(horizon))
-        basis = [np.asarray(signal.basis(np.full(1, t))) for t in np.linspace(0.0, horizon, MOMENTS)]
+        basis = [
+            np.asarray(signal.basis(np.full(1, t))) for t in np.linspace(0.0, horizon, MOMENTS)
+        ]
         return np.linalg.norm(basis, axis=2).max(axis=0)
 
     def describe(self) -> str:
@@ -341,7 +347,8 @@ class Attack(AnyAttack):
         " 2 acceleration, 3 jerk; the others are true",
     )
     listeners: Literal["same", "each"] = Field(
-        default="same", description="same: an attacked vehicle tells all the same; each: each its own"
+        default="same",
+        description="same: an attacked vehicle tells all the same; each: each its own",
     )
     sybils: int = Field(
         default=0, ge=0, le=100, description="further sources as which each attacked one appears"
@@ -360,7 +367,9 @@ class Attack(AnyAttack):
         """
         super().__pydantic_init_subclass__(**options)
         fields = cls.model_fields.items()
-        each = {key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)}
+        each = {
+            key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)
+        }
         cls.untraced = cls.untraced if cls.strategic else cls.untraced | each
         if "basis" in vars(cls) and "signal" not in vars(cls):
             cls.signal = Attack.signal
@@ -373,7 +382,11 @@ class Attack(AnyAttack):
 
     def number(self) -> int:
         """Return the number of listed or drawn vehicles."""
-        return self.vehicles.random if isinstance(self.vehicles, DrawnVehicles) else len(self.targets())
+        return (
+            self.vehicles.random
+            if isinstance(self.vehicles, DrawnVehicles)
+            else len(self.targets())
+        )
 
     def periods(self) -> list[tuple[float, list[int]]]:
         """Return the key `vehicles` if vehicles change; nobody is attacked before the first time."""
@@ -500,9 +513,13 @@ class Attack(AnyAttack):
         if number > scenario.vehicles:
             yield Fault(keys, f"there are {scenario.vehicles} vehicles (got {number})")
         if self.sybils or self.strategic:
-            yield Fault(("attack.vehicles", "attack"), "drawn vehicles are neither sybils nor strategic")
+            yield Fault(
+                ("attack.vehicles", "attack"), "drawn vehicles are neither sybils nor strategic"
+            )
 
-    def changing_faults(self, changing: ChangingVehicles, scenario: ScenarioView) -> Iterator[Fault]:
+    def changing_faults(
+        self, changing: ChangingVehicles, scenario: ScenarioView
+    ) -> Iterator[Fault]:
         """Yield the faults of vehicles that change at given times."""
         at, keys = changing.at, ("attack.vehicles.at", "attack.vehicles", "attack")
         if len(at) != len(changing.sets):
@@ -519,7 +536,8 @@ class Attack(AnyAttack):
             yield Fault((*keys, "tick"), f"must be multiples of tick = {tick:g} (got {odd[0]:g})")
         if self.sybils or self.strategic:
             yield Fault(
-                ("attack.vehicles", "attack"), "vehicles that change are neither sybils nor strategic"
+                ("attack.vehicles", "attack"),
+                "vehicles that change are neither sybils nor strategic",
             )
 
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
@@ -582,15 +600,21 @@ class Attack(AnyAttack):
         """Yield the faults of vehicles that move as they tell."""
         vehicle, key = scenario.vehicle, "attack.moves"
         if not self.replaces():
-            yield Fault((key, "attack.threat"), "as_told needs false messages: give threat: replaces")
+            yield Fault(
+                (key, "attack.threat"), "as_told needs false messages: give threat: replaces"
+            )
         if self.by_link() or self.strategic or self.periods():
             one = "one path for the whole lane, the same for all listeners"
             yield Fault((key, "attack"), f"a vehicle that moves as told tells {one}")
         graph = scenario.topology.linked(scenario.vehicles)
         if (self.attacked_links(graph) & (graph.sources == 0)).any():
-            yield Fault((key, "attack.links"), "attacked links from the navigator tell nothing of a vehicle")
+            yield Fault(
+                (key, "attack.links"), "attacked links from the navigator tell nothing of a vehicle"
+            )
         if vehicle.singular or vehicle.internal:
-            why = f"a path does not always tell the state of {vehicle.kind}, only that of integrators"
+            why = (
+                f"a path does not always tell the state of {vehicle.kind}, only that of integrators"
+            )
             yield Fault((key, "vehicle"), why)
 
     def magnitude_faults(self, order: int) -> Iterator[Fault]:
@@ -608,7 +632,9 @@ class Attack(AnyAttack):
         if len(sizes) > order + 1:
             most = f"at most {order + 1} numbers, of the orders 0 to {order}"
             yield Fault(keys, f"a list has {most} (got {len(sizes)})")
-        true = [each for each in ORDERS[: len(sizes)] if sizes[each] and each not in self.falsified()]
+        true = [
+            each for each in ORDERS[: len(sizes)] if sizes[each] and each not in self.falsified()
+        ]
         if true:
             got = f"give 0 for it (got {sizes[true[0]]:g})"
             yield Fault(keys, f"attack.orders leaves order {true[0]} true: {got}")
@@ -620,7 +646,9 @@ class Attack(AnyAttack):
             if isinstance(number, Listed) and (random or len(number.root) != len(self.targets())):
                 wanted = f"{len(self.targets())} listed in attack.vehicles"
                 got = "drawn ones" if random else f"{len(number.root)} numbers"
-                yield Fault((key, "attack"), f"a list has a number for each vehicle, {wanted} (got {got})")
+                yield Fault(
+                    (key, "attack"), f"a list has a number for each vehicle, {wanted} (got {got})"
+                )
             if shapes and (self.strategic or (random and self.by_link())):
                 yield Fault((key, "attack"), "must be one number for all vehicles here")
 
@@ -662,7 +690,9 @@ def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarr
     factors[heard] = 1.0
     if (shares := magnitude_shares(attack, order)) is not None:
         some = sizes[heard]
-        factors[heard] = np.where(some > 0, np.array(shares)[:, None] / np.where(some > 0, some, 1.0), 0.0)
+        factors[heard] = np.where(
+            some > 0, np.array(shares)[:, None] / np.where(some > 0, some, 1.0), 0.0
+        )
     return factors
 
 
@@ -676,7 +706,11 @@ def magnitude_shares(attack: AnyAttack, order: int) -> tuple[float, ...] | None:
 def heard_orders(attack: AnyAttack, order: int) -> list[int]:
     """Return the falsified orders that vehicles of an order hear. A list of magnitudes may end earlier."""
     falsified, sizes = attack.falsified(), attack.by_order()
-    heard = [*range(order + 1)] if falsified == ORDERS else [each for each in falsified if each <= order]
+    heard = (
+        [*range(order + 1)]
+        if falsified == ORDERS
+        else [each for each in falsified if each <= order]
+    )
     return heard if sizes is None else [each for each in heard if each < len(sizes)]
 
 

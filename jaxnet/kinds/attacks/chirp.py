@@ -42,4 +42,6 @@ class Chirp(Attack):
         rate: Any = self.rate
         w = np.maximum(np.abs(first), np.abs(first + rate * horizon))
         fourth = np.hypot(w**4 - 3 * rate**2, 6 * rate * w**2)  # z⁗ = (ω⁴ - 3r² - 6irω²)z
-        return np.stack([np.ones_like(w), w, np.hypot(rate, w**2), w * np.hypot(3 * rate, w**2), fourth])
+        return np.stack(
+            [np.ones_like(w), w, np.hypot(rate, w**2), w * np.hypot(3 * rate, w**2), fourth]
+        )

@@ -38,7 +38,9 @@ class Envelope(Attack):
     def of_order(self, order: int) -> "Envelope":
         """Return the drawn attack for vehicles of an order, also the attack inside."""
         found = super().of_order(order)
-        return found if found is self else found.filled({**vars(found), "of": self.of.of_order(order)})
+        return (
+            found if found is self else found.filled({**vars(found), "of": self.of.of_order(order)})
+        )
 
     def consistent(self) -> bool:
         """Return whether the attack inside is consistent too, as Leibniz's rule presupposes."""
@@ -56,7 +58,9 @@ class Envelope(Attack):
         xp, height = time.__array_namespace__(), self.height(time)
         inner = up_to(self.told_order, self.of.signal().basis, time)
         orders = range(self.told_order + 1)
-        return xp.stack([sum(c * height[j][None] * inner[k - j] for j, c in leibniz(k)) for k in orders])
+        return xp.stack(
+            [sum(c * height[j][None] * inner[k - j] for j, c in leibniz(k)) for k in orders]
+        )
 
     def vectors(self) -> np.ndarray:
         """Return the vectors of the other attack."""
@@ -79,10 +83,14 @@ class Envelope(Attack):
         yield from super().faults(scenario)
         outer = Attack.model_fields
         inside = [
-            key for key in outer if key != "label" and getattr(self.of, key, None) != outer[key].default
+            key
+            for key in outer
+            if key != "label" and getattr(self.of, key, None) != outer[key].default
         ]
         for key in inside if self.of.present else []:
-            yield Fault((f"attack.of.{key}", "attack.of", "attack"), f"belongs outside: give attack.{key}")
+            yield Fault(
+                (f"attack.of.{key}", "attack.of", "attack"), f"belongs outside: give attack.{key}"
+            )
         times = [] if self.stop is None else zip_by_vehicle(self.start, self.rise, self.stop)
         ends = (
             (value_range(start)[1] + value_range(rise)[1], value_range(stop)[0])

@@ -27,7 +27,9 @@ class Freeze(Attack):
         default="replaces", description="what is sent is replaced"
     )
 
-    def told(self, navigator: NavigatorPath, start: np.ndarray) -> tuple["FixedPosition", np.ndarray | None]:
+    def told(
+        self, navigator: NavigatorPath, start: np.ndarray
+    ) -> tuple["FixedPosition", np.ndarray | None]:
         """Return the signal and vectors of `y_j(0) - y_0(t)`: a constant, and the navigator's two
         coordinates.
 
@@ -35,7 +37,9 @@ class Freeze(Attack):
         """
         far = np.maximum(1.0, length(start).max(axis=0))
         axes = np.broadcast_to(-np.eye(2)[:, None, :, None], (*start.shape[:2], 2, start.shape[2]))
-        return FixedPosition(navigator, far), np.concatenate([(start / far)[:, :, None], axes], axis=2)
+        return FixedPosition(navigator, far), np.concatenate(
+            [(start / far)[:, :, None], axes], axis=2
+        )
 
     def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
         """Return the sizes of the constant plus the sizes of the navigator's path."""

@@ -7,7 +7,14 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.protocols import TickView
-from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, Memory, PlaneVectors, SignalBasis, SignalVectors
+from jaxnet.kinds.shapes import (
+    AnyTimes,
+    LaneNumbers,
+    Memory,
+    PlaneVectors,
+    SignalBasis,
+    SignalVectors,
+)
 from jaxnet.lazy import LazyModule
 from jaxnet.model import ties
 from jaxnet.model.plane import length
@@ -56,6 +63,8 @@ class Greedy(Attack):
 
         unit = jnp.asarray(unit_vectors(2 * np.pi * np.arange(self.directions) / self.directions).T)
         harms = jax.lax.map(harm, unit)
-        first = (~ties.over(harms.max(axis=0)[None], harms)).argmax(axis=0)  # the first of equal values
+        first = (~ties.over(harms.max(axis=0)[None], harms)).argmax(
+            axis=0
+        )  # the first of equal values
         worst = unit[first].T  # (2, lanes)
         return jnp.broadcast_to(worst[:, None], shape)[:, :, None], memory

@@ -8,7 +8,14 @@ from pydantic import Field
 from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
 from jaxnet.kinds.protocols import TickView
-from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, Memory, SignalBasis, SignalVectors, VehicleNumbers
+from jaxnet.kinds.shapes import (
+    AnyNumbers,
+    AnyTimes,
+    Memory,
+    SignalBasis,
+    SignalVectors,
+    VehicleNumbers,
+)
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:

@@ -17,7 +17,9 @@ class Multisine(Harmonics):
 
     kind = "multisine"
 
-    phase: Several = Field(default=FULL_TURN, description="[rad], of each harmonic of each attacker")
+    phase: Several = Field(
+        default=FULL_TURN, description="[rad], of each harmonic of each attacker"
+    )
     direction: Several = Field(default=FULL_TURN, description="[rad], likewise")
 
     def drawn(self, draw: LaneDraw, name: str) -> "Multisine":
@@ -27,7 +29,9 @@ class Multisine(Harmonics):
     def pairs(self) -> np.ndarray:
         """Return the vectors of cosine and sine by the addition theorem."""
         unit, phase = unit_vectors(np.asarray(self.direction)), np.asarray(self.phase)
-        pairs = np.stack([unit * np.cos(phase), -unit * np.sin(phase)], axis=2)  # (2, n, 2, m, lanes)
+        pairs = np.stack(
+            [unit * np.cos(phase), -unit * np.sin(phase)], axis=2
+        )  # (2, n, 2, m, lanes)
         return np.moveaxis(pairs.reshape(2, -1, *pairs.shape[3:]), 1, 2)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:

@@ -6,7 +6,15 @@ import numpy as np
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.attacks import Attack, constant_basis
-from jaxnet.kinds.fields import MARK, Angle, NotNegative, PerVehicle, Vector, union_member, value_range
+from jaxnet.kinds.fields import (
+    MARK,
+    Angle,
+    NotNegative,
+    PerVehicle,
+    Vector,
+    union_member,
+    value_range,
+)
 from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.protocols import NavigatorPath
 from jaxnet.kinds.shapes import AnyTimes, SignalBasis
@@ -37,7 +45,8 @@ class OwnPath(Attack):
         default="replaces", description="what is sent is replaced"
     )
     centre: Annotated[
-        Annotated[Literal["start"], union_member("word")] | Annotated[Vector, union_member("place")],
+        Annotated[Literal["start"], union_member("word")]
+        | Annotated[Vector, union_member("place")],
         Discriminator(centre_tag),
     ] = Field(default="start", description="[m], a place [x, y], or start: where the source starts")
     swing: Vector = Field(default=[10.0, 0.0], description="[m], of the oscillation on each axis")
@@ -48,7 +57,9 @@ class OwnPath(Attack):
         """Return the greatest frequency that may be drawn [rad/s]."""
         return max(map(abs, value_range(self.frequency)))
 
-    def told(self, navigator: NavigatorPath, start: np.ndarray) -> tuple["Oscillation", np.ndarray | None]:
+    def told(
+        self, navigator: NavigatorPath, start: np.ndarray
+    ) -> tuple["Oscillation", np.ndarray | None]:
         """Return the signal and vectors of the path minus the navigator's.
 
         The functions are a constant, cosine and sine, and the navigator's two coordinates. The constant is as
@@ -63,13 +74,19 @@ class OwnPath(Attack):
         cosine, sine = (np.broadcast_to(turn(self.phase), (m, lanes)) for turn in (np.cos, np.sin))
         axes = np.broadcast_to(-np.eye(2)[:, None, :, None], (2, m, 2, lanes))
         own = np.stack([centre / far, swing * cosine, -swing * sine], axis=2)
-        return Oscillation(Harmonic(self.frequency), navigator, far), np.concatenate([own, axes], axis=2)
+        return Oscillation(Harmonic(self.frequency), navigator, far), np.concatenate(
+            [own, axes], axis=2
+        )
 
     def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
         """Return the sizes of the constant and the oscillation, plus those of the navigator's path."""
         path = sizes_up_to(self.told_order, navigator, 0.0, horizon)
         orders = np.arange(float(len(path)))
-        return path[:, None] + np.eye(len(path), 1) * signal.far + np.abs(self.frequency) ** orders[:, None]
+        return (
+            path[:, None]
+            + np.eye(len(path), 1) * signal.far
+            + np.abs(self.frequency) ** orders[:, None]
+        )
 
 
 class Oscillation(NamedTuple):
@@ -82,4 +99,6 @@ class Oscillation(NamedTuple):
     def basis(self, time: AnyTimes) -> SignalBasis:
         """Return five functions: the constant, cosine, sine, and the navigator's two coordinates."""
         xp, constant = time.__array_namespace__(), self.far[None, None] * constant_basis(time)
-        return xp.concatenate([constant, self.harmonic.basis(time), self.navigator.jets(time)], axis=1)
+        return xp.concatenate(
+            [constant, self.harmonic.basis(time), self.navigator.jets(time)], axis=1
+        )

@@ -30,13 +30,20 @@ class ReplayAttack(Attack):
     )
     delay: PositivePerVehicle = Field(default=5.0, description="[s], how old the path is")
 
-    def told(self, navigator: NavigatorPath, start: np.ndarray) -> tuple["DelayedPath", np.ndarray | None]:
+    def told(
+        self, navigator: NavigatorPath, start: np.ndarray
+    ) -> tuple["DelayedPath", np.ndarray | None]:
         """Return the delayed path as the signal, and the unit vectors of the two axes."""
         return DelayedPath(navigator, self.delay), np.eye(2)[:, None, :, None]
 
     def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
         """Return twice the sizes of the path, a bound on the difference of two of its positions."""
-        return 2 * sizes_up_to(self.told_order, navigator, -float(np.max(signal.delay)), horizon)[:, None]
+        return (
+            2
+            * sizes_up_to(self.told_order, navigator, -float(np.max(signal.delay)), horizon)[
+                :, None
+            ]
+        )
 
 
 class DelayedPath(NamedTuple):

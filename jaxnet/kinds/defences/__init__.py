@@ -135,7 +135,9 @@ class AnyDefence(DrawsAtTicks):
         """Return the received jets as the decision sees them; the law uses the jets without this change."""
         return received
 
-    def overheard(self, announced: SlotVectors, sources: SlotSources, time: LaneTimes) -> SlotVectors:
+    def overheard(
+        self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
+    ) -> SlotVectors:
         """Return announcements (2, slots, m, lanes) [m/s³] as vehicles see them when they decide and
         announce.
 
@@ -144,7 +146,12 @@ class AnyDefence(DrawsAtTicks):
         return announced
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Return the decision and the memory after one tick.
 
@@ -166,7 +173,9 @@ class AnyDefence(DrawsAtTicks):
             Decision and memory. The decision is (slots, m, lanes), or (2, slots, m, lanes) by axis. It is
             boolean, whether a source is retained, or holds weights ≥ 0, which are normalised afterwards.
         """
-        raise KindError(f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)")
+        raise KindError(
+            f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)"
+        )
 
     def retained(self, graph: Digraph, trusted: Links) -> DropPolicy | None:
         """Return which sources the defence may retain, for bounds; None, the default, if not known."""
@@ -184,7 +193,9 @@ class AnyDefence(DrawsAtTicks):
         upstream are dropped.
         """
         known, none = self.retained(graph, trusted), np.zeros(graph.vehicles, int)
-        reasons = [Safe("untouched", safety.greatest(self.may_drop(graph, trusted), attacked, none))]
+        reasons = [
+            Safe("untouched", safety.greatest(self.may_drop(graph, trusted), attacked, none))
+        ]
         if known is not None:
             reasons.append(Safe("by trust", safety.greatest(known.believed(), attacked, none)))
         return reasons
@@ -211,7 +222,9 @@ class ShareOfLinks(Record):
 class NearestSources(Record):
     """The n sources of each vehicle with the fewest links to the navigator, which counts as a source."""
 
-    nearest: int = Field(ge=1, le=10_000, description="sources, of those equally far the lowest numbers")
+    nearest: int = Field(
+        ge=1, le=10_000, description="sources, of those equally far the lowest numbers"
+    )
 
     def links(self, graph: Digraph) -> Links:
         """Return the trusted links, which follow from the graph alone."""
@@ -302,9 +315,15 @@ class Defence(AnyDefence):
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
         """Return the received jets with noise."""
-        return received if self.noise is None else chance.noisy(received, self.noise, vars(self)["key"], time)
+        return (
+            received
+            if self.noise is None
+            else chance.noisy(received, self.noise, vars(self)["key"], time)
+        )
 
-    def overheard(self, announced: SlotVectors, sources: SlotSources, time: LaneTimes) -> SlotVectors:
+    def overheard(
+        self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
+    ) -> SlotVectors:
         """Return announcements with noise; the navigator's announcement, always 0, has no noise."""
         if self.noise is None:
             return announced
@@ -326,7 +345,9 @@ class Defence(AnyDefence):
         sources = [source for trusted in listed.values() for source in trusted]
         yield from unknown_vehicles("defence.trusted", sources, scenario.vehicles, first=0)
         topology = scenario.topology
-        if isinstance(self.trusted, NearestSources) and (topology.redrawn() or len(topology.turns()) > 1):
+        if isinstance(self.trusted, NearestSources) and (
+            topology.redrawn() or len(topology.turns()) > 1
+        ):
             why = "every lane has links of its own" if topology.redrawn() else "networks take turns"
             message = f"who is nearest the navigator is not known where {why}"
             yield Fault(("defence.trusted", "topology"), message)

@@ -29,7 +29,12 @@ class Centerpoint(Sparing):
     )
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Return weights of the sources, which are normalised afterwards."""
         from jaxnet.model import centerpoint

@@ -18,12 +18,19 @@ class Clipping(Sparing):
     """
 
     kind = "clipping"
-    guarantee = "none: within the radius everything is believed, and of derivatives nothing is clipped"
+    guarantee = (
+        "none: within the radius everything is believed, and of derivatives nothing is clipped"
+    )
 
     radius: Positive = Field(default=20.0, description="[m]")
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Return weights of the sources, which are normalised afterwards."""
         xp = own[0].__array_namespace__()

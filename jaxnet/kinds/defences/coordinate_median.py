@@ -24,7 +24,12 @@ class CoordinateMedian(Sparing):
     )
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Return the sources at the median. A loop over slots sums weights, because XLA sums an axis one by
         one.

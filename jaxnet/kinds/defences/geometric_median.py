@@ -31,7 +31,12 @@ class GeometricMedian(Defence):
     rounds: int = Field(default=8, ge=1, le=1000, description="of the iteration, at every tick")
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Return weights of the sources, which are normalised afterwards."""
         from jax import lax
@@ -44,7 +49,9 @@ class GeometricMedian(Defence):
             return around.weights / least
 
         def mean(weights: SlotNumbers) -> VehicleVectors:
-            moment: Any = sum(weight[None] * position[:, slot] for slot, weight in enumerate(weights))
+            moment: Any = sum(
+                weight[None] * position[:, slot] for slot, weight in enumerate(weights)
+            )
             return moment / weights.sum(axis=0)[None]
 
         middle = lax.fori_loop(1, self.rounds, lambda _, z: mean(weighed(z)), mean(around.weights))

@@ -28,7 +28,12 @@ class MSNorm(Sparing):
     )
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Count the sources farther out than each source; of equal distances (`ties`) the lower slot is
         dropped first.

@@ -13,7 +13,12 @@ class NoDefence(AnyDefence):
     guarantee = "none: everybody is believed"
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Return the last decision, which retains every source."""
         return last, memory

@@ -49,9 +49,12 @@ class Trust(Sparing):
     guarantee = "none: whoever stays within the radius is believed"
 
     observation: Literal["deviation", "random"] = Field(
-        default="deviation", description="what is observed of a source: its deviation, or at random the truth"
+        default="deviation",
+        description="what is observed of a source: its deviation, or at random the truth",
     )
-    radius: Positive = Field(default=20.0, description="[m], of deviations: the distance at which α = 1/2")
+    radius: Positive = Field(
+        default=20.0, description="[m], of deviations: the distance at which α = 1/2"
+    )
     accuracy: Annotated[Number, Within(gt=0.5, le=1.0)] = Field(
         default=0.8, description="of random observations: the probability that one is right"
     )
@@ -69,7 +72,12 @@ class Trust(Sparing):
         return around.weights.__array_namespace__().zeros(around.weights.shape)
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Add the observations of this tick to the sums, and decide by the sums."""
         xp, heard = own[0].__array_namespace__(), around.weights > 0
@@ -88,7 +96,9 @@ class Trust(Sparing):
         right = drawn < self.accuracy[None, None]
         return (right != around.attacked).astype(float)
 
-    def alpha(self, own: VehicleVectors, position: SlotVectors, around: Neighbourhood) -> SlotNumbers:
+    def alpha(
+        self, own: VehicleVectors, position: SlotVectors, around: Neighbourhood
+    ) -> SlotNumbers:
         """Return `radius / (radius + Δ)`."""
         xp, trusts = own.__array_namespace__(), (around.weights > 0) & around.trusted[:, :, None]
         first, radius = trusts & (xp.cumsum(trusts, axis=0) == 1), self.radius[None, None]
@@ -101,7 +111,11 @@ class Trust(Sparing):
 
         In the end no attacked source is believed, unless it is spared or its listener hears no honest source.
         """
-        reasons, heard, spared = super().safe(graph, attacked, trusted), graph.heard, self.spares(trusted)
+        reasons, heard, spared = (
+            super().safe(graph, attacked, trusted),
+            graph.heard,
+            self.spares(trusted),
+        )
         drops, everyone = self.may_drop(graph, trusted), np.ones(graph.vehicles, bool)
         if self.observation == "random" and safety.stay_joined(drops, everyone).all():
             believed = attacked & (spared | (attacked == heard).all(axis=1, keepdims=True))

@@ -23,7 +23,12 @@ class TrustedOnly(Defence):
         return False
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Return the trusted sources, or everybody where a vehicle has none in the network in force."""
         trusted = around.linked & around.trusted[:, :, None]

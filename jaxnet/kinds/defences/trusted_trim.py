@@ -8,7 +8,14 @@ from jaxtyping import Bool, Int
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
-from jaxnet.kinds.fields import MARK, NotNegative, Positive, names_distribution, union_member, value_range
+from jaxnet.kinds.fields import (
+    MARK,
+    NotNegative,
+    Positive,
+    names_distribution,
+    union_member,
+    value_range,
+)
 from jaxnet.kinds.kind import Fault, unknown_vehicles, vehicle_numbers
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import (
@@ -50,7 +57,9 @@ def theta_tag(value: object) -> str:
     return MARK + ("each" if each else "all")
 
 
-OF_ROUNDING = 1e-9  # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
+OF_ROUNDING = (
+    1e-9  # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
+)
 OF_ANNOUNCEMENTS = (
     "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
     " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
@@ -123,7 +132,8 @@ class TrustedTrim(Sparing):
         " without noise the rule sees any inconsistent word to the last bit",
     )
     filter: Positive | None = Field(
-        default=None, description="[s], time constant of a low-pass filter on scores; none without it"
+        default=None,
+        description="[s], time constant of a low-pass filter on scores; none without it",
     )
 
     def needs_ticks(self) -> bool:
@@ -138,7 +148,11 @@ class TrustedTrim(Sparing):
 
     def blurs(self) -> bool:
         """Return whether decisions do not compare what sources announce now, but for rounding."""
-        return self.filter is not None or self.noise != 0 or value_range(self.tolerance)[1] > OF_ROUNDING
+        return (
+            self.filter is not None
+            or self.noise != 0
+            or value_range(self.tolerance)[1] > OF_ROUNDING
+        )
 
     def announcing(self) -> bool:
         """Return whether `score` is `announced`."""
@@ -187,7 +201,9 @@ class TrustedTrim(Sparing):
         heard, theta = around.weights > 0, around.shared.theta
         trusts = heard & around.trusted[:, :, None]
         trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
-        shares = None if self.announcing() else trimming.trusted_shares(trusts, around.shared.references)
+        shares = (
+            None if self.announcing() else trimming.trusted_shares(trusts, around.shared.references)
+        )
         return heard & ~self.spared(around) & trims[None], shares
 
     def announcement(self, memory: Memory) -> VehicleVectors | None:
@@ -195,7 +211,12 @@ class TrustedTrim(Sparing):
         return memory.announced if self.announcing() else None
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Drop the sources with the greatest scores; of equal scores the lower number is dropped first.
 
@@ -208,7 +229,9 @@ class TrustedTrim(Sparing):
         if self.announcing():
             score = length(around.announced)
         else:
-            score = trimming.deviation(self.compared(received, around.gain), shares, around.shared.references)
+            score = trimming.deviation(
+                self.compared(received, around.gain), shares, around.shared.references
+            )
         if self.filter is not None:
             score = trimming.filtered(score, memory.score, around.time - memory.time, self.filter)
             if around.arrived is not None:
@@ -257,7 +280,9 @@ class TrustedTrim(Sparing):
             return [*reasons, Safe(why, inside, True, np.inf if delta else 0.0)]
         steps, factor = shrinks
         why += f", shrinking to {factor:.3g} in {count(steps, 'round')}"
-        most = steps / (1 - factor) + steps - 1  # M over δ, by corollary 1 with the factor for 1 - ω^D
+        most = (
+            steps / (1 - factor) + steps - 1
+        )  # M over δ, by corollary 1 with the factor for 1 - ω^D
         return [*reasons, Safe(why, inside, True, (2 * most + 1) * delta)]
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
@@ -274,13 +299,13 @@ class TrustedTrim(Sparing):
             line = line.removesuffix("every vehicle") + f"{ranges(vehicle_numbers(meets))} only"
             line += f"; {ranges(vehicle_numbers(~meets))} unprotected"
         if outnumbered.any():
-            line += (
-                f"; more than ϑ attacked sources, or a trusted one, at {ranges(vehicle_numbers(outnumbered))}"
-            )
+            line += f"; more than ϑ attacked sources, or a trusted one, at {ranges(vehicle_numbers(outnumbered))}"
         return {"trimming": line}
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield faults of vehicles that do not exist."""
         yield from super().faults(scenario)
         if isinstance(self.theta, dict):
-            yield from unknown_vehicles("defence.theta", list(self.theta), scenario.vehicles, first=1)
+            yield from unknown_vehicles(
+                "defence.theta", list(self.theta), scenario.vehicles, first=1
+            )

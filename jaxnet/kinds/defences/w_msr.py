@@ -30,7 +30,12 @@ class WMSR(Sparing):
     )
 
     def decide(
-        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+        self,
+        own: VehicleJets,
+        received: SlotJets,
+        last: Decision,
+        memory: Memory,
+        around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
         """Drop a source if fewer than F sources are farther out on the same side.
 
@@ -40,7 +45,9 @@ class WMSR(Sparing):
         above = received[0] - own[0][:, None]
         candidate = ((around.weights > 0) & ~self.spared(around))[None]
         size, mine = xp.abs(above), own[0][:, None]
-        sides = ties.apart(received[0], mine).astype(float) - ties.apart(mine, received[0]).astype(float)
+        sides = ties.apart(received[0], mine).astype(float) - ties.apart(mine, received[0]).astype(
+            float
+        )
         side = xp.where(candidate, sides, 0.0)
         order = xp.arange(above.shape[1])[None, :, None, None]
 
@@ -59,4 +66,6 @@ class WMSR(Sparing):
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Return that no bound on the retained sources is known."""
-        return {"defence": f"W-MSR, F = {self.F}; whom it retains is not bounded here, so no bound is told"}
+        return {
+            "defence": f"W-MSR, F = {self.F}; whom it retains is not bounded here, so no bound is told"
+        }

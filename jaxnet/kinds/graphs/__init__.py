@@ -13,7 +13,16 @@ from jaxtyping import Bool, Float, Int
 from pydantic import AfterValidator, Discriminator, Field
 from scipy import sparse
 
-from jaxnet.kinds.fields import MARK, Number, Record, Within, is_drawn, median, union_member, value_range
+from jaxnet.kinds.fields import (
+    MARK,
+    Number,
+    Record,
+    Within,
+    is_drawn,
+    median,
+    union_member,
+    value_range,
+)
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph, hearing
@@ -22,7 +31,9 @@ from jaxnet.model.patterns import Neighbours
 from jaxnet.model.strength import RowStrength, WeightsAsTheyAre, WithOwnWeight
 from jaxnet.networks import GREATEST_EDGE_WEIGHT
 
-LEAST_WEIGHT = 1e-15  # least relative weight of a link: below it 1 - w rounds to 1, and L is singular
+LEAST_WEIGHT = (
+    1e-15  # least relative weight of a link: below it 1 - w rounds to 1, and L is singular
+)
 TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle
 
 GivenGraph = Any  # a Digraph, or weights (m, m + 1) as an array of NumPy or a sparse array of SciPy
@@ -134,7 +145,9 @@ class Graph(Kind):
         """Return the weights as they are given, with those of vehicles on themselves; raise KindError."""
         return self.checked(self.weights(vehicles), vehicles)
 
-    def strength(self, weights: Float[np.ndarray, "samples slots m"], navigator: bool) -> RowStrength | None:
+    def strength(
+        self, weights: Float[np.ndarray, "samples slots m"], navigator: bool
+    ) -> RowStrength | None:
         """Return the strength of the rows of each lane, None if it is 1: leaves (samples, m).
 
         `weights` are those of the lanes, and `navigator` says whether the fleet has one.
@@ -251,12 +264,14 @@ class Unweighted(Graph):
             custom_error_type="navigator",
             custom_error_message="must be all, a list of vehicles or {share: s}",
         ),
-    ] = Field(default="all", description="who hears the navigator: all, those listed, or a {share} drawn")
-    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(check_navigator_weight)] = (
-        Field(
-            default=0.1,
-            description="of the navigator's word where it is heard, the neighbours share the rest",
-        )
+    ] = Field(
+        default="all", description="who hears the navigator: all, those listed, or a {share} drawn"
+    )
+    navigator_weight: Annotated[
+        Number, Within(gt=0.0, le=1.0), AfterValidator(check_navigator_weight)
+    ] = Field(
+        default=0.1,
+        description="of the navigator's word where it is heard, the neighbours share the rest",
     )
     weighting: Literal["uniform", "metropolis"] = Field(
         default="uniform",
@@ -264,7 +279,9 @@ class Unweighted(Graph):
         " listener hears, or the source if that is more",
     )
     seed: int = Field(
-        default=0, ge=0, description="of a draw for all lanes, repeated until the navigator reaches everybody"
+        default=0,
+        ge=0,
+        description="of a draw for all lanes, repeated until the navigator reaches everybody",
     )
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
@@ -285,7 +302,9 @@ class Unweighted(Graph):
         """
         everyone = np.arange(1, vehicles + 1)
         if isinstance(self.navigator, ShareOfVehicles):
-            return np.isin(everyone, random.permutation(everyone)[: round(self.navigator.share * vehicles)])
+            return np.isin(
+                everyone, random.permutation(everyone)[: round(self.navigator.share * vehicles)]
+            )
         return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
 
     def connected(self, vehicles: int, random: np.random.Generator) -> Digraph:
@@ -350,7 +369,9 @@ def hears_navigator(links: Digraph) -> Bool[np.ndarray, " m"]:
 
 
 def weight_shares(
-    informed: Bool[np.ndarray, " m"], total: Float[np.ndarray, " m"], navigator_weight: float | np.ndarray
+    informed: Bool[np.ndarray, " m"],
+    total: Float[np.ndarray, " m"],
+    navigator_weight: float | np.ndarray,
 ) -> tuple[Float[np.ndarray, "*samples m"], Float[np.ndarray, "*samples m"]]:
     """Return the navigator's weight in each row, and the factor of the neighbours' weights, whose sum is
     `total`.

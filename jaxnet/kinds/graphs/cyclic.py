@@ -22,4 +22,6 @@ class Cyclic(Unweighted):
     def impossible(self, vehicles: int) -> Iterator[Fault]:
         """Yield a fault for fewer than three vehicles."""
         if vehicles < 3:
-            yield Fault(("vehicles", "topology"), f"a ring has at least 3 vehicles (got {vehicles})")
+            yield Fault(
+                ("vehicles", "topology"), f"a ring has at least 3 vehicles (got {vehicles})"
+            )

@@ -36,12 +36,16 @@ class Edges(Graph):
     linked_by: ClassVar[str] = "topology.edges"
 
     edges: Annotated[
-        list[Edge], Len(1), Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w")
+        list[Edge],
+        Len(1),
+        Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w"),
     ]
     normalised: bool = Field(default=True, description=NORMALISED)
     names: list[str] = Field(default=[], description="of the vehicles 1 … m, or none")
 
-    _led: bool | None = PrivateAttr(default=None)  # whether a node of an object led; None: from no object
+    _led: bool | None = PrivateAttr(
+        default=None
+    )  # whether a node of an object led; None: from no object
 
     @property
     def led(self) -> bool:
@@ -50,7 +54,9 @@ class Edges(Graph):
 
     def weights(self, vehicles: int) -> Digraph:
         """Return the edges with the medians of their weights."""
-        return graph.weighted(vehicles, [(i, j, median(weight)) for i, j, weight in self.edges if i != j])
+        return graph.weighted(
+            vehicles, [(i, j, median(weight)) for i, j, weight in self.edges if i != j]
+        )
 
     def normalises(self) -> bool:
         """Return the key `normalised`."""
@@ -87,8 +93,12 @@ class Edges(Graph):
         found = list(edge_faults(self.edges, scenario))
         if self.drawn_keys() and (not self.normalised or any(i == j for i, j, _ in self.edges)):
             keys = ("topology.normalised", "topology.edges")
-            found.append(Fault(keys, "weights on oneself, and weights as they are, are numbers, not drawn"))
-        found = found or size_faults(self.edges, scenario.vehicles) or name_faults(self.names, scenario)
+            found.append(
+                Fault(keys, "weights on oneself, and weights as they are, are numbers, not drawn")
+            )
+        found = (
+            found or size_faults(self.edges, scenario.vehicles) or name_faults(self.names, scenario)
+        )
         yield from found or super().faults(scenario)
 
 
@@ -111,7 +121,9 @@ def adopt_network(given: object, leads: bool | None = True) -> Edges | None:
     if found is None:
         return None
     if leads is None:
-        raise KindError("navigator is none in some cells only: say by jaxnet.network(…, leads=…) who leads")
+        raise KindError(
+            "navigator is none in some cells only: say by jaxnet.network(…, leads=…) who leads"
+        )
     return edges_of_network(number_nodes(found, leads=leads), network_label(given), leads)
 
 
@@ -150,7 +162,9 @@ def as_given(vehicles: int, edges: Sequence[tuple[int, int, float]]) -> Digraph:
     return graph.of_links(vehicles, listeners - 1, sources, weights)
 
 
-def edge_faults(edges: Sequence[tuple[int, int, Number]], scenario: ScenarioView) -> Iterator[Fault]:
+def edge_faults(
+    edges: Sequence[tuple[int, int, Number]], scenario: ScenarioView
+) -> Iterator[Fault]:
     """Yield faults of single edges: unknown ends, a repetition, or a loop unless the law is local."""
     vehicles, seen = scenario.vehicles, set[tuple[int, int]]()
     for number, (listener, source, _) in enumerate(edges):
@@ -161,7 +175,9 @@ def edge_faults(edges: Sequence[tuple[int, int, Number]], scenario: ScenarioView
                 f"i is 1 to {vehicles} and j 0 to {vehicles} (got [{listener}, {source}])",
             )
         elif listener == source and not scenario.law.local:
-            yield Fault((key, "topology.edges"), f"{listener} hears itself, which law: local alone allows")
+            yield Fault(
+                (key, "topology.edges"), f"{listener} hears itself, which law: local alone allows"
+            )
         elif (listener, source) in seen:
             yield Fault((key, "topology.edges"), f"[{listener}, {source}] is given twice")
         seen.add((listener, source))

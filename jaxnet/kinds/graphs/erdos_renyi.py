@@ -17,4 +17,6 @@ class ErdosRenyi(Random):
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
         """Draw each directed link independently."""
-        return (random.random((vehicles, vehicles)) < self.probability) & ~np.eye(vehicles, dtype=bool)
+        return (random.random((vehicles, vehicles)) < self.probability) & ~np.eye(
+            vehicles, dtype=bool
+        )

@@ -23,9 +23,13 @@ class Figure1(Graph):
 
     def weights(self, vehicles: int) -> Digraph:
         """Return equal weights for the links of each vehicle."""
-        return graph.weighted(vehicles, [(listener, source, 1.0) for listener, source in FIGURE1_LINKS])
+        return graph.weighted(
+            vehicles, [(listener, source, 1.0) for listener, source in FIGURE1_LINKS]
+        )
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault unless there are five vehicles."""
         if scenario.vehicles != 5:
-            yield Fault(("vehicles", "topology"), f"figure1 has 5 vehicles (got {scenario.vehicles})")
+            yield Fault(
+                ("vehicles", "topology"), f"figure1 has 5 vehicles (got {scenario.vehicles})"
+            )

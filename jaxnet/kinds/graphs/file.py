@@ -51,7 +51,9 @@ class File(Graph):
         description="of the file, from the config's folder; .graphml, .npy and .mtx (Matrix Market), other"
         " files are text"
     )
-    direction: Direction = Field(default="hears", description="hears, a link a, b means a hears b; or tells")
+    direction: Direction = Field(
+        default="hears", description="hears, a link a, b means a hears b; or tells"
+    )
     first: int = Field(
         default=0, ge=0, le=1, description="number of the first node, where nodes have numbers"
     )
@@ -60,7 +62,9 @@ class File(Graph):
         description="name or number of the navigator's node, or null: the first number, or the node called 0,"
         " navigator or leader",
     )
-    names: list[str] = Field(default=[], description="of the vehicles, in place of those in the file")
+    names: list[str] = Field(
+        default=[], description="of the vehicles, in place of those in the file"
+    )
     normalised: bool = Field(default=True, description=NORMALISED)
     content: dict[str, Annotated[str, AfterValidator(check_content)]] = Field(
         default={}, description="links a,b,w of the file at a path, as read by jaxnet"
@@ -125,7 +129,8 @@ class File(Graph):
         if self.path not in self.content:
             if self.content:
                 yield Fault(
-                    ("topology.path",), f"{self.path} was not read: sweep topology, each with its path"
+                    ("topology.path",),
+                    f"{self.path} was not read: sweep topology, each with its path",
                 )
             return
         try:
@@ -134,7 +139,9 @@ class File(Graph):
             yield Fault(("topology.path",), f"{self.path}: {error}")
             return
         found = list(edge_faults(edges, scenario))
-        yield from (Fault(("topology.path", "vehicles"), f"{self.path}: {fault.message}") for fault in found)
+        yield from (
+            Fault(("topology.path", "vehicles"), f"{self.path}: {fault.message}") for fault in found
+        )
         if not found:
             yield from size_faults(edges, scenario.vehicles) or super().faults(scenario)
 

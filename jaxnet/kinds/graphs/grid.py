@@ -18,7 +18,9 @@ class Grid(Unweighted):
 
     rows: int = Field(ge=1, description="how many")
     columns: int = Field(ge=1, description="vehicles in a row")
-    torus: bool = Field(default=False, description="whether the last of a row or column hears the first")
+    torus: bool = Field(
+        default=False, description="whether the last of a row or column hears the first"
+    )
 
     def size(self) -> int:
         """Return rows times columns."""
@@ -31,5 +33,7 @@ class Grid(Unweighted):
     def impossible(self, vehicles: int) -> Iterator[Fault]:
         """Yield a fault unless rows times columns is the number of vehicles."""
         if self.rows * self.columns != vehicles:
-            message = f"times columns must be the {vehicles} vehicles (got {self.rows} × {self.columns})"
+            message = (
+                f"times columns must be the {vehicles} vehicles (got {self.rows} × {self.columns})"
+            )
             yield Fault(("topology.rows", "topology", "vehicles"), message)

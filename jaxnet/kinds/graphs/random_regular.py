@@ -26,5 +26,7 @@ class RandomRegular(Random):
         """Yield a fault if the degree is too great, or if degree times vehicles is odd."""
         yield from too_many("topology.degree", self.degree, vehicles)
         if self.degree < vehicles and self.degree * vehicles % 2:
-            message = f"times {vehicles} vehicles must be even, for links are mutual (got {self.degree})"
+            message = (
+                f"times {vehicles} vehicles must be even, for links are mutual (got {self.degree})"
+            )
             yield Fault(("topology.degree", "topology", "vehicles"), message)

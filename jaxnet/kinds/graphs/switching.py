@@ -40,10 +40,13 @@ class Switching(DrawsAtTicks, Graph):
     networks: Annotated[list[Annotated[Graph, KindOf("topology")]], Len(2)] = Field(
         description="the networks, each with its kind and keys"
     )
-    every: NotNegative = Field(default=0.0, description="[s], from one change to the next; or give `at`")
+    every: NotNegative = Field(
+        default=0.0, description="[s], from one change to the next; or give `at`"
+    )
     at: list[float] = Field(default=[], description="[s], times of the changes, ascending")
     order: Literal["cyclic", "random"] = Field(
-        default="cyclic", description="cyclic: as listed, again and again; random: drawn at each change"
+        default="cyclic",
+        description="cyclic: as listed, again and again; random: drawn at each change",
     )
 
     @classmethod
@@ -77,9 +80,12 @@ class Switching(DrawsAtTicks, Graph):
         each = [network.normalised_rows(vehicles) for network in self.networks]
         ends = [(*found.edges(), found) for found in each]
         links = [
-            (found.weights[rows, slots], (rows, found.sources[rows, slots])) for rows, slots, found in ends
+            (found.weights[rows, slots], (rows, found.sources[rows, slots]))
+            for rows, slots, found in ends
         ]
-        total = sum(sparse.coo_array(link, shape=(vehicles, vehicles + 1)).tocsr() for link in links)
+        total = sum(
+            sparse.coo_array(link, shape=(vehicles, vehicles + 1)).tocsr() for link in links
+        )
         return graph.of_matrix(total / len(each))
 
     def leaderless(self) -> Graph:
@@ -120,7 +126,9 @@ class Switching(DrawsAtTicks, Graph):
                 message = f"has {network.size()} vehicles (got {scenario.vehicles})"
                 found.append(Fault((key, "vehicles"), message))
             else:
-                found += [Fault((key, *fault.keys), fault.message) for fault in network.faults(alone)]
+                found += [
+                    Fault((key, *fault.keys), fault.message) for fault in network.faults(alone)
+                ]
         yield from found or super().faults(scenario)
 
     def time_faults(self, scenario: ScenarioView) -> Iterator[Fault]:

@@ -30,7 +30,10 @@ class Law(Kind):
         return not (self.holds or self.local or self.linearised)
 
     def exchange(
-        self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]
+        self,
+        last: VehicleVectors,
+        demand: VehicleVectors,
+        heard: Callable[[VehicleVectors], VehicleVectors],
     ) -> VehicleVectors:
         """Return the jerk that vehicles hold from this tick until the next.
 
@@ -65,4 +68,6 @@ class Law(Kind):
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if the law holds the jerk and the scenario has no ticks."""
         if self.holds and scenario.tick == 0:
-            yield Fault(("law", "tick"), f"{self.kind} holds the jerk from tick to tick: give a tick")
+            yield Fault(
+                ("law", "tick"), f"{self.kind} holds the jerk from tick to tick: give a tick"
+            )

@@ -34,5 +34,7 @@ class LinearisedLaw(Law):
             message = f"{self.kind} knows no drive that a vehicle could keep: give isolated: fail"
             yield Fault(("defence", "law"), message)
         if scenario.vehicle.internal:
-            message = f"{self.kind} needs the navigator's state, which its path does not determine for"
+            message = (
+                f"{self.kind} needs the navigator's state, which its path does not determine for"
+            )
             yield Fault(("law", "vehicle"), f"{message} {scenario.vehicle.kind}")

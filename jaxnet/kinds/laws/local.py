@@ -36,7 +36,10 @@ class LocalLaw(Law):
         return self.hold
 
     def exchange(
-        self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]
+        self,
+        last: VehicleVectors,
+        demand: VehicleVectors,
+        heard: Callable[[VehicleVectors], VehicleVectors],
     ) -> VehicleVectors:
         """Return the demand: nothing is exchanged."""
         return demand

@@ -28,7 +28,9 @@ class Rounds(Law):
     kind = "rounds"
     jacobi: ClassVar[bool] = True
 
-    rounds: int = Field(default=1, ge=1, le=10_000, description="exchanges with the neighbours at each tick")
+    rounds: int = Field(
+        default=1, ge=1, le=10_000, description="exchanges with the neighbours at each tick"
+    )
 
     def drawn(self, draw: LaneDraw, name: str) -> "Rounds":
         """Return the law with `rounds` as a number of each lane, so that one program serves all values."""
@@ -36,7 +38,10 @@ class Rounds(Law):
         return self.filled({**vars(drawn), "rounds": draw.same(self.rounds)})
 
     def exchange(
-        self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]
+        self,
+        last: VehicleVectors,
+        demand: VehicleVectors,
+        heard: Callable[[VehicleVectors], VehicleVectors],
     ) -> VehicleVectors:
         """Return the jerk after the rounds of Jacobi's iteration."""
 

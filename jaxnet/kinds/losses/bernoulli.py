@@ -26,7 +26,9 @@ class Bernoulli(DrawsTogether, Loss):
 
     def of_whole_ticks(self) -> float | None:
         """Return the probability if all messages of a tick are lost together."""
-        return float(self.probability) if self.of == "all" and not is_drawn(self.probability) else None
+        return (
+            float(self.probability) if self.of == "all" and not is_drawn(self.probability) else None
+        )
 
     def draws(self) -> bool:
         """Return whether a message may be lost, because every loss is drawn."""

@@ -44,15 +44,23 @@ class Jamming(DrawsTogether, Loss):
         default="all",
         description="for whom a drawn interval counts, as above",
     )
-    intervals: list[Interval] = Field(default=[], description="[s], begin and end of each listed interval")
+    intervals: list[Interval] = Field(
+        default=[], description="[s], begin and end of each listed interval"
+    )
     period: NotNegative = Field(
         default=0.0, description="[s], from begin to begin of periodic intervals; 0: none"
     )
     length: NotNegative = Field(default=0.0, description="[s], of each periodic interval")
     first: Number = Field(default=0.0, description="[s], begin of the first periodic interval")
-    starts: NotNegative = Field(default=0.0, description="η, drawn intervals that may begin at once, 0: none")
-    spacing: Positive = Field(default=1.0, description="τ_D [s], least mean time from begin to begin")
-    seconds: NotNegative = Field(default=0.0, description="κ [s], length of drawn intervals at once")
+    starts: NotNegative = Field(
+        default=0.0, description="η, drawn intervals that may begin at once, 0: none"
+    )
+    spacing: Positive = Field(
+        default=1.0, description="τ_D [s], least mean time from begin to begin"
+    )
+    seconds: NotNegative = Field(
+        default=0.0, description="κ [s], length of drawn intervals at once"
+    )
     ratio: Annotated[Number, Within(gt=1.0)] = Field(
         default=2.0, description="T, least mean ratio of the time to the length of drawn intervals"
     )
@@ -91,7 +99,9 @@ class Jamming(DrawsTogether, Loss):
         """Return whether times lie in a listed or periodic interval."""
         time = time + TICK_ROUNDING
         jams = (self.period > 0) & (time >= self.first)
-        jams = jams & ((time - self.first) % jnp.where(self.period > 0, self.period, 1.0) < self.length)
+        jams = jams & (
+            (time - self.first) % jnp.where(self.period > 0, self.period, 1.0) < self.length
+        )
         for begin, end in self.intervals:
             jams = jams | ((time >= begin) & (time < end))
         return jams

@@ -37,6 +37,8 @@ class Range(Loss):
 
     def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Any]:
         """Return the messages from too far away; `memory` holds those that were heard at the last tick."""
-        reach = jnp.asarray(self.radius)[None, None] + jnp.where(memory, self.hysteresis[None, None], 0.0)
+        reach = jnp.asarray(self.radius)[None, None] + jnp.where(
+            memory, self.hysteresis[None, None], 0.0
+        )
         heard = messages.distance <= reach
         return ~heard, heard

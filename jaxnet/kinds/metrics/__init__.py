@@ -73,11 +73,17 @@ class Metric:
 
     def __post_init__(self) -> None:
         """Raise KindError for an unknown reduction."""
-        allowed = {"over": get_args(Over), "time": get_args(OverTime), "vehicles": get_args(Reduction)}
+        allowed = {
+            "over": get_args(Over),
+            "time": get_args(OverTime),
+            "vehicles": get_args(Reduction),
+        }
         allowed["undefined"] = get_args(Undefined)
         for field, known in allowed.items():
             if (given := getattr(self, field)) not in known:
-                raise KindError(f"metric {self.name}: {field} is one of {', '.join(known)} (got {given!r})")
+                raise KindError(
+                    f"metric {self.name}: {field} is one of {', '.join(known)} (got {given!r})"
+                )
 
     @property
     def column_unit(self) -> str:
@@ -97,9 +103,23 @@ def restore_metric(origin: modules.Origin, name: str) -> Metric:
 
 
 CONTRACT = (
-    Metric("tail_mean", "m", lambda seen: seen.errors(), "tail", "mean", "mean", "mean error of the fleet"),
     Metric(
-        "tail_max", "m", lambda seen: seen.errors(), "tail", "max", "max", "greatest error of any vehicle"
+        "tail_mean",
+        "m",
+        lambda seen: seen.errors(),
+        "tail",
+        "mean",
+        "mean",
+        "mean error of the fleet",
+    ),
+    Metric(
+        "tail_max",
+        "m",
+        lambda seen: seen.errors(),
+        "tail",
+        "max",
+        "max",
+        "greatest error of any vehicle",
     ),
     Metric(
         "tail_disagreement",
@@ -110,9 +130,23 @@ CONTRACT = (
         "mean",
         "mean disagreement",
     ),
-    Metric("peak_error", "m", lambda seen: seen.errors(), "run", "max", "max", "greatest error at any time"),
+    Metric(
+        "peak_error",
+        "m",
+        lambda seen: seen.errors(),
+        "run",
+        "max",
+        "max",
+        "greatest error at any time",
+    ),
     Metric("min_speed", "m/s", lambda seen: abs(seen.speed), "run", "min", "min", "least speed"),
     Metric(
-        "peak_turn_rate", "rad/s", lambda seen: abs(seen.turn_rate), "run", "max", "max", "greatest turn rate"
+        "peak_turn_rate",
+        "rad/s",
+        lambda seen: abs(seen.turn_rate),
+        "run",
+        "max",
+        "max",
+        "greatest turn rate",
     ),
 )

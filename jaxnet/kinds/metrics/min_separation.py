@@ -17,5 +17,12 @@ def nearest(seen: FleetView) -> VehicleNumbers:
 
 
 MIN_SEPARATION = Metric(
-    "min_separation", "m", nearest, "run", "min", "min", "least distance of two vehicles", "infinite"
+    "min_separation",
+    "m",
+    nearest,
+    "run",
+    "min",
+    "min",
+    "least distance of two vehicles",
+    "infinite",
 )

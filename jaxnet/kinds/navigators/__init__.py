@@ -88,5 +88,7 @@ def sizes_up_to(order: int, navigator: NavigatorPath, start: float, end: float) 
     known = navigator.sizes(start, end)
     if len(known) > order:
         return known
-    more = np.asarray(up_to(order, navigator.jets, np.linspace(start, end, SPEED_SAMPLES)))[len(known) :]
+    more = np.asarray(up_to(order, navigator.jets, np.linspace(start, end, SPEED_SAMPLES)))[
+        len(known) :
+    ]
     return np.concatenate([known, np.linalg.norm(more, axis=1).max(axis=1)])

@@ -18,7 +18,10 @@ from jaxnet.kinds.shapes import AnyTimes, PathJets
 from jaxnet.model.circle import circle
 from jaxnet.model.shapes import Numbers
 
-NODES, SHARES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
+NODES, SHARES = (
+    (np.polynomial.legendre.leggauss(8)[0] + 1) / 2,
+    np.polynomial.legendre.leggauss(8)[1] / 2,
+)
 MOST_TURN = 0.5  # [rad] within a piece, over which the quadrature is exact to rounding
 SPEED, TURN_RATE = slice(0, 4), slice(4, 8)  # coefficients; then heading, x, y
 
@@ -37,7 +40,8 @@ class Driven(Navigator):
     words = "driven robot"
 
     speed: Annotated[list[float], Len(2)] = Field(
-        default=[20.0, 20.0], description="[m/s], at the times 0, `every`, 2 `every`, …; below 0 backwards"
+        default=[20.0, 20.0],
+        description="[m/s], at the times 0, `every`, 2 `every`, …; below 0 backwards",
     )
     turn_rate: Annotated[list[float], Len(2)] = Field(
         default=[0.4, 0.4], description="[rad/s], at the same times; above 0 to the left"
@@ -51,12 +55,16 @@ class Driven(Navigator):
         drawn = vars(self)
         if "table" in drawn:
             return drawn["table"], drawn["duration"]
-        return pieces_of(tuple(self.speed), tuple(self.turn_rate), self.every, *self.position, self.heading)
+        return pieces_of(
+            tuple(self.speed), tuple(self.turn_rate), self.every, *self.position, self.heading
+        )
 
     def drawn(self, draw: LaneDraw, name: str) -> "Driven":
         """Return the path with its pieces as arrays, lanes last."""
         table, duration = self.pieces()
-        return self.filled({"table": np.moveaxis(draw.same(table), 0, -1), "duration": draw.same(duration)})
+        return self.filled(
+            {"table": np.moveaxis(draw.same(table), 0, -1), "duration": draw.same(duration)}
+        )
 
     def jets(self, time: AnyTimes) -> PathJets:
         """Return the position by quadrature, and its derivatives from v, ω and their derivatives."""
@@ -65,12 +73,16 @@ class Driven(Navigator):
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault of lists of unequal lengths, or that end before the horizon."""
         if len(self.speed) != len(self.turn_rate):
-            message = f"must have as many values as speed, {len(self.speed)} (got {len(self.turn_rate)})"
+            message = (
+                f"must have as many values as speed, {len(self.speed)} (got {len(self.turn_rate)})"
+            )
             yield Fault(("navigator.turn_rate",), message)
             return
         end = self.every * (len(self.speed) - 1)
         if end < scenario.horizon:
-            message = f"ends at {end:g} s, before the horizon of {scenario.horizon:g} s: give more values"
+            message = (
+                f"ends at {end:g} s, before the horizon of {scenario.horizon:g} s: give more values"
+            )
             yield Fault(("navigator.speed", "horizon"), message)
             return
         yield from super().faults(scenario)
@@ -78,7 +90,12 @@ class Driven(Navigator):
 
 @functools.lru_cache
 def pieces_of(
-    speed: tuple[float, ...], turn_rate: tuple[float, ...], every: float, x: float, y: float, heading: float
+    speed: tuple[float, ...],
+    turn_rate: tuple[float, ...],
+    every: float,
+    x: float,
+    y: float,
+    heading: float,
 ) -> Pieces:
     """Return the numbers of each piece, and the duration of a piece [s].
 
@@ -95,7 +112,9 @@ def pieces_of(
     starts = duration * np.arange(parts * intervals)
     rows = [splines(starts, k) / math.factorial(k) for k in range(3)]
     rows.append(splines(starts + duration / 2, 3) / 6)  # which jumps from value to value
-    table = np.concatenate([np.stack(rows).transpose(2, 0, 1).reshape(8, -1), np.zeros((3, len(starts)))])
+    table = np.concatenate(
+        [np.stack(rows).transpose(2, 0, 1).reshape(8, -1), np.zeros((3, len(starts)))]
+    )
 
     def accumulated(first: float, changes: np.ndarray) -> np.ndarray:
         return first + np.concatenate([[0.0], np.cumsum(changes[:-1])])
@@ -141,7 +160,14 @@ def jets_in(table: Any, duration: Any, time: AnyTimes) -> PathJets:
     _, turn, torque, _ = polynomial_jets(piece[TURN_RATE], since)
     cosine, sine = circle(heading)
     along, left = xp.stack([cosine, sine]), xp.stack([-sine, cosine])
-    jerk = (force_rate - v * turn**2)[None] * along + (2 * acceleration * turn + v * torque)[None] * left
+    jerk = (force_rate - v * turn**2)[None] * along + (2 * acceleration * turn + v * torque)[
+        None
+    ] * left
     return xp.stack(
-        [xp.stack([x, y]), v[None] * along, acceleration[None] * along + (v * turn)[None] * left, jerk]
+        [
+            xp.stack([x, y]),
+            v[None] * along,
+            acceleration[None] * along + (v * turn)[None] * left,
+            jerk,
+        ]
     )

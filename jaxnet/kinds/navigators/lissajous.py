@@ -58,7 +58,9 @@ def slowest_instant(
     cells of a study, which mostly share one navigator.
     """
     path = Lissajous(amplitude=list(amplitude), frequency=list(frequency), phase=list(phase))
-    greatest = [float(np.hypot(*(np.array(amplitude) * np.array(frequency) ** k))) for k in (1, 2, 3)]
+    greatest = [
+        float(np.hypot(*(np.array(amplitude) * np.array(frequency) ** k))) for k in (1, 2, 3)
+    ]
     curvature = 2 * (greatest[1] ** 2 + greatest[0] * greatest[2])
     half, middle = horizon / 2, np.array([horizon / 2])
     best, when = np.inf, 0.0

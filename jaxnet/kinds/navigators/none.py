@@ -29,4 +29,6 @@ class NoNavigator(Navigator):
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault unless the law is local: L is singular without a navigator."""
         if not scenario.law.local:
-            yield Fault(("navigator", "law"), "without a navigator the law has no solution: give law: local")
+            yield Fault(
+                ("navigator", "law"), "without a navigator the law has no solution: give law: local"
+            )

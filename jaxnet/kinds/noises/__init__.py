@@ -27,7 +27,9 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
         tick, 0 before the first. `time` and `interval` (lanes,) are the time of the tick and from tick to
         tick [s], `sources` (slots, m) the number of each slot's source.
         """
-        raise KindError(f"{self.kind}: a noise gives next_errors(self, last, time, interval, sources)")
+        raise KindError(
+            f"{self.kind}: a noise gives next_errors(self, last, time, interval, sources)"
+        )
 
     def exact(self) -> bool:
         """Return whether words have no errors in any order."""
@@ -48,4 +50,6 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if words arrive with errors and the scenario has no ticks."""
         if not self.exact() and scenario.tick == 0:
-            yield Fault(("channel.noise", "tick"), "errors of words are drawn at ticks: give a tick")
+            yield Fault(
+                ("channel.noise", "tick"), "errors of words are drawn at ticks: give a tick"
+            )

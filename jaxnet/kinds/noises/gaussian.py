@@ -36,11 +36,13 @@ class GaussianNoise(NormalErrors, ChannelNoise):
     orders: ClassVar[tuple[str, ...]] = (*JET_ORDERS, HIGHEST)
 
     of: Literal["link", "transmitter"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
-        default="link", description="what has errors of its own: each link, or each vehicle that transmits"
+        default="link",
+        description="what has errors of its own: each link, or each vehicle that transmits",
     )
 
     jerk: NotNegative = Field(
-        default=0.0, description="[m/s³], standard deviation of the highest derivative, the jerk of order 3"
+        default=0.0,
+        description="[m/s³], standard deviation of the highest derivative, the jerk of order 3",
     )
 
     def erring(self) -> tuple[bool, bool, bool]:

@@ -41,7 +41,9 @@ class Gaussian(NormalErrors, Sensor):
         """Return the kind with drawn numbers; without dropout it is None."""
         found = super().drawn(draw, name)
         return (
-            self.filled({**vars(found), "dropout": None}) if self.dropout == 0 else self.filled(vars(found))
+            self.filled({**vars(found), "dropout": None})
+            if self.dropout == 0
+            else self.filled(vars(found))
         )
 
     def stays(self, time: LaneTimes, vehicles: int) -> VehicleMask | None:

@@ -28,8 +28,16 @@ from jaxnet.model.circle import circle
 HEADING, SPEED = 2, 3
 MOST_ORDER = 4  # of vehicles
 
-GAUSS = math.sqrt(0.15)  # distance of the outer of three Gauss–Legendre nodes on [0, 1] from the middle
-OUTPUT_PLACES = (0.0, 0.5 - GAUSS, 0.5, 0.5 + GAUSS, 1.0)  # shares of a step at which outputs are known
+GAUSS = math.sqrt(
+    0.15
+)  # distance of the outer of three Gauss–Legendre nodes on [0, 1] from the middle
+OUTPUT_PLACES = (
+    0.0,
+    0.5 - GAUSS,
+    0.5,
+    0.5 + GAUSS,
+    1.0,
+)  # shares of a step at which outputs are known
 
 
 class Vehicle(Kind):
@@ -50,11 +58,17 @@ class Vehicle(Kind):
     neutral: ClassVar[frozenset[str]] = Kind.neutral.union(
         ("order", "singular", "states", "units", "inputs", "input_units", "start", "drift", "pace")
     )
-    flat: ClassVar[bool] = False  # whether `motion` with `inputs_for` gives the output any derivative asked
+    flat: ClassVar[bool] = (
+        False  # whether `motion` with `inputs_for` gives the output any derivative asked
+    )
     order: ClassVar[int] = 3  # r, the number of integrators of an axis
-    singular: ClassVar[int] = 1  # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
+    singular: ClassVar[int] = (
+        1  # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
+    )
     internal: ClassVar[bool] = False  # whether the output's jets leave a part of the state open
-    states: ClassVar[tuple[str, ...]]  # names; those of a wheeled robot begin with x, y, heading, speed
+    states: ClassVar[
+        tuple[str, ...]
+    ]  # names; those of a wheeled robot begin with x, y, heading, speed
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
@@ -64,9 +78,13 @@ class Vehicle(Kind):
         if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
             yield Fault(("vehicle",), f"{self.kind}: a vehicle gives {' and '.join(lacking)}")
         if not 1 <= self.order <= MOST_ORDER:
-            yield Fault(("vehicle",), f"an order of 1 to {MOST_ORDER} is possible (got {self.order})")
+            yield Fault(
+                ("vehicle",), f"an order of 1 to {MOST_ORDER} is possible (got {self.order})"
+            )
 
-    def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
+    def start(
+        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
+    ) -> VehicleState:
         """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
         xp = position.__array_namespace__()
         rest = [xp.zeros_like(speed)] * (len(self.states) - 4)
@@ -116,9 +134,13 @@ class Vehicle(Kind):
         `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative of order
         r. The error shrinks with the fifth power of the span, at least.
         """
-        raise KindError(f"{self.kind}: an internal vehicle gives inner_after(self, inner, jets, span)")
+        raise KindError(
+            f"{self.kind}: an internal vehicle gives inner_after(self, inner, jets, span)"
+        )
 
-    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(
+        self, state: VehicleState, inputs: VehicleInput
+    ) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and inputs."""
         raise KindError(f"{self.kind}: a vehicle gives pace(self, state, inputs)")
 

@@ -45,7 +45,11 @@ class Car(Vehicle):
         """Return position, velocity `v h` and acceleration `a h + v² κ n`."""
         along, left = directions(state)
         v, bend = state[SPEED], self.curvature(state)
-        return state[:2], v[None] * along, state[ACCELERATION][None] * along + (v**2 * bend)[None] * left
+        return (
+            state[:2],
+            v[None] * along,
+            state[ACCELERATION][None] * along + (v**2 * bend)[None] * left,
+        )
 
     def drift(self, state: VehicleState) -> VehicleVectors:
         """Return `σ = 3 v a κ n - v³ κ² h`."""
@@ -87,6 +91,8 @@ class Car(Vehicle):
         along = dot(velocity, acceleration) / speed
         return xp.stack([position[0], position[1], heading, speed, steering, along])
 
-    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(
+        self, state: VehicleState, inputs: VehicleInput
+    ) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed, and the turn rate `θ̇ = v κ`."""
         return state[SPEED], state[SPEED] * self.curvature(state)

@@ -22,11 +22,15 @@ class DoubleIntegrator(Integrators):
     inputs = ("acceleration_x", "acceleration_y")
     input_units = ("m/s²", "m/s²")
 
-    def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
+    def start(
+        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
+    ) -> VehicleState:
         """Return positions and velocities, along the heading."""
         xp, (cosine, sine) = position.__array_namespace__(), circle(heading)
         return xp.stack([position[0], position[1], speed * cosine, speed * sine])
 
-    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(
+        self, state: VehicleState, inputs: VehicleInput
+    ) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed, and 0 for the turn rate, as there is no heading."""
         return length(state[2:]), 0.0 * state[0]

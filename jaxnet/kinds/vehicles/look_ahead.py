@@ -50,7 +50,9 @@ class LookAhead(Vehicle):
 
     ahead: Positive = Field(default=0.1, description="[m], l, from the axle to the output point")
 
-    def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
+    def start(
+        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
+    ) -> VehicleState:
         """Return the axle's positions and the headings."""
         return position.__array_namespace__().stack([position[0], position[1], heading])
 
@@ -71,7 +73,9 @@ class LookAhead(Vehicle):
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
         """Return `[h' q, n' q / l]` for a velocity q of the point."""
         along, left = directions(state)
-        return state.__array_namespace__().stack([dot(along, jerk), dot(left, jerk) / self.ahead[None]])
+        return state.__array_namespace__().stack(
+            [dot(along, jerk), dot(left, jerk) / self.ahead[None]]
+        )
 
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
         """Return `[v cos θ, v sin θ, θ̇]`."""
@@ -97,7 +101,9 @@ class LookAhead(Vehicle):
         heading, error = heading_after(inner[0], [each[1] * scale[None, None] for each in jets])
         return heading[None], error
 
-    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(
+        self, state: VehicleState, inputs: VehicleInput
+    ) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the absolute speed of the axle, and the turn rate."""
         return abs(inputs[0]), inputs[1]
 
@@ -134,7 +140,9 @@ def heading_after(
     three = Generator((10 / 3) * (last - 2 * middle + first), still)
     outer = bracket(one, two)
     nested = added((-1 / 60, bracket(one, added((2.0, three), (1.0, outer)))))
-    sixth = bracket(added((-20.0, one), (-1.0, three), (1.0, outer)), added((1.0, two), (1.0, nested)))
+    sixth = bracket(
+        added((-20.0, one), (-1.0, three), (1.0, outer)), added((1.0, two), (1.0, nested))
+    )
     mean = added((1.0, one), (1 / 12, three))
     whole = added((1.0, mean), (1 / 240, sixth))
     apart = added((1.0, whole), (-1.0, mean), (1 / 12, outer))
@@ -147,7 +155,10 @@ def turn(heading: VehicleNumbers, by: Generator) -> VehicleNumbers:
 
     The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays finite.
     """
-    xp, along = heading.__array_namespace__(), heading.__array_namespace__().stack([*circle(heading)])
+    xp, along = (
+        heading.__array_namespace__(),
+        heading.__array_namespace__().stack([*circle(heading)]),
+    )
     square = dot(by.s, by.s) - by.r**2
     root = xp.sqrt(xp.maximum(xp.abs(square), 1e-300))
     even = xp.where(square > 0, 1.0, xp.cos(root))

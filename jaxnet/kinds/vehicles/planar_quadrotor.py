@@ -36,7 +36,9 @@ class PlanarQuadrotor(Vehicle):
     inputs = ("thrust_acceleration", "pitch_acceleration")
     input_units = ("m/s⁴", "rad/s²")
 
-    def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
+    def start(
+        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
+    ) -> VehicleState:
         """Return the state of rest at these positions, with the thrust that holds the weight."""
         rest = 0.0 * position[0]
         return position.__array_namespace__().stack([*position, *[rest] * 4, rest + GRAVITY, rest])
@@ -52,12 +54,17 @@ class PlanarQuadrotor(Vehicle):
         """Return `σ = -2 Ṫ φ̇ h - T φ̇² n`."""
         along, thrust_axis = axes(state)
         rate = state[PITCH_RATE][None]
-        return -2 * state[THRUST_RATE][None] * rate * along - state[THRUST][None] * rate**2 * thrust_axis
+        return (
+            -2 * state[THRUST_RATE][None] * rate * along
+            - state[THRUST][None] * rate**2 * thrust_axis
+        )
 
     def decoupling(self, state: VehicleState) -> AxisMatrices:
         """Return `ψ = [n, -T h]`, with `det ψ = T`."""
         along, thrust_axis = axes(state)
-        return state.__array_namespace__().stack([thrust_axis, -state[THRUST][None] * along], axis=1)
+        return state.__array_namespace__().stack(
+            [thrust_axis, -state[THRUST][None] * along], axis=1
+        )
 
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
         """Return `[n' (q - σ), -h' (q - σ) / T]` for a fourth derivative q; infinite at T = 0."""
@@ -69,7 +76,14 @@ class PlanarQuadrotor(Vehicle):
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
         """Return the velocity, the acceleration, `φ̇`, `φ̈`, `Ṫ` and `T̈`."""
         _, velocity, acceleration, _ = self.output_jets(state)
-        rates = [*velocity, *acceleration, state[PITCH_RATE], inputs[1], state[THRUST_RATE], inputs[0]]
+        rates = [
+            *velocity,
+            *acceleration,
+            state[PITCH_RATE],
+            inputs[1],
+            state[THRUST_RATE],
+            inputs[0],
+        ]
         return state.__array_namespace__().stack(rates)
 
     def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
@@ -82,7 +96,9 @@ class PlanarQuadrotor(Vehicle):
         turning = [angle(force[1], -force[0]), -dot(along, jerk) / thrust]
         return xp.stack([*position, *velocity, *turning, thrust, dot(thrust_axis, jerk)])
 
-    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(
+        self, state: VehicleState, inputs: VehicleInput
+    ) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the norm of the velocity, and the pitch rate."""
         return length(state[2:4]), state[PITCH_RATE]
 

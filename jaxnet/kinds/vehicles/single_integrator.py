@@ -21,10 +21,14 @@ class SingleIntegrator(Integrators):
     inputs = ("velocity_x", "velocity_y")
     input_units = ("m/s", "m/s")
 
-    def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
+    def start(
+        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
+    ) -> VehicleState:
         """Return the positions; a single integrator has no velocity of its own."""
         return position
 
-    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(
+        self, state: VehicleState, inputs: VehicleInput
+    ) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the norm of the velocity, and 0 for the turn rate, as there is no heading."""
         return length(self.drift(state) + inputs), 0.0 * state[0]

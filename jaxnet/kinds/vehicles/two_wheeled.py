@@ -58,7 +58,9 @@ class TwoWheeled(Vehicle):
         along, _ = directions(state)
         velocity = state[SPEED][None] * along
         xp = state.__array_namespace__()
-        return xp.stack([velocity[0], velocity[1], state[TURN_RATE], state[FORCE], inputs[1], inputs[0]])
+        return xp.stack(
+            [velocity[0], velocity[1], state[TURN_RATE], state[FORCE], inputs[1], inputs[0]]
+        )
 
     def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
         """Return the state with `v = ‖ẏ‖`, `θ = atan2(ẏ)`, `F = ÿ·h`, `ω = ÿ·n / v`."""
@@ -69,6 +71,8 @@ class TwoWheeled(Vehicle):
         force = dot(velocity, acceleration) / speed
         return xp.stack([position[0], position[1], heading, speed, turn_rate, force])
 
-    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(
+        self, state: VehicleState, inputs: VehicleInput
+    ) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed and the turn rate, which are states."""
         return state[SPEED], state[TURN_RATE]

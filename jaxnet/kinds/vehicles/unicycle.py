@@ -57,8 +57,12 @@ class Unicycle(Vehicle):
         """Return the state with `v = ‖ẏ‖` and `θ = atan2(ẏ)`."""
         position, velocity = jets
         heading = angle(velocity[0], velocity[1])
-        return position.__array_namespace__().stack([position[0], position[1], heading, length(velocity)])
+        return position.__array_namespace__().stack(
+            [position[0], position[1], heading, length(velocity)]
+        )
 
-    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(
+        self, state: VehicleState, inputs: VehicleInput
+    ) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed, a state, and the turn rate, an input."""
         return state[SPEED], inputs[1]

@@ -38,8 +38,12 @@ def draw_adjacency(panel: Axes, network: Situation, attacked: list[int]) -> None
     share = heard / np.histogram(np.arange(1, m + 1), bins=edges)[0]
     left, opaque = -(STRIP_GAP + STRIP_WIDTH) * m, np.where(share > 0, 0.25 + 0.75 * share, 0.0)
     strip = np.stack([to_rgba_array(style.BLUE, alpha) for alpha in opaque])
-    panel.imshow(strip, extent=(left, left + STRIP_WIDTH * m, m + 0.5, 0.5), interpolation="nearest")
-    panel.plot(attacked, np.full(len(attacked), -0.03 * m), "v", color=style.RED, markersize=3, zorder=3)
+    panel.imshow(
+        strip, extent=(left, left + STRIP_WIDTH * m, m + 0.5, 0.5), interpolation="nearest"
+    )
+    panel.plot(
+        attacked, np.full(len(attacked), -0.03 * m), "v", color=style.RED, markersize=3, zorder=3
+    )
     panel.set(xlim=(left, m + 0.5), ylim=(m + 0.5, -0.06 * m), xlabel="source", ylabel="listener")
     panel.locator_params(nbins=4)
 

@@ -38,7 +38,9 @@ def bands_figure(
     if bands:
         panels[0].set(yscale="log", ylim=bands_span(bands))
         multiples.log_ticks(panels[0].yaxis)
-    handles: list[Line2D | Patch] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], label=name, **look) for name, look in looks.items()
+    ]
     lanes = {band.lanes for band in bands.values()}
     if lanes - {1}:
         handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
@@ -65,7 +67,9 @@ def bands_figure(
 
 def spread_cells(cells: Sequence[Cell]) -> list[Cell]:
     """Return at most MOST_MAGNITUDES cells, spread evenly."""
-    chosen = np.unique(np.linspace(0, len(cells) - 1, min(MOST_MAGNITUDES, len(cells))).round().astype(int))
+    chosen = np.unique(
+        np.linspace(0, len(cells) - 1, min(MOST_MAGNITUDES, len(cells))).round().astype(int)
+    )
     return [cells[number] for number in chosen]
 
 

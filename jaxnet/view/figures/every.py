@@ -101,27 +101,39 @@ class Plots:
         return Plots(self.results, style.LAYOUT)
 
     @styled
-    def topologies(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def topologies(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw each graph with its weights and attacked links."""
         return topology.topology_figure(*cells_and_width(self.results, where, column))
 
     @styled
-    def tails(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def tails(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw the mean error, or the spread, over the tail: a dot per lane, a row per cell."""
         return tails.tails_figure(self.results, *cells_and_width(self.results, where, column))
 
     @styled
-    def panels(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def panels(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw the paper's figure: trajectories of each topology, and the errors over time."""
         there = {name: has_store(self.results, name) for name in ("trajectories", "errors")}
         if not any(there.values()):
             raise lacking_error(
-                self.results, "errors.zarr or trajectories.zarr", "save.errors=true or save.trajectories=all"
+                self.results,
+                "errors.zarr or trajectories.zarr",
+                "save.errors=true or save.trajectories=all",
             )
-        return panels.panels_figure(self.results, *cells_and_width(self.results, where, column), **there)
+        return panels.panels_figure(
+            self.results, *cells_and_width(self.results, where, column), **there
+        )
 
     @styled
-    def bands(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def bands(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw the error, or the spread, over time: median, 5 to 95 % and maximum over the lanes."""
         if not has_store(self.results, "errors"):
             raise lacking_error(self.results, "errors.zarr", "save.errors=true")
@@ -129,7 +141,9 @@ class Plots:
         return bands.bands_figure(cells, all_bands(self.results, cells), width)
 
     @styled
-    def vehicles(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def vehicles(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw the mean error of each vehicle over the tail: median, 5 to 95 % and maximum over the lanes."""
         if not has_store(self.results, "vehicles"):
             raise lacking_error(self.results, "vehicles.zarr", "save.vehicles=true")
@@ -182,7 +196,9 @@ class Plots:
         axes = choose_axes(cells, x, hue, panel)
         found = quantity_of(self.results, cells, y or asked_quantity(self.results.study.config))
         if not found.known.size:
-            raise lacking_error(self.results, *(NO_SHARE if found.name == "unrecovered" else NO_ERROR))
+            raise lacking_error(
+                self.results, *(NO_SHARE if found.name == "unrecovered" else NO_ERROR)
+            )
         return lines.curve_figure(found, axes, cells, width)
 
     @styled
@@ -205,26 +221,40 @@ class Plots:
         return over_two_keys(self.results, "worst", cells, width, **axes)
 
     @styled
-    def ultimate(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def ultimate(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw the greatest tail error against ā, with stored bounds and fits."""
-        return against_magnitude(self.results, "tail_max", *cells_and_width(self.results, where, column))
+        return against_magnitude(
+            self.results, "tail_max", *cells_and_width(self.results, where, column)
+        )
 
     @styled
-    def ultimate_mean(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def ultimate_mean(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw the mean tail error against ā, with stored bounds and fits."""
-        return against_magnitude(self.results, "tail_mean", *cells_and_width(self.results, where, column))
+        return against_magnitude(
+            self.results, "tail_mean", *cells_and_width(self.results, where, column)
+        )
 
     @styled
-    def search(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def search(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw the best value against the number of lanes, for a search and for random lanes."""
         cells, width = cells_and_width(self.results, where, column)
         refuse_unsearched(self.results, cells)
         words = worst.metric_with_unit(self.results)
         shown = cells[: multiples.panels_fitting([cell.labels for cell in cells], width)]
-        return search.course_figure(list(search_courses(self.results, shown)), len(cells), words, width)
+        return search.course_figure(
+            list(search_courses(self.results, shown)), len(cells), words, width
+        )
 
     @styled
-    def search_worst(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def search_worst(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw a row per cell: the worst choice found, the worst of random lanes, and the bound."""
         cells, width = cells_and_width(self.results, where, column)
         refuse_unsearched(self.results, cells)
@@ -232,17 +262,23 @@ class Plots:
         return search.bounds_figure(worst.worst_rows(self.results), cells, words, width)
 
     @styled
-    def sensitivity(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+    def sensitivity(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw Sobol's indices of the mean tail error, or of the spread, a panel per cell."""
         metric = judged_metric(self.results.study.cells)
-        return parts_of_variance(self.results, metric, *cells_and_width(self.results, where, column))
+        return parts_of_variance(
+            self.results, metric, *cells_and_width(self.results, where, column)
+        )
 
     @styled
     def sensitivity_unrecovered(
         self, where: Where | None = None, column: str = "two", *, note: bool = True
     ) -> Figure:
         """Draw Sobol's indices of the event that a lane does not recover."""
-        return parts_of_variance(self.results, "unrecovered", *cells_and_width(self.results, where, column))
+        return parts_of_variance(
+            self.results, "unrecovered", *cells_and_width(self.results, where, column)
+        )
 
 
 def refuse_unsearched(results: Results, cells: Sequence[Cell]) -> None:
@@ -250,7 +286,9 @@ def refuse_unsearched(results: Results, cells: Sequence[Cell]) -> None:
     if results.study.config.search is None or not (results.path / "worst.csv").exists():
         raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
     if not set(results.worst["cell"]) & {cell.number for cell in cells}:
-        raise LackingError(f"{results.place}: no search of these cells has ended: jaxnet search goes on")
+        raise LackingError(
+            f"{results.place}: no search of these cells has ended: jaxnet search goes on"
+        )
 
 
 def cells_and_width(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:
@@ -266,17 +304,23 @@ def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], widt
         raise LackingError(f"{results.place}: {NO_ULTIMATE_ERROR}")
     found = curves(results, cells)
     if reason := no_magnitudes(found):
-        remedy = "run the study with an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
+        remedy = (
+            "run the study with an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
+        )
         raise LackingError(f"{results.place}: {reason.removesuffix('.')}: {remedy}")
     return ultimate.ultimate_figure(found, metric, width)
 
 
-def over_two_keys(results: Results, metric: str, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
+def over_two_keys(
+    results: Results, metric: str, cells: Sequence[Cell], width: float, **axes: Any
+) -> Figure:
     """Draw a heat map of a metric over two swept keys."""
     tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
     if tiles is None:
         remedy = "a sweep of two values at least of two keys, such as defence and attack.frequency"
-        raise lacking_error(results, "two swept keys with two values each among these cells", remedy)
+        raise lacking_error(
+            results, "two swept keys with two values each among these cells", remedy
+        )
     if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
         raise lacking_error(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
     return heat.heat_figure(results, tiles, metric, width)
@@ -330,12 +374,20 @@ def file_name(
     chosen = [*axes.items(), *where.items()]
     words = [f"{key}={value}" for key, values in chosen for value in as_list(values)]
     told = "-".join(
-        [name, *words, *["one-column"] * (column == "one"), *["plain"] * plain, *["no-note"] * (not note)]
+        [
+            name,
+            *words,
+            *["one-column"] * (column == "one"),
+            *["plain"] * plain,
+            *["no-note"] * (not note),
+        ]
     )
     safe = re.sub(r"[^\w.=-]+", "_", told)
     if safe == told and len(told) <= LONGEST_FILE_NAME:
         return told
-    digest = hashlib.sha256(told.encode()).hexdigest()[:6]  # other names may be cut to the same letters
+    digest = hashlib.sha256(told.encode()).hexdigest()[
+        :6
+    ]  # other names may be cut to the same letters
     return f"{safe[:LONGEST_FILE_NAME]}-{digest}"
 
 

@@ -20,7 +20,14 @@ from jaxnet.statistics.curves import decades
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.statistics.recovery import share_name
-from jaxnet.statistics.tiles import NEGLIGIBLE_ERROR, Tiling, blank_reasons, tile_notes, tile_table, tile_text
+from jaxnet.statistics.tiles import (
+    NEGLIGIBLE_ERROR,
+    Tiling,
+    blank_reasons,
+    tile_notes,
+    tile_table,
+    tile_text,
+)
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -35,7 +42,12 @@ LEAST_TILE = 0.2, 0.1  # [in] of a tile whose number can be read
 DIGIT_WIDTH, TILE_PAD = 0.05, 0.04  # [in] of a letter in a tile, and of what is beside its number
 LETTER_WIDTH = 0.055  # [in] of a row's name
 TITLE_ROOM, COLOUR_BAR_ROOM = 0.3, 0.35  # [in] for a panel's title, and for the scale of colours
-HATCHED_STYLE: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////", "linewidth": 0}
+HATCHED_STYLE: dict[str, Any] = {
+    "facecolor": "white",
+    "edgecolor": "0.6",
+    "hatch": "/////",
+    "linewidth": 0,
+}
 
 
 class Tile(NamedTuple):
@@ -61,7 +73,9 @@ def metric_label(metric: str, cells: Sequence[Cell]) -> str:
     """Return a metric of these cells in words, with its unit."""
     if metric == "unrecovered":
         return f"lanes {share_name(cells)} [%]"
-    return "greatest spread over the tail [m]" if is_leaderless(cells) else "greatest tail error / ā"
+    return (
+        "greatest spread over the tail [m]" if is_leaderless(cells) else "greatest tail error / ā"
+    )
 
 
 def text_colour(colour: str) -> str:
@@ -73,7 +87,9 @@ def text_colour(colour: str) -> str:
 
 def palette() -> list[tuple[str, str]]:
     """Return 64 colours of the scale from its low end, each with its text colour."""
-    return [(colour, text_colour(colour)) for colour in map(to_hex, COLOUR_MAP(np.linspace(0, 1, 64)))]
+    return [
+        (colour, text_colour(colour)) for colour in map(to_hex, COLOUR_MAP(np.linspace(0, 1, 64)))
+    ]
 
 
 def colour_scale(metric: str, values: pd.Series) -> Normalize:
@@ -84,10 +100,13 @@ def colour_scale(metric: str, values: pd.Series) -> Normalize:
     return LogNorm(*decades(known.min(), known.max()), clip=True)
 
 
-def heat_figure(results: Results, tiles: Tiling, metric: str, width: float = style.FIGURE_WIDTH) -> Figure:
+def heat_figure(
+    results: Results, tiles: Tiling, metric: str, width: float = style.FIGURE_WIDTH
+) -> Figure:
     """Draw tiles at the largest size that fits all panels; omit intervals, then panels, for space."""
     names = [
-        wrap_value(tiles.row, value, int(multiples.LETTERS_PER_INCH * width / 3)) for value in tiles.rows
+        wrap_value(tiles.row, value, int(multiples.LETTERS_PER_INCH * width / 3))
+        for value in tiles.rows
     ]
     lines = [name.split("\n") for name in names]
     margin = 0.35 + LETTER_WIDTH * max(len(line) for each in lines for line in each)
@@ -106,7 +125,9 @@ def heat_figure(results: Results, tiles: Tiling, metric: str, width: float = sty
         (width - margin) / multiples.panel_columns(tiles.panels[:shown], most) / along,
         (height - TITLE_ROOM) / down,
     )
-    legible, wide = (all(np.greater_equal(tile, least)) for least in (LEAST_TILE, TILE_WITH_INTERVAL))
+    legible, wide = (
+        all(np.greater_equal(tile, least)) for least in (LEAST_TILE, TILE_WITH_INTERVAL)
+    )
     found: Any = tile_table(results)
     intervals = wide and metric == "unrecovered"
     scale = colour_scale(metric, found[metric])
@@ -166,10 +187,14 @@ def write_tile(panel: Axes, place: tuple[float, float], tile: Tile, look: TileSt
     panel.text(*place, words, fontsize=6, va="bottom" if look.intervals else "center", **drawn)
 
 
-def annotate(drawn: Figure, results: Results, numbers: Int[np.ndarray, "..."], look: TileStyle) -> None:
+def annotate(
+    drawn: Figure, results: Results, numbers: Int[np.ndarray, "..."], look: TileStyle
+) -> None:
     """Add notes on the intervals and a legend of the hatched tiles."""
     spread = [SPREAD_WORDS] * (look.metric == "worst" and is_leaderless(results.study.cells))
     for words in [*tile_notes(results, numbers, look.metric), *spread]:
         multiples.write_note(drawn, words)
     if reasons := blank_reasons(look.found, numbers, look.metric):
-        drawn.legend(handles=[Patch(label=", ".join(reasons), **HATCHED_STYLE)], loc="outside lower right")
+        drawn.legend(
+            handles=[Patch(label=", ".join(reasons), **HATCHED_STYLE)], loc="outside lower right"
+        )

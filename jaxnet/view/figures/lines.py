@@ -9,11 +9,25 @@ import numpy as np
 from matplotlib.axes import Axes as Panel
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, MultipleLocator, NullLocator
+from matplotlib.ticker import (
+    FixedFormatter,
+    FixedLocator,
+    MaxNLocator,
+    MultipleLocator,
+    NullLocator,
+)
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import key_name, quantity, value_alone
-from jaxnet.statistics.axes import Axes, by_hue, geometric, numeric, on_a_scale, ordered_values, panels_of
+from jaxnet.statistics.axes import (
+    Axes,
+    by_hue,
+    geometric,
+    numeric,
+    on_a_scale,
+    ordered_values,
+    panels_of,
+)
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.quantities import Quantity
 from jaxnet.view.figures import multiples, style
@@ -23,7 +37,10 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
 BAR_STYLE: dict[str, Any] = {"fmt": "none", "elinewidth": 0.8, "capsize": 1.5}
 MOST_BARS = 24  # values on x that have error bars; more have a band
 DODGE = 0.012  # of the axis, between neighbouring colours
-ROW_OF_HUE, ROW_OF_NAME = 0.13, 0.125  # [in] of a row for each colour, and for each line of its name
+ROW_OF_HUE, ROW_OF_NAME = (
+    0.13,
+    0.125,
+)  # [in] of a row for each colour, and for each line of its name
 MOST_VALUE_TICKS = 8  # values of x, where ticks stand at them
 TICK_GAP = 0.06  # [in] between labels of ticks
 DIGIT_OF_TICK, DOT_OF_TICK = 0.64, 0.32  # of the size of the type, the widths of letters
@@ -74,8 +91,13 @@ def hue_looks(key: str | None, values: Sequence[Label]) -> list[Look]:
     for place, value in enumerate(values):
         look: dict[str, Any] = dict(style.SERIES_STYLES[place % len(style.SERIES_STYLES)])
         if ramp:
-            look = {"color": mpl.colormaps["viridis"](0.92 * place / (len(values) - 1)), "linestyle": "-"}
-        found.append(Look(value_alone(key, value), look | {"marker": MARKERS[place % len(MARKERS)]}))
+            look = {
+                "color": mpl.colormaps["viridis"](0.92 * place / (len(values) - 1)),
+                "linestyle": "-",
+            }
+        found.append(
+            Look(value_alone(key, value), look | {"marker": MARKERS[place % len(MARKERS)]})
+        )
     return found
 
 
@@ -109,7 +131,9 @@ def legend_room(looks: Sequence[Look], width: float) -> float:
     if not looks[0].label:
         return 0.0
     columns, labels = legend_layout(looks, width)
-    return LEGEND_LINE * (1 + -(-len(looks) // columns) * max(1 + each.count("\n") for each in labels))
+    return LEGEND_LINE * (
+        1 + -(-len(looks) // columns) * max(1 + each.count("\n") for each in labels)
+    )
 
 
 def numbers_figure(
@@ -125,7 +149,9 @@ def numbers_figure(
     assert axes.x is not None
     labels = [each for each, _ in groups]
     shown = multiples.panels_fitting(labels, width, LINES_HEIGHT)
-    drawn, panels = multiples.panel_grid(labels[:shown], quantity(axes.x), found.axis, width, LINES_HEIGHT)
+    drawn, panels = multiples.panel_grid(
+        labels[:shown], quantity(axes.x), found.axis, width, LINES_HEIGHT
+    )
     drawn.set_figheight(drawn.get_figheight() + legend_room(looks, width))
     log = geometric(values)
     for panel, (_, cells) in zip(panels, groups, strict=False):
@@ -155,7 +181,12 @@ def dodge(place: int, many: int, values: Sequence[Any], log: bool) -> tuple[floa
 
 
 def draw_line(
-    panel: Panel, found: Quantity, x: str, cells: Sequence[Cell], look: Look, moved: tuple[float, float]
+    panel: Panel,
+    found: Quantity,
+    x: str,
+    cells: Sequence[Cell],
+    look: Look,
+    moved: tuple[float, float],
 ) -> None:
     """Draw one colour: a line through the values, with error bars or a band."""
     if not cells:
@@ -176,7 +207,9 @@ def drawn_values(found: Quantity, cells: Sequence[Cell]) -> list[np.ndarray]:
     table = found.values.reindex([cell.number for cell in cells])
     columns = [table[name].to_numpy(dtype=float) for name in ("value", "low", "high")]
     if found.log:
-        columns = [np.where(np.isnan(each), np.nan, np.maximum(each, found.floor)) for each in columns]
+        columns = [
+            np.where(np.isnan(each), np.nan, np.maximum(each, found.floor)) for each in columns
+        ]
     return columns
 
 
@@ -260,19 +293,27 @@ def rows_figure(
     most_rows = int((style.GREATEST_HEIGHT - 1.5 - legend_room(looks, width)) / row)
     names, values = names[:most_rows], list(values)[:most_rows]
     height = row * len(names) + 0.35
-    margin = max(len(line) for name in names for line in name.split("\n")) / multiples.LETTERS_PER_INCH
+    margin = (
+        max(len(line) for name in names for line in name.split("\n")) / multiples.LETTERS_PER_INCH
+    )
     most = max(1, min(4, int((width - margin) / 1.3)))
     shown = multiples.panels_fitting(labels, width, height, most)
-    drawn, panels = multiples.panel_grid(labels[:shown], found.axis, "", width, height, most, margin)
+    drawn, panels = multiples.panel_grid(
+        labels[:shown], found.axis, "", width, height, most, margin
+    )
     drawn.set_figheight(drawn.get_figheight() + legend_room(looks, width))
     for panel, (_, cells) in zip(panels, groups, strict=False):
         panel.grid(False, axis="y")
         for place, mine in enumerate(by_hue(cells, axes, hues)):
             shift = 0.7 * ((place + 0.5) / len(looks) - 0.5)
             fitting = [cell for cell in mine if key is None or cell.labels[key] in values]
-            rows = np.array([0 if key is None else values.index(cell.labels[key]) for cell in fitting])
+            rows = np.array(
+                [0 if key is None else values.index(cell.labels[key]) for cell in fitting]
+            )
             draw_points(panel, found, fitting, rows + shift, looks[place])
-    panels[0].set_yticks(range(len(names)) if key is not None else [], names if key is not None else [])
+    panels[0].set_yticks(
+        range(len(names)) if key is not None else [], names if key is not None else []
+    )
     panels[0].set_ylim(len(names) - 0.5, -0.5)
     if key is not None:
         panels[0].set_ylabel("")
@@ -281,7 +322,9 @@ def rows_figure(
     return drawn, shown
 
 
-def draw_points(panel: Panel, found: Quantity, cells: Sequence[Cell], places: np.ndarray, look: Look) -> None:
+def draw_points(
+    panel: Panel, found: Quantity, cells: Sequence[Cell], places: np.ndarray, look: Look
+) -> None:
     """Draw one colour in rows: a marker with its interval."""
     value, low, high = drawn_values(found, cells)
     marked = {name: look.look[name] for name in ("color", "marker")}

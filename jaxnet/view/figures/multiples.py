@@ -93,13 +93,18 @@ def shared_labels(labels: Sequence[Labels]) -> Labels:
     """Return the labels that all panels share; a single panel shares none."""
     if len(labels) < 2:
         return {}
-    return {key: value for key, value in labels[0].items() if all(value == each[key] for each in labels)}
+    return {
+        key: value for key, value in labels[0].items() if all(value == each[key] for each in labels)
+    }
 
 
 def distinct_titles(labels: Sequence[Labels]) -> list[str]:
     """Return a title for each panel from the labels that differ between panels."""
     common = shared_labels(labels)
-    return [labels_title({key: value for key, value in each.items() if key not in common}) for each in labels]
+    return [
+        labels_title({key: value for key, value in each.items() if key not in common})
+        for each in labels
+    ]
 
 
 def write_shared_labels(drawn: Figure, labels: Sequence[Labels]) -> None:
@@ -167,7 +172,9 @@ def panel_grid(
 def type_scale(setting: str) -> float:
     """Return how much larger the type of a setting of matplotlib is now than in the style for print."""
     now: Any = mpl.rcParams
-    return float(FontProperties(size=now[setting]).get_size_in_points() / style.PRINT_STYLE[setting])
+    return float(
+        FontProperties(size=now[setting]).get_size_in_points() / style.PRINT_STYLE[setting]
+    )
 
 
 def row_heights(labels: Sequence[Labels], width: float) -> tuple[list[str], np.ndarray]:
@@ -176,13 +183,19 @@ def row_heights(labels: Sequence[Labels], width: float) -> tuple[list[str], np.n
         textwrap.fill(escape_dollars(name), int(LETTERS_PER_INCH * width / 2.8))
         for name in distinct_titles(labels)
     ]
-    return names, np.array([max(ROW_HEIGHT, LINE_HEIGHT * (1 + name.count("\n"))) for name in names])
+    return names, np.array(
+        [max(ROW_HEIGHT, LINE_HEIGHT * (1 + name.count("\n"))) for name in names]
+    )
 
 
 def rows_fitting(labels: Sequence[Labels], width: float, most: int) -> int:
     """Return how many of the first `most` rows fit a page."""
-    heights = np.maximum.accumulate(row_heights(labels[:most], width)[1])  # all are as high as the highest
-    return int(np.count_nonzero(heights * np.arange(1, len(heights) + 1) <= style.GREATEST_HEIGHT - 1.0))
+    heights = np.maximum.accumulate(
+        row_heights(labels[:most], width)[1]
+    )  # all are as high as the highest
+    return int(
+        np.count_nonzero(heights * np.arange(1, len(heights) + 1) <= style.GREATEST_HEIGHT - 1.0)
+    )
 
 
 def named_rows(labels: Sequence[Labels], width: float) -> tuple[Figure, Axes]:

@@ -56,7 +56,9 @@ def panels_figure(
     rows = [row[:MOST_A_SIDE] for row in whole[: min(MOST_A_SIDE, max(1, fitting))]]
     drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + PANELS_LEGEND_HEIGHT))
     grid = GridSpec(lines * len(rows), len(widths), figure=drawn, width_ratios=widths)
-    spots = [[grid[lines * row + line, column] for line, column in places] for row in range(len(rows))]
+    spots = [
+        [grid[lines * row + line, column] for line, column in places] for row in range(len(rows))
+    ]
     if trajectories:
         data = results.trajectories
         lanes = {cell.number: first_lane(data, cell) for row in rows for cell in row}
@@ -71,7 +73,9 @@ def panels_figure(
                 else textwrap.fill(row_caption(row[0]), TITLE_LETTERS)
             )
             title = f"({chr(ord('a') + (number + 1) * len(places) - 1)}) {words}"
-            draw_errors(drawn, spots[number][-1], row, results.errors, title, key=number == 0 and not narrow)
+            draw_errors(
+                drawn, spots[number][-1], row, results.errors, title, key=number == 0 and not narrow
+            )
     if trajectories:
         ncols = multiples.legend_columns(width, 6)
         handles = panels_legend(rows) + (error_keys(rows[0]) if errors and narrow else [])
@@ -134,7 +138,9 @@ def row_key(cell: Cell) -> tuple[Label, ...]:
 
 def topology_name(cell: Cell) -> str:
     """Return the name of a cell's topology."""
-    return str(cell.labels.get("topology", cell.scenario.topology.label or cell.scenario.topology.kind))
+    return str(
+        cell.labels.get("topology", cell.scenario.topology.label or cell.scenario.topology.kind)
+    )
 
 
 def figure_name(cell: Cell) -> str:
@@ -193,13 +199,17 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
         apart = [vehicle - 1 for vehicle in attacked]
         crowd = np.delete(positions, apart, axis=1).swapaxes(0, 1)
         alpha = np.clip(CROWD_INK / len(crowd), *CROWD_OPACITY)
-        panel.add_collection(LineCollection(list(crowd), alpha=alpha, **CROWDED_PATHS), autolim=False)
+        panel.add_collection(
+            LineCollection(list(crowd), alpha=alpha, **CROWDED_PATHS), autolim=False
+        )
     for vehicle in apart:
         lies = vehicle + 1 in attacked
         look = ATTACKED_PATH if lies else HONEST_PATH
         x, y = positions[:, vehicle].T
         panel.plot(x, y, **look, zorder=2 if lies else 1)
-        panel.plot(x[0], y[0], "o", color=look["color"], markersize=3, markerfacecolor="white", zorder=4)
+        panel.plot(
+            x[0], y[0], "o", color=look["color"], markersize=3, markerfacecolor="white", zorder=4
+        )
         panel.plot(x[-1], y[-1], "s", color=look["color"], markersize=3, zorder=4)
 
 
@@ -245,7 +255,8 @@ def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
     handles = [
         *[Line2D([], [], **NAVIGATOR_PATH, label="navigator")] * has_navigator,
         *[Line2D([], [], **HONEST_PATH, label="vehicle")] * (min(fleets) <= MOST_APART),
-        *[Line2D([], [], color="0.6", linewidth=2.0, label="vehicles")] * (max(fleets) > MOST_APART),
+        *[Line2D([], [], color="0.6", linewidth=2.0, label="vehicles")]
+        * (max(fleets) > MOST_APART),
     ]
     attacks = [cell.scenario.attack for row in rows for cell in row]
     if any(attack.number() and attack.amplitude() != 0 for attack in attacks):
@@ -264,7 +275,12 @@ def error_keys(cells: Sequence[Cell]) -> list[Line2D]:
 
 
 def draw_errors(
-    drawn: Figure, place: SubplotSpec, cells: Sequence[Cell], data: xr.Dataset, title: str, key: bool
+    drawn: Figure,
+    place: SubplotSpec,
+    cells: Sequence[Cell],
+    data: xr.Dataset,
+    title: str,
+    key: bool,
 ) -> None:
     """Draw ẽ, or the spread, above ε̃ on log axes, as a median over lanes with a band from 5 to 95 %."""
     inner = place.subgridspec(2, 1, hspace=0.0)

@@ -50,7 +50,9 @@ def course_figure(found: Sequence[Course], there: int, words: str, width: float)
     if any(np.min(each.best) <= least for each in found):
         multiples.write_note(drawn, f"values below {least:.1g} are drawn there")
     multiples.log_ticks(panels[0].yaxis)
-    known = [entry for panel in panels for entry in zip(*panel.get_legend_handles_labels(), strict=True)]
+    known = [
+        entry for panel in panels for entry in zip(*panel.get_legend_handles_labels(), strict=True)
+    ]
     entries = {name: line for line, name in known}
     drawn.legend([*entries.values()], [*entries], loc="outside lower center", ncols=3)
     multiples.write_left_out(drawn, (len(found), there, "cells"), where="search.csv")

@@ -34,12 +34,17 @@ def sensitivity_figure(
     """Draw a panel per cell and a row per quantity, for as many cells as the page holds."""
     there = [cell for cell in cells if cell.number in set(table["cell"])]
     names = list(dict.fromkeys(table["quantity"]))
-    labels, height = [cell.labels for cell in there], QUANTITY_HEIGHT * len(names) + CELL_TITLE_HEIGHT
+    labels, height = (
+        [cell.labels for cell in there],
+        QUANTITY_HEIGHT * len(names) + CELL_TITLE_HEIGHT,
+    )
     most = max(1, round(CELLS_PER_ROW * width / style.FIGURE_WIDTH))
     shown = there[: max(1, multiples.panels_fitting(labels, width, height, most))]
     metric = table["metric"].iloc[0]
     words = f"part of the variance of {metric}"
-    drawn, panels = multiples.panel_grid(labels[: len(shown)], words, "", width, height, most, margin=1.2)
+    drawn, panels = multiples.panel_grid(
+        labels[: len(shown)], words, "", width, height, most, margin=1.2
+    )
     for panel, cell in zip(panels, shown, strict=True):
         draw_indices(panel, table.loc[table["cell"] == cell.number], names)
     if metric == "unrecovered":
@@ -63,6 +68,8 @@ def draw_indices(panel: Axes, rows: pd.DataFrame, names: Sequence[str]) -> None:
     for order, look in INDEX_STYLES.items():
         value, low, high = (rows[f"{order}{end}"].to_numpy(float) for end in ("", "_low", "_high"))
         ends = np.stack([value - low, high - value])
-        panel.errorbar(value, places + INDEX_OFFSETS[order], xerr=ends, elinewidth=0.9, capsize=1.5, **look)
+        panel.errorbar(
+            value, places + INDEX_OFFSETS[order], xerr=ends, elinewidth=0.9, capsize=1.5, **look
+        )
     if rows["first"].isna().to_numpy().all():
         panel.text(0.5, 0.5, "nothing varies", transform=panel.transAxes, ha="center", color="0.4")

@@ -21,7 +21,9 @@ MOST_TAIL_ROWS = 24  # cells that one figure takes
 MOST_DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and each is drawn
 
 
-def tails_figure(results: Results, cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
+def tails_figure(
+    results: Results, cells: Sequence[Cell], width: float = style.FIGURE_WIDTH
+) -> Figure:
     """Draw the judged metric of the lanes that ended, a row per cell, for as many cells as the page holds."""
     labels = [cell.labels for cell in cells]
     most = multiples.rows_fitting(labels, width, MOST_TAIL_ROWS)
@@ -41,7 +43,11 @@ def tails_figure(results: Results, cells: Sequence[Cell], width: float = style.F
     panel.set_xscale("log")
     panel.autoscale_view()
     multiples.log_ticks(panel.xaxis)
-    dot = "one dot per lane" if max(results.samples) <= MOST_DOTS else f"{MOST_DOTS:,} dots evenly by rank"
+    dot = (
+        "one dot per lane"
+        if max(results.samples) <= MOST_DOTS
+        else f"{MOST_DOTS:,} dots evenly by rank"
+    )
     panel.set_xlabel(multiples.axis_name(JUDGED_WORDS[metric], width))
     told = [f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
     below = f"values below {LOG_FLOOR:g} m are drawn there"

@@ -35,7 +35,11 @@ MOST_WEIGHTS = 16  # links of a graph that all have their weights written on the
 OTHER_LINK = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
 TRUSTED_LINK = {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"}
 ATTACKED_LINK = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
-LINK_STYLES = {"trusted link": TRUSTED_LINK, "attacked link": ATTACKED_LINK, "other link": OTHER_LINK}
+LINK_STYLES = {
+    "trusted link": TRUSTED_LINK,
+    "attacked link": ATTACKED_LINK,
+    "other link": OTHER_LINK,
+}
 
 
 def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
@@ -79,7 +83,11 @@ def most_attack(cell: Cell) -> tuple[int, int]:
 
 def graphs_per_row(graphs: Sequence[Digraph], width: float) -> int:
     """Return the number of graphs in a row that keeps WANTED_SPACING between nodes."""
-    wanted = [WANTED_SPACING / node_spacing(graph, 1.0) for graph in graphs if not adjacency.too_large(graph)]
+    wanted = [
+        WANTED_SPACING / node_spacing(graph, 1.0)
+        for graph in graphs
+        if not adjacency.too_large(graph)
+    ]
     most = MOST_IN_ROW if len(wanted) == len(graphs) else MATRICES_IN_ROW
     return max(1, min(most, int(72 * width / max(wanted, default=1.0))))
 
@@ -117,7 +125,11 @@ def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
     links = network.graph.edges()
     either = zip(network.attacked[links].tolist(), network.trusted[links].tolist(), strict=True)
     return {
-        ends: "attacked link" if attacked and lies else "trusted link" if decides and trusts else "other link"
+        ends: "attacked link"
+        if attacked and lies
+        else "trusted link"
+        if decides and trusts
+        else "other link"
         for ends, (lies, trusts) in zip(network.graph.pairs(), either, strict=True)
     }
 
@@ -171,7 +183,9 @@ def source_positions(graph: Digraph) -> np.ndarray:
     return np.stack([column, -row], axis=1) * 0.62
 
 
-def is_bent(listener: int, source: int, links: Container[tuple[int, int]], places: np.ndarray) -> bool:
+def is_bent(
+    listener: int, source: int, links: Container[tuple[int, int]], places: np.ndarray
+) -> bool:
     """Return whether the arrow of a link is bent: there is a link back, or a node stands in the way.
 
     Listeners count from 0, places and sources from the navigator.
@@ -184,7 +198,12 @@ def is_bent(listener: int, source: int, links: Container[tuple[int, int]], place
 
 
 def draw_link(
-    panel: Axes, source: np.ndarray, listener: np.ndarray, bend: float, rim: float, look: dict[str, object]
+    panel: Axes,
+    source: np.ndarray,
+    listener: np.ndarray,
+    bend: float,
+    rim: float,
+    look: dict[str, object],
 ) -> None:
     """Draw an arrow that ends at the rim of the listener's node; `rim` is the node's radius [pt]."""
     arrow = FancyArrowPatch(
@@ -219,7 +238,8 @@ def labelled_links(graph: Digraph) -> list[tuple[int, int]]:
 def graph_title(cell: Cell, graph: Digraph) -> str:
     """Return the title of a graph; the title of a large graph includes the weights that recur."""
     words = [
-        f"{weight:.3g} from {'0' if navigator else 'vehicles'}" for navigator, weight in weight_classes(graph)
+        f"{weight:.3g} from {'0' if navigator else 'vehicles'}"
+        for navigator, weight in weight_classes(graph)
     ]
     crowded = graph.vehicles > MOST_ON_CIRCLE and words
     caption = multiples.escape_dollars(graph_caption(cell))
@@ -242,7 +262,9 @@ def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
         x, y = middle + (0.22 if is_bent(i, j, weights, places) else 0.12) * aside
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-        panel.text(x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4)
+        panel.text(
+            x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4
+        )
 
 
 def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: float) -> None:
@@ -301,7 +323,11 @@ def is_upper(y: float) -> bool:
 def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
     """Return legend entries for the nodes, links and densities in the figure."""
     large = [each for each in shown if adjacency.too_large(each[1].graph)]
-    keys = adjacency.adjacency_legend(any(attacked_vehicles(cell) for cell, _ in large)) if large else []
+    keys = (
+        adjacency.adjacency_legend(any(attacked_vehicles(cell) for cell, _ in large))
+        if large
+        else []
+    )
     return node_legend([each for each in shown if not adjacency.too_large(each[1].graph)]) + keys
 
 
@@ -315,11 +341,15 @@ def node_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]
         handles.append(Line2D([], [], marker="s", color="0.15", label="navigator", **node))
     if any(attacked_vehicles(cell) for cell, _ in shown):
         rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
-        handles.append(Line2D([], [], marker="o", color="white", label="attacked vehicle", **rim, **node))
+        handles.append(
+            Line2D([], [], marker="o", color="white", label="attacked vehicle", **rim, **node)
+        )
     present = {called for cell, network in shown for called in link_names(cell, network).values()}
     looks = [(called, look) for called, look in LINK_STYLES.items() if called in present]
     plain = {"other link": link_word([cell for cell, _ in shown], present)}
-    return handles + [Line2D([], [], **look, label=plain.get(called, called)) for called, look in looks]
+    return handles + [
+        Line2D([], [], **look, label=plain.get(called, called)) for called, look in looks
+    ]
 
 
 def link_word(cells: Sequence[Cell], present: Collection[str]) -> str:

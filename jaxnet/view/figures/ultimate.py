@@ -32,7 +32,9 @@ def ultimate_figure(
     low, high = axis_ends(found, metric)
     word = "greatest" if metric == "tail_max" else "mean"
     labels = [curve.group.labels for curve in shown]
-    drawn, panels = multiples.panel_grid(labels, "attack magnitude ā [m]", f"{word} tail error [m]", width)
+    drawn, panels = multiples.panel_grid(
+        labels, "attack magnitude ā [m]", f"{word} tail error [m]", width
+    )
     for panel, curve in zip(panels, shown, strict=True):
         draw_bounds(panel, curve, metric)
         draw_lanes(panel, curve, metric, low)

@@ -17,13 +17,21 @@ from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
 MEDIAN: dict[str, Any] = {"color": style.BLACK, "marker": "o", "markersize": 3, "linestyle": "none"}
-ATTACKED: dict[str, Any] = {"color": style.ORANGE, "marker": "s", "markersize": 4, "linestyle": "none"}
+ATTACKED: dict[str, Any] = {
+    "color": style.ORANGE,
+    "marker": "s",
+    "markersize": 4,
+    "linestyle": "none",
+}
 GREATEST: dict[str, Any] = {"color": "0.5", "marker": "_", "markersize": 5, "linestyle": "none"}
 LIMIT: dict[str, Any] = {"color": style.RED, "linestyle": "--", "linewidth": 0.8}
 
 
 def vehicles_figure(
-    found: pd.DataFrame, cells: Sequence[Cell], recovery: Recovery | None, width: float = style.FIGURE_WIDTH
+    found: pd.DataFrame,
+    cells: Sequence[Cell],
+    recovery: Recovery | None,
+    width: float = style.FIGURE_WIDTH,
 ) -> Figure:
     """Draw the rows of `vehicle_table`: a panel per cell, as many as the page holds.
 
@@ -35,7 +43,9 @@ def vehicles_figure(
     drawn, panels = multiples.panel_grid(labels[: len(shown)], "vehicle", axis, width)
     limits = [threshold(cell, recovery) for cell in shown]
     for panel, cell, limit in zip(panels, shown, limits, strict=True):
-        draw_vehicles(panel, found[found["cell"].to_numpy() == cell.number], cell.scenario.attack.targets())
+        draw_vehicles(
+            panel, found[found["cell"].to_numpy() == cell.number], cell.scenario.attack.targets()
+        )
         if np.isfinite(limit):
             panel.axhline(limit, **LIMIT)
     panels[0].set_yscale("log")
@@ -49,7 +59,9 @@ def vehicles_figure(
     if recovery is not None and np.isfinite(limits).any():
         handles.append(Line2D([], [], label="threshold of recovery", **LIMIT))
         multiples.write_note(drawn, share_definition(recovery, cells))
-    drawn.legend(handles=handles, loc="outside lower center", ncols=multiples.legend_columns(width, 5))
+    drawn.legend(
+        handles=handles, loc="outside lower center", ncols=multiples.legend_columns(width, 5)
+    )
     multiples.write_left_out(drawn, (len(shown), len(cells), "cells"), where="vehicles.zarr")
     return drawn
 
@@ -58,7 +70,9 @@ def draw_vehicles(panel: Axes, found: Any, attacked: Sequence[int]) -> None:
     """Draw the vehicles of one cell, clipped from below at LOG_FLOOR, the level of rounding."""
     numbers = found["vehicle"].to_numpy(dtype=int)
     names = ("low", "median", "q95", "greatest")
-    low, median, high, greatest = (np.maximum(LOG_FLOOR, found[name].to_numpy(dtype=float)) for name in names)
+    low, median, high, greatest = (
+        np.maximum(LOG_FLOOR, found[name].to_numpy(dtype=float)) for name in names
+    )
     panel.vlines(numbers, low, high, color=style.SKY, linewidth=3)
     panel.plot(numbers, greatest, **GREATEST)
     lied = np.isin(numbers, attacked)

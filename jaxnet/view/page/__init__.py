@@ -69,14 +69,18 @@ def page_html(
         css=(PAGE_FOLDER / "page.css").read_text(encoding="utf-8"),
         data=json_for_script(data),
         plotly=plotly,
-        script="\n".join((PAGE_FOLDER / f"{each}.js").read_text(encoding="utf-8") for each in scripts),
+        script="\n".join(
+            (PAGE_FOLDER / f"{each}.js").read_text(encoding="utf-8") for each in scripts
+        ),
     )
 
 
 def swept_choices(cells: tuple[Cell, ...]) -> dict[str, object]:
     """Return the formatted values of each swept key, and each cell's indices into these values."""
     values = swept_values_of(cells)
-    places = {key: {value: place for place, value in enumerate(given)} for key, given in values.items()}
+    places = {
+        key: {value: place for place, value in enumerate(given)} for key, given in values.items()
+    }
     return {
         "names": [key_name(key) for key in values],
         "keys": {key: [value_name(key, value) for value in given] for key, given in values.items()},

@@ -22,15 +22,23 @@ def comparison_page(found: Comparison) -> str:
     shown = [
         Section("differ", "What differs", settings_table(found)),
         Section("differences", "Differences, B − A", differences_table(found)),
-        Section("changed", "Lanes that changed sides", lanes_table(found.changed, "No lane changed sides.")),
-        Section("failed", "Failed lanes", lanes_table(found.failed, "No lane failed in either study.")),
+        Section(
+            "changed",
+            "Lanes that changed sides",
+            lanes_table(found.changed, "No lane changed sides."),
+        ),
+        Section(
+            "failed", "Failed lanes", lanes_table(found.failed, "No lane failed in either study.")
+        ),
     ]
     return page.page_html(f"{b} against {a}", lead, shown)
 
 
 def settings_table(found: Comparison) -> str:
     """Return a table of the keys that differ, and the cells that have no counterpart."""
-    body = sortable_table(found.settings) if len(found.settings) else "<p>They are the same study.</p>"
+    body = (
+        sortable_table(found.settings) if len(found.settings) else "<p>They are the same study.</p>"
+    )
     if found.alone:
         body += f"<p>Not compared, for the other has none like it: {escape('; '.join(found.alone))}.</p>"
     return body

@@ -47,7 +47,9 @@ def sortable_table(
     ]
     lines = "\n".join(
         f'<tr data-cells="{" ".join(map(str, about))}">{"".join(line)}</tr>'
-        for about, *line in zip([()] * len(rows) if cells is None else cells, *by_column, strict=True)
+        for about, *line in zip(
+            [()] * len(rows) if cells is None else cells, *by_column, strict=True
+        )
     )
     return (
         f'<div class="box" tabindex="0"><table><thead><tr>{heads}</tr></thead>'

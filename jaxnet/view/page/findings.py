@@ -12,13 +12,21 @@ from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import is_kind, key_name, labels_title, value_name
 from jaxnet.model.wording import count, count_between, counted
 from jaxnet.statistics import recovery
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, cell_magnitudes, failed_kinds, unrecovered_shares
+from jaxnet.statistics.curves import (
+    BOUND_NAMES,
+    Curve,
+    cell_magnitudes,
+    failed_kinds,
+    unrecovered_shares,
+)
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.page.elements import error_text
 from jaxnet.view.text.width import four_digits
 
-UNSOUND_BOUND = "lyapunov_printed"  # it is false in general (theorems.md O5), so it is no bound to be tight
+UNSOUND_BOUND = (
+    "lyapunov_printed"  # it is false in general (theorems.md O5), so it is no bound to be tight
+)
 
 AFTER_TRANSIENT = "; the bound holds once the transient is over"
 NO_UPPER_END = "no upper end is known, for theory bounds not every lane"
@@ -75,13 +83,16 @@ def extremes_sentence(results: Results) -> str:
     attacked = "attacked " if unit == "ā" else ""
     left = asked - len(errors)
     without = f" {count(left, f'{attacked}cell')} without a lane that ended." if left else ""
-    errors = errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2) if unit == "m" else errors
+    errors = (
+        errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2) if unit == "m" else errors
+    )
     least, most = (f"<b>{error_text(end)} {unit}</b>" for end in (errors.min(), errors.max()))
     head = f"The mean {judged_word(results)} over the tail"
     if least == most:  # as they are printed
         return f"{head} is {most} {where_words(results, errors.index.tolist())}.{without}"
     best, worst = (
-        where_words(results, errors.index[errors == end].tolist()) for end in (errors.min(), errors.max())
+        where_words(results, errors.index[errors == end].tolist())
+        for end in (errors.min(), errors.max())
     )
     return f"{head} ranges from {least} {best} to {most} {worst}.{without}"
 
@@ -102,8 +113,12 @@ def outside_sentences(results: Results) -> list[str]:
     if left.empty:
         return [f"No {whom} left the convex hull of their starts, in any lane."]
     far = f"<b>{error_text(ways.max())} m</b> {where_words(results, ways.index[ways == ways.max()].tolist())}"
-    inside = f"; in {count(len(ways) - len(left), 'cell')} none left it" if len(left) < len(ways) else ""
-    return [f"The greatest way of a {whom} out of the convex hull of their starts is {far}{inside}."]
+    inside = (
+        f"; in {count(len(ways) - len(left), 'cell')} none left it" if len(left) < len(ways) else ""
+    )
+    return [
+        f"The greatest way of a {whom} out of the convex hull of their starts is {far}{inside}."
+    ]
 
 
 def kinds_sentences(results: Results) -> list[str]:
@@ -112,7 +127,9 @@ def kinds_sentences(results: Results) -> list[str]:
     share = f"Lanes {recovery.share_name(results.study.cells)}"
     what = share if unit == "%" else f"Mean {judged_word(results)} over the tail"
     keys = list(results.study.cells[0].labels)
-    swept = pd.DataFrame([results.study.cells[n].labels for n in compared.index], compared.index, keys)
+    swept = pd.DataFrame(
+        [results.study.cells[n].labels for n in compared.index], compared.index, keys
+    )
     swept = swept.map(str)
     return [
         kind_sentence(key, compared, swept, unit, what)
@@ -134,7 +151,9 @@ def compared_values(results: Results) -> tuple[pd.DataFrame, str]:
     return pd.DataFrame({"value": errors, "low": printed, "high": printed}), unit
 
 
-def kind_sentence(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str, what: str) -> str:
+def kind_sentence(
+    key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str, what: str
+) -> str:
     """Compare the values of one swept kind: the range, and the number of settings where a value is least.
 
     A setting is a combination of the other swept keys. A value is least where its interval begins no later
@@ -146,7 +165,15 @@ def kind_sentence(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: s
     rows = []
     for label, numbers in compared.groupby(swept[key], sort=False).groups.items():
         some: Any = compared.loc[numbers, "value"]
-        rows.append((-int(least[numbers].sum()), some.mean(), value_name(key, label), some.min(), some.max()))
+        rows.append(
+            (
+                -int(least[numbers].sum()),
+                some.mean(),
+                value_name(key, label),
+                some.min(),
+                some.max(),
+            )
+        )
     words = [
         f"{escape(name)} {range_words(low, high, unit)}" + f", least in {-many}" * bool(others)
         for many, _, name, low, high in sorted(rows, key=lambda row: row[:2])[:MOST_COMPARED]
@@ -218,7 +245,9 @@ def bounds_sentence(results: Results, found: Sequence[Curve], fit: str) -> str:
     if of_rounding:
         words.append(f"In {count(of_rounding, 'group')} of cells the worst error is 0 (rounding).")
     if silent := len(found) - len(over) - of_rounding:
-        words.append(f"No bound of theory applies to {silent} of {count(len(found), 'group')} of cells.")
+        words.append(
+            f"No bound of theory applies to {silent} of {count(len(found), 'group')} of cells."
+        )
     return " ".join([*words, *(violated_sentences(results) if over or of_rounding else [])])
 
 
@@ -252,7 +281,11 @@ def certainty_sentence(results: Results) -> str:
     if metric == "spread":
         return f"{samples}. {where} spread is {mean} m, over {lanes}."
     if np.isnan(worst["tail_mean_high"]):
-        least = "" if np.isnan(worst["tail_mean_low"]) else f" (at least {low} m with 97.5 % confidence)"
+        least = (
+            ""
+            if np.isnan(worst["tail_mean_low"])
+            else f" (at least {low} m with 97.5 % confidence)"
+        )
         return f"{samples}. {where} is {mean} m{least}, over {lanes}; {NO_UPPER_END}."
     sure = 100 * recovery.confidence_told(results.study.config.samples)
     return f"{samples}. {where} is {mean} m ({sure:g} % interval {low} to {high} m), over {lanes}."

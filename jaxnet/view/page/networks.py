@@ -43,7 +43,9 @@ def networks_html(cells: Sequence[Cell]) -> str:
     ]
     links = sorted({link for each in shown for link in link_names(*each).values()})
     words = {"other link": link_word([cell for cell, _ in shown], links)}
-    key = "".join(f"<li>{legend_sample(each)}{words.get(each, each)}</li>" for each in [*called, *links])
+    key = "".join(
+        f"<li>{legend_sample(each)}{words.get(each, each)}</li>" for each in [*called, *links]
+    )
     left = len(graphs) - len(shown)
     note = f"<p>{count(left, 'more network')}, as certificates below.</p>" if left else ""
     networks = "".join(network_svg(*each) for each in shown)
@@ -53,7 +55,11 @@ def networks_html(cells: Sequence[Cell]) -> str:
 def legend_sample(called: str) -> str:
     """Return a sample of a node or link for the legend, as SVG."""
     link = called.endswith("link")
-    drawn = f'<path d="M0 7H34" class="{called}"/>' if link else node_svg(called, np.array([17, 7]), 5.0)
+    drawn = (
+        f'<path d="M0 7H34" class="{called}"/>'
+        if link
+        else node_svg(called, np.array([17, 7]), 5.0)
+    )
     return f'<svg class="network" viewBox="0 0 34 14" aria-hidden="true">{drawn}</svg>'
 
 
@@ -80,7 +86,9 @@ def network_svg(cell: Cell, situation: Situation) -> str:
     attacked, vehicles = attacked_vehicles(cell), ["", *cell.scenario.topology.vehicle_names()]
     first = 0 if cell.scenario.navigator.present else 1
     for source, place in enumerate(places[first:], start=first):
-        called = ("attacked vehicle" if source in attacked else "vehicle") if source else "navigator"
+        called = (
+            ("attacked vehicle" if source in attacked else "vehicle") if source else "navigator"
+        )
         number = f'x="{place[0]:.1f}" y="{place[1]:.1f}" font-size="{1.1 * radius:.1f}"'
         drawn += [node_svg(called, place, radius), f"<text {number}>{source}</text>"]
         if source < len(vehicles) and vehicles[source]:
@@ -97,11 +105,16 @@ def network_svg(cell: Cell, situation: Situation) -> str:
 
 def name_svg(name: str, place: np.ndarray, radius: float) -> str:
     """Return the name of a vehicle at a place, as SVG."""
-    short, at = escape(shorten(name, MOST_NAME, placeholder="…")), f'x="{place[0]:.1f}" y="{place[1]:.1f}"'
+    short, at = (
+        escape(shorten(name, MOST_NAME, placeholder="…")),
+        f'x="{place[0]:.1f}" y="{place[1]:.1f}"',
+    )
     return f'<text class="name" {at} font-size="{0.9 * radius:.1f}">{short}</text>'
 
 
-def arrow_path(source: np.ndarray, listener: np.ndarray, radius: float, bend: float, called: str) -> str:
+def arrow_path(
+    source: np.ndarray, listener: np.ndarray, radius: float, bend: float, called: str
+) -> str:
     """Return an arrow from rim to rim; `bend` times its length separates arrows of both directions."""
     length = np.hypot(*(listener - source))
     along = (listener - source) / length

@@ -74,7 +74,9 @@ def ultimate_data(found: Sequence[Curve]) -> dict[str, object]:
         | {"lines": {metric: slopes_of(curve, metric) for metric in METRIC_NAMES}}
         for curve in found
     ]
-    present = {name for curve in found for metric in METRIC_NAMES for name in slopes_of(curve, metric)}
+    present = {
+        name for curve in found for metric in METRIC_NAMES for name in slopes_of(curve, metric)
+    }
     return {
         "metrics": METRIC_NAMES,
         "ends": {metric: axis_ends(found, metric) for metric in METRIC_NAMES},
@@ -87,7 +89,9 @@ def statistics_of(curve: Curve, metric: str) -> dict[str, list[float | None]]:
     """Return statistics over lanes, by ascending ā [m]."""
     return {
         name: finite_numbers(values)
-        for name, values in zip(CURVE_STATISTICS, curve.spread(metric, *CURVE_STATISTICS), strict=True)
+        for name, values in zip(
+            CURVE_STATISTICS, curve.spread(metric, *CURVE_STATISTICS), strict=True
+        )
     }
 
 
@@ -113,7 +117,11 @@ def curve_data(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> dict[str, 
         "x": {
             "key": axes.x,
             "label": "" if axes.x is None else quantity(axes.x),
-            "names": None if numbers else [value_alone(axes.x, each) for each in values] if axes.x else [""],
+            "names": None
+            if numbers
+            else [value_alone(axes.x, each) for each in values]
+            if axes.x
+            else [""],
             "log": numbers and geometric(values),
         },
         "y": scale | {"name": found.name, "ends": found.ends},
@@ -141,9 +149,13 @@ def series_data(
 ) -> dict[str, object]:
     """Return the points of one series: places on x, value, interval, and numbers of the cells."""
     if x is not None:
-        cells = sorted(cells, key=lambda cell: values.index(cell.labels[x]) if values else cell.labels[x])
+        cells = sorted(
+            cells, key=lambda cell: values.index(cell.labels[x]) if values else cell.labels[x]
+        )
     table = found.values.reindex([cell.number for cell in cells])
-    places = [0 if x is None else values.index(c.labels[x]) if values else c.labels[x] for c in cells]
+    places = [
+        0 if x is None else values.index(c.labels[x]) if values else c.labels[x] for c in cells
+    ]
     found_numbers = {name: finite_numbers(table[name]) for name in ("value", "low", "high")}
     return {"x": places, "cells": [cell.number for cell in cells], **found_numbers}
 
@@ -160,7 +172,10 @@ def tiles_data(results: Results, tiling: Tiling) -> dict[str, object]:
     *titled, across = tiling.panels[0] or [""]
     return {
         "rows": [quantity(tiling.row), [value_alone(tiling.row, value) for value in tiling.rows]],
-        "columns": [quantity(tiling.column), [value_alone(tiling.column, value) for value in tiling.columns]],
+        "columns": [
+            quantity(tiling.column),
+            [value_alone(tiling.column, value) for value in tiling.columns],
+        ],
         "panels": [
             {
                 "title": labels_title({key: labels[key] for key in titled}),
@@ -222,7 +237,10 @@ def bands_data(cells: Sequence[Cell], found: Mapping[int, Band]) -> dict[str, ob
         "time": pack_numbers(next(iter(found.values())).time),
         "panels": [
             panel_data([number], cells[number].labels)
-            | {name: pack_numbers(getattr(each, name)) for name in ("low", "median", "high", "greatest")}
+            | {
+                name: pack_numbers(getattr(each, name))
+                for name in ("low", "median", "high", "greatest")
+            }
             | {"lanes": each.lanes}
             for number, each in found.items()
         ],

@@ -106,13 +106,17 @@ def lead_sentence(results: Results) -> str:
 def findings_section(results: Results, found: list[Curve]) -> Section:
     """Return the section of findings, in sentences."""
     told = findings.finding_sentences(results, found, fit_command(results))
-    return Section("findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>")
+    return Section(
+        "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>"
+    )
 
 
 def run_section(results: Results) -> Section:
     """Return the section on the study, the versions and the networks."""
     study, manifest = results.study, results.manifest
-    versions = ", ".join(f"{package} {version}" for package, version in manifest["versions"].items())
+    versions = ", ".join(
+        f"{package} {version}" for package, version in manifest["versions"].items()
+    )
     ran = (
         {}
         if not results.has_run
@@ -129,9 +133,12 @@ def run_section(results: Results) -> Section:
     body = (
         f"<dl>{rows}</dl>"
         + known_or("", lambda: networks.networks_html(study.cells))
-        + folded_text("The study, every default written out", (results.path / "study.yaml").read_text())
         + folded_text(
-            f"Certificates of {check.count(len(certificates), 'network')}", "\n\n".join(certificates)
+            "The study, every default written out", (results.path / "study.yaml").read_text()
+        )
+        + folded_text(
+            f"Certificates of {check.count(len(certificates), 'network')}",
+            "\n\n".join(certificates),
         )
     )
     return Section("run", "What was run", body)
@@ -150,7 +157,11 @@ def summary_section(results: Results) -> Section:
     body = sortable_table(
         rows,
         ([cell] for cell in rows["cell"]),
-        {each.title: magnitudes for each in shown if each.title.endswith("[m]") and each.key is None},
+        {
+            each.title: magnitudes
+            for each in shown
+            if each.title.endswith("[m]") and each.key is None
+        },
         {each.title: each.intervals() for each in shown if each.ends is not None},
     )
     return Section("summary", "Summary", note + body)
@@ -172,8 +183,12 @@ def ultimate_section(results: Results, found: list[Curve]) -> Section:
         " axis; a median far below ā stands on the axis.</p>"
     )
     if not any(curve.bounds for curve in found):
-        note += f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
-    return Section("ultimate", name, note + PLOT_PLACE + slopes_html(found), plots.ultimate_data(found))
+        note += (
+            f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
+        )
+    return Section(
+        "ultimate", name, note + PLOT_PLACE + slopes_html(found), plots.ultimate_data(found)
+    )
 
 
 def slopes_html(found: Sequence[Curve]) -> str:
@@ -185,14 +200,23 @@ def slopes_html(found: Sequence[Curve]) -> str:
         s95, *_ = curve.fit("tail_max", 0.95) or (np.nan,)
         row |= {"least squares": s, "low": low, "high": high, "95 % of lanes": s95}
         for bound, name in BOUND_NAMES.items():
-            row |= {name: curve.slope(bound, "worst"), f"{name}, fleet": curve.slope(bound, "fleet")}
+            row |= {
+                name: curve.slope(bound, "worst"),
+                f"{name}, fleet": curve.slope(bound, "fleet"),
+            }
         rows.append(row)
     shown: Any = pd.DataFrame(rows)
     slopes = shown.columns.difference(list(label_columns(found[0].group.labels)))
     ones = np.ones(len(shown))
     about = [[cell.number for cell in curve.group.cells] for curve in found]
-    same = [f"{name}, fleet" for name in BOUND_NAMES.values() if shown[name].equals(shown[f"{name}, fleet"])]
-    flat = f" {sentence_case(NO_SLOPE)}." if any(curve.is_flat("tail_max") for curve in found) else ""
+    same = [
+        f"{name}, fleet"
+        for name in BOUND_NAMES.values()
+        if shown[name].equals(shown[f"{name}, fleet"])
+    ]
+    flat = (
+        f" {sentence_case(NO_SLOPE)}." if any(curve.is_flat("tail_max") for curve in found) else ""
+    )
     return (
         "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
         f" worst vehicle and of the fleet. A dash: the bound says nothing there.{flat}</p>"
@@ -220,7 +244,10 @@ def bands_section(results: Results) -> Section | None:
     below = f"what is below {LOG_FLOOR:g} m is rounding and drawn there."
     name, what = "Error over time ẽ(t)", "Mean error of the fleet over time"
     if is_leaderless(results.study.cells):
-        name, what = "Spread over time", "Greatest distance of two vehicles that are not attacked over time"
+        name, what = (
+            "Spread over time",
+            "Greatest distance of two vehicles that are not attacked over time",
+        )
     note = f"<p>{what}; {below}</p>"
     return Section("bands", name, note + PLOT_PLACE, plots.bands_data(results.study.cells, found))
 
@@ -234,7 +261,12 @@ def vehicles_section(results: Results) -> Section | None:
         return None
     shown = found.sort_values("median", ascending=False, kind="stable").head(MOST_LISTED)
     shown = shown.dropna(axis="columns", how="all")  # the share, without a threshold of recovery
-    words = {"low": "5 % [m]", "median": "median [m]", "q95": "95 % [m]", "greatest": "greatest [m]"}
+    words = {
+        "low": "5 % [m]",
+        "median": "median [m]",
+        "q95": "95 % [m]",
+        "greatest": "greatest [m]",
+    }
     words["unrecovered"] = "lanes off [%]"
     note = "<p>Mean error over the tail of each vehicle, over lanes, the greatest median first"
     left = f"; {len(shown)} of {len(found)}" if len(shown) < len(found) else ""
@@ -277,7 +309,9 @@ def search_section(results: Results) -> Section | None:
         return None
     name = "The worst that a search found"
     if not (results.path / "worst.csv").exists():
-        return Section("search", name, "<p>Not searched for yet: <code>jaxnet search CONFIG</code></p>")
+        return Section(
+            "search", name, "<p>Not searched for yet: <code>jaxnet search CONFIG</code></p>"
+        )
     rows = worst.worst_rows(results)
     chosen = ", ".join(f"<code>{escape(key)}</code>" for key in asked.over)
     bound = " the bound of theory where known," if "bound" in rows else ""
@@ -294,7 +328,10 @@ def search_section(results: Results) -> Section | None:
         worst.metric_with_unit(results),
     )
     return Section(
-        "search", name, note + sortable_table(rows, ([cell] for cell in rows["cell"])) + PLOT_PLACE, drawn
+        "search",
+        name,
+        note + sortable_table(rows, ([cell] for cell in rows["cell"])) + PLOT_PLACE,
+        drawn,
     )
 
 
@@ -335,7 +372,9 @@ def rare_section(results: Results) -> Section | None:
     )
     labels = {key: quantity(key) for key in results.study.cells[0].labels}
     shown = rows.rename(columns=labels | {"plain_lanes": "plain lanes"})
-    return Section("rare", "Rare failures", note + sortable_table(shown, ([cell] for cell in rows["cell"])))
+    return Section(
+        "rare", "Rare failures", note + sortable_table(shown, ([cell] for cell in rows["cell"]))
+    )
 
 
 def lanes_section(results: Results) -> Section:
@@ -349,7 +388,9 @@ def lanes_section(results: Results) -> Section:
             return Section("lanes", name, "<p>No lane is ok.</p>")
         row: Any = ended.loc[ended[judged_metric(results.study.cells)].idxmax()]
         command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
-        return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
+        return Section(
+            "lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>"
+        )
     if results.in_memory:
         again, report = "results.replay(C, S)", "results.report(DIR)"
     else:
@@ -377,7 +418,9 @@ def violations_section(results: Results) -> Section:
     """Return the section on lanes above a bound that claims to hold for them."""
     name, file = "Violations of bounds", results.file("violations.csv")
     if not file.exists():
-        return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
+        return Section(
+            "violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>"
+        )
     rows = results.violations
     if not len(rows):
         words = "None: no lane is above a bound that claims to hold for it."

@@ -25,7 +25,13 @@ TOLD_ELSEWHERE = (
     "magnitude",
 )  # keys of kinds
 PARAMETER_SYMBOLS = {"theta": "ϑ", "F": "F"}  # parameters that are told even at their defaults
-OWN_ROWS = ("vehicles", "attack.magnitude", "horizon", "tail", "tick")  # swept keys with a row below
+OWN_ROWS = (
+    "vehicles",
+    "attack.magnitude",
+    "horizon",
+    "tail",
+    "tick",
+)  # swept keys with a row below
 
 
 def setting_rows(study: Study) -> dict[str, str]:
@@ -35,7 +41,9 @@ def setting_rows(study: Study) -> dict[str, str]:
     def among(words: Callable[[Cell], str]) -> str:
         return alternatives(list(dict.fromkeys(map(words, cells))))
 
-    def kinds(key: str, of: Callable[[Cell], Kind], absent: Callable[[Cell], bool] = lambda _: False) -> str:
+    def kinds(
+        key: str, of: Callable[[Cell], Kind], absent: Callable[[Cell], bool] = lambda _: False
+    ) -> str:
         return among(lambda cell: "none" if absent(cell) else kind_words(key, of(cell), cell))
 
     rows = {
@@ -43,13 +51,17 @@ def setting_rows(study: Study) -> dict[str, str]:
         f" {kinds('vehicle', lambda cell: cell.scenario.vehicle)}",
         "navigator": kinds("navigator", lambda cell: cell.scenario.navigator),
         "network": kinds("topology", lambda cell: cell.scenario.topology),
-        "attack": kinds("attack", lambda cell: cell.scenario.attack, lambda cell: not attacks(cell)),
+        "attack": kinds(
+            "attack", lambda cell: cell.scenario.attack, lambda cell: not attacks(cell)
+        ),
         "attacked signals": among(attacked_words),
         "magnitude ā": among(size_words) + size_unit(cells) if shows_magnitude(study) else "none",
         "defence": kinds("defence", lambda cell: cell.scenario.defence),
         "law": kinds("law", lambda cell: cell.scenario.law, lambda cell: cell.scenario.law.solved),
         "sensor errors": kinds(
-            "sensing", lambda cell: cell.scenario.sensing, lambda cell: cell.scenario.sensing.exact()
+            "sensing",
+            lambda cell: cell.scenario.sensing,
+            lambda cell: cell.scenario.sensing.exact(),
         ),
         "lost messages": kinds(
             "channel.loss",
@@ -62,20 +74,30 @@ def setting_rows(study: Study) -> dict[str, str]:
             lambda cell: cell.scenario.channel.noise.exact(),
         ),
         "detector": kinds(
-            "detector", lambda cell: cell.scenario.detector, lambda cell: not cell.scenario.detector.present
+            "detector",
+            lambda cell: cell.scenario.detector,
+            lambda cell: not cell.scenario.detector.present,
         ),
     }
-    rows = {name: words for name, words in rows.items() if words != "none" or name in ("attack", "defence")}
+    rows = {
+        name: words
+        for name, words in rows.items()
+        if words != "none" or name in ("attack", "defence")
+    }
     own = {key_name(key): values_words(cells, key) for key in cells[0].labels if not has_row(key)}
     return (
         rows
         | own
         | {
             "time": among(
-                lambda cell: f"{cell.scenario.horizon:g} s; the tail is the last {cell.scenario.tail:g} s"
+                lambda cell: (
+                    f"{cell.scenario.horizon:g} s; the tail is the last {cell.scenario.tail:g} s"
+                )
             ),
             "engine": among(
-                lambda cell: f"{cell.scenario.engine.reference()}, ticks of {cell.scenario.tick:g} s"
+                lambda cell: (
+                    f"{cell.scenario.engine.reference()}, ticks of {cell.scenario.tick:g} s"
+                )
             ),
         }
     )

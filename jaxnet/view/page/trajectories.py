@@ -32,14 +32,21 @@ def lanes_data(results: Results) -> tuple[list[dict[str, object]], int]:
     Lanes of more than MOST_VEHICLES vehicles are left out.
     """
     there = [*searched_lanes(results), *((results, each) for each in watched(results))]
-    found = [(of, each) for of, each in there if of.study.cells[each.cell].scenario.vehicles <= MOST_VEHICLES]
-    most = max((frame_bytes(of.study.cells[each.cell]) for of, each in found[:MOST_PAGE_LANES]), default=1.0)
+    found = [
+        (of, each)
+        for of, each in there
+        if of.study.cells[each.cell].scenario.vehicles <= MOST_VEHICLES
+    ]
+    most = max(
+        (frame_bytes(of.study.cells[each.cell]) for of, each in found[:MOST_PAGE_LANES]),
+        default=1.0,
+    )
     room = MOST_PAGE_BYTES / most
     count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_PAGE_LANES)))
     frames = int(np.clip(room / max(1, count), FEWEST_FRAMES, MOST_FRAMES))
-    return [lane_data(of, each, frames) | search_label(results, of, each) for of, each in found[:count]], len(
-        there
-    )
+    return [
+        lane_data(of, each, frames) | search_label(results, of, each) for of, each in found[:count]
+    ], len(there)
 
 
 def searched_lanes(results: Results) -> Iterator[tuple[Results, Watched]]:
@@ -47,7 +54,9 @@ def searched_lanes(results: Results) -> Iterator[tuple[Results, Watched]]:
     if not (results.path / "worst.csv").exists():
         return
     found = results.worst
-    order = np.argsort(-(found["found"] / found["magnitude"]).to_numpy(), kind="stable")[:MOST_SEARCHED]
+    order = np.argsort(-(found["found"] / found["magnitude"]).to_numpy(), kind="stable")[
+        :MOST_SEARCHED
+    ]
     for cell in found["cell"].to_numpy()[order]:
         alone = replace(results, path=results.path / "worst" / str(cell))
         if (alone.path / "trajectories.zarr").exists():
@@ -81,7 +90,10 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, object]:
     data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
     attacked, graph = attacked_vehicles(cell, data), lane_graph(results, one, cell)
     listeners, slots = graph.edges()
-    sources, false = graph.sources[listeners, slots], falsified_links(cell, graph, attacked)[listeners, slots]
+    sources, false = (
+        graph.sources[listeners, slots],
+        falsified_links(cell, graph, attacked)[listeners, slots],
+    )
     places, leaderless = data["states"].values[..., :2], not cell.scenario.navigator.present
     centre = fleet_centre(places, attacked) if leaderless else data["navigator"].values
     given = {
@@ -96,7 +108,8 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, object]:
         "heard_from_navigator": bool(false[sources == 0].any()),
         "replaced": cell.scenario.attack.replaces(),
         "links": [
-            [int(i) + 1, int(j), bool(lies)] for i, j, lies in zip(listeners, sources, false, strict=True)
+            [int(i) + 1, int(j), bool(lies)]
+            for i, j, lies in zip(listeners, sources, false, strict=True)
         ],
         "time": pack_numbers(data["time"].values),
         "x": pack_numbers(places[..., 0]),
@@ -121,7 +134,9 @@ def lane_graph(results: Results, one: Watched, cell: Cell) -> Digraph:
     from jaxnet.lanes.jobs import job, source_of
 
     made = job(cell.scenario, source_of(results.study.config, cell.scenario), [one.sample])
-    return hearing.graph_of(np.asarray(made.network.hearing.sources), np.asarray(made.inputs.lane.weights[0]))
+    return hearing.graph_of(
+        np.asarray(made.network.hearing.sources), np.asarray(made.inputs.lane.weights[0])
+    )
 
 
 def lane_label(results: Results, one: Watched, cell: Cell) -> str:

@@ -39,7 +39,17 @@ from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
-from jaxnet.theory import announced, certificate, delay, exact, integer, noise, response, robustness, rounds
+from jaxnet.theory import (
+    announced,
+    certificate,
+    delay,
+    exact,
+    integer,
+    noise,
+    response,
+    robustness,
+    rounds,
+)
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text.width import cell_title, terminal_width
 
@@ -52,16 +62,18 @@ MOST_SWEPT_VALUES = 12  # values or cells that are named one by one
 MOST_NAMED_VEHICLES = 60
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
-NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, which are not tried one by one"
+NOT_TRIED = (
+    f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, which are not tried one by one"
+)
 NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
 RETAINED = "; that is while everybody is retained"
 NO_LEADER = "nothing is proved; the theorems presuppose a navigator"
-NOT_IDEAL = (
-    "nothing is proved; the theorems presuppose exact sensors, one network, and words that arrive at once"
-)
+NOT_IDEAL = "nothing is proved; the theorems presuppose exact sensors, one network, and words that arrive at once"
 NOT_ROBUST = "not 1-robust, so not enough for W-MSR"
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
-ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off, outside the set either"
+ANNOUNCEMENT_PREMISE = (
+    "as long as no vehicle stands still and nobody is cut off, outside the set either"
+)
 
 
 def check_text(study: Study) -> str:
@@ -87,7 +99,8 @@ def certificates(cells: Sequence[Cell]) -> list[str]:
     """Return the certificate of each network in full, with the cells that share the network."""
     groups = group_by_network(cells)
     return [
-        network_text(network_title(group, len(group)), network_rows(group, len(groups))) for group in groups
+        network_text(network_title(group, len(group)), network_rows(group, len(groups)))
+        for group in groups
     ]
 
 
@@ -106,7 +119,9 @@ def network_texts(cells: Sequence[Cell]) -> list[str]:
         lines = {name: line for name, line in rows if (name, line) in told}
         texts.append(
             network_text(
-                network_title(group, MOST_SWEPT_VALUES) + ": as the first, but" * (told is not rows), lines
+                network_title(group, MOST_SWEPT_VALUES)
+                + ": as the first, but" * (told is not rows),
+                lines,
             )
         )
     if len(found) > MOST_NETWORKS:
@@ -119,7 +134,9 @@ def wrap_lines(text: str) -> str:
     lines = []
     for line in text.splitlines():
         under = re.match(r"  \S.*?  +|", line)
-        lines.append(fill(line, terminal_width(), subsequent_indent=" " * (under.end() if under else 0)))
+        lines.append(
+            fill(line, terminal_width(), subsequent_indent=" " * (under.end() if under else 0))
+        )
     return "\n".join(lines)
 
 
@@ -168,8 +185,14 @@ def guarantees(cells: Sequence[Cell]) -> str:
     for defence in (cell.scenario.defence for cell in cells):
         found.setdefault(defence.kind, []).append(defence.promise())
     rows = {kind: "; or ".join(dict.fromkeys(promises)) for kind, promises in found.items()}
-    rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if not cell.scenario.law.solved}
-    moving = [each.scenario for each in cells if not broken_premise(each.scenario, ("leader", *MOTION))]
+    rows |= {
+        f"law {cell.scenario.law.kind}": NO_GUARANTEE
+        for cell in cells
+        if not cell.scenario.law.solved
+    }
+    moving = [
+        each.scenario for each in cells if not broken_premise(each.scenario, ("leader", *MOTION))
+    ]
     drawn = any(scenario.draws_gain for scenario in moving)
     unlike = {
         (id(one.topology), id(one.defence), repr(one.gain), one.horizon, one.tail): one
@@ -199,7 +222,9 @@ def decay_text(scenario: Scenario) -> str:
     factors, rates = zip(*map(exact.decay_constants, gains), strict=True)
     line = f"‖η(t)‖ ≤ {max(factors):.3g} exp(-{min(rates):.3g} t) ‖η(0)‖ (Lemma 1)"
     if own is None:
-        joined = safety.stay_joined(scenario.defence.may_drop(graph, trusted), np.ones(graph.vehicles, bool))
+        joined = safety.stay_joined(
+            scenario.defence.may_drop(graph, trusted), np.ones(graph.vehicles, bool)
+        )
         line += ", η = (E, Ė, …)" + ", while nobody is cut off" * (not joined.all())
     else:
         norms = [response.impulse_norm(each) for each in own]
@@ -208,9 +233,7 @@ def decay_text(scenario: Scenario) -> str:
     left = max(np.linalg.norm(expm(exact.companion(gain) * begins), 2) for gain in gains)
     if left <= DIED_AWAY:
         return line
-    return (
-        f"{line}; the start has not died away: up to {left:.2g} ‖η(0)‖ when the tail begins, at {begins:g} s"
-    )
+    return f"{line}; the start has not died away: up to {left:.2g} ‖η(0)‖ when the tail begins, at {begins:g} s"
 
 
 class NetworkKeys:
@@ -295,7 +318,9 @@ def network_rows(cells: Sequence[Cell], networks: int) -> dict[str, str]:
         "robustness": robustness_line(graph, trusted, seconds),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
-        "Assumption 1": assumption_line(facts, cut_off_draws(scenario, graph) if facts.cut_off else []),
+        "Assumption 1": assumption_line(
+            facts, cut_off_draws(scenario, graph) if facts.cut_off else []
+        ),
         **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
         **cut_off_line(scenario.defence.may_drop(graph, trusted)),
         **promise_lines(scenario, known, closely),
@@ -328,7 +353,9 @@ def promise_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[s
     if not scenario.law.solved:
         return held_lines(scenario, known)
     broken = broken_premise(scenario, MOTION)
-    return {"safe": f"nothing is proved; {broken}"} if broken else safe_lines(scenario, known, closely)
+    return (
+        {"safe": f"nothing is proved; {broken}"} if broken else safe_lines(scenario, known, closely)
+    )
 
 
 def world_lines(scenario: Scenario) -> dict[str, str]:
@@ -341,7 +368,9 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
         lines["networks"] = told + reach_text(scenario)
     if not scenario.sensing.exact():
         known = steady_text(scenario, scenario.sensing, lambda: np.ones(1))
-        lines["sensing"] = f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds{known}"
+        lines["sensing"] = (
+            f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds{known}"
+        )
     if not scenario.channel.loss.perfect():
         lost = f"loss {scenario.channel.loss.kind}: messages are lost; no bound holds"
         lines["channel"] = lost + lost_text(scenario) + nominal_text(scenario)
@@ -349,12 +378,18 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
         known = ""
         if not scenario.defence.decides and scenario.vehicles <= certificate.MOST_INVERTED:
             weights, of = dense(scenario_graph(scenario)), scenario.channel.noise.of
-            known = steady_text(scenario, scenario.channel.noise, lambda: noise.link_gains(weights, of))
-        lines["noise"] = f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds{known}"
+            known = steady_text(
+                scenario, scenario.channel.noise, lambda: noise.link_gains(weights, of)
+            )
+        lines["noise"] = (
+            f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds{known}"
+        )
     if scenario.channel.rounded:
         lines["rounding"] = "jets in words are rounded; no bound holds" + rounding_text(scenario)
     if scenario.channel.late:
-        lines["delay"] = f"words are {lateness_text(scenario)} late; no bound holds{late_text(scenario)}"
+        lines["delay"] = (
+            f"words are {lateness_text(scenario)} late; no bound holds{late_text(scenario)}"
+        )
     return lines
 
 
@@ -413,7 +448,9 @@ def rounding_text(scenario: Scenario) -> str:
     """Return by how much rounded words err at most."""
     steps = scenario.channel.quantisation
     listed = steps.root if isinstance(steps, EachOrder) else [value_range(steps)[1]]
-    told = " and ".join(f"{step / 2:g} {unit}" for step, unit in zip(listed, ORDER_UNITS, strict=False))
+    told = " and ".join(
+        f"{step / 2:g} {unit}" for step, unit in zip(listed, ORDER_UNITS, strict=False)
+    )
     told = told if isinstance(steps, EachOrder) else f"{listed[0] / 2:g}"
     return f"; they act like an attack of at most {told} on each axis, on every link and in every order told"
 
@@ -452,7 +489,11 @@ def late_text(scenario: Scenario) -> str:
     if told == "jets":
         return "; a navigator on a line is followed without error"
     margin = delay.jerk_margin(weights, np.array([median(each) for each in scenario.gain]))
-    state = "unstable" if margin < scenario.channel.delay else "a necessary condition of stability holds"
+    state = (
+        "unstable"
+        if margin < scenario.channel.delay
+        else "a necessary condition of stability holds"
+    )
     return f"; {state}: the delay must be below {margin:.6g} s" if np.isfinite(margin) else ""
 
 
@@ -461,13 +502,21 @@ def late_law_text(scenario: Scenario, weights: np.ndarray) -> str:
     law, lateness, told = scenario.law, scenario.channel.delay, scenario.channel.extrapolate
     rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
     strength = scenario.topology.strength(rows, leads) if law.local else None
-    known = law.holds and (law.demanded or law.jacobi) and strength is None and scenario.gain_matrices is None
+    known = (
+        law.holds
+        and (law.demanded or law.jacobi)
+        and strength is None
+        and scenario.gain_matrices is None
+    )
     if not known or scenario.attack.replaces():
         return ""
     gain, along = np.array([median(each) for each in scenario.gain]), rounds.eigenvalues(weights)
     if not leads:  # an eigenvalue of 1 belongs to agreement
         along = along[np.abs(along - 1) > 1e-9]
-    word, late = delay.word_factors(gain, lateness, told, law.local), round(lateness / scenario.tick)
+    word, late = (
+        delay.word_factors(gain, lateness, told, law.local),
+        round(lateness / scenario.tick),
+    )
     grown = rounds.late_growth(along, gain, word, scenario.tick, late)
     state = "stable" if grown < 1 else "UNSTABLE"
     return f"; {state}, deviations times {grown:.6f} at each tick of {scenario.tick:g} s"
@@ -501,7 +550,9 @@ def safe_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str,
     if draws is None:
         return {"safe": f"{safe_line(reasons)}; {NOT_TRIED}"}
     lines = {"safe": safe_line(reasons, len(draws) > 1), **announcement_lines(scenario, reasons)}
-    return lines | (margin_lines(scenario, known.graph) if closely and scenario.attack.present else {})
+    return lines | (
+        margin_lines(scenario, known.graph) if closely and scenario.attack.present else {}
+    )
 
 
 def announcement_lines(scenario: Scenario, reasons: Sequence[Safe]) -> dict[str, str]:
@@ -529,7 +580,9 @@ def theorem_line(scenario: Scenario, majority: Vehicles, left: float) -> str:
     if reach is None or not np.isfinite(fastest):
         return f"‖E‖ ends within ‖h‖₁ γ Λ h, of which Λ is not known here; {ANNOUNCEMENT_PREMISE}"
     gain = np.array([median(each) for each in scenario.gain])
-    slopes = announced.between_ticks(reach, gain, fastest, scenario.tick, scenario.attack.harmonic())
+    slopes = announced.between_ticks(
+        reach, gain, fastest, scenario.tick, scenario.attack.harmonic()
+    )
     told = f"{slopes[majority].max():.3g} ā"
     if left:
         rounding = response.impulse_norm(gain) * reach.gains[majority].max() * left
@@ -551,7 +604,9 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
         return f"nothing is known of its stability: {broken}"
     fixed = None if kept is None else kept.fixed
     changing = bool(scenario.attack.periods()) or not scenario.attack.targets()
-    drawn = scenario.attack.replaces() and changing  # other vehicles are replaced elsewhere, or later
+    drawn = (
+        scenario.attack.replaces() and changing
+    )  # other vehicles are replaced elsewhere, or later
     honest = ~(known.attacked & (scenario.attack.replaces() and not drawn))
     weights = dense((known.graph if fixed is None else fixed).only(honest))
     if law.local:
@@ -569,7 +624,9 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
         rate = rounds.local_rate(along, gain)
         line = f"{'stable' if rate < 0 else 'UNSTABLE'}, deviations behave as exp({rate:.4f} t) at last"
         return line + RETAINED * (fixed is None)
-    grown = rounds.local_growth(along, gain, tick) if left is None else rounds.growth(left, gain, tick)
+    grown = (
+        rounds.local_growth(along, gain, tick) if left is None else rounds.growth(left, gain, tick)
+    )
     line = f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s"
     if law.jacobi:
         line += f"; {rounds_text(rounds.least_rounds(weights, gain, tick))}"
@@ -608,8 +665,12 @@ def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:
         int(degree): ranges((np.flatnonzero(facts.heard == degree) + 1).tolist())
         for degree in sorted(set(facts.heard.tolist()))
     }
-    hears = "; ".join(f"{who} hear{plural_s(who)} {count(n, 'source')}" for n, who in degrees.items())
-    return f"{count(scenario.vehicles, 'vehicle')}, {count(int(facts.heard.sum()), 'link')}: {hears}"
+    hears = "; ".join(
+        f"{who} hear{plural_s(who)} {count(n, 'source')}" for n, who in degrees.items()
+    )
+    return (
+        f"{count(scenario.vehicles, 'vehicle')}, {count(int(facts.heard.sum()), 'link')}: {hears}"
+    )
 
 
 def names_line(scenario: Scenario) -> dict[str, str]:
@@ -646,7 +707,11 @@ def change_text(scenario: Scenario) -> str:
         return ""
     last = max(time for time, _ in periods if time < scenario.horizon)
     settled = scenario.horizon - scenario.tail - last
-    tail = f"begins {settled:g} s after the last change" if settled > 0 else "has the last change in it"
+    tail = (
+        f"begins {settled:g} s after the last change"
+        if settled > 0
+        else "has the last change in it"
+    )
     return f"; bounds and safety are of all that are ever attacked, and the tail {tail}"
 
 
@@ -674,7 +739,9 @@ def cut_off_draws(scenario: Scenario, graph: Digraph) -> list[int] | None:
     draws = attacked_draws(scenario, graph)
     if draws is None:
         return None
-    return sorted({i for attacked in draws for i in unreachable(graph.only(graph.heard & ~attacked))})
+    return sorted(
+        {i for attacked in draws for i in unreachable(graph.only(graph.heard & ~attacked))}
+    )
 
 
 def assumption_line(facts: certificate.Certificate, cut_off: list[int] | None) -> str:
@@ -682,11 +749,16 @@ def assumption_line(facts: certificate.Certificate, cut_off: list[int] | None) -
     if cut_off == []:
         return "holds: an honest path from the navigator to every vehicle"
     if cut_off is None:
-        return f"not known where {ranges(facts.cut_off)} have no path but through others: {NOT_TRIED}"
+        return (
+            f"not known where {ranges(facts.cut_off)} have no path but through others: {NOT_TRIED}"
+        )
     if cut_off != facts.cut_off or not facts.all_attacked:
         return f"broken: no honest path from the navigator to {ranges(cut_off)}"
     line = f"broken: no honest path from the navigator to {ranges(facts.cut_off)}"
-    return line + f"; {ranges(facts.all_attacked)} hear{plural_s(ranges(facts.all_attacked))} nobody honest"
+    return (
+        line
+        + f"; {ranges(facts.all_attacked)} hear{plural_s(ranges(facts.all_attacked))} nobody honest"
+    )
 
 
 def robustness_line(graph: Digraph, trusted: Links, seconds: float) -> str:
@@ -697,7 +769,9 @@ def robustness_line(graph: Digraph, trusted: Links, seconds: float) -> str:
     leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
     if leaders[1:].any() and not leaders[1:].all():
         names = ranges(np.flatnonzero(leaders).tolist())
-        reached = vehicle_numbers(robustness.percolated_vehicles(graph, trusted, leaders) & ~leaders[1:])
+        reached = vehicle_numbers(
+            robustness.percolated_vehicles(graph, trusted, leaders) & ~leaders[1:]
+        )
         most = robustness.leader_robustness(graph, leaders)
         line += f"; led by {names}, whom somebody trusts, strongly {most}-robust,"
         line += f" and percolation with F = 1 reaches {ranges(reached) or 'nobody else'}"
@@ -749,7 +823,11 @@ def bracket_text(known: RobustnessBracket, total: RobustnessBracket) -> str:
     if local.low == total.low == 0 and not (local.known and total.known):
         return f"{line}, enough for W-MSR without attackers; with attackers it is not known"
     borne = [f"{'' if each.known else 'at least '}F = {each.low}" for each in (local, total)]
-    return f"{line}, {tolerance_text(*borne)}" if known.low > 0 else f"{line}, so nothing is proved of W-MSR"
+    return (
+        f"{line}, {tolerance_text(*borne)}"
+        if known.low > 0
+        else f"{line}, so nothing is proved of W-MSR"
+    )
 
 
 def tolerance_text(local: str, total: str) -> str:
@@ -773,7 +851,9 @@ def safe_line(reasons: Sequence[Safe], drawn: bool = False) -> str:
         left &= ~vehicles
     known = "; ".join(words) + ", whichever vehicles are drawn" * (drawn and bool(words))
     whose = "not known in every lane of" if drawn else "not known of"
-    return "; ".join(filter(None, [known, f"{whose} {ranges(vehicle_numbers(left))}" * bool(left.any())]))
+    return "; ".join(
+        filter(None, [known, f"{whose} {ranges(vehicle_numbers(left))}" * bool(left.any())])
+    )
 
 
 def vehicles_text(vehicles: Vehicles) -> str:

@@ -37,9 +37,7 @@ AGREEMENT_LEGEND = (
     "spread: greatest distance of two vehicles that are not attacked, over the tail; outside: greatest way of"
     " such a vehicle out of the hull of their starts; unrecovered: without agreement."
 )
-SHARE_LEGEND = (
-    "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many either way."
-)
+SHARE_LEGEND = "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many either way."
 
 
 def comparison_legend(found: Comparison) -> str:
@@ -50,7 +48,9 @@ def comparison_legend(found: Comparison) -> str:
 
 def length_columns(table: pd.DataFrame) -> list[str]:
     """Return the columns with differences of lengths, in which rounding is no difference."""
-    return [name for name in map(str, table) if name.startswith(("mean", "max", "spread", "outside"))]
+    return [
+        name for name in map(str, table) if name.startswith(("mean", "max", "spread", "outside"))
+    ]
 
 
 def comparison_rows(found: Comparison) -> pd.DataFrame:
@@ -111,7 +111,9 @@ def failed_lanes_text(found: Comparison) -> str:
         f"cell {lane.cell} sample {lane.sample} ({lane.status_A} in A, {lane.status_B} in B)"
         for lane in lanes
     ]
-    return fill(f"failed: {len(named)} lanes: {first_names(named)}", terminal_width()) if named else ""
+    return (
+        fill(f"failed: {len(named)} lanes: {first_names(named)}", terminal_width()) if named else ""
+    )
 
 
 def first_names(named: list[str]) -> str:

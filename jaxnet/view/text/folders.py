@@ -17,7 +17,9 @@ def folders_text(root: str) -> str:
     found = list(search.find_results(root))
     if not found:
         return ""
-    table = table_text(pd.DataFrame([folder_row(path, manifest) for path, manifest in found])).splitlines()
+    table = table_text(
+        pd.DataFrame([folder_row(path, manifest) for path, manifest in found])
+    ).splitlines()
     paths = ["results", *(str(path) for path, _ in found)]
     return "\n".join(f"{line}  {path}" for line, path in zip(table, paths, strict=True))
 

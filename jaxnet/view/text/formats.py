@@ -20,7 +20,9 @@ def in_format(columns: Sequence[Column], name: str, notes: Sequence[str] = ()) -
 def columns_of(table: pd.DataFrame) -> list[Column]:
     """Return the columns of a table that has no intervals."""
     values = {str(name): table[name].tolist() for name in table}
-    return [Column(name, name, name.translate(LATEX_ESCAPES), each) for name, each in values.items()]
+    return [
+        Column(name, name, name.translate(LATEX_ESCAPES), each) for name, each in values.items()
+    ]
 
 
 def csv(columns: Sequence[Column]) -> str:
@@ -55,7 +57,9 @@ def latex(columns: Sequence[Column]) -> str:
 
 def spanning_titles(shown: Sequence[Column]) -> list[str]:
     """Return the line of titles above the columns of one quantity each, with its rules; none without any."""
-    runs = [(title, len(list(run))) for title, run in itertools.groupby(each.across for each in shown)]
+    runs = [
+        (title, len(list(run))) for title, run in itertools.groupby(each.across for each in shown)
+    ]
     if len(runs) == 1 and not runs[0][0]:
         return []
     entries, rules, place = [], [], 1
@@ -75,7 +79,8 @@ def tabular_line(entries: Sequence[str]) -> str:
 def grouped_rows(shown: Sequence[Column]) -> list[str]:
     """Return the rows; all swept keys but the last have their values once, the first has space between."""
     texts = [
-        [latex_number(text) if each.numeric else latex_text(text) for text in each.texts()] for each in shown
+        [latex_number(text) if each.numeric else latex_text(text) for text in each.texts()]
+        for each in shown
     ]
     keys = sum(1 for _ in itertools.takewhile(lambda each: each.key is not None, shown))
     rows, before = [], None

@@ -100,7 +100,9 @@ def live_bar(
             yield from beneath
 
     console = Console(stderr=True)
-    if console.is_jupyter and not importlib.util.find_spec("ipywidgets"):  # which rich would ask for
+    if console.is_jupyter and not importlib.util.find_spec(
+        "ipywidgets"
+    ):  # which rich would ask for
         console = Console(stderr=True, force_jupyter=False, force_terminal=True)
     return Live(*columns, console=console, refresh_per_second=REFRESH)
 

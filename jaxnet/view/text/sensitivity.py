@@ -59,5 +59,9 @@ def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
     if "left out" in rows:
         lines.append(f"left out: samples of which a lane failed, of {table['samples'].iloc[0]:,}")
     return "\n".join(
-        [*lines, fill(SENSITIVITY_LEGEND, terminal_width()), *table_notes(left_out, is_cut, SENSITIVITY_FILE)]
+        [
+            *lines,
+            fill(SENSITIVITY_LEGEND, terminal_width()),
+            *table_notes(left_out, is_cut, SENSITIVITY_FILE),
+        ]
     )

@@ -9,7 +9,14 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.naming import quantity, value_alone
-from jaxnet.statistics.curves import METRIC_NAMES, NO_SLOPE, Curve, curves, no_magnitudes, stored_table
+from jaxnet.statistics.curves import (
+    METRIC_NAMES,
+    NO_SLOPE,
+    Curve,
+    curves,
+    no_magnitudes,
+    stored_table,
+)
 from jaxnet.statistics.fits import ENVELOPE, NO_CURVE_INTERVAL, whole_draws
 from jaxnet.statistics.groups import Group, Label
 from jaxnet.statistics.limits import unchecked_words
@@ -107,7 +114,9 @@ def shown_label(key: str, label: Label) -> Label:
 
 def power_exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float] | None:
     """Return the exponent p of the least-squares power law with its interval, or None."""
-    mine: Any = fits[(fits["metric"] == metric) & (fits["parameter"] == "p") & fits["quantile"].isna()]
+    mine: Any = fits[
+        (fits["metric"] == metric) & (fits["parameter"] == "p") & fits["quantile"].isna()
+    ]
     return tuple(mine[["estimate", "low", "high"]].iloc[0]) if len(mine) else None
 
 
@@ -119,7 +128,9 @@ def slope_interval_text(found: tuple[float, float, float] | None) -> str:
     if not np.isfinite(low):
         return f"{estimate:.4g}"
     return (
-        f"{estimate:.4g} ({low:.4g} to {high:.4g})" if np.isfinite(high) else f"{estimate:.4g} ({low:.4g} -)"
+        f"{estimate:.4g} ({low:.4g} to {high:.4g})"
+        if np.isfinite(high)
+        else f"{estimate:.4g} ({low:.4g} -)"
     )
 
 

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from jaxnet.runs.tally import Standing, Tally
 
 MOST_LINES = 8  # of cells
-OTHER_LINES = 5  # lines that are no cell's: the bar, the head, two notes, the one that the cursor is in
+OTHER_LINES = (
+    5  # lines that are no cell's: the bar, the head, two notes, the one that the cursor is in
+)
 
 
 def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | Text]":
@@ -34,7 +36,9 @@ def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | T
     for each in worst_standings(found, room):
         share = f"{each.unrecovered:.3g}" if np.isfinite(each.unrecovered) else "-"
         rows.append([str(each.cell), f"{each.lanes:,}", four_digits(each.mean), share])
-    columns = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)][1 : 4 if asked else 3]
+    columns = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)][
+        1 : 4 if asked else 3
+    ]
     left = width - sum(columns)
     names = [rows[0][0], *(cell_title(tally.cells[int(row[0])], left) for row in rows[1:])]
     longest = max(map(len, names))

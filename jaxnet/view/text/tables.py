@@ -76,9 +76,13 @@ def summary_text(
     if not any(each.ends for each in fitting):
         shown = [each._replace(ends=None) for each in shown]
     if most is not None and rows > most:
-        lines.append(f"… {rows - most} more rows: `show --all` has all, `show --where KEY=VALUE` some")
+        lines.append(
+            f"… {rows - most} more rows: `show --all` has all, `show --where KEY=VALUE` some"
+        )
         shown = shown if pivot else [first_rows(each, most) for each in shown]
-    lines += [fill(each, terminal_width()) for each in [constant, *summary_notes(results, shown)] if each]
+    lines += [
+        fill(each, terminal_width()) for each in [constant, *summary_notes(results, shown)] if each
+    ]
     return "\n".join([*lines, *table_notes(left_out_titles(varied, fitting), is_cut, "cells.csv")])
 
 
@@ -96,15 +100,25 @@ def asked_columns(
 def first_rows(column: Column, most: int) -> Column:
     """Return the first rows of a column."""
     ends = column.ends and (column.ends[0][:most], column.ends[1][:most])
-    return column._replace(values=column.values[:most], ends=ends, sizes=column.sizes and column.sizes[:most])
+    return column._replace(
+        values=column.values[:most], ends=ends, sizes=column.sizes and column.sizes[:most]
+    )
 
 
 def left_out_titles(varied: Sequence[Column], shown: Sequence[Column]) -> list[str]:
     """Return the titles of the columns that are not shown, and of those shown without their intervals."""
     there = {each.name: each for each in shown}
-    bare = [each.title for each in varied if each.ends and each.name in there and not there[each.name].ends]
+    bare = [
+        each.title
+        for each in varied
+        if each.ends and each.name in there and not there[each.name].ends
+    ]
     lost = [each.title for each in varied if each.name not in there]
-    which = "all intervals" if not any(each.ends for each in shown) else f"intervals of {', '.join(bare)}"
+    which = (
+        "all intervals"
+        if not any(each.ends for each in shown)
+        else f"intervals of {', '.join(bare)}"
+    )
     return [*[which] * bool(bare), *lost]
 
 
@@ -121,7 +135,10 @@ def fit_columns(whole: Sequence[Column], most: int | None) -> tuple[list[Column]
     shown = [lettered(each, most) for each in kept]
     if text_width(shown) > terminal_width():
         intervals = first + (not any(each.across for each in whole))
-        kept = [each if place < intervals else each._replace(ends=None) for place, each in enumerate(kept)]
+        kept = [
+            each if place < intervals else each._replace(ends=None)
+            for place, each in enumerate(kept)
+        ]
         shown = [lettered(each, most) for each in kept]
     while text_width(shown) > terminal_width() and len(shown) > first + 1:
         del kept[-1], shown[-1]
@@ -173,12 +190,18 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
     """Return a note on the intervals of shares, and one on those of means, where these are shown."""
     sure = f"{100 * confidence_told(config.samples):g} %"
-    ended = [(each.title.partition(" [")[0], each.name in SHARE_NAMES) for each in shown if each.ends]
-    shares, means = ([title for title, share in ended if share is wanted] for wanted in (True, False))
+    ended = [
+        (each.title.partition(" [")[0], each.name in SHARE_NAMES) for each in shown if each.ends
+    ]
+    shares, means = (
+        [title for title, share in ended if share is wanted] for wanted in (True, False)
+    )
     exact = "exact binomial " if config.draws == "random" else "binomial "
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
     of = ", ".join(shares)
-    told = [f"[low, high] of {of}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(shares)
+    told = [f"[low, high] of {of}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(
+        shares
+    )
     basis = f"{sure} intervals of a mean over {interval_basis(config)}{at_once}"
     return told + [f"[low, high] of {', '.join(means)}: {basis}"] * bool(means)
 
@@ -257,8 +280,9 @@ def written_text(results: Results) -> str:
 def nothing_to_do_text(results: Results) -> str:
     """Return the message of a run that found all lanes stored."""
     lanes = results.manifest["lanes"]
-    return f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed" + stop_reason(
-        results
+    return (
+        f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
+        + stop_reason(results)
     )
 
 
@@ -290,7 +314,9 @@ def stop_reason(results: Results) -> str:
         words += "no attacked lane came to its end"
     else:
         wide = int((halves > samples.until.half_width).sum())
-        why = f"and no more samples are allowed ({count(wide, 'cell')})" if wide else "narrow enough"
+        why = (
+            f"and no more samples are allowed ({count(wide, 'cell')})" if wide else "narrow enough"
+        )
         share = recovery.share_name(results.study.cells)
         words += f"the widest interval of the share {share} is ± {halves.max():.2g}, {why}"
     return f"\n{fill(words, terminal_width())}"
@@ -323,7 +349,9 @@ def cut_off_words(vehicle: int, since: float) -> str:
 
 def lane_title(results: Results, row: LaneRow) -> str:
     """Return cell and sample of a lane, short enough for a line with a word or two more."""
-    return f"{cell_title(results.study.cells[row.cell], terminal_width() - 40)}, sample {row.sample}"
+    return (
+        f"{cell_title(results.study.cells[row.cell], terminal_width() - 40)}, sample {row.sample}"
+    )
 
 
 def lane_text(results: Results, row: pd.Series) -> str:
@@ -336,5 +364,7 @@ def lane_text(results: Results, row: pd.Series) -> str:
     if stored is None:
         return f"{lines}\nno such row is stored"
     apart = stored.compare(row, result_names=("stored", "replayed"))
-    verdict = "the same as the stored row" if apart.empty else f"DIFFERS from the stored row:\n{apart}"
+    verdict = (
+        "the same as the stored row" if apart.empty else f"DIFFERS from the stored row:\n{apart}"
+    )
     return f"{lines}\n{verdict}"

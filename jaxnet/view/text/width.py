@@ -121,7 +121,10 @@ def fit_terminal(
         if table_width(shown) > terminal_width():
             shown, is_cut = (
                 whole.assign(
-                    **{name: whole[name].map(lambda text, room=room: cut_text(text, room)) for name in named}
+                    **{
+                        name: whole[name].map(lambda text, room=room: cut_text(text, room))
+                        for name in named
+                    }
                 ),
                 True,
             )

@@ -10,13 +10,21 @@ from jaxnet.statistics.recovery import criterion_words
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_text, terminal_width
 
-SEARCH_DROP_ORDER = (("lanes",), ("fresh least 5 %",), ("greatest",), ("nonlinear",), ("bound / found",))
+SEARCH_DROP_ORDER = (
+    ("lanes",),
+    ("fresh least 5 %",),
+    ("greatest",),
+    ("nonlinear",),
+    ("bound / found",),
+)
 
 
 def search_text(results: Results) -> str:
     """Return a table with a line for each cell."""
     labels = list(results.study.cells[0].labels)
-    shown, left_out, is_cut = fit_terminal(worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER)
+    shown, left_out, is_cut = fit_terminal(
+        worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER
+    )
     head = f"the worst {maximised_text(results)}; late: at {late_times(results)}; fresh: from other starts"
     tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
     notes = [fill(each, terminal_width()) for each in (starts_text(results), *limit_lines(results))]
@@ -27,7 +35,9 @@ def starts_text(results: Results) -> str:
     """Return from how many starts a choice is tried, beside those of random lanes."""
     asked = results.study.config.search
     assert asked is not None
-    same = "the same start" if asked.starts == 1 else f"the same {asked.starts:,} starts, their mean"
+    same = (
+        "the same start" if asked.starts == 1 else f"the same {asked.starts:,} starts, their mean"
+    )
     return (
         f"found: every choice from {same}; random lanes: each a choice and a start of its own, the greatest"
         " lane; so random lanes may be above what was found, from a worse start"
@@ -48,7 +58,9 @@ def limit_lines(results: Results) -> list[str]:
         lines.append(f"of other starts {shares.min():.1%} to {shares.max():.1%} fulfil it")
     if nowhere:
         cells = f"cells {', '.join(map(str, nowhere))}" if len(results.worst) > 1 else "the study"
-        lines.append(f"no choice that was tried in {cells} fulfils it: search where more of them do")
+        lines.append(
+            f"no choice that was tried in {cells} fulfils it: search where more of them do"
+        )
     return ["; ".join(lines)]
 
 
@@ -83,7 +95,9 @@ def metric_unit(results: Results) -> str:
     """Return the unit of the maximised metric; empty for a share."""
     config = results.study.config
     assert config.search is not None
-    return {each.name: each.column_unit for each in config.measured()}.get(config.search.maximise, "")
+    return {each.name: each.column_unit for each in config.measured()}.get(
+        config.search.maximise, ""
+    )
 
 
 def worst_rows(results: Results) -> pd.DataFrame:

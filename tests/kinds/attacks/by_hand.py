@@ -31,7 +31,9 @@ def signal(kind, numbers, t):
         case "bias":
             return along(numbers["direction"]) + 0 * t
         case "sinusoid":
-            return jnp.sin(numbers["frequency"] * t + numbers["phase"]) * along(numbers["direction"])
+            return jnp.sin(numbers["frequency"] * t + numbers["phase"]) * along(
+                numbers["direction"]
+            )
         case "rotating":
             return along(numbers["frequency"] * t + numbers["phase"])
         case "chirp":
@@ -67,7 +69,9 @@ def numbers_of(drawn, lane, vehicle):
 def attack_of(given, samples):
     """A study's attack with its numbers drawn."""
     scenario = given.cells[0].scenario
-    return scenario.attack.drawn(Draw(Keyed(given.config.seed), range(samples), scenario.vehicles), "attack")
+    return scenario.attack.drawn(
+        Draw(Keyed(given.config.seed), range(samples), scenario.vehicles), "attack"
+    )
 
 
 def unit_jets(drawn, lane, vehicle, times):

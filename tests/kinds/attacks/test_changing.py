@@ -67,7 +67,9 @@ def test_mobile_liars_under_w_msr_step_by_step():
         np.testing.assert_allclose(now, x, rtol=0, atol=1e-9)
         sent = x.copy()
         liar = [
-            each for since, each in zip([0, *sets["at"]], [[], *sets["sets"]], strict=True) if time >= since
+            each
+            for since, each in zip([0, *sets["at"]], [[], *sets["sets"]], strict=True)
+            if time >= since
         ]
         for each in liar[-1]:
             sent[each - 1] = 45.0 + 10.0 * np.cos(0.7 * time)

@@ -75,7 +75,12 @@ def test_a_lane_moves_as_its_links_say(kind, threat, channel, topology, sybils):
     keys = {"kind": kind, "links": channel, "threat": threat, "sybils": sybils}
     attack = keys | (ADDING | REPLACING)[kind]
     study = systems.study(
-        engine="exact", attack=attack, defence="none", navigator=NAVIGATOR, topology=topology, **CLOCK
+        engine="exact",
+        attack=attack,
+        defence="none",
+        navigator=NAVIGATOR,
+        topology=topology,
+        **CLOCK,
     )
     one = systems.lanes(study, 1)
     outcome = systems.simulate(one)

@@ -29,14 +29,21 @@ def chirp(**numbers):
 def jets_of(attack, horizon, times):
     """The signals as the engines make them, times for lanes: (4, 2, m, times)."""
     return np.stack(
-        signal.jets(attack.vectors() * signal_scale(attack, attack.sizes(horizon), 3), attack.basis(times))
+        signal.jets(
+            attack.vectors() * signal_scale(attack, attack.sizes(horizon), 3), attack.basis(times)
+        )
     )
 
 
 @given(st.floats(-3, 3), st.floats(-0.5, 0.5), st.floats(1, 40), st.floats(0.1, 100))
-def test_derivatives_are_right_and_within_the_magnitude_which_is_reached(frequency, rate, horizon, magnitude):
+def test_derivatives_are_right_and_within_the_magnitude_which_is_reached(
+    frequency, rate, horizon, magnitude
+):
     """Against derivatives of the plain formula, on a fine grid with both ends."""
-    attack, times = chirp(frequency=frequency, rate=rate, magnitude=magnitude), np.linspace(0, horizon, 201)
+    attack, times = (
+        chirp(frequency=frequency, rate=rate, magnitude=magnitude),
+        np.linspace(0, horizon, 201),
+    )
     ours = jets_of(attack, horizon, times)
     plain = by_hand.unit_jets(attack, 0, 5, times)
     greatest = np.linalg.norm(plain, axis=-1).max()
@@ -72,8 +79,16 @@ def test_lanes_are_exact(simulated):
 def test_numbers_compile_nothing_anew(simulated, compiled):
     """Magnitude, frequency, rate and phase, drawn or not."""
     for attack in ({"kind": "chirp", "rate": -0.3}, DRAWN | {"frequency": 2.0, "phase": 0.0}):
-        keys = {"attack": attack, "defence": "none", "horizon": 30.0, "tail": 1.0, "output_step": 0.2}
-        assert (systems.simulate(systems.lanes(systems.study(engine="exact", **keys), 2)).status == 0).all()
+        keys = {
+            "attack": attack,
+            "defence": "none",
+            "horizon": 30.0,
+            "tail": 1.0,
+            "output_step": 0.2,
+        }
+        assert (
+            systems.simulate(systems.lanes(systems.study(engine="exact", **keys), 2)).status == 0
+        ).all()
     assert not compiled
 
 

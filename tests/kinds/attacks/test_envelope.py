@@ -35,7 +35,9 @@ def drawn(attack):
 def jets_of(attack, times, horizon=HORIZON):
     """The signals as the engines make them, times for lanes: (4, 2, m, times)."""
     return np.stack(
-        signal.jets(attack.vectors() * signal_scale(attack, attack.sizes(horizon), 3), attack.basis(times))
+        signal.jets(
+            attack.vectors() * signal_scale(attack, attack.sizes(horizon), 3), attack.basis(times)
+        )
     )
 
 
@@ -51,7 +53,9 @@ def test_jets_are_the_derivatives_and_within_the_magnitude(kind, start, rise, pl
     ours = jets_of(attack, times, horizon)
     known = signal_scale(attack, attack.sizes(horizon), 3) * by_hand.unit_jets(attack, 0, 5, times)
     scale = np.abs(known).max(axis=(1, 2), keepdims=True) + 1e-12
-    np.testing.assert_allclose(ours[:, :, 4].swapaxes(1, 2) / scale, known / scale, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        ours[:, :, 4].swapaxes(1, 2) / scale, known / scale, rtol=0, atol=1e-9
+    )
     norms = np.linalg.norm(ours, axis=1)
     assert norms.max() <= magnitude * (1 + 1e-12)
     assert norms.max() >= magnitude * 0.3
@@ -63,7 +67,9 @@ def test_it_is_smooth_at_both_ends_of_rise_and_fall(kind):
     attack = drawn(Envelope(of=INNER[kind], start=2.0, rise=3.0, stop=9.0))
     step = 1e-7
     for instant in (2.0, 5.0, 9.0, 12.0):
-        before, after = np.moveaxis(jets_of(attack, np.array([instant - step, instant + step])), -1, 0)
+        before, after = np.moveaxis(
+            jets_of(attack, np.array([instant - step, instant + step])), -1, 0
+        )
         np.testing.assert_allclose(after, before, rtol=0, atol=1e-4)
     silent = jets_of(attack, np.array([0.0, 1.0, 2.0, 12.0, 15.0]))
     np.testing.assert_allclose(silent, 0.0, rtol=0, atol=1e-13)
@@ -106,7 +112,10 @@ def test_lanes_are_exact():
     ("keys", "word"),
     [
         ({"stop": 2.9, "start": 1.0, "rise": 2.0}, "must not be before start + rise"),
-        ({"stop": 5.0, "start": {"uniform": [0, 2]}, "rise": {"uniform": [1, 4]}}, "before start + rise"),
+        (
+            {"stop": 5.0, "start": {"uniform": [0, 2]}, "rise": {"uniform": [1, 4]}},
+            "before start + rise",
+        ),
         ({"of": {"kind": "rotating", "magnitude": 3}}, "belongs outside: give attack.magnitude"),
         ({"of": {"kind": "bias", "vehicles": [1]}}, "belongs outside: give attack.vehicles"),
         ({"of": {"kind": "rotating", "threat": "replaces"}}, "belongs outside: give attack.threat"),
@@ -121,4 +130,6 @@ def test_what_cannot_be_is_said(keys, word):
 
 def test_a_stop_just_at_the_top_is_one():
     """Whatever rounding makes of the sum."""
-    jaxnet.load({"attack": {"kind": "envelope", "of": "bias", "start": 0.1, "rise": 0.2, "stop": 0.3}})
+    jaxnet.load(
+        {"attack": {"kind": "envelope", "of": "bias", "start": 0.1, "rise": 0.2, "stop": 0.3}}
+    )

@@ -11,7 +11,13 @@ import jaxnet
 from jaxnet.kinds.attacks.envelope import LAST_SLOPES, smooth_rise
 from tests import systems
 
-QUADROTOR = {"vehicle": "planar_quadrotor", "horizon": 6.0, "tail": 1.0, "vehicles": 5, "defence": "none"}
+QUADROTOR = {
+    "vehicle": "planar_quadrotor",
+    "horizon": 6.0,
+    "tail": 1.0,
+    "vehicles": 5,
+    "defence": "none",
+}
 CHIRP = {"kind": "chirp", "frequency": 0.9, "rate": 0.3}
 ENVELOPE = {"kind": "envelope", "of": CHIRP, "start": 0.5, "rise": 3}
 KINDS = {
@@ -19,7 +25,8 @@ KINDS = {
     "envelope": ENVELOPE,
     "multisine": {"kind": "multisine", "frequency": 0.5},
     "freeform": {"kind": "freeform", "frequency": 0.3, "harmonics": 6},
-    "enveloped harmonics": ENVELOPE | {"of": "multisine", "rise": {"each": {"uniform": [2.0, 4.0]}}},
+    "enveloped harmonics": ENVELOPE
+    | {"of": "multisine", "rise": {"each": {"uniform": [2.0, 4.0]}}},
     "replay": {"kind": "replay"},
     "freeze": {"kind": "freeze"},
     "own_path": {"kind": "own_path", "frequency": 1.4},
@@ -71,7 +78,9 @@ def test_the_engines_agree_on_planar_quadrotors():
     keys = QUADROTOR | {"attack": attack, "horizon": 2.0, "save": {"trajectories": "all"}}
     keys |= {"sweep": {"engine": ["exact", "nonlinear", {"kind": "nonlinear", "solver": "dopri8"}]}}
     results = jaxnet.simulate(keys, samples=1, progress=False)
-    exact, *others = (results.trajectories["states"].sel(cell=cell).values[..., :2] for cell in range(3))
+    exact, *others = (
+        results.trajectories["states"].sel(cell=cell).values[..., :2] for cell in range(3)
+    )
     assert np.isfinite(exact).all()
     for other in others:
         np.testing.assert_allclose(other, exact, rtol=0, atol=1e-5)

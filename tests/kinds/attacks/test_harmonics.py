@@ -87,9 +87,13 @@ def test_a_slow_rotating_attack_is_the_papers(magnitude, frequency, seed, t):
     numbers, functions, vectors = drawn(KINDS["rotating"](magnitude, frequency), seed)
     found, _ = jets(functions, vectors, jnp.asarray(t))
     angle = frequency * t + numbers.phase[ROWS]
-    assert len(np.unique(angle)) == angle.size, "each attacked vehicle and lane has a phase of its own"
+    assert len(np.unique(angle)) == angle.size, (
+        "each attacked vehicle and lane has a phase of its own"
+    )
     expected = magnitude * np.stack([np.cos(angle), np.sin(angle)])
-    np.testing.assert_allclose(found[0][:, ROWS], expected, rtol=0, atol=1e-13 * max(1.0, magnitude))
+    np.testing.assert_allclose(
+        found[0][:, ROWS], expected, rtol=0, atol=1e-13 * max(1.0, magnitude)
+    )
 
 
 @pytest.mark.parametrize(("frequency", "order"), [(0.7, 0), (-0.7, 0), (3.0, 3), (-3.0, 3)])
@@ -106,14 +110,18 @@ def test_a_slow_sinusoid_is_one_along_its_direction(magnitude, frequency, seed, 
     found, _ = jets(functions, vectors, jnp.asarray(t))
     along, swing = numbers.direction[ROWS], np.sin(frequency * t + numbers.phase[ROWS])
     expected = magnitude * swing * np.stack([np.cos(along), np.sin(along)])
-    np.testing.assert_allclose(found[0][:, ROWS], expected, rtol=0, atol=1e-13 * max(1.0, magnitude))
+    np.testing.assert_allclose(
+        found[0][:, ROWS], expected, rtol=0, atol=1e-13 * max(1.0, magnitude)
+    )
 
 
 def test_a_bias_is_constant_and_as_long_as_allowed():
     numbers, functions, vectors = drawn(KINDS["bias"](10.0, 0.0))
     found, _ = jets(functions, vectors, jnp.asarray(7.0))
     along = numbers.direction[ROWS]
-    np.testing.assert_allclose(found[0][:, ROWS], 10.0 * np.stack([np.cos(along), np.sin(along)]), rtol=1e-14)
+    np.testing.assert_allclose(
+        found[0][:, ROWS], 10.0 * np.stack([np.cos(along), np.sin(along)]), rtol=1e-14
+    )
     assert not np.asarray(found[1:]).any()
 
 

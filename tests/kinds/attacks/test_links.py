@@ -19,7 +19,9 @@ def test_attacked_links_of_each_channel(heard, attackers):
     vehicles_talk = any(j > 0 for _, j in links(heard))
 
     def attacked(channel):
-        return marked(weights, Bias(vehicles=sorted(attackers), links=channel).attacked_links(weights))
+        return marked(
+            weights, Bias(vehicles=sorted(attackers), links=channel).attacked_links(weights)
+        )
 
     assert attacked("neighbour") == transmitted
     assert attacked("navigator") == received

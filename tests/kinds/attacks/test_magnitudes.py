@@ -35,7 +35,9 @@ def test_a_star_responds_to_a_constant_disturbance(vehicle, magnitude, gain):
     """ρ = Σ_k k_k ā_k with k_r = 1; orders beyond the list are true; vehicle 2 is not attacked."""
     attack = SPOOF | {"magnitude": magnitude}
     keys = (
-        STAR | CLOCK | {"vehicle": vehicle, "gain": gain, "attack": attack, "save": {"trajectories": "all"}}
+        STAR
+        | CLOCK
+        | {"vehicle": vehicle, "gain": gain, "attack": attack, "save": {"trajectories": "all"}}
     )
     results = jaxnet.simulate(keys, samples=1, progress=False)
     data = results.trajectories.sel(cell=0, sample=0)
@@ -62,7 +64,11 @@ def test_each_order_is_heard_within_its_magnitude(kind):
     results = jaxnet.simulate(keys, samples=1, progress=False)
     signal = results.trajectories["attack"].sel(cell=0, sample=0)
     time = signal["time"].values
-    unit = np.sin(1.7 * time + 0.2) if kind == "sinusoid" else binom.sf(3, 7, np.clip(time - 0.5, 0, 1))
+    unit = (
+        np.sin(1.7 * time + 0.2)
+        if kind == "sinusoid"
+        else binom.sf(3, 7, np.clip(time - 0.5, 0, 1))
+    )
     rough = 1e-3 if kind == "envelope" else 1e-9  # bounds on an envelope are those of pieces
     np.testing.assert_allclose(signal.values[:, 1, 0], 4.0 * unit, atol=rough)
     if kind == "sinusoid":
@@ -81,7 +87,10 @@ def test_bounds_follow_from_the_list():
 @pytest.mark.parametrize(
     ("attack", "message"),
     [
-        ({"kind": "rotating", "magnitude": [1, 2]}, "derivatives of rotating follow from its signal"),
+        (
+            {"kind": "rotating", "magnitude": [1, 2]},
+            "derivatives of rotating follow from its signal",
+        ),
         (SPOOF | {"magnitude": [1, 2, 3, 4, 5]}, "at most 4 numbers, of the orders 0 to 3"),
         ({"kind": "rotating", "orders": [0, 1], "magnitude": [1, 2, 3]}, "leaves order 2 true"),
         (SPOOF | {"magnitude": [1, -2]}, "must be at least 0"),

@@ -6,7 +6,13 @@ import pytest
 import jaxnet
 from tests.engine.test_orders import subsequence
 
-PATH = {"kind": "own_path", "centre": [3.0, -2.0], "swing": [25.0, 10.0], "frequency": 1.3, "phase": 0.4}
+PATH = {
+    "kind": "own_path",
+    "centre": [3.0, -2.0],
+    "swing": [25.0, 10.0],
+    "frequency": 1.3,
+    "phase": 0.4,
+}
 NOBODY_LEADS = {"navigator": "none", "law": "local", "engine": "exact", "topology": "complete"}
 
 
@@ -28,7 +34,9 @@ def test_a_liar_is_where_it_tells_to_be():
     """Positions, velocities, inputs and metrics of space, of double integrators in the nonlinear engine."""
     attack = PATH | {"vehicles": [2], "moves": "as_told"}
     keys = NOBODY_LEADS | {"vehicle": "double_integrator", "vehicles": 5, "defence": "w_msr"}
-    results = results_of(**keys | {"engine": "nonlinear", "attack": attack, "metrics": ["min_separation"]})
+    results = results_of(
+        **keys | {"engine": "nonlinear", "attack": attack, "metrics": ["min_separation"]}
+    )
     data, lane = results.trajectories.sel(cell=0, sample=0), results.lanes.iloc[0]
     states, time = data["states"].values, data["time"].values
     np.testing.assert_allclose(states[:, 1, :2], told(time), atol=1e-9)
@@ -37,7 +45,9 @@ def test_a_liar_is_where_it_tells_to_be():
     places = states[..., :2]
     apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1) + 1e9 * np.eye(5)
     assert lane["min_separation"] == pytest.approx(apart.min(), abs=1e-9)
-    assert lane["min_speed"] == pytest.approx(np.linalg.norm(states[..., 2:4], axis=-1).min(), abs=1e-9)
+    assert lane["min_speed"] == pytest.approx(
+        np.linalg.norm(states[..., 2:4], axis=-1).min(), abs=1e-9
+    )
     honest = np.delete(places[-11:], 1, axis=1)
     spread = np.linalg.norm(honest[:, :, None] - honest[:, None], axis=-1).max()
     assert lane["spread"] == pytest.approx(spread, abs=1e-9)
@@ -45,17 +55,28 @@ def test_a_liar_is_where_it_tells_to_be():
 
 def test_listeners_do_not_tell_the_difference():
     """Others move as if the liar obeyed the law, bit for bit; a liar drawn for each lane too."""
-    keys = {"vehicle": "single_integrator", "defence": "w_msr", "topology": "complete", "vehicles": 6}
+    keys = {
+        "vehicle": "single_integrator",
+        "defence": "w_msr",
+        "topology": "complete",
+        "vehicles": 6,
+    }
     keys |= {"engine": "exact", "attack": PATH | {"vehicles": {"random": 2}}}
     by_law, as_told = (
-        results_of(**keys | {"attack": keys["attack"] | {"moves": moves}}).trajectories.sel(cell=0, sample=0)
+        results_of(**keys | {"attack": keys["attack"] | {"moves": moves}}).trajectories.sel(
+            cell=0, sample=0
+        )
         for moves in ("by_law", "as_told")
     )
     liars = np.flatnonzero(by_law["attack"].values.any(axis=(0, 2)))
     assert len(liars) == 2
-    np.testing.assert_array_equal(*(np.delete(each["states"].values, liars, 1) for each in (by_law, as_told)))
+    np.testing.assert_array_equal(
+        *(np.delete(each["states"].values, liars, 1) for each in (by_law, as_told))
+    )
     for liar in liars:
-        np.testing.assert_allclose(as_told["states"].values[:, liar], told(as_told["time"].values), atol=1e-9)
+        np.testing.assert_allclose(
+            as_told["states"].values[:, liar], told(as_told["time"].values), atol=1e-9
+        )
         assert not np.allclose(by_law["states"].values[:, liar], as_told["states"].values[:, liar])
 
 
@@ -64,7 +85,10 @@ def test_a_liar_drops_sources_by_its_own_place():
     keys = NOBODY_LEADS | {"vehicle": "single_integrator", "vehicles": 5, "defence": "w_msr"}
     keys |= {"gain": [0.2], "tick": 1.0, "output_step": 1.0, "horizon": 12.0, "tail": 0.0}
     starts = [[10.0, 7.0], [30.0, -20.0], [60.0, 31.0], [80.0, 2.0], [100.0, -9.0]]
-    keys |= {"initial": {"position": starts}, "attack": PATH | {"vehicles": [3], "moves": "as_told"}}
+    keys |= {
+        "initial": {"position": starts},
+        "attack": PATH | {"vehicles": [3], "moves": "as_told"},
+    }
     results = results_of(**keys)
     x, before, switches = np.array(starts), None, 0
     for time in range(13):
@@ -72,7 +96,9 @@ def test_a_liar_drops_sources_by_its_own_place():
         kept, new = [], x.copy()
         for i in range(5):
             others = np.delete(x, i, axis=0)
-            axes = [subsequence(x[i, axis], others[:, axis], np.ones(4), set(), 1) for axis in (0, 1)]
+            axes = [
+                subsequence(x[i, axis], others[:, axis], np.ones(4), set(), 1) for axis in (0, 1)
+            ]
             kept.append([each for each, _ in axes])
             new[i] = x[i] - 0.2 * (x[i] - [mean for _, mean in axes])
         states = results.trajectories["states"].sel(cell=0, sample=0).values[time]
@@ -86,10 +112,20 @@ def test_a_liar_drops_sources_by_its_own_place():
     ("keys", "message"),
     [
         ({"attack": {"kind": "bias", "moves": "as_told"}}, "needs false messages"),
-        ({"attack": {"kind": "bias", "threat": "replaces", "moves": "as_told"}}, "state of two_wheeled"),
+        (
+            {"attack": {"kind": "bias", "threat": "replaces", "moves": "as_told"}},
+            "state of two_wheeled",
+        ),
         ({"attack": PATH | {"moves": "as_told"}, "topology": "star"}, "tell nothing of a vehicle"),
         (
-            {"attack": {"kind": "bias", "threat": "replaces", "moves": "as_told", "listeners": "each"}},
+            {
+                "attack": {
+                    "kind": "bias",
+                    "threat": "replaces",
+                    "moves": "as_told",
+                    "listeners": "each",
+                }
+            },
             "the same for all listeners",
         ),
     ],

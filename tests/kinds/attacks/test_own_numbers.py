@@ -22,7 +22,9 @@ KEYS = {"defence": "none", "horizon": 12.0, "tail": 1.0}
 
 def states(attack, samples=2):
     """States of lanes over time."""
-    outcome = systems.simulate(systems.lanes(systems.study(attack=attack, engine="exact", **KEYS), samples))
+    outcome = systems.simulate(
+        systems.lanes(systems.study(attack=attack, engine="exact", **KEYS), samples)
+    )
     assert (outcome.status == 0).all()
     return outcome.series["state"][..., :2]
 
@@ -86,7 +88,10 @@ def test_lanes_are_exact_with_frequencies_drawn_for_each():
 KINDS = {
     "sinusoid": {"frequency": {"each": {"uniform": [0.3, 3.0]}}},
     "rotating": {"frequency": [0.3, -1.2, 2.0, 0.9]},
-    "chirp": {"frequency": {"each": {"uniform": [-1, 1]}}, "rate": [0.1, 0.0, -0.2, {"uniform": [0, 0.3]}]},
+    "chirp": {
+        "frequency": {"each": {"uniform": [-1, 1]}},
+        "rate": [0.1, 0.0, -0.2, {"uniform": [0, 0.3]}],
+    },
     "multisine": {"frequency": {"each": {"uniform": [0.2, 0.8]}}, "harmonics": 3},
     "envelope": {
         "of": {
@@ -129,7 +134,9 @@ def signals(attack, samples=40, **keys):
     made = job(study.cells[0].scenario, Keyed(0), range(samples))
     lane = jax.tree.map(lambda leaf: np.moveaxis(leaf, 0, -1), made.inputs.lane)
     instants = (0.4, 2.3, 7.0)
-    return np.stack([signal.jets(lane.vectors, lane.signal.basis(np.full(samples, t)))[0] for t in instants])
+    return np.stack(
+        [signal.jets(lane.vectors, lane.signal.basis(np.full(samples, t)))[0] for t in instants]
+    )
 
 
 def test_ways_to_write_the_same_are_the_same():
@@ -142,7 +149,10 @@ def test_ways_to_write_the_same_are_the_same():
         ({"phase": {"each": band}}, {"phase": band}),
         ({"phase": [band] * 4}, {"phase": band}),
         ({"direction": [0.5, 0.5, 0.5, 0.5]}, {"direction": 0.5}),
-        ({"vehicles": [8, 2], "frequency": [1.5, 0.2]}, {"vehicles": [2, 8], "frequency": [0.2, 1.5]}),
+        (
+            {"vehicles": [8, 2], "frequency": [1.5, 0.2]},
+            {"vehicles": [2, 8], "frequency": [0.2, 1.5]},
+        ),
     ):
         np.testing.assert_allclose(signals(one), signals(other), rtol=0, atol=1e-12)
 
@@ -176,10 +186,19 @@ def test_drawn_attackers_and_listeners_have_their_own_too():
         ({"frequency": {"each": "x"}}, "attack.frequency.each: must be a number"),
         ({"frequency": {"apiece": 1.0}}, "one of them in {each: ...} or {shared: ...}, or a list"),
         ({"vehicles": {"random": 2}, "phase": [0.0, 1.0]}, "got drawn ones"),
-        ({"vehicles": {"random": 2}, "listeners": "each", "frequency": {"each": 1.0}}, "one number for all"),
+        (
+            {"vehicles": {"random": 2}, "listeners": "each", "frequency": {"each": 1.0}},
+            "one number for all",
+        ),
         ({"kind": "multisine", "frequency": [1.0, 1.0, 0.0, 1.0]}, "must be greater than 0"),
-        ({"kind": "envelope", "of": {"kind": "chirp", "rate": [0.1]}}, "attack.of.rate: a list has"),
-        ({"kind": "envelope", "of": "bias", "start": [0, 1, 2, 3], "stop": [6, 6, 6, 6]}, "before start"),
+        (
+            {"kind": "envelope", "of": {"kind": "chirp", "rate": [0.1]}},
+            "attack.of.rate: a list has",
+        ),
+        (
+            {"kind": "envelope", "of": "bias", "start": [0, 1, 2, 3], "stop": [6, 6, 6, 6]},
+            "before start",
+        ),
         ({"magnitude": [1, 2, 3, 4]}, "attack.magnitude: must be one number"),
     ],
 )

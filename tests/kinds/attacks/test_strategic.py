@@ -12,7 +12,9 @@ CLOCK = {"tick": 0.1, "horizon": 30.0, "tail": 0.0}
 def test_a_greedy_attacker_finds_the_worst_constant(kind, gain):
     """Where nobody trims that is all in one direction, which attains the static gain."""
     keys = {**CLOCK, "horizon": 60.0, "engine": "exact", "defence": "none"}
-    study = systems.study(attack={"kind": kind, "magnitude": 2.0}, sweep={"topology": list(gain)}, **keys)
+    study = systems.study(
+        attack={"kind": kind, "magnitude": 2.0}, sweep={"topology": list(gain)}, **keys
+    )
     outcome = systems.simulate(systems.lanes(study, 2, ()))
     known = 2.0 * np.repeat(list(gain.values()), 2)
     np.testing.assert_allclose(outcome.metrics["tail_max"], known, rtol=0, atol=1e-5)
@@ -26,7 +28,9 @@ def test_a_magnitude_may_be_drawn():
     amplitude, said = drawn.inputs.lane.attack_scale, systems.simulate(drawn).series
     assert set(amplitude) == {2.0, 8.0}
     for size in (2.0, 8.0):
-        known = systems.simulate(systems.lanes(systems.study(attack=attack | {"magnitude": size}, **keys), 4))
+        known = systems.simulate(
+            systems.lanes(systems.study(attack=attack | {"magnitude": size}, **keys), 4)
+        )
         for each in ("state", "attack"):
             lanes = amplitude == size
             np.testing.assert_array_equal(said[each][lanes], known.series[each][lanes])
@@ -48,12 +52,16 @@ def test_one_mimic_alone_is_believed_whenever_it_lies_and_could_not_lie_more():
             error = states[n, :, :2] - path
             part = said[n, 4] @ unit / 8.0
             assert abs(16 * part - round(16 * part)) < 1e-9
-            others = {3: np.linalg.norm(error[2]), 5: np.linalg.norm(error[6])}  # of listeners 4 and 6
+            others = {
+                3: np.linalg.norm(error[2]),
+                5: np.linalg.norm(error[6]),
+            }  # of listeners 4 and 6
             if part > 0:
                 lied += 1
                 assert (kept[n, [3, 5], 5] > 0).all()
             farther = [
-                np.linalg.norm(error[4] + 8.0 * p * unit) for p in np.arange(round(16 * part) + 1, 17) / 16
+                np.linalg.norm(error[4] + 8.0 * p * unit)
+                for p in np.arange(round(16 * part) + 1, 17) / 16
             ]
             assert all(any(score > other - 1e-6 for other in others.values()) for score in farther)
     assert lied > 20

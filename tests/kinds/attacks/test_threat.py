@@ -40,7 +40,9 @@ def test_a_constant_in_phase_ends_where_threats_say(settled):
     path = [float(i >= 3) for i in range(1, 13)]
     for lane, known in ((0, ring), (1, ring), (2, path), (3, path)):
         expected = 2.0 * np.stack([known, np.zeros(12)], axis=1)
-        np.testing.assert_allclose(errors_at_the_end(one, outcome, lane), expected, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(
+            errors_at_the_end(one, outcome, lane), expected, rtol=0, atol=1e-5
+        )
 
 
 def test_the_static_bound_is_attained_and_no_lane_violates(settled):
@@ -66,7 +68,10 @@ def test_no_lane_is_over_a_bound(settled):
     assert limits.unchecked_cells(study.cells) == {}
     assert limits.violations_table(systems.results_of(study, rows)).empty
     beyond = rows.assign(tail_max=rows["tail_max"] + 1e-3)
-    assert len(limits.violations_table(systems.results_of(study, beyond)).query("bound == 'static'")) == 4
+    assert (
+        len(limits.violations_table(systems.results_of(study, beyond)).query("bound == 'static'"))
+        == 4
+    )
 
 
 def test_no_trimmed_lane_is_over_the_peak_gain():

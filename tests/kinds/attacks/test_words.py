@@ -21,7 +21,9 @@ def test_a_lane_moves_as_the_plain_program():
 
     The exact engine, and last words that are held: tests/kinds/attacks/test_channels.py.
     """
-    study = systems.study(engine="nonlinear", attack="replay", defence="none", horizon=12.0, tail=1.0)
+    study = systems.study(
+        engine="nonlinear", attack="replay", defence="none", horizon=12.0, tail=1.0
+    )
     one = systems.lanes(study, 2)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
@@ -48,14 +50,18 @@ def test_a_lane_moves_as_the_plain_program():
 
 def test_a_frozen_message_is_the_first_one():
     """It carries the output of its source at t = 0, which for `look_ahead` is not the axle's place."""
-    one = systems.lanes(systems.study(attack="freeze", vehicle={"kind": "look_ahead", "ahead": 0.5}), 2)
+    one = systems.lanes(
+        systems.study(attack="freeze", vehicle={"kind": "look_ahead", "ahead": 0.5}), 2
+    )
     for number in range(2):
         lane = systems.lane(one, number)
         navigator = lane.navigator.jets(np.zeros(1))[0]
         carried = (lane.vectors @ lane.signal.basis(np.zeros(1))[0])[..., 0] + navigator
         ahead = 0.5 * np.array([np.cos(lane.initial[2]), np.sin(lane.initial[2])])
         for j in ATTACKED:
-            np.testing.assert_allclose(carried[:, j - 1], (lane.initial[:2] + ahead)[:, j - 1], rtol=1e-12)
+            np.testing.assert_allclose(
+                carried[:, j - 1], (lane.initial[:2] + ahead)[:, j - 1], rtol=1e-12
+            )
 
 
 @pytest.mark.parametrize("kind", ["replay", "freeze"])
@@ -113,7 +119,13 @@ def test_the_freeform_attack_is_what_its_coefficients_say():
     }
     turning = {"kind": "rotating", "frequency": 0.6, "phase": [0.0, np.pi / 2]}
     phases, directions = [[0.1, 2.0], [3.0, 4.0]], [[0.5, 1.0], [2.5, 6.0]]
-    sine = {"kind": "multisine", "frequency": 0.4, "harmonics": 2, "phase": phases, "direction": directions}
+    sine = {
+        "kind": "multisine",
+        "frequency": 0.4,
+        "harmonics": 2,
+        "phase": phases,
+        "direction": directions,
+    }
     given = [
         [
             number
@@ -127,7 +139,9 @@ def test_the_freeform_attack_is_what_its_coefficients_say():
     for one, other, size in ((circle, turning, np.cos(np.pi / 32)), (free, sine, 1.0)):
         signals = []
         for attack in (one, other):
-            lane = systems.lane(systems.lanes(systems.study(attack={**keys, **attack}, engine="exact"), 1), 0)
+            lane = systems.lane(
+                systems.lanes(systems.study(attack={**keys, **attack}, engine="exact"), 1), 0
+            )
             basis = np.asarray(lane.signal.basis(np.linspace(0.0, 30.0, 301)))
             signals.append(np.einsum("xjb,kbt->kxjt", lane.vectors, basis))
         np.testing.assert_allclose(signals[0], size * signals[1], rtol=0, atol=1e-12)
@@ -141,7 +155,9 @@ def test_a_freeform_attack_of_nothing_is_none():
     assert np.linalg.norm(vectors[:, 1]) > 1
     assert not vectors[:, [j for j in range(12) if j != 1]].any()
     over = {"over": {"attack.coefficients": "each"}}
-    (cell,) = systems.study(attack={"kind": "freeform", "vehicles": [2]}, search=over, engine="exact").cells
+    (cell,) = systems.study(
+        attack={"kind": "freeform", "vehicles": [2]}, search=over, engine="exact"
+    ).cells
     box = Box(cell.scenario, Keyed(0), places_of(cell.scenario, Keyed(0)))
     assert not box.lanes(box.centre([2])[None], np.array([0])).inputs.lane.vectors.any()
 

@@ -47,7 +47,9 @@ def test_each_half_plane_holds_a_third(heard):
     assert not found[weights == 0].any()
     np.testing.assert_allclose(found.sum(axis=0), 1.0, rtol=1e-12)
     needed = -(-(weights > 0).sum(axis=0) // 3)
-    point, mean = ((each[None] * position).sum(axis=1) for each in (found, weights / weights.sum(axis=0)))
+    point, mean = (
+        (each[None] * position).sum(axis=1) for each in (found, weights / weights.sum(axis=0))
+    )
     assert (depth(position, weights > 0, point) >= needed).all()
     assert (depth(position, weights > 0, mean) < needed).mean() > 0.3
 

@@ -20,7 +20,9 @@ def dropped(rule, places, shared=()):
     """How often sources at these places on a line are dropped by a vehicle at 0 that trusts the first."""
     weights = jnp.ones((len(places), 1, LANES))
     trusted = jnp.arange(len(places))[:, None] == 0
-    position = jnp.stack([jnp.broadcast_to(jnp.asarray(places)[:, None, None], weights.shape), 0 * weights])
+    position = jnp.stack(
+        [jnp.broadcast_to(jnp.asarray(places)[:, None, None], weights.shape), 0 * weights]
+    )
     time = jnp.full(LANES, 0.1)
     seen = jax.jit(rule.observed)((position,) * 3, time)
     own = (jnp.zeros((2, 1, LANES)),) * 3
@@ -70,7 +72,9 @@ def test_noise_is_of_the_size_it_says_and_of_nobody_else():
     assert stats.kstest(rows.ravel()[::7] / NOISE, "norm").pvalue > 1e-3
     apart = np.corrcoef(rows) - np.eye(len(rows))
     assert np.abs(apart).max() < 5 / np.sqrt(LANES)
-    few = WMSR.filled({"F": 1, "noise": NOISY["noise"][5:9], "key": KEY[5:9], "drop_trusted": False})
+    few = WMSR.filled(
+        {"F": 1, "noise": NOISY["noise"][5:9], "key": KEY[5:9], "drop_trusted": False}
+    )
     alone = jax.jit(few.observed)(jax.tree.map(lambda jet: jet[..., 5:9], jets), jnp.full(4, 0.1))
     np.testing.assert_array_equal(np.stack(alone), now[..., 5:9])
 
@@ -78,7 +82,9 @@ def test_noise_is_of_the_size_it_says_and_of_nobody_else():
 def test_it_costs_nothing_where_there_is_none():
     """No number of it comes with the lanes, but for the tolerance."""
     quiet, noisy = (
-        jax.tree.leaves(systems.lanes(systems.study(defence={"noise": noise}), 2, ()).inputs.lane.defence)
+        jax.tree.leaves(
+            systems.lanes(systems.study(defence={"noise": noise}), 2, ()).inputs.lane.defence
+        )
         for noise in (0.0, 1.0)
     )
     assert (len(quiet), len(noisy)) == (1, 3)
@@ -87,7 +93,12 @@ def test_it_costs_nothing_where_there_is_none():
 def test_lanes_draw_the_same_in_any_company():
     """The first lanes, whoever is beside them."""
     keys = {"vehicles": 6, "attack": {"kind": "rotating", "vehicles": [2]}, "tick": 0.1}
-    keys |= {"horizon": 2.0, "tail": 1.0, "output_step": 0.1, "defence": {"kind": "w_msr", "noise": 5.0}}
+    keys |= {
+        "horizon": 2.0,
+        "tail": 1.0,
+        "output_step": 0.1,
+        "defence": {"kind": "w_msr", "noise": 5.0},
+    }
     study = systems.study(engine="exact", **keys)
     few, many = (systems.simulate(systems.lanes(study, count)) for count in (2, 5))
     np.testing.assert_array_equal(few.series["state"], many.series["state"][:2])

@@ -24,7 +24,9 @@ def a_bit_off(one, seed):
 
     def moved(number):
         towards = np.array([-np.inf, 0.0, np.inf])[rng.integers(3, size=number.shape)]
-        return np.where(towards == 0, number, np.where(number == 0, 0.0, np.nextafter(number, towards)))
+        return np.where(
+            towards == 0, number, np.where(number == 0, 0.0, np.nextafter(number, towards))
+        )
 
     lane = lane._replace(initial=moved(lane.initial), vectors=moved(lane.vectors))
     return one._replace(inputs=one.inputs._replace(lane=lane))
@@ -33,13 +35,18 @@ def a_bit_off(one, seed):
 @pytest.mark.parametrize("defence", DEFENCES, ids=str)
 def test_the_last_bit_moves_nobody(defence):
     """Four attackers tell the navigator's path with an offset of one size; two starts differ by rounding."""
-    attack = {"kind": "bias" if defence == "coordinate_median" else "rotating", "threat": "replaces"}
+    attack = {
+        "kind": "bias" if defence == "coordinate_median" else "rotating",
+        "threat": "replaces",
+    }
     study = systems.study(defence=defence, attack=attack, **KEYS)
     one = systems.lanes(study, LANES)
     ours, theirs = systems.simulate(one), systems.simulate(a_bit_off(one, 0))
     assert (ours.status == 0).all()
     jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b, rtol=0, atol=1e-9), ours.metrics, theirs.metrics
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=0, atol=1e-9),
+        ours.metrics,
+        theirs.metrics,
     )
     np.testing.assert_array_equal(ours.switches, theirs.switches)
 

@@ -70,7 +70,11 @@ def test_the_nearest_are_by_links_from_the_navigator():
 def test_a_chain_of_nearest_sources_is_safe_from_all_others():
     """Of a path whose vehicles hear the last one too, trusting one source each leaves the path."""
     edges = [[i, i - 1, 1.0] for i in range(1, 7)] + [[i, 6, 1.0] for i in range(1, 6)]
-    keys = {"vehicles": 6, "topology": {"kind": "edges", "edges": edges}, "attack": {"vehicles": [6]}}
+    keys = {
+        "vehicles": 6,
+        "topology": {"kind": "edges", "edges": edges},
+        "attack": {"vehicles": [6]},
+    }
     study = systems.study(defence={"kind": "trusted_only", "trusted": {"nearest": 1}}, **keys)
     known = situation_of(study.cells[0].scenario)
     np.testing.assert_array_equal(whole(known.graph, known.trusted), matrix_of(Path(), 6) > 0)

@@ -64,9 +64,16 @@ class Situation:
 @jax.jit
 def decide(weights, received, trusted, memory, shared):
     """The decision of one moment in one lane: weights in force and slots dropped."""
-    keys = {"tolerance": jnp.full(1, TOLERANCE), "score": "position", "filter": None, "drop_trusted": False}
+    keys = {
+        "tolerance": jnp.full(1, TOLERANCE),
+        "score": "position",
+        "filter": None,
+        "drop_trusted": False,
+    }
     rule = TrustedTrim.filled(keys)
-    around = Neighbourhood(jnp.asarray(SOURCES), weights[..., None], trusted, jnp.ones((3, 1)), None, shared)
+    around = Neighbourhood(
+        jnp.asarray(SOURCES), weights[..., None], trusted, jnp.ones((3, 1)), None, shared
+    )
     jets = (received[..., None],) * 3
     own = (received[:, 0, :, None],) * 3
     decision, _ = rule.decide(own, jets, ~memory[..., None], rule.start(around), around)
@@ -150,7 +157,10 @@ def test_a_standing_scene_is_decided_the_same_at_every_tick():
     the source that was dropped last behind itself, and it is back at every other tick.
     """
     edges = [(1, j, 1.0) for j in (0, 2, 3, 4, 5)] + [(i, 0, 1.0) for i in range(2, FLEET + 1)]
-    weights, trusted = graph.dense(graph.weighted(FLEET, edges)), np.zeros((FLEET, FLEET + 1), dtype=bool)
+    weights, trusted = (
+        graph.dense(graph.weighted(FLEET, edges)),
+        np.zeros((FLEET, FLEET + 1), dtype=bool),
+    )
     trusted[0, [0, 2, 3]] = True
     received = np.random.default_rng(0).normal(0.0, 100.0, (100, FLEET, FLEET + 1, 2))
     for scene in received:
@@ -227,7 +237,9 @@ def test_an_attacked_neighbour_never_seems_farther_than_another(seed, size, atta
     In a ring of five, what 2 or 3 transmits carries an attack of its own to each listener, of any size.
     """
     rng = np.random.default_rng(seed)
-    received = np.broadcast_to(rng.normal(0.0, 100.0, (1, FLEET + 1, 2)), (FLEET, FLEET + 1, 2)).copy()
+    received = np.broadcast_to(
+        rng.normal(0.0, 100.0, (1, FLEET + 1, 2)), (FLEET, FLEET + 1, 2)
+    ).copy()
     received[:, attacked] += 10.0**size * rng.normal(size=(FLEET, 2))
     navigator = np.zeros((FLEET, FLEET + 1), dtype=bool)
     navigator[:, 0] = True
@@ -249,7 +261,8 @@ def test_an_attacked_neighbour_never_seems_farther_than_another(seed, size, atta
 def test_protected_vehicles_hear_and_trust_enough(heard, trusted, theta):
     """And they are who drops anybody, for theory: exactly ϑ untrusted sources, or all of fewer."""
     rule = TrustedTrim(
-        theta=dict(enumerate(theta, start=1)), trusted={i: sorted(each) for i, each in trusted.items()}
+        theta=dict(enumerate(theta, start=1)),
+        trusted={i: sorted(each) for i, each in trusted.items()},
     )
     weights = weights_of(heard)
     trusts = rule.trusts(weights)
@@ -280,7 +293,10 @@ def test_of_the_papers_graphs_only_the_ring_can_trim(weights, everybody):
 
 
 CONDITION = "ϑ = 1, |N_i| ≥ 2ϑ + 1 with ϑ trusted: "
-EVERYBODY, NOBODY = "holds for every vehicle", "nobody is protected, so everybody keeps whom they hear"
+EVERYBODY, NOBODY = (
+    "holds for every vehicle",
+    "nobody is protected, so everybody keeps whom they hear",
+)
 OUTNUMBERED = "; more than ϑ attacked sources, or a trusted one, at "
 
 
@@ -290,7 +306,12 @@ OUTNUMBERED = "; more than ϑ attacked sources, or a trusted one, at "
         (Star, [2, 5, 8, 11], {}, CONDITION + NOBODY),
         (Path, [2, 5, 8, 11], {}, CONDITION + NOBODY),
         (Cyclic, [2, 5, 8, 11], {}, CONDITION + EVERYBODY),
-        (Cyclic, [2, 4], {}, CONDITION + EVERYBODY + OUTNUMBERED + "3"),  # between two that are attacked
+        (
+            Cyclic,
+            [2, 4],
+            {},
+            CONDITION + EVERYBODY + OUTNUMBERED + "3",
+        ),  # between two that are attacked
         (Cyclic, [2], {"trusted": {3: [2], 5: [4]}}, CONDITION + EVERYBODY + OUTNUMBERED + "3"),
         (Cyclic, [2, 4], {"theta": 0}, CONDITION.replace("1", "0", 1) + NOBODY),
         (

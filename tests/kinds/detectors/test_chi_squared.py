@@ -73,7 +73,11 @@ def test_all_noisy_orders_count_together_and_sensors_too():
     keys = {"channel": {"noise": noise}, "sensing": sensing}
     _, honest = shares(**keys, **SILENT)
     assert inside(honest.mean(), 0.01, 8 * TICKS * 18)
-    attack = {"kind": "bias", "magnitude": 0.15, "vehicles": [1, 4]}  # three deviations √(0.03² + 0.04²)
+    attack = {
+        "kind": "bias",
+        "magnitude": 0.15,
+        "vehicles": [1, 4],
+    }  # three deviations √(0.03² + 0.04²)
     attacked, _ = shares(**keys, attack=attack)
     seen = stats.ncx2.sf(stats.chi2.ppf(0.99, 4), 4, 9)
     assert inside(attacked.mean(), seen, 8 * TICKS * 4)
@@ -90,7 +94,9 @@ def test_outliers_raise_alarms():
 def test_the_share_of_false_alarms_follows_the_key():
     """Also where it is drawn, lane by lane: the alarms are those of χ² of the same words."""
     channel = {"noise": {"position": SIGMA, "of": "transmitter"}}
-    _, honest = shares(channel=channel, detector={"kind": "chi_squared", "false_alarms": 0.3}, **SILENT)
+    _, honest = shares(
+        channel=channel, detector={"kind": "chi_squared", "false_alarms": 0.3}, **SILENT
+    )
     # The navigator's words are exact and not judged. Two listeners hear the same error of a transmitter.
     assert abs(honest.mean() - 0.3) <= 2.576 * np.sqrt(0.21 / (8 * TICKS * 6))
 
@@ -104,7 +110,9 @@ def test_p_values_are_those_of_chi_squared():
     for vehicle in range(4):
         residuals[: vehicle + 1, :, 0, vehicle, 0] = size[vehicle]
     known = np.array([stats.chi2.sf(2 * (v + 1) * size[v] ** 2, 2 * (v + 1)) for v in range(4)])
-    words = JudgedWords(np.zeros(1), orders[..., 0], jnp.asarray(residuals), orders, judged, np.ones(1))
+    words = JudgedWords(
+        np.zeros(1), orders[..., 0], jnp.asarray(residuals), orders, judged, np.ones(1)
+    )
     for factor, expected in ((1.000001, True), (0.999999, False)):
         for vehicle in range(4):
             rule = ChiSquared(false_alarms=0.5).filled(
@@ -173,7 +181,9 @@ def test_rows_and_tables_have_the_shares():
     results = jaxnet.simulate(keys | {"sweep": sweep}, samples=40, progress=False)
     assert results.lanes["alarms"].isna().tolist() == [True] * 40 + [False] * 40
     mine = np.asarray(results.lanes["alarms"])[40:].mean()
-    mean, low, high = (float(results.cells[f"alarms_{end}"].to_numpy()[1]) for end in ("mean", "low", "high"))
+    mean, low, high = (
+        float(results.cells[f"alarms_{end}"].to_numpy()[1]) for end in ("mean", "low", "high")
+    )
     assert mean == pytest.approx(mine)
     assert 0 <= low < mine < high <= 1
 

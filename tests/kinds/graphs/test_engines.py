@@ -35,7 +35,12 @@ TOPOLOGIES = {
     "file": "{kind: file, path: edges.csv}",
     "switching": "{kind: switching, every: 0.5, networks: [complete, {kind: lattice, neighbours: 2}]}",
 }
-TRUSTED = {"lattice": "{share: 0.5}", "circulant": "none", "complete": "{nearest: 2}", "grid": "{nearest: 1}"}
+TRUSTED = {
+    "lattice": "{share: 0.5}",
+    "circulant": "none",
+    "complete": "{nearest: 2}",
+    "grid": "{nearest: 1}",
+}
 OLDER = {"star", "cyclic", "path", "figure1", "edges"}
 
 
@@ -55,7 +60,11 @@ def test_a_config_of_ten_lines_is_checked_and_runs_in_both_engines(kind, tmp_pat
     )
     seen, engines = [], ["exact", "{kind: nonlinear, rtol: 1e-10, atol: 1e-12}"]
     for engine in engines if kind == "erdos_renyi" else engines[:1]:
-        keys = {"topology": TOPOLOGIES[kind], "trusted": TRUSTED.get(kind, "{3: [2]}"), "engine": engine}
+        keys = {
+            "topology": TOPOLOGIES[kind],
+            "trusted": TRUSTED.get(kind, "{3: [2]}"),
+            "engine": engine,
+        }
         (tmp_path / "study.yaml").write_text(CONFIG.format(**keys))
         seen.append(systems.simulate(systems.lanes(jaxnet.load(tmp_path / "study.yaml"), 2)))
     exact, nonlinear = seen[0], seen[-1]

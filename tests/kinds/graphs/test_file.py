@@ -20,9 +20,7 @@ from jaxnet.view.text.check import check_text
 from tests.matrices import matrix_of
 
 EDGES = [(1, 0, 1.0), (2, 1, 0.1 + 0.2), (2, 0, 1e-9), (3, 2, 7.0)]
-STUDY = (
-    "name: mine\nsamples: 2\nvehicles: 3\nattack: {vehicles: [2]}\nengine: exact\nhorizon: 1.0\ntail: 0.5\n"
-)
+STUDY = "name: mine\nsamples: 2\nvehicles: 3\nattack: {vehicles: [2]}\nengine: exact\nhorizon: 1.0\ntail: 0.5\n"
 SIZELESS = STUDY.replace("vehicles: 3\n", "").replace("attack: {vehicles: [2]}", "attack: none")
 
 
@@ -48,7 +46,9 @@ def network_of(weights):
 
 def test_a_csv_is_the_edges_that_it_lists(tmp_path):
     """As of the kind `edges`; a weight that is left out is 1, blanks and empty lines do not count."""
-    edges = jaxnet.load({"topology": {"kind": "edges", "edges": EDGES}, "vehicles": 3, "attack": "none"})
+    edges = jaxnet.load(
+        {"topology": {"kind": "edges", "edges": EDGES}, "vehicles": 3, "attack": "none"}
+    )
     np.testing.assert_array_equal(weights_of(jaxnet.load(written(tmp_path))), weights_of(edges))
     short = written(tmp_path, "1, 0\n\n2, 1\n2, 0, 3\n3, 2\n")
     np.testing.assert_array_equal(weights_of(jaxnet.load(short))[1], [0.75, 0.25, 0, 0])
@@ -56,7 +56,9 @@ def test_a_csv_is_the_edges_that_it_lists(tmp_path):
 
 def test_a_graph_written_as_graphml_is_read_back(tmp_path):
     """Bit for bit with its weights; one without direction both ways, without weights with equal ones."""
-    given = matrix_of(ErdosRenyi(probability=0.5, navigator={"share": 0.5}, weighting="metropolis"), 3)
+    given = matrix_of(
+        ErdosRenyi(probability=0.5, navigator={"share": 0.5}, weighting="metropolis"), 3
+    )
     nx.write_graphml(network_of(given), tmp_path / "mine.graphml")
     file = written(tmp_path, topology="{kind: file, path: mine.graphml}")
     np.testing.assert_allclose(weights_of(jaxnet.load(file)), given, rtol=1e-15)
@@ -89,14 +91,19 @@ def test_files_are_found_from_the_config_and_swept_as_kinds(tmp_path, monkeypatc
     (tmp_path / "elsewhere").mkdir()
     written(tmp_path / "elsewhere", "1,0\n2,0\n3,0\n")
     monkeypatch.chdir(tmp_path / "elsewhere")
-    file = written(tmp_path, topology="star\nsweep: {topology: [star, {kind: file, path: mine.csv}]}")
+    file = written(
+        tmp_path, topology="star\nsweep: {topology: [star, {kind: file, path: mine.csv}]}"
+    )
     study = jaxnet.load(file)
     assert [cell.labels["topology"] for cell in study.cells] == ["star", "file"]
     assert study.cells[1].scenario.topology.edges() == EDGES
     star = {**yaml.safe_load(STUDY), "topology": {"kind": "file", "path": "mine.csv"}}
-    assert (weights_of(jaxnet.load(star))[:, 0] == 1).all(), "a mapping's file is from the current folder"
+    assert (weights_of(jaxnet.load(star))[:, 0] == 1).all(), (
+        "a mapping's file is from the current folder"
+    )
     two = written(
-        tmp_path, topology="{kind: file, path: mine.csv}\nsweep: {topology.path: [mine.csv, other.csv]}"
+        tmp_path,
+        topology="{kind: file, path: mine.csv}\nsweep: {topology.path: [mine.csv, other.csv]}",
     )
     with pytest.raises(
         jaxnet.ConfigError, match=r"other.csv was not read: sweep topology, each with its path"
@@ -128,7 +135,10 @@ def test_another_path_reads_another_file(tmp_path):
         ("1,0\n,1\n", "mine.csv:2: a row is"),
         ("1,0\n٢,1\n", "mine.csv:2: nodes are numbers or names, not both: 1, ٢ (got ٢,1)"),
         ("1,0\n2,l\n3,2\n", "mine.csv:2: nodes are numbers or names, not both: 1, l (got 2,l)"),
-        ("ann,bob\nbob,eve\n", "mine.csv: which node is the navigator? leader is one of ann, bob, eve"),
+        (
+            "ann,bob\nbob,eve\n",
+            "mine.csv: which node is the navigator? leader is one of ann, bob, eve",
+        ),
         (
             "1 0 {'weight': 2, 'cost': 1}\n",
             "mine.csv:1: a row is",
@@ -138,7 +148,10 @@ def test_another_path_reads_another_file(tmp_path):
             "0,1\n1,2\n2,3\n",
             "would hear 1, and it hears nobody; with direction: tells",
         ),
-        ("0,0,0,0\n1,0,0,0\n0,1,0,0\n0,0,-1,0\n", "Laplacian, whose rows sum to 0 (row 2 sums to 1)"),
+        (
+            "0,0,0,0\n1,0,0,0\n0,1,0,0\n0,0,-1,0\n",
+            "Laplacian, whose rows sum to 0 (row 2 sums to 1)",
+        ),
         ("0,0,0,0\n1,0,0,0\n0,1,0,0\n0,0,1e99,0\n", "(got 1e+99 in row 4, column 3)"),
         ("1,0\n2,2\n", "mine.csv: 2 hears itself, which law: local alone allows"),
         ("1,0\n1,0,3\n", "mine.csv: [1, 0] is given twice"),
@@ -234,7 +247,10 @@ def test_nodes_of_igraph_are_numbered_by_their_ids(tmp_path):
     """Also where their names say so."""
     edges = [(1, 0, 1.0), (2, 1, 1.0), (3, 2, 2.0)]
     for nodes in (NODES, NODES.replace('"n2"/>', '"n2"><data key="v">2</data></node>')):
-        assert loaded(tmp_path, HEAD + nodes + LINKS + TAIL).cells[0].scenario.topology.edges() == edges
+        assert (
+            loaded(tmp_path, HEAD + nodes + LINKS + TAIL).cells[0].scenario.topology.edges()
+            == edges
+        )
 
 
 def test_the_default_of_a_key_is_the_weight_of_edges_without_one(tmp_path):
@@ -251,7 +267,10 @@ LAUGHS += "".join(f'<!ENTITY a{n + 1} "{f"&a{n};" * 10}">' for n in range(12)) +
 @pytest.mark.parametrize(
     ("graphml", "says"),
     [
-        (HEAD + NODES + LINKS.replace('"w"', '"c"') + TAIL, "attribute 'cost'; only 'weight' is read"),
+        (
+            HEAD + NODES + LINKS.replace('"w"', '"c"') + TAIL,
+            "attribute 'cost'; only 'weight' is read",
+        ),
         (HEAD + NODES + '<node id="2"/>' + LINKS + TAIL, "two nodes have one name"),
         (HEAD + NODES + '<node id="n7"/>' + LINKS + TAIL, "node 7 has no edge"),
         (
@@ -264,13 +283,19 @@ LAUGHS += "".join(f'<!ENTITY a{n + 1} "{f"&a{n};" * 10}">' for n in range(12)) +
             "more than one graph",
         ),
         (
-            HEAD + NODES.replace('"n3"/>', '"n3"><graph edgedefault="directed"/></node>') + LINKS + TAIL,
+            HEAD
+            + NODES.replace('"n3"/>', '"n3"><graph edgedefault="directed"/></node>')
+            + LINKS
+            + TAIL,
             "more than one graph",
         ),
         (HEAD.replace(' edgedefault="directed"', "") + NODES + LINKS + TAIL, "no edgedefault"),
         (HEAD.replace('"cost"', '"id"') + NODES + LINKS + TAIL, "data called 'id' are not read"),
         (LAUGHS + HEAD + "&a12;" + NODES + LINKS + TAIL, "entities are not read"),
-        ('<!DOCTYPE x [<!ENTITY a SYSTEM "study.yaml">]>' + HEAD + "&a;" + TAIL, "entities are not read"),
+        (
+            '<!DOCTYPE x [<!ENTITY a SYSTEM "study.yaml">]>' + HEAD + "&a;" + TAIL,
+            "entities are not read",
+        ),
     ],
 )
 def test_graphml_that_means_something_else_is_told(graphml, says, tmp_path):
@@ -307,7 +332,10 @@ def line_of(*nodes, **attributes):
         (line_of(0, "1", 1), "two nodes have one name"),
         (line_of(0, True, 2), "(got True)"),
         (line_of(0, -1), "(got -1)"),
-        *((line_of(0, 1, weight=w), f"(got {w!r})") for w in (None, np.nan, np.inf, -1.0, 0, "heavy", True)),
+        *(
+            (line_of(0, 1, weight=w), f"(got {w!r})")
+            for w in (None, np.nan, np.inf, -1.0, 0, "heavy", True)
+        ),
         (line_of(0, 1, 2, cost=3), "edge (1, 0) has the attribute 'cost'; only 'weight' is read"),
         (nx.DiGraph(), "the network has no edge"),
         (
@@ -316,8 +344,14 @@ def line_of(*nodes, **attributes):
         ),
         (nx.empty_graph(4), "node 0 has no edge"),
         (nx.MultiDiGraph([(1, 0), (1, 0), (2, 1), (3, 2)]), "[1, 0] is given twice"),
-        (nx.DiGraph([(1, 0), (2, 1), (2, 2), (3, 2)]), "2 hears itself, which law: local alone allows"),
-        (nx.Graph([(1, 0), (2, 1), (2, 2), (3, 2)]), "2 hears itself, which law: local alone allows"),
+        (
+            nx.DiGraph([(1, 0), (2, 1), (2, 2), (3, 2)]),
+            "2 hears itself, which law: local alone allows",
+        ),
+        (
+            nx.Graph([(1, 0), (2, 1), (2, 2), (3, 2)]),
+            "2 hears itself, which law: local alone allows",
+        ),
         (nx.path_graph(6), "i is 1 to 3 and j 0 to 3"),
         (nx.path_graph(3), "the graph has 2 vehicles (got 3)"),
     ],
@@ -378,7 +412,9 @@ def test_small_matrices_are_not_taken_for_edges(size, tmp_path):
     for number, matrix in enumerate([chain, square_of(chain), laplacian_of(chain)]):
         file = written(tmp_path, topology=f"{{kind: file, path: {number}.csv}}")
         file.write_text(
-            file.read_text().replace("vehicles: 3\n", "").replace("attack: {vehicles: [2]}", "attack: none")
+            file.read_text()
+            .replace("vehicles: 3\n", "")
+            .replace("attack: {vehicles: [2]}", "attack: none")
         )
         np.savetxt(tmp_path / f"{number}.csv", matrix, delimiter=" ", fmt="%g")
         np.testing.assert_array_equal(weights_of(jaxnet.load(file)), chain)
@@ -403,7 +439,10 @@ def test_matrices_of_numpy_and_scipy_are_topologies(sparse_rows):
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        (np.eye(3, 5), "a matrix is n × n, or m × (m + 1) with the navigator in column 0 (got 3 × 5)"),
+        (
+            np.eye(3, 5),
+            "a matrix is n × n, or m × (m + 1) with the navigator in column 0 (got 3 × 5)",
+        ),
         (np.ones(3), "(got 3)"),
         (np.eye(3) * 1j, "a matrix has real numbers (got complex128)"),
         (np.zeros((3, 3)), "the network has no edge"),
@@ -421,7 +460,14 @@ def test_nodes_have_any_names_and_the_leader_any_place():
     """Tuples, text, numbers that are not whole: the vehicles keep the order of the nodes."""
     square = jaxnet.network(nx.grid_2d_graph(2, 2), leader=(0, 1))
     assert square.names == ["(0, 0)", "(1, 0)", "(1, 1)"]
-    assert sorted(square.edges) == [(1, 0, 1), (1, 2, 1), (2, 1, 1), (2, 3, 1), (3, 0, 1), (3, 2, 1)]
+    assert sorted(square.edges) == [
+        (1, 0, 1),
+        (1, 2, 1),
+        (2, 1, 1),
+        (2, 3, 1),
+        (3, 0, 1),
+        (3, 2, 1),
+    ]
     floats = jaxnet.network(line_of(0, 1.9, 2.2, 3.7))
     assert floats.edges == [(1, 0, 1), (2, 1, 1), (3, 2, 1)]
     assert floats.names == ["1.9", "2.2", "3.7"]
@@ -437,7 +483,12 @@ def test_nodes_have_any_names_and_the_leader_any_place():
 def test_a_file_has_names_a_leader_and_a_direction(tmp_path):
     """Also numbers from 1; `names` replaces those of the file; what is stored is read alike."""
     (tmp_path / "mine.csv").write_text('from,to\n"the boss",ann\nann,bob\n"the boss",bob\n')
-    given = {"kind": "file", "path": str(tmp_path / "mine.csv"), "leader": "the boss", "direction": "tells"}
+    given = {
+        "kind": "file",
+        "path": str(tmp_path / "mine.csv"),
+        "leader": "the boss",
+        "direction": "tells",
+    }
     study = jaxnet.load({"topology": given, "attack": "none"})
     graph = study.cells[0].scenario.topology
     assert graph.edges() == [(1, 0, 1.0), (2, 1, 1.0), (2, 0, 1.0)]
@@ -445,13 +496,18 @@ def test_a_file_has_names_a_leader_and_a_direction(tmp_path):
     assert jaxnet.load(study, {"samples": 3}).cells[0].scenario.topology.edges() == graph.edges()
     renamed = jaxnet.load({"topology": given | {"names": ["a", "b"]}, "attack": "none"})
     assert list(renamed.config.topology.vehicle_names()) == ["a", "b"]
-    with pytest.raises(jaxnet.ConfigError, match=r"names is a list of 2, one for each vehicle \(got 1\)"):
+    with pytest.raises(
+        jaxnet.ConfigError, match=r"names is a list of 2, one for each vehicle \(got 1\)"
+    ):
         jaxnet.load({"topology": given | {"names": ["a"]}, "attack": "none"})
     with pytest.raises(jaxnet.ConfigError, match="two vehicles are called a"):
         jaxnet.load({"topology": given | {"names": ["a", "a"]}, "attack": "none"})
     written(tmp_path, "2,1\n3,2\n")
     ones = jaxnet.load(
-        {"topology": {"kind": "file", "path": str(tmp_path / "mine.csv"), "first": 1}, "attack": "none"}
+        {
+            "topology": {"kind": "file", "path": str(tmp_path / "mine.csv"), "first": 1},
+            "attack": "none",
+        }
     )
     assert ones.config.topology.edges() == [(1, 0, 1.0), (2, 1, 1.0)]
     assert list(ones.config.topology.vehicle_names()) == ["2", "3"]
@@ -528,7 +584,9 @@ def test_labels_of_numpy_are_numbers_and_names_are_labels():
     assert study.cells[0].scenario.topology.edges == [(1, 0, 2.0), (2, 1, 2.0), (3, 2, 2.0)]
     for network in networks:
         network.name = ""
-    with pytest.raises(jaxnet.ConfigError, match=r"give each a label: jaxnet.network\(…, label=…\)"):
+    with pytest.raises(
+        jaxnet.ConfigError, match=r"give each a label: jaxnet.network\(…, label=…\)"
+    ):
         jaxnet.load({"vehicles": 3, "attack": "none", "sweep": {"topology": networks}})
 
 
@@ -578,7 +636,9 @@ def test_without_a_navigator_every_node_is_a_vehicle(given, weights, tmp_path):
         study = jaxnet.load({**ALONE, "topology": topology})
         assert study.config.vehicles == 8
         found = matrix_of(study.cells[0].scenario.topology, 8)
-        np.testing.assert_allclose(found, np.hstack([np.zeros((8, 1)), weights / weights.sum(axis=1)]))
+        np.testing.assert_allclose(
+            found, np.hstack([np.zeros((8, 1)), weights / weights.sum(axis=1)])
+        )
 
 
 @pytest.mark.parametrize(
@@ -586,7 +646,10 @@ def test_without_a_navigator_every_node_is_a_vehicle(given, weights, tmp_path):
     [
         ({"leader": "1"}, "leader says which node is the navigator, and there is no navigator"),
         ({"first": 1}, "first says which node is the navigator, and there is no navigator"),
-        (np.hstack([np.ones((8, 1)), RING]), "column 0 of a matrix m × (m + 1) is what the navigator tells"),
+        (
+            np.hstack([np.ones((8, 1)), RING]),
+            "column 0 of a matrix m × (m + 1) is what the navigator tells",
+        ),
         (np.diag(np.arange(3.0) < 2, k=1), "node 3 has no edge"),
         (jaxnet.network(RING), "a node leads this network, and navigator is none"),
     ],
@@ -609,5 +672,8 @@ def test_a_cell_without_a_navigator_has_a_vehicle_more(tmp_path):
     assert [cell.scenario.vehicles for cell in jaxnet.load(keys | swept).cells] == [8, 7]
     with pytest.raises(jaxnet.ConfigError, match="navigator is none in some cells only"):
         jaxnet.load(keys | swept | {"topology": RING})
-    assert jaxnet.load(keys | {"topology": RING, "navigator": "lissajous"}, ["navigator=none"]).lanes == 1
+    assert (
+        jaxnet.load(keys | {"topology": RING, "navigator": "lissajous"}, ["navigator=none"]).lanes
+        == 1
+    )
     assert jaxnet.load(jaxnet.load(keys), {"samples": 3}).cells[0].scenario.vehicles == 8

@@ -19,7 +19,8 @@ GIVEN = {
         ([5.0, 0.2, 0.6, 0.3, 1.0], ([2, 2, 1, 1, 0], [2, 0, 1, 0, 0])), shape=(3, 4)
     ),
     "coo, in parts": sparse.coo_array(
-        ([5.0, 0.2, 0.6, 0.3, 0.5, 0.5, 0.0], ([2, 2, 1, 1, 0, 0, 0], [2, 0, 1, 0, 0, 0, 3])), shape=(3, 4)
+        ([5.0, 0.2, 0.6, 0.3, 0.5, 0.5, 0.0], ([2, 2, 1, 1, 0, 0, 0], [2, 0, 1, 0, 0, 0, 3])),
+        shape=(3, 4),
     ),
     "digraph": graph.of_matrix(WEIGHTS),
 }
@@ -42,12 +43,16 @@ def test_arrays_dense_and_sparse_are_one_graph(way):
     expected = WEIGHTS / WEIGHTS.sum(axis=1, keepdims=True)
     np.testing.assert_array_equal(graph.dense(Mine(way=way).normalised_rows(3)), expected)
     np.testing.assert_array_equal(links_of(Mine(way=way), 3), WEIGHTS > 0)
-    given = systems.study(topology=Mine(way=way), vehicles=3, attack="none", engine="exact", defence="none")
+    given = systems.study(
+        topology=Mine(way=way), vehicles=3, attack="none", engine="exact", defence="none"
+    )
     np.testing.assert_array_equal(systems.lane(systems.lanes(given, 2), 1).weights, expected)
 
 
 @pytest.mark.parametrize("way", GIVEN)
 def test_one_of_another_size_is_refused(way):
     """By its kind's name, with the shape that is wanted."""
-    with pytest.raises(KindError, match=r"mine: weights must be \(4, 5\) numbers, none of them negative"):
+    with pytest.raises(
+        KindError, match=r"mine: weights must be \(4, 5\) numbers, none of them negative"
+    ):
         Mine(way=way).normalised_rows(4)

@@ -55,7 +55,9 @@ def test_a_link_of_a_small_world_is_rewired_with_the_probability():
         np.testing.assert_array_equal(now, now.T)
         assert now.sum() == before.sum()
         gone += (before & ~now).sum() // 2
-    assert stats.binomtest(int(gone), 20 * 200, 0.3).pvalue > 0.01  # one in 150 falls on a place left before
+    assert (
+        stats.binomtest(int(gone), 20 * 200, 0.3).pvalue > 0.01
+    )  # one in 150 falls on a place left before
 
 
 def test_everything_is_rewired_at_one():
@@ -90,12 +92,16 @@ def test_half_hear_the_navigator_and_it_reaches_everybody():
     again = np.random.default_rng(8)
     once = ErdosRenyi(**keys)
     links = np.column_stack([once.informed(12, again), once.heard(12, again)])
-    assert graphs.unreachable(graphs.of_matrix(links)), "what the seed draws first is not what it gives"
+    assert graphs.unreachable(graphs.of_matrix(links)), (
+        "what the seed draws first is not what it gives"
+    )
 
 
 def test_after_so_many_draws_it_is_given_up():
     """In words."""
-    with pytest.raises(KindError, match="erdos_renyi: the navigator reaches everybody in none of 1000 draws"):
+    with pytest.raises(
+        KindError, match="erdos_renyi: the navigator reaches everybody in none of 1000 draws"
+    ):
         matrix_of(ErdosRenyi(probability=0.01, navigator=[1]), 12)
 
 
@@ -105,7 +111,9 @@ def test_the_regular_graph_of_a_seed_stays_what_it_was():
     assert edges.tolist() == REGULAR
 
 
-@pytest.mark.parametrize("navigator", ["all", [1, 2, 3], {"share": 0.5}], ids=["all", "listed", "share"])
+@pytest.mark.parametrize(
+    "navigator", ["all", [1, 2, 3], {"share": 0.5}], ids=["all", "listed", "share"]
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_lane_s_graph_belongs_to_seed_and_sample_alone(kind, navigator):
     """Not to how many there are, nor in what order; each is one that the navigator reaches."""

@@ -16,7 +16,12 @@ from tests import systems
 from tests.matrices import matrix_of
 
 REDRAWN = {"kind": "random_regular", "degree": 3, "redraw": True, "navigator_weight": 0.2}
-KEYS = {"vehicles": 8, "horizon": 4.0, "tail": 1.0, "attack": {"vehicles": [2, 5], "magnitude": 3.0}}
+KEYS = {
+    "vehicles": 8,
+    "horizon": 4.0,
+    "tail": 1.0,
+    "attack": {"vehicles": [2, 5], "magnitude": 3.0},
+}
 
 
 @given(st.integers(1, 12), st.integers(1, 11), st.integers(0, 2**32))

@@ -44,7 +44,10 @@ def theirs(network):
         (SmallWorld(neighbours=6, rewired=0.0), nx.watts_strogatz_graph(11, 6, 0.0)),
         (ErdosRenyi(probability=1.0), nx.gnp_random_graph(6, 1.0, directed=True)),
         *(
-            (Grid(rows=rows, columns=columns, torus=torus), nx.grid_2d_graph(rows, columns, periodic=torus))
+            (
+                Grid(rows=rows, columns=columns, torus=torus),
+                nx.grid_2d_graph(rows, columns, periodic=torus),
+            )
             for rows, columns in ((3, 4), (4, 3), (1, 5), (5, 5))
             for torus in (False, True)
         ),
@@ -59,7 +62,12 @@ def test_links_are_those_of_networkx(ours, network):
 
 def test_offsets_need_not_be_mutual():
     """Vehicle 1 of 5 hears 2 and 4."""
-    assert np.argwhere(heard(Circulant(offsets=[1, 3]), 5))[:4].tolist() == [[0, 1], [0, 3], [1, 2], [1, 4]]
+    assert np.argwhere(heard(Circulant(offsets=[1, 3]), 5))[:4].tolist() == [
+        [0, 1],
+        [0, 3],
+        [1, 2],
+        [1, 4],
+    ]
 
 
 @pytest.mark.parametrize(
@@ -99,7 +107,10 @@ def test_the_gain_of_the_complete_graph():
     attacked = [2, 5]
     expected = gain_of_complete(9, attacked, 0.2)
     network = Complete(navigator_weight=0.2).weights(9)
-    weights, links = graphs.dense(network), whole(network, Bias(vehicles=attacked).attacked_links(network))
+    weights, links = (
+        graphs.dense(network),
+        whole(network, Bias(vehicles=attacked).attacked_links(network)),
+    )
     static = np.linalg.solve(np.eye(9) - weights[:, 1:], (weights * links).sum(axis=1))
     np.testing.assert_allclose(static, expected, rtol=1e-12)
     given = systems.study(
@@ -161,7 +172,9 @@ def test_metropolis_weights_by_hand():
 @given(st.integers(0, 2**32), st.floats(0.01, 0.99))
 def test_metropolis_weights_are_symmetric_but_for_the_scale_of_rows(seed, navigator_weight):
     """With its own weight for each vehicle, which cancels in the law, they are doubly stochastic too."""
-    graph = SmallWorld(rewired=0.5, seed=seed, weighting="metropolis", navigator_weight=navigator_weight)
+    graph = SmallWorld(
+        rewired=0.5, seed=seed, weighting="metropolis", navigator_weight=navigator_weight
+    )
     weights = matrix_of(graph, 10)
     network = graph.weights(10)
     pairs = graphs.dense(network._replace(weights=graphs.metropolis(network)))[:, 1:]
@@ -211,35 +224,75 @@ def test_a_random_graph_may_have_a_drawn_weight_too():
 @pytest.mark.parametrize(
     ("topology", "vehicles", "says"),
     [
-        ("{kind: lattice, neighbours: 3}", 12, "topology.neighbours: must be a multiple of 2 (got 3)"),
+        (
+            "{kind: lattice, neighbours: 3}",
+            12,
+            "topology.neighbours: must be a multiple of 2 (got 3)",
+        ),
         (
             "{kind: lattice, neighbours: 6}",
             6,
             "topology.neighbours: must be less than the 6 vehicles (got 6)",
         ),
-        ("{kind: small_world, neighbours: 8}", 6, "topology.neighbours: must be less than the 6 vehicles"),
+        (
+            "{kind: small_world, neighbours: 8}",
+            6,
+            "topology.neighbours: must be less than the 6 vehicles",
+        ),
         ("{kind: small_world, rewired: 2}", 6, "topology.rewired: must be at most 1 (got 2)"),
         ("{kind: circulant, offsets: [1, 6]}", 6, "topology.offsets: must lead to other vehicles"),
         ("{kind: circulant, offsets: [1, -5]}", 6, "around 6 (got [1, -5])"),
-        ("{kind: circulant, offsets: []}", 6, "topology.offsets: must have at least 1 entry (got [])"),
+        (
+            "{kind: circulant, offsets: []}",
+            6,
+            "topology.offsets: must have at least 1 entry (got [])",
+        ),
         (
             "{kind: grid, rows: 3, columns: 4}",
             10,
             "topology.rows: times columns must be the 10 vehicles (got 3 × 4)",
         ),
-        ("{kind: erdos_renyi, probability: 0}", 6, "topology.probability: must be greater than 0 (got 0)"),
+        (
+            "{kind: erdos_renyi, probability: 0}",
+            6,
+            "topology.probability: must be greater than 0 (got 0)",
+        ),
         ("{kind: complete, navigator: [7]}", 6, "topology.navigator: vehicles are 1 to 6 (got 7)"),
-        ("{kind: complete, navigator: []}", 6, "topology.navigator: the navigator does not reach 1, 2, 3"),
-        ("{kind: circulant, offsets: [2, -2], navigator: [1]}", 6, "the navigator does not reach 2, 4, 6"),
-        ("{kind: complete, navigator: some}", 6, "topology.navigator: must be 'all' (got \"some\")"),
-        ("{kind: complete, navigator: 3}", 6, "must be all, a list of vehicles or {share: s} (got 3)"),
+        (
+            "{kind: complete, navigator: []}",
+            6,
+            "topology.navigator: the navigator does not reach 1, 2, 3",
+        ),
+        (
+            "{kind: circulant, offsets: [2, -2], navigator: [1]}",
+            6,
+            "the navigator does not reach 2, 4, 6",
+        ),
+        (
+            "{kind: complete, navigator: some}",
+            6,
+            "topology.navigator: must be 'all' (got \"some\")",
+        ),
+        (
+            "{kind: complete, navigator: 3}",
+            6,
+            "must be all, a list of vehicles or {share: s} (got 3)",
+        ),
         (
             "{kind: complete, navigator: {share: 0}}",
             6,
             "topology.navigator.share: must be greater than 0 (got 0)",
         ),
-        ("{kind: complete, navigator: {share: 0.01}}", 6, "reaches everybody in none of 1000 draws"),
-        ("{kind: complete, weighting: equal}", 6, "topology.weighting: must be 'uniform' or 'metropolis'"),
+        (
+            "{kind: complete, navigator: {share: 0.01}}",
+            6,
+            "reaches everybody in none of 1000 draws",
+        ),
+        (
+            "{kind: complete, weighting: equal}",
+            6,
+            "topology.weighting: must be 'uniform' or 'metropolis'",
+        ),
     ],
 )
 def test_what_cannot_be_is_said(topology, vehicles, says, tmp_path):

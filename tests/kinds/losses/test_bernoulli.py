@@ -33,9 +33,15 @@ def test_a_vehicle_with_one_source_keeps_its_drive_as_often_as_messages_are_lost
 @pytest.mark.parametrize(("probability", "known"), [(0.1, 0.484321), (0.3, 0.628338)])
 def test_dropped_words_leave_more_of_the_noise(probability, known):
     """The mean of `Σ_j w_ij²` over vehicles that hear somebody, 0.415 without loss: 99 % interval."""
-    keys = QUIET | {"law": "local", "topology": {"kind": "cyclic", "navigator_weight": 0.1}, "horizon": 10.0}
+    keys = QUIET | {
+        "law": "local",
+        "topology": {"kind": "cyclic", "navigator_weight": 0.1},
+        "horizon": 10.0,
+    }
     study = systems.study(**keys, channel=loss(probability), tail=1.0)
-    squares = (systems.simulate(systems.lanes(study, 20, ("kept",))).series["kept"] ** 2).sum(axis=-1)
+    squares = (systems.simulate(systems.lanes(study, 20, ("kept",))).series["kept"] ** 2).sum(
+        axis=-1
+    )
     heard = squares[squares > 0]
     assert len(heard) > 15_000
     assert abs(heard.mean() - known) <= 2.576 * heard.std() / np.sqrt(len(heard))
@@ -127,7 +133,11 @@ def test_probability_and_kind_of_loss_are_swept():
     """Labels are numbers, or names with what tells them apart."""
     by_number = systems.study(channel=loss(0.1), sweep={"channel.loss.probability": [0.0, 0.5]})
     assert [cell.scenario.channel.loss.probability for cell in by_number.cells] == [0.0, 0.5]
-    kinds = ["none", {"kind": "bernoulli", "probability": 0.1}, {"kind": "bernoulli", "probability": 0.2}]
+    kinds = [
+        "none",
+        {"kind": "bernoulli", "probability": 0.1},
+        {"kind": "bernoulli", "probability": 0.2},
+    ]
     by_kind = systems.study(sweep={"channel.loss": kinds})
     labels = [cell.labels["channel.loss"] for cell in by_kind.cells]
     assert labels == ["none", "bernoulli(probability=0.1)", "bernoulli(probability=0.2)"]

@@ -15,7 +15,13 @@ TICK = 0.1
 
 def lost_words(loss, ticks, lanes=4, **keys):
     """Which words are lost, (ticks, listeners, sources, lanes); everybody hears everybody, far apart."""
-    keys = {"topology": "complete", "vehicles": 5, "engine": "exact", "tick": TICK, "attack": "none"} | keys
+    keys = {
+        "topology": "complete",
+        "vehicles": 5,
+        "engine": "exact",
+        "tick": TICK,
+        "attack": "none",
+    } | keys
     one = systems.lanes(systems.study(channel={"loss": loss}, **keys), lanes)
     lane = jax.tree.map(lambda leaf: jnp.moveaxis(jnp.asarray(leaf), 0, -1), one.inputs.lane)
     sources = jnp.asarray(one.network.hearing.sources)
@@ -64,7 +70,9 @@ def test_bursts_are_as_long_and_as_frequent_as_the_chain_says(fail, recover):
     assert abs(lost[0].mean() - share) <= width
     assert abs(lost.mean() - share) <= width * np.sqrt((1 + memory) / (1 - memory) / len(lost))
     bursts = runs(lost)
-    assert abs(bursts.mean() - 1 / recover) <= 2.576 * np.sqrt(1 - recover) / recover / np.sqrt(len(bursts))
+    assert abs(bursts.mean() - 1 / recover) <= 2.576 * np.sqrt(1 - recover) / recover / np.sqrt(
+        len(bursts)
+    )
 
 
 @pytest.mark.parametrize("kind", ["bernoulli", "gilbert_elliott", "jamming"])
@@ -75,7 +83,10 @@ def test_words_are_lost_together(kind):
         "gilbert_elliott": {"fail": 0.3, "recover": 0.5},
         "jamming": {"starts": 3.0, "spacing": 0.2, "seconds": 2.0, "ratio": 1.5},
     }[kind]
-    lost = {of: lost_words({"kind": kind, "of": of, **keys}, 300) for of in ("link", "transmitter", "all")}
+    lost = {
+        of: lost_words({"kind": kind, "of": of, **keys}, 300)
+        for of in ("link", "transmitter", "all")
+    }
     one, other = lost["all"][:, :1, :1], lost["all"][:, 2:3, 4:5]
     assert (one == other).all()
     assert one.any()
@@ -91,13 +102,21 @@ def test_words_are_lost_together(kind):
 def test_drawn_intervals_keep_their_limits_in_every_window():
     """Number and length, for each pair of ticks; the jammer uses what it has."""
     starts, spacing, seconds, ratio = 2.0, 1.3, 0.7, 3.0
-    loss = {"kind": "jamming", "starts": starts, "spacing": spacing, "seconds": seconds, "ratio": ratio}
+    loss = {
+        "kind": "jamming",
+        "starts": starts,
+        "spacing": spacing,
+        "seconds": seconds,
+        "ratio": ratio,
+    }
     lost = lost_words(loss, 400, lanes=8)[:, 0, 2].astype(float)
     begun = np.diff(lost, axis=0, prepend=0.0) > 0
     after = np.arange(401) * TICK
     for values, least, rate in [(begun, starts, 1 / spacing), (TICK * lost, seconds, 1 / ratio)]:
         total = np.concatenate([np.zeros((1, 8)), values.cumsum(axis=0)])
-        slack = (total[None] - total[:, None]) - (least + (after[None] - after[:, None]) * rate)[..., None]
+        slack = (total[None] - total[:, None]) - (least + (after[None] - after[:, None]) * rate)[
+            ..., None
+        ]
         later = np.triu(np.ones((401, 401), bool))
         assert slack[later].max() <= 1e-9
     assert lost.mean() > 0.1
@@ -136,7 +155,10 @@ def test_a_vehicle_joins_at_the_tick_at_which_it_is_near():
     m = 25
     edges = [[i, i - 1, 1] for i in range(1, m + 1)] + [[m, 0, 1]]
     places = [[8.0 * i, 0.0] for i in range(1, m + 1)]
-    keys = {"initial": {"position": places, "heading": 0.0, "speed": 99.0}, "navigator": Ramp(speed=99.0)}
+    keys = {
+        "initial": {"position": places, "heading": 0.0, "speed": 99.0},
+        "navigator": Ramp(speed=99.0),
+    }
     keys |= {
         "vehicles": m,
         "topology": {"kind": "edges", "edges": edges},

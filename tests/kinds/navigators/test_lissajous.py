@@ -35,7 +35,9 @@ def by_autodiff(amplitude, frequency, phase, t):
 
 @given(navigators, st.floats(0.0, 100.0))
 def test_jets_are_the_derivatives_of_the_position(navigator, t):
-    numbers = [np.array(each) for each in (navigator.amplitude, navigator.frequency, navigator.phase)]
+    numbers = [
+        np.array(each) for each in (navigator.amplitude, navigator.frequency, navigator.phase)
+    ]
     scale = (np.abs(numbers[1]) ** np.arange(4.0)[:, None] * numbers[0]).max() + 1e-300
     in_jax, expected = by_autodiff(*map(jnp.asarray, numbers), jnp.asarray(t))
     np.testing.assert_allclose(in_jax / scale, expected / scale, atol=1e-12)

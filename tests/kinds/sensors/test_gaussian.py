@@ -40,14 +40,20 @@ def test_noise_does_not_depend_on_the_weights():
     for weight in (0.1, 0.9):
         topology = {"kind": "cyclic", "navigator_weight": weight}
         keys = QUIET | {"topology": topology, "vehicles": 4, "horizon": 3.0, "tail": 1.0}
-        ends.append(systems.simulate(systems.lanes(systems.study(sensing=SIZES, **keys), 2)).series["state"])
+        ends.append(
+            systems.simulate(systems.lanes(systems.study(sensing=SIZES, **keys), 2)).series["state"]
+        )
     np.testing.assert_allclose(*ends, rtol=0, atol=1e-9)
 
 
 def test_a_lane_is_the_same_alone_and_among_others():
     """To the last bit; the noise is drawn for each lane by itself."""
     study = systems.study(
-        sensing={"position": {"uniform": [0.0, 0.2]}}, horizon=2.0, tail=1.0, engine="exact", defence="none"
+        sensing={"position": {"uniform": [0.0, 0.2]}},
+        horizon=2.0,
+        tail=1.0,
+        engine="exact",
+        defence="none",
     )
     few, many = (systems.simulate(systems.lanes(study, number)) for number in (2, 6))
     np.testing.assert_array_equal(few.series["state"], many.series["state"][:2])

@@ -31,7 +31,9 @@ def test_states_and_jets_are_two_descriptions(seed):
     jets = drawn.output_jets(state)
     np.testing.assert_allclose(drawn.state_of(jets), state, rtol=1e-9, atol=1e-9)
     _, velocity, acceleration = jets
-    turning = (velocity[0] * acceleration[1] - velocity[1] * acceleration[0]) / (velocity**2).sum(axis=0)
+    turning = (velocity[0] * acceleration[1] - velocity[1] * acceleration[0]) / (velocity**2).sum(
+        axis=0
+    )
     np.testing.assert_allclose(
         drawn.pace(state, jnp.zeros_like(state[:2])), [state[3], turning], rtol=1e-12, atol=1e-12
     )
@@ -53,7 +55,11 @@ def test_jets_follow_each_other_along_the_motion(seed):
     np.testing.assert_allclose(np.stack(differentiated(state, inputs)), known, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(drawn.inputs_for(state, jerk), inputs, rtol=1e-8, atol=1e-8)
     *_, heading, speed, steering, acceleration = np.asarray(state)
-    bicycle = [speed * np.cos(heading), speed * np.sin(heading), speed * np.tan(steering) / drawn.wheelbase]
+    bicycle = [
+        speed * np.cos(heading),
+        speed * np.sin(heading),
+        speed * np.tan(steering) / drawn.wheelbase,
+    ]
     rest = [acceleration, inputs[1], inputs[0]]
     np.testing.assert_allclose(drawn.motion(state, inputs), bicycle + rest, rtol=1e-12, atol=1e-12)
 
@@ -66,7 +72,11 @@ WHEELBASE = {"kind": "car", "wheelbase": {"uniform": [0.3, 2.0]}}
 def fleets():
     """Lanes of cars by either engine, with wheelbases of their own, and robots."""
     found = {}
-    for engine, vehicle in (("exact", WHEELBASE), ("nonlinear", WHEELBASE), ("exact", "two_wheeled")):
+    for engine, vehicle in (
+        ("exact", WHEELBASE),
+        ("nonlinear", WHEELBASE),
+        ("exact", "two_wheeled"),
+    ):
         given_study = systems.study(engine=engine, vehicle=vehicle, **KEYS)
         one = systems.lanes(given_study, 3)
         outcome = systems.simulate(one)
@@ -98,7 +108,9 @@ def test_exact_and_nonlinear_rows_agree(fleets):
     for name in ("tail_mean", "tail_max", "tail_disagreement", "peak_error"):
         np.testing.assert_allclose(ours.metrics[name], theirs.metrics[name], atol=1e-5, rtol=0)
     np.testing.assert_allclose(ours.metrics["min_speed"], theirs.metrics["min_speed"], atol=1e-3)
-    np.testing.assert_allclose(ours.metrics["peak_turn_rate"], theirs.metrics["peak_turn_rate"], rtol=1e-2)
+    np.testing.assert_allclose(
+        ours.metrics["peak_turn_rate"], theirs.metrics["peak_turn_rate"], rtol=1e-2
+    )
     angles = (each.series["state"][:, -1, :, STEERING] for each in (ours, theirs))
     np.testing.assert_allclose(*angles, atol=1e-4)
 

@@ -32,7 +32,14 @@ def test_it_is_an_integrator_for_each_axis(seed):
     np.testing.assert_array_equal(DRAWN.pace(state, inputs), [abs(inputs[0]), inputs[1]])
 
 
-KEYS = {"vehicles": 1, "topology": "star", "attack": "none", "defence": "none", "horizon": 4.0, "tail": 1.0}
+KEYS = {
+    "vehicles": 1,
+    "topology": "star",
+    "attack": "none",
+    "defence": "none",
+    "horizon": 4.0,
+    "tail": 1.0,
+}
 KEYS |= {"vehicle": {"kind": "look_ahead", "ahead": 0.7}, "gain": [1.5]}
 
 
@@ -56,7 +63,9 @@ def test_the_heading_follows_a_plain_integration():
 
     times = np.arange(41) * 0.1
     for states in data:
-        known = solve_ivp(rates, (0, 4), states[0], t_eval=times, rtol=1e-11, atol=1e-11, method="DOP853")
+        known = solve_ivp(
+            rates, (0, 4), states[0], t_eval=times, rtol=1e-11, atol=1e-11, method="DOP853"
+        )
         apart = states - known.y.T
         np.testing.assert_allclose(apart[:, :2], 0.0, atol=1e-7)
         # headings are told in (-π, π]
@@ -69,7 +78,12 @@ def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
     The point starts on the navigator, so E = 0. l is short: the heading turns by up to exp(-250) in a tick.
     """
     headings, speed, ahead = [0.4, -1.6, 3.1, -math.pi], 5.0, 0.02
-    keys = {"horizon": 1.0, "tail": 0.5, "output_step": 0.05, "navigator": Powers(x=[0.0, speed], y=[0.0])}
+    keys = {
+        "horizon": 1.0,
+        "tail": 0.5,
+        "output_step": 0.05,
+        "navigator": Powers(x=[0.0, speed], y=[0.0]),
+    }
     keys |= {"vehicle": {"kind": "look_ahead", "ahead": ahead}}
     places = [[[-ahead * math.cos(each), -ahead * math.sin(each)]] for each in headings]
     _, states = alone(1, **keys, sweep={"initial.heading": headings, "initial.position": places})
@@ -77,8 +91,12 @@ def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
     turned = 2 * np.arctan(np.tan(np.array(headings) / 2) * np.exp(-speed * times[:, None] / ahead))
     off = np.sin((states[..., 2] - turned) / 2)
     np.testing.assert_allclose(off[:, :3], 0.0, atol=1e-9)
-    point = states[..., :2] + ahead * np.stack([np.cos(states[..., 2]), np.sin(states[..., 2])], axis=-1)
-    np.testing.assert_allclose(point - np.array([speed, 0.0]) * times[:, None, None], 0.0, atol=1e-9)
+    point = states[..., :2] + ahead * np.stack(
+        [np.cos(states[..., 2]), np.sin(states[..., 2])], axis=-1
+    )
+    np.testing.assert_allclose(
+        point - np.array([speed, 0.0]) * times[:, None, None], 0.0, atol=1e-9
+    )
 
 
 FLEET = KEYS | {"vehicles": 4, "topology": "complete", "horizon": 3.0, "tick": 0.1, "samples": 2}
@@ -92,7 +110,10 @@ TIGHT = {"kind": "nonlinear", "solver": "dopri8", "rtol": 1e-11, "atol": 1e-11}
     [
         {"law": {"kind": "local", "hold": False}, "defence": {"kind": "w_msr", "F": 1}},
         {
-            "channel": {"missing": "extrapolate", "loss": {"kind": "bernoulli", "probability": 0.3}},
+            "channel": {
+                "missing": "extrapolate",
+                "loss": {"kind": "bernoulli", "probability": 0.3},
+            },
             "sensing": {"kind": "gaussian", "position": 0.1},
             "attack": {"kind": "spoof", "vehicles": [2], "magnitude": [5.0, 2.0]},
         },
@@ -105,10 +126,13 @@ def test_engines_agree(keys):
     Velocities that rounds hold over a tick are those of the closed form above.
     """
     exact, nonlinear = (
-        jaxnet.simulate(FLEET | keys | {"engine": engine}, progress=False) for engine in ("exact", TIGHT)
+        jaxnet.simulate(FLEET | keys | {"engine": engine}, progress=False)
+        for engine in ("exact", TIGHT)
     )
     assert (exact.lanes["status"] == "ok").all()
-    apart = np.subtract(*(each.trajectories["states"].sel(cell=0).values for each in (exact, nonlinear)))
+    apart = np.subtract(
+        *(each.trajectories["states"].sel(cell=0).values for each in (exact, nonlinear))
+    )
     np.testing.assert_allclose(apart[..., :2], 0.0, atol=1e-7)
     np.testing.assert_allclose(np.sin(apart[..., 2] / 2), 0.0, atol=1e-7)
     for name in ("tail_mean", "min_speed"):

@@ -32,7 +32,9 @@ def test_jets_determine_the_state_of_a_quadrotor_that_pushes(seed):
     state = state.at[THRUST].set(abs(state[THRUST]))
     back = QUADROTOR.state_of(QUADROTOR.output_jets(state))
     turns = (back - state)[PITCH] / (2 * np.pi)
-    np.testing.assert_allclose(back.at[PITCH].add(-2 * np.pi * jnp.round(turns)), state, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        back.at[PITCH].add(-2 * np.pi * jnp.round(turns)), state, rtol=1e-9, atol=1e-9
+    )
 
 
 def test_it_moves_as_its_equation_says():

@@ -23,7 +23,9 @@ class Limited(TwoWheeled):
     limit: Number = 0.5
 
     def motion(self, state, inputs):
-        return super().motion(state, jnp.clip(inputs, -self.limit[None, None], self.limit[None, None]))
+        return super().motion(
+            state, jnp.clip(inputs, -self.limit[None, None], self.limit[None, None])
+        )
 
 
 class Forgetful(TwoWheeled):

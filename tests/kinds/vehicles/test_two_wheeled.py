@@ -92,6 +92,10 @@ def test_pace_is_what_the_output_jets_say_of_robots_that_go_ahead(seed):
 
 
 def test_a_robot_starts_with_its_pose_and_speed_and_all_else_zero():
-    position, heading, speed = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([0.5, 0.6]), np.array([7.0, 8.0])
+    position, heading, speed = (
+        np.array([[1.0, 2.0], [3.0, 4.0]]),
+        np.array([0.5, 0.6]),
+        np.array([7.0, 8.0]),
+    )
     known = [[1, 2], [3, 4], [0.5, 0.6], [7, 8], [0, 0], [0, 0]]
     np.testing.assert_array_equal(ROBOT.start(position, heading, speed), known)
