@@ -322,8 +322,8 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     attacked = (lane.vectors[:, batch.network.display_signals] != 0).any(axis=(0, 2))
     if not lane.navigator.present:
         error = error - honest_mean(error, attacked)
-    late = lane.delay is not None  # no word is live then
-    weights = tick.weights_in_force(lane, fleet.decided, batch.plan) if late else drive.weights
+    unlike = lane.delay is not None or fleet.decided.reception is not None
+    weights = tick.weights_heard(lane, fleet.decided, batch.plan) if unlike else drive.weights
     return Observation(
         error,
         speed,

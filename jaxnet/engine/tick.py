@@ -1011,16 +1011,25 @@ def link_weights(lane: Lane, state: DecisionState) -> Float[Array, "slots m lane
 def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
     """Return the weights until the next tick, of messages that arrived and that vehicles retain.
 
-    They are 0 for a vehicle that keeps its drive. They sum to less than 1 where words stand in for lost ones.
+    They are 0 for a vehicle that keeps its drive. They sum to less than 1 where a message is substituted.
+    """
+    weights = weights_heard(lane, state, plan)
+    if state.reception is None or usable_links(state.reception, plan) is not None:
+        return weights
+    return jnp.where(state.reception.arrived[None], weights, 0.0)
+
+
+def weights_heard(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
+    """Weights until the next tick; a substituted message has the weight of its source.
+
+    They are 0 for a vehicle that keeps its drive.
     """
     weights, coasting = weights_without_loss(lane, state, plan), state.coasting
-    if state.reception is not None:
-        usable = usable_links(state.reception, plan)
-        counting = state.reception.arrived if usable is None else usable
-        weights = jnp.where(counting[None], weights, 0.0)
-        if usable is not None:
-            total = weights.sum(axis=1, keepdims=True)
-            weights = weights / jnp.where(total > 0, total, 1.0)
+    usable = None if state.reception is None else usable_links(state.reception, plan)
+    if usable is not None:
+        weights = jnp.where(usable[None], weights, 0.0)
+        total = weights.sum(axis=1, keepdims=True)
+        weights = weights / jnp.where(total > 0, total, 1.0)
     return weights if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, weights)
 
 

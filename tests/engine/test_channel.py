@@ -228,3 +228,17 @@ def test_trimming_judges_what_arrived():
         np.testing.assert_array_equal(outcome.series["kept"][0, n] > 0, expected)
         drops += away.sum()
     assert drops > 20
+
+
+@pytest.mark.parametrize("delay", [0, 2 * TICK])
+def test_a_substituted_message_counts_with_the_weight_of_its_source(delay):
+    channel = {"loss": Striped(), "missing": "hold", "delay": delay}
+    keys = KEYS | {"engine": "exact", "channel": channel, "defence": "none"}
+    one = systems.lanes(systems.study(**keys), 1)
+    outcome, lane = systems.simulate(one), systems.lane(one, 0)
+    navigator, state = navigator_at(one, 0), outcome.series["state"][0]
+    error = np.stack([now[:, :2] - navigator(n * TICK)[0] for n, now in enumerate(state)])
+    sources = np.append(np.zeros_like(error[:, :1]), error, axis=1)
+    apart = np.linalg.norm(error - np.asarray(lane.weights) @ sources, axis=-1).mean(axis=1)
+    heard = slice(4, None)  # every source by then
+    np.testing.assert_allclose(outcome.series["disagreement"][0, heard], apart[heard], rtol=1e-6)
