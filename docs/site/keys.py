@@ -51,7 +51,7 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "consistent": "[B1](guarantees.md#assumptions-b1-to-c3)",
 }
 EXAMPLES = {
-    "topology": "topology: {kind: lattice, neighbours: 4, navigator: [1, 2], navigator_weight: 0.2}",
+    "topology": "topology: {kind: lattice, neighbours: 4, navigator: [1, 2]}",
     "navigator": "navigator: {kind: lissajous, amplitude: [80, 40], frequency: [0.1, 0.2]}",
     "vehicle": "vehicle: {kind: car, wheelbase: 0.6}",
     "attack": "attack: {kind: sinusoid, magnitude: 10, vehicles: [2, 5], frequency: 0.35}",
@@ -89,7 +89,7 @@ def current(page: str) -> str:
 
 
 def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Iterator[str]:
-    """The kinds of a family: an example, the keys that several share, then each with its own keys."""
+    """The kinds of a family: an example, shared keys, then each with its own keys."""
     kinds = {name: registry.find(family, name) for name in registry.kind_names(family)}
     tables = {name: rows(known[kind.__name__], own(kind)) for name, kind in kinds.items()}
     yield f"## {family}\n"
@@ -116,7 +116,7 @@ def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Itera
 
 
 def alike(tables: dict[str, list[str]]) -> list[str]:
-    """Rows that the tables of several kinds have, taken out of these, with the kinds as second column."""
+    """Rows of the tables of several kinds, taken out of these; the kinds are the second column."""
     shared = []
     for each in dict.fromkeys(row for table in tables.values() for row in table):
         having = [name for name, table in tables.items() if each in table]
@@ -129,7 +129,7 @@ def alike(tables: dict[str, list[str]]) -> list[str]:
 
 
 def wrapped(text: str) -> str:
-    """Text of paragraphs and lists in lines of at most 98 characters, none of which begins with a minus."""
+    """Text of paragraphs and lists in lines of at most 98 characters; none begins with a minus."""
     parts = re.split(r"(\n(?=- )|\n\n)", text)  # blocks, and what parts them
     for number in range(0, len(parts), 2):
         words = " ".join(parts[number].split()).replace(" - ", "\0-\0")
