@@ -194,26 +194,6 @@ def test_the_page_of_commands_names_each_with_all_it_takes():
     assert set(re.findall(r"--[a-z][\w-]*", text)) <= {*known, "--help", "--version"}
 
 
-def test_shells_complete_what_the_page_says():
-    """Each shell's line on the page prints a script; commands and options are offered."""
-    shells = re.findall(r"_JAXNET_COMPLETE=(\w+)_source", (DOCS / "commands.md").read_text())
-    assert shells == ["bash", "zsh", "fish"]
-
-    def answer(**environment):
-        return CliRunner().invoke(main, prog_name="jaxnet", env=environment).output
-
-    for shell in shells:
-        script = answer(_JAXNET_COMPLETE=f"{shell}_source")
-        assert f"_JAXNET_COMPLETE={shell}_complete" in script
-    for words, offered in {
-        "jaxnet rep": "plain,replay\nplain,report\n",
-        "jaxnet run --sh": "plain,--shard\n",
-        "jaxnet show --format l": "plain,latex\n",
-    }.items():
-        asked = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-        assert answer(_JAXNET_COMPLETE="bash_complete", **asked) == offered
-
-
 def test_the_install_page_names_python_versions_and_extras():
     """Each extra of pyproject.toml, no other, and the versions that it allows."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -306,7 +286,7 @@ def site(tmp_path_factory):
 @pytest.fixture
 def opened(site, browser):
     """Opens a page of the site, and allows no request to the network."""
-    page, asked = browser.new_page(color_scheme="light"), []
+    page, asked = browser.new_page(), []
     page.on("request", lambda request: asked.append(request.url))
 
     def open_page(name):
@@ -349,15 +329,12 @@ def test_a_notebook_is_a_page_of_the_site(name, site, opened):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("words", ["navigator_weight", "packet loss", "GPU", "adjacency matrix"])
-def test_the_search_finds_what_readers_ask_for(words, opened):
-    """From the disk; a result has every word marked."""
+def test_the_site_is_searched_from_the_disk(opened):
+    """Without a server, and without the network."""
     page = opened("index")
     page.locator(".md-search__input").click()
-    page.keyboard.type(words)
-    page.locator(".md-search-result__link").first.wait_for()
-    marked = page.locator(".md-search-result__article mark").all_inner_texts()
-    assert all(word.lower() in " ".join(marked).lower() for word in words.split())
+    page.keyboard.type("navigator_weight")
+    page.locator(".md-search-result__link[href*='config.html']").first.wait_for()
 
 
 @pytest.mark.long
@@ -373,16 +350,3 @@ def test_formulas_are_typeset_from_the_disk(name, opened):
     assert not page.evaluate("[...document.fonts].some(font => font.status === 'error')")
     shown = page.locator("article").text_content()
     assert re.findall(r"\$|</?details|\*\*|## ", shown) == []  # marks that were not understood
-
-
-@pytest.mark.long
-def test_a_switch_makes_the_site_dark(opened):
-    """And light again; the choice holds on the next page."""
-    page = opened("model")
-    scheme = page.locator("body[data-md-color-scheme]")
-    assert scheme.get_attribute("data-md-color-scheme") == "default"
-    page.locator("label[title=Dark]").click()
-    opened("theorems")
-    assert scheme.get_attribute("data-md-color-scheme") == "slate"
-    page.locator("label[title=Light]").click()
-    assert scheme.get_attribute("data-md-color-scheme") == "default"
