@@ -107,7 +107,7 @@ def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Itera
                 yield section(title, rows(known[kinds[having[0]].__name__], keys), 3)
                 said[base] = family
     if shared := alike(tables):
-        yield section("Keys of several kinds", shared, 3).replace(HEAD, SHARED_HEAD)
+        yield "\n".join(["### Keys of several kinds\n", SHARED_HEAD + "\n".join(shared)]) + "\n"
     for name, kind in kinds.items():
         words = inspect.cleandoc(kind.__doc__ or "")
         if more := ELSEWHERE.get(name, ELSEWHERE.get(f"{name} of {family}")):
@@ -164,8 +164,12 @@ def rows(model: Any, keys: Iterable[str]) -> list[str]:
 
 
 def section(title: str, table: list[str], level: int = 2, words: str = "") -> str:
-    """A heading, words, and a table."""
+    """A heading, words, and a table, or a list of the keys if they are one or two."""
     lines = HEAD + "\n".join(table) if table else ""
+    if level == 3 and len(table) < 3:
+        lines = "\n".join(
+            "- " + line.replace(" | ", ": ", 1).replace(" | ", "; ") for line in table
+        )
     return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), lines])) + "\n"
 
 
