@@ -1,4 +1,4 @@
-"""KaTeX's fonts stand inside its style sheet: some browsers read no font file for a page from the disk."""
+"""KaTeX's fonts stand inside its style sheet: some browsers read no font file from the disk."""
 
 import base64
 import re

@@ -1,4 +1,4 @@
-"""README.md is the site's home, CHANGELOG.md a page of it; what README links to beside docs/ comes along."""
+"""README.md is the site's home, CHANGELOG.md a page; files that README links to come along."""
 
 import re
 from pathlib import Path

@@ -14,7 +14,8 @@ from jaxnet.kinds.kind import Kind
 
 PAGE = Path(__file__).parents[1] / "config.md"
 MARK = "<!-- From here on written by docs/site/keys.py -->\n"
-HEAD = "| key | takes | default | what it is |\n|---|---|---|---|\n"
+HEAD = "key | takes (default) | meaning\n---|---|---\n"
+SHARED_HEAD = "key | of | takes (default) | meaning\n---|---|---|---\n"
 LIMITS = {
     "exclusiveMinimum": "> {}",
     "minimum": "≥ {}",
@@ -22,7 +23,8 @@ LIMITS = {
     "maximum": "≤ {}",
 }
 LIMITS["multipleOf"] = "a multiple of {}"
-WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
+WORDS = {"integer": "integer", "boolean": "boolean", "string": "text", "null": "null"}
+EACH = "[each](#one-for-each-attacked-vehicle)"
 DRAWN = ("Uniform", "Normal", "DiscreteChoice")
 PARTS = {
     "initial": "Initial",
@@ -31,6 +33,36 @@ PARTS = {
     "search": "SearchSettings",
     "save": "Save",
     "samples.until": "Criterion",
+}
+ELSEWHERE = {  # kinds of which a page says what their docstring says after its first paragraph
+    "edges": "[the local law](model.md#the-local-law)",
+    "file": "[networks from files](#networks-from-files)",
+    "switching": "[switching networks](theorems.md#o14-networks-in-turn)",
+    "driven": "[navigator](model.md#navigator)",
+    "none of navigator": "[without a navigator](model.md#without-a-navigator)",
+    "spoof": "[O10](theorems.md#o10-inconsistent-derivatives)",
+    "trusted_trim": "[trimming](model.md#defence), [announcements](guarantees.md#announcements)",
+    "linearised": "[the linearised law](model.md#the-linearised-law)",
+    "local": "[the local law](model.md#the-local-law)",
+    "rounds": "[rounds.md](rounds.md)",
+    "gaussian of sensing": "[O13](theorems.md#o13-sensor-errors)",
+    "gaussian of noise": "[O15](theorems.md#o15-substituted-messages)",
+    "chi_squared": "[O17](theorems.md#o17-alarms)",
+    "consistent": "[B1](guarantees.md#assumptions-b1-to-c3)",
+}
+EXAMPLES = {
+    "topology": "topology: {kind: lattice, neighbours: 4, navigator: [1, 2]}",
+    "navigator": "navigator: {kind: lissajous, amplitude: [80, 40], frequency: [0.1, 0.2]}",
+    "vehicle": "vehicle: {kind: car, wheelbase: 0.6}",
+    "attack": "attack: {kind: sinusoid, magnitude: 10, vehicles: [2, 5], frequency: 0.35}",
+    "defence": "defence: {kind: w_msr, F: 2, trusted: {nearest: 1}, isolated: coast}",
+    "law": "law: {kind: rounds, rounds: 2}",
+    "sensing": "sensing: {position: 0.1, correlation: 1, outliers: 0.01}",
+    "detector": "detector: {kind: chi_squared, false_alarms: 0.001}",
+    "engine": "engine: {kind: nonlinear, solver: dopri8, rtol: 1e-9}",
+    "announcement": "attack: {announces: {kind: free, size: 2}}",
+    "loss": "channel: {loss: {kind: gilbert_elliott, fail: 0.02, recover: 0.2}}",
+    "noise": "channel: {noise: {position: 0.1, of: transmitter}}",
 }
 
 
@@ -44,36 +76,60 @@ def current(page: str) -> str:
     prose, mark, _ = page.partition(MARK)
     whole = config_schema()
     inner = {key: whole["$defs"][name] for key, name in PARTS.items()}
-    parts = [section("Keys of a study", whole, Config.model_fields)]
-    parts += [section(key, each, each["properties"]) for key, each in inner.items()]
-    parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"])]
+    parts = [section("Keys of a study", rows(whole, Config.model_fields))]
+    parts += [section(key, rows(each, each["properties"])) for key, each in inner.items()]
+    said: dict[Any, str] = {}  # base classes whose keys families share, and the first family
+    parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"], said)]
     metrics = (registry.find("metrics", name) for name in registry.kind_names("metrics"))
     parts += [
         "## metrics\n",
-        *(f"`{each.name}` [{each.unit}]: {each.words}.\n" for each in metrics),
+        *(f"- `{each.name}` [{each.unit}]: {each.words}." for each in metrics),
     ]
-    return "\n".join([prose + mark, *parts])
+    return "\n".join([prose + mark, *parts]) + "\n"
 
 
-def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
-    """The kinds of a family: what several share, then each with its own keys."""
+def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Iterator[str]:
+    """The kinds of a family: an example, shared keys, then each with its own keys."""
     kinds = {name: registry.find(family, name) for name in registry.kind_names(family)}
+    tables = {name: rows(known[kind.__name__], own(kind)) for name, kind in kinds.items()}
     yield f"## {family}\n"
+    if family in EXAMPLES:
+        yield f"    {EXAMPLES[family]}\n"
     for base in dict.fromkeys(base for kind in kinds.values() for base in kind.__mro__[1:]):
-        if keys := own(base):
-            having = [name for name, kind in kinds.items() if issubclass(kind, base)]
-            yield section(
-                titled(having, list(kinds)), known[kinds[having[0]].__name__], keys, level=3
-            )
+        having = [name for name, kind in kinds.items() if issubclass(kind, base)]
+        if keys := [
+            key for key in own(base) if not all(key in own(kinds[name]) for name in having)
+        ]:
+            title = f"Keys of {titled(having, list(kinds))}"
+            if base in said:
+                yield f"{title}: those of [{said[base]}](#{said[base]}).\n"
+            else:
+                yield section(title, rows(known[kinds[having[0]].__name__], keys), 3)
+                said[base] = family
+    if shared := alike(tables):
+        yield "\n".join(["### Keys of several kinds\n", SHARED_HEAD + "\n".join(shared)]) + "\n"
     for name, kind in kinds.items():
         words = inspect.cleandoc(kind.__doc__ or "")
-        if promise := getattr(kind, "guarantee", ""):
-            words += f"\n\nGuarantee: {promise}."
-        yield section(f"`{name}`", known[kind.__name__], own(kind), 3, wrapped(words))
+        if more := ELSEWHERE.get(name, ELSEWHERE.get(f"{name} of {family}")):
+            words = f"{words.partition(chr(10) * 2)[0]} More: {more}."
+        yield section(f"`{name}`", tables[name], 3, wrapped(words))
+
+
+def alike(tables: dict[str, list[str]]) -> list[str]:
+    """Rows of the tables of several kinds, taken out of these; the kinds are the second column."""
+    shared = []
+    for each in dict.fromkeys(row for table in tables.values() for row in table):
+        having = [name for name, table in tables.items() if each in table]
+        if len(having) > 1:
+            key, _, said = each.partition(" | ")
+            shared.append(f"{key} | {', '.join(f'`{name}`' for name in having)} | {said}")
+            for name in having:
+                tables[name].remove(each)
+    return shared
 
 
 def wrapped(text: str) -> str:
-    """Text of paragraphs and lists in lines of at most 98 characters, none of which begins with a minus."""
+    """Text of paragraphs and lists in lines of at most 98 characters; none begins with a minus."""
     parts = re.split(r"(\n(?=- )|\n\n)", text)  # blocks, and what parts them
     for number in range(0, len(parts), 2):
         words = " ".join(parts[number].split()).replace(" - ", "\0-\0")
@@ -98,31 +154,37 @@ def own(kind: Any) -> list[str]:
     return [key for key in said if key in kind.model_fields]
 
 
-def section(title: str, model: Any, keys: Iterable[str], level: int = 2, words: str = "") -> str:
-    """A heading, words, and the table of a model's keys, those that must be given first."""
+def rows(model: Any, keys: Iterable[str]) -> list[str]:
+    """Lines of a table for keys of a model, those that must be given first."""
     required = model.get("required", [])
-    rows = [row(key, model["properties"][key], key in required) for key in keys]
-    rows.sort(key=lambda cells: cells[2] != "required")
-    table = HEAD + "".join(f"| {' | '.join(cells)} |\n" for cells in rows) if rows else ""
-    return (
-        "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), table.rstrip()])) + "\n"
-    )
-
-
-def row(key: str, node: Any, required: bool) -> list[str]:
-    """Cells of a key: what it takes, its default, its meaning with its unit in brackets."""
-    given = node.get("default")
-    default = "its own" if "$ref" in node and isinstance(given, dict) else f"`{plain(given)}`"
     return [
-        f"`{key}`",
-        takes(node),
-        "required" if required else default,
-        node.get("description", ""),
+        row(key, model["properties"][key], key in required)
+        for key in sorted(keys, key=lambda key: key not in required)
     ]
+
+
+def section(title: str, table: list[str], level: int = 2, words: str = "") -> str:
+    """A heading, words, and a table, or a list of the keys if they are one or two."""
+    lines = HEAD + "\n".join(table) if table else ""
+    if level == 3 and len(table) < 3:
+        lines = "\n".join(
+            "- " + line.replace(" | ", ": ", 1).replace(" | ", "; ") for line in table
+        )
+    return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), lines])) + "\n"
+
+
+def row(key: str, node: Any, required: bool) -> str:
+    """A key, what it takes with its default in brackets, its meaning with its unit in brackets."""
+    given = node.get("default")
+    default = "" if "$ref" in node and isinstance(given, dict) else f" (`{plain(given)}`)"
+    default = ", required" if required else default
+    return f"`{key}` | {takes(node)}{default} | {node.get('description', '')}"
 
 
 def takes(node: Any) -> str:
     """What values a part of the schema allows, in words."""
+    if "minimum" in node and "maximum" in node:
+        return f"{allowed(node)} {plain(node['minimum'])}…{plain(node['maximum'])}"
     limits = ", ".join(
         each.format(plain(node[name])) for name, each in LIMITS.items() if name in node
     )
@@ -135,14 +197,20 @@ def allowed(node: Any) -> str:
         name = node["$ref"].rpartition("/")[2]
         return REFERENCES.get(name, f"[{name.lower()}](#{name.lower()})")
     if choices := node.get("anyOf", node.get("oneOf")):
-        return " or ".join(dict.fromkeys(takes(each) for each in choices if "pattern" not in each))
+        said = dict.fromkeys(takes(each) for each in choices if "pattern" not in each)
+        said.pop("null", None)
+        return (
+            " or ".join(said)
+            .replace("number or distribution", "draw")
+            .replace(f"draw or {EACH}", EACH)
+        )
     if words := node.get("enum", [node["const"]] if "const" in node else []):
-        return " or ".join(f"`{each}`" for each in words)
+        return ", ".join(f"`{each}`" for each in words)
     if "prefixItems" in node:
         return f"[{', '.join(takes(each) for each in node['prefixItems'])}]"
     if node.get("type") == "array":
-        many = f"{node['minItems']}" if "maxItems" in node else "any length"
-        return f"list of {many}: {takes(node['items'])}"
+        many = f" {node['minItems']}" if "maxItems" in node else ""
+        return f"list of{many} {takes(node['items'])}"
     if node.get("type") == "object":
         return f"mapping to {takes(node['additionalProperties'])}"
     kind: str = node.get("type", "anything")
@@ -157,9 +225,7 @@ REFERENCES = {
     "DrawnVehicles": "{random: n}",
     "ChangingVehicles": "[{at: […], sets: […]}](#other-vehicles-from-given-times-on)",
     "EachOrder": "[one for each order](#a-magnitude-for-each-order)",
-    **dict.fromkeys(
-        ("Apiece", "Shared", "Listed"), "[one for each](#one-for-each-attacked-vehicle)"
-    ),
+    **dict.fromkeys(("Apiece", "Shared", "Listed"), EACH),
     "NearestSources": "{nearest: n}",
     "Samples": "{samples: […]}",
     "ShareOfLinks": "{share: s, seed: n}",

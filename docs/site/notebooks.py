@@ -1,4 +1,4 @@
-"""Each notebook in docs/notebooks/ is a page with its stored outputs; nbconvert writes the Markdown."""
+"""Each notebook in docs/notebooks/ is a page with its stored outputs, made by nbconvert."""
 
 import re
 from pathlib import PurePosixPath
