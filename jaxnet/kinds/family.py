@@ -19,7 +19,6 @@ class KindOf:
         self.family, self.default = family, default
 
     def validate(self, value: object) -> Kind:
-        """Return the kind that a value means."""
         base = base_of(self.family)
         if isinstance(value, str):
             value = {"kind": value}
@@ -45,7 +44,6 @@ class KindOf:
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        """Validate by `validate`, and serialise a kind by its own model."""
         return core_schema.no_info_plain_validator_function(
             self.validate,
             serialization=core_schema.plain_serializer_function_ser_schema(
@@ -56,5 +54,5 @@ class KindOf:
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """Return a placeholder, which `config.schema` replaces by a reference."""
+        """A placeholder, which `config.schema` replaces by a reference."""
         return {"family": self.family}

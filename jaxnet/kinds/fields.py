@@ -30,7 +30,6 @@ MARK = "\0"
 
 
 def union_member(name: str) -> Tag:
-    """Return the tag of one member of a union."""
     return Tag(MARK + name)
 
 
@@ -41,21 +40,18 @@ class Record(BaseModel):
 
 
 def ordered(bounds: list[float]) -> list[float]:
-    """Return the bounds; raise ValueError if the first is above the second."""
     if bounds[0] > bounds[1]:
         raise ValueError("the lower bound stands first")
     return bounds
 
 
 def equally_long(lists: list[list[float]]) -> list[list[float]]:
-    """Return the lists; raise ValueError unless they have the same length."""
     if len({len(each) for each in lists}) > 1:
         raise ValueError("each list must have as many numbers as the other lists")
     return lists
 
 
 def not_negative(moments: list[float]) -> list[float]:
-    """Return mean and standard deviation; raise ValueError if the standard deviation is negative."""
     if moments[1] < 0:
         raise ValueError("a standard deviation is not negative")
     return moments
@@ -83,12 +79,10 @@ DISTRIBUTIONS = ("uniform", "normal", "choice")
 
 
 def names_distribution(value: object) -> bool:
-    """Return whether a value is a mapping with the name of a distribution."""
     return isinstance(value, dict) and any(name in value for name in DISTRIBUTIONS)
 
 
 def number_tag(value: object) -> str | None:
-    """Return the tag of a number or distribution, None if a value is neither."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if not isinstance(value, dict):
@@ -147,7 +141,6 @@ class EachOrder(RootModel[Annotated[list[float], Len(1)]]):
 
 
 def magnitudes_tag(value: object) -> str | None:
-    """Return the tag of magnitudes: one of each order, or one of all orders."""
     return MARK + "root" if isinstance(value, list | EachOrder) else number_tag(value)
 
 
@@ -165,7 +158,6 @@ else:
 
 
 def as_rows(given: list[object]) -> list[object]:
-    """Return a list of lists; a number becomes a list of one number."""
     return [[each] if isinstance(each, float | int) else each for each in given]
 
 
@@ -179,7 +171,6 @@ class Table(RootModel[Rows]):
 
 
 def table_tag(value: object) -> str | None:
-    """Return the tag of a table, or of the one distribution of all its numbers."""
     return MARK + "table" if isinstance(value, list | Table) else number_tag(value)
 
 
@@ -197,12 +188,10 @@ else:
 
 
 def as_places(given: list[object]) -> list[object]:
-    """Return a list of pairs; a number or distribution is a first coordinate, beside 0."""
     return [each if isinstance(each, list | tuple) else [each, 0.0] for each in given]
 
 
 def positions_tag(value: object) -> str | None:
-    """Return the tag of positions: a list, or one distribution of all coordinates."""
     return MARK + "root" if isinstance(value, list | EachPosition) else number_tag(value)
 
 
@@ -238,7 +227,7 @@ class AxisGains(
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
     def matrices(self) -> np.ndarray:
-        """Return the diagonal matrix of each order, (r, 2, 2)."""
+        """The diagonal matrix of each order, (r, 2, 2)."""
         return np.array(self.root).T[:, :, None] * np.eye(2)
 
 
@@ -252,7 +241,7 @@ class MatrixGains(
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
     def matrices(self) -> np.ndarray:
-        """Return the matrix of each order, (r, 2, 2)."""
+        """The matrix of each order, (r, 2, 2)."""
         return np.array(self.root)
 
 
@@ -266,12 +255,12 @@ class VehicleGains(Record):
     )
 
     def matrices(self) -> np.ndarray:
-        """Return the diagonal matrix of each vehicle and order, (m, r, 2, 2)."""
+        """The diagonal matrix of each vehicle and order, (m, r, 2, 2)."""
         return np.array(self.vehicles)[:, :, None, None] * np.eye(2)
 
 
 def gain_tag(value: object) -> str:
-    """Return the tag of gains, by how deep the lists are."""
+    """The tag of gains, by how deep the lists are."""
     if isinstance(value, AxisGains | MatrixGains | VehicleGains):
         return MARK + type(value).__name__
     if isinstance(value, dict):
@@ -295,7 +284,6 @@ else:
 
 
 def vehicle_number_tag(value: object) -> str | None:
-    """Return the tag of a number of vehicles: listed, each, shared, or one for all."""
     if isinstance(value, list):
         return MARK + "root"
     if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
@@ -321,23 +309,20 @@ else:
 
 
 def is_drawn(number: object) -> bool:
-    """Return whether a value is a distribution."""
     return isinstance(number, Uniform | Normal | DiscreteChoice)
 
 
 def differs(number: object) -> bool:
-    """Return whether each vehicle has a number of its own."""
+    """Whether each vehicle has a number of its own."""
     return isinstance(number, Apiece | Listed)
 
 
 def zip_by_vehicle(*numbers: object) -> Iterator[tuple[Number, ...]]:
-    """Yield several numbers vehicle by vehicle; a number that is not listed repeats."""
     longest = max((len(number.root) for number in numbers if isinstance(number, Listed)), default=1)
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
 def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
-    """Return the least and the greatest value of a number or distribution."""
     match number:
         case Uniform(uniform=[low, high]):
             return low, high
@@ -356,7 +341,6 @@ def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
 
 
 def median(number: Number) -> float:
-    """Return the median of a distribution, or the number itself."""
     match number:
         case Uniform(uniform=[low, high]):
             return (low + high) / 2
@@ -383,7 +367,6 @@ class Within:
         self.limits = limits
 
     def check(self, number: PerVehicle | EachOrder) -> PerVehicle | EachOrder:
-        """Return the number; raise ValueError if it breaks a limit."""
         for name, limit in self.limits.items():
             bound, holds, words, _ = LIMITS[name]
             if not holds(value_range(number)[bound], limit):
@@ -394,7 +377,6 @@ class Within:
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        """Validate a number by `check`."""
         return AfterValidator(self.check).__get_pydantic_core_schema__(source, handler)
 
     def __get_pydantic_json_schema__(

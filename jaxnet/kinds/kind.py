@@ -90,7 +90,7 @@ class Kind(Record, metaclass=KindType):
 
     @classmethod
     def reference(cls) -> str:
-        """Return the name of the class in a config: `kind` for a kind of jaxnet, else the name by which it
+        """The name of the class in a config: `kind` for a kind of jaxnet, else the name by which it
         was found.
         """
         if cls.__module__.startswith("jaxnet."):
@@ -104,14 +104,14 @@ class Kind(Record, metaclass=KindType):
 
     @classmethod
     def completed(cls, given: dict[object, object], folder: UPath) -> dict[object, object]:
-        """Return a config's mapping of this kind, completed by the file at its key `path` in a folder.
+        """A config's mapping of this kind, completed by the file at its key `path` in a folder.
 
         By default the mapping is returned as it is. Raises KindError if the file cannot be read.
         """
         return given
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of a scenario with this kind that no single key shows."""
+        """The faults of a scenario with this kind that no single key shows."""
         yield from ()
 
     def breaks(self) -> frozenset[str]:
@@ -124,11 +124,10 @@ class Kind(Record, metaclass=KindType):
         return frozenset()
 
     def drawn_keys(self) -> list[str]:
-        """Return the keys whose values are drawn lane by lane."""
         return [key for key in type(self).model_fields if holds_drawn(getattr(self, key))]
 
     def drawn(self: AnyKind, draw: LaneDraw, name: str) -> AnyKind:
-        """Return a copy whose numbers are arrays with lanes last; `name` is the dotted key of this kind."""
+        """A copy whose numbers are arrays with lanes last; `name` is the dotted key of this kind."""
         values: dict[str, object] = {}
         for key, field in type(self).model_fields.items():
             value, dotted = getattr(self, key), f"{name}.{key}"
@@ -147,7 +146,7 @@ class Kind(Record, metaclass=KindType):
 
     @classmethod
     def filled(cls: type[AnyKind], values: Mapping[str, object]) -> AnyKind:
-        """Return an object with these values without validation; a key that is left out is missing."""
+        """An object with these values without validation; a key that is left out is missing."""
         made = cls.__new__(cls)
         object.__setattr__(made, "__dict__", dict(values))
         for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
@@ -158,7 +157,7 @@ class Kind(Record, metaclass=KindType):
 
 
 def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -> Kind:
-    """Return a kind that another process has sent; raise KindError if its module differs in this process."""
+    """A kind that another process has sent; raise KindError if its module differs in this process."""
     return modules.attribute(modules.load_origin(origin), name).filled(values)
 
 
@@ -166,12 +165,12 @@ REFERENCES: dict[type[Kind], str] = {}  # names of the classes that `registry` h
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a float, a distribution, or a number of each vehicle."""
+    """Whether a value is a float, a distribution, or a number of each vehicle."""
     return isinstance(value, float | Apiece | Shared | Listed) or is_drawn(value)
 
 
 def holds_drawn(value: object) -> bool:
-    """Return whether a value is or contains a distribution."""
+    """Whether a value is or contains a distribution."""
     if isinstance(value, list | tuple):
         return any(map(holds_drawn, value))
     if isinstance(value, Kind):
@@ -182,12 +181,12 @@ def holds_drawn(value: object) -> bool:
 
 
 def broken(**premises: bool) -> frozenset[str]:
-    """Return the names of the premises that are broken; an underscore stands for a blank."""
+    """The names of the premises that are broken; an underscore stands for a blank."""
     return frozenset(name.replace("_", " ") for name, fails in premises.items() if fails)
 
 
 def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> Iterator[Fault]:
-    """Yield a fault for numbers outside `first` … `vehicles`; `first` is 1 for vehicles, 0 for sources."""
+    """A fault for numbers outside `first` … `vehicles`; `first` is 1 for vehicles, 0 for sources."""
     beyond = sorted({one for one in listed if not first <= one <= vehicles})
     if beyond:
         noun = "vehicles are" if first else "sources are"
@@ -196,5 +195,5 @@ def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> 
 
 
 def vehicle_numbers(mask: np.ndarray) -> list[int]:
-    """Return the numbers, from 1, of the vehicles in a mask."""
+    """The numbers, from 1, of the vehicles in a mask."""
     return [int(i) for i in np.flatnonzero(mask) + 1]

@@ -7,7 +7,6 @@ from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative, Number, Positive, Within
 from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.shapes import AnyNumbers, HeldErrors, LaneNumbers, LaneTimes
 from jaxnet.kinds.ticks import DrawsAtTicks
 from jaxnet.lazy import LazyModule
@@ -28,19 +27,19 @@ class ErrorsAtTicks(DrawsAtTicks):
     claims: ClassVar[frozenset[str]] = frozenset({"exact", "strength", "tells_deviations"})
 
     def exact(self) -> bool:
-        """Return whether all errors are 0."""
+        """Whether all errors are 0."""
         return False
 
     def strength(self, gain: Sequence[float]) -> tuple[float, float] | None:
-        """Return the variance s² of P of the errors, and their correlation time [s], or None if unknown."""
+        """The variance s² of P of the errors, and their correlation time [s], or None if unknown."""
         return None
 
     def tells_deviations(self) -> bool:
-        """Return whether `deviations` is known, which detectors need."""
+        """Whether `deviations` is known, which detectors need."""
         return False
 
     def deviations(self) -> Sequence[LaneNumbers | None]:
-        """Return the standard deviation of the errors on an axis, (lanes,), by order of derivative.
+        """The standard deviation of the errors on an axis, (lanes,), by order of derivative.
 
         None stands for an order without errors.
         """
@@ -75,42 +74,39 @@ class NormalErrors(ErrorsAtTicks):
     )
 
     def sizes(self) -> dict[str, Any]:
-        """Return the standard deviations without outliers, by order of derivative."""
+        """The standard deviations without outliers, by order of derivative."""
         found = {order: getattr(self, order) for order in self.orders}
         return {
             order: size for order, size in found.items() if order in JET_ORDERS or size is not None
         }
 
-    def exact(self) -> bool:
-        """Return whether all standard deviations are 0."""
+    def exact(self):
         return all(size == 0 for size in self.sizes().values())
 
-    def strength(self, gain: Sequence[float]) -> tuple[float, float] | None:
-        """Return `Σ_k k_k² σ_k²`, with k_r = 1, and the correlation time; None where they are drawn."""
+    def strength(self, gain):
+        """`Σ_k k_k² σ_k²`, with k_r = 1, and the correlation time; None where they are drawn."""
         if self.drawn_keys():
             return None
         factors = dict(zip(JET_ORDERS, gain, strict=False)) | {HIGHEST: 1.0}
         squares = [(factors.get(order, 0.0) * size) ** 2 for order, size in self.sizes().items()]
         return sum(squares) * (1 + self.outliers * (self.outlier_factor**2 - 1)), self.correlation
 
-    def tells_deviations(self) -> bool:
-        """Return True."""
+    def tells_deviations(self):
         return True
 
-    def deviations(self) -> Sequence[LaneNumbers | None]:
-        """Return the standard deviations with outliers, up to the acceleration."""
+    def deviations(self):
+        """The standard deviations with outliers, up to the acceleration."""
         sizes = [self.sizes()[order] for order in JET_ORDERS]
         if self.outliers is None:
             return sizes
         grown = jnp.sqrt(1 + self.outliers * (self.outlier_factor**2 - 1))
         return [None if size is None else size * grown for size in sizes]
 
-    def draws(self) -> bool:
-        """Return whether a standard deviation is not 0."""
+    def draws(self):
         return not self.exact()
 
-    def drawn(self, draw: LaneDraw, name: str) -> "NormalErrors":
-        """Return the kind with drawn numbers; a number that is 0 is None, and draws nothing."""
+    def drawn(self, draw, name):
+        """The kind with drawn numbers; a number that is 0 is None, and draws nothing."""
         numbers = {**self.sizes(), "correlation": self.correlation, "outliers": self.outliers}
         unused = {key: None for key, number in numbers.items() if number == 0}
         return self.filled({**vars(super().drawn(draw, name)), **unused})
@@ -118,7 +114,7 @@ class NormalErrors(ErrorsAtTicks):
     def white(
         self, last: HeldErrors, draw: Callable[[str], AnyNumbers], uniform: Callable[[], AnyNumbers]
     ) -> HeldErrors:
-        """Return independent errors of all orders.
+        """Independent errors of all orders.
 
         `draw(order)` gives normal numbers, `uniform()` a uniform number for each reading.
         """
@@ -143,7 +139,7 @@ class NormalErrors(ErrorsAtTicks):
     def after(
         self, last: HeldErrors, white: HeldErrors, time: LaneTimes, interval: LaneNumbers
     ) -> HeldErrors:
-        """Return errors correlated with those of the last tick, from independent ones."""
+        """Errors correlated with those of the last tick, from independent ones."""
         if self.correlation is None:
             return white
         kept = jnp.where(time > 0, jnp.exp(-interval / self.correlation), 0.0)

@@ -38,7 +38,7 @@ REGISTERED_CLASSES: set[type] = set()
 
 
 def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
-    """Return a drawn kind as a registered pytree without its untraced keys, also inside tuples; else the
+    """A drawn kind as a registered pytree without its untraced keys, also inside tuples; else the
     argument.
     """
     if isinstance(drawn, tuple):
@@ -59,7 +59,6 @@ def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
 
 
 def flatten_kind(kind: Kind) -> tuple[tuple[object, ...], Shape]:
-    """Return the leaves and the structure of a kind."""
     values = dict(vars(kind))
     leaves = values.pop("_leaves")
     settings = {key: each for key, each in values.items() if key not in leaves}
@@ -67,6 +66,5 @@ def flatten_kind(kind: Kind) -> tuple[tuple[object, ...], Shape]:
 
 
 def unflatten_kind(cls: type[Kind], shape: Shape, leaves: Iterable[object]) -> Kind:
-    """Return a kind of this class from its structure and leaves."""
     numbers = dict(zip(shape.leaves, leaves, strict=True))
     return cls.filled({**shape.settings.values, **numbers, "_leaves": shape.leaves})

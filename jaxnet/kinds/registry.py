@@ -39,7 +39,6 @@ class Scope:
         self.folder, self.known = folder, dict(known or {})
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the same names mean the same classes."""
         return isinstance(other, Scope) and self.known == other.known
 
     __hash__ = None  # pyright: ignore[reportAssignmentType]
@@ -61,14 +60,14 @@ class Scope:
             CURRENT_SCOPE.reset(token)
 
     def outside(self, family: str, name: str) -> KindOrMetric | None:
-        """Return the kind of an entry point or of `module:attribute`, None if the name is neither."""
+        """The kind of an entry point or of `module:attribute`, None if the name is neither."""
         point = next((each for each in entry_points(family) if each.name == name), None)
         if point is not None:
             return import_reference(point.value, name, None)
         return import_reference(name, name, self.folder) if ":" in name else None
 
     def named_in(self, data: object) -> list[KindOrMetric]:
-        """Return the classes and metrics from outside that plain data names."""
+        """The classes and metrics from outside that plain data names."""
         named = set(text_in(data))
         return [found for (_, name), found in self.known.items() if name in named]
 
@@ -81,14 +80,14 @@ METRIC_REFERENCES: dict[Any, str] = {}  # names by which metrics from outside we
 
 
 def scope() -> Scope:
-    """Return the current scope, or an empty one outside a study."""
+    """The current scope, or an empty one outside a study."""
     return CURRENT_SCOPE.get() or Scope()
 
 
 def scope_of(
     folder: Path | None, origins: Mapping[FamilyName, tuple[modules.Origin, str]]
 ) -> Scope:
-    """Return a scope that another process has sent; raise KindError if a module differs in this process."""
+    """A scope that another process has sent; raise KindError if a module differs in this process."""
     known = {
         key: modules.attribute(modules.load_origin(origin), name)
         for key, (origin, name) in origins.items()
@@ -99,14 +98,14 @@ def scope_of(
 
 
 def kind_names(family: str) -> list[str]:
-    """Return the names of a family's kinds that need no module: jaxnet's, then those of entry points."""
+    """The names of a family's kinds that need no module: jaxnet's, then those of entry points."""
     package = importlib.import_module(FAMILIES[family].package)
     ours = [module.name for module in pkgutil.iter_modules(package.__path__)]
     return [*ours, *(point.name for point in entry_points(family) if point.name not in ours)]
 
 
 def find(family: str, name: str) -> Any:
-    """Return the class of a kind by its name in a family, or the metric; raise KindError."""
+    """The class of a kind by its name in a family, or the metric; raise KindError."""
     if (family, name) in RENAMED:
         raise KindError(f"{name} was renamed to {RENAMED[family, name]}")
     here = scope()
@@ -131,7 +130,6 @@ def find(family: str, name: str) -> Any:
 
 
 def record_found(family: str, name: str, found: KindOrMetric) -> None:
-    """Record that this process has found a class or metric by a name."""
     held = LOADED.setdefault((family, name), [])
     if found not in held:
         held.append(found)
@@ -142,18 +140,17 @@ def record_found(family: str, name: str, found: KindOrMetric) -> None:
 
 
 def metric_name(metric: KindOrMetric) -> str:
-    """Return the name of a metric in a config."""
     return str(METRIC_REFERENCES.get(metric, metric.name))
 
 
 def unknown_kind(family: str, given: object) -> KindError:
-    """Return the error for a name that no kind has, or for a value that is no name."""
+    """The error for a name that no kind has, or for a value that is no name."""
     known, shown = ", ".join(kind_names(family)), json.dumps(given, default=repr)
     return KindError(f"must be one of {known}, or module:Class (got {shown})")
 
 
 def adopt(given: KindOrMetric) -> str:
-    """Return the reference of a class or metric that a script passes; `find` knows the reference from now on.
+    """The reference of a class or metric that a script passes; `find` knows the reference from now on.
 
     Raises KindError if the class's file has changed, or if two classes have one reference.
     """
@@ -175,7 +172,7 @@ def adopt(given: KindOrMetric) -> str:
 
 @functools.cache
 def builtin_kind(family: str, name: str) -> KindOrMetric | None:
-    """Return the kind in the file of this name in the family's folder, None if there is no such file."""
+    """The kind in the file of this name in the family's folder, None if there is no such file."""
     module = f"{FAMILIES[family].package}.{name}"
     if not name.isidentifier() or importlib.util.find_spec(module) is None:
         return None
@@ -183,7 +180,6 @@ def builtin_kind(family: str, name: str) -> KindOrMetric | None:
 
 
 def kind_in_module(module: ModuleType, family: str, name: str) -> KindOrMetric | None:
-    """Return the kind of a family that a module of jaxnet defines, None if it defines none."""
     base = base_of(family)
     for found in vars(module).values():
         if isinstance(found, base) and getattr(found, "name", None) == name:
@@ -198,7 +194,7 @@ def kind_in_module(module: ModuleType, family: str, name: str) -> KindOrMetric |
 
 
 def text_in(data: object) -> Iterator[str]:
-    """Yield all text in plain data except the keys of mappings."""
+    """All text in plain data except the keys of mappings."""
     if isinstance(data, str):
         yield data
     for inner in (

@@ -6,7 +6,6 @@ from pydantic import Field
 
 from jaxnet.kinds.fields import Uniform
 from jaxnet.kinds.kind import Kind, KindError
-from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.shapes import AnyNumbers, LaneTimes, SlotSources
 from jaxnet.lazy import LazyModule
 
@@ -29,11 +28,11 @@ class DrawsAtTicks(Kind):
     """A kind that may draw random numbers at ticks, independent at each tick and in each lane."""
 
     def draws(self) -> bool:
-        """Return whether the kind draws random numbers at ticks."""
+        """Whether the kind draws random numbers at ticks."""
         return False
 
-    def drawn(self: AnyDrawer, draw: LaneDraw, name: str) -> AnyDrawer:
-        """Return the kind with drawn numbers, and with a key for its random numbers at ticks."""
+    def drawn(self, draw, name):
+        """The kind with drawn numbers, and with a key for its random numbers at ticks."""
         found = super().drawn(draw, name)
         if not self.draws():
             return found
@@ -48,7 +47,7 @@ class DrawsAtTicks(Kind):
         distribution: str,
         shape: tuple[int, ...],
     ) -> AnyNumbers:
-        """Return random numbers at a tick.
+        """Random numbers at a tick.
 
         Parameters
         ----------
@@ -94,7 +93,7 @@ class DrawsTogether(DrawsAtTicks):
         sources: SlotSources,
         axes: tuple[int, ...] = (),
     ) -> AnyNumbers:
-        """Return random numbers at a tick as `random` does, by slot: (*axes, slots, m, lanes).
+        """Random numbers at a tick as `random` does, by slot: (*axes, slots, m, lanes).
 
         `sources` (slots, m) are the numbers of the sources.
         """

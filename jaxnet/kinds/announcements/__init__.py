@@ -23,7 +23,7 @@ class Announcement(Kind):
         signals: SlotSources,
         time: LaneTimes,
     ) -> SlotVectors:
-        """Return the announcements that listeners receive, slot by slot.
+        """The announcements that listeners receive, slot by slot.
 
         Parameters
         ----------

@@ -3,7 +3,6 @@
 from typing import ClassVar
 
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Consistent(Announcement):
@@ -16,13 +15,5 @@ class Consistent(Announcement):
     kind = "consistent"
     consistent: ClassVar[bool] = True
 
-    def received(
-        self,
-        honest: SlotVectors,
-        carried: SlotVectors,
-        attacked: SlotMask,
-        signals: SlotSources,
-        time: LaneTimes,
-    ) -> SlotVectors:
-        """Return `carried` for all links."""
+    def received(self, honest, carried, attacked, signals, time):
         return carried

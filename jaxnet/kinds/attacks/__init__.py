@@ -52,7 +52,7 @@ DerivativeOrder = Literal[0, 1, 2, 3]
 
 
 def usual_targets(vehicles: int) -> list[int]:
-    """Return the vehicles that are attacked by default in a fleet: those of 2, 5, 8, 11 that exist, or 1."""
+    """The vehicles that are attacked by default in a fleet: those of 2, 5, 8, 11 that exist, or 1."""
     return [one for one in USUAL_TARGETS if one <= vehicles] or [1]
 
 
@@ -77,7 +77,6 @@ class ChangingVehicles(Record):
 
 
 def attacked_tag(value: object) -> str:
-    """Return the tag of attacked vehicles: listed, drawn, or changing at given times."""
     if isinstance(value, ChangingVehicles) or (
         isinstance(value, dict) and {"at", "sets"} & {*value}
     ):
@@ -107,58 +106,58 @@ class AnyAttack(Kind):
     bounded: ClassVar[bool] = True  # whether ā bounds the signal and its derivatives
 
     def targets(self) -> list[int]:
-        """Return the numbers of the vehicles that are attacked at any time, from 1."""
+        """The numbers of the vehicles that are attacked at any time, from 1."""
         return []
 
     def number(self) -> int:
-        """Return the number of vehicles that are attacked at any time."""
+        """The number of vehicles that are attacked at any time."""
         return len(self.targets())
 
     def periods(self) -> list[tuple[float, list[int]]]:
-        """Return the times [s] from which other vehicles are attacked, from 0, with these vehicles; none if
+        """The times [s] from which other vehicles are attacked, from 0, with these vehicles; none if
         the same vehicles are attacked all along.
         """
         return []
 
     def on(self, vehicles: list[int]) -> "AnyAttack":
-        """Return the attack on other vehicles."""
+        """The attack on other vehicles."""
         return self.model_copy(update={"vehicles": vehicles})
 
     def amplitude(self) -> Magnitude:
-        """Return ā [m, m/s, m/s², m/s³], a number or a distribution; the greatest of several magnitudes."""
+        """Ā [m, m/s, m/s², m/s³], a number or a distribution; the greatest of several magnitudes."""
         return 0.0
 
     def by_order(self) -> list[float] | None:
-        """Return the magnitude of each order from 0, None where one bounds all. Orders beyond it are true."""
+        """The magnitude of each order from 0, None where one bounds all. Orders beyond it are true."""
         return None
 
     def attacked_links(self, graph: Digraph) -> Links:
-        """Return the links that carry the attack. If vehicles are drawn, these are the links that may carry
+        """The links that carry the attack. If vehicles are drawn, these are the links that may carry
         it.
         """
         return graph.none
 
     def chosen(self, draw: LaneDraw) -> np.ndarray:
-        """Return which vehicles are attacked in each lane: (m, lanes)."""
+        """Which vehicles are attacked in each lane: (m, lanes)."""
         attacked = np.isin(draw.everyone, self.targets())
         return np.broadcast_to(attacked[:, None], (len(attacked), len(draw.samples)))
 
     def by_link(self) -> bool:
-        """Return whether each listener receives a different signal."""
+        """Whether each listener receives a different signal."""
         return False
 
     def identities(self) -> int:
-        """Return as how many sources each attacked source appears."""
+        """As how many sources each attacked source appears."""
         return 1
 
     def apart(self) -> bool:
-        """Return whether numbers of single vehicles change the scalar functions, so that each vehicle has its
+        """Whether numbers of single vehicles change the scalar functions, so that each vehicle has its
         own.
         """
         return any(shapes for _, _, shapes in own_numbers(self))
 
     def splits(self) -> bool:
-        """Return whether links are replaced in some lanes only, or at some times only.
+        """Whether links are replaced in some lanes only, or at some times only.
 
         Such a link takes two slots, one for the source's message and one for the attack's. Each lane hears
         one slot at a time.
@@ -166,59 +165,59 @@ class AnyAttack(Kind):
         return False
 
     def replaces(self) -> bool:
-        """Return whether an attacked link carries the navigator's path plus the signal.
+        """Whether an attacked link carries the navigator's path plus the signal.
 
         Otherwise the link carries its source's message plus the signal.
         """
         return False
 
     def as_told(self) -> bool:
-        """Return whether attacked vehicles move as they tell, and not by the law."""
+        """Whether attacked vehicles move as they tell, and not by the law."""
         return False
 
     def falsified(self) -> tuple[int, ...]:
-        """Return the orders of the received derivatives that carry the signal, of 0 to 3. The other orders
+        """The orders of the received derivatives that carry the signal, of 0 to 3. The other orders
         are true.
         """
         return ORDERS
 
     def announcement(self) -> Announcement:
-        """Return how attacked links announce, if the defence makes vehicles announce."""
+        """How attacked links announce, if the defence makes vehicles announce."""
         return Consistent()
 
     def fastest(self) -> float:
-        """Return the highest angular frequency of the signal between ticks [rad/s], infinite if it is not
+        """The highest angular frequency of the signal between ticks [rad/s], infinite if it is not
         known.
         """
         return 0.0
 
     def consistent(self) -> bool:
-        """Return whether a listener receives a path together with the path's own derivatives."""
+        """Whether a listener receives a path together with the path's own derivatives."""
         return self.derived and self.falsified() == ORDERS
 
     def harmonic(self) -> bool:
-        """Return whether each vehicle's signal has at most one frequency."""
+        """Whether each vehicle's signal has at most one frequency."""
         told = type(self).told is not AnyAttack.told
         return not (self.strategic or told) and isinstance(self.signal(), Harmonic)
 
     def of_order(self: AnyAttackKind, order: int) -> AnyAttackKind:
-        """Return the drawn attack for vehicles of an order, which hear derivatives up to this order."""
+        """The drawn attack for vehicles of an order, which hear derivatives up to this order."""
         return (
             self if order <= self.told_order else self.filled({**vars(self), "told_order": order})
         )
 
     def signal(self) -> Signal:
-        """Return the object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)
+        """The object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)
         [s].
         """
         return Harmonic(0.0)
 
     def vectors(self) -> np.ndarray:
-        """Return the vectors of every vehicle's unit signal: (2, m, B, lanes), m = 1 if all are equal."""
+        """The vectors of every vehicle's unit signal: (2, m, B, lanes), m = 1 if all are equal."""
         return np.zeros((2, 1, 2, 1))
 
     def told(self, navigator: NavigatorPath, start: np.ndarray) -> tuple[Signal, np.ndarray | None]:
-        """Return the signal and the unit vectors, which may depend on the navigator and on the sources'
+        """The signal and the unit vectors, which may depend on the navigator and on the sources'
         positions.
 
         `start` holds positions at t = 0, (2, m, lanes) [m]: the vehicle's own, or the navigator's where the
@@ -227,13 +226,13 @@ class AnyAttack(Kind):
         return self.signal(), None if self.strategic else np.asarray(self.vectors())
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """Return bounds on the norm of the functions and of their derivatives in [0, horizon]: (4, lanes), or
+        """Bounds on the norm of the functions and of their derivatives in [0, horizon]: (4, lanes), or
         (5, lanes) where `highest` is 4.
         """
         return np.ones((5, 1))
 
     def reach(self, navigator: NavigatorPath, signal: Signal, horizon: float) -> np.ndarray:
-        """Return `sizes` of the signal that `told` gave: (4, lanes); for a signal without bound the maximum
+        """`sizes` of the signal that `told` gave: (4, lanes); for a signal without bound the maximum
         at MOMENTS.
         """
         if self.bounded:
@@ -249,18 +248,18 @@ class AnyAttack(Kind):
         )
 
     def describe(self) -> str:
-        """Return a short description of the attack."""
+        """A short description of the attack."""
         return self.kind
 
     def whom(self) -> str:
-        """Return a short description of the attacked vehicles."""
+        """A short description of the attacked vehicles."""
         if periods := self.periods():
             return sets_in_words(*zip(*periods, strict=True))
         drawn = f"{self.number()} drawn for each lane" if self.number() else "nobody"
         return ranges(sorted(self.targets())) or drawn
 
     def caveat(self) -> str:
-        """Return how the attack differs from the paper's, a path with its derivatives within ā; "" if it does
+        """How the attack differs from the paper's, a path with its derivatives within ā; "" if it does
         not.
         """
         if not self.bounded:
@@ -380,13 +379,11 @@ class Attack(AnyAttack):
             cls.signal = Attack.signal
 
     def targets(self) -> list[int]:
-        """Return the listed vehicles, in the order in which they are attacked; none if vehicles are drawn."""
         if isinstance(self.vehicles, ChangingVehicles):
             return [*dict.fromkeys(vehicle for each in self.vehicles.sets for vehicle in each)]
         return self.vehicles if isinstance(self.vehicles, list) else []
 
     def number(self) -> int:
-        """Return the number of listed or drawn vehicles."""
         return (
             self.vehicles.random
             if isinstance(self.vehicles, DrawnVehicles)
@@ -394,46 +391,34 @@ class Attack(AnyAttack):
         )
 
     def periods(self) -> list[tuple[float, list[int]]]:
-        """Return the key `vehicles` if vehicles change; nobody is attacked before the first time."""
         if not isinstance(self.vehicles, ChangingVehicles):
             return []
         found = [*zip(self.vehicles.at, self.vehicles.sets, strict=False)]
         return found if found[0][0] == 0 else [(0.0, []), *found]
 
     def chosen(self, draw: LaneDraw) -> np.ndarray:
-        """Return which vehicles are attacked in each lane at any time: those listed, or those with the least
-        random numbers.
-        """
         if not isinstance(self.vehicles, DrawnVehicles):
             return super().chosen(draw)
         lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T
         return lots.argsort(axis=0, kind="stable").argsort(axis=0) < self.vehicles.random
 
     def by_link(self) -> bool:
-        """Return whether `listeners` is `each`."""
         return self.listeners == "each"
 
     def identities(self) -> int:
-        """Return 1 plus the number of sybils."""
         return 1 + self.sybils
 
     def splits(self) -> bool:
-        """Return whether vehicles are drawn, or change, and their links are replaced."""
         return self.replaces() and not isinstance(self.vehicles, list)
 
     def amplitude(self) -> Magnitude:
-        """Return the key `magnitude`, or its greatest number."""
         sizes = self.by_order()
         return self.magnitude if sizes is None else max(sizes)
 
     def by_order(self) -> list[float] | None:
-        """Return the key `magnitude` if it is a list."""
         return self.magnitude.root if isinstance(self.magnitude, EachOrder) else None
 
     def attacked_links(self, graph: Digraph) -> Links:
-        """Return the links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles
-        (`navigator`).
-        """
         links = self.links
         if links == "auto":
             links = "neighbour" if hears_vehicles(graph) else "navigator"
@@ -445,31 +430,25 @@ class Attack(AnyAttack):
         return graph.heard & (graph.sources == 0) & listed[:, None]
 
     def replaces(self) -> bool:
-        """Return whether `threat` is `replaces`."""
         return self.threat == "replaces"
 
     def as_told(self) -> bool:
-        """Return whether `moves` is `as_told`."""
         return self.moves == "as_told"
 
     def falsified(self) -> tuple[int, ...]:
-        """Return the sorted `orders`."""
         return tuple(sorted(set(self.orders)))
 
     def announcement(self) -> Announcement:
-        """Return the key `announces`."""
         return self.announces
 
     def fastest(self) -> float:
-        """Return 0 for an attack that is constant between ticks, else infinity."""
         return 0.0 if self.constant else np.inf
 
     def signal(self) -> Signal:
-        """Return the attack itself, which has a `basis`."""
         return self
 
     def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return the scalar functions with three derivatives.
+        """The scalar functions with three derivatives.
 
         Parameters
         ----------
@@ -483,7 +462,7 @@ class Attack(AnyAttack):
         raise KindError(f"{self.kind}: an attack gives basis(self, time)")
 
     def vectors(self) -> np.ndarray:
-        """Return the vectors that multiply the scalar functions.
+        """The vectors that multiply the scalar functions.
 
         Returns
         -------
@@ -492,7 +471,7 @@ class Attack(AnyAttack):
         raise KindError(f"{self.kind}: an attack gives vectors(self)")
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """Return a bound on `max over t of ‖β^(k)(t)‖` for k = 0..3.
+        """A bound on `max over t of ‖β^(k)(t)‖` for k = 0..3.
 
         Parameters
         ----------
@@ -506,14 +485,13 @@ class Attack(AnyAttack):
         raise KindError(f"{self.kind}: an attack gives sizes(self, horizon)")
 
     def begin(self, seen: TickView) -> Memory:
-        """Return the memory of a strategic attack before the first tick, before any decision or error.
+        """The memory of a strategic attack before the first tick, before any decision or error.
 
         The memory is any pytree of arrays with lanes last; by default None.
         """
         return None
 
     def drawn_faults(self, number: int, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of vehicles that are drawn for each lane."""
         keys = ("attack.vehicles", "vehicles")
         if number > scenario.vehicles:
             yield Fault(keys, f"there are {scenario.vehicles} vehicles (got {number})")
@@ -525,7 +503,6 @@ class Attack(AnyAttack):
     def changing_faults(
         self, changing: ChangingVehicles, scenario: ScenarioView
     ) -> Iterator[Fault]:
-        """Yield the faults of vehicles that change at given times."""
         at, keys = changing.at, ("attack.vehicles.at", "attack.vehicles", "attack")
         if len(at) != len(changing.sets):
             yield Fault(keys, f"a time for each of {len(changing.sets)} sets (got {len(at)})")
@@ -546,7 +523,7 @@ class Attack(AnyAttack):
             )
 
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
-        """Return the vectors of a strategic attack until the next tick, and its memory.
+        """The vectors of a strategic attack until the next tick, and its memory.
 
         Parameters
         ----------
@@ -562,7 +539,6 @@ class Attack(AnyAttack):
         raise KindError(f"{self.kind}: a strategic attack gives aim(self, seen, memory)")
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of unknown or repeated vehicles, and of keys that exclude each other."""
         targets = self.targets()
         yield from unknown_vehicles("attack.vehicles", targets, scenario.vehicles, first=1)
         sets = self.vehicles.sets if isinstance(self.vehicles, ChangingVehicles) else [targets]
@@ -602,7 +578,6 @@ class Attack(AnyAttack):
         yield from self.number_faults()
 
     def moving_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of vehicles that move as they tell."""
         vehicle, key = scenario.vehicle, "attack.moves"
         if not self.replaces():
             yield Fault(
@@ -623,7 +598,6 @@ class Attack(AnyAttack):
             yield Fault((key, "vehicle"), why)
 
     def magnitude_faults(self, order: int) -> Iterator[Fault]:
-        """Yield the faults of a list of magnitudes, for vehicles of an order."""
         sizes, keys = self.by_order(), ("attack.magnitude", "attack")
         if sizes is None:
             return
@@ -645,7 +619,6 @@ class Attack(AnyAttack):
             yield Fault(keys, f"attack.orders leaves order {true[0]} true: {got}")
 
     def number_faults(self) -> Iterator[Fault]:
-        """Yield the faults of numbers that each vehicle has for itself."""
         random = isinstance(self.vehicles, DrawnVehicles)
         for key, number, shapes in own_numbers(self):
             if isinstance(number, Listed) and (random or len(number.root) != len(self.targets())):
@@ -659,7 +632,7 @@ class Attack(AnyAttack):
 
 
 def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number, bool]]:
-    """Yield the numbers that each vehicle has for itself, also of kinds inside this one.
+    """The numbers that each vehicle has for itself, also of kinds inside this one.
 
     Each item is the dotted key, the number, and whether the scalar functions depend on it.
     """
@@ -672,7 +645,7 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
 
 
 def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
-    """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
+    """The factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
 
     A vehicle of an order r hears derivatives up to r. Where each order has its magnitude, `order_factors`
     divide by the sizes, and the scale is the greatest magnitude. It is 0 where the falsified orders are 0, as
@@ -685,7 +658,7 @@ def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarra
 
 
 def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
-    """Return the factors of the orders of a signal with these sizes: (orders, lanes or 1).
+    """The factors of the orders of a signal with these sizes: (orders, lanes or 1).
 
     Orders that the attack leaves true have the factor 0. Where each order has its magnitude, the factor
     scales the order to the magnitude's share of the greatest.
@@ -702,14 +675,14 @@ def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarr
 
 
 def magnitude_shares(attack: AnyAttack, order: int) -> tuple[float, ...] | None:
-    """Return the magnitude of each of `heard_orders` as a share of the greatest; None where all are ā."""
+    """The magnitude of each of `heard_orders` as a share of the greatest; None where all are ā."""
     if (sizes := attack.by_order()) is None:
         return None
     return tuple(sizes[each] / (max(sizes) or 1.0) for each in heard_orders(attack, order))
 
 
 def heard_orders(attack: AnyAttack, order: int) -> list[int]:
-    """Return the falsified orders that vehicles of an order hear. A list of magnitudes may end earlier."""
+    """The falsified orders that vehicles of an order hear. A list of magnitudes may end earlier."""
     falsified, sizes = attack.falsified(), attack.by_order()
     heard = (
         [*range(order + 1)]
@@ -720,17 +693,17 @@ def heard_orders(attack: AnyAttack, order: int) -> list[int]:
 
 
 def unit_vectors(direction: AnyNumbers) -> PlaneVectors:
-    """Return the unit vectors (2, m, lanes) of directions [rad]."""
+    """The unit vectors (2, m, lanes) of directions [rad]."""
     xp = direction.__array_namespace__()
     return xp.stack([xp.cos(direction), xp.sin(direction)])
 
 
 def constant_basis(time: AnyTimes) -> SignalBasis:
-    """Return the scalar function 1 of a signal that is constant from tick to tick: (4, 1, lanes)."""
+    """The scalar function 1 of a signal that is constant from tick to tick: (4, 1, lanes)."""
     xp = time.__array_namespace__()
     return xp.concatenate([xp.ones((1, 1, *time.shape)), xp.zeros((3, 1, *time.shape))])
 
 
 def harmonic_sizes(frequency: np.ndarray) -> np.ndarray:
-    """Return the sizes of a harmonic, `|ω|^k` up to k = 4: (5, lanes)."""
+    """The sizes of a harmonic, `|ω|^k` up to k = 4: (5, lanes)."""
     return np.abs(frequency)[None] ** np.arange(5.0)[:, None]

@@ -7,7 +7,6 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, unit_vectors
 from jaxnet.kinds.fields import Angle
-from jaxnet.kinds.protocols import Signal
 from jaxnet.model.signal import Harmonic
 
 
@@ -20,15 +19,12 @@ class Bias(Attack):
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
 
-    def signal(self) -> Signal:
-        """Return the harmonic of frequency 0."""
+    def signal(self):
         return Harmonic(0.0)
 
-    def vectors(self) -> np.ndarray:
-        """Return the directions, which multiply cos 0, and 0, which multiplies sin 0."""
+    def vectors(self):
         unit = unit_vectors(self.direction)
         return np.stack([unit, np.zeros_like(unit)], axis=2)
 
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1 for the signal and 0 for its derivatives."""
+    def sizes(self, horizon):
         return np.eye(5, 1)

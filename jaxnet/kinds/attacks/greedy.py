@@ -6,13 +6,9 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
-from jaxnet.kinds.protocols import TickView
 from jaxnet.kinds.shapes import (
-    AnyTimes,
     LaneNumbers,
-    Memory,
     PlaneVectors,
-    SignalBasis,
     SignalVectors,
 )
 from jaxnet.lazy import LazyModule
@@ -40,16 +36,14 @@ class Greedy(Attack):
 
     directions: int = Field(default=16, ge=2, le=360, description="evenly around")
 
-    def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return the function 1, because an offset is held from tick to tick."""
+    def basis(self, time):
         return constant_basis(time)
 
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1 for the signal and 0 for its derivatives."""
+    def sizes(self, horizon):
         return np.eye(5, 1)
 
-    def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
-        """Return the direction of the greatest criterion; the first one of equal values."""
+    def aim(self, seen, memory):
+        """The direction of the greatest criterion; the first one of equal values."""
         shape = (2, *seen.errors[0].shape[1:])
 
         def vectors_of(direction: PlaneVectors) -> SignalVectors:

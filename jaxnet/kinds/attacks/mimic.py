@@ -7,13 +7,8 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
-from jaxnet.kinds.protocols import TickView
 from jaxnet.kinds.shapes import (
     AnyNumbers,
-    AnyTimes,
-    Memory,
-    SignalBasis,
-    SignalVectors,
     VehicleNumbers,
 )
 from jaxnet.lazy import LazyModule
@@ -41,15 +36,13 @@ class Mimic(Attack):
     direction: Angle = Field(default=FULL_TURN, description="[rad], of the offset")
     parts: int = Field(default=16, ge=1, le=1000, description="of ā that are tried")
 
-    def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return the function 1, because an offset is held from tick to tick."""
+    def basis(self, time):
         return constant_basis(time)
 
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1 for the signal and 0 for its derivatives."""
+    def sizes(self, horizon):
         return np.eye(5, 1)
 
-    def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
+    def aim(self, seen, memory):
         """Try the fractions of ā in ascending order, and return the greatest that every listener retains."""
         m = seen.errors[0].shape[1]
         unit = jnp.broadcast_to(unit_vectors(self.direction), seen.errors[0].shape)

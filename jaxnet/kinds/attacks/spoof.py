@@ -7,7 +7,6 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, unit_vectors
 from jaxnet.kinds.fields import Angle
-from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 
 
 class Spoof(Attack):
@@ -23,19 +22,15 @@ class Spoof(Attack):
 
     direction: Angle = Field(default=0.0, description="[rad], of the offset")
 
-    def fastest(self) -> float:
-        """Return 0, the frequency of a constant."""
+    def fastest(self):
         return 0.0
 
-    def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return one function, which is 1 in every order."""
+    def basis(self, time):
         xp = time.__array_namespace__()
         return xp.ones((5, 1, *time.shape))
 
-    def vectors(self) -> np.ndarray:
-        """Return the unit vectors of the directions."""
+    def vectors(self):
         return unit_vectors(self.direction)[:, :, None]
 
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1 for every order."""
+    def sizes(self, horizon):
         return np.ones((5, 1))

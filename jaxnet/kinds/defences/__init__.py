@@ -93,34 +93,34 @@ class AnyDefence(DrawsAtTicks):
     guarantee: ClassVar[str] = "none is known"
 
     def promise(self) -> str:
-        """Return what is guaranteed of the defence as configured, in words: by default `guarantee`."""
+        """What is guaranteed of the defence as configured, in words: by default `guarantee`."""
         return self.guarantee
 
     def needs_ticks(self) -> bool:
-        """Return whether the defence has a memory, so that it cannot decide at every instant (`tick: 0`)."""
+        """Whether the defence has a memory, so that it cannot decide at every instant (`tick: 0`)."""
         return True
 
     def coasts(self) -> bool:
-        """Return whether vehicles that decisions cut off from the navigator keep their last drive."""
+        """Whether vehicles that decisions cut off from the navigator keep their last drive."""
         return False
 
     def trusts(self, graph: Digraph) -> Links:
-        """Return the trusted links of a graph: by default all links from the navigator."""
+        """The trusted links of a graph: by default all links from the navigator."""
         return trusted_links(graph, {})
 
     def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Memory:
-        """Return arrays that all lanes share, any pytree; by default None.
+        """Arrays that all lanes share, any pytree; by default None.
 
         `sources` (slots, m) are the numbers of the sources.
         """
         return None
 
     def start(self, around: Neighbourhood) -> Memory:
-        """Return the memory before the first tick: any pytree of arrays with lanes last; by default None."""
+        """The memory before the first tick: any pytree of arrays with lanes last; by default None."""
         return None
 
     def announcement(self, memory: Memory) -> VehicleVectors | None:
-        """Return the announcement `R(y) - R(y_0)` of each vehicle: (2, m, lanes), or None if vehicles
+        """The announcement `R(y) - R(y_0)` of each vehicle: (2, m, lanes), or None if vehicles
         announce nothing.
 
         An attacked link adds R of its signal, or carries R of the signal alone if the threat is `replaces`.
@@ -128,17 +128,17 @@ class AnyDefence(DrawsAtTicks):
         return None
 
     def announcing(self) -> bool:
-        """Return whether vehicles announce what drives them off the navigator, and are judged by it."""
+        """Whether vehicles announce what drives them off the navigator, and are judged by it."""
         return False
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
-        """Return the received jets as the decision sees them; the law uses the jets without this change."""
+        """The received jets as the decision sees them; the law uses the jets without this change."""
         return received
 
     def overheard(
         self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
     ) -> SlotVectors:
-        """Return announcements (2, slots, m, lanes) [m/s³] as vehicles see them when they decide and
+        """Announcements (2, slots, m, lanes) [m/s³] as vehicles see them when they decide and
         announce.
 
         `sources` (slots, m) are the numbers of the sources, 0 is the navigator.
@@ -153,7 +153,7 @@ class AnyDefence(DrawsAtTicks):
         memory: Memory,
         around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
-        """Return the decision and the memory after one tick.
+        """The decision and the memory after one tick.
 
         Parameters
         ----------
@@ -178,15 +178,15 @@ class AnyDefence(DrawsAtTicks):
         )
 
     def retained(self, graph: Digraph, trusted: Links) -> DropPolicy | None:
-        """Return which sources the defence may retain, for bounds; None, the default, if not known."""
+        """Which sources the defence may retain, for bounds; None, the default, if not known."""
         return None
 
     def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return a bound on the sources that the defence drops; by default every source."""
+        """A bound on the sources that the defence drops; by default every source."""
         return self.retained(graph, trusted) or any_untrusted(graph, graph.none, len(trusted) + 1)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """Return the vehicles that end on the navigator whatever attackers send, by reason, the strongest
+        """The vehicles that end on the navigator whatever attackers send, by reason, the strongest
         first.
 
         By default a vehicle is safe if nothing upstream of it is attacked, or if all attacked sources
@@ -201,7 +201,7 @@ class AnyDefence(DrawsAtTicks):
         return reasons
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Return lines of `jaxnet check`: what the defence promises on this graph under this attack."""
+        """Lines of `jaxnet check`: what the defence promises on this graph under this attack."""
         return {"defence": f"{self.kind}: nothing is known of whom it retains, so no bound is told"}
 
 
@@ -212,7 +212,7 @@ class ShareOfLinks(Record):
     seed: int = Field(default=0, ge=0, description="of the draw, which all lanes share")
 
     def links(self, graph: Digraph) -> Links:
-        """Return the trusted links; with one seed, a greater share contains a smaller one."""
+        """The trusted links; with one seed, a greater share contains a smaller one."""
         heard, random = graph.heard & (graph.sources > 0), np.random.default_rng(self.seed)
         lots = np.array([random.random(graph.vehicles + 1)[each] for each in graph.sources])
         number = np.floor(self.share * heard.sum(axis=1) + random.random(len(heard)))
@@ -227,13 +227,11 @@ class NearestSources(Record):
     )
 
     def links(self, graph: Digraph) -> Links:
-        """Return the trusted links, which follow from the graph alone."""
         far = np.append(0.0, hops(graph))
         return least(graph.heard, far[graph.sources], self.nearest)
 
 
 def trusted_tag(value: object) -> str | None:
-    """Return the tag of the form in which trusted sources are given, None if there is no such form."""
     if isinstance(value, Record):
         return MARK + next(iter(type(value).model_fields))
     if not isinstance(value, dict):
@@ -301,20 +299,16 @@ class Defence(AnyDefence):
     )
 
     def coasts(self) -> bool:
-        """Return whether vehicles that decisions cut off from the navigator keep their last drive."""
         return self.isolated == "coast"
 
     def draws(self) -> bool:
-        """Return whether the rule has noise."""
         return self.noise != 0
 
     def drawn(self, draw: LaneDraw, name: str) -> "Defence":
-        """Return the rule with drawn numbers; the noise is None where it is 0."""
         found = super().drawn(draw, name)
         return self.filled({**vars(found), "noise": None}) if self.noise == 0 else found
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
-        """Return the received jets with noise."""
         return (
             received
             if self.noise is None
@@ -324,14 +318,13 @@ class Defence(AnyDefence):
     def overheard(
         self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
     ) -> SlotVectors:
-        """Return announcements with noise; the navigator's announcement, always 0, has no noise."""
+        """Announcements with noise; the navigator's announcement, always 0, has no noise."""
         if self.noise is None:
             return announced
         (noisy,) = chance.noisy((announced,), self.noise, vars(self)["key"], time, first=3)
         return noisy.__array_namespace__().where((sources > 0)[None, :, :, None], noisy, announced)
 
     def trusts(self, graph: Digraph) -> Links:
-        """Return the links that the key `trusted` names."""
         if isinstance(self.trusted, Record):
             return self.trusted.links(graph)
         if self.trusted == "none":
@@ -339,7 +332,6 @@ class Defence(AnyDefence):
         return trusted_links(graph, self.trusted)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of vehicles that do not exist, and of a rule with memory that has no ticks."""
         listed = self.trusted if isinstance(self.trusted, dict) else {}
         yield from unknown_vehicles("defence.trusted", list(listed), scenario.vehicles, first=1)
         sources = [source for trusted in listed.values() for source in trusted]
@@ -366,21 +358,21 @@ class Sparing(Defence):
     )
 
     def spares(self, trusted: AnyMask) -> AnyMask:
-        """Return those of the trusted links or slots whose weight the rule does not change."""
+        """Those of the trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
 
     def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return a bound on the sources that the rule drops: every source that it does not spare."""
+        """A bound on the sources that the rule drops: every source that it does not spare."""
         known = self.retained(graph, trusted)
         return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)
 
     def spared(self, around: Neighbourhood) -> SlotMask:
-        """Return the slots (slots, m, lanes) whose weight the rule does not change."""
+        """The slots (slots, m, lanes) whose weight the rule does not change."""
         return self.spares((around.weights > 0) & around.trusted[:, :, None])
 
 
 def by_listener(value: int | dict[int, int], vehicles: int) -> np.ndarray:
-    """Return a whole number for each vehicle, (m,), from one number or {vehicle: number}; 0 for other
+    """A whole number for each vehicle, (m,), from one number or {vehicle: number}; 0 for other
     vehicles.
     """
     if not isinstance(value, dict):

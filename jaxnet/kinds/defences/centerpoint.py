@@ -1,7 +1,6 @@
 """The centerpoint: a mean of the received positions that lies among the honest ones."""
 
-from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
+from jaxnet.kinds.defences import Sparing
 
 
 class Centerpoint(Sparing):
@@ -28,15 +27,7 @@ class Centerpoint(Sparing):
         " ones, but their derivatives are weighed unseen"
     )
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Return weights of the sources, which are normalised afterwards."""
+    def decide(self, own, received, last, memory, around):
         from jaxnet.model import centerpoint
 
         xp, found = own[0].__array_namespace__(), centerpoint.weights(received[0], around.weights)

@@ -2,12 +2,10 @@
 
 from pydantic import Field
 
-from jaxnet.kinds.defences import Neighbourhood, Sparing
+from jaxnet.kinds.defences import Sparing
 from jaxnet.kinds.fields import Positive
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
-from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
-from jaxnet.model.retained import DropPolicy, everybody
+from jaxnet.model.retained import everybody
 
 
 class Clipping(Sparing):
@@ -24,20 +22,12 @@ class Clipping(Sparing):
 
     radius: Positive = Field(default=20.0, description="[m]")
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Return weights of the sources, which are normalised afterwards."""
+    def decide(self, own, received, last, memory, around):
         xp = own[0].__array_namespace__()
         radius = self.radius[None, None]
         share = radius / xp.maximum(length(received[0] - own[0][:, None]), radius)
         return around.weights * xp.where(self.spared(around), 1.0, share), memory
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return that no source is dropped, because no weight becomes 0."""
+    def may_drop(self, graph, trusted):
+        """That no source is dropped, because no weight becomes 0."""
         return everybody(graph)

@@ -1,7 +1,6 @@
 """The weighted median of the received positions, axis by axis."""
 
-from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
+from jaxnet.kinds.defences import Sparing
 from jaxnet.model import ties
 
 HALF = 0.5 + 1e-12  # half of the weight, plus the rounding of its sum
@@ -23,15 +22,8 @@ class CoordinateMedian(Sparing):
         " have more than half of the weight, but derivatives are believed unseen"
     )
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Return the sources at the median. A loop over slots sums weights, because XLA sums an axis one by
+    def decide(self, own, received, last, memory, around):
+        """The sources at the median. A loop over slots sums weights, because XLA sums an axis one by
         one.
         """
         xp, weights, position = own[0].__array_namespace__(), around.weights, received[0]

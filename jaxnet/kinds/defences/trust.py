@@ -8,16 +8,11 @@ from pydantic import Field
 from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.kinds.shapes import (
-    Decision,
-    Memory,
-    SlotJets,
     SlotNumbers,
     SlotVectors,
-    VehicleJets,
     VehicleVectors,
 )
 from jaxnet.model import safety
-from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import everybody
 from jaxnet.model.safety import Safe
@@ -59,27 +54,16 @@ class Trust(Sparing):
         default=0.8, description="of random observations: the probability that one is right"
     )
 
-    def promise(self) -> str:
-        """Return the guarantee of the observation."""
+    def promise(self):
         return OF_RANDOM_TRUTHS if self.observation == "random" else self.guarantee
 
-    def draws(self) -> bool:
-        """Return whether the rule has noise or random observations."""
+    def draws(self):
         return super().draws() or self.observation == "random"
 
-    def start(self, around: Neighbourhood) -> Memory:
-        """Return the sum 0 for every source."""
+    def start(self, around):
         return around.weights.__array_namespace__().zeros(around.weights.shape)
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Add the observations of this tick to the sums, and decide by the sums."""
+    def decide(self, own, received, last, memory, around):
         xp, heard = own[0].__array_namespace__(), around.weights > 0
         if self.observation == "random":
             alpha = self.random_alpha(around)
@@ -91,7 +75,6 @@ class Trust(Sparing):
         return self.spared(around) | (memory >= xp.minimum(greatest, 0.0)), memory
 
     def random_alpha(self, around: Neighbourhood) -> SlotNumbers:
-        """Return 1 or 0, the truth with probability `accuracy`."""
         drawn = self.random(around.time, "observation", "uniform", around.weights.shape[:-1])
         right = drawn < self.accuracy[None, None]
         return (right != around.attacked).astype(float)
@@ -99,15 +82,14 @@ class Trust(Sparing):
     def alpha(
         self, own: VehicleVectors, position: SlotVectors, around: Neighbourhood
     ) -> SlotNumbers:
-        """Return `radius / (radius + Δ)`."""
         xp, trusts = own.__array_namespace__(), (around.weights > 0) & around.trusted[:, :, None]
         first, radius = trusts & (xp.cumsum(trusts, axis=0) == 1), self.radius[None, None]
         word = xp.where(first[None], position, 0.0).sum(axis=1)
         there = xp.where(trusts.any(axis=0)[None], word, own)
         return radius / (radius + length(position - there[:, None]))
 
-    def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """Return the default reasons and "by earned trust".
+    def safe(self, graph, attacked, trusted):
+        """The default reasons and "by earned trust".
 
         In the end no attacked source is believed, unless it is spared or its listener hears no honest source.
         """

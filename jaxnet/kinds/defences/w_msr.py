@@ -2,11 +2,10 @@
 
 from pydantic import Field
 
-from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.kinds.shapes import AxisSlotMask, Decision, Memory, SlotJets, VehicleJets
+from jaxnet.kinds.defences import Sparing
+from jaxnet.kinds.shapes import AxisSlotMask
 from jaxnet.model import ties
-from jaxnet.model.graph import Digraph, Links
-from jaxnet.model.retained import DropPolicy, any_untrusted
+from jaxnet.model.retained import any_untrusted
 
 
 class WMSR(Sparing):
@@ -29,14 +28,7 @@ class WMSR(Sparing):
         default=1, ge=0, le=10_000, description="most attacked sources that a vehicle reckons with"
     )
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
+    def decide(self, own, received, last, memory, around):
         """Drop a source if fewer than F sources are farther out on the same side.
 
         Of equal values (`ties`) the lower slot is dropped first. A value equal to the vehicle's own is kept.
@@ -52,7 +44,7 @@ class WMSR(Sparing):
         order = xp.arange(above.shape[1])[None, :, None, None]
 
         def beyond(k: int) -> AxisSlotMask:
-            """Return the sources that slot k exceeds on the same side."""
+            """The sources that slot k exceeds on the same side."""
             other = slice(k, k + 1)
             first = ~ties.over(size, size[:, other]) & (k < order)
             return (side[:, other] == side) & (ties.over(size[:, other], size) | first)
@@ -60,12 +52,10 @@ class WMSR(Sparing):
         before = sum(xp.where(beyond(k), 1, 0) for k in range(above.shape[1]))
         return ~((side != 0) & (before < self.F)), memory
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return that at most 2F sources are dropped, F on either side."""
+    def may_drop(self, graph, trusted):
         return any_untrusted(graph, self.spares(trusted), 2 * self.F)
 
-    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Return that no bound on the retained sources is known."""
+    def describe(self, graph, attacked, trusted):
         return {
             "defence": f"W-MSR, F = {self.F}; whom it retains is not bounded here, so no bound is told"
         }

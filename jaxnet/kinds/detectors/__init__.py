@@ -38,11 +38,11 @@ class Detector(Kind):
     present: ClassVar[bool] = True
 
     def start(self, words: JudgedWords) -> Memory:
-        """Return the memory before the first tick: any pytree of arrays with lanes last; by default None."""
+        """The memory before the first tick: any pytree of arrays with lanes last; by default None."""
         return None
 
     def alarms(self, words: JudgedWords, memory: Any) -> tuple[SlotMask, Memory]:
-        """Return the words that raise an alarm at a tick.
+        """The words that raise an alarm at a tick.
 
         Parameters
         ----------

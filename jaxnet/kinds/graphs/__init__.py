@@ -69,7 +69,7 @@ class Graph(Kind):
     )
 
     def weights(self, vehicles: int) -> GivenGraph:
-        """Return the weights of the graph; drawn numbers count with their medians.
+        """The weights of the graph; drawn numbers count with their medians.
 
         Parameters
         ----------
@@ -84,13 +84,13 @@ class Graph(Kind):
         raise NotImplementedError
 
     def links(self, vehicles: int) -> GivenGraph:
-        """Return the links that a lane may have, in the form of `weights`; other links have weight 0 in all
+        """The links that a lane may have, in the form of `weights`; other links have weight 0 in all
         lanes.
         """
         return self.weights(vehicles)
 
     def size(self) -> int | None:
-        """Return the number of vehicles, None if the graph takes any number."""
+        """The number of vehicles, None if the graph takes any number."""
         return None
 
     def leaderless(self) -> "Graph":
@@ -98,39 +98,39 @@ class Graph(Kind):
         return self
 
     def vehicle_names(self) -> Sequence[str]:
-        """Return the names of the vehicles 1 … m, empty if only numbers name them."""
+        """The names of the vehicles 1 … m, empty if only numbers name them."""
         return ()
 
     def turns(self) -> Sequence["Graph"]:
-        """Return the networks of which one is in force at a time; by default this graph alone."""
+        """The networks of which one is in force at a time; by default this graph alone."""
         return [self]
 
     def linked(self, vehicles: int) -> Digraph:
-        """Return the graph of the possible links, each with weight 1; raise KindError."""
+        """The graph of the possible links, each with weight 1; raise KindError."""
         given = self.digraph(self.links(vehicles), vehicles)
         return given._replace(weights=given.heard.astype(float))
 
     def differs(self) -> bool:
-        """Return whether lanes have graphs or weights of their own."""
+        """Whether lanes have graphs or weights of their own."""
         return bool(self.drawn_keys())
 
     def breaks(self) -> frozenset[str]:
         return broken(one_network=len(self.turns()) > 1, alike=self.differs())
 
     def redrawn(self) -> bool:
-        """Return whether lanes have links of their own, not only weights."""
+        """Whether lanes have links of their own, not only weights."""
         return self.differs() and not self.drawn_keys()
 
     def lane_weights(
         self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
     ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the weights of each lane by slot. Only a graph that differs by lane needs this method."""
+        """The weights of each lane by slot. Only a graph that differs by lane needs this method."""
         raise NotImplementedError
 
     def weights_by_slot(
         self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
     ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the normalised weights of each lane by slot."""
+        """The normalised weights of each lane by slot."""
         if self.differs():
             return self.lane_weights(draw, vehicles, sources)
         given = self.normalised_rows(vehicles)
@@ -141,17 +141,17 @@ class Graph(Kind):
         return graph.normalised(self.digraph(self.weights(vehicles), vehicles))
 
     def normalises(self) -> bool:
-        """Return whether only relative weights count."""
+        """Whether only relative weights count."""
         return True
 
     def rows_with_loops(self, vehicles: int) -> Digraph:
-        """Return the weights as they are given, with those of vehicles on themselves; raise KindError."""
+        """The weights as they are given, with those of vehicles on themselves; raise KindError."""
         return self.checked(self.weights(vehicles), vehicles)
 
     def strength(
         self, weights: Float[np.ndarray, "samples slots m"], navigator: bool
     ) -> RowStrength | None:
-        """Return the strength of the rows of each lane, None if it is 1: leaves (samples, m).
+        """The strength of the rows of each lane, None if it is 1: leaves (samples, m).
 
         `weights` are those of the lanes, and `navigator` says whether the fleet has one.
         """
@@ -164,7 +164,7 @@ class Graph(Kind):
         return WithOwnWeight(share) if share.any() else None
 
     def digraph(self, given: GivenGraph, vehicles: int) -> Digraph:
-        """Return what `weights` and `links` give as a graph, without weights of vehicles on themselves.
+        """What `weights` and `links` give as a graph, without weights of vehicles on themselves.
 
         Raises KindError.
         """
@@ -172,7 +172,7 @@ class Graph(Kind):
         return found.only(found.sources != np.arange(1, vehicles + 1)[:, None])
 
     def checked(self, given: GivenGraph, vehicles: int) -> Digraph:
-        """Return what `weights` and `links` give as a graph; raise KindError."""
+        """What `weights` and `links` give as a graph; raise KindError."""
         if not isinstance(given, Digraph):
             try:
                 given = given if sparse.issparse(given) else np.asarray(given, float)
@@ -188,7 +188,7 @@ class Graph(Kind):
         return given
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if there is a navigator that does not reach every vehicle: L is singular then."""
+        """A fault if there is a navigator that does not reach every vehicle: L is singular then."""
         if not scenario.law.local and (self.own_weight or not self.normalises()):
             key = "own_weight" if self.own_weight else "normalised"
             yield Fault((f"topology.{key}", "law"), f"{key} acts under law: local alone")
@@ -210,17 +210,15 @@ class ByIdentity:
         self.one = one
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both keys hold the same object."""
         return isinstance(other, ByIdentity) and self.one is other.one
 
     def __hash__(self) -> int:
-        """Return the object's identity."""
         return id(self.one)
 
 
 @functools.lru_cache(maxsize=16)
 def check_reach(itself: ByIdentity, vehicles: int) -> tuple[list[int], float]:
-    """Return the vehicles that the navigator does not reach, and the least weight of a link.
+    """The vehicles that the navigator does not reach, and the least weight of a link.
 
     The cache serves the cells of a sweep, which share their graph.
     """
@@ -235,16 +233,12 @@ class ShareOfVehicles(Record):
 
 
 def informed_tag(value: object) -> str | None:
-    """Return the tag of the form in which informed vehicles are given."""
     if isinstance(value, ShareOfVehicles) or (isinstance(value, dict) and "share" in value):
         return MARK + "share"
     return {str: MARK + "word", list: MARK + "listed"}.get(type(value))
 
 
 def check_navigator_weight(weight: Number) -> Number:
-    """Return the navigator's weight; raise ValueError if a draw may be 1, which removes all links to
-    neighbours.
-    """
     if is_drawn(weight) and value_range(weight)[1] >= 1:
         raise ValueError("must be less than 1 where it is drawn: at 1 nobody hears a neighbour")
     return weight
@@ -288,19 +282,18 @@ class Unweighted(Graph):
     )
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Return which vehicles each vehicle hears, (m, m) booleans, dense or sparse."""
+        """Which vehicles each vehicle hears, (m, m) booleans, dense or sparse."""
         raise NotImplementedError
 
     def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """Yield the reasons why no such graph of this number of vehicles exists."""
+        """The reasons why no such graph of this number of vehicles exists."""
         yield from ()
 
     def is_random(self) -> bool:
-        """Return whether links are drawn."""
         return isinstance(self.navigator, ShareOfVehicles)
 
     def informed(self, vehicles: int, random: np.random.Generator) -> Bool[np.ndarray, " m"]:
-        """Return which vehicles hear the navigator; with one generator, a greater share contains a smaller
+        """Which vehicles hear the navigator; with one generator, a greater share contains a smaller
         one.
         """
         everyone = np.arange(1, vehicles + 1)
@@ -311,7 +304,7 @@ class Unweighted(Graph):
         return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
 
     def connected(self, vehicles: int, random: np.random.Generator) -> Digraph:
-        """Return links by which the navigator reaches every vehicle; raise KindError if no draw has such
+        """Links by which the navigator reaches every vehicle; raise KindError if no draw has such
         links.
         """
         for _ in range(TRIES):
@@ -324,7 +317,7 @@ class Unweighted(Graph):
         raise KindError(f"{self.kind}: the navigator reaches everybody in none of {TRIES} draws")
 
     def parts(self, links: Digraph) -> tuple[Float[np.ndarray, "m slots"], Float[np.ndarray, " m"]]:
-        """Return the relative weights of the neighbours, and their sums."""
+        """The relative weights of the neighbours, and their sums."""
         if self.weighting == "uniform":
             parts = (links.heard & (links.sources > 0)).astype(float)
             return parts, parts.sum(axis=1)
@@ -332,12 +325,11 @@ class Unweighted(Graph):
         return parts, graph.totals(links.sources - 1, parts, links.vehicles)
 
     def weights(self, vehicles: int) -> Digraph:
-        """Return the weights by the rule; for a graph drawn lane by lane, those of one such graph."""
+        """The weights by the rule; for a graph drawn lane by lane, those of one such graph."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         return self.weighted(links, median(self.navigator_weight))
 
     def weighted(self, links: Digraph, navigator_weight: float) -> Digraph:
-        """Return links with weights by the rule."""
         parts, total = self.parts(links)
         navigator, rest = weight_shares(hears_navigator(links), total, navigator_weight)
         weights = np.where(links.sources == 0, navigator[:, None], parts * rest[:, None])
@@ -346,7 +338,6 @@ class Unweighted(Graph):
     def lane_weights(
         self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
     ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the weights by the rule with each lane's own weight of the navigator."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         parts, total = self.parts(links)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")[:, None]
@@ -355,9 +346,6 @@ class Unweighted(Graph):
         return np.where(sources == 0, navigator[:, None], by_slot * rest[:, None])
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of the listed vehicles and of the graph, or else a fault if a vehicle is not
-        reached.
-        """
         listed = self.navigator if isinstance(self.navigator, list) else []
         found = [
             *unknown_vehicles("topology.navigator", listed, scenario.vehicles, first=1),
@@ -367,7 +355,6 @@ class Unweighted(Graph):
 
 
 def hears_navigator(links: Digraph) -> Bool[np.ndarray, " m"]:
-    """Return which vehicles hear the navigator."""
     return (links.heard & (links.sources == 0)).any(axis=1)
 
 
@@ -376,7 +363,7 @@ def weight_shares(
     total: Float[np.ndarray, " m"],
     navigator_weight: float | np.ndarray,
 ) -> tuple[Float[np.ndarray, "*samples m"], Float[np.ndarray, "*samples m"]]:
-    """Return the navigator's weight in each row, and the factor of the neighbours' weights, whose sum is
+    """The navigator's weight in each row, and the factor of the neighbours' weights, whose sum is
     `total`.
 
     A vehicle that hears no neighbour hears the navigator alone.
@@ -391,13 +378,9 @@ class Random(Unweighted):
     redraw: bool = Field(default=False, description="whether each lane has a graph of its own")
 
     def is_random(self) -> bool:
-        """Return True, because the links are drawn."""
         return True
 
     def links(self, vehicles: int) -> GivenGraph:
-        """Return every link between vehicles if each lane has its own graph, and the possible links of the
-        navigator.
-        """
         if not self.redraw:
             return super().links(vehicles)
         informed = np.ones(vehicles, bool)
@@ -406,17 +389,14 @@ class Random(Unweighted):
         return np.column_stack([informed, ~np.eye(vehicles, dtype=bool)])
 
     def differs(self) -> bool:
-        """Return whether lanes have graphs or navigator weights of their own."""
         return self.redraw or super().differs()
 
     def redrawn(self) -> bool:
-        """Return the key `redraw`."""
         return self.redraw
 
     def lane_weights(
         self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
     ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the weights of each lane's graph by slot."""
         if not self.redraw:
             return super().lane_weights(draw, vehicles, sources)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")
@@ -426,7 +406,6 @@ class Random(Unweighted):
 
 
 def too_many(key: str, number: int, vehicles: int) -> Iterator[Fault]:
-    """Yield a fault if a number of neighbours is not less than the number of vehicles."""
     if number >= vehicles:
         message = f"must be less than the {vehicles} vehicles (got {number})"
         yield Fault((key, "topology", "vehicles"), message)

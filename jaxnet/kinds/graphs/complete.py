@@ -3,7 +3,6 @@
 import numpy as np
 
 from jaxnet.kinds.graphs import Unweighted
-from jaxnet.model.patterns import Neighbours
 
 
 class Complete(Unweighted):
@@ -11,6 +10,5 @@ class Complete(Unweighted):
 
     kind = "complete"
 
-    def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Return all links except those from a vehicle to itself."""
+    def heard(self, vehicles, random):
         return ~np.eye(vehicles, dtype=bool)

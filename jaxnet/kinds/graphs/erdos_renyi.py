@@ -4,7 +4,6 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.graphs import Random
-from jaxnet.model.patterns import Neighbours
 
 
 class ErdosRenyi(Random):
@@ -15,8 +14,7 @@ class ErdosRenyi(Random):
 
     probability: float = Field(default=0.3, gt=0, le=1, description="of each directed link")
 
-    def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Draw each directed link independently."""
+    def heard(self, vehicles, random):
         return (random.random((vehicles, vehicles)) < self.probability) & ~np.eye(
             vehicles, dtype=bool
         )

@@ -36,22 +36,22 @@ class Loss(DrawsAtTicks):
     claims: ClassVar[frozenset[str]] = frozenset({"perfect", "of_whole_ticks"})
 
     def perfect(self) -> bool:
-        """Return whether no message is ever lost."""
+        """Whether no message is ever lost."""
         return False
 
     def of_whole_ticks(self) -> float | None:
-        """Return the probability with which all messages of a tick are lost together.
+        """The probability with which all messages of a tick are lost together.
 
         None if messages are lost otherwise, or if ticks depend on each other.
         """
         return None
 
     def start(self, messages: Messages) -> Memory:
-        """Return the memory before the first tick: any pytree of arrays with lanes last; by default None."""
+        """The memory before the first tick: any pytree of arrays with lanes last; by default None."""
         return None
 
     def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Memory]:
-        """Return the messages that are lost at a tick.
+        """The messages that are lost at a tick.
 
         Parameters
         ----------
@@ -71,9 +71,6 @@ class Loss(DrawsAtTicks):
         return broken(every_message=not self.perfect())
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of messages that can be lost, if the scenario has no ticks, a defence announces, or
-        the law is linearised.
-        """
         if self.perfect():
             return
         if scenario.tick == 0:

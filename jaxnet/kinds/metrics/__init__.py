@@ -72,7 +72,6 @@ class Metric:
     undefined: Undefined = "error"
 
     def __post_init__(self) -> None:
-        """Raise KindError for an unknown reduction."""
         allowed = {
             "over": get_args(Over),
             "time": get_args(OverTime),
@@ -98,7 +97,6 @@ class Metric:
 
 
 def restore_metric(origin: modules.Origin, name: str) -> Metric:
-    """Return a metric that another process has sent; raise KindError if its module differs here."""
     return modules.attribute(modules.load_origin(origin), name)
 
 

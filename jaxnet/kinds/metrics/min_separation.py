@@ -7,7 +7,7 @@ from jaxnet.model.plane import length
 
 
 def nearest(seen: FleetView) -> VehicleNumbers:
-    """Return the distance [m] of each vehicle to the nearest other one, (m, lanes); infinite for a single
+    """The distance [m] of each vehicle to the nearest other one, (m, lanes); infinite for a single
     vehicle.
     """
     xp = seen.error.__array_namespace__()

@@ -12,7 +12,7 @@ DIRECTIONS = 64  # of half-planes that make up the hull: distances are at most 0
 
 
 def beyond(seen: FleetView) -> VehicleNumbers:
-    """Return how far [m] each vehicle is outside the convex hull of the starts, (m, lanes), attacked ones
+    """How far [m] each vehicle is outside the convex hull of the starts, (m, lanes), attacked ones
     aside.
     """
     xp, honest = seen.error.__array_namespace__(), ~seen.attacked

@@ -7,7 +7,7 @@ from jaxnet.model.plane import length
 
 
 def farthest_honest(seen: FleetView) -> VehicleNumbers:
-    """Return the distance [m] of each vehicle to the farthest other one, (m, lanes), attacked ones aside."""
+    """The distance [m] of each vehicle to the farthest other one, (m, lanes), attacked ones aside."""
     xp, honest = seen.error.__array_namespace__(), ~seen.attacked
     apart = length(seen.error[:, :, None] - seen.error[:, None])
     return xp.where(honest[:, None] & honest[None], apart, 0.0).max(axis=0)

@@ -38,7 +38,7 @@ class Navigator(Kind):
     present: ClassVar[bool] = True  # whether there is a navigator
 
     def jets(self, time: AnyTimes) -> PathJets:
-        """Return the position and its first three derivatives.
+        """The position and its first three derivatives.
 
         Parameters
         ----------
@@ -52,7 +52,7 @@ class Navigator(Kind):
         raise KindError(f"{self.kind}: a navigator gives jets(self, time)")
 
     def slowest(self, horizon: float) -> tuple[float, float]:
-        """Return the least speed [m/s] in [0, horizon] among SPEED_SAMPLES times, and its time [s]."""
+        """The least speed [m/s] in [0, horizon] among SPEED_SAMPLES times, and its time [s]."""
         times = np.linspace(0.0, horizon, SPEED_SAMPLES)
         speed = np.hypot(*np.asarray(self.jets(times))[1])
         if np.isnan(speed).any():
@@ -60,7 +60,7 @@ class Navigator(Kind):
         return float(speed.min()), float(times[speed.argmin()])
 
     def sizes(self, start: float, end: float) -> np.ndarray:
-        """Return the greatest norms of the path and its derivatives in [start, end] among SPEED_SAMPLES
+        """The greatest norms of the path and its derivatives in [start, end] among SPEED_SAMPLES
         times: (4,).
         """
         jets = np.asarray(self.jets(np.linspace(start, end, SPEED_SAMPLES)))
@@ -70,7 +70,6 @@ class Navigator(Kind):
         return broken(leader=not self.present)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault for a navigator that almost stops, if vehicles on its path would be singular."""
         if scenario.vehicle.singular != 1:
             return
         slowest, when = self.slowest(scenario.horizon)
@@ -83,7 +82,7 @@ class Navigator(Kind):
 
 
 def sizes_up_to(order: int, navigator: NavigatorPath, start: float, end: float) -> np.ndarray:
-    """Return the greatest norms of the path and its derivatives up to an order, or the third if that is
+    """The greatest norms of the path and its derivatives up to an order, or the third if that is
     higher.
 
     The norms of derivatives above the third are those at SPEED_SAMPLES times.

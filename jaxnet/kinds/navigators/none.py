@@ -1,12 +1,9 @@
 """No navigator: vehicles agree with one another alone."""
 
-from collections.abc import Iterator
 from typing import ClassVar
 
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators import Navigator
-from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.kinds.shapes import AnyTimes, PathJets
 
 
 class NoNavigator(Navigator):
@@ -21,13 +18,11 @@ class NoNavigator(Navigator):
     words = "no navigator"
     present: ClassVar[bool] = False
 
-    def jets(self, time: AnyTimes) -> PathJets:
-        """Return 0."""
+    def jets(self, time):
         xp = time.__array_namespace__()
         return xp.zeros((4, 2, *time.shape))
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault unless the law is local: L is singular without a navigator."""
+    def faults(self, scenario):
         if not scenario.law.local:
             yield Fault(
                 ("navigator", "law"), "without a navigator the law has no solution: give law: local"

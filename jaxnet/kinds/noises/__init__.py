@@ -21,7 +21,7 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
     def next_errors(
         self, last: SlotJets, time: LaneTimes, interval: LaneNumbers, sources: SlotSources
     ) -> SlotJets:
-        """Return the errors of position, velocity and acceleration of one tick, each (2, slots, m, lanes).
+        """The errors of position, velocity and acceleration of one tick, each (2, slots, m, lanes).
 
         Where `errs_in_highest`, the errors of the highest derivative come last. `last` are those of the last
         tick, 0 before the first. `time` and `interval` (lanes,) are the time of the tick and from tick to
@@ -32,26 +32,25 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
         )
 
     def exact(self) -> bool:
-        """Return whether words have no errors in any order."""
+        """Whether words have no errors in any order."""
         return not (any(self.erring()) or self.errs_in_highest())
 
     def erring(self) -> tuple[bool, bool, bool]:
-        """Return whether position, velocity and acceleration of words may have errors."""
+        """Whether position, velocity and acceleration of words may have errors."""
         return True, True, True
 
     def errs_in_highest(self) -> bool:
-        """Return whether the r-th derivative of words has errors too, for vehicles of order r."""
+        """Whether the r-th derivative of words has errors too, for vehicles of order r."""
         return False
 
     def exact_links(self, sources: SlotSources) -> SlotLinks:
-        """Return the links on which words have no errors, by default none."""
+        """The links on which words have no errors, by default none."""
         return sources < 0
 
     def breaks(self) -> frozenset[str]:
         return broken(exact_messages=not self.exact())
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if words arrive with errors and the scenario has no ticks."""
         if not self.exact() and scenario.tick == 0:
             yield Fault(
                 ("channel.noise", "tick"), "errors of words are drawn at ticks: give a tick"

@@ -16,7 +16,7 @@ class Sensor(ErrorsAtTicks):
     """
 
     def errors(self, time: LaneTimes, vehicles: int) -> VehicleJets:
-        """Return the errors of one tick.
+        """The errors of one tick.
 
         Parameters
         ----------
@@ -32,14 +32,14 @@ class Sensor(ErrorsAtTicks):
         raise KindError(f"{self.kind}: a sensor gives errors(self, time, vehicles)")
 
     def next_errors(self, last: VehicleJets, time: LaneTimes, interval: LaneNumbers) -> VehicleJets:
-        """Return the errors of one tick after those of the last tick, by default independent of them.
+        """The errors of one tick after those of the last tick, by default independent of them.
 
         `interval` (lanes,) is the time from tick to tick [s]. Before the first tick, `last` is 0.
         """
         return self.errors(time, last[0].shape[1])
 
     def stays(self, time: LaneTimes, vehicles: int) -> VehicleMask | None:
-        """Return whether what a vehicle senses at a tick is what it sensed at the last one, (m, lanes).
+        """Whether what a vehicle senses at a tick is what it sensed at the last one, (m, lanes).
 
         None, the default, means never.
         """
@@ -49,6 +49,5 @@ class Sensor(ErrorsAtTicks):
         return broken(exact_sensors=not self.exact())
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if vehicles sense with errors and the scenario has no ticks."""
         if not self.exact() and scenario.tick == 0:
             yield Fault(("sensing", "tick"), "vehicles sense at ticks: give a tick")

@@ -77,7 +77,6 @@ class Vehicle(Kind):
         return broken(flat=not self.flat)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault of an order for which the engines have no constants, or of missing names."""
         if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
             yield Fault(("vehicle",), f"{self.kind}: a vehicle gives {' and '.join(lacking)}")
         if not 1 <= self.order <= MOST_ORDER:
@@ -88,51 +87,51 @@ class Vehicle(Kind):
     def start(
         self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
     ) -> VehicleState:
-        """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
+        """The state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
         xp = position.__array_namespace__()
         rest = [xp.zeros_like(speed)] * (len(self.states) - 4)
         return xp.stack([position[0], position[1], heading, speed, *rest])
 
     def output_jets(self, state: VehicleState) -> VehicleJets:
-        """Return position [m], velocity [m/s], …, each (2, m, lanes), of a state: as many as the order."""
+        """Position [m], velocity [m/s], …, each (2, m, lanes), of a state: as many as the order."""
         raise KindError(f"{self.kind}: a vehicle gives output_jets(self, state)")
 
     def drift(self, state: VehicleState) -> VehicleVectors:
-        """Return σ (2, m, lanes), the derivative of order r without input, of a vehicle of order 3 [m/s³]."""
+        """Σ (2, m, lanes), the derivative of order r without input, of a vehicle of order 3 [m/s³]."""
         raise KindError(f"{self.kind}: a vehicle gives drift(self, state)")
 
     def decoupling(self, state: VehicleState) -> AxisMatrices:
-        """Return ψ (2, 2, m, lanes) by axis and column, the matrix from the input to the jerk."""
+        """Ψ (2, 2, m, lanes) by axis and column, the matrix from the input to the jerk."""
         raise KindError(f"{self.kind}: a vehicle gives decoupling(self, state)")
 
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """Return the input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this derivative of order
+        """The input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this derivative of order
         r, which is the jerk [m/s³] for order 3.
         """
         raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
 
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
-        """Return the time derivative of the state, `ẋ = f(x, u)` (n, m, lanes)."""
+        """The time derivative of the state, `ẋ = f(x, u)` (n, m, lanes)."""
         raise KindError(f"{self.kind}: a vehicle gives motion(self, state, inputs)")
 
     def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
-        """Return the state of a vehicle that moves forwards with these output jets; undefined at zero
+        """The state of a vehicle that moves forwards with these output jets; undefined at zero
         velocity.
         """
         raise KindError(f"{self.kind}: a vehicle gives state_of(self, jets)")
 
     def inner(self, state: VehicleState) -> InnerState:
-        """Return the inner states (k, m, lanes), which the output's jets leave open."""
+        """The inner states (k, m, lanes), which the output's jets leave open."""
         raise KindError(f"{self.kind}: an internal vehicle gives inner(self, state)")
 
     def state_with(self, jets: VehicleJets, inner: InnerState) -> VehicleState:
-        """Return the state of a vehicle with these output jets and inner states."""
+        """The state of a vehicle with these output jets and inner states."""
         raise KindError(f"{self.kind}: an internal vehicle gives state_with(self, jets, inner)")
 
     def inner_after(
         self, inner: InnerState, jets: Sequence[VehicleJets], span: LaneNumbers
     ) -> tuple[InnerState, VehicleNumbers]:
-        """Return the inner states a span [s] later, and an estimate (m, lanes) of their error.
+        """The inner states a span [s] later, and an estimate (m, lanes) of their error.
 
         `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative of order
         r. The error shrinks with the fifth power of the span, at least.
@@ -144,22 +143,22 @@ class Vehicle(Kind):
     def pace(
         self, state: VehicleState, inputs: VehicleInput
     ) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and inputs."""
+        """The speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and inputs."""
         raise KindError(f"{self.kind}: a vehicle gives pace(self, state, inputs)")
 
     @property
     def jets_tell_pace(self) -> bool:
-        """Return whether the output's jets are enough for speed and turn rate, as those of a wheeled robot of
+        """Whether the output's jets are enough for speed and turn rate, as those of a wheeled robot of
         order 3 are.
         """
         return self.order > 2 and self.singular == 1
 
     def margin(self, state: VehicleState) -> VehicleNumbers:
-        """Return the signed distance (m, lanes) from the singular set; ± the norm of `lead`."""
+        """The signed distance (m, lanes) from the singular set; ± the norm of `lead`."""
         return state[SPEED]
 
     def lead(self, derivative: VehicleVectors) -> VehicleVectors:
-        """Return y^(k) plus a constant, for k = `singular`; ψ is singular where the sum is 0."""
+        """Y^(k) plus a constant, for k = `singular`; ψ is singular where the sum is 0."""
         return derivative
 
 
@@ -173,34 +172,28 @@ class Integrators(Vehicle):
     singular: ClassVar[int] = 0
 
     def output_jets(self, state: VehicleState) -> VehicleJets:
-        """Return the parts of the state."""
         return tuple(state[2 * k : 2 * k + 2] for k in range(self.order))
 
     def drift(self, state: VehicleState) -> VehicleVectors:
-        """Return σ = 0."""
         return 0.0 * state[:2]
 
     def decoupling(self, state: VehicleState) -> AxisMatrices:
-        """Return the identity for ψ."""
         one, zero = 0.0 * state[0] + 1.0, 0.0 * state[0]
         xp = state.__array_namespace__()
         return xp.stack([xp.stack([one, zero]), xp.stack([zero, one])])
 
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """Return the input that gives this derivative of order r: `u = jerk - σ`."""
         return jerk - self.drift(state)
 
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
-        """Return the derivatives of the state: the jets above the position, and `σ + u`."""
         return state.__array_namespace__().concatenate([state[2:], self.drift(state) + inputs])
 
     def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
-        """Return the jets in one array."""
         return jets[0].__array_namespace__().concatenate([*jets])
 
 
 def directions(state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:
-    """Return the unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ, cosθ]`."""
+    """The unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ, cosθ]`."""
     xp = state.__array_namespace__()
     cosine, sine = circle(state[HEADING])
     return xp.stack([cosine, sine]), xp.stack([-sine, cosine])

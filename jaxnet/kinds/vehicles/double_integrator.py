@@ -2,7 +2,6 @@
 
 from typing import ClassVar
 
-from jaxnet.kinds.shapes import VehicleInput, VehicleNumbers, VehicleState, VehicleVectors
 from jaxnet.kinds.vehicles import Integrators
 from jaxnet.model.circle import circle
 from jaxnet.model.plane import length
@@ -22,15 +21,9 @@ class DoubleIntegrator(Integrators):
     inputs = ("acceleration_x", "acceleration_y")
     input_units = ("m/s²", "m/s²")
 
-    def start(
-        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
-    ) -> VehicleState:
-        """Return positions and velocities, along the heading."""
+    def start(self, position, heading, speed):
         xp, (cosine, sine) = position.__array_namespace__(), circle(heading)
         return xp.stack([position[0], position[1], speed * cosine, speed * sine])
 
-    def pace(
-        self, state: VehicleState, inputs: VehicleInput
-    ) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the speed, and 0 for the turn rate, as there is no heading."""
+    def pace(self, state, inputs):
         return length(state[2:]), 0.0 * state[0]

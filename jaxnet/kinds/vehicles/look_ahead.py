@@ -16,13 +16,7 @@ from pydantic import Field
 
 from jaxnet.kinds.fields import Positive
 from jaxnet.kinds.shapes import (
-    AxisMatrices,
-    InnerState,
-    LaneNumbers,
-    VehicleInput,
-    VehicleJets,
     VehicleNumbers,
-    VehicleState,
     VehicleVectors,
 )
 from jaxnet.kinds.vehicles import Vehicle, directions
@@ -50,61 +44,52 @@ class LookAhead(Vehicle):
 
     ahead: Positive = Field(default=0.1, description="[m], l, from the axle to the output point")
 
-    def start(
-        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
-    ) -> VehicleState:
-        """Return the axle's positions and the headings."""
+    def start(self, position, heading, speed):
         return position.__array_namespace__().stack([position[0], position[1], heading])
 
-    def output_jets(self, state: VehicleState) -> VehicleJets:
-        """Return the point `p + l h`."""
+    def output_jets(self, state):
+        """The point `p + l h`."""
         along, _ = directions(state)
         return (state[:2] + self.ahead[None, None] * along,)
 
-    def drift(self, state: VehicleState) -> VehicleVectors:
-        """Return σ = 0."""
+    def drift(self, state):
         return 0.0 * state[:2]
 
-    def decoupling(self, state: VehicleState) -> AxisMatrices:
-        """Return `ψ = [h, l n]`, with `det ψ = l`."""
+    def decoupling(self, state):
+        """`ψ = [h, l n]`, with `det ψ = l`."""
         along, left = directions(state)
         return state.__array_namespace__().stack([along, self.ahead[None, None] * left], axis=1)
 
-    def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """Return `[h' q, n' q / l]` for a velocity q of the point."""
+    def inputs_for(self, state, jerk):
+        """`[h' q, n' q / l]` for a velocity q of the point."""
         along, left = directions(state)
         return state.__array_namespace__().stack(
             [dot(along, jerk), dot(left, jerk) / self.ahead[None]]
         )
 
-    def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
-        """Return `[v cos θ, v sin θ, θ̇]`."""
+    def motion(self, state, inputs):
+        """`[v cos θ, v sin θ, θ̇]`."""
         along, _ = directions(state)
         velocity = inputs[0][None] * along
         return state.__array_namespace__().stack([velocity[0], velocity[1], inputs[1]])
 
-    def inner(self, state: VehicleState) -> InnerState:
-        """Return the heading."""
+    def inner(self, state):
         return state[2:]
 
-    def state_with(self, jets: VehicleJets, inner: InnerState) -> VehicleState:
-        """Return the axle `y - l h` and the heading."""
+    def state_with(self, jets, inner):
+        """The axle `y - l h` and the heading."""
         xp = inner.__array_namespace__()
         along = xp.stack([*circle(inner[0])])
         return xp.concatenate([jets[0] - self.ahead[None, None] * along, inner])
 
-    def inner_after(
-        self, inner: InnerState, jets: Sequence[VehicleJets], span: LaneNumbers
-    ) -> tuple[InnerState, VehicleNumbers]:
-        """Return the heading a span [s] later, and an estimate of its error [rad]."""
+    def inner_after(self, inner, jets, span):
+        """The heading a span [s] later, and an estimate of its error [rad]."""
         scale = span / (2 * self.ahead)
         heading, error = heading_after(inner[0], [each[1] * scale[None, None] for each in jets])
         return heading[None], error
 
-    def pace(
-        self, state: VehicleState, inputs: VehicleInput
-    ) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the absolute speed of the axle, and the turn rate."""
+    def pace(self, state, inputs):
+        """The absolute speed of the axle, and the turn rate."""
         return abs(inputs[0]), inputs[1]
 
 
@@ -116,13 +101,12 @@ class Generator(NamedTuple):
 
 
 def added(*terms: tuple[float, Generator]) -> Generator:
-    """Return a sum of numbers times generators."""
     parts = zip(*[(factor * each.s, factor * each.r) for factor, each in terms], strict=True)
     return Generator(*map(sum, parts))
 
 
 def bracket(a: Generator, b: Generator) -> Generator:
-    """Return the commutator `ab - ba`."""
+    """The commutator `ab - ba`."""
     c, d = 2 * (a.r[None] * b.s - b.r[None] * a.s)
     return Generator(a.s.__array_namespace__().stack([-d, c]), 2 * cross(b.s, a.s))
 
@@ -130,7 +114,7 @@ def bracket(a: Generator, b: Generator) -> Generator:
 def heading_after(
     heading: VehicleNumbers, velocities: Sequence[VehicleVectors]
 ) -> tuple[VehicleNumbers, VehicleNumbers]:
-    """Return headings [rad] after a step, and an estimate of their error: that of an order less by two.
+    """Headings [rad] after a step, and an estimate of their error: that of an order less by two.
 
     `velocities` are q times the step's length over 2l, at `OUTPUT_PLACES` in the step.
     """
@@ -151,7 +135,7 @@ def heading_after(
 
 
 def turn(heading: VehicleNumbers, by: Generator) -> VehicleNumbers:
-    """Return the angle [rad] by which the exponential of a generator turns headings.
+    """The angle [rad] by which the exponential of a generator turns headings.
 
     The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays finite.
     """

@@ -2,7 +2,6 @@
 
 from typing import ClassVar
 
-from jaxnet.kinds.shapes import VehicleInput, VehicleNumbers, VehicleState, VehicleVectors
 from jaxnet.kinds.vehicles import Integrators
 from jaxnet.model.plane import length
 
@@ -21,14 +20,8 @@ class SingleIntegrator(Integrators):
     inputs = ("velocity_x", "velocity_y")
     input_units = ("m/s", "m/s")
 
-    def start(
-        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
-    ) -> VehicleState:
-        """Return the positions; a single integrator has no velocity of its own."""
+    def start(self, position, heading, speed):
         return position
 
-    def pace(
-        self, state: VehicleState, inputs: VehicleInput
-    ) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the norm of the velocity, and 0 for the turn rate, as there is no heading."""
+    def pace(self, state, inputs):
         return length(self.drift(state) + inputs), 0.0 * state[0]
