@@ -23,7 +23,7 @@ class NoNavigator(Navigator):
         return xp.zeros((4, 2, *time.shape))
 
     def faults(self, scenario):
-        if not scenario.law.local:
+        if scenario.law.couples():
             yield Fault(
                 ("navigator", "law"), "without a navigator the law has no solution: give law: local"
             )
