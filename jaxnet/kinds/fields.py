@@ -1,8 +1,9 @@
 """Types of keys: numbers with limits, and the distributions from which numbers are drawn."""
 
+import functools
 import operator
 import statistics
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -27,6 +28,8 @@ PI = 3.141592653589793
 # First character of the tags that identify members of a union. No key of a user has it. pydantic puts tags
 # into the location of an error, and `config.cells.keys_of` removes them.
 MARK = "\0"
+
+STRICT = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
 def union_member(name: str) -> Tag:
@@ -75,44 +78,58 @@ class DiscreteChoice(Record):
     choice: Annotated[list[float], Len(1)]
 
 
-DISTRIBUTIONS = ("uniform", "normal", "choice")
+DISTRIBUTIONS = {"uniform": Uniform, "normal": Normal, "choice": DiscreteChoice}
 
 
 def names_distribution(value: object) -> bool:
-    return isinstance(value, dict) and any(name in value for name in DISTRIBUTIONS)
+    return isinstance(value, dict) and not DISTRIBUTIONS.keys().isdisjoint(value)
 
 
 def number_tag(value: object) -> str | None:
+    """The tag of a number or distribution, None if a value is neither."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if not isinstance(value, dict):
         return MARK + "number"
-    names = list(value)
-    return MARK + names[0] if len(names) == 1 and names[0] in DISTRIBUTIONS else None
+    name, *others = value or [None]
+    return MARK + name if name in DISTRIBUTIONS and not others else None
 
 
-A_NUMBER = "must be a number, {uniform: [a, b]}, {normal: [mean, sd]} or {choice: [...]}"
+def numbers_tag(value: object) -> str | None:
+    """The tag of a list, of a number with its scope, or of one number or distribution."""
+    if isinstance(value, list):
+        return MARK + "root"
+    if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
+        return MARK + next(iter(value))
+    return number_tag(value)
 
-if TYPE_CHECKING:
-    Number = Any  # a number or a distribution in a config; arrays while lanes are simulated
-else:
-    Members = (
-        Annotated[float, union_member("number")]
-        | Annotated[Uniform, union_member("uniform")]
-        | Annotated[Normal, union_member("normal")]
-        | Annotated[DiscreteChoice, union_member("choice")]
-    )
-    Number = Annotated[
-        Members,
-        Discriminator(number_tag, custom_error_type="distribution", custom_error_message=A_NUMBER),
+
+def one_form_of(
+    tag: Callable[[object], str | None], message: str | None = None, **members: object
+) -> Any:
+    """A union of types by tag; with the message, an error for a value that has none of the tags."""
+    tagged = (Annotated[member, union_member(name)] for name, member in members.items())
+    union = functools.reduce(operator.or_, tagged)
+    kind = "distribution" if message else None
+    return Annotated[
+        union, Discriminator(tag, custom_error_type=kind, custom_error_message=message)
     ]
 
 
+A_NUMBER = "must be a number, {uniform: [a, b]}, {normal: [mean, sd]} or {choice: [...]}"
+ONE_NUMBER = {"number": float, **DISTRIBUTIONS}
+
+# Arrays while lanes are simulated, which a type checker cannot tell from what a config gives.
 if TYPE_CHECKING:
-    Magnitude = (
-        Any  # ā: a number or a distribution in a config; numbers of lanes while they are simulated
-    )
+    Number = Any  # a number or a distribution
+    Magnitude = Any  # ā
+    Magnitudes = Any  # one magnitude for all orders of the received derivatives, or one for each
+    Several = Any  # several numbers for each attacked vehicle
+    Positions = Any  # a number for all coordinates of all vehicles, or a position of each
+    PerVehicle = Any  # one number for all attacked vehicles, or one for each
+    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
 else:
+    Number = one_form_of(number_tag, A_NUMBER, **ONE_NUMBER)
     Magnitude = Number | np.ndarray
 
 
@@ -131,30 +148,13 @@ class Shared(Record):
 class Listed(RootModel[Annotated[list[Number], Len(1)]]):
     """One number for each attacked vehicle, in the order of `attack.vehicles`."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    model_config = STRICT
 
 
 class EachOrder(RootModel[Annotated[list[float], Len(1)]]):
     """One magnitude for each order of the received derivatives, lowest first."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
-
-
-def magnitudes_tag(value: object) -> str | None:
-    return MARK + "root" if isinstance(value, list | EachOrder) else number_tag(value)
-
-
-if TYPE_CHECKING:
-    Magnitudes = Any  # one magnitude for all orders of the received derivatives, or one for each
-else:
-    Magnitudes = Annotated[
-        Members | Annotated[EachOrder, union_member("root")],
-        Discriminator(
-            magnitudes_tag,
-            custom_error_type="distribution",
-            custom_error_message=f"{A_NUMBER}, or a list with one number for each order",
-        ),
-    ]
+    model_config = STRICT
 
 
 def as_rows(given: list[object]) -> list[object]:
@@ -167,32 +167,12 @@ Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(a
 class Table(RootModel[Rows]):
     """Several numbers for each attacked vehicle, one list for each in the order of `attack.vehicles`."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
-
-
-def table_tag(value: object) -> str | None:
-    return MARK + "table" if isinstance(value, list | Table) else number_tag(value)
-
-
-if TYPE_CHECKING:
-    Several = Any  # several numbers for each attacked vehicle
-else:
-    Several = Annotated[
-        Members | Annotated[Table, union_member("table")],
-        Discriminator(
-            table_tag,
-            custom_error_type="distribution",
-            custom_error_message=f"{A_NUMBER}, or a list of lists, one for each attacked vehicle",
-        ),
-    ]
+    model_config = STRICT
 
 
 def as_places(given: list[object]) -> list[object]:
+    """Pairs of coordinates; a number or distribution is a first coordinate, beside 0."""
     return [each if isinstance(each, list | tuple) else [each, 0.0] for each in given]
-
-
-def positions_tag(value: object) -> str | None:
-    return MARK + "root" if isinstance(value, list | EachPosition) else number_tag(value)
 
 
 PlacePairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeValidator(as_places)]
@@ -201,44 +181,27 @@ PlacePairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeV
 class EachPosition(RootModel[PlacePairs]):
     """The position of each vehicle, in the order of their numbers: [x, y], or x alone on a line."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    model_config = STRICT
 
 
-if TYPE_CHECKING:
-    Positions = Any  # a number for all coordinates of all vehicles, or a position of each
-else:
-    Positions = Annotated[
-        Members | Annotated[EachPosition, union_member("root")],
-        Discriminator(
-            positions_tag,
-            custom_error_type="distribution",
-            custom_error_message=f"{A_NUMBER}, or a list with x or [x, y] of each vehicle",
-        ),
-    ]
+GainLists = Annotated[list[Annotated[list[float], Len(1, 4)]], AfterValidator(equally_long)]
+AxisPairs = Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]
 
 
-class AxisGains(
-    RootModel[
-        Annotated[list[Annotated[list[float], Len(1, 4)]], Len(2, 2), AfterValidator(equally_long)]
-    ]
-):
+class AxisGains(RootModel[Annotated[GainLists, Len(2, 2)]]):
     """Gains of each axis: two lists with a number for each order."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    model_config = STRICT
 
     def matrices(self) -> np.ndarray:
         """The diagonal matrix of each order, (r, 2, 2)."""
         return np.array(self.root).T[:, :, None] * np.eye(2)
 
 
-class MatrixGains(
-    RootModel[
-        Annotated[list[Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]], Len(1, 4)]
-    ]
-):
+class MatrixGains(RootModel[Annotated[list[AxisPairs], Len(1, 4)]]):
     """Gains that couple the axes: a 2 × 2 matrix for each order."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    model_config = STRICT
 
     def matrices(self) -> np.ndarray:
         """The matrix of each order, (r, 2, 2)."""
@@ -248,9 +211,7 @@ class MatrixGains(
 class VehicleGains(Record):
     """Gains of each vehicle: a list for each, in the order of their numbers."""
 
-    vehicles: Annotated[
-        list[Annotated[list[float], Len(1, 4)]], Len(1), AfterValidator(equally_long)
-    ] = Field(
+    vehicles: Annotated[GainLists, Len(1)] = Field(
         description="k0, k1, … of each vehicle, with which it judges and follows what it hears"
     )
 
@@ -271,41 +232,40 @@ def gain_tag(value: object) -> str:
     return MARK + {2: "AxisGains", 3: "MatrixGains"}.get(depth, "list")
 
 
-if TYPE_CHECKING:
-    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
-else:
-    Gains = Annotated[
-        Annotated[Annotated[list[Number], Len(1, 4)], union_member("list")]
-        | Annotated[AxisGains, union_member("AxisGains")]
-        | Annotated[MatrixGains, union_member("MatrixGains")]
-        | Annotated[VehicleGains, union_member("VehicleGains")],
-        Discriminator(gain_tag),
-    ]
-
-
-def vehicle_number_tag(value: object) -> str | None:
-    if isinstance(value, list):
-        return MARK + "root"
-    if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
-        return MARK + next(iter(value))
-    return number_tag(value)
-
-
-if TYPE_CHECKING:
-    PerVehicle = Any  # one number for all attacked vehicles, or one for each
-else:
-    PerVehicle = Annotated[
-        Members
-        | Annotated[Apiece, union_member("each")]
-        | Annotated[Shared, union_member("shared")]
-        | Annotated[Listed, union_member("root")],
-        Discriminator(
-            vehicle_number_tag,
-            custom_error_type="distribution",
-            custom_error_message=f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}},"
-            " or a list of them",
-        ),
-    ]
+if not TYPE_CHECKING:
+    Magnitudes = one_form_of(
+        numbers_tag,
+        f"{A_NUMBER}, or a list with one number for each order",
+        **ONE_NUMBER,
+        root=EachOrder,
+    )
+    Several = one_form_of(
+        numbers_tag,
+        f"{A_NUMBER}, or a list of lists, one for each attacked vehicle",
+        **ONE_NUMBER,
+        root=Table,
+    )
+    Positions = one_form_of(
+        numbers_tag,
+        f"{A_NUMBER}, or a list with x or [x, y] of each vehicle",
+        **ONE_NUMBER,
+        root=EachPosition,
+    )
+    PerVehicle = one_form_of(
+        numbers_tag,
+        f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}}, or a list of them",
+        **ONE_NUMBER,
+        each=Apiece,
+        shared=Shared,
+        root=Listed,
+    )
+    Gains = one_form_of(
+        gain_tag,
+        list=Annotated[list[Number], Len(1, 4)],
+        AxisGains=AxisGains,
+        MatrixGains=MatrixGains,
+        VehicleGains=VehicleGains,
+    )
 
 
 def is_drawn(number: object) -> bool:
@@ -318,11 +278,13 @@ def differs(number: object) -> bool:
 
 
 def zip_by_vehicle(*numbers: object) -> Iterator[tuple[Number, ...]]:
+    """Several numbers vehicle by vehicle; a number that is not listed repeats."""
     longest = max((len(number.root) for number in numbers if isinstance(number, Listed)), default=1)
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
 def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
+    """The least and the greatest value of a number or distribution."""
     match number:
         case Uniform(uniform=[low, high]):
             return low, high
@@ -394,6 +356,7 @@ Positive = Annotated[Number, Within(gt=0.0)]
 NotNegative = Annotated[Number, Within(ge=0.0)]
 NotNegativeByOrder = Annotated[Magnitudes, Within(ge=0.0)]
 PositivePerVehicle = Annotated[PerVehicle, Within(gt=0.0)]
+Probability = Annotated[Number, Within(ge=0.0, le=1.0)]
 Angle = Annotated[PerVehicle, Each(), Field(description="[rad]")]
 Vector = Annotated[list[float], Len(2, 2)]
 Amplitude = Annotated[list[Annotated[float, Field(ge=-1e6, le=1e6)]], Len(2, 2)]

@@ -1,7 +1,7 @@
 """Attacks that are sums of harmonics of one frequency, with a certified bound on the sum."""
 
 from collections.abc import Iterator
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +27,7 @@ class Harmonics(Attack):
     the grid's step δ (Ehlich and Zeller, 1964). The divisor contains this factor.
     """
 
-    highest: ClassVar[int] = 4
+    highest = 4
 
     frequency: PositivePerVehicle = Field(default=0.35, description="[rad/s], the lowest")
     harmonics: int = Field(default=4, ge=1, le=100, description="how many")

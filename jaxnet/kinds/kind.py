@@ -1,7 +1,13 @@
-"""The base class of all kinds: its name in a config, the draw of its numbers, its faults."""
+"""The base class of all kinds: its name and keys in a config, its faults, and its form in lanes.
 
+A kind is one class at three times. A config's keys make an object of it, which pydantic checks. `drawn` binds
+the object to lanes: a copy with arrays in place of numbers, on which nothing is checked any more. `as_pytree`
+shows the copy to JAX. Nothing else makes such copies.
+"""
+
+import functools
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar, Unpack
 
 import numpy as np
@@ -12,6 +18,7 @@ from jaxnet.kinds import contract
 from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.refusals import refusal_of
+from jaxnet.lazy import jax
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError as KindError
 
@@ -24,6 +31,7 @@ class Fault(NamedTuple):
 
 
 AnyKind = TypeVar("AnyKind", bound="Kind")
+AnyDrawn = TypeVar("AnyDrawn")
 
 
 if TYPE_CHECKING:  # a type checker knows the arguments of pydantic's own models alone
@@ -54,6 +62,7 @@ class Kind(Record, metaclass=KindType):
     untraced: ClassVar[frozenset[str]] = frozenset(
         {"label"}
     )  # fields that no method reads while lanes run
+    off_at_zero: ClassVar[frozenset[str]] = frozenset()  # numbers that are None in lanes where 0
     claims: ClassVar[frozenset[str]] = frozenset()  # names of what theory takes on trust
     neutral: ClassVar[frozenset[str]] = frozenset(
         {"kind", "words", "untraced", "model_config", "faults", "breaks"}
@@ -123,21 +132,31 @@ class Kind(Record, metaclass=KindType):
         """
         return frozenset()
 
+    def config_keys(self) -> dict[str, object]:
+        """The keys of a config with their values."""
+        return {key: getattr(self, key) for key in type(self).model_fields}
+
+    @classmethod
+    def drawn_by_vehicle(cls, key: str) -> bool:
+        """Whether every vehicle has a number of its own at a key."""
+        return any(isinstance(mark, Each) for mark in cls.model_fields[key].metadata)
+
     def drawn_keys(self) -> list[str]:
-        return [key for key in type(self).model_fields if holds_drawn(getattr(self, key))]
+        return [key for key, value in self.config_keys().items() if holds_drawn(value)]
 
     def drawn(self: AnyKind, draw: LaneDraw, name: str) -> AnyKind:
         """A copy whose numbers are arrays with lanes last; `name` is the dotted key of this kind."""
         values: dict[str, object] = {}
-        for key, field in type(self).model_fields.items():
-            value, dotted = getattr(self, key), f"{name}.{key}"
+        for key, value in self.config_keys().items():
+            dotted = f"{name}.{key}"
             if isinstance(value, Kind):
                 values[key] = value.drawn(draw, dotted)
+            elif key in self.off_at_zero and value == 0:
+                values[key] = None
+            elif is_number(value) and self.drawn_by_vehicle(key):
+                values[key] = draw.each(value, dotted)[..., 0].T
             elif is_number(value):
-                each = any(isinstance(mark, Each) for mark in field.metadata)
-                values[key] = (
-                    draw.each(value, dotted)[..., 0].T if each else draw.one(value, dotted)
-                )
+                values[key] = draw.one(value, dotted)
             elif isinstance(value, list) and value and all(map(is_number, value)):
                 values[key] = draw.several(value, dotted).T
             else:
@@ -146,14 +165,17 @@ class Kind(Record, metaclass=KindType):
 
     @classmethod
     def filled(cls: type[AnyKind], values: Mapping[str, object]) -> AnyKind:
-        """An object with these values without validation; a key that is left out is missing."""
+        """The run-time kind with these values, as they are; a key that is left out is missing."""
         made = cls.__new__(cls)
         object.__setattr__(made, "__dict__", dict(values))
-        for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
-            object.__setattr__(
-                made, name, set(values) if name == "__pydantic_fields_set__" else None
-            )
+        object.__setattr__(made, "__pydantic_fields_set__", set(values))
+        for name in ("__pydantic_extra__", "__pydantic_private__"):
+            object.__setattr__(made, name, None)
         return made
+
+    def with_values(self: AnyKind, **values: object) -> AnyKind:
+        """A copy of a run-time kind with other or further values."""
+        return self.filled({**vars(self), **values})
 
 
 def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -> Kind:
@@ -161,6 +183,54 @@ def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -
     return modules.attribute(modules.load_origin(origin), name).filled(values)
 
 
+def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
+    """A drawn kind as a pytree of JAX, without its untraced keys, also inside tuples; else the argument.
+
+    Numbers are leaves; all other keys belong to the structure. Lanes share one compiled program if the
+    classes and structures of their kinds are equal.
+    """
+    if isinstance(drawn, tuple):
+        return type(drawn)(*map(as_pytree, drawn))
+    if not isinstance(drawn, Kind) or "_leaves" in vars(drawn):
+        return drawn
+    cls, values = type(drawn), vars(drawn)
+    values = {key: as_pytree(each) for key, each in values.items() if key not in drawn.untraced}
+    if cls not in REGISTERED:
+        REGISTERED.add(cls)
+        jax.tree_util.register_pytree_node(
+            cls, flatten_kind, functools.partial(unflatten_kind, cls)
+        )
+    leaves = tuple(key for key, each in values.items() if isinstance(each, np.ndarray | Kind))
+    return cls.filled({**values, "_leaves": leaves})
+
+
+class Structure:
+    """What a kind is besides its numbers: the names of its leaves, and its other keys."""
+
+    def __init__(self, leaves: tuple[str, ...], settings: dict[str, object]):
+        self.leaves, self.settings = leaves, settings
+        self.words = leaves, repr(sorted(settings.items()))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Structure) and self.words == other.words
+
+    def __hash__(self) -> int:
+        return hash(self.words)
+
+
+def flatten_kind(kind: Kind) -> tuple[tuple[object, ...], Structure]:
+    values = dict(vars(kind))
+    leaves = values.pop("_leaves")
+    return tuple(values.pop(key) for key in leaves), Structure(leaves, values)
+
+
+def unflatten_kind(cls: type[Kind], structure: Structure, numbers: Iterable[object]) -> Kind:
+    leaves = structure.leaves
+    values = dict(zip(leaves, numbers, strict=True))
+    return cls.filled({**structure.settings, **values, "_leaves": leaves})
+
+
+REGISTERED: set[type] = set()  # classes that JAX knows as pytrees
 REFERENCES: dict[type[Kind], str] = {}  # names of the classes that `registry` has found
 
 

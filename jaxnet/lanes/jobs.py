@@ -16,8 +16,8 @@ from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.fields import EachOrder, Uniform, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
+from jaxnet.kinds.kind import as_pytree
 from jaxnet.kinds.navigators import sizes_up_to
-from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
 from jaxnet.lanes.proofs import prove, prove_finite, prove_path, prove_presumed

@@ -12,7 +12,7 @@ class Announcement(Kind):
     claims: ClassVar[frozenset[str]] = frozenset({"consistent"})
     consistent: ClassVar[bool] = False  # assumption B1: each link announces R of what it carries
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(consistent=not self.consistent)
 
     def received(

@@ -1,7 +1,5 @@
 """The announcement that is consistent with what a link carries."""
 
-from typing import ClassVar
-
 from jaxnet.kinds.announcements import Announcement
 
 
@@ -13,7 +11,7 @@ class Consistent(Announcement):
     """
 
     kind = "consistent"
-    consistent: ClassVar[bool] = True
+    consistent = True
 
     def received(self, honest, carried, attacked, signals, time):
         return carried

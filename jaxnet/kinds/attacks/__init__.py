@@ -1,11 +1,12 @@
 """Attacks: signals that falsify what links carry, as fixed vectors times scalar functions (`model.signal`).
 
 `‖a_j^(k)(t)‖ ≤ ā` for k = 0..3 holds by construction. An attack gives unit signals, and bounds on them and
-their derivatives by `sizes`; the vectors are scaled by ā over the greatest bound.
+their derivatives by `sizes`; the vectors are scaled by ā over the greatest bound. A file of this folder is a
+signal alone. Who is attacked, when, and on which links stands here, once for all signals.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeVar
 
 import numpy as np
 from annotated_types import Len
@@ -13,22 +14,23 @@ from pydantic import Discriminator, Field
 
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.announcements.consistent import Consistent
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import (
     MARK,
-    Each,
     EachOrder,
     Listed,
     Magnitude,
     NotNegativeByOrder,
     Number,
+    PerVehicle,
     Record,
     Uniform,
     differs,
     union_member,
+    value_range,
 )
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, NavigatorPath, ScenarioView, Signal, TickView
+from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.shapes import (
     AnyNumbers,
     AnyTimes,
@@ -46,17 +48,12 @@ from jaxnet.model.wording import ranges, sets_in_words
 USUAL_TARGETS = [2, 5, 8, 11]
 MOMENTS = 1_001  # times at which a signal without bound is sampled
 
-AttackedLinks = Literal["auto", "neighbour", "navigator"]
-Threat = Literal["adds", "replaces"]
-DerivativeOrder = Literal[0, 1, 2, 3]
+AnyAttackKind = TypeVar("AnyAttackKind", bound="AnyAttack")
 
 
 def usual_targets(vehicles: int) -> list[int]:
     """The vehicles that are attacked by default in a fleet: those of 2, 5, 8, 11 that exist, or 1."""
     return [one for one in USUAL_TARGETS if one <= vehicles] or [1]
-
-
-AnyAttackKind = TypeVar("AnyAttackKind", bound="AnyAttack")
 
 
 class DrawnVehicles(Record):
@@ -202,9 +199,7 @@ class AnyAttack(Kind):
 
     def of_order(self: AnyAttackKind, order: int) -> AnyAttackKind:
         """The drawn attack for vehicles of an order, which hear derivatives up to this order."""
-        return (
-            self if order <= self.told_order else self.filled({**vars(self), "told_order": order})
-        )
+        return self if order <= self.told_order else self.with_values(told_order=order)
 
     def signal(self) -> Signal:
         """The object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)
@@ -242,7 +237,7 @@ class AnyAttack(Kind):
         ]
         return np.linalg.norm(basis, axis=2).max(axis=0)
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(
             bounded=not self.bounded, one_identity=self.identities() > 1, by_law=self.as_told()
         )
@@ -295,23 +290,8 @@ class Attack(AnyAttack):
     ['ok', 'ok']
     """
 
-    claims: ClassVar[frozenset[str]] = frozenset({"fastest", "constant"})
-    constant: ClassVar[bool] = False
-    present: ClassVar[bool] = True
-    untraced: ClassVar[frozenset[str]] = frozenset(
-        {
-            "label",
-            "magnitude",
-            "vehicles",
-            "links",
-            "threat",
-            "moves",
-            "orders",
-            "listeners",
-            "sybils",
-            "announces",
-        }
-    )
+    claims = frozenset({"fastest", "constant"})
+    present = True
 
     magnitude: NotNegativeByOrder = Field(
         default=5.0,
@@ -330,12 +310,12 @@ class Attack(AnyAttack):
         " {at: [...], sets: [...]}, other vehicles from given times on; by default those listed that exist,"
         " or 1",
     )
-    links: AttackedLinks = Field(
+    links: Literal["auto", "neighbour", "navigator"] = Field(
         default="auto",
         description="neighbour: what they transmit; navigator: what they hear from 0; "
         "auto: navigator where no vehicle hears another",
     )
-    threat: Threat = Field(
+    threat: Literal["adds", "replaces"] = Field(
         default="adds",
         description="adds: an attacked link carries what its source says plus the signal; "
         "replaces: the navigator's path plus the signal, whatever its source says",
@@ -345,7 +325,7 @@ class Attack(AnyAttack):
         description="by_law: an attacked vehicle obeys the law, whatever it tells; as_told: it is where it"
         " tells to be, which needs threat: replaces",
     )
-    orders: Annotated[list[DerivativeOrder], Len(1)] = Field(
+    orders: Annotated[list[Literal[0, 1, 2, 3]], Len(1)] = Field(
         default=[*ORDERS],
         description="which of the received derivatives carry the signal: 0 position, 1 velocity,"
         " 2 acceleration, 3 jerk; the others are true",
@@ -364,61 +344,48 @@ class Attack(AnyAttack):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: object) -> None:
-        """Mark the numbers of each vehicle as untraced unless the attack is strategic: they are part of its
-        vectors.
+        """Mark keys as untraced: those of all attacks, and numbers of each vehicle, which make its vectors.
 
-        A subclass with its own `basis` is its own signal, whatever class it derives from.
+        A strategic attack reads its numbers of each vehicle at ticks. A subclass with its own `basis` is its
+        own signal, whatever class it derives from.
         """
         super().__pydantic_init_subclass__(**options)
-        fields = cls.model_fields.items()
-        each = {
-            key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)
-        }
-        cls.untraced = cls.untraced if cls.strategic else cls.untraced | each
+        cls.untraced = cls.untraced.union(Attack.model_fields)
+        if not cls.strategic:
+            cls.untraced |= {key for key in cls.model_fields if cls.drawn_by_vehicle(key)}
         if "basis" in vars(cls) and "signal" not in vars(cls):
             cls.signal = Attack.signal
 
-    def targets(self) -> list[int]:
+    # --- Who is attacked, and when ------------------------------------------------------------------
+
+    def targets(self):
+        """The listed vehicles, in the order in which they are attacked; none if vehicles are drawn."""
         if isinstance(self.vehicles, ChangingVehicles):
             return [*dict.fromkeys(vehicle for each in self.vehicles.sets for vehicle in each)]
         return self.vehicles if isinstance(self.vehicles, list) else []
 
-    def number(self) -> int:
-        return (
-            self.vehicles.random
-            if isinstance(self.vehicles, DrawnVehicles)
-            else len(self.targets())
-        )
+    def number(self):
+        if isinstance(self.vehicles, DrawnVehicles):
+            return self.vehicles.random
+        return len(self.targets())
 
-    def periods(self) -> list[tuple[float, list[int]]]:
+    def periods(self):
         if not isinstance(self.vehicles, ChangingVehicles):
             return []
         found = [*zip(self.vehicles.at, self.vehicles.sets, strict=False)]
         return found if found[0][0] == 0 else [(0.0, []), *found]
 
-    def chosen(self, draw: LaneDraw) -> np.ndarray:
+    def chosen(self, draw):
+        """Those listed, or those with the least random numbers."""
         if not isinstance(self.vehicles, DrawnVehicles):
             return super().chosen(draw)
         lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T
         return lots.argsort(axis=0, kind="stable").argsort(axis=0) < self.vehicles.random
 
-    def by_link(self) -> bool:
-        return self.listeners == "each"
+    # --- On which links, and what they carry --------------------------------------------------------
 
-    def identities(self) -> int:
-        return 1 + self.sybils
-
-    def splits(self) -> bool:
-        return self.replaces() and not isinstance(self.vehicles, list)
-
-    def amplitude(self) -> Magnitude:
-        sizes = self.by_order()
-        return self.magnitude if sizes is None else max(sizes)
-
-    def by_order(self) -> list[float] | None:
-        return self.magnitude.root if isinstance(self.magnitude, EachOrder) else None
-
-    def attacked_links(self, graph: Digraph) -> Links:
+    def attacked_links(self, graph):
+        """The links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles."""
         links = self.links
         if links == "auto":
             links = "neighbour" if hears_vehicles(graph) else "navigator"
@@ -429,19 +396,37 @@ class Attack(AnyAttack):
             return graph.heard & np.append(False, listed)[graph.sources]
         return graph.heard & (graph.sources == 0) & listed[:, None]
 
-    def replaces(self) -> bool:
+    def by_link(self):
+        return self.listeners == "each"
+
+    def identities(self):
+        return 1 + self.sybils
+
+    def splits(self):
+        return self.replaces() and not isinstance(self.vehicles, list)
+
+    def replaces(self):
         return self.threat == "replaces"
 
-    def as_told(self) -> bool:
+    def as_told(self):
         return self.moves == "as_told"
 
-    def falsified(self) -> tuple[int, ...]:
+    def falsified(self):
         return tuple(sorted(set(self.orders)))
 
-    def announcement(self) -> Announcement:
+    def announcement(self):
         return self.announces
 
-    def fastest(self) -> float:
+    # --- How much, and by which signal --------------------------------------------------------------
+
+    def amplitude(self):
+        sizes = self.by_order()
+        return self.magnitude if sizes is None else max(sizes)
+
+    def by_order(self):
+        return self.magnitude.root if isinstance(self.magnitude, EachOrder) else None
+
+    def fastest(self):
         return 0.0 if self.constant else np.inf
 
     def signal(self) -> Signal:
@@ -491,37 +476,6 @@ class Attack(AnyAttack):
         """
         return None
 
-    def drawn_faults(self, number: int, scenario: ScenarioView) -> Iterator[Fault]:
-        keys = ("attack.vehicles", "vehicles")
-        if number > scenario.vehicles:
-            yield Fault(keys, f"there are {scenario.vehicles} vehicles (got {number})")
-        if self.sybils or self.strategic:
-            yield Fault(
-                ("attack.vehicles", "attack"), "drawn vehicles are neither sybils nor strategic"
-            )
-
-    def changing_faults(
-        self, changing: ChangingVehicles, scenario: ScenarioView
-    ) -> Iterator[Fault]:
-        at, keys = changing.at, ("attack.vehicles.at", "attack.vehicles", "attack")
-        if len(at) != len(changing.sets):
-            yield Fault(keys, f"a time for each of {len(changing.sets)} sets (got {len(at)})")
-        if sorted(set(at)) != at:
-            yield Fault(keys, f"must rise (got {at})")
-        if self.splits() and len(scenario.topology.turns()) > 1:
-            told = "split links carry the attack of the same vehicles all along where networks take turns"
-            yield Fault((*keys, "topology"), told)
-        tick = scenario.tick
-        if tick == 0:
-            yield Fault((*keys, "tick"), "attacked vehicles change at ticks: give a tick")
-        elif odd := [time for time in at if abs(time - round(time / tick) * tick) > TICK_ROUNDING]:
-            yield Fault((*keys, "tick"), f"must be multiples of tick = {tick:g} (got {odd[0]:g})")
-        if self.sybils or self.strategic:
-            yield Fault(
-                ("attack.vehicles", "attack"),
-                "vehicles that change are neither sybils nor strategic",
-            )
-
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
         """The vectors of a strategic attack until the next tick, and its memory.
 
@@ -538,12 +492,21 @@ class Attack(AnyAttack):
         """
         raise KindError(f"{self.kind}: a strategic attack gives aim(self, seen, memory)")
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        targets = self.targets()
+    # --- Keys that exclude each other ---------------------------------------------------------------
+
+    def faults(self, scenario):
+        yield from self.target_faults(scenario)
+        if self.as_told():
+            yield from self.moving_faults(scenario)
+        yield from self.magnitude_faults(scenario.vehicle.order)
+        yield from self.number_faults()
+
+    def target_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Faults of vehicles, of what listeners hear, and of orders."""
+        targets, vehicle = self.targets(), scenario.vehicle
         yield from unknown_vehicles("attack.vehicles", targets, scenario.vehicles, first=1)
         sets = self.vehicles.sets if isinstance(self.vehicles, ChangingVehicles) else [targets]
-        twice = [each for each in sets if len(set(each)) < len(each)]
-        if twice:
+        if twice := [each for each in sets if len(set(each)) < len(each)]:
             yield Fault(("attack.vehicles",), f"named twice (got {twice[0]})")
         if isinstance(self.vehicles, DrawnVehicles):
             yield from self.drawn_faults(self.vehicles.random, scenario)
@@ -553,82 +516,125 @@ class Attack(AnyAttack):
             yield Fault(("attack.listeners",), f"{self.kind} tells all listeners the same")
         if self.strategic and scenario.tick == 0:
             yield Fault(("attack", "tick"), f"{self.kind} decides at ticks: give a tick")
-        if self.replaces() and self.falsified() != ORDERS:
-            yield Fault(
-                ("attack.orders", "attack.threat"),
-                f"a link that is replaced carries no true derivative: give [0, 1, 2, 3] (got {self.orders})",
-            )
-        vehicle = scenario.vehicle
+        true = self.falsified() != ORDERS  # some orders are
+        if self.replaces() and true:
+            told = "a link that is replaced carries no true derivative: give [0, 1, 2, 3]"
+            yield Fault(("attack.orders", "attack.threat"), f"{told} (got {self.orders})")
         if self.constant and 0 not in self.falsified():
-            message = f"{self.kind} has no derivatives: give orders with 0 (got {self.orders})"
-            yield Fault(("attack.orders",), message)
-        if self.falsified() != ORDERS and vehicle.order != 3:
-            yield Fault(
-                ("attack.orders", "vehicle"),
-                f"a choice of orders needs a vehicle of order 3 (got {vehicle.kind})",
-            )
+            told = f"{self.kind} has no derivatives: give orders with 0 (got {self.orders})"
+            yield Fault(("attack.orders",), told)
+        if true and vehicle.order != 3:
+            told = f"a choice of orders needs a vehicle of order 3 (got {vehicle.kind})"
+            yield Fault(("attack.orders", "vehicle"), told)
         if vehicle.order > self.highest:
-            yield Fault(
-                ("attack", "vehicle"),
-                f"{self.kind} has derivatives up to {self.highest}, {vehicle.kind} has order {vehicle.order}",
-            )
-        if self.as_told():
-            yield from self.moving_faults(scenario)
-        yield from self.magnitude_faults(vehicle.order)
-        yield from self.number_faults()
+            told = f"{self.kind} has derivatives up to {self.highest}"
+            yield Fault(("attack", "vehicle"), f"{told}, {vehicle.kind} has order {vehicle.order}")
+
+    def drawn_faults(self, number: int, scenario: ScenarioView) -> Iterator[Fault]:
+        if number > scenario.vehicles:
+            told = f"there are {scenario.vehicles} vehicles (got {number})"
+            yield Fault(("attack.vehicles", "vehicles"), told)
+        if self.sybils or self.strategic:
+            told = "drawn vehicles are neither sybils nor strategic"
+            yield Fault(("attack.vehicles", "attack"), told)
+
+    def changing_faults(
+        self, changing: ChangingVehicles, scenario: ScenarioView
+    ) -> Iterator[Fault]:
+        at, tick = changing.at, scenario.tick
+        keys = ("attack.vehicles.at", "attack.vehicles", "attack")
+        if len(at) != len(changing.sets):
+            yield Fault(keys, f"a time for each of {len(changing.sets)} sets (got {len(at)})")
+        if sorted(set(at)) != at:
+            yield Fault(keys, f"must rise (got {at})")
+        if self.splits() and len(scenario.topology.turns()) > 1:
+            told = "split links carry the attack of the same vehicles all along where networks take turns"
+            yield Fault((*keys, "topology"), told)
+        if tick == 0:
+            yield Fault((*keys, "tick"), "attacked vehicles change at ticks: give a tick")
+        elif odd := [time for time in at if abs(time - round(time / tick) * tick) > TICK_ROUNDING]:
+            yield Fault((*keys, "tick"), f"must be multiples of tick = {tick:g} (got {odd[0]:g})")
+        if self.sybils or self.strategic:
+            told = "vehicles that change are neither sybils nor strategic"
+            yield Fault(("attack.vehicles", "attack"), told)
 
     def moving_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Faults of vehicles that move as they tell."""
         vehicle, key = scenario.vehicle, "attack.moves"
         if not self.replaces():
-            yield Fault(
-                (key, "attack.threat"), "as_told needs false messages: give threat: replaces"
-            )
+            told = "as_told needs false messages: give threat: replaces"
+            yield Fault((key, "attack.threat"), told)
         if self.by_link() or self.strategic or self.periods():
             one = "one path for the whole lane, the same for all listeners"
             yield Fault((key, "attack"), f"a vehicle that moves as told tells {one}")
         graph = scenario.topology.linked(scenario.vehicles)
         if (self.attacked_links(graph) & (graph.sources == 0)).any():
-            yield Fault(
-                (key, "attack.links"), "attacked links from the navigator tell nothing of a vehicle"
-            )
+            told = "attacked links from the navigator tell nothing of a vehicle"
+            yield Fault((key, "attack.links"), told)
         if vehicle.singular or vehicle.internal:
-            why = (
+            told = (
                 f"a path does not always tell the state of {vehicle.kind}, only that of integrators"
             )
-            yield Fault((key, "vehicle"), why)
+            yield Fault((key, "vehicle"), told)
 
     def magnitude_faults(self, order: int) -> Iterator[Fault]:
+        """Faults of a list of magnitudes, for vehicles of an order."""
         sizes, keys = self.by_order(), ("attack.magnitude", "attack")
         if sizes is None:
             return
         if self.consistent():
-            message = (
-                f"must be one number: the derivatives of {self.kind} follow from its signal (a list needs"
-                " kind spoof, or some attack.orders only)"
-            )
-            yield Fault(keys, message)
+            told = f"must be one number: the derivatives of {self.kind} follow from its signal"
+            yield Fault(keys, f"{told} (a list needs kind spoof, or some attack.orders only)")
             return
         if len(sizes) > order + 1:
             most = f"at most {order + 1} numbers, of the orders 0 to {order}"
             yield Fault(keys, f"a list has {most} (got {len(sizes)})")
-        true = [
-            each for each in ORDERS[: len(sizes)] if sizes[each] and each not in self.falsified()
-        ]
-        if true:
+        some = ORDERS[: len(sizes)]
+        if true := [each for each in some if sizes[each] and each not in self.falsified()]:
             got = f"give 0 for it (got {sizes[true[0]]:g})"
             yield Fault(keys, f"attack.orders leaves order {true[0]} true: {got}")
 
     def number_faults(self) -> Iterator[Fault]:
-        random = isinstance(self.vehicles, DrawnVehicles)
+        """Faults of numbers that each vehicle has for itself."""
+        random, listed = isinstance(self.vehicles, DrawnVehicles), len(self.targets())
         for key, number, shapes in own_numbers(self):
-            if isinstance(number, Listed) and (random or len(number.root) != len(self.targets())):
-                wanted = f"{len(self.targets())} listed in attack.vehicles"
+            if isinstance(number, Listed) and (random or len(number.root) != listed):
                 got = "drawn ones" if random else f"{len(number.root)} numbers"
-                yield Fault(
-                    (key, "attack"), f"a list has a number for each vehicle, {wanted} (got {got})"
-                )
+                told = f"a list has a number for each vehicle, {listed} listed in attack.vehicles"
+                yield Fault((key, "attack"), f"{told} (got {got})")
             if shapes and (self.strategic or (random and self.by_link())):
                 yield Fault((key, "attack"), "must be one number for all vehicles here")
+
+
+class Harmonious(Attack):
+    """A signal of one frequency, `frequency`, which a subclass has as its key."""
+
+    if TYPE_CHECKING:
+        frequency: PerVehicle
+    highest = 4
+
+    def fastest(self):
+        return max(map(abs, value_range(self.frequency)))
+
+    def signal(self) -> Signal:
+        return Harmonic(self.frequency)
+
+    def sizes(self, horizon):
+        return harmonic_sizes(np.asarray(self.frequency))
+
+
+class HeldOffset(Attack):
+    """An offset that a strategic attack chooses at a tick and holds until the next."""
+
+    highest = 4
+    constant = True
+    strategic = True
+
+    def basis(self, time):
+        return constant_basis(time)
+
+    def sizes(self, horizon):
+        return np.eye(5, 1)
 
 
 def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number, bool]]:
@@ -636,12 +642,12 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
 
     Each item is the dotted key, the number, and whether the scalar functions depend on it.
     """
-    for key, field in type(kind).model_fields.items():
-        value, dotted = getattr(kind, key), f"{name}.{key}"
+    for key, value in kind.config_keys().items():
+        dotted = f"{name}.{key}"
         if isinstance(value, Kind):
             yield from own_numbers(value, dotted)
         elif differs(value):
-            yield dotted, value, not any(isinstance(mark, Each) for mark in field.metadata)
+            yield dotted, value, not kind.drawn_by_vehicle(key)
 
 
 def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:

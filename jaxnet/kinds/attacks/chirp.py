@@ -1,6 +1,6 @@
 """The chirp: a rotating attack whose frequency changes."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -15,7 +15,7 @@ class Chirp(Attack):
     """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that becomes faster or slower."""
 
     kind = "chirp"
-    highest: ClassVar[int] = 4
+    highest = 4
 
     frequency: PerVehicle = Field(default=0.2, description="[rad/s], of the turning at t = 0")
     rate: PerVehicle = Field(default=0.05, description="[rad/s²], by which the frequency grows")

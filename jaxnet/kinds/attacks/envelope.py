@@ -1,15 +1,15 @@
 """The envelope: another attack that starts, rises, and may stop."""
 
 import math
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import AnyAttack, Attack
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, value_range, zip_by_vehicle
 from jaxnet.kinds.kind import Fault
+from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, NumberJets
 from jaxnet.model.signal import up_to
 
@@ -26,7 +26,7 @@ class Envelope(Attack):
     """
 
     kind = "envelope"
-    highest: ClassVar[int] = 4
+    highest = 4
 
     of: Annotated[AnyAttack, KindOf("attack"), Field(description="the other attack")]
     start: PerVehicle = Field(default=0.0, description="[s], when it begins to rise")
@@ -35,9 +35,7 @@ class Envelope(Attack):
 
     def of_order(self, order):
         found = super().of_order(order)
-        return (
-            found if found is self else found.filled({**vars(found), "of": self.of.of_order(order)})
-        )
+        return found if found is self else found.with_values(of=self.of.of_order(order))
 
     def consistent(self):
         """Whether the attack inside is consistent too, as Leibniz's rule presupposes."""

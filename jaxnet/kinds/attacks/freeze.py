@@ -1,6 +1,6 @@
 """The freeze: denial of service, after which listeners hold the first position that they received."""
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -17,8 +17,8 @@ class Freeze(Attack):
     """An attacked link carries the position of its source at t = 0, at rest, for the whole lane."""
 
     kind = "freeze"
-    highest: ClassVar[int] = 4
-    bounded: ClassVar[bool] = False
+    highest = 4
+    bounded = False
 
     magnitude: NotNegative = Field(
         default=5.0, description="[m], what recovery is judged by; nothing is scaled to it"

@@ -1,46 +1,28 @@
 """The greedy attack: at every tick the direction that increases the fleet's error most."""
 
-from typing import TYPE_CHECKING, ClassVar
-
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
+from jaxnet.kinds.attacks import HeldOffset, unit_vectors
 from jaxnet.kinds.shapes import (
     LaneNumbers,
     PlaneVectors,
     SignalVectors,
 )
-from jaxnet.lazy import LazyModule
+from jaxnet.lazy import jax, jnp
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 
-if TYPE_CHECKING:
-    import jax
-    import jax.numpy as jnp
-else:
-    jax = LazyModule("jax")
-    jnp = LazyModule("jax.numpy")
 
-
-class Greedy(Attack):
+class Greedy(HeldOffset):
     """All attackers send the same offset ā, in that one of `directions` that pulls the fleet farthest off.
 
     The criterion is `Σ_i ‖E_i + Σ_j w̃_ij a_ij‖` with the weights that the offset would put in force.
     """
 
     kind = "greedy"
-    highest: ClassVar[int] = 4
-    constant: ClassVar[bool] = True
-    strategic: ClassVar[bool] = True
 
     directions: int = Field(default=16, ge=2, le=360, description="evenly around")
-
-    def basis(self, time):
-        return constant_basis(time)
-
-    def sizes(self, horizon):
-        return np.eye(5, 1)
 
     def aim(self, seen, memory):
         """The direction of the greatest criterion; the first one of equal values."""

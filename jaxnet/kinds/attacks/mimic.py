@@ -1,27 +1,17 @@
 """The mimic: the greatest offset that listeners still believe."""
 
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
+from jaxnet.kinds.attacks import HeldOffset, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
 from jaxnet.kinds.shapes import (
     AnyNumbers,
     VehicleNumbers,
 )
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax
-    import jax.numpy as jnp
-else:
-    jax = LazyModule("jax")
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jax, jnp
 
 
-class Mimic(Attack):
+class Mimic(HeldOffset):
     """An offset along a direction of each attacker, at every tick the greatest that all its listeners retain.
 
     The attacker tries `parts` fractions of ā, and sends 0 if its listeners drop every one. All attackers try
@@ -29,18 +19,9 @@ class Mimic(Attack):
     """
 
     kind = "mimic"
-    highest: ClassVar[int] = 4
-    constant: ClassVar[bool] = True
-    strategic: ClassVar[bool] = True
 
     direction: Angle = Field(default=FULL_TURN, description="[rad], of the offset")
     parts: int = Field(default=16, ge=1, le=1000, description="of ā that are tried")
-
-    def basis(self, time):
-        return constant_basis(time)
-
-    def sizes(self, horizon):
-        return np.eye(5, 1)
 
     def aim(self, seen, memory):
         """Try the fractions of ā in ascending order, and return the greatest that every listener retains."""

@@ -1,6 +1,6 @@
 """A path of the attacker's own, as malicious agents of the literature have."""
 
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field
@@ -34,8 +34,8 @@ class OwnPath(Attack):
 
     kind = "own_path"
     words = "path of its own"
-    highest: ClassVar[int] = 4
-    bounded: ClassVar[bool] = False
+    highest = 4
+    bounded = False
 
     magnitude: NotNegative = Field(
         default=5.0, description="[m], what recovery is judged by; nothing is scaled to it"

@@ -1,6 +1,6 @@
 """The replay: the navigator's path, delayed."""
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -19,8 +19,8 @@ class ReplayAttack(Attack):
     """
 
     kind = "replay"
-    highest: ClassVar[int] = 4
-    bounded: ClassVar[bool] = False
+    highest = 4
+    bounded = False
 
     magnitude: NotNegative = Field(
         default=5.0, description="[m], what recovery is judged by; the path is not scaled to it"

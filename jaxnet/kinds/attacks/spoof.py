@@ -1,7 +1,5 @@
 """The spoof: a constant in each received derivative."""
 
-from typing import ClassVar
-
 import numpy as np
 from pydantic import Field
 
@@ -17,8 +15,8 @@ class Spoof(Attack):
     """
 
     kind = "spoof"
-    highest: ClassVar[int] = 4
-    derived: ClassVar[bool] = False
+    highest = 4
+    derived = False
 
     direction: Angle = Field(default=0.0, description="[rad], of the offset")
 

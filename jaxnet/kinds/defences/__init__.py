@@ -2,15 +2,13 @@
 itself.
 """
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.fields import MARK, NotNegative, Record, union_member
 from jaxnet.kinds.kind import Fault, KindError, unknown_vehicles
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import (
     AnyMask,
     Decision,
@@ -24,16 +22,10 @@ from jaxnet.kinds.shapes import (
     VehicleVectors,
 )
 from jaxnet.kinds.ticks import DrawsAtTicks
-from jaxnet.lazy import LazyModule
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
 from jaxnet.model.retained import DropPolicy, any_untrusted
 from jaxnet.model.safety import Safe
-
-if TYPE_CHECKING:
-    from jaxnet.model import chance
-else:
-    chance = LazyModule("jaxnet.model.chance")
 
 
 class Neighbourhood(NamedTuple):
@@ -267,6 +259,7 @@ class Defence(AnyDefence):
     """
 
     decides: ClassVar[bool] = True
+    off_at_zero = frozenset({"noise"})
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "trusted"})
 
     trusted: Annotated[
@@ -298,40 +291,30 @@ class Defence(AnyDefence):
         " rest; under law: local, a vehicle that retains nobody has q = 0 with either",
     )
 
-    def coasts(self) -> bool:
+    def coasts(self):
         return self.isolated == "coast"
 
-    def draws(self) -> bool:
+    def draws(self):
         return self.noise != 0
 
-    def drawn(self, draw: LaneDraw, name: str) -> "Defence":
-        found = super().drawn(draw, name)
-        return self.filled({**vars(found), "noise": None}) if self.noise == 0 else found
+    def observed(self, received, time):
+        return received if self.noise is None else self.noisy(received, self.noise, time)
 
-    def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
-        return (
-            received
-            if self.noise is None
-            else chance.noisy(received, self.noise, vars(self)["key"], time)
-        )
-
-    def overheard(
-        self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
-    ) -> SlotVectors:
+    def overheard(self, announced, sources, time):
         """Announcements with noise; the navigator's announcement, always 0, has no noise."""
         if self.noise is None:
             return announced
-        (noisy,) = chance.noisy((announced,), self.noise, vars(self)["key"], time, first=3)
+        (noisy,) = self.noisy((announced,), self.noise, time, first=3)
         return noisy.__array_namespace__().where((sources > 0)[None, :, :, None], noisy, announced)
 
-    def trusts(self, graph: Digraph) -> Links:
+    def trusts(self, graph):
         if isinstance(self.trusted, Record):
             return self.trusted.links(graph)
         if self.trusted == "none":
             return graph.none
         return trusted_links(graph, self.trusted)
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+    def faults(self, scenario):
         listed = self.trusted if isinstance(self.trusted, dict) else {}
         yield from unknown_vehicles("defence.trusted", list(listed), scenario.vehicles, first=1)
         sources = [source for trusted in listed.values() for source in trusted]
@@ -361,7 +344,7 @@ class Sparing(Defence):
         """Those of the trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
+    def may_drop(self, graph, trusted):
         """A bound on the sources that the rule drops: every source that it does not spare."""
         known = self.retained(graph, trusted)
         return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)

@@ -1,6 +1,6 @@
 """Trimming by trusted redundancy, the paper's defence (section 5.1)."""
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -105,7 +105,7 @@ class TrustedTrim(Sparing):
     kind = "trusted_trim"
     words = "trusted trimming"
     guarantee = "none: attacks are known that pass the score of positions, of jets and of feedback"
-    untraced: ClassVar[frozenset[str]] = frozenset({"label", "theta", "trusted"})
+    untraced = frozenset({"label", "theta", "trusted"})
 
     theta: Annotated[
         Annotated[Theta, union_member("all")] | Annotated[dict[int, Theta], union_member("each")],

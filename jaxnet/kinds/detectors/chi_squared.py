@@ -1,17 +1,12 @@
 """The χ² test of each word."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
 from jaxnet.kinds.detectors import Detector
 from jaxnet.kinds.fields import Number, Within
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jnp
 
 
 class ChiSquared(Detector):

@@ -1,7 +1,5 @@
 """No detector."""
 
-from typing import ClassVar
-
 from jaxnet.kinds.detectors import Detector
 
 
@@ -9,4 +7,4 @@ class NoDetector(Detector):
     """Nobody tests words."""
 
     kind = "none"
-    present: ClassVar[bool] = False
+    present = False

@@ -24,7 +24,7 @@ from jaxnet.kinds.fields import (
     value_range,
 )
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken, unknown_vehicles
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
@@ -114,7 +114,7 @@ class Graph(Kind):
         """Whether lanes have graphs or weights of their own."""
         return bool(self.drawn_keys())
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(one_network=len(self.turns()) > 1, alike=self.differs())
 
     def redrawn(self) -> bool:
@@ -187,7 +187,7 @@ class Graph(Kind):
             raise KindError(f"{self.kind}: weights must be finite")
         return given
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+    def faults(self, scenario):
         """A fault if there is a navigator that does not reach every vehicle: L is singular then."""
         if scenario.law.couples() and (self.own_weight or not self.normalises()):
             key = "own_weight" if self.own_weight else "normalised"
@@ -324,7 +324,7 @@ class Unweighted(Graph):
         parts = graph.metropolis(links)
         return parts, graph.totals(links.sources - 1, parts, links.vehicles)
 
-    def weights(self, vehicles: int) -> Digraph:
+    def weights(self, vehicles):
         """The weights by the rule; for a graph drawn lane by lane, those of one such graph."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         return self.weighted(links, median(self.navigator_weight))
@@ -335,9 +335,7 @@ class Unweighted(Graph):
         weights = np.where(links.sources == 0, navigator[:, None], parts * rest[:, None])
         return links._replace(weights=weights)
 
-    def lane_weights(
-        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
-    ) -> Float[np.ndarray, "samples slots m"]:
+    def lane_weights(self, draw, vehicles, sources):
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         parts, total = self.parts(links)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")[:, None]
@@ -345,7 +343,7 @@ class Unweighted(Graph):
         by_slot = hearing.by_slot(links, parts, sources)
         return np.where(sources == 0, navigator[:, None], by_slot * rest[:, None])
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+    def faults(self, scenario):
         listed = self.navigator if isinstance(self.navigator, list) else []
         found = [
             *unknown_vehicles("topology.navigator", listed, scenario.vehicles, first=1),
@@ -377,10 +375,10 @@ class Random(Unweighted):
 
     redraw: bool = Field(default=False, description="whether each lane has a graph of its own")
 
-    def is_random(self) -> bool:
+    def is_random(self):
         return True
 
-    def links(self, vehicles: int) -> GivenGraph:
+    def links(self, vehicles):
         if not self.redraw:
             return super().links(vehicles)
         informed = np.ones(vehicles, bool)
@@ -388,15 +386,13 @@ class Random(Unweighted):
             informed = self.informed(vehicles, np.random.default_rng())
         return np.column_stack([informed, ~np.eye(vehicles, dtype=bool)])
 
-    def differs(self) -> bool:
+    def differs(self):
         return self.redraw or super().differs()
 
-    def redrawn(self) -> bool:
+    def redrawn(self):
         return self.redraw
 
-    def lane_weights(
-        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
-    ) -> Float[np.ndarray, "samples slots m"]:
+    def lane_weights(self, draw, vehicles, sources):
         if not self.redraw:
             return super().lane_weights(draw, vehicles, sources)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")

@@ -1,7 +1,7 @@
 """Any weighted digraph, given by its edges."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Len
@@ -32,7 +32,7 @@ class Edges(Graph):
     """
 
     kind = "edges"
-    linked_by: ClassVar[str] = "topology.edges"
+    linked_by = "topology.edges"
 
     edges: Annotated[
         list[Edge],

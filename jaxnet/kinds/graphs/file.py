@@ -41,7 +41,7 @@ class File(Graph):
     """
 
     kind = "file"
-    linked_by: ClassVar[str] = "topology.path"
+    linked_by = "topology.path"
     leads: ClassVar[bool] = True  # whether a node is the navigator
 
     path: str = Field(
@@ -90,7 +90,7 @@ class File(Graph):
         return numbered_content(self.content[self.path], *options)
 
     def leaderless(self):
-        return self.filled({**vars(self), "leads": False})
+        return self.with_values(leads=False)
 
     def edges(self) -> EdgeList:
         return self.network().edges

@@ -1,28 +1,23 @@
 """Networks that take turns."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Len
 from pydantic import Field
 from scipy import sparse
 
 from jaxnet.kinds import registry
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import NotNegative, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators.none import NoNavigator
 from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.shapes import AnyCounts, LaneTimes
 from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsAtTicks
-from jaxnet.lazy import LazyModule
+from jaxnet.lazy import jnp
 from jaxnet.model import graph
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
 
 
 class Switching(DrawsAtTicks, Graph):

@@ -1,10 +1,8 @@
 """Losses: which messages a channel loses at a tick."""
 
-from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
 
 from jaxnet.kinds.kind import Fault, KindError, broken
-from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotNumbers, SlotSources
 from jaxnet.kinds.ticks import DrawsAtTicks
 
@@ -67,10 +65,10 @@ class Loss(DrawsAtTicks):
         """
         raise KindError(f"{self.kind}: a loss gives lost(self, messages, memory)")
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(every_message=not self.perfect())
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+    def faults(self, scenario):
         if self.perfect():
             return
         if scenario.tick == 0:

@@ -1,18 +1,13 @@
 """Loss in bursts: each channel is a Markov chain of two states."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import Number, Within
 from jaxnet.kinds.losses import Loss, Messages
 from jaxnet.kinds.ticks import DrawsTogether
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jnp
 
 
 class GilbertElliott(DrawsTogether, Loss):

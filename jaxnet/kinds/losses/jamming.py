@@ -1,6 +1,6 @@
 """Loss in intervals of time, in which a jammer disturbs the channel."""
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 from annotated_types import Len
 from pydantic import AfterValidator, Field
@@ -10,12 +10,7 @@ from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.losses import Loss, Messages
 from jaxnet.kinds.shapes import LaneMask, LaneTimes, SlotMask, SlotNumbers
 from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsTogether, Together
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jnp
 
 Interval = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
 

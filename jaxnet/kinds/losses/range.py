@@ -1,17 +1,12 @@
 """Loss by distance: a vehicle hears only those that are near."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative
 from jaxnet.kinds.losses import Loss
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jnp
 
 
 class Range(Loss):

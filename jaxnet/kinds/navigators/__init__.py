@@ -1,12 +1,11 @@
 """The navigator's path `y_0(t)` with its derivatives, for arrays of NumPy and JAX."""
 
-from collections.abc import Iterator
 from typing import ClassVar
 
 import numpy as np
 
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken
-from jaxnet.kinds.protocols import NavigatorPath, ScenarioView
+from jaxnet.kinds.protocols import NavigatorPath
 from jaxnet.kinds.shapes import AnyTimes, PathJets
 from jaxnet.model.signal import up_to
 
@@ -66,10 +65,10 @@ class Navigator(Kind):
         jets = np.asarray(self.jets(np.linspace(start, end, SPEED_SAMPLES)))
         return np.linalg.norm(jets, axis=1).max(axis=1)
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(leader=not self.present)
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+    def faults(self, scenario):
         if scenario.vehicle.singular != 1:
             return
         slowest, when = self.slowest(scenario.horizon)

@@ -1,7 +1,5 @@
 """No navigator: vehicles agree with one another alone."""
 
-from typing import ClassVar
-
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators import Navigator
 
@@ -16,7 +14,7 @@ class NoNavigator(Navigator):
 
     kind = "none"
     words = "no navigator"
-    present: ClassVar[bool] = False
+    present = False
 
     def jets(self, time):
         xp = time.__array_namespace__()

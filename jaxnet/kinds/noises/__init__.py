@@ -1,13 +1,10 @@
 """Noises: errors of the words on links."""
 
-from collections.abc import Iterator
 from typing import ClassVar
 
 from jaxnet.kinds.kind import Fault, KindError, broken
-from jaxnet.kinds.noise import ErrorsAtTicks
-from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotLinks, SlotSources
-from jaxnet.kinds.ticks import DrawsTogether
+from jaxnet.kinds.ticks import DrawsTogether, ErrorsAtTicks
 
 
 class ChannelNoise(ErrorsAtTicks, DrawsTogether):
@@ -47,10 +44,10 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
         """The links on which words have no errors, by default none."""
         return sources < 0
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(exact_messages=not self.exact())
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+    def faults(self, scenario):
         if not self.exact() and scenario.tick == 0:
             yield Fault(
                 ("channel.noise", "tick"), "errors of words are drawn at ticks: give a tick"

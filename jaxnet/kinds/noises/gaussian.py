@@ -1,22 +1,17 @@
 """Gaussian noise on links."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative
-from jaxnet.kinds.noise import HIGHEST, JET_ORDERS, NormalErrors
 from jaxnet.kinds.noises import ChannelNoise
 from jaxnet.kinds.shapes import (
     SlotNumbers,
     SlotVectors,
 )
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.kinds.ticks import HIGHEST, JET_ORDERS, NormalErrors
+from jaxnet.lazy import jnp
 
 
 class GaussianNoise(NormalErrors, ChannelNoise):

@@ -1,18 +1,15 @@
 """Sensors: how vehicles sense their own position, velocity and acceleration."""
 
-from collections.abc import Iterator
-
 from jaxnet.kinds.kind import Fault, KindError, broken
-from jaxnet.kinds.noise import ErrorsAtTicks
-from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets, VehicleMask
+from jaxnet.kinds.ticks import ErrorsAtTicks
 
 
 class Sensor(ErrorsAtTicks):
     """A way in which vehicles sense their own jets. A subclass gives `errors`.
 
-    A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls itself by
-    what it senses, and tells its listeners what it senses. Nobody senses the navigator's path with errors.
+    A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls itself
+    by what it senses, and tells its listeners what it senses. Nobody senses the navigator's path with errors.
     """
 
     def errors(self, time: LaneTimes, vehicles: int) -> VehicleJets:
@@ -45,9 +42,9 @@ class Sensor(ErrorsAtTicks):
         """
         return None
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(exact_sensors=not self.exact())
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+    def faults(self, scenario):
         if not self.exact() and scenario.tick == 0:
             yield Fault(("sensing", "tick"), "vehicles sense at ticks: give a tick")

@@ -5,8 +5,8 @@ from typing import Annotated
 from pydantic import Field
 
 from jaxnet.kinds.fields import Number, Within
-from jaxnet.kinds.noise import NormalErrors
 from jaxnet.kinds.sensors import Sensor
+from jaxnet.kinds.ticks import NormalErrors
 
 
 class Gaussian(NormalErrors, Sensor):
@@ -31,14 +31,6 @@ class Gaussian(NormalErrors, Sensor):
 
     def tells_deviations(self):
         return self.dropout == 0
-
-    def drawn(self, draw, name):
-        found = super().drawn(draw, name)
-        return (
-            self.filled({**vars(found), "dropout": None})
-            if self.dropout == 0
-            else self.filled(vars(found))
-        )
 
     def stays(self, time, vehicles):
         if self.dropout is None:

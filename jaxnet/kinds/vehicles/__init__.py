@@ -7,11 +7,10 @@ and JAX.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken
-from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import (
     AxisMatrices,
     InnerState,
@@ -24,6 +23,7 @@ from jaxnet.kinds.shapes import (
     VehicleVectors,
 )
 from jaxnet.model.circle import circle
+from jaxnet.model.plane import dot
 
 HEADING, SPEED = 2, 3
 MOST_ORDER = 4  # of vehicles
@@ -73,10 +73,10 @@ class Vehicle(Kind):
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(flat=not self.flat)
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+    def faults(self, scenario):
         if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
             yield Fault(("vehicle",), f"{self.kind}: a vehicle gives {' and '.join(lacking)}")
         if not 1 <= self.order <= MOST_ORDER:
@@ -168,28 +168,58 @@ class Integrators(Vehicle):
     The state has the position first, then its derivatives below r. A subclass gives `order`, names and units.
     """
 
-    flat: ClassVar[bool] = True
-    singular: ClassVar[int] = 0
+    flat = True
+    singular = 0
 
-    def output_jets(self, state: VehicleState) -> VehicleJets:
+    def output_jets(self, state):
         return tuple(state[2 * k : 2 * k + 2] for k in range(self.order))
 
-    def drift(self, state: VehicleState) -> VehicleVectors:
+    def drift(self, state):
         return 0.0 * state[:2]
 
-    def decoupling(self, state: VehicleState) -> AxisMatrices:
+    def decoupling(self, state):
         one, zero = 0.0 * state[0] + 1.0, 0.0 * state[0]
         xp = state.__array_namespace__()
         return xp.stack([xp.stack([one, zero]), xp.stack([zero, one])])
 
-    def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
+    def inputs_for(self, state, jerk):
         return jerk - self.drift(state)
 
-    def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
+    def motion(self, state, inputs):
         return state.__array_namespace__().concatenate([state[2:], self.drift(state) + inputs])
 
-    def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
+    def state_of(self, jets):
         return jets[0].__array_namespace__().concatenate([*jets])
+
+
+class Wheeled(Vehicle):
+    """A vehicle with a heading, for which `ψ = [h, s n]` and `det ψ = s`; singular where `sideways` is 0."""
+
+    flat = True
+
+    def sideways(self, state: VehicleState) -> VehicleNumbers:
+        """The factor s from the second input to the derivative of order r to the left: by default v."""
+        return state[SPEED]
+
+    def drift(self, state):
+        return 0.0 * state[:2]
+
+    def decoupling(self, state):
+        along, left = directions(state)
+        return state.__array_namespace__().stack([along, self.sideways(state)[None] * left], axis=1)
+
+    def inputs_for(self, state, jerk):
+        """`[h' (q - σ), n' (q - σ) / s]` for the derivative q of order r; infinite at s = 0."""
+        along, left = directions(state)
+        demand, xp = jerk - self.drift(state), state.__array_namespace__()
+        return xp.stack([dot(along, demand), dot(left, demand) / self.sideways(state)])
+
+    def moving(
+        self, state: VehicleState, speed: VehicleNumbers, *rates: VehicleNumbers
+    ) -> VehicleState:
+        """The time derivative of a state: the velocity along the heading, then these rates."""
+        along, _ = directions(state)
+        return state.__array_namespace__().stack([*(speed[None] * along), *rates])
 
 
 def directions(state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:

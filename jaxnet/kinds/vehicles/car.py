@@ -4,8 +4,6 @@ With the curvature κ = tan δ / L of the path: `ẏ = v h`, `ÿ = a h + v² κ 
 v² δ̇ / (L cos² δ)) n`.
 """
 
-from typing import ClassVar
-
 from pydantic import Field
 
 from jaxnet.kinds.fields import Positive
@@ -13,18 +11,17 @@ from jaxnet.kinds.shapes import (
     VehicleNumbers,
     VehicleState,
 )
-from jaxnet.kinds.vehicles import SPEED, Vehicle, directions
+from jaxnet.kinds.vehicles import SPEED, Wheeled, directions
 from jaxnet.model.circle import angle
 from jaxnet.model.plane import cross, dot, pace
 
 STEERING, ACCELERATION = 4, 5
 
 
-class Car(Vehicle):
+class Car(Wheeled):
     """State `[x, y, θ, v, δ, a]`, steering angle |δ| < π/2, input `u = [ȧ, δ̇]`; singular at v = 0."""
 
     kind = "car"
-    flat: ClassVar[bool] = True
     states = ("x", "y", "heading", "speed", "steering", "acceleration")
     units = ("m", "m", "rad", "m/s", "rad", "m/s²")
     inputs = ("acceleration_rate", "steering_rate")
@@ -52,29 +49,15 @@ class Car(Vehicle):
         v, bend = state[SPEED], self.curvature(state)
         return (3 * v * state[ACCELERATION] * bend)[None] * left - (v**3 * bend**2)[None] * along
 
-    def steered(self, state: VehicleState) -> VehicleNumbers:
+    def sideways(self, state):
         """`v² / (L cos² δ)`, the factor from the steering rate to the jerk to the left."""
         tangent = state.__array_namespace__().tan(state[STEERING])
         return state[SPEED] ** 2 * (1 + tangent**2) / self.wheelbase[None]
 
-    def decoupling(self, state):
-        """`ψ = [h, v² / (L cos² δ) n]`."""
-        along, left = directions(state)
-        return state.__array_namespace__().stack([along, self.steered(state)[None] * left], axis=1)
-
-    def inputs_for(self, state, jerk):
-        """The input from the demand along and across the heading; infinite at v = 0."""
-        along, left = directions(state)
-        demand = jerk - self.drift(state)
-        xp = state.__array_namespace__()
-        return xp.stack([dot(along, demand), dot(left, demand) / self.steered(state)])
-
     def motion(self, state, inputs):
         """`[v cos θ, v sin θ, v κ, a, δ̇, ȧ]`."""
-        along, _ = directions(state)
-        velocity, (_, turn_rate) = state[SPEED][None] * along, self.pace(state, inputs)
-        rates = [velocity[0], velocity[1], turn_rate, state[ACCELERATION], inputs[1], inputs[0]]
-        return state.__array_namespace__().stack(rates)
+        speed, turn_rate = self.pace(state, inputs)
+        return self.moving(state, speed, turn_rate, state[ACCELERATION], inputs[1], inputs[0])
 
     def state_of(self, jets):
         """`v = ‖ẏ‖`, `θ = atan2(ẏ)`, `δ = atan(L κ)` with `κ = ẏ × ÿ / v³`, `a = ẏ·ÿ / v`."""

@@ -1,7 +1,5 @@
 """The double integrator, a point with velocity and a force on it."""
 
-from typing import ClassVar
-
 from jaxnet.kinds.vehicles import Integrators
 from jaxnet.model.circle import circle
 from jaxnet.model.plane import length
@@ -14,7 +12,7 @@ class DoubleIntegrator(Integrators):
     """
 
     kind = "double_integrator"
-    order: ClassVar[int] = 2
+    order = 2
     words = "double integrators"
     states = ("x", "y", "velocity_x", "velocity_y")
     units = ("m", "m", "m/s", "m/s")

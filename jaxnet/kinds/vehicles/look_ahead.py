@@ -10,7 +10,7 @@ The heading follows the point's velocity q by `θ̇ = n·q / l`. With complex nu
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from pydantic import Field
 
@@ -19,12 +19,12 @@ from jaxnet.kinds.shapes import (
     VehicleNumbers,
     VehicleVectors,
 )
-from jaxnet.kinds.vehicles import Vehicle, directions
+from jaxnet.kinds.vehicles import Wheeled, directions
 from jaxnet.model.circle import angle, circle
 from jaxnet.model.plane import cross, dot, length
 
 
-class LookAhead(Vehicle):
+class LookAhead(Wheeled):
     """A unicycle of order 1 whose output is the point `y = p + l h`; never singular.
 
     The state is `[p_x, p_y, θ]` with the position p of the axle, the input is `u = [v, θ̇]`. The output does
@@ -33,10 +33,9 @@ class LookAhead(Vehicle):
     """
 
     kind = "look_ahead"
-    flat: ClassVar[bool] = True
-    order: ClassVar[int] = 1
-    singular: ClassVar[int] = 0
-    internal: ClassVar[bool] = True
+    order = 1
+    singular = 0
+    internal = True
     states = ("x", "y", "heading")
     units = ("m", "m", "rad")
     inputs = ("speed", "turn_rate")
@@ -52,26 +51,12 @@ class LookAhead(Vehicle):
         along, _ = directions(state)
         return (state[:2] + self.ahead[None, None] * along,)
 
-    def drift(self, state):
-        return 0.0 * state[:2]
-
-    def decoupling(self, state):
-        """`ψ = [h, l n]`, with `det ψ = l`."""
-        along, left = directions(state)
-        return state.__array_namespace__().stack([along, self.ahead[None, None] * left], axis=1)
-
-    def inputs_for(self, state, jerk):
-        """`[h' q, n' q / l]` for a velocity q of the point."""
-        along, left = directions(state)
-        return state.__array_namespace__().stack(
-            [dot(along, jerk), dot(left, jerk) / self.ahead[None]]
-        )
+    def sideways(self, state):
+        return self.ahead[None]
 
     def motion(self, state, inputs):
         """`[v cos θ, v sin θ, θ̇]`."""
-        along, _ = directions(state)
-        velocity = inputs[0][None] * along
-        return state.__array_namespace__().stack([velocity[0], velocity[1], inputs[1]])
+        return self.moving(state, inputs[0], inputs[1])
 
     def inner(self, state):
         return state[2:]

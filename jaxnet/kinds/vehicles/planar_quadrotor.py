@@ -1,7 +1,5 @@
 """A quadrotor in a vertical plane: `ÿ = T n - g e_2`, with the thrust along `n = [-sin φ, cos φ]`."""
 
-from typing import ClassVar
-
 from jaxnet.kinds.shapes import (
     VehicleState,
     VehicleVectors,
@@ -22,10 +20,10 @@ class PlanarQuadrotor(Vehicle):
     """
 
     kind = "planar_quadrotor"
-    flat: ClassVar[bool] = True
+    flat = True
     words = "quadrotors"
-    order: ClassVar[int] = 4
-    singular: ClassVar[int] = 2
+    order = 4
+    singular = 2
     states = ("x", "y", "velocity_x", "velocity_y", "pitch", "pitch_rate", "thrust", "thrust_rate")
     units = ("m", "m", "m/s", "m/s", "rad", "rad/s", "m/s²", "m/s³")
     inputs = ("thrust_acceleration", "pitch_acceleration")

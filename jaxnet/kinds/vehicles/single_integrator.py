@@ -1,7 +1,5 @@
 """The single integrator, the agent of most studies of consensus."""
 
-from typing import ClassVar
-
 from jaxnet.kinds.vehicles import Integrators
 from jaxnet.model.plane import length
 
@@ -13,7 +11,7 @@ class SingleIntegrator(Integrators):
     """
 
     kind = "single_integrator"
-    order: ClassVar[int] = 1
+    order = 1
     words = "single integrators"
     states = ("x", "y")
     units = ("m", "m")

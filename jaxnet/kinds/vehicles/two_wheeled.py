@@ -1,19 +1,16 @@
 """The paper's two-wheeled robot (section 4.1; theorems.md O4)."""
 
-from typing import ClassVar
-
-from jaxnet.kinds.vehicles import SPEED, Vehicle, directions
+from jaxnet.kinds.vehicles import SPEED, Wheeled, directions
 from jaxnet.model.circle import angle
 from jaxnet.model.plane import dot, pace
 
 TURN_RATE, FORCE = 4, 5
 
 
-class TwoWheeled(Vehicle):
+class TwoWheeled(Wheeled):
     """The paper's two-wheeled robot: state `[x, y, θ, v, ω, F]`, input `u = [Ḟ, ω̇]`; singular at v = 0."""
 
     kind = "two_wheeled"
-    flat: ClassVar[bool] = True
     words = "two-wheeled"
     states = ("x", "y", "heading", "speed", "turn_rate", "force")
     units = ("m", "m", "rad", "m/s", "rad/s", "m/s²")
@@ -32,25 +29,10 @@ class TwoWheeled(Vehicle):
         v, turn_rate, force = state[SPEED][None], state[TURN_RATE][None], state[FORCE][None]
         return 2 * force * turn_rate * left - v * turn_rate**2 * along
 
-    def decoupling(self, state):
-        """`ψ = [h, v n]`, with `det ψ = v`."""
-        along, left = directions(state)
-        return state.__array_namespace__().stack([along, state[SPEED][None] * left], axis=1)
-
-    def inputs_for(self, state, jerk):
-        """`[h' (jerk - σ), n' (jerk - σ) / v]`; infinite at v = 0."""
-        along, left = directions(state)
-        demand = jerk - self.drift(state)
-        xp = state.__array_namespace__()
-        return xp.stack([dot(along, demand), dot(left, demand) / state[SPEED]])
-
     def motion(self, state, inputs):
         """`[v cos θ, v sin θ, ω, F, ω̇, Ḟ]`."""
-        along, _ = directions(state)
-        velocity = state[SPEED][None] * along
-        xp = state.__array_namespace__()
-        return xp.stack(
-            [velocity[0], velocity[1], state[TURN_RATE], state[FORCE], inputs[1], inputs[0]]
+        return self.moving(
+            state, state[SPEED], state[TURN_RATE], state[FORCE], inputs[1], inputs[0]
         )
 
     def state_of(self, jets):

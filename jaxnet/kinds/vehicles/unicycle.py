@@ -1,19 +1,16 @@
 """The unicycle with an acceleration as input (Oriolo, De Luca and Vendittelli, IEEE Trans. CST 10, 2002)."""
 
-from typing import ClassVar
-
-from jaxnet.kinds.vehicles import SPEED, Vehicle, directions
+from jaxnet.kinds.vehicles import SPEED, Wheeled, directions
 from jaxnet.model.circle import angle
-from jaxnet.model.plane import dot, length
+from jaxnet.model.plane import length
 
 
-class Unicycle(Vehicle):
+class Unicycle(Wheeled):
     """A unicycle: state `[x, y, θ, v]`, input `u = [v̇, θ̇]`, order 2; singular at v = 0."""
 
     kind = "unicycle"
-    flat: ClassVar[bool] = True
     words = "unicycles"
-    order: ClassVar[int] = 2
+    order = 2
     states = ("x", "y", "heading", "speed")
     units = ("m", "m", "rad", "m/s")
     inputs = ("acceleration", "turn_rate")
@@ -24,24 +21,9 @@ class Unicycle(Vehicle):
         along, _ = directions(state)
         return state[:2], state[SPEED][None] * along
 
-    def drift(self, state):
-        return 0.0 * state[:2]
-
-    def decoupling(self, state):
-        """`ψ = [h, v n]`, with `det ψ = v`."""
-        along, left = directions(state)
-        return state.__array_namespace__().stack([along, state[SPEED][None] * left], axis=1)
-
-    def inputs_for(self, state, jerk):
-        """`[h' q, n' q / v]` for an acceleration q; infinite at v = 0."""
-        along, left = directions(state)
-        return state.__array_namespace__().stack([dot(along, jerk), dot(left, jerk) / state[SPEED]])
-
     def motion(self, state, inputs):
         """`[v cos θ, v sin θ, θ̇, v̇]`."""
-        along, _ = directions(state)
-        velocity = state[SPEED][None] * along
-        return state.__array_namespace__().stack([velocity[0], velocity[1], inputs[1], inputs[0]])
+        return self.moving(state, state[SPEED], inputs[1], inputs[0])
 
     def state_of(self, jets):
         """The state with `v = ‖ẏ‖` and `θ = atan2(ẏ)`."""

@@ -30,7 +30,7 @@ from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import EachOrder, is_drawn, median, value_range
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.kinds.noise import ErrorsAtTicks
+from jaxnet.kinds.ticks import ErrorsAtTicks
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, Row, dense, unreachable
 from jaxnet.model.retained import DropPolicy
