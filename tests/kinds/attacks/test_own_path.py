@@ -1,6 +1,7 @@
 """Attackers that tell a path of their own, whatever they do."""
 
 import numpy as np
+import pytest
 
 import jaxnet
 from tests.engine.test_orders import subsequence
@@ -33,6 +34,7 @@ def test_who_hears_the_attacker_alone_follows_its_path():
     np.testing.assert_allclose(states[0], navigator, atol=1e-8)
 
 
+@pytest.mark.long
 def test_w_msr_meets_a_published_liar():
     """Liar 45 + 55 cos 0.031 t on a complete graph, K = 0.02, step by step, by a plain program."""
     attack = {"kind": "own_path", "vehicles": [3], "centre": [45.0, 0.0], "swing": [55.0, 0.0]}

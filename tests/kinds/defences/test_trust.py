@@ -12,8 +12,6 @@ from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
 from jaxnet.kinds.graphs.path import Path
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.graph import dense
 from tests import systems
 from tests.matrices import matrix_of, whole
@@ -45,15 +43,6 @@ def test_a_share_is_that_of_each_listener_rounded(seed, share):
     assert (np.abs(found[:, 1:].sum(axis=1) - exact) < 1).all()
     np.testing.assert_array_equal(trusts(weights, share=share, seed=seed), found)
     assert (trusts(weights, share=(1 + share) / 2, seed=seed) >= found).all()
-
-
-def test_a_share_is_that_of_all_links_on_average():
-    """A fifth of the ring's, of which a vehicle has but two: no link is preferred."""
-    found = np.mean([trusts(RING, share=0.2, seed=seed)[:, 1:] for seed in range(2000)], axis=0)
-    assert found.sum() == pytest.approx(0.2 * 24, rel=0.03)
-    deviation = np.sqrt(0.2 * 0.8 / 2000)
-    assert np.abs(found[dense(RING)[:, 1:] > 0] - 0.2).max() < 4 * deviation
-    np.testing.assert_array_equal(trusts(RING, share=1.0), dense(RING) > 0)
 
 
 def test_the_nearest_are_by_links_from_the_navigator():
@@ -88,15 +77,6 @@ def safe(study):
     scenario = study.cells[0].scenario
     known = situation_of(scenario)
     return safe_in(scenario, known.graph, known.attacked)
-
-
-def test_a_lane_trusts_of_its_own_graph_what_all_lanes_trust():
-    """A share of whom it may hear; the lane's graph says whom it does."""
-    keys = {"vehicles": 9, "topology": {"kind": "erdos_renyi", "redraw": True}, "attack": "none"}
-    given = systems.study(defence={"kind": "trusted_only", "trusted": {"share": 0.5}}, **keys)
-    network = job(given.cells[0].scenario, Keyed(0), range(2)).network
-    assert network.trusted.shape == (9, 9)
-    assert (network.trusted.sum(axis=0) == 5).all(), "the navigator and four of the eight others"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import jaxnet
 from jaxnet.config.document import ConfigError
 from jaxnet.kinds.detectors import Detector, JudgedWords
 from jaxnet.kinds.detectors.chi_squared import ChiSquared
@@ -131,23 +130,13 @@ def test_a_vehicle_that_moves_as_it_tells_is_covert():
     assert 0.3 < silent.mean() < 0.7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("keys", [{"engine": "nonlinear"}, {"law": "rounds"}])
 def test_engines_and_laws_count_the_same_alarms(keys):
     """A residual depends on the attack and the errors alone."""
     few = {"horizon": 1.0, "tail": 0.5, **bias(2.0)}
     for one, other in zip(shares(**few), shares(**few | keys), strict=True):
         np.testing.assert_array_equal(one, other)
-
-
-def test_a_detector_changes_nothing_else():
-    """Without one nothing is compiled for it; with one the errors are the same to the last bit."""
-    study, plain = (systems.study(**KEYS | bias(5.0) | each) for each in ({}, {"detector": "none"}))
-    lanes = [systems.lanes(each, 3, save=()) for each in (study, plain)]
-    assert lanes[1].inputs.lane.detector is None
-    with_alarms, without = map(systems.simulate, lanes)
-    assert "alarms" not in without.metrics
-    for name, values in without.metrics.items():
-        np.testing.assert_array_equal(with_alarms.metrics[name], values)
 
 
 def test_only_words_that_arrive_are_judged():
@@ -172,20 +161,6 @@ def test_a_link_is_attacked_only_while_it_is():
     attacked, honest = shares(attack=attack)
     assert attacked.tolist() == [1.0] * 8
     assert inside(honest.mean(), 0.01, 8 * TICKS * 18)
-
-
-def test_rows_and_tables_have_the_shares():
-    """Means over lanes with an interval, for cells with and without a detector."""
-    keys = KEYS | {"horizon": 1.0, "tail": 0.5, "metrics": ["min_separation"], **bias(2.0)}
-    sweep = {"detector": ["none", {"kind": "chi_squared"}]}
-    results = jaxnet.simulate(keys | {"sweep": sweep}, samples=40, progress=False)
-    assert results.lanes["alarms"].isna().tolist() == [True] * 40 + [False] * 40
-    mine = np.asarray(results.lanes["alarms"])[40:].mean()
-    mean, low, high = (
-        float(results.cells[f"alarms_{end}"].to_numpy()[1]) for end in ("mean", "low", "high")
-    )
-    assert mean == pytest.approx(mine)
-    assert 0 <= low < mine < high <= 1
 
 
 @pytest.mark.parametrize(

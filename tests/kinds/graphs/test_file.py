@@ -16,7 +16,6 @@ from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
 from jaxnet.store.folder import digest
-from jaxnet.view.text.check import check_text
 from tests.matrices import matrix_of
 
 EDGES = [(1, 0, 1.0), (2, 1, 0.1 + 0.2), (2, 0, 1e-9), (3, 2, 7.0)]
@@ -111,14 +110,6 @@ def test_files_are_found_from_the_config_and_swept_as_kinds(tmp_path, monkeypatc
         jaxnet.load(two)
 
 
-def test_another_path_reads_another_file(tmp_path):
-    """Also over a study that has stored what the first one held."""
-    stored = jaxnet.load(written(tmp_path))
-    (tmp_path / "other.csv").write_text("1,0\n2,0\n3,0\n")
-    other = jaxnet.load(stored, {"topology.path": str(tmp_path / "other.csv")})
-    assert (weights_of(other)[:, 0] == 1).all()
-
-
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -198,26 +189,6 @@ def test_without_networkx_it_is_said_what_to_install(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [
-        b"\xef\xbb\xbf1,0\r\n2,1\r\n3,2\r\n",
-        b"1 0 1.0\n2 1 1\n3 2 1.0\n",
-        b"1\t0\n2\t1\n3\t2\n",
-        b"1;0;1,0\n2;1;0,5\n3;2;1,0\n",
-        b"# 1.0,0.0\n1.0,0.0,1.0\n2.0,1.0,1.0\n3.000e+00,2.0,1.0\n",
-        b'"1","0"\n"2","1"\n"3","2"\n',
-    ],
-)
-def test_tables_of_other_programs_are_read(content, tmp_path):
-    """A byte order mark, blanks, tabs, decimal commas, whole numbers with a point, quotes: 1 hears 0 …"""
-    file = written(tmp_path)
-    (tmp_path / "mine.csv").write_bytes(content)
-    edges = jaxnet.load(file).cells[0].scenario.topology.edges()
-    assert [edge[:2] for edge in edges] == [(1, 0), (2, 1), (3, 2)]
-    assert edges[1][2] == (0.5 if b"0,5" in content else 1.0)
-
-
-@pytest.mark.parametrize(
     "content", ["1,0\n2,1\n".encode("utf-16"), "# café\n1,0\n".encode("latin-1"), b"\xff\xfe"]
 )
 def test_text_that_is_not_utf_8_is_told(content, tmp_path):
@@ -241,23 +212,6 @@ def loaded(tmp_path, graphml):
     """A study of a GraphML file with this text."""
     (tmp_path / "mine.graphml").write_text(graphml)
     return jaxnet.load(written(tmp_path, topology="{kind: file, path: mine.graphml}"))
-
-
-def test_nodes_of_igraph_are_numbered_by_their_ids(tmp_path):
-    """Also where their names say so."""
-    edges = [(1, 0, 1.0), (2, 1, 1.0), (3, 2, 2.0)]
-    for nodes in (NODES, NODES.replace('"n2"/>', '"n2"><data key="v">2</data></node>')):
-        assert (
-            loaded(tmp_path, HEAD + nodes + LINKS + TAIL).cells[0].scenario.topology.edges()
-            == edges
-        )
-
-
-def test_the_default_of_a_key_is_the_weight_of_edges_without_one(tmp_path):
-    """As the standard of GraphML says."""
-    head = HEAD.replace('attr.type="double"/>', 'attr.type="double"><default>9</default></key>', 1)
-    edges = [(1, 0, 9.0), (2, 1, 9.0), (3, 2, 2.0)]
-    assert loaded(tmp_path, head + NODES + LINKS + TAIL).cells[0].scenario.topology.edges() == edges
 
 
 LAUGHS = '<!DOCTYPE x [<!ENTITY a0 "ha">'
@@ -305,6 +259,7 @@ def test_graphml_that_means_something_else_is_told(graphml, says, tmp_path):
     assert len(raised.value.problems) == 1
 
 
+@pytest.mark.long
 def test_damaged_graphml_loads_or_is_a_config_error(tmp_path):
     """Characters of a file deleted, doubled or exchanged, wherever that is."""
     random, text = np.random.default_rng(38), HEAD + NODES + LINKS + TAIL
@@ -563,41 +518,6 @@ def test_an_array_of_objects_is_not_unpickled(tmp_path):
     np.save(tmp_path / "mine.npy", np.array([{}]), allow_pickle=True)
     with pytest.raises(jaxnet.ConfigError, match="not an array of NumPy"):
         jaxnet.load(written(tmp_path, topology="{kind: file, path: mine.npy}"))
-
-
-def test_arrays_that_are_stored_need_fleets_of_one_size():
-    """Networks of several sizes are swept without `save`."""
-    swept = {"attack": "none", "sweep": {"topology": [nx.path_graph(3), nx.star_graph(4)]}}
-    for number, network in enumerate(swept["sweep"]["topology"]):
-        network.name = f"network {number}"
-    assert [cell.scenario.vehicles for cell in jaxnet.load(swept).cells] == [2, 4]
-    with pytest.raises(jaxnet.ConfigError, match="save: stores arrays of one size"):
-        jaxnet.load({**swept, "save": {"errors": True}})
-
-
-def test_labels_of_numpy_are_numbers_and_names_are_labels():
-    """Two swept networks are told apart by their names."""
-    networks = [line_of(*np.arange(4), name="line", weight=np.float32(2)), nx.star_graph(3)]
-    networks[1].name = "star"
-    study = jaxnet.load({"vehicles": 3, "attack": "none", "sweep": {"topology": networks}})
-    assert [cell.labels["topology"] for cell in study.cells] == ["line", "star"]
-    assert study.cells[0].scenario.topology.edges == [(1, 0, 2.0), (2, 1, 2.0), (3, 2, 2.0)]
-    for network in networks:
-        network.name = ""
-    with pytest.raises(
-        jaxnet.ConfigError, match=r"give each a label: jaxnet.network\(…, label=…\)"
-    ):
-        jaxnet.load({"vehicles": 3, "attack": "none", "sweep": {"topology": networks}})
-
-
-def test_names_stand_in_check():
-    """Beside their numbers, the first of many."""
-    network = jaxnet.network(line_of(0, *(f"robot {n}" for n in range(1, 63))))
-    text = check_text(jaxnet.load({"topology": network, "attack": "none", "defence": "none"}))
-    words = " ".join(text.split())
-    assert "names 1 robot 1, 2 robot 2, 3 robot 3," in words
-    assert "60 robot 60, … (62 vehicles)" in words
-    assert "names" not in check_text(jaxnet.load({"attack": "none"}))
 
 
 RING = np.roll(np.eye(8), 1, axis=1) + np.roll(np.eye(8), -1, axis=1)

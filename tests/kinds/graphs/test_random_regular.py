@@ -49,11 +49,6 @@ def test_all_graphs_appear_and_none_much_more_often():
     assert max(found.values()) < 2 * min(found.values())
 
 
-def test_another_seed_is_another_graph():
-    """Of twelve vehicles with four neighbours."""
-    assert len({matrix_of(RandomRegular(seed=seed), 12).tobytes() for seed in range(20)}) == 20
-
-
 def weights_of(samples, seed=0, **keys):
     """Each lane's graph: (lanes, m, m + 1)."""
     scenario = systems.study(engine="exact", topology=REDRAWN, **KEYS, **keys).cells[0].scenario
@@ -69,24 +64,6 @@ def test_a_lane_s_graph_belongs_to_seed_and_sample_alone():
     np.testing.assert_array_equal(weights_of([7, 3, 11]), many[[7, 3, 11]])
     np.testing.assert_array_equal(weights_of([5], gain=[2, 4, 4], defence="none"), many[5:6])
     assert not np.array_equal(weights_of(range(3), seed=1), many[:3])
-
-
-def test_a_redrawn_lane_is_one_with_these_edges():
-    """To 1e-9, with the same decisions."""
-    keys = KEYS | {"engine": "exact", "defence": "trusted_trim"}
-    one = systems.lanes(systems.study(topology=REDRAWN, **keys), 2)
-    outcome = systems.simulate(one)
-    assert outcome.status.tolist() == [0, 0]
-    for sample in range(2):
-        weights = systems.lane(one, sample).weights
-        edges = [[int(i) + 1, int(j), weights[i, j]] for i, j in np.argwhere(weights > 0)]
-        given_edges = systems.study(topology={"kind": "edges", "edges": edges}, **keys)
-        alone = systems.simulate(systems.lanes(given_edges, sample + 1))
-        assert alone.switches[sample] == outcome.switches[sample]
-        for name, tolerance in (("kept", 1e-14), ("tracking", 1e-9), ("disagreement", 1e-9)):
-            np.testing.assert_allclose(
-                outcome.series[name][sample], alone.series[name][sample], rtol=0, atol=tolerance
-            )
 
 
 @pytest.mark.parametrize(

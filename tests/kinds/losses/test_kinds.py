@@ -173,6 +173,7 @@ def test_a_vehicle_joins_at_the_tick_at_which_it_is_near():
     assert outcome.unheard.tolist() == [0]
 
 
+@pytest.mark.long
 def test_a_vehicle_leaves_beyond_the_hysteresis():
     """Joins within 10 m, stays up to 10 + 5 m, and must come within 10 m again."""
     one = systems.lanes(
@@ -191,16 +192,6 @@ def test_a_vehicle_leaves_beyond_the_hysteresis():
         lost, memory = loss.lost(words, loss.start(words) if memory is None else memory)
         heard.append(not bool(lost[0, 0, 0]))
     assert heard == [False, True, True, True, False, False, False, True, True]
-
-
-def test_an_infinite_radius_loses_nothing():
-    """To the last bit, with the same program."""
-    plain, endless = (
-        systems.lanes(systems.study(engine="exact", **more), 1)
-        for more in ({}, {"channel": {"loss": {"kind": "range", "radius": float("inf")}}})
-    )
-    assert endless.inputs.lane.loss is None
-    assert jax.tree.structure(plain) == jax.tree.structure(endless)
 
 
 @pytest.mark.parametrize(

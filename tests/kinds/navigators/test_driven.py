@@ -46,13 +46,6 @@ def test_constant_inputs_give_a_circle():
     np.testing.assert_allclose(found[3], -(0.8**2) * found[1], rtol=0, atol=1e-11)
 
 
-def test_a_straight_line_with_constant_acceleration():
-    found = Driven(speed=[1.0, 61.0], turn_rate=[0.0, 0.0], every=30.0, heading=np.pi / 2).jets(
-        TIMES
-    )
-    np.testing.assert_allclose(found[0], [0.0 * TIMES, TIMES + TIMES**2], rtol=0, atol=1e-11)
-
-
 def test_the_figure_eight_comes_back_with_order_four():
     figure = Lissajous().jets(TIMES)[0]
     off = [np.abs(along_figure(every).jets(TIMES)[0] - figure).max() for every in (0.25, 0.125)]
@@ -84,6 +77,7 @@ def test_jets_are_derivatives_across_pieces_and_lanes():
     np.testing.assert_allclose(before, behind, rtol=0, atol=1e-5)
 
 
+@pytest.mark.long
 def test_a_fleet_tracks_the_robot():
     """`E'' + 2 E' + E = 0` of double integrators behind a robot on a circle."""
     robot = {"kind": "driven", "speed": [20.0] * 3, "turn_rate": [0.5] * 3, "every": 15.0}
