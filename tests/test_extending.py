@@ -147,11 +147,7 @@ def test_a_stranger_s_kinds_work_end_to_end(folder):
 def test_the_page_s_script_runs(folder):
     """Objects handed over in Python."""
     done = subprocess.run(
-        [sys.executable, "script.py"],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
+        [sys.executable, "script.py"], cwd=folder, env=environment(), capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     assert "peak_speed" in done.stdout

@@ -1,7 +1,8 @@
-"""What methods of kinds from outside return, held against the annotations of the methods that they override.
+"""What methods of kinds from outside return, held against the annotations of the methods that they
+override.
 
-The annotations name the axes of arrays (`kinds.shapes`). Arguments tell the sizes of the axes. JAX traces a
-program before it compiles it, so a wrong shape or type is found before anything compiles.
+The annotations name the axes of arrays (`kinds.shapes`). Arguments tell the sizes of the axes. JAX
+traces a program before it compiles it, so a wrong shape or type is found before anything compiles.
 """
 
 import functools
@@ -26,7 +27,7 @@ hints_of = functools.cache(functools.partial(typing.get_type_hints, include_extr
 
 
 def hold(cls: type) -> None:
-    """Make the methods of a class from outside raise KindError where they break the contract of jaxnet's."""
+    """Make methods of a class from outside raise KindError where they break jaxnet's contract."""
     ours = [vars(each) for each in reversed(cls.__mro__) if each.__module__.startswith("jaxnet.")]
     for name, given in list(vars(cls).items()):
         base = next((each[name] for each in ours if name in each), None)
@@ -93,7 +94,8 @@ def agrees(axis: str, size: Any, sizes: AxisSizes) -> bool:
 def misfit(
     hint: Any, value: Any, sizes: AxisSizes, known: dict[str, Any], hints: dict[str, Any]
 ) -> Misfit | None:
-    """The part of a result that does not fit its annotation, and what is expected; None if all fits.
+    """The part of a result that does not fit its annotation, and what is expected; None if all
+    fits.
 
     `known` are the arguments, with the annotations `hints`.
     """

@@ -25,8 +25,8 @@ from pydantic_core import core_schema
 
 PI = 3.141592653589793
 
-# First character of the tags that identify members of a union. No key of a user has it. pydantic puts tags
-# into the location of an error, and `config.cells.keys_of` removes them.
+# First character of the tags that identify members of a union. No key of a user has it. pydantic
+# puts tags into the location of an error, and `config.cells.keys_of` removes them.
 MARK = "\0"
 
 STRICT = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
@@ -165,7 +165,9 @@ Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(a
 
 
 class Table(RootModel[Rows]):
-    """Several numbers for each attacked vehicle, one list for each in the order of `attack.vehicles`."""
+    """Several numbers for each attacked vehicle, one list for each in the order of
+    `attack.vehicles`.
+    """
 
     model_config = STRICT
 
@@ -323,7 +325,9 @@ LIMITS = {
 
 
 class Within:
-    """Limits on a number, and on each value that a distribution can draw. Keywords are those of `Field`."""
+    """Limits on a number, and on each value that a distribution can draw. Keywords are those of
+    `Field`.
+    """
 
     def __init__(self, **limits: float):
         self.limits = limits
@@ -349,7 +353,7 @@ class Within:
 
 
 class Each:
-    """Mark of a number that every vehicle has for itself; a distribution is drawn for each vehicle."""
+    """Mark of a number that each vehicle has for itself; a distribution is drawn for each."""
 
 
 Positive = Annotated[Number, Within(gt=0.0)]

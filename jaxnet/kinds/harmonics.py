@@ -22,9 +22,10 @@ AnyHarmonics = TypeVar("AnyHarmonics", bound="Harmonics")
 class Harmonics(Attack):
     """A trigonometric polynomial for each attacker, scaled to the greatest size that ā allows.
 
-    The polynomial is divided by its greatest norm, and its derivatives' norms, on a grid. Between the grid's
-    points a trigonometric polynomial is at most 1/cos(Ωδ/2) times greater, with the highest frequency Ω and
-    the grid's step δ (Ehlich and Zeller, 1964). The divisor contains this factor.
+    The polynomial is divided by its greatest norm, and its derivatives' norms, on a grid. Between
+    the grid's points a trigonometric polynomial is at most 1/cos(Ωδ/2) times greater, with the
+    highest frequency Ω and the grid's step δ (Ehlich and Zeller, 1964). The divisor contains this
+    factor.
     """
 
     highest = 4
@@ -33,13 +34,11 @@ class Harmonics(Attack):
     harmonics: int = Field(default=4, ge=1, le=100, description="how many")
 
     def pairs(self) -> np.ndarray:
-        """Vectors of cosine and sine of each harmonic, of any size: (2, m, 2 · harmonics, lanes)."""
+        """Vectors of cosine and sine of harmonics, of any size: (2, m, 2 · harmonics, lanes)."""
         raise KindError(f"{self.kind}: a sum of harmonics gives pairs(self)")
 
     def with_several(self: AnyHarmonics, draw: LaneDraw, name: str, **numbers: int) -> AnyHarmonics:
-        """The drawn attack with `numbers[key]` numbers for each harmonic in a key: (numbers, m,
-        lanes).
-        """
+        """The drawn attack with `numbers[key]` numbers a harmonic: (numbers, m, lanes)."""
         others = self.model_copy(update=dict.fromkeys(numbers))
         values = dict(vars(Attack.drawn(others, draw, name)))
         for key, number in numbers.items():
@@ -53,7 +52,8 @@ class Harmonics(Attack):
             if isinstance(table, Table) and {(len(table.root), len(row)) for row in table.root} != {
                 wanted
             }:
-                message = f"must be {wanted[0]} lists, one for each of attack.vehicles, of {wanted[1]} numbers"
+                each = f"{wanted[0]} lists, one for each of attack.vehicles"
+                message = f"must be {each}, of {wanted[1]} numbers"
                 yield Fault((f"attack.{key}", "attack"), message)
 
     def fastest(self):
@@ -67,19 +67,17 @@ class Harmonics(Attack):
         return xp.concatenate(each, axis=1)
 
     def vectors(self):
-        """The vectors of cosine and sine of each harmonic, scaled to size 1; 0 for a vehicle without
-        attack.
-        """
+        """Vectors of cosine and sine of each harmonic, of size 1 together; 0 without attack."""
         pairs = self.pairs()
         greatest = self.greatest(pairs)
         return pairs / np.where(greatest > 0, greatest, 1.0)
 
     def greatest(self, vectors: np.ndarray) -> np.ndarray:
-        """A bound on the norms of signals and the heard derivatives, (m, 1, lanes), for vectors (2, m,
-        B, lanes).
+        """A bound on the norms of signals and the heard derivatives, (m, 1, lanes), for vectors (2,
+        m, B, lanes).
 
-        A signal is `Re Σ_l z_l e^{ilθ}`, its k-th derivative has `(ilω)^k z_l`. A Fourier transform evaluates
-        them on the grid.
+        A signal is `Re Σ_l z_l e^{ilθ}`, its k-th derivative has `(ilω)^k z_l`. A Fourier transform
+        evaluates them on the grid.
         """
         m, lanes = vectors.shape[1], vectors.shape[3]
         rate = np.broadcast_to(self.frequency, (m, lanes)).ravel()
@@ -96,7 +94,7 @@ class Harmonics(Attack):
         return found.reshape(m, 1, lanes) / np.cos(np.pi / FINENESS)
 
     def peak(self, vectors: np.ndarray, order: int) -> np.ndarray:
-        """The greatest norm on the grid of a derivative by the angle, for vectors (signals, 2, B)."""
+        """Greatest norm on the grid of a derivative by the angle, for vectors (signals, 2, B)."""
         count, number = FINENESS * self.harmonics, np.arange(1, self.harmonics + 1)
         spectrum = (
             (vectors[..., ::2] - 1j * vectors[..., 1::2]) * (1j * number) ** order * (count / 2)

@@ -1,8 +1,8 @@
 """The base class of all kinds: its name and keys in a config, its faults, and its form in lanes.
 
-A kind is one class at three times. A config's keys make an object of it, which pydantic checks. `drawn` binds
-the object to lanes: a copy with arrays in place of numbers, on which nothing is checked any more. `as_pytree`
-shows the copy to JAX. Nothing else makes such copies.
+A kind is one class at three times. A config's keys make an object of it, which pydantic checks.
+`drawn` binds the object to lanes: a copy with arrays in place of numbers, on which nothing is
+checked any more. `as_pytree` shows the copy to JAX. Nothing else makes such copies.
 """
 
 import functools
@@ -24,7 +24,7 @@ from jaxnet.outside.modules import KindError as KindError
 
 
 class Fault(NamedTuple):
-    """An error in a scenario: the dotted keys that cause it, the most important first, and a message."""
+    """An error in a scenario: the dotted keys that cause it, the main one first, and a message."""
 
     keys: tuple[str, ...]
     message: str
@@ -52,9 +52,9 @@ else:
 class Kind(Record, metaclass=KindType):
     """One of several alternatives under one key of a config.
 
-    A subclass declares its keys as pydantic fields. The class attribute `kind` is the name of a kind of
-    jaxnet; without it the name is that of the class. `untraced` holds the keys that no method reads while
-    lanes run.
+    A subclass declares its keys as pydantic fields. The class attribute `kind` is the name of a
+    kind of jaxnet; without it the name is that of the class. `untraced` holds the keys that no
+    method reads while lanes run.
     """
 
     kind: ClassVar[str]
@@ -71,7 +71,7 @@ class Kind(Record, metaclass=KindType):
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
     def __init_subclass__(cls, **options: Unpack[ConfigDict]) -> None:
-        """Set `kind` to the name of a class that defines none; hold a class from outside to its contract."""
+        """Set `kind` of a class without one to its name; hold one from outside to its contract."""
         super().__init_subclass__(**options)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
@@ -82,8 +82,9 @@ class Kind(Record, metaclass=KindType):
     def __pydantic_init_subclass__(cls, **options: object) -> None:
         """Forget the inherited `claims` of a class from outside that behaves in its own way.
 
-        A claim holds of the methods that stand beside it or above it. A class that overrides anything but
-        claims and `neutral` names has the claims that it makes itself. Its other claims are the family's.
+        A claim holds of the methods that stand beside it or above it. A class that overrides
+        anything but claims and `neutral` names has the claims that it makes itself. Its other
+        claims are the family's.
         """
         super().__pydantic_init_subclass__(**options)
         own = {name for name in vars(cls) if not name.startswith("_")} - cls.neutral
@@ -99,15 +100,13 @@ class Kind(Record, metaclass=KindType):
 
     @classmethod
     def reference(cls) -> str:
-        """The name of the class in a config: `kind` for a kind of jaxnet, else the name by which it
-        was found.
-        """
+        """Its name in a config: `kind` for a kind of jaxnet, else that by which it was found."""
         if cls.__module__.startswith("jaxnet."):
             return cls.kind
         return REFERENCES.get(cls, f"{modules.public_name(cls.__module__)}:{cls.__qualname__}")
 
     def __reduce__(self) -> tuple[Callable[..., "Kind"], tuple[object, ...]]:
-        """Pickle the file of the class with its hash, so that another process loads the same class."""
+        """Pickle the file of the class with its hash: another process loads the same class."""
         cls = type(self)
         return restore_kind, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
 
@@ -127,8 +126,8 @@ class Kind(Record, metaclass=KindType):
         """Premises of theorems that fail with this kind and its keys; by default none.
 
         A navigator may break "leader", a graph "one network" and "alike", an attack "bounded", "one
-        identity" and "by law", an announcement "consistent", a law "not held" and "solved", a vehicle
-        "flat", a sensor "exact sensors", a loss "every message", a noise "exact messages".
+        identity" and "by law", an announcement "consistent", a law "not held" and "solved", a
+        vehicle "flat", a sensor "exact sensors", a loss "every message", a noise "exact messages".
         """
         return frozenset()
 
@@ -145,7 +144,7 @@ class Kind(Record, metaclass=KindType):
         return [key for key, value in self.config_keys().items() if holds_drawn(value)]
 
     def drawn(self: AnyKind, draw: LaneDraw, name: str) -> AnyKind:
-        """A copy whose numbers are arrays with lanes last; `name` is the dotted key of this kind."""
+        """A copy whose numbers are arrays, lanes last; `name` is the dotted key of this kind."""
         values: dict[str, object] = {}
         for key, value in self.config_keys().items():
             dotted = f"{name}.{key}"
@@ -179,15 +178,16 @@ class Kind(Record, metaclass=KindType):
 
 
 def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -> Kind:
-    """A kind that another process has sent; raise KindError if its module differs in this process."""
+    """A kind that another process has sent; raise KindError if its module differs here."""
     return modules.attribute(modules.load_origin(origin), name).filled(values)
 
 
 def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
-    """A drawn kind as a pytree of JAX, without its untraced keys, also inside tuples; else the argument.
+    """A drawn kind as a pytree of JAX, without its untraced keys, also inside tuples; else the
+    argument.
 
-    Numbers are leaves; all other keys belong to the structure. Lanes share one compiled program if the
-    classes and structures of their kinds are equal.
+    Numbers are leaves; all other keys belong to the structure. Lanes share one compiled program if
+    the classes and structures of their kinds are equal.
     """
     if isinstance(drawn, tuple):
         return type(drawn)(*map(as_pytree, drawn))
@@ -256,7 +256,7 @@ def broken(**premises: bool) -> frozenset[str]:
 
 
 def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> Iterator[Fault]:
-    """A fault for numbers outside `first` … `vehicles`; `first` is 1 for vehicles, 0 for sources."""
+    """A fault for numbers outside `first` … `vehicles`; first is 1 for vehicles, 0 for sources."""
     beyond = sorted({one for one in listed if not first <= one <= vehicles})
     if beyond:
         noun = "vehicles are" if first else "sources are"

@@ -1,8 +1,8 @@
-"""Find a kind by its name: a kind of jaxnet by its file, an installed kind by its entry point, any other
-kind by `module:Class`.
+"""Find a kind by its name: a kind of jaxnet by its file, an installed kind by its entry point, any
+other kind by `module:Class`.
 
-`find` refuses a class of another family before it calls anything of the class. A `Scope` holds what the names
-of one study mean, because another study may use the same names for other classes.
+`find` refuses a class of another family before it calls anything of the class. A `Scope` holds what
+the names of one study mean, because another study may use the same names for other classes.
 """
 
 import contextlib
@@ -33,7 +33,7 @@ FamilyName = tuple[str, str]  # a family, and the name of a kind in it
 
 
 class Scope:
-    """The classes and metrics from outside by their names in one study, whose config is in `folder`."""
+    """Classes and metrics from outside by their names in one study, whose config is in `folder`."""
 
     judges = True  # whether the study is new: kinds then read their files and report faults
 
@@ -48,7 +48,7 @@ class Scope:
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     def __reduce__(self) -> tuple[Callable[..., "Scope"], tuple[object, ...]]:
-        """Pickle the modules and names of the classes, from which another process loads the classes."""
+        """Pickle modules and names of the classes, from which another process loads the classes."""
         origins = {
             key: (provenance.origin_of(each), name_in(each)) for key, each in self.known.items()
         }
@@ -91,7 +91,7 @@ def scope() -> Scope:
 def scope_of(
     folder: Path | None, origins: Mapping[FamilyName, tuple[modules.Origin, str]]
 ) -> Scope:
-    """A scope that another process has sent; raise KindError if a module differs in this process."""
+    """A scope that another process has sent; raise KindError if a module differs here."""
     known = {
         key: modules.attribute(modules.load_origin(origin), name)
         for key, (origin, name) in origins.items()
@@ -154,7 +154,8 @@ def unknown_kind(family: str, given: object) -> KindError:
 
 
 def adopt(given: KindOrMetric) -> str:
-    """The reference of a class or metric that a script passes; `find` knows the reference from now on.
+    """The reference of a class or metric that a script passes; `find` knows the reference from now
+    on.
 
     Raises KindError if the class's file has changed, or if two classes have one reference.
     """
@@ -208,7 +209,8 @@ def text_in(data: object) -> Iterator[str]:
 
 
 class KindOf:
-    """A kind of a family: an object, or a mapping with `kind` and the kind's keys, or the name alone.
+    """A kind of a family: an object, or a mapping with `kind` and the kind's keys, or the name
+    alone.
 
     A mapping without `kind` means the kind `default`, if there is one.
     """

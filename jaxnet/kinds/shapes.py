@@ -1,6 +1,8 @@
-"""Shapes of the arrays that the methods of kinds take and return, for NumPy and JAX. Lanes are the last axis.
+"""Shapes of the arrays that the methods of kinds take and return, for NumPy and JAX. Lanes are the
+last axis.
 
-m is the number of vehicles, a slot holds one source of a listener, B is the number of scalar functions.
+m is the number of vehicles, a slot holds one source of a listener, B is the number of scalar
+functions.
 """
 
 from typing import Annotated, Any

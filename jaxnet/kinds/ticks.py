@@ -118,7 +118,7 @@ class ErrorsAtTicks(DrawsAtTicks):
         return False
 
     def strength(self, gain: Sequence[float]) -> tuple[float, float] | None:
-        """The variance s² of P of the errors, and their correlation time [s], or None if unknown."""
+        """Variance s² of P of the errors, and their correlation time [s], or None if unknown."""
         return None
 
     def tells_deviations(self) -> bool:
@@ -136,9 +136,9 @@ class ErrorsAtTicks(DrawsAtTicks):
 class NormalErrors(ErrorsAtTicks):
     """Normal errors of position, velocity and acceleration, independent by axis and order.
 
-    With a correlation time τ, the errors of successive ticks are correlated by φ = e^(-h/τ). Their standard
-    deviation is the same at all ticks. An outlier multiplies all errors of a reading by a factor f: outliers
-    of probability p multiply variances by 1 + p (f² - 1).
+    With a correlation time τ, the errors of successive ticks are correlated by φ = e^(-h/τ). Their
+    standard deviation is the same at all ticks. An outlier multiplies all errors of a reading by a
+    factor f: outliers of probability p multiply variances by 1 + p (f² - 1).
     """
 
     orders: ClassVar[tuple[str, ...]] = JET_ORDERS  # names of the keys with standard deviations
@@ -150,8 +150,7 @@ class NormalErrors(ErrorsAtTicks):
         default=0.0, description="[m/s²], standard deviation on each axis"
     )
     correlation: NotNegative = Field(
-        default=0.0,
-        description="[s], in which the correlation falls to 1/e; 0: independent ticks",
+        default=0.0, description="[s], in which the correlation falls to 1/e; 0: independent ticks"
     )
 
     outliers: Probability = Field(

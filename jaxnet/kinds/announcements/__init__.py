@@ -30,17 +30,19 @@ class Announcement(Kind):
         honest
             Announcement of each slot's source itself [m/s³], (2, slots, m, lanes).
         carried
-            R of what the link carries, minus R of the navigator's path [m/s³], (2, slots, m, lanes).
+            R of what the link carries, minus R of the navigator's path [m/s³], (2, slots, m,
+            lanes).
         attacked
             Whether a link is attacked, (slots, m, lanes).
         signals
-            Number of each link's signal, (slots, m): the number of a vehicle, or of a link where each
-            listener receives a different signal.
+            Number of each link's signal, (slots, m): the number of a vehicle, or of a link where
+            each listener receives a different signal.
         time
             Time [s], (lanes,).
 
         Returns
         -------
-            Announcements [m/s³], (2, slots, m, lanes). A link that is not attacked announces `honest`.
+            Announcements [m/s³], (2, slots, m, lanes). A link that is not attacked announces
+            `honest`.
         """
         raise KindError(f"{self.kind}: an announcement gives received(…)")

@@ -1,8 +1,10 @@
-"""Attacks: signals that falsify what links carry, as fixed vectors times scalar functions (`model.signal`).
+"""Attacks: signals that falsify what links carry, as fixed vectors times scalar functions
+(`model.signal`).
 
-`‖a_j^(k)(t)‖ ≤ ā` for k = 0..3 holds by construction. An attack gives unit signals, and bounds on them and
-their derivatives by `sizes`; the vectors are scaled by ā over the greatest bound. A file of this folder is a
-signal alone. Who is attacked, when, and on which links stands here, once for all signals.
+`‖a_j^(k)(t)‖ ≤ ā` for k = 0..3 holds by construction. An attack gives unit signals, and bounds on
+them and their derivatives by `sizes`; the vectors are scaled by ā over the greatest bound. A file
+of this folder is a signal alone. Who is attacked, when, and on which links stands here, once for
+all signals.
 """
 
 from collections.abc import Iterator
@@ -52,7 +54,7 @@ AnyAttackKind = TypeVar("AnyAttackKind", bound="AnyAttack")
 
 
 def usual_targets(vehicles: int) -> list[int]:
-    """The vehicles that are attacked by default in a fleet: those of 2, 5, 8, 11 that exist, or 1."""
+    """Vehicles that are attacked by default in a fleet: those of 2, 5, 8, 11 that exist, or 1."""
     return [one for one in USUAL_TARGETS if one <= vehicles] or [1]
 
 
@@ -111,9 +113,7 @@ class AnyAttack(Kind):
         return len(self.targets())
 
     def periods(self) -> list[tuple[float, list[int]]]:
-        """The times [s] from which other vehicles are attacked, from 0, with these vehicles; none if
-        the same vehicles are attacked all along.
-        """
+        """Times [s], from 0, from which others are attacked, with these; none if none change."""
         return []
 
     def on(self, vehicles: list[int]) -> "AnyAttack":
@@ -121,17 +121,15 @@ class AnyAttack(Kind):
         return self.model_copy(update={"vehicles": vehicles})
 
     def amplitude(self) -> Magnitude:
-        """Ā [m, m/s, m/s², m/s³], a number or a distribution; the greatest of several magnitudes."""
+        """ā [m, m/s, m/s², m/s³], a number or distribution; the greatest of several magnitudes."""
         return 0.0
 
     def by_order(self) -> list[float] | None:
-        """The magnitude of each order from 0, None where one bounds all. Orders beyond it are true."""
+        """Magnitude of each order from 0, None where one bounds all. Orders beyond are true."""
         return None
 
     def attacked_links(self, graph: Digraph) -> Links:
-        """The links that carry the attack. If vehicles are drawn, these are the links that may carry
-        it.
-        """
+        """The links that carry the attack; if vehicles are drawn, the links that may carry it."""
         return graph.none
 
     def chosen(self, draw: LaneDraw) -> np.ndarray:
@@ -148,16 +146,14 @@ class AnyAttack(Kind):
         return 1
 
     def apart(self) -> bool:
-        """Whether numbers of single vehicles change the scalar functions, so that each vehicle has its
-        own.
-        """
+        """Whether numbers of single vehicles change the functions: each vehicle has its own."""
         return any(shapes for _, _, shapes in own_numbers(self))
 
     def splits(self) -> bool:
         """Whether links are replaced in some lanes only, or at some times only.
 
-        Such a link takes two slots, one for the source's message and one for the attack's. Each lane hears
-        one slot at a time.
+        Such a link takes two slots, one for the source's message and one for the attack's. Each
+        lane hears one slot at a time.
         """
         return False
 
@@ -173,9 +169,7 @@ class AnyAttack(Kind):
         return False
 
     def falsified(self) -> tuple[int, ...]:
-        """The orders of the received derivatives that carry the signal, of 0 to 3. The other orders
-        are true.
-        """
+        """Orders, of 0 to 3, of the derivatives that carry the signal; the others are true."""
         return ORDERS
 
     def announcement(self) -> Announcement:
@@ -183,9 +177,7 @@ class AnyAttack(Kind):
         return Consistent()
 
     def fastest(self) -> float:
-        """The highest angular frequency of the signal between ticks [rad/s], infinite if it is not
-        known.
-        """
+        """The highest angular frequency between ticks [rad/s], infinite if it is not known."""
         return 0.0
 
     def consistent(self) -> bool:
@@ -202,9 +194,7 @@ class AnyAttack(Kind):
         return self if order <= self.told_order else self.with_values(told_order=order)
 
     def signal(self) -> Signal:
-        """The object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)
-        [s].
-        """
+        """The object with the scalar functions: `basis(time)` is (4, B, lanes) for (lanes,) [s]."""
         return Harmonic(0.0)
 
     def vectors(self) -> np.ndarray:
@@ -215,21 +205,18 @@ class AnyAttack(Kind):
         """The signal and the unit vectors, which may depend on the navigator and on the sources'
         positions.
 
-        `start` holds positions at t = 0, (2, m, lanes) [m]: the vehicle's own, or the navigator's where the
-        attack is on what the vehicle hears of the navigator. A strategic attack has no vectors yet.
+        `start` holds positions at t = 0, (2, m, lanes) [m]: the vehicle's own, or the navigator's
+        where the attack is on what the vehicle hears of the navigator. A strategic attack has no
+        vectors yet.
         """
         return self.signal(), None if self.strategic else np.asarray(self.vectors())
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """Bounds on the norm of the functions and of their derivatives in [0, horizon]: (4, lanes), or
-        (5, lanes) where `highest` is 4.
-        """
+        """Bounds on the norms of functions and derivatives: (4, lanes), or 5 if `highest` is 4."""
         return np.ones((5, 1))
 
     def reach(self, navigator: NavigatorPath, signal: Signal, horizon: float) -> np.ndarray:
-        """`sizes` of the signal that `told` gave: (4, lanes); for a signal without bound the maximum
-        at MOMENTS.
-        """
+        """`sizes` of the signal of `told`, (4, lanes); without a bound the maximum at MOMENTS."""
         if self.bounded:
             return np.asarray(self.sizes(horizon))
         basis = [
@@ -254,9 +241,7 @@ class AnyAttack(Kind):
         return ranges(sorted(self.targets())) or drawn
 
     def caveat(self) -> str:
-        """How the attack differs from the paper's, a path with its derivatives within ā; "" if it does
-        not.
-        """
+        """How it differs from the paper's, a path with its derivatives within ā; "" if not."""
         if not self.bounded:
             return "not bounded by ā"
         return "" if self.consistent() else "derivatives falsified each on its own"
@@ -265,8 +250,8 @@ class AnyAttack(Kind):
 class Attack(AnyAttack):
     """A signal on what attacked vehicles transmit, or on what they hear of the navigator.
 
-    A subclass gives `basis`, `vectors` and `sizes`. A strategic subclass gives `basis`, `sizes` and `aim`,
-    and `begin` if it has a memory.
+    A subclass gives `basis`, `vectors` and `sizes`. A strategic subclass gives `basis`, `sizes` and
+    `aim`, and `begin` if it has a memory.
 
     Examples
     --------
@@ -295,8 +280,9 @@ class Attack(AnyAttack):
 
     magnitude: NotNegativeByOrder = Field(
         default=5.0,
-        description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives; where orders"
-        " are falsified each on its own also a list, one for each order from 0; orders beyond it are true",
+        description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives; "
+        "where orders are falsified each on its own also a list, one for each order from 0; orders "
+        "beyond it are true",
     )
     vehicles: Annotated[
         Annotated[list[int], union_member("listed")]
@@ -306,9 +292,9 @@ class Attack(AnyAttack):
     ] = Field(
         default=USUAL_TARGETS,
         title="attacked vehicles",
-        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane, or"
-        " {at: [...], sets: [...]}, other vehicles from given times on; by default those listed that exist,"
-        " or 1",
+        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane, or "
+        "{at: [...], sets: [...]}, other vehicles from given times on; by default those listed "
+        "that exist, or 1",
     )
     links: Literal["auto", "neighbour", "navigator"] = Field(
         default="auto",
@@ -322,8 +308,8 @@ class Attack(AnyAttack):
     )
     moves: Literal["by_law", "as_told"] = Field(
         default="by_law",
-        description="by_law: an attacked vehicle obeys the law, whatever it tells; as_told: it is where it"
-        " tells to be, which needs threat: replaces",
+        description="by_law: an attacked vehicle obeys the law, whatever it tells; as_told: it is "
+        "where it tells to be, which needs threat: replaces",
     )
     orders: Annotated[list[Literal[0, 1, 2, 3]], Len(1)] = Field(
         default=[*ORDERS],
@@ -339,15 +325,17 @@ class Attack(AnyAttack):
     )
     announces: Annotated[Announcement, KindOf("announcement")] = Field(
         default=Consistent(),
-        description="what attacked links announce, where the defence has vehicles announce what drives them",
+        description="what attacked links announce, where the defence has vehicles announce what "
+        "drives them",
     )
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: object) -> None:
-        """Mark keys as untraced: those of all attacks, and numbers of each vehicle, which make its vectors.
+        """Mark keys as untraced: those of all attacks, and numbers of each vehicle, which make its
+        vectors.
 
-        A strategic attack reads its numbers of each vehicle at ticks. A subclass with its own `basis` is its
-        own signal, whatever class it derives from.
+        A strategic attack reads its numbers of each vehicle at ticks. A subclass with its own
+        `basis` is its own signal, whatever class it derives from.
         """
         super().__pydantic_init_subclass__(**options)
         cls.untraced = cls.untraced.union(Attack.model_fields)
@@ -356,10 +344,10 @@ class Attack(AnyAttack):
         if "basis" in vars(cls) and "signal" not in vars(cls):
             cls.signal = Attack.signal
 
-    # --- Who is attacked, and when ------------------------------------------------------------------
+    # --- Who is attacked, and when ----------------------------------------------------------------
 
     def targets(self):
-        """The listed vehicles, in the order in which they are attacked; none if vehicles are drawn."""
+        """The listed vehicles, in the order of attack; none if vehicles are drawn."""
         if isinstance(self.vehicles, ChangingVehicles):
             return [*dict.fromkeys(vehicle for each in self.vehicles.sets for vehicle in each)]
         return self.vehicles if isinstance(self.vehicles, list) else []
@@ -382,7 +370,7 @@ class Attack(AnyAttack):
         lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T
         return lots.argsort(axis=0, kind="stable").argsort(axis=0) < self.vehicles.random
 
-    # --- On which links, and what they carry --------------------------------------------------------
+    # --- On which links, and what they carry ------------------------------------------------------
 
     def attacked_links(self, graph):
         """The links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles."""
@@ -417,7 +405,7 @@ class Attack(AnyAttack):
     def announcement(self):
         return self.announces
 
-    # --- How much, and by which signal --------------------------------------------------------------
+    # --- How much, and by which signal ------------------------------------------------------------
 
     def amplitude(self):
         sizes = self.by_order()
@@ -451,7 +439,7 @@ class Attack(AnyAttack):
 
         Returns
         -------
-            Vectors (2, m, B, lanes) of spectral norm 1 for each vehicle; m = 1 if all vehicles have the same.
+            Vectors (2, m, B, lanes) of spectral norm 1 for each vehicle; m = 1 if all are alike.
         """
         raise KindError(f"{self.kind}: an attack gives vectors(self)")
 
@@ -488,11 +476,12 @@ class Attack(AnyAttack):
 
         Returns
         -------
-            Unit vectors (2, m, B, lanes) and the memory. The vectors are scaled to ā, and down to norm 1.
+            Unit vectors (2, m, B, lanes) and the memory. The vectors are scaled to ā, and down to
+            norm 1.
         """
         raise KindError(f"{self.kind}: a strategic attack gives aim(self, seen, memory)")
 
-    # --- Keys that exclude each other ---------------------------------------------------------------
+    # --- Keys that exclude each other -------------------------------------------------------------
 
     def faults(self, scenario):
         yield from self.target_faults(scenario)
@@ -548,7 +537,8 @@ class Attack(AnyAttack):
         if sorted(set(at)) != at:
             yield Fault(keys, f"must rise (got {at})")
         if self.splits() and len(scenario.topology.turns()) > 1:
-            told = "split links carry the attack of the same vehicles all along where networks take turns"
+            told = "split links carry the attack of the same vehicles all along"
+            told += " where networks take turns"
             yield Fault((*keys, "topology"), told)
         if tick == 0:
             yield Fault((*keys, "tick"), "attacked vehicles change at ticks: give a tick")
@@ -653,9 +643,9 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
 def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
     """The factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
 
-    A vehicle of an order r hears derivatives up to r. Where each order has its magnitude, `order_factors`
-    divide by the sizes, and the scale is the greatest magnitude. It is 0 where the falsified orders are 0, as
-    those of a frequency 0 without the position.
+    A vehicle of an order r hears derivatives up to r. Where each order has its magnitude,
+    `order_factors` divide by the sizes, and the scale is the greatest magnitude. It is 0 where the
+    falsified orders are 0, as those of a frequency 0 without the position.
     """
     if attack.by_order() is not None:
         return np.asarray(attack.amplitude())
@@ -666,8 +656,8 @@ def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarra
 def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
     """The factors of the orders of a signal with these sizes: (orders, lanes or 1).
 
-    Orders that the attack leaves true have the factor 0. Where each order has its magnitude, the factor
-    scales the order to the magnitude's share of the greatest.
+    Orders that the attack leaves true have the factor 0. Where each order has its magnitude, the
+    factor scales the order to the magnitude's share of the greatest.
     """
     heard, sizes = heard_orders(attack, order), np.asarray(sizes)
     factors = np.zeros_like(sizes)

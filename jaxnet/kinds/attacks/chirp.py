@@ -12,7 +12,9 @@ from jaxnet.model.circle import circle
 
 
 class Chirp(Attack):
-    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that becomes faster or slower."""
+    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that becomes faster or
+    slower.
+    """
 
     kind = "chirp"
     highest = 4
@@ -33,8 +35,8 @@ class Chirp(Attack):
         return turned(self.phase)
 
     def sizes(self, horizon):
-        """1, ω, √(r² + ω⁴), ω √(9r² + ω⁴), √((ω⁴ - 3r²)² + 36r²ω⁴), with the greatest ω = |ψ'|, which
-        is at one end of [0, horizon].
+        """1, ω, √(r² + ω⁴), ω √(9r² + ω⁴), √((ω⁴ - 3r²)² + 36r²ω⁴), with the greatest ω = |ψ'|,
+        which is at one end of [0, horizon].
         """
         first: Any = self.frequency
         rate: Any = self.rate

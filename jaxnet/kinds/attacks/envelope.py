@@ -20,9 +20,10 @@ PIECES = 256  # pieces of the rise, each with its own bound on the envelope
 class Envelope(Attack):
     """Another attack's signal times a smooth envelope.
 
-    The envelope rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if that is
-    given. It is three times continuously differentiable, and four times for vehicles of order 4. Magnitude,
-    vehicles, links and threat are keys of the envelope, not of the other attack.
+    The envelope rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if
+    that is given. It is three times continuously differentiable, and four times for vehicles of
+    order 4. Magnitude, vehicles, links and threat are keys of the envelope, not of the other
+    attack.
     """
 
     kind = "envelope"
@@ -61,9 +62,7 @@ class Envelope(Attack):
         return self.of.vectors()
 
     def sizes(self, horizon):
-        """`Σ_j C(k, j) |e^(j)| ‖β^(k-j)‖`, the maximum over PIECES of the rise with bounds on e in
-        each piece.
-        """
+        """`Σ_j C(k, j) |e^(j)| ‖β^(k-j)‖`, the maximum over PIECES of the rise with bounds on e."""
         inner, orders = np.asarray(self.of.sizes(horizon)), np.arange(self.told_order + 1.0)
         rise = np.power.outer(np.asarray(self.rise), orders).T[:, None]
         height = RISE_BOUNDS[self.told_order][:, :, None] / rise
@@ -97,10 +96,11 @@ class Envelope(Attack):
 
 
 def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers, order: int = 3) -> NumberJets:
-    """A polynomial in x, 0 before x = 0 and 1 after x = 1, with its time derivatives up to an order.
+    """A polynomial in x, 0 before x = 0 and 1 after x = 1, with its time derivatives up to an
+    order.
 
-    The derivatives are continuous: `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷` has three, `126x⁵ - 420x⁶ + 540x⁷ - 315x⁸ +
-    70x⁹` has four. The shape is (order + 1, …).
+    The derivatives are continuous: `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷` has three, `126x⁵ - 420x⁶ + 540x⁷ -
+    315x⁸ + 70x⁹` has four. The shape is (order + 1, …).
     """
     xp = x.__array_namespace__()
     x = xp.clip(x, 0.0, 1.0)
@@ -127,15 +127,15 @@ def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers, order: int = 3) -> Numb
 
 
 def leibniz(order: int) -> list[tuple[int, float]]:
-    """The orders of the first factor in a product's derivative, each with its binomial coefficient."""
+    """Orders of the first factor in a product's derivative, each with its binomial coefficient."""
     return [(j, float(math.comb(order, j))) for j in range(order + 1)]
 
 
 def bound_rise(order: int) -> np.ndarray:
     """Bounds on `|S^(k)|` in each piece of [0, 1], k = 0..order: (order + 1, PIECES).
 
-    Inside a piece, |S^(k)| exceeds the greater end by at most half the piece's length times the greatest
-    slope. S itself is monotone, so its greater end is its bound.
+    Inside a piece, |S^(k)| exceeds the greater end by at most half the piece's length times the
+    greatest slope. S itself is monotone, so its greater end is its bound.
     """
     ends = np.abs(smooth_rise(np.linspace(0.0, 1.0, PIECES + 1), 1.0, order))
     slopes = np.array([0.0, *ends[2:].max(axis=1), LAST_SLOPES[order]])

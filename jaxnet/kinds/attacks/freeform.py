@@ -8,7 +8,8 @@ from jaxnet.kinds.harmonics import Harmonics
 
 
 class Freeform(Harmonics):
-    """`Σ_l c_l cos(l · frequency · t) + s_l sin(l · frequency · t)` with vectors c and s, scaled to ā.
+    """`Σ_l c_l cos(l · frequency · t) + s_l sin(l · frequency · t)` with vectors c and s, scaled to
+    ā.
 
     Each attacker has vectors of its own.
     """
@@ -17,8 +18,8 @@ class Freeform(Harmonics):
 
     coefficients: Several = Field(
         default=Uniform(uniform=[-1.0, 1.0]),
-        description="of each harmonic of each attacker x and y of its cosine, then of its sine; their size"
-        " counts for nothing",
+        description="of each harmonic of each attacker x and y of its cosine, then of its sine; "
+        "their size counts for nothing",
     )
 
     def drawn(self, draw, name):

@@ -1,4 +1,4 @@
-"""The freeze: denial of service, after which listeners hold the first position that they received."""
+"""The freeze: denial of service, after which listeners hold the first position received."""
 
 from typing import Any, Literal, NamedTuple
 

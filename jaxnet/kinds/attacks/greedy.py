@@ -4,20 +4,18 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import HeldOffset, unit_vectors
-from jaxnet.kinds.shapes import (
-    LaneNumbers,
-    PlaneVectors,
-    SignalVectors,
-)
+from jaxnet.kinds.shapes import LaneNumbers, PlaneVectors, SignalVectors
 from jaxnet.lazy import jax, jnp
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 
 
 class Greedy(HeldOffset):
-    """All attackers send the same offset ā, in that one of `directions` that pulls the fleet farthest off.
+    """All attackers send the same offset ā, in that one of `directions` that pulls the fleet
+    farthest off.
 
-    The criterion is `Σ_i ‖E_i + Σ_j w̃_ij a_ij‖` with the weights that the offset would put in force.
+    The criterion is `Σ_i ‖E_i + Σ_j w̃_ij a_ij‖` with the weights that the offset would put in
+    force.
     """
 
     kind = "greedy"

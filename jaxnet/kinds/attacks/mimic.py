@@ -4,18 +4,17 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import HeldOffset, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
-from jaxnet.kinds.shapes import (
-    AnyNumbers,
-    VehicleNumbers,
-)
+from jaxnet.kinds.shapes import AnyNumbers, VehicleNumbers
 from jaxnet.lazy import jax, jnp
 
 
 class Mimic(HeldOffset):
-    """An offset along a direction of each attacker, at every tick the greatest that all its listeners retain.
+    """An offset along a direction of each attacker, at every tick the greatest that all its
+    listeners retain.
 
-    The attacker tries `parts` fractions of ā, and sends 0 if its listeners drop every one. All attackers try
-    the same fraction together, so a listener may drop one attacker because of another's offset.
+    The attacker tries `parts` fractions of ā, and sends 0 if its listeners drop every one. All
+    attackers try the same fraction together, so a listener may drop one attacker because of
+    another's offset.
     """
 
     kind = "mimic"
@@ -24,7 +23,7 @@ class Mimic(HeldOffset):
     parts: int = Field(default=16, ge=1, le=1000, description="of ā that are tried")
 
     def aim(self, seen, memory):
-        """Try the fractions of ā in ascending order, and return the greatest that every listener retains."""
+        """Try the fractions of ā in ascending order; the greatest that every listener retains."""
         m = seen.errors[0].shape[1]
         unit = jnp.broadcast_to(unit_vectors(self.direction), seen.errors[0].shape)
         attacker = jnp.where(seen.sources > 0, seen.sources - 1, jnp.arange(m)[None])

@@ -27,9 +27,11 @@ def centre_tag(value: object) -> str:
 
 
 class OwnPath(Attack):
-    """An attacked link carries `centre + swing · cos(frequency · t + phase)`, whatever its source does.
+    """An attacked link carries `centre + swing · cos(frequency · t + phase)`, whatever its source
+    does.
 
-    The path follows neither the navigator nor the source. With a swing of [0, 0] it is a constant place.
+    The path follows neither the navigator nor the source. With a swing of [0, 0] it is a constant
+    place.
     """
 
     kind = "own_path"
@@ -58,8 +60,8 @@ class OwnPath(Attack):
     def told(self, navigator, start):
         """The signal and vectors of the path minus the navigator's.
 
-        The functions are a constant, cosine and sine, and the navigator's two coordinates. The constant is as
-        great as the farthest centre, so that the vectors have similar lengths.
+        The functions are a constant, cosine and sine, and the navigator's two coordinates. The
+        constant is as great as the farthest centre, so that the vectors have similar lengths.
         """
         m, lanes = start.shape[1:]
         centre = start if isinstance(self.centre, str) else np.asarray(self.centre)[:, None]

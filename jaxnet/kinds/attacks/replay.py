@@ -13,7 +13,8 @@ from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 
 
 class ReplayAttack(Attack):
-    """An attacked link carries the navigator's path of `delay` seconds ago, in place of its source's message.
+    """An attacked link carries the navigator's path of `delay` seconds ago, in place of its
+    source's message.
 
     Before t = delay the link carries the path as it would have been before t = 0.
     """

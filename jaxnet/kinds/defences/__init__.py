@@ -1,5 +1,5 @@
-"""Defences: the weights that a vehicle gives to its sources, from what it receives and what it knows of
-itself.
+"""Defences: the weights that a vehicle gives to its sources, from what it receives and what it
+knows of itself.
 """
 
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
@@ -31,22 +31,22 @@ from jaxnet.model.safety import Safe
 class Neighbourhood(NamedTuple):
     """What vehicles know of their surroundings when they decide, by slot.
 
-    A vehicle has as many slots as the busiest listener has sources. A slot without a source holds the vehicle
-    itself, with weight 0.
+    A vehicle has as many slots as the busiest listener has sources. A slot without a source holds
+    the vehicle itself, with weight 0.
 
     - `sources` (slots, m): number of the source, 0 is the navigator
     - `weights` (slots, m, lanes): weights of the graph
     - `trusted` (slots, m): whether the listener trusts the source
-    - `gain` (r, lanes): gains of ε, ε̇, …; (r, 2, 2, lanes) where these are matrices; those of vehicle 1
-      where each vehicle has its own
+    - `gain` (r, lanes): gains of ε, ε̇, …; (r, 2, 2, lanes) where these are matrices; those of
+      vehicle 1 where each vehicle has its own
     - `time` (lanes,): time [s]
     - `shared`: the result of the defence's `shared`
     - `announced` (2, slots, m, lanes): announcement of each slot's source, attacked or not
     - `attacked` (slots, m, lanes): the truth, for observations of it that may err
     - `arrived` (slots, m, lanes): the slots whose message arrived; None if every message arrives.
       `weights` are then those of the arrived messages, 0 in other slots
-    - `linked` (slots, m, lanes): the slots with a source in the network in force, whether or not its message
-      arrived
+    - `linked` (slots, m, lanes): the slots with a source in the network in force, whether or not
+      its message arrived
 
     Examples
     --------
@@ -89,7 +89,7 @@ class AnyDefence(DrawsAtTicks):
         return self.guarantee
 
     def needs_ticks(self) -> bool:
-        """Whether the defence has a memory, so that it cannot decide at every instant (`tick: 0`)."""
+        """Whether the defence has a memory: it cannot decide at every instant (`tick: 0`)."""
         return True
 
     def coasts(self) -> bool:
@@ -108,14 +108,15 @@ class AnyDefence(DrawsAtTicks):
         return None
 
     def start(self, around: Neighbourhood) -> Memory:
-        """The memory before the first tick: any pytree of arrays with lanes last; by default None."""
+        """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
         return None
 
     def announcement(self, memory: Memory) -> VehicleVectors | None:
         """The announcement `R(y) - R(y_0)` of each vehicle: (2, m, lanes), or None if vehicles
         announce nothing.
 
-        An attacked link adds R of its signal, or carries R of the signal alone if the threat is `replaces`.
+        An attacked link adds R of its signal, or carries R of the signal alone if the threat is
+        `replaces`.
         """
         return None
 
@@ -124,7 +125,7 @@ class AnyDefence(DrawsAtTicks):
         return False
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
-        """The received jets as the decision sees them; the law uses the jets without this change."""
+        """Received jets as the decision sees them; the law uses the jets without this change."""
         return received
 
     def overheard(
@@ -162,8 +163,9 @@ class AnyDefence(DrawsAtTicks):
 
         Returns
         -------
-            Decision and memory. The decision is (slots, m, lanes), or (2, slots, m, lanes) by axis. It is
-            boolean, whether a source is retained, or holds weights ≥ 0, which are normalised afterwards.
+            Decision and memory. The decision is (slots, m, lanes), or (2, slots, m, lanes) by axis.
+            It is boolean, whether a source is retained, or holds weights ≥ 0, which are normalised
+            afterwards.
         """
         raise KindError(
             f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)"
@@ -181,8 +183,8 @@ class AnyDefence(DrawsAtTicks):
         """The vehicles that end on the navigator whatever attackers send, by reason, the strongest
         first.
 
-        By default a vehicle is safe if nothing upstream of it is attacked, or if all attacked sources
-        upstream are dropped.
+        By default a vehicle is safe if nothing upstream of it is attacked, or if all attacked
+        sources upstream are dropped.
         """
         known, none = self.retained(graph, trusted), np.zeros(graph.vehicles, int)
         reasons = [
@@ -198,7 +200,9 @@ class AnyDefence(DrawsAtTicks):
 
 
 class ShareOfLinks(Record):
-    """The navigator, and a random share of the vehicles that each listener hears, rounded at random."""
+    """The navigator, and a random share of the vehicles that each listener hears, rounded at
+    random.
+    """
 
     share: float = Field(ge=0, le=1, description="of each listener's links to vehicles")
     seed: int = Field(default=0, ge=0, description="of the draw, which all lanes share")
@@ -212,7 +216,9 @@ class ShareOfLinks(Record):
 
 
 class NearestSources(Record):
-    """The n sources of each vehicle with the fewest links to the navigator, which counts as a source."""
+    """The n sources of each vehicle with the fewest links to the navigator, which counts as a
+    source.
+    """
 
     nearest: int = Field(
         ge=1, le=10_000, description="sources, of those equally far the lowest numbers"
@@ -235,8 +241,8 @@ def trusted_tag(value: object) -> str | None:
 class Defence(AnyDefence):
     """A rule by which vehicles weigh what they receive. A subclass gives `decide`.
 
-    A jet is a position with its velocity and acceleration, relative to the navigator's. A rule that uses
-    differences alone gives the same decision for relative and absolute jets.
+    A jet is a position with its velocity and acceleration, relative to the navigator's. A rule that
+    uses differences alone gives the same decision for relative and absolute jets.
 
     Examples
     --------
@@ -252,7 +258,8 @@ class Defence(AnyDefence):
     ...         distance = jnp.hypot(*(received[0] - own[0][:, None]))
     ...         share = jnp.exp(-distance / self.radius[None, None])
     ...         return around.weights * jnp.where(around.trusted[:, :, None], 1.0, share), memory
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "sweep": {"defence.radius": [1, 10]}}
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> keys |= {"sweep": {"defence.radius": [1, 10]}}
     >>> results = jaxnet.simulate({**keys, "defence": Nearby}, samples=2, progress=False)
     >>> results.cells["ok"].to_list()
     [2, 2]
@@ -274,21 +281,22 @@ class Defence(AnyDefence):
         ),
     ] = Field(
         default={},
-        description="{vehicle: [sources]}, these besides the navigator; {share: s, seed: n}, that share of"
-        " what each hears of others, drawn, besides it; {nearest: n}, the n sources of each that are fewest"
-        " links from it; none, nobody",
+        description="{vehicle: [sources]}, these besides the navigator; {share: s, seed: n}, that "
+        "share of what each hears of others, drawn, besides it; {nearest: n}, the n sources of "
+        "each that are fewest links from it; none, nobody",
     )
     noise: NotNegative = Field(
         default=0.0,
-        description="[m], standard deviation of the error in what is judged, on each axis, of each source and"
-        " tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ of what vehicles"
-        " announce; the law uses what is received without it",
+        description="[m], standard deviation of the error in what is judged, on each axis, of each "
+        "source and tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ "
+        "of what vehicles announce; the law uses what is received without it",
     )
     isolated: Literal["fail", "coast"] = Field(
         default="fail",
-        description="where decisions cut a vehicle off from the navigator: fail, its lane fails; coast, the"
-        " vehicle keeps its last drive until a believed path reaches it again, or stops where it comes to"
-        " rest; under law: local, a vehicle that retains nobody has q = 0 with either",
+        description="where decisions cut a vehicle off from the navigator: fail, its lane fails; "
+        "coast, the vehicle keeps its last drive until a believed path reaches it again, or stops "
+        "where it comes to rest; under law: local, a vehicle that retains nobody has q = 0 with "
+        "either",
     )
 
     def coasts(self):
@@ -355,9 +363,7 @@ class Sparing(Defence):
 
 
 def by_listener(value: int | dict[int, int], vehicles: int) -> np.ndarray:
-    """A whole number for each vehicle, (m,), from one number or {vehicle: number}; 0 for other
-    vehicles.
-    """
+    """A number for each vehicle, (m,), from one or {vehicle: number}; 0 for other vehicles."""
     if not isinstance(value, dict):
         return np.full(vehicles, value, dtype=np.int64)
     return np.array([value.get(vehicle, 0) for vehicle in range(1, vehicles + 1)], dtype=np.int64)

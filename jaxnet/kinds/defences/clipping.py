@@ -9,10 +9,11 @@ from jaxnet.model.retained import everybody
 
 
 class Clipping(Sparing):
-    """Weigh a source by `min(1, radius / ‖y_j - y_i‖)`, so that no source pulls farther than the radius.
+    """Weigh a source by `min(1, radius / ‖y_j - y_i‖)`, so that no source pulls farther than the
+    radius.
 
-    Trusted sources keep their weight. Source: He, Karimireddy and Jaggi, Byzantine-robust decentralized
-    learning via ClippedGossip, 2022.
+    Trusted sources keep their weight. Source: He, Karimireddy and Jaggi, Byzantine-robust
+    decentralized learning via ClippedGossip, 2022.
     """
 
     kind = "clipping"

@@ -14,16 +14,16 @@ from jaxnet.model.retained import everybody
 class GeometricMedian(Defence):
     """Weigh sources so that their mean is close to the geometric median of their positions.
 
-    The rule starts from the graph's weights and iterates `rounds` times `w_j / max(smoothing, ‖z - y_j‖)`,
-    where z is the mean by the last weights. This is Weiszfeld's iteration, smoothed.
+    The rule starts from the graph's weights and iterates `rounds` times `w_j / max(smoothing, ‖z -
+    y_j‖)`, where z is the mean by the last weights. This is Weiszfeld's iteration, smoothed.
 
     Source: Pillutla, Kakade and Harchaoui, Robust aggregation for federated learning, 2022.
     """
 
     kind = "geometric_median"
     guarantee = (
-        "none of the motion: the mean of the positions stays near the honest ones where they have more than"
-        " half of the weight, but derivatives are weighed unseen"
+        "none of the motion: the mean of the positions stays near the honest ones where they have "
+        "more than half of the weight, but derivatives are weighed unseen"
     )
 
     smoothing: Positive = Field(default=1.0, description="[m], least distance that counts")

@@ -17,8 +17,8 @@ class MSNorm(Sparing):
     kind = "ms_norm"
     words = "MS-norm"
     guarantee = (
-        "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust where at"
-        " most F untrusted sources are heard, who are all dropped"
+        "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust "
+        "where at most F untrusted sources are heard, who are all dropped"
     )
 
     F: int = Field(
@@ -26,9 +26,7 @@ class MSNorm(Sparing):
     )
 
     def decide(self, own, received, last, memory, around):
-        """Count the sources farther out than each source; of equal distances (`ties`) the lower slot is
-        dropped first.
-        """
+        """Count the sources farther out; of equal ones (`ties`) the lower slot is dropped first."""
         xp = own[0].__array_namespace__()
         candidate = (around.weights > 0) & ~self.spared(around)
         distance = length(received[0] - own[0][:, None])

@@ -7,37 +7,34 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.fields import Number, Positive, Within
-from jaxnet.kinds.shapes import (
-    SlotNumbers,
-    SlotVectors,
-    VehicleVectors,
-)
+from jaxnet.kinds.shapes import SlotNumbers, SlotVectors, VehicleVectors
 from jaxnet.model import safety
 from jaxnet.model.plane import length
 from jaxnet.model.retained import everybody
 from jaxnet.model.safety import Safe
 
 OF_RANDOM_TRUTHS = (
-    "random: by earned trust, almost surely in the end, however many are attacked, where nobody can be cut"
-    " off meanwhile"
+    "random: by earned trust, almost surely in the end, however many are attacked, where nobody "
+    "can be cut off meanwhile"
 )
 
 
 class Trust(Sparing):
-    """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the source of greatest β.
+    """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the source of
+    greatest β.
 
     α is an observation of a source at a tick, in one of two ways:
 
-    - `deviation`: `radius / (radius + Δ)`, where Δ is the distance from the position received from the first
-      trusted source, or from the vehicle itself if it trusts no source.
-    - `random`: 1 or 0, correct with probability `accuracy`, as from a measurement that does not depend on
-      what is received. After t ticks the probability to misjudge a source is at most
-      `exp(-2 t (accuracy - 1/2)²)`. So in the end every decision is almost surely right, however many
-      sources are attacked, where no vehicle can be cut off before.
+    - `deviation`: `radius / (radius + Δ)`, where Δ is the distance from the position received from
+      the first trusted source, or from the vehicle itself if it trusts no source.
+    - `random`: 1 or 0, correct with probability `accuracy`, as from a measurement that does not
+      depend on what is received. After t ticks the probability to misjudge a source is at most
+      `exp(-2 t (accuracy - 1/2)²)`. So in the end every decision is almost surely right, however
+      many sources are attacked, where no vehicle can be cut off before.
 
-    Trusted sources are retained unless `drop_trusted` is true. Source: Yemini, Nedić, Goldsmith and Gil,
-    Characterizing trust and resilience in distributed consensus for cyberphysical systems, 2022. The α of
-    `deviation` is ours.
+    Trusted sources are retained unless `drop_trusted` is true. Source: Yemini, Nedić, Goldsmith and
+    Gil, Characterizing trust and resilience in distributed consensus for cyberphysical systems,
+    2022. The α of `deviation` is ours.
     """
 
     kind = "trust"
@@ -91,7 +88,8 @@ class Trust(Sparing):
     def safe(self, graph, attacked, trusted):
         """The default reasons and "by earned trust".
 
-        In the end no attacked source is believed, unless it is spared or its listener hears no honest source.
+        In the end no attacked source is believed, unless it is spared or its listener hears no
+        honest source.
         """
         reasons, heard, spared = (
             super().safe(graph, attacked, trusted),

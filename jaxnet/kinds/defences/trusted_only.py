@@ -9,8 +9,8 @@ class TrustedOnly(Defence):
 
     What counts are the links of the network in force, also where a message is lost.
 
-    Under any attack a vehicle ends exactly on the navigator if only trusted, honest links join it to the
-    navigator.
+    Under any attack a vehicle ends exactly on the navigator if only trusted, honest links join it
+    to the navigator.
     """
 
     kind = "trusted_only"

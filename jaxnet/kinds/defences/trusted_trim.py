@@ -55,13 +55,13 @@ OF_ROUNDING = (
     1e-9  # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
 )
 OF_ANNOUNCEMENTS = (
-    "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
-    " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
-    " it would announce unattacked"
+    "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what "
+    "they carry (B1), no vehicle stands still and nobody is cut off; none against a liar that "
+    "announces 0, or what it would announce unattacked"
 )
 OF_BLURRED = (
-    "announced: none where scores are filtered, or have noise or a tolerance above 1e-9: announcements shrink"
-    " to what these leave (docs/guarantees.md)"
+    "announced: none where scores are filtered, or have noise or a tolerance above 1e-9: "
+    "announcements shrink to what these leave (docs/guarantees.md)"
 )
 
 
@@ -91,15 +91,16 @@ class Recollection(NamedTuple):
 class TrustedTrim(Sparing):
     """Drop the ϑ_i untrusted neighbours that are farthest, on average, from the trusted ones.
 
-    `score` chooses the distance: of positions, as in the paper, of positions, velocities and accelerations
-    together, or of what the law computes from them. A vehicle trims if it hears at least 2ϑ_i + 1 sources,
-    ϑ_i of them trusted. All other vehicles retain every source.
+    `score` chooses the distance: of positions, as in the paper, of positions, velocities and
+    accelerations together, or of what the law computes from them. A vehicle trims if it hears at
+    least 2ϑ_i + 1 sources, ϑ_i of them trusted. All other vehicles retain every source.
 
-    With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed from the
-    announcements of their retained sources at the last tick. A vehicle drops the ϑ_i sources with the
-    greatest announcements if it hears more than ϑ_i sources (theorems.md O11). The guarantee of this score
-    is by majority, where A1 to A3, B1, B2 and C1 to C3 of guarantees.md hold: B1 is that liars announce what
-    they carry. Noise, a filter, and a tolerance above 1e-9 end it; `jaxnet check` states it in full.
+    With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed
+    from the announcements of their retained sources at the last tick. A vehicle drops the ϑ_i
+    sources with the greatest announcements if it hears more than ϑ_i sources (theorems.md O11). The
+    guarantee of this score is by majority, where A1 to A3, B1, B2 and C1 to C3 of guarantees.md
+    hold: B1 is that liars announce what they carry. Noise, a filter, and a tolerance above 1e-9 end
+    it; `jaxnet check` states it in full.
     """
 
     kind = "trusted_trim"
@@ -117,13 +118,14 @@ class TrustedTrim(Sparing):
     )
     score: Score = Field(
         default="position",
-        description="what is compared: position, the paper's; jets, position, velocity and acceleration;"
-        " feedback, what the law makes of them; announced, what sources say drives them",
+        description="what is compared: position, the paper's; jets, position, velocity and "
+        "acceleration; feedback, what the law makes of them; announced, what sources say drives "
+        "them",
     )
     first_announcement: NotNegative = Field(
         default=1.0,
-        description="[m/s³], standard deviation on each axis of what vehicles announce at first; with 0 and"
-        " without noise the rule sees any inconsistent word to the last bit",
+        description="[m/s³], standard deviation on each axis of what vehicles announce at first; "
+        "with 0 and without noise the rule sees any inconsistent word to the last bit",
     )
     filter: Positive | None = Field(
         default=None,
@@ -195,10 +197,12 @@ class TrustedTrim(Sparing):
         return memory.announced if self.announcing() else None
 
     def decide(self, own, received, last, memory, around):
-        """Drop the sources with the greatest scores; of equal scores the lower number is dropped first.
+        """Drop the sources with the greatest scores; of equal scores the lower number is dropped
+        first.
 
-        `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone changes no
-        decision (numerics.md O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its retained sources.
+        `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone
+        changes no decision (numerics.md O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its
+        retained sources.
         """
         candidates, shares = memory.candidates, memory.shares
         if around.arrived is not None:
@@ -222,7 +226,7 @@ class TrustedTrim(Sparing):
         return decision, memory
 
     def trims(self, heard: AnyCounts, trusted: AnyCounts, theta: AnyCounts) -> AnyMask:
-        """Which vehicles trim, from the numbers of sources and of trusted sources that they hear."""
+        """Which vehicles trim, from how many sources and trusted sources they hear."""
         if self.announcing():
             return heard > theta
         return (heard >= 2 * theta + 1) & (trusted >= theta)
@@ -274,7 +278,8 @@ class TrustedTrim(Sparing):
             line = line.removesuffix("every vehicle") + f"{ranges(vehicle_numbers(meets))} only"
             line += f"; {ranges(vehicle_numbers(~meets))} unprotected"
         if outnumbered.any():
-            line += f"; more than ϑ attacked sources, or a trusted one, at {ranges(vehicle_numbers(outnumbered))}"
+            where = ranges(vehicle_numbers(outnumbered))
+            line += f"; more than ϑ attacked sources, or a trusted one, at {where}"
         return {"trimming": line}
 
     def faults(self, scenario):

@@ -9,19 +9,20 @@ from jaxnet.model.retained import any_untrusted
 
 
 class WMSR(Sparing):
-    """Drop, axis by axis, up to F values above the vehicle's own and up to F below, the most extreme first.
+    """Drop, axis by axis, up to F values above the vehicle's own and up to F below, the most
+    extreme first.
 
-    Trusted sources, among them the navigator, are spared. Source: LeBlanc, Zhang, Koutsoukos and Sundaram,
-    Resilient asymptotic consensus in robust networks, 2013.
+    Trusted sources, among them the navigator, are spared. Source: LeBlanc, Zhang, Koutsoukos and
+    Sundaram, Resilient asymptotic consensus in robust networks, 2013.
     """
 
     kind = "w_msr"
     words = "W-MSR"
     guarantee = (
-        "none where derivatives drive vehicles, which this rule does not check; with law local, vehicles of"
-        " order 1, k0 below 1/tick and no navigator, honest vehicles agree axis by axis inside the range of"
-        " their starts if F are attacked in all and the graph is (F + 1, F + 1)-robust, or if each hears F at"
-        " most and the graph is (2F + 1)-robust"
+        "none where derivatives drive vehicles, which this rule does not check; with law local, "
+        "vehicles of order 1, k0 below 1/tick and no navigator, honest vehicles agree axis by axis "
+        "inside the range of their starts if F are attacked in all and the graph is (F + 1, F + "
+        "1)-robust, or if each hears F at most and the graph is (2F + 1)-robust"
     )
 
     F: int = Field(
@@ -31,7 +32,8 @@ class WMSR(Sparing):
     def decide(self, own, received, last, memory, around):
         """Drop a source if fewer than F sources are farther out on the same side.
 
-        Of equal values (`ties`) the lower slot is dropped first. A value equal to the vehicle's own is kept.
+        Of equal values (`ties`) the lower slot is dropped first. A value equal to the vehicle's own
+        is kept.
         """
         xp = own[0].__array_namespace__()
         above = received[0] - own[0][:, None]
@@ -57,5 +59,6 @@ class WMSR(Sparing):
 
     def describe(self, graph, attacked, trusted):
         return {
-            "defence": f"W-MSR, F = {self.F}; whom it retains is not bounded here, so no bound is told"
+            "defence": f"W-MSR, F = {self.F}; "
+            "whom it retains is not bounded here, so no bound is told"
         }

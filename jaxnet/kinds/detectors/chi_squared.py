@@ -12,8 +12,9 @@ from jaxnet.lazy import jnp
 class ChiSquared(Detector):
     """A word raises an alarm if its squared residual is improbable by the χ² law.
 
-    The squared residual is the sum over both axes and all orders with errors, each divided by its variance.
-    With errors of positions alone, 1 % of false alarms means a threshold of 9.210340 (theorems.md O17).
+    The squared residual is the sum over both axes and all orders with errors, each divided by its
+    variance. With errors of positions alone, 1 % of false alarms means a threshold of 9.210340
+    (theorems.md O17).
     """
 
     kind = "chi_squared"

@@ -1,7 +1,8 @@
 """Graphs: which sources a vehicle hears, and with what weights.
 
-A graph of m vehicles is an array (m, m + 1), dense or sparse (SciPy), or a `model.graph.Digraph`. Row i - 1
-of the array holds the weights of vehicle i; column j belongs to source j, and column 0 to the navigator.
+A graph of m vehicles is an array (m, m + 1), dense or sparse (SciPy), or a `model.graph.Digraph`.
+Row i - 1 of the array holds the weights of vehicle i; column j belongs to source j, and column 0 to
+the navigator.
 """
 
 import functools
@@ -64,8 +65,8 @@ class Graph(Kind):
         ge=0.0,
         le=GREATEST_EDGE_WEIGHT,
         title="weight on oneself",
-        description="weight of a vehicle on itself, relative to the mean weight of those it hears; 1 gives"
-        " each 1/(d + 1) where it hears d alike; acts under law: local alone",
+        description="weight of a vehicle on itself, relative to the mean weight of those it hears; "
+        "1 gives each 1/(d + 1) where it hears d alike; acts under law: local alone",
     )
 
     def weights(self, vehicles: int) -> GivenGraph:
@@ -78,15 +79,14 @@ class Graph(Kind):
 
         Returns
         -------
-            Weights w_ij ≥ 0, (m, m + 1), as an array of NumPy, a sparse array of SciPy, or a `Digraph`. The
-            rows are normalised to sum 1 afterwards. An entry w_ii is the weight of a vehicle on itself.
+            Weights w_ij ≥ 0, (m, m + 1), as an array of NumPy, a sparse array of SciPy, or a
+            `Digraph`. The rows are normalised to sum 1 afterwards. An entry w_ii is the weight of a
+            vehicle on itself.
         """
         raise NotImplementedError
 
     def links(self, vehicles: int) -> GivenGraph:
-        """The links that a lane may have, in the form of `weights`; other links have weight 0 in all
-        lanes.
-        """
+        """Links that a lane may have, in the form of `weights`; others have weight 0."""
         return self.weights(vehicles)
 
     def size(self) -> int | None:
@@ -94,7 +94,7 @@ class Graph(Kind):
         return None
 
     def leaderless(self) -> "Graph":
-        """The graph of a fleet without a navigator, where that is numbered otherwise; by default this one."""
+        """The graph of a fleet without a navigator, if numbered otherwise; by default this one."""
         return self
 
     def vehicle_names(self) -> Sequence[str]:
@@ -137,7 +137,7 @@ class Graph(Kind):
         return draw.same(hearing.by_slot(given, given.weights, sources))
 
     def normalised_rows(self, vehicles: int) -> Digraph:
-        """The graph with rows that sum to 1, or to 0 where a vehicle hears nobody; raises KindError."""
+        """The graph with rows of sum 1, or 0 where a vehicle hears nobody; raises KindError."""
         return graph.normalised(self.digraph(self.weights(vehicles), vehicles))
 
     def normalises(self) -> bool:
@@ -181,7 +181,8 @@ class Graph(Kind):
             given = graph.of_matrix(given) if given.shape == (vehicles, vehicles + 1) else None
         if given is None or given.vehicles != vehicles or not (given.weights >= 0).all():
             raise KindError(
-                f"{self.kind}: weights must be ({vehicles}, {vehicles + 1}) numbers, none of them negative"
+                f"{self.kind}: weights must be ({vehicles}, {vehicles + 1}) numbers,"
+                " none of them negative"
             )
         if not np.isfinite(given.weights).all():
             raise KindError(f"{self.kind}: weights must be finite")
@@ -245,9 +246,11 @@ def check_navigator_weight(weight: Number) -> Number:
 
 
 class Unweighted(Graph):
-    """Links between vehicles, links from the navigator, and a rule for the weights. A subclass gives `heard`.
+    """Links between vehicles, links from the navigator, and a rule for the weights. A subclass
+    gives `heard`.
 
-    A random graph is drawn until the navigator reaches every vehicle, so each such graph is equally likely.
+    A random graph is drawn until the navigator reaches every vehicle, so each such graph is equally
+    likely.
     """
 
     linked_by: ClassVar[str] = "topology.navigator"
@@ -272,8 +275,8 @@ class Unweighted(Graph):
     )
     weighting: Literal["uniform", "metropolis"] = Field(
         default="uniform",
-        description="of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many vehicles the"
-        " listener hears, or the source if that is more",
+        description="of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many "
+        "vehicles the listener hears, or the source if that is more",
     )
     seed: int = Field(
         default=0,
@@ -293,9 +296,7 @@ class Unweighted(Graph):
         return isinstance(self.navigator, ShareOfVehicles)
 
     def informed(self, vehicles: int, random: np.random.Generator) -> Bool[np.ndarray, " m"]:
-        """Which vehicles hear the navigator; with one generator, a greater share contains a smaller
-        one.
-        """
+        """Who hears the navigator; by one generator, a greater share contains a smaller one."""
         everyone = np.arange(1, vehicles + 1)
         if isinstance(self.navigator, ShareOfVehicles):
             return np.isin(
@@ -304,9 +305,7 @@ class Unweighted(Graph):
         return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
 
     def connected(self, vehicles: int, random: np.random.Generator) -> Digraph:
-        """Links by which the navigator reaches every vehicle; raise KindError if no draw has such
-        links.
-        """
+        """Links by which the navigator reaches everybody; raise KindError if no draw has them."""
         for _ in range(TRIES):
             informed = np.flatnonzero(self.informed(vehicles, random))
             listeners, heard, _ = graph.entries(self.heard(vehicles, random))
@@ -371,7 +370,9 @@ def weight_shares(
 
 
 class Random(Unweighted):
-    """Links drawn at random: one graph for the study by `seed`, or one for each lane by the study's seed."""
+    """Links drawn at random: one graph for the study by `seed`, or one for each lane by the study's
+    seed.
+    """
 
     redraw: bool = Field(default=False, description="whether each lane has a graph of its own")
 

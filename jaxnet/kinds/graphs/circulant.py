@@ -11,7 +11,9 @@ from jaxnet.model import patterns
 
 
 class Circulant(Unweighted):
-    """A ring on which vehicle i hears vehicle i + o for each listed offset o; links need not be mutual."""
+    """A ring on which vehicle i hears vehicle i + o for each listed offset o; links need not be
+    mutual.
+    """
 
     kind = "circulant"
 

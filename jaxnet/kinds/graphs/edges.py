@@ -16,19 +16,23 @@ from jaxnet.model.graph import Digraph
 from jaxnet.networks import GREATEST_EDGE_WEIGHT, NumberedNetwork, check_names, number_nodes
 from jaxnet.networks.objects import object_network
 
-NORMALISED = "whether the weights of a row are divided by their sum; false: law: local takes them as they are"
+NORMALISED = (
+    "whether the weights of a row are divided by their sum; "
+    "false: law: local takes them as they are"
+)
 
 Edge = Annotated[
-    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]],
-    Field(strict=False),
+    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]], Field(strict=False)
 ]
 
 
 class Edges(Graph):
-    """Any weighted digraph as a list of edges; the weights of each listener are normalised to sum 1.
+    """Any weighted digraph as a list of edges; the weights of each listener are normalised to sum
+    1.
 
-    Under the law `local`, an edge [i, i, w] is the weight of vehicle i on itself. With `normalised: false`
-    that law takes the weights as they are, `q_i = -Σ_j w_ij P(y_i - y_j)`, as a Laplacian does.
+    Under the law `local`, an edge [i, i, w] is the weight of vehicle i on itself. With `normalised:
+    false` that law takes the weights as they are, `q_i = -Σ_j w_ij P(y_i - y_j)`, as a Laplacian
+    does.
     """
 
     kind = "edges"
@@ -102,8 +106,8 @@ def name_faults(names: Sequence[str], scenario: ScenarioView) -> list[Fault]:
 def adopt_network(given: object, leads: bool | None = True) -> Edges | None:
     """The graph that a networkx graph or a matrix means, None for another object.
 
-    `leads` says whether a node is the navigator, None if in some cells only. Raises KindError if the object
-    means no network.
+    `leads` says whether a node is the navigator, None if in some cells only. Raises KindError if
+    the object means no network.
     """
     found = object_network(given)
     if found is None:

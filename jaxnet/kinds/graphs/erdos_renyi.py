@@ -7,7 +7,9 @@ from jaxnet.kinds.graphs import Random
 
 
 class ErdosRenyi(Random):
-    """An Erdős–Rényi digraph: every directed link between two vehicles exists with the same probability."""
+    """An Erdős–Rényi digraph: every directed link between two vehicles exists with the same
+    probability.
+    """
 
     kind = "erdos_renyi"
     words = "Erdős–Rényi"

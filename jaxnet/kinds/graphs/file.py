@@ -35,9 +35,10 @@ def check_content(content: str) -> str:
 class File(Graph):
     """Any weighted digraph from a file: a list of edges, a matrix, or GraphML.
 
-    A link a, b with weight w, or 1 if there is no weight, means that a hears b. The navigator is node 0; with
-    `navigator: none` every node is a vehicle. The weights of each listener are normalised to sum 1. The
-    content of the file becomes part of the study, so results need no file and belong to one version of it.
+    A link a, b with weight w, or 1 if there is no weight, means that a hears b. The navigator is
+    node 0; with `navigator: none` every node is a vehicle. The weights of each listener are
+    normalised to sum 1. The content of the file becomes part of the study, so results need no file
+    and belong to one version of it.
     """
 
     kind = "file"
@@ -45,8 +46,8 @@ class File(Graph):
     leads: ClassVar[bool] = True  # whether a node is the navigator
 
     path: str = Field(
-        description="of the file, from the config's folder; .graphml, .npy and .mtx (Matrix Market), other"
-        " files are text"
+        description="of the file, from the config's folder; .graphml, .npy and .mtx (Matrix "
+        "Market), other files are text"
     )
     direction: Direction = Field(
         default="hears", description="hears, a link a, b means a hears b; or tells"
@@ -56,8 +57,8 @@ class File(Graph):
     )
     leader: str | None = Field(
         default=None,
-        description="name or number of the navigator's node, or null: the first number, or the node called 0,"
-        " navigator or leader",
+        description="name or number of the navigator's node, or null: the first number, or the "
+        "node called 0, navigator or leader",
     )
     names: list[str] = Field(
         default=[], description="of the vehicles, in place of those in the file"
@@ -114,7 +115,7 @@ class File(Graph):
         return self.network().names
 
     def faults(self, scenario):
-        """The faults of the edges. A file that cannot be read is a fault of loading, reported there."""
+        """Faults of the edges. A file that cannot be read is a fault of loading, reported there."""
         if self.path not in self.content:
             if self.content:
                 yield Fault(

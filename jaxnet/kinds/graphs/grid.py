@@ -8,7 +8,9 @@ from jaxnet.model import patterns
 
 
 class Grid(Unweighted):
-    """Rows and columns of vehicles, numbered row by row; each hears those beside, before and behind it."""
+    """Rows and columns of vehicles, numbered row by row; each hears those beside, before and behind
+    it.
+    """
 
     kind = "grid"
 

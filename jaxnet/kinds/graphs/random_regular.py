@@ -8,7 +8,9 @@ from jaxnet.model import patterns
 
 
 class RandomRegular(Random):
-    """A random regular graph: every vehicle hears `degree` others, and each of them hears it too."""
+    """A random regular graph: every vehicle hears `degree` others, and each of them hears it
+    too.
+    """
 
     kind = "random_regular"
 

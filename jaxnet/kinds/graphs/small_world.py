@@ -8,7 +8,9 @@ from jaxnet.model import patterns
 
 
 class SmallWorld(Random):
-    """A small world (Watts and Strogatz): a ring lattice of mutual links, some of them rewired at random."""
+    """A small world (Watts and Strogatz): a ring lattice of mutual links, some of them rewired at
+    random.
+    """
 
     kind = "small_world"
 

@@ -23,8 +23,8 @@ from jaxnet.model import graph
 class Switching(DrawsAtTicks, Graph):
     """Several networks, one of which is in force at a tick, with its own weights.
 
-    A vehicle that the navigator does not reach in the network in force keeps its last drive, as where
-    messages are lost. What `check` says of the graph holds for the union of the networks.
+    A vehicle that the navigator does not reach in the network in force keeps its last drive, as
+    where messages are lost. What `check` says of the graph holds for the union of the networks.
     """
 
     kind = "switching"

@@ -25,10 +25,11 @@ class Messages(NamedTuple):
 
 
 class Loss(DrawsAtTicks):
-    """A rule by which a channel loses messages. A subclass gives `lost`, and `start` if it has a memory.
+    """A rule by which a channel loses messages. A subclass gives `lost`, and `start` if it has a
+    memory.
 
-    A message that is lost at a tick is missing until the next tick. Its listener drops the source, and
-    divides the other weights by their sum. A vehicle that hears nobody keeps its last drive.
+    A message that is lost at a tick is missing until the next tick. Its listener drops the source,
+    and divides the other weights by their sum. A vehicle that hears nobody keeps its last drive.
     """
 
     claims: ClassVar[frozenset[str]] = frozenset({"perfect", "of_whole_ticks"})
@@ -45,7 +46,7 @@ class Loss(DrawsAtTicks):
         return None
 
     def start(self, messages: Messages) -> Memory:
-        """The memory before the first tick: any pytree of arrays with lanes last; by default None."""
+        """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
         return None
 
     def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Memory]:
@@ -60,8 +61,8 @@ class Loss(DrawsAtTicks):
 
         Returns
         -------
-            Whether a message is lost, (slots, m, lanes), and the memory. Slots without a message do not
-            count.
+            Whether a message is lost, (slots, m, lanes), and the memory. Slots without a message do
+            not count.
         """
         raise KindError(f"{self.kind}: a loss gives lost(self, messages, memory)")
 
@@ -74,7 +75,8 @@ class Loss(DrawsAtTicks):
         if scenario.tick == 0:
             yield Fault(("channel.loss", "tick"), "messages are lost at ticks: give a tick")
         if scenario.defence.announcing():
-            message = "a defence by announcements needs every message: give loss: none, or another defence"
+            told = "a defence by announcements needs every message"
+            message = f"{told}: give loss: none, or another defence"
             yield Fault(("channel.loss", "defence"), message)
         if not scenario.law.takes_any_message():
             message = f"under {scenario.law.kind} a vehicle has no drive to keep: give loss: none"

@@ -13,8 +13,8 @@ from jaxnet.lazy import jnp
 class GilbertElliott(DrawsTogether, Loss):
     """A channel is good or bad, and loses every message while it is bad.
 
-    The share of lost messages is `fail / (fail + recover)`, and the mean burst takes `1 / recover` ticks. A
-    channel starts in the stationary distribution.
+    The share of lost messages is `fail / (fail + recover)`, and the mean burst takes `1 / recover`
+    ticks. A channel starts in the stationary distribution.
     """
 
     kind = "gilbert_elliott"

@@ -26,17 +26,14 @@ class Budget(NamedTuple):
 class Jamming(DrawsTogether, Loss):
     """All messages are lost in listed, periodic or drawn intervals.
 
-    Between any times τ < t, at most `starts + (t - τ) / spacing` drawn intervals begin. Their length is at
-    most `seconds + (t - τ) / ratio`. At each tick a fair coin says whether the jammer turns on or off; it
-    does so if both limits allow it.
+    Between any times τ < t, at most `starts + (t - τ) / spacing` drawn intervals begin. Their
+    length is at most `seconds + (t - τ) / ratio`. At each tick a fair coin says whether the jammer
+    turns on or off; it does so if both limits allow it.
     """
 
     kind = "jamming"
 
-    of: Together = Field(
-        default="all",
-        description="for whom a drawn interval counts, as above",
-    )
+    of: Together = Field(default="all", description="for whom a drawn interval counts, as above")
     intervals: list[Interval] = Field(
         default=[], description="[s], begin and end of each listed interval"
     )

@@ -21,8 +21,9 @@ Undefined = Literal["error", "infinite", "blank"]
 class Metric:
     """A number of a lane, reduced over output times and vehicles.
 
-    `of(seen)` returns (m, lanes) from the fleet at one output time (`engine.metrics.Observation`). `time`
-    reduces it over the output times of the run or the tail, then `vehicles` reduces it over the vehicles.
+    `of(seen)` returns (m, lanes) from the fleet at one output time (`engine.metrics.Observation`).
+    `time` reduces it over the output times of the run or the tail, then `vehicles` reduces it over
+    the vehicles.
 
     Parameters
     ----------
@@ -42,9 +43,9 @@ class Metric:
     words
         Meaning of the metric in tables and on axes.
     undefined
-        Meaning of a result that is no finite number. "error": the lane ends as `unmeasured`. "infinite":
-        infinity is a value, such as the time of what did not happen; not-a-number is an error. "blank":
-        not-a-number says that there was nothing to measure; infinity is an error.
+        Meaning of a result that is no finite number. "error": the lane ends as `unmeasured`.
+        "infinite": infinity is a value, such as the time of what did not happen; not-a-number is an
+        error. "blank": not-a-number says that there was nothing to measure; infinity is an error.
 
     Raises
     ------
@@ -55,7 +56,8 @@ class Metric:
     --------
     >>> import jaxnet
     >>> from jaxnet.kinds.metrics import Metric
-    >>> peak_speed = Metric("peak_speed", "m/s", lambda seen: abs(seen.speed), words="greatest speed")
+    >>> speed = lambda seen: abs(seen.speed)
+    >>> peak_speed = Metric("peak_speed", "m/s", speed, words="greatest speed")
     >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "metrics": [peak_speed]}
     >>> results = jaxnet.simulate(keys, samples=2, progress=False)
     >>> bool((results.lanes["peak_speed"] > 0).all())
@@ -92,7 +94,7 @@ class Metric:
         return f"{self.unit}·s" if self.unit else "s"
 
     def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
-        """Pickle the file of the metric with its hash, so that another process loads the same metric."""
+        """Pickle the file of the metric with its hash: another process loads the same metric."""
         return restore_metric, (provenance.origin_of(self), provenance.name_in(self))
 
 

@@ -59,9 +59,7 @@ class Navigator(Kind):
         return float(speed.min()), float(times[speed.argmin()])
 
     def sizes(self, start: float, end: float) -> np.ndarray:
-        """The greatest norms of the path and its derivatives in [start, end] among SPEED_SAMPLES
-        times: (4,).
-        """
+        """Greatest norms of path and derivatives at SPEED_SAMPLES times: (4,)."""
         jets = np.asarray(self.jets(np.linspace(start, end, SPEED_SAMPLES)))
         return np.linalg.norm(jets, axis=1).max(axis=1)
 
@@ -75,8 +73,8 @@ class Navigator(Kind):
         if not slowest >= LEAST_NAVIGATOR_SPEED:
             yield Fault(
                 ("navigator", "horizon"),
-                f"slows to {slowest:.3g} m/s at t = {when:.4g} s; at least {LEAST_NAVIGATOR_SPEED} m/s is"
-                " needed, for the law is singular where a vehicle stands still",
+                f"slows to {slowest:.3g} m/s at t = {when:.4g} s; at least {LEAST_NAVIGATOR_SPEED}"
+                " m/s is needed, for the law is singular where a vehicle stands still",
             )
 
 

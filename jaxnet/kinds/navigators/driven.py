@@ -27,11 +27,12 @@ Pieces = tuple[Float[Any, "11 pieces *lanes"], Float[Any, "*lanes"] | float]
 
 
 class Driven(Navigator):
-    """A two-wheeled robot with given speed v(t) and turn rate ω(t): `ẏ_0 = v [cos θ, sin θ]`, `θ̇ = ω`.
+    """A two-wheeled robot with given speed v(t) and turn rate ω(t): `ẏ_0 = v [cos θ, sin θ]`, `θ̇ =
+    ω`.
 
-    v and ω are cubic splines through values at equal distances in time, so that the inputs `Ḟ = v̈` and
-    `T = ω̇` of the paper's robot are continuous, and the path has three continuous derivatives. The position
-    is integrated by Gauss–Legendre quadrature, to rounding.
+    v and ω are cubic splines through values at equal distances in time, so that the inputs `Ḟ = v̈`
+    and `T = ω̇` of the paper's robot are continuous, and the path has three continuous derivatives.
+    The position is integrated by Gauss–Legendre quadrature, to rounding.
     """
 
     kind = "driven"
@@ -97,8 +98,9 @@ def pieces_of(
 ) -> Pieces:
     """The numbers of each piece, and the duration of a piece [s].
 
-    The numbers are the coefficients of v and ω, and heading and position where the piece begins. Pieces are
-    parts of the intervals between values, within which the robot turns by MOST_TURN at most.
+    The numbers are the coefficients of v and ω, and heading and position where the piece begins.
+    Pieces are parts of the intervals between values, within which the robot turns by MOST_TURN at
+    most.
     """
     from scipy.interpolate import CubicSpline
 

@@ -31,9 +31,7 @@ class Lissajous(Navigator):
         return xp.stack([now, ahead, -(w**2) * now, -(w**2) * ahead])
 
     def slowest(self, horizon):
-        """The least speed [m/s] in [0, horizon], to 1e-4 of the greatest possible speed, and its time
-        [s].
-        """
+        """The least speed [m/s] in [0, horizon], to 1e-4 of the greatest, and its time [s]."""
         return slowest_instant(*map(tuple, (self.amplitude, self.frequency, self.phase)), horizon)
 
     def sizes(self, start, end):
@@ -50,9 +48,9 @@ def slowest_instant(
 ) -> tuple[float, float]:
     """The least speed [m/s] of a Lissajous figure in [0, horizon], and its time [s].
 
-    Branch and bound on v²: the slope in an interval's middle and a bound on the second derivative limit how
-    far v² falls. An interval whose limit is above the least speed found is dropped. The cache serves the
-    cells of a study, which mostly share one navigator.
+    Branch and bound on v²: the slope in an interval's middle and a bound on the second derivative
+    limit how far v² falls. An interval whose limit is above the least speed found is dropped. The
+    cache serves the cells of a study, which mostly share one navigator.
     """
     path = Lissajous(amplitude=list(amplitude), frequency=list(frequency), phase=list(phase))
     greatest = [

@@ -5,11 +5,13 @@ from jaxnet.kinds.navigators import Navigator
 
 
 class NoNavigator(Navigator):
-    """Nobody leads: links from the navigator do not exist, and the other weights of a vehicle sum to 1.
+    """Nobody leads: links from the navigator do not exist, and the other weights of a vehicle sum
+    to 1.
 
-    Needs `law: local`. The error of a vehicle is its distance from the mean of the vehicles that are not
-    attacked. Rows also have the metrics `spread` and `outside`, which measure agreement and safety, and
-    `recovery` asks for the spread. A link that is replaced carries the attack's signal alone.
+    Needs `law: local`. The error of a vehicle is its distance from the mean of the vehicles that
+    are not attacked. Rows also have the metrics `spread` and `outside`, which measure agreement and
+    safety, and `recovery` asks for the spread. A link that is replaced carries the attack's signal
+    alone.
     """
 
     kind = "none"

@@ -10,7 +10,8 @@ from jaxnet.kinds.ticks import DrawsTogether, ErrorsAtTicks
 class ChannelNoise(ErrorsAtTicks, DrawsTogether):
     """A way in which words arrive with errors. A subclass gives `next_errors`.
 
-    A listener hears `y_j + a_ij + n_ij`. An error is drawn at a tick and stays the same until the next tick.
+    A listener hears `y_j + a_ij + n_ij`. An error is drawn at a tick and stays the same until the
+    next tick.
     """
 
     claims: ClassVar[frozenset[str]] = ErrorsAtTicks.claims  # `exact` is said by `erring` itself
@@ -20,9 +21,9 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
     ) -> SlotJets:
         """The errors of position, velocity and acceleration of one tick, each (2, slots, m, lanes).
 
-        Where `errs_in_highest`, the errors of the highest derivative come last. `last` are those of the last
-        tick, 0 before the first. `time` and `interval` (lanes,) are the time of the tick and from tick to
-        tick [s], `sources` (slots, m) the number of each slot's source.
+        Where `errs_in_highest`, the errors of the highest derivative come last. `last` are those of
+        the last tick, 0 before the first. `time` and `interval` (lanes,) are the time of the tick
+        and from tick to tick [s], `sources` (slots, m) the number of each slot's source.
         """
         raise KindError(
             f"{self.kind}: a noise gives next_errors(self, last, time, interval, sources)"

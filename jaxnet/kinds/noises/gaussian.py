@@ -6,10 +6,7 @@ from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative
 from jaxnet.kinds.noises import ChannelNoise
-from jaxnet.kinds.shapes import (
-    SlotNumbers,
-    SlotVectors,
-)
+from jaxnet.kinds.shapes import SlotNumbers, SlotVectors
 from jaxnet.kinds.ticks import HIGHEST, JET_ORDERS, NormalErrors
 from jaxnet.lazy import jnp
 
@@ -17,8 +14,8 @@ from jaxnet.lazy import jnp
 class GaussianNoise(NormalErrors, ChannelNoise):
     """Normal errors of words, independent by axis and order.
 
-    The errors drive the listener by `Σ_j w_ij (P(n_ij) + n_ij^(r))` until the next tick (theorems.md O15).
-    With errors of transmitters, the navigator's word is exact.
+    The errors drive the listener by `Σ_j w_ij (P(n_ij) + n_ij^(r))` until the next tick
+    (theorems.md O15). With errors of transmitters, the navigator's word is exact.
     """
 
     kind = "gaussian"

@@ -8,8 +8,9 @@ from jaxnet.kinds.ticks import ErrorsAtTicks
 class Sensor(ErrorsAtTicks):
     """A way in which vehicles sense their own jets. A subclass gives `errors`.
 
-    A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls itself
-    by what it senses, and tells its listeners what it senses. Nobody senses the navigator's path with errors.
+    A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls
+    itself by what it senses, and tells its listeners what it senses. Nobody senses the navigator's
+    path with errors.
     """
 
     def errors(self, time: LaneTimes, vehicles: int) -> VehicleJets:

@@ -12,7 +12,8 @@ from jaxnet.kinds.ticks import NormalErrors
 class Gaussian(NormalErrors, Sensor):
     """Normal errors of each vehicle, independent by axis and order.
 
-    The errors drive the vehicle by `-P(n) = -(k0 n⁰ + k1 n¹ + k2 n²)` until the next tick (theorems.md O13).
+    The errors drive the vehicle by `-P(n) = -(k0 n⁰ + k1 n¹ + k2 n²)` until the next tick
+    (theorems.md O13).
     """
 
     kind = "gaussian"

@@ -1,9 +1,10 @@
-"""Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md O4).
+"""Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md
+O4).
 
-The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ, …)
-determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A wheeled robot has heading
-[rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the array API, for NumPy
-and JAX.
+The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ,
+…) determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A wheeled robot
+has heading [rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the
+array API, for NumPy and JAX.
 """
 
 import math
@@ -43,8 +44,8 @@ OUTPUT_PLACES = (
 class Vehicle(Kind):
     """A vehicle model, of order three and singular at speed 0 unless a subclass says otherwise.
 
-    A subclass gives every method except `start`, `margin` and `lead`. An `internal` one gives `inner`,
-    `state_with` and `inner_after` instead of `state_of`.
+    A subclass gives every method except `start`, `margin` and `lead`. An `internal` one gives
+    `inner`, `state_with` and `inner_after` instead of `state_of`.
 
     Examples
     --------
@@ -97,17 +98,15 @@ class Vehicle(Kind):
         raise KindError(f"{self.kind}: a vehicle gives output_jets(self, state)")
 
     def drift(self, state: VehicleState) -> VehicleVectors:
-        """Σ (2, m, lanes), the derivative of order r without input, of a vehicle of order 3 [m/s³]."""
+        """σ (2, m, lanes), the derivative of order r without input [m/s³ for r = 3]."""
         raise KindError(f"{self.kind}: a vehicle gives drift(self, state)")
 
     def decoupling(self, state: VehicleState) -> AxisMatrices:
-        """Ψ (2, 2, m, lanes) by axis and column, the matrix from the input to the jerk."""
+        """ψ (2, 2, m, lanes) by axis and column, the matrix from the input to the jerk."""
         raise KindError(f"{self.kind}: a vehicle gives decoupling(self, state)")
 
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """The input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this derivative of order
-        r, which is the jerk [m/s³] for order 3.
-        """
+        """The input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) for this derivative of order r."""
         raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
 
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
@@ -115,9 +114,7 @@ class Vehicle(Kind):
         raise KindError(f"{self.kind}: a vehicle gives motion(self, state, inputs)")
 
     def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
-        """The state of a vehicle that moves forwards with these output jets; undefined at zero
-        velocity.
-        """
+        """The state of a vehicle that moves forwards with these jets; undefined at rest."""
         raise KindError(f"{self.kind}: a vehicle gives state_of(self, jets)")
 
     def inner(self, state: VehicleState) -> InnerState:
@@ -133,8 +130,8 @@ class Vehicle(Kind):
     ) -> tuple[InnerState, VehicleNumbers]:
         """The inner states a span [s] later, and an estimate (m, lanes) of their error.
 
-        `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative of order
-        r. The error shrinks with the fifth power of the span, at least.
+        `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative
+        of order r. The error shrinks with the fifth power of the span, at least.
         """
         raise KindError(
             f"{self.kind}: an internal vehicle gives inner_after(self, inner, jets, span)"
@@ -148,9 +145,7 @@ class Vehicle(Kind):
 
     @property
     def jets_tell_pace(self) -> bool:
-        """Whether the output's jets are enough for speed and turn rate, as those of a wheeled robot of
-        order 3 are.
-        """
+        """Whether the output's jets are enough for speed and turn rate, as of wheels at order 3."""
         return self.order > 2 and self.singular == 1
 
     def margin(self, state: VehicleState) -> VehicleNumbers:
@@ -158,14 +153,15 @@ class Vehicle(Kind):
         return state[SPEED]
 
     def lead(self, derivative: VehicleVectors) -> VehicleVectors:
-        """Y^(k) plus a constant, for k = `singular`; ψ is singular where the sum is 0."""
+        """y^(k) plus a constant, for k = `singular`; ψ is singular where the sum is 0."""
         return derivative
 
 
 class Integrators(Vehicle):
     """An agent of order r, `y^(r) = σ + u`, never singular. A subclass may give a drift σ.
 
-    The state has the position first, then its derivatives below r. A subclass gives `order`, names and units.
+    The state has the position first, then its derivatives below r. A subclass gives `order`, names
+    and units.
     """
 
     flat = True
@@ -193,12 +189,12 @@ class Integrators(Vehicle):
 
 
 class Wheeled(Vehicle):
-    """A vehicle with a heading, for which `ψ = [h, s n]` and `det ψ = s`; singular where `sideways` is 0."""
+    """A vehicle with a heading, with `ψ = [h, s n]` and `det ψ = s`; singular where s is 0."""
 
     flat = True
 
     def sideways(self, state: VehicleState) -> VehicleNumbers:
-        """The factor s from the second input to the derivative of order r to the left: by default v."""
+        """The factor s from the second input to the derivative of order r to the left; here v."""
         return state[SPEED]
 
     def drift(self, state):
@@ -223,7 +219,7 @@ class Wheeled(Vehicle):
 
 
 def directions(state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:
-    """The unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ, cosθ]`."""
+    """Unit vectors along the heading, `h = [cosθ, sinθ]`, and left of it, `n = [-sinθ, cosθ]`."""
     xp = state.__array_namespace__()
     cosine, sine = circle(state[HEADING])
     return xp.stack([cosine, sine]), xp.stack([-sine, cosine])

@@ -1,16 +1,13 @@
 """A car: the kinematic bicycle with front steering. The output is the position of the rear axle.
 
-With the curvature κ = tan δ / L of the path: `ẏ = v h`, `ÿ = a h + v² κ n`, `y‴ = (ȧ - v³ κ²) h + (3 v a κ +
-v² δ̇ / (L cos² δ)) n`.
+With the curvature κ = tan δ / L of the path: `ẏ = v h`, `ÿ = a h + v² κ n`, `y‴ = (ȧ - v³ κ²) h +
+(3 v a κ + v² δ̇ / (L cos² δ)) n`.
 """
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import Positive
-from jaxnet.kinds.shapes import (
-    VehicleNumbers,
-    VehicleState,
-)
+from jaxnet.kinds.shapes import VehicleNumbers, VehicleState
 from jaxnet.kinds.vehicles import SPEED, Wheeled, directions
 from jaxnet.model.circle import angle
 from jaxnet.model.plane import cross, dot, pace
@@ -19,7 +16,9 @@ STEERING, ACCELERATION = 4, 5
 
 
 class Car(Wheeled):
-    """State `[x, y, θ, v, δ, a]`, steering angle |δ| < π/2, input `u = [ȧ, δ̇]`; singular at v = 0."""
+    """State `[x, y, θ, v, δ, a]`, steering angle |δ| < π/2, input `u = [ȧ, δ̇]`; singular at
+    v = 0.
+    """
 
     kind = "car"
     states = ("x", "y", "heading", "speed", "steering", "acceleration")

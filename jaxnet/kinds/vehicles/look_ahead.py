@@ -1,11 +1,13 @@
-"""A unicycle whose output is a point ahead of its axle, the usual way to steer one as a single integrator.
+"""A unicycle whose output is a point ahead of its axle, the usual way to steer one as a single
+integrator.
 
-The heading follows the point's velocity q by `θ̇ = n·q / l`. With complex numbers for vectors of the plane and
-`u ∝ exp(iθ/2)`, this equation is linear:
+The heading follows the point's velocity q by `θ̇ = n·q / l`. With complex numbers for vectors of
+the plane and `u ∝ exp(iθ/2)`, this equation is linear:
 
     u̇ = q ū / (2l),      a matrix A(t) = [[q_x, q_y], [q_y, -q_x]] / (2l) of SL(2)'s Lie algebra.
 
-`heading_after` solves it by Magnus' series of order six (Blanes, Casas, Ros 2000), exactly for a constant q.
+`heading_after` solves it by Magnus' series of order six (Blanes, Casas, Ros 2000), exactly for a
+constant q.
 """
 
 import math
@@ -15,10 +17,7 @@ from typing import NamedTuple
 from pydantic import Field
 
 from jaxnet.kinds.fields import Positive
-from jaxnet.kinds.shapes import (
-    VehicleNumbers,
-    VehicleVectors,
-)
+from jaxnet.kinds.shapes import VehicleNumbers, VehicleVectors
 from jaxnet.kinds.vehicles import Wheeled, directions
 from jaxnet.model.circle import angle, circle
 from jaxnet.model.plane import cross, dot, length
@@ -27,9 +26,9 @@ from jaxnet.model.plane import cross, dot, length
 class LookAhead(Wheeled):
     """A unicycle of order 1 whose output is the point `y = p + l h`; never singular.
 
-    The state is `[p_x, p_y, θ]` with the position p of the axle, the input is `u = [v, θ̇]`. The output does
-    not determine the heading, which follows `θ̇ = n·ẏ / l`. A vehicle that is pushed back turns round.
-    `initial.speed` has no effect.
+    The state is `[p_x, p_y, θ]` with the position p of the axle, the input is `u = [v, θ̇]`. The
+    output does not determine the heading, which follows `θ̇ = n·ẏ / l`. A vehicle that is pushed
+    back turns round. `initial.speed` has no effect.
     """
 
     kind = "look_ahead"
@@ -122,7 +121,8 @@ def heading_after(
 def turn(heading: VehicleNumbers, by: Generator) -> VehicleNumbers:
     """The angle [rad] by which the exponential of a generator turns headings.
 
-    The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays finite.
+    The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays
+    finite.
     """
     xp, along = (
         heading.__array_namespace__(),

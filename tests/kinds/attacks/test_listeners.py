@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from jaxnet.statistics import limits
 from tests import reference, systems
 from tests.engine.marching import march
 from tests.engine.test_exactness import navigator_at
-from tests.kinds.attacks.test_threat import rows_of
 from tests.matrices import slots_of
 
 ATTACKED = [2, 5, 8, 11]
@@ -50,7 +48,6 @@ def test_each_listener_is_told_its_own():
         for j in ATTACKED:
             shown = outcome.series["attack"][number, 30, j - 1]
             np.testing.assert_allclose(shown, added(3.0)[0, first[j], j], rtol=0, atol=1e-9)
-    assert limits.violations_table(systems.results_of(study, rows_of(study, outcome, 2))).empty
 
 
 def test_attackers_are_drawn_for_each_lane_and_for_all_cells_alike():

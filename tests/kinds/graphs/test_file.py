@@ -130,15 +130,9 @@ def test_files_are_found_from_the_config_and_swept_as_kinds(tmp_path, monkeypatc
             "ann,bob\nbob,eve\n",
             "mine.csv: which node is the navigator? leader is one of ann, bob, eve",
         ),
-        (
-            "1 0 {'weight': 2, 'cost': 1}\n",
-            "mine.csv:1: a row is",
-        ),
+        ("1 0 {'weight': 2, 'cost': 1}\n", "mine.csv:1: a row is"),
         ("1,0\n4,1\n", "mine.csv: nodes are numbered 0 to 4, but node 2 has no edge"),
-        (
-            "0,1\n1,2\n2,3\n",
-            "would hear 1, and it hears nobody; with direction: tells",
-        ),
+        ("0,1\n1,2\n2,3\n", "would hear 1, and it hears nobody; with direction: tells"),
         (
             "0,0,0,0\n1,0,0,0\n0,1,0,0\n0,0,-1,0\n",
             "Laplacian, whose rows sum to 0 (row 2 sums to 1)",
@@ -163,16 +157,12 @@ def test_what_is_wrong_with_a_file_is_told_once(text, says, tmp_path):
     assert problem.place.startswith(f"{file}:8:")
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["<graphml", "1,0\n", "<graphml/>"],
-)
+@pytest.mark.parametrize("text", ["<graphml", "1,0\n", "<graphml/>"])
 def test_what_is_no_graphml_is_told(text, tmp_path):
     """In one line, at the config's place."""
     (tmp_path / "mine.graphml").write_text(text)
     with pytest.raises(
-        jaxnet.ConfigError,
-        match=r"topology.path: mine.graphml: must be GraphML with nodes and",
+        jaxnet.ConfigError, match=r"topology.path: mine.graphml: must be GraphML with nodes and"
     ):
         jaxnet.load(written(tmp_path, topology="{kind: file, path: mine.graphml}"))
 
@@ -293,10 +283,7 @@ def line_of(*nodes, **attributes):
         ),
         (line_of(0, 1, 2, cost=3), "edge (1, 0) has the attribute 'cost'; only 'weight' is read"),
         (nx.DiGraph(), "the network has no edge"),
-        (
-            nx.DiGraph([(0, 1)]),
-            "would hear 1, and it hears nobody; with direction: tells",
-        ),
+        (nx.DiGraph([(0, 1)]), "would hear 1, and it hears nobody; with direction: tells"),
         (nx.empty_graph(4), "node 0 has no edge"),
         (nx.MultiDiGraph([(1, 0), (1, 0), (2, 1), (3, 2)]), "[1, 0] is given twice"),
         (
