@@ -113,9 +113,10 @@ def misfit(
         return (
             None if value is None and type(None) in parts else None if None in found else found[0]
         )
-    if typing.get_origin(hint) is not tuple:
+    any_length = parts[1:] == (...,)
+    if typing.get_origin(hint) is not tuple or (any_length and not hasattr(parts[0], "dim_str")):
         return None
-    if parts[1:] == (...,):
+    if any_length:
         like = next((known[name] for name in known if hints.get(name) == hint), None)
         parts = parts[:1] * (getattr(known["self"], "order", 3) if like is None else len(like))
     if not hasattr(value, "__len__") or len(value) != len(parts):

@@ -13,6 +13,7 @@ from typing import ClassVar
 
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken
 from jaxnet.kinds.shapes import (
+    AnyNumbers,
     AxisMatrices,
     InnerState,
     LaneNumbers,
@@ -193,7 +194,7 @@ class Wheeled(Vehicle):
 
     flat = True
 
-    def sideways(self, state: VehicleState) -> VehicleNumbers:
+    def sideways(self, state: VehicleState) -> AnyNumbers:
         """The factor s from the second input to the derivative of order r to the left; here v."""
         return state[SPEED]
 
