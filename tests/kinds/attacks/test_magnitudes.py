@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.stats import binom
 
 import jaxnet
-from jaxnet.config.amplitude import known_amplitude
 
 SPOOF = {"kind": "spoof", "magnitude": [15, 10, 5], "vehicles": [1, 3], "direction": 0.3}
 STAR = {"engine": "exact", "vehicles": 3, "topology": "star", "defence": "none"}
@@ -49,25 +47,3 @@ def test_a_star_responds_to_a_constant_disturbance(vehicle, magnitude, gain):
         forced = 0.0 if vehicle == 1 else rho[axis]
         known = path[:, axis] + constant_response(gain, forced, first[:, axis, vehicle], times)
         np.testing.assert_allclose(data["states"].values[:, vehicle, axis], known, atol=1e-8)
-
-
-@pytest.mark.parametrize("kind", ["sinusoid", "envelope"])
-def test_each_order_is_heard_within_its_magnitude(kind):
-    """A sinusoid in position and acceleration; a spoof in an envelope, which is no path either."""
-    attack = {"kind": "sinusoid", "orders": [0, 2], "frequency": 1.7, "phase": 0.2}
-    if kind == "envelope":
-        attack = {"kind": "envelope", "of": "spoof", "start": 0.5, "rise": 1.0}
-    keys = {"attack": attack | {"magnitude": [4, 0, 9]}, "engine": "exact"}
-    keys |= {"horizon": 2.0, "tail": 0.0, "save": {"trajectories": "all"}, "defence": "none"}
-    results = jaxnet.simulate(keys, samples=1, progress=False)
-    signal = results.trajectories["attack"].sel(cell=0, sample=0)
-    time = signal["time"].values
-    unit = (
-        np.sin(1.7 * time + 0.2)
-        if kind == "sinusoid"
-        else binom.sf(3, 7, np.clip(time - 0.5, 0, 1))
-    )
-    rough = 1e-3 if kind == "envelope" else 1e-9  # bounds on an envelope are those of pieces
-    np.testing.assert_allclose(signal.values[:, 1, 0], 4.0 * unit, atol=rough)
-    if kind == "sinusoid":
-        assert known_amplitude(results.study.cells[0].scenario) == pytest.approx(4.0)

@@ -54,34 +54,6 @@ def test_a_liar_is_where_it_tells_to_be():
 
 
 @pytest.mark.long
-def test_listeners_do_not_tell_the_difference():
-    """Others move as if the liar obeyed the law, bit for bit; a liar drawn for each lane too."""
-    keys = {
-        "vehicle": "single_integrator",
-        "defence": "w_msr",
-        "topology": "complete",
-        "vehicles": 6,
-    }
-    keys |= {"engine": "exact", "attack": PATH | {"vehicles": {"random": 2}}}
-    by_law, as_told = (
-        results_of(**keys | {"attack": keys["attack"] | {"moves": moves}}).trajectories.sel(
-            cell=0, sample=0
-        )
-        for moves in ("by_law", "as_told")
-    )
-    liars = np.flatnonzero(by_law["attack"].values.any(axis=(0, 2)))
-    assert len(liars) == 2
-    np.testing.assert_array_equal(
-        *(np.delete(each["states"].values, liars, 1) for each in (by_law, as_told))
-    )
-    for liar in liars:
-        np.testing.assert_allclose(
-            as_told["states"].values[:, liar], told(as_told["time"].values), atol=1e-9
-        )
-        assert not np.allclose(by_law["states"].values[:, liar], as_told["states"].values[:, liar])
-
-
-@pytest.mark.long
 def test_a_liar_drops_sources_by_its_own_place():
     """Switches under W-MSR, counted by a plain program in which the liar's state is its path."""
     keys = NOBODY_LEADS | {"vehicle": "single_integrator", "vehicles": 5, "defence": "w_msr"}

@@ -37,13 +37,6 @@ def test_orders_that_are_zero_do_nothing():
     assert (worst_at_the_end(attack) < 1e-9).all()
 
 
-def test_a_position_alone_that_rotates_is_filtered():
-    """`(1 + ω²)^(-3/2)` of what the consistent one does: 0.5498 at 0.7 rad/s."""
-    attack = {"kind": "rotating", "frequency": 0.7, "phase": 0.0, "magnitude": 2.0}
-    alone, whole = (worst_at_the_end({**attack, **only}) for only in ({"orders": [0]}, {}))
-    np.testing.assert_allclose(alone / whole, 1.49**-1.5, rtol=0, atol=1e-6)
-
-
 def test_a_lane_moves_as_an_independent_integration():
     """Chirped acceleration and position, drawn gains: `R(E_i) = Σ w_ij (R(E_j) + R(a_j))`, by SciPy."""
     attack = {"kind": "chirp", "frequency": 0.9, "rate": 0.3, "magnitude": 3.0, "orders": [0, 2]}

@@ -2,43 +2,9 @@
 
 import numpy as np
 
-from tests import reference, systems
-from tests.engine.marching import march
-from tests.engine.test_exactness import navigator_at
+from tests import systems
 
 ATTACKED = [2, 5, 8, 11]
-
-
-def test_a_lane_moves_as_the_plain_program():
-    """`E = (I − A_H)⁻¹ W_r (r − y₀)` and what is free of it; r is y₀ of 5 s ago, no path that goes on.
-
-    The exact engine, and last words that are held: tests/kinds/attacks/test_channels.py.
-    """
-    study = systems.study(
-        engine="nonlinear", attack="replay", defence="none", horizon=12.0, tail=1.0
-    )
-    one = systems.lanes(study, 2)
-    outcome = systems.simulate(one)
-    assert (outcome.status == 0).all()
-    times = np.arange(121) * 0.1
-    for number in range(2):
-        lane, navigator = systems.lane(one, number), navigator_at(one, number)
-
-        def added(t, lane=lane, navigator=navigator):
-            found = np.zeros((3, 12, 13, 2))
-            for j in ATTACKED:
-                word = navigator(t - 5.0)[:3] - navigator(t)[:3]
-                found[:, lane.weights[:, j] > 0, j] = word[:, None]
-            return found
-
-        carried = np.ones((12, 13), bool)
-        carried[:, ATTACKED] = False
-        start = reference.flat_jets(lane.initial.T) - navigator(0.0)[:3, None]
-        held = np.stack([lane.weights] * 2), added
-        known = march(lambda *_, held=held: held, carried, lane.gain, start, 0.1, 120)
-        path = np.stack([navigator(t)[0] for t in times])
-        ours = outcome.series["state"][number, :, :, :2] - path[:, None]
-        assert np.abs(ours - known[:, 0]).max() <= 1e-5
 
 
 def test_a_frozen_message_is_the_first_one():

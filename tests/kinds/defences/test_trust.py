@@ -6,15 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jaxnet
-from jaxnet.config.scenario import safe_in, situation_of
 from jaxnet.kinds.defences.trusted_only import TrustedOnly
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
-from jaxnet.kinds.graphs.path import Path
 from jaxnet.model.graph import dense
-from tests import systems
-from tests.matrices import matrix_of, whole
+from tests.matrices import whole
 
 RING = Cyclic().weights(12)
 
@@ -54,29 +51,6 @@ def test_the_nearest_are_by_links_from_the_navigator():
     assert first == [{0}, {1}, {2}, {1}, {2}, {3}, {4}, {5}, {6}]
     np.testing.assert_array_equal(trusts(weights, nearest=9), dense(weights) > 0)
     np.testing.assert_array_equal(trusts(RING, nearest=1), whole(RING, TrustedOnly().trusts(RING)))
-
-
-def test_a_chain_of_nearest_sources_is_safe_from_all_others():
-    """Of a path whose vehicles hear the last one too, trusting one source each leaves the path."""
-    edges = [[i, i - 1, 1.0] for i in range(1, 7)] + [[i, 6, 1.0] for i in range(1, 6)]
-    keys = {
-        "vehicles": 6,
-        "topology": {"kind": "edges", "edges": edges},
-        "attack": {"vehicles": [6]},
-    }
-    study = systems.study(defence={"kind": "trusted_only", "trusted": {"nearest": 1}}, **keys)
-    known = situation_of(study.cells[0].scenario)
-    np.testing.assert_array_equal(whole(known.graph, known.trusted), matrix_of(Path(), 6) > 0)
-    assert any(each.vehicles.all() for each in safe(study))
-    study = systems.study(defence={"kind": "trusted_only", "trusted": "none"}, **keys)
-    assert not any(each.vehicles.any() for each in safe(study))
-
-
-def safe(study):
-    """By which reasons who is safe."""
-    scenario = study.cells[0].scenario
-    known = situation_of(scenario)
-    return safe_in(scenario, known.graph, known.attacked)
 
 
 @pytest.mark.parametrize(

@@ -119,12 +119,6 @@ def vehicle_one(positions, heard_by_it, trusted, theta, dropped_before=()):
     return set(np.flatnonzero(dropped[0]).tolist())
 
 
-def test_ties_go_to_the_lower_number():
-    assert vehicle_one([0, 9, 1, 1, 9, 9], [0, 2, 3], [0], 1) == {2}
-    assert vehicle_one([0, 9, 9, 1, -1, 9], [0, 3, 4], [0], 1) == {3}
-    assert vehicle_one([0, 9, 7, 7, 7, 1], [0, 2, 3, 4, 5], [0, 5], 2) == {2, 3}
-
-
 @pytest.mark.parametrize(
     ("before", "distance_of_3", "after"),
     [

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.kinds.attacks.bias import Bias
 from jaxnet.kinds.graphs.circulant import Circulant
 from jaxnet.kinds.graphs.complete import Complete
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
@@ -14,9 +13,8 @@ from jaxnet.kinds.graphs.lattice import Lattice
 from jaxnet.kinds.graphs.small_world import SmallWorld
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
-from jaxnet.model import graph as graphs
 from tests import systems
-from tests.matrices import matrix_of, whole
+from tests.matrices import matrix_of
 
 
 def heard(graph, vehicles):
@@ -64,43 +62,6 @@ def test_offsets_need_not_be_mutual():
         [1, 2],
         [1, 4],
     ]
-
-
-def gain_of_complete(vehicles, attacked, navigator_weight):
-    """`E_i / ā` where a constant is added to what `attacked` transmit: `E = β(n - 1_i + S) / (1 + β)`.
-
-    By Sherman and Morrison, for `L = (1 + β) I - β 1 1ᵀ`: β is a neighbour's weight, S = (1 - w0) n / w0 the
-    sum of E.
-    """
-    beta, n = (1 - navigator_weight) / (vehicles - 1), len(attacked)
-    sum_of_all = (1 - navigator_weight) * n / navigator_weight
-    lies = np.isin(np.arange(1, vehicles + 1), attacked)
-    return beta * (n - lies + sum_of_all) / (1 + beta)
-
-
-@pytest.mark.long
-def test_the_gain_of_the_complete_graph():
-    """In closed form: of `L⁻¹W_a`, and where simulated lanes end, to 1e-6."""
-    attacked = [2, 5]
-    expected = gain_of_complete(9, attacked, 0.2)
-    network = Complete(navigator_weight=0.2).weights(9)
-    weights, links = (
-        graphs.dense(network),
-        whole(network, Bias(vehicles=attacked).attacked_links(network)),
-    )
-    static = np.linalg.solve(np.eye(9) - weights[:, 1:], (weights * links).sum(axis=1))
-    np.testing.assert_allclose(static, expected, rtol=1e-12)
-    given = systems.study(
-        topology={"kind": "complete", "navigator_weight": 0.2},
-        attack={"kind": "bias", "vehicles": attacked, "magnitude": 3.0},
-        vehicles=9,
-        engine="exact",
-        defence="none",
-        tail=1.0,
-    )
-    outcome = systems.simulate(systems.lanes(given, 2))
-    np.testing.assert_allclose(outcome.metrics["tail_max"], 3.0 * expected.max(), rtol=1e-6)
-    np.testing.assert_allclose(outcome.metrics["tail_mean"], 3.0 * expected.mean(), rtol=1e-6)
 
 
 # --- who hears the navigator -----------------------------------------------------------------------

@@ -6,9 +6,6 @@ from scipy import stats
 from scipy.linalg import expm
 
 from jaxnet.config.document import ConfigError
-from jaxnet.engine.status import Status
-from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.losses import Loss
 from tests import systems
 
 QUIET = {"attack": "none", "defence": "none", "engine": "exact"}
@@ -43,40 +40,6 @@ def test_who_never_hears_anything_goes_on_as_it_began():
     assert np.abs(outcome.series["state"][:, -1, :, :2] - end).max() <= 1e-9
 
 
-@pytest.mark.long
-def test_a_channel_that_happens_to_lose_nothing_changes_nothing():
-    """Lanes whose defence cuts a vehicle off fail, the others have the same errors."""
-    edges = [
-        [1, 0, 1],
-        [2, 1, 1],
-        [2, 3, 1],
-        [2, 4, 1],
-        [3, 2, 1],
-        [3, 1, 1],
-        [3, 4, 1],
-        [4, 2, 1],
-        [4, 3, 1],
-    ]
-    defence = {"kind": "trusted_trim", "theta": {2: 1, 3: 1}, "trusted": {2: [3], 3: [2]}}
-    keys = {
-        "topology": {"kind": "edges", "edges": edges},
-        "vehicles": 4,
-        "defence": defence,
-        "attack": "none",
-    }
-    plain, lossless = (
-        systems.simulate(
-            systems.lanes(systems.study(horizon=10.0, tail=1.0, engine="exact", **keys, **more), 16)
-        )
-        for more in ({}, {"channel": loss(1e-300)})
-    )
-    assert Status.disconnected in plain.status
-    assert plain.status.tolist() == lossless.status.tolist()
-    assert plain.switches.tolist() == lossless.switches.tolist()
-    for name, values in plain.metrics.items():
-        np.testing.assert_allclose(lossless.metrics[name], values, rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
@@ -88,18 +51,3 @@ def test_a_loss_that_cannot_be_simulated_is_refused(keys, message):
     """With the key that the user may change."""
     with pytest.raises(ConfigError, match=message):
         systems.study(channel=loss(0.1), **keys)
-
-
-def test_a_loss_that_draws_without_saying_so_is_told_what_is_missing():
-    """The key of the random numbers is drawn only for kinds whose `draws` returns True."""
-
-    class Silent(Loss):
-        kind = "silent"
-
-        def lost(self, messages, memory):
-            drawn = self.random(messages.time, "loss", "uniform", messages.present.shape[:-1])
-            return drawn < 0.5, memory
-
-    study = systems.study(channel={"loss": Silent()}, horizon=1.0, tail=0.5, **QUIET)
-    with pytest.raises(KindError, match=r"gives draws\(self\)"):
-        systems.simulate(systems.lanes(study, 1))
