@@ -63,9 +63,7 @@ class Kind(Record, metaclass=KindType):
 
     kind: ClassVar[str]
     words: ClassVar[str] = ""  # name in figures and tables; "" is `kind` without underscores
-    untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label"}
-    )  # fields that no method reads while lanes run
+    untraced: ClassVar[frozenset[str]] = frozenset({"label"})  # that no method reads in lanes
     off_at_zero: ClassVar[frozenset[str]] = frozenset()  # numbers that are None in lanes where 0
     claims: ClassVar[frozenset[str]] = frozenset()  # names of what theory takes on trust
     neutral: ClassVar[frozenset[str]] = frozenset(

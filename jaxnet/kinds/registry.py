@@ -77,9 +77,8 @@ class Scope:
 
 
 CURRENT_SCOPE: ContextVar[Scope | None] = ContextVar("scope", default=None)
-LOADED: dict[
-    FamilyName, list[Any]
-] = {}  # everything from outside that this process has found, latest last
+# Everything from outside that this process has found, latest last
+LOADED: dict[FamilyName, list[Any]] = {}
 METRIC_REFERENCES: dict[Any, str] = {}  # names by which metrics from outside were found
 
 
@@ -189,11 +188,8 @@ def kind_in_module(module: ModuleType, family: str, name: str) -> KindOrMetric |
     for found in vars(module).values():
         if isinstance(found, base) and getattr(found, "name", None) == name:
             return found
-        if (
-            isinstance(found, type)
-            and issubclass(found, base)
-            and found.__dict__.get("kind") == name
-        ):
+        member = isinstance(found, type) and issubclass(found, base)
+        if member and found.__dict__.get("kind") == name:
             return found
     return None
 
@@ -202,9 +198,8 @@ def text_in(data: object) -> Iterator[str]:
     """All text in plain data except the keys of mappings."""
     if isinstance(data, str):
         yield data
-    for inner in (
-        data.values() if isinstance(data, dict) else data if isinstance(data, list) else ()
-    ):
+    values = data.values() if isinstance(data, dict) else data if isinstance(data, list) else ()
+    for inner in values:
         yield from text_in(inner)
 
 

@@ -51,9 +51,8 @@ def theta_tag(value: object) -> str:
     return MARK + ("each" if each else "all")
 
 
-OF_ROUNDING = (
-    1e-9  # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
-)
+# [m, or as a score]; a greater tolerance leaves an error that is none of rounding
+OF_ROUNDING = 1e-9
 OF_ANNOUNCEMENTS = (
     "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what "
     "they carry (B1), no vehicle stands still and nobody is cut off; none against a liar that "
@@ -260,9 +259,8 @@ class TrustedTrim(Sparing):
             return [*reasons, Safe(why, inside, True, np.inf if delta else 0.0)]
         steps, factor = shrinks
         why += f", shrinking to {factor:.3g} in {count(steps, 'round')}"
-        most = (
-            steps / (1 - factor) + steps - 1
-        )  # M over δ, by corollary 1 with the factor for 1 - ω^D
+        # M over δ, by corollary 1 with the factor for 1 - ω^D
+        most = steps / (1 - factor) + steps - 1
         return [*reasons, Safe(why, inside, True, (2 * most + 1) * delta)]
 
     def describe(self, graph, attacked, trusted):

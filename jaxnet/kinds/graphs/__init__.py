@@ -32,9 +32,8 @@ from jaxnet.model.patterns import Neighbours
 from jaxnet.model.strength import RowStrength, WeightsAsTheyAre, WithOwnWeight
 from jaxnet.networks import GREATEST_EDGE_WEIGHT
 
-LEAST_WEIGHT = (
-    1e-15  # least relative weight of a link: below it 1 - w rounds to 1, and L is singular
-)
+# Least relative weight of a link: below it 1 - w rounds to 1, and L is singular
+LEAST_WEIGHT = 1e-15
 TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle
 
 GivenGraph = Any  # a Digraph, or weights (m, m + 1) as an array of NumPy or a sparse array of SciPy

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from jaxnet.kinds.protocols import FleetView
+from jaxnet.kinds.shapes import VehicleNumbers
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError
 
@@ -74,12 +75,8 @@ class Metric:
     undefined: Undefined = "error"
 
     def __post_init__(self) -> None:
-        allowed = {
-            "over": get_args(Over),
-            "time": get_args(OverTime),
-            "vehicles": get_args(Reduction),
-        }
-        allowed["undefined"] = get_args(Undefined)
+        allowed = {"over": get_args(Over), "time": get_args(OverTime)}
+        allowed |= {"vehicles": get_args(Reduction), "undefined": get_args(Undefined)}
         for field, known in allowed.items():
             if (given := getattr(self, field)) not in known:
                 raise KindError(
@@ -102,51 +99,29 @@ def restore_metric(origin: modules.Origin, name: str) -> Metric:
     return modules.attribute(modules.load_origin(origin), name)
 
 
+def errors_of(seen: FleetView) -> VehicleNumbers:
+    return seen.errors()
+
+
+def disagreements_of(seen: FleetView) -> VehicleNumbers:
+    return seen.disagreements()
+
+
+def absolute_speed(seen: FleetView) -> VehicleNumbers:
+    return abs(seen.speed)
+
+
+def absolute_turn_rate(seen: FleetView) -> VehicleNumbers:
+    return abs(seen.turn_rate)
+
+
 CONTRACT = (
+    Metric("tail_mean", "m", errors_of, "tail", "mean", "mean", "mean error of the fleet"),
+    Metric("tail_max", "m", errors_of, "tail", "max", "max", "greatest error of any vehicle"),
+    Metric("tail_disagreement", "m", disagreements_of, "tail", "mean", "mean", "mean disagreement"),
+    Metric("peak_error", "m", errors_of, "run", "max", "max", "greatest error at any time"),
+    Metric("min_speed", "m/s", absolute_speed, "run", "min", "min", "least speed"),
     Metric(
-        "tail_mean",
-        "m",
-        lambda seen: seen.errors(),
-        "tail",
-        "mean",
-        "mean",
-        "mean error of the fleet",
-    ),
-    Metric(
-        "tail_max",
-        "m",
-        lambda seen: seen.errors(),
-        "tail",
-        "max",
-        "max",
-        "greatest error of any vehicle",
-    ),
-    Metric(
-        "tail_disagreement",
-        "m",
-        lambda seen: seen.disagreements(),
-        "tail",
-        "mean",
-        "mean",
-        "mean disagreement",
-    ),
-    Metric(
-        "peak_error",
-        "m",
-        lambda seen: seen.errors(),
-        "run",
-        "max",
-        "max",
-        "greatest error at any time",
-    ),
-    Metric("min_speed", "m/s", lambda seen: abs(seen.speed), "run", "min", "min", "least speed"),
-    Metric(
-        "peak_turn_rate",
-        "rad/s",
-        lambda seen: abs(seen.turn_rate),
-        "run",
-        "max",
-        "max",
-        "greatest turn rate",
+        "peak_turn_rate", "rad/s", absolute_turn_rate, "run", "max", "max", "greatest turn rate"
     ),
 )

@@ -30,16 +30,10 @@ from jaxnet.model.plane import dot
 HEADING, SPEED = 2, 3
 MOST_ORDER = 4  # of vehicles
 
-GAUSS = math.sqrt(
-    0.15
-)  # distance of the outer of three Gauss–Legendre nodes on [0, 1] from the middle
-OUTPUT_PLACES = (
-    0.0,
-    0.5 - GAUSS,
-    0.5,
-    0.5 + GAUSS,
-    1.0,
-)  # shares of a step at which outputs are known
+# Distance of the outer of three Gauss–Legendre nodes on [0, 1] from the middle
+GAUSS = math.sqrt(0.15)
+# Shares of a step at which outputs are known
+OUTPUT_PLACES = (0.0, 0.5 - GAUSS, 0.5, 0.5 + GAUSS, 1.0)
 
 
 class Vehicle(Kind):
@@ -60,17 +54,14 @@ class Vehicle(Kind):
     neutral: ClassVar[frozenset[str]] = Kind.neutral.union(
         ("order", "singular", "states", "units", "inputs", "input_units", "start", "drift", "pace")
     )
-    flat: ClassVar[bool] = (
-        False  # whether `motion` with `inputs_for` gives the output any derivative asked
-    )
+    # Whether `motion` with `inputs_for` gives the output any derivative asked
+    flat: ClassVar[bool] = False
     order: ClassVar[int] = 3  # r, the number of integrators of an axis
-    singular: ClassVar[int] = (
-        1  # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
-    )
+    # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
+    singular: ClassVar[int] = 1
     internal: ClassVar[bool] = False  # whether the output's jets leave a part of the state open
-    states: ClassVar[
-        tuple[str, ...]
-    ]  # names; those of a wheeled robot begin with x, y, heading, speed
+    # Names; those of a wheeled robot begin with x, y, heading, speed
+    states: ClassVar[tuple[str, ...]]
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
