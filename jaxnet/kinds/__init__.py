@@ -8,4 +8,7 @@ kind of jaxnet by its file, a kind of an installed package by its entry point, a
 While lanes are simulated, arrays have the lanes as their last axis, and each number among the
 fields is an array: (lanes,) for a number of the lane, (m, lanes) for a number of each vehicle, (n,
 lanes) for a list of n numbers. `shapes` names the shapes.
+
+The base class of a family declares each method with its types and says what it returns. A method
+of a kind has the types of the one that it overrides, and a docstring where it adds a fact.
 """

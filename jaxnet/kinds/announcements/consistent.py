@@ -1,5 +1,3 @@
-"""The announcement that is consistent with what a link carries."""
-
 from jaxnet.kinds.announcements import Announcement
 
 

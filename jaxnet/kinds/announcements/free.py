@@ -1,5 +1,3 @@
-"""An arbitrary announcement: a turning vector."""
-
 from typing import Annotated
 
 from pydantic import Field

@@ -1,5 +1,3 @@
-"""The announcement of a link as if it were not attacked."""
-
 from jaxnet.kinds.announcements import Announcement
 
 

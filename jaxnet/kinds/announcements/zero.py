@@ -1,5 +1,3 @@
-"""The announcement 0."""
-
 from jaxnet.kinds.announcements import Announcement
 
 

@@ -1,5 +1,3 @@
-"""The constant attack."""
-
 import numpy as np
 from pydantic import Field
 

@@ -1,5 +1,3 @@
-"""The chirp: a rotating attack whose frequency changes."""
-
 from typing import Any
 
 import numpy as np

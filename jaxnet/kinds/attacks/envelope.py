@@ -1,5 +1,3 @@
-"""The envelope: another attack that starts, rises, and may stop."""
-
 import math
 from typing import Annotated
 

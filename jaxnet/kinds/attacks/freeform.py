@@ -1,5 +1,3 @@
-"""The freeform attack: any sum of a few harmonics, whose coefficients a search may choose."""
-
 import numpy as np
 from pydantic import Field
 

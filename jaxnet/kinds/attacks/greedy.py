@@ -1,5 +1,3 @@
-"""The greedy attack: at every tick the direction that increases the fleet's error most."""
-
 import numpy as np
 from pydantic import Field
 

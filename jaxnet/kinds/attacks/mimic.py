@@ -1,5 +1,3 @@
-"""The mimic: the greatest offset that listeners still believe."""
-
 from pydantic import Field
 
 from jaxnet.kinds.attacks import HeldOffset, unit_vectors

@@ -1,5 +1,3 @@
-"""The multisine: harmonics of one frequency with random phases and directions."""
-
 import numpy as np
 from pydantic import Field
 

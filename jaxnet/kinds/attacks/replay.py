@@ -1,5 +1,3 @@
-"""The replay: the navigator's path, delayed."""
-
 from typing import Any, Literal, NamedTuple
 
 import numpy as np

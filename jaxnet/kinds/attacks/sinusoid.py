@@ -1,5 +1,3 @@
-"""The sinusoidal attack: an oscillation along a line."""
-
 import numpy as np
 from pydantic import Field
 

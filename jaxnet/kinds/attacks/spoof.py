@@ -1,5 +1,3 @@
-"""The spoof: a constant in each received derivative."""
-
 import numpy as np
 from pydantic import Field
 

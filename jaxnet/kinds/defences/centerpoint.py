@@ -1,5 +1,3 @@
-"""The centerpoint: a mean of the received positions that lies among the honest ones."""
-
 from jaxnet.kinds.defences import Sparing
 
 

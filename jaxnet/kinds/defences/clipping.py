@@ -1,5 +1,3 @@
-"""Clipping: no source pulls farther than a radius."""
-
 from pydantic import Field
 
 from jaxnet.kinds.defences import Sparing

@@ -1,5 +1,3 @@
-"""The weighted median of the received positions, axis by axis."""
-
 from jaxnet.kinds.defences import Sparing
 from jaxnet.model import ties
 

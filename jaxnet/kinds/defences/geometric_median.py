@@ -1,5 +1,3 @@
-"""The geometric median of the received positions."""
-
 from typing import Any
 
 from pydantic import Field

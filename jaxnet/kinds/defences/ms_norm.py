@@ -1,5 +1,3 @@
-"""The mean-subsequence rule with distances in the plane."""
-
 from pydantic import Field
 
 from jaxnet.kinds.defences import Sparing

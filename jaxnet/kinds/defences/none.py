@@ -1,5 +1,3 @@
-"""No defence: every source is believed."""
-
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.model.retained import everybody
 

@@ -1,5 +1,3 @@
-"""Trust that sources earn over time."""
-
 from typing import Annotated, Literal
 
 import numpy as np

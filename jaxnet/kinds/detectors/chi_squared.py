@@ -1,5 +1,3 @@
-"""The χ² test of each word."""
-
 from typing import Annotated
 
 from pydantic import Field

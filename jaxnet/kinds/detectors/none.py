@@ -1,5 +1,3 @@
-"""No detector."""
-
 from jaxnet.kinds.detectors import Detector
 
 

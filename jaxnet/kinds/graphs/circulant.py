@@ -1,5 +1,3 @@
-"""Circulant graphs."""
-
 from typing import Annotated
 
 from annotated_types import Len

@@ -1,5 +1,3 @@
-"""The complete graph."""
-
 import numpy as np
 
 from jaxnet.kinds.graphs import Unweighted

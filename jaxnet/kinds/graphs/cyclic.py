@@ -1,5 +1,3 @@
-"""The ring."""
-
 from jaxnet.kinds.graphs import Unweighted
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns

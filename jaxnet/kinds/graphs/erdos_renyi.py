@@ -1,5 +1,3 @@
-"""Erdős–Rényi digraphs."""
-
 import numpy as np
 from pydantic import Field
 

@@ -1,5 +1,3 @@
-"""The network of the paper's Fig. 1."""
-
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import graph

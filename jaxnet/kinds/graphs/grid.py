@@ -1,5 +1,3 @@
-"""The grid."""
-
 from pydantic import Field
 
 from jaxnet.kinds.graphs import Unweighted

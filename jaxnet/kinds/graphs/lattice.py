@@ -1,5 +1,3 @@
-"""The ring lattice."""
-
 from typing import Annotated
 
 from pydantic import Field

@@ -1,5 +1,3 @@
-"""The path."""
-
 import numpy as np
 
 from jaxnet.kinds.graphs import Graph

@@ -1,5 +1,3 @@
-"""Random regular graphs."""
-
 from pydantic import Field
 
 from jaxnet.kinds.graphs import Random, too_many

@@ -1,5 +1,3 @@
-"""Small-world graphs of Watts and Strogatz."""
-
 from pydantic import Field
 
 from jaxnet.kinds.graphs import Random, too_many

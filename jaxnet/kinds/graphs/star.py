@@ -1,5 +1,3 @@
-"""The star."""
-
 import numpy as np
 
 from jaxnet.kinds.graphs import Graph

@@ -1,5 +1,3 @@
-"""Networks that take turns."""
-
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 

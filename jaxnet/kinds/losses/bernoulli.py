@@ -1,5 +1,3 @@
-"""Independent loss of messages."""
-
 from typing import Annotated
 
 from pydantic import Field

@@ -1,5 +1,3 @@
-"""Loss in intervals of time, in which a jammer disturbs the channel."""
-
 from typing import Annotated, NamedTuple
 
 from annotated_types import Len

@@ -1,5 +1,3 @@
-"""A channel that loses no message at all."""
-
 from jaxnet.kinds.losses import Loss
 
 

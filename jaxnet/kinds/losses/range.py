@@ -1,5 +1,3 @@
-"""Loss by distance: a vehicle hears only those that are near."""
-
 from typing import Annotated
 
 from pydantic import Field

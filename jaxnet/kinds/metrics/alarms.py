@@ -1,5 +1,3 @@
-"""The share of alarms about words on attacked links."""
-
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers

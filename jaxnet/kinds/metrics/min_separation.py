@@ -1,5 +1,3 @@
-"""The least distance between two vehicles."""
-
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers

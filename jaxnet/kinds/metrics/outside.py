@@ -1,5 +1,3 @@
-"""How far vehicles that are not attacked leave the convex hull of their starts."""
-
 import math
 
 import numpy as np

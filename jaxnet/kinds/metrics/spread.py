@@ -1,5 +1,3 @@
-"""The greatest distance between two vehicles that are not attacked."""
-
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers

@@ -1,5 +1,3 @@
-"""A navigator that is a robot itself, with a given speed and turn rate."""
-
 import functools
 import math
 from typing import Annotated, Any

@@ -1,5 +1,3 @@
-"""The Lissajous navigator."""
-
 import functools
 
 import numpy as np

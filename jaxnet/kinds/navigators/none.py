@@ -1,5 +1,3 @@
-"""No navigator: vehicles agree with one another alone."""
-
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators import Navigator
 

@@ -1,5 +1,3 @@
-"""Gaussian noise on links."""
-
 from typing import ClassVar, Literal
 
 from pydantic import Field

@@ -1,5 +1,3 @@
-"""Gaussian noise in what vehicles sense of themselves."""
-
 from typing import Annotated
 
 from pydantic import Field

@@ -1,5 +1,3 @@
-"""The double integrator, a point with velocity and a force on it."""
-
 from jaxnet.kinds.vehicles import Integrators
 from jaxnet.model.circle import circle
 from jaxnet.model.plane import length

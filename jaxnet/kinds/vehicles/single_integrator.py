@@ -1,5 +1,3 @@
-"""The single integrator, the agent of most studies of consensus."""
-
 from jaxnet.kinds.vehicles import Integrators
 from jaxnet.model.plane import length
 
