@@ -1,7 +1,6 @@
 """Attacks that are sums of harmonics of one frequency, with a certified bound on the sum."""
 
-from collections.abc import Iterator
-from typing import TypeVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -9,14 +8,10 @@ from pydantic import Field
 from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.fields import PositivePerVehicle, Table, value_range
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model.signal import Harmonic
 
 FINENESS = 32  # points of the grid in a period of the highest harmonic
 SIGNALS = 1_024  # signals in one batch of Fourier transforms
-
-
-AnyHarmonics = TypeVar("AnyHarmonics", bound="Harmonics")
 
 
 class Harmonics(Attack):
@@ -29,6 +24,7 @@ class Harmonics(Attack):
     """
 
     highest = 4
+    numbers: ClassVar[tuple[tuple[str, int], ...]] = ()  # of each harmonic, by key
 
     frequency: PositivePerVehicle = Field(default=0.35, description="[rad/s], the lowest")
     harmonics: int = Field(default=4, ge=1, le=100, description="how many")
@@ -37,24 +33,23 @@ class Harmonics(Attack):
         """Vectors of cosine and sine of harmonics, of any size: (2, m, 2 · harmonics, lanes)."""
         raise KindError(f"{self.kind}: a sum of harmonics gives pairs(self)")
 
-    def with_several(self: AnyHarmonics, draw: LaneDraw, name: str, **numbers: int) -> AnyHarmonics:
-        """The drawn attack with `numbers[key]` numbers a harmonic: (numbers, m, lanes)."""
-        others = self.model_copy(update=dict.fromkeys(numbers))
-        values = dict(vars(Attack.drawn(others, draw, name)))
-        for key, number in numbers.items():
+    def drawn(self, draw, name):
+        """The attack with `numbers[key]` numbers of each harmonic in a key: (numbers, m, lanes)."""
+        others = self.model_copy(update=dict.fromkeys(dict(self.numbers)))
+        values = dict(vars(super(Harmonics, others).drawn(draw, name)))
+        for key, number in self.numbers:
             values[key] = draw.each(getattr(self, key), f"{name}.{key}", number * self.harmonics).T
         return self.filled(values)
 
-    def tables(self, scenario: ScenarioView, **numbers: int) -> Iterator[Fault]:
-        for key, number in numbers.items():
-            table = getattr(self, key)
-            wanted = len(self.targets()), number * self.harmonics
-            if isinstance(table, Table) and {(len(table.root), len(row)) for row in table.root} != {
-                wanted
-            }:
-                each = f"{wanted[0]} lists, one for each of attack.vehicles"
-                message = f"must be {each}, of {wanted[1]} numbers"
-                yield Fault((f"attack.{key}", "attack"), message)
+    def faults(self, scenario):
+        yield from super().faults(scenario)
+        vehicles = len(self.targets())
+        for key, number in self.numbers:
+            table, wanted = getattr(self, key), number * self.harmonics
+            rows = table.root if isinstance(table, Table) else None
+            if rows and (len(rows) != vehicles or any(len(row) != wanted for row in rows)):
+                each = f"{vehicles} lists, one for each of attack.vehicles"
+                yield Fault((f"attack.{key}", "attack"), f"must be {each}, of {wanted} numbers")
 
     def fastest(self):
         return self.harmonics * value_range(self.frequency)[1]

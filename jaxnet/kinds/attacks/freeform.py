@@ -13,6 +13,7 @@ class Freeform(Harmonics):
     """
 
     kind = "freeform"
+    numbers = (("coefficients", 4),)
 
     coefficients: Several = Field(
         default=Uniform(uniform=[-1.0, 1.0]),
@@ -20,14 +21,7 @@ class Freeform(Harmonics):
         "their size counts for nothing",
     )
 
-    def drawn(self, draw, name):
-        return self.with_several(draw, name, coefficients=4)
-
     def pairs(self):
         """The coefficients as vectors, (2, m, 2 · harmonics, lanes)."""
         given = np.asarray(self.coefficients)  # (4 · harmonics, m, lanes)
         return given.reshape(-1, 2, *given.shape[1:]).transpose(1, 2, 0, 3)
-
-    def faults(self, scenario):
-        yield from super().faults(scenario)
-        yield from self.tables(scenario, coefficients=4)

@@ -10,14 +10,12 @@ class Multisine(Harmonics):
     """`Σ_l u(direction_l) cos(l · frequency · t + phase_l)`, l = 1 … harmonics, scaled to ā."""
 
     kind = "multisine"
+    numbers = (("phase", 1), ("direction", 1))
 
     phase: Several = Field(
         default=FULL_TURN, description="[rad], of each harmonic of each attacker"
     )
     direction: Several = Field(default=FULL_TURN, description="[rad], likewise")
-
-    def drawn(self, draw, name):
-        return self.with_several(draw, name, phase=1, direction=1)
 
     def pairs(self):
         """The vectors of cosine and sine by the addition theorem."""
@@ -26,7 +24,3 @@ class Multisine(Harmonics):
             [unit * np.cos(phase), -unit * np.sin(phase)], axis=2
         )  # (2, n, 2, m, lanes)
         return np.moveaxis(pairs.reshape(2, -1, *pairs.shape[3:]), 1, 2)
-
-    def faults(self, scenario):
-        yield from super().faults(scenario)
-        yield from self.tables(scenario, phase=1, direction=1)
