@@ -1,11 +1,12 @@
 """Modules that Python imports at the first use of a name from them, so that a command starts at once.
 
-A type checker reads the plain import under `TYPE_CHECKING`, which stands beside each stand-in.
+`jax` and `jnp` stand here for all rooms that are loaded without JAX. A type checker reads the plain import
+under `TYPE_CHECKING`, which stands beside each stand-in.
 """
 
 from importlib import import_module
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 
 class LazyModule(ModuleType):
@@ -14,3 +15,10 @@ class LazyModule(ModuleType):
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the module."""
         return getattr(import_module(self.__name__), name)
+
+
+if TYPE_CHECKING:
+    import jax as jax
+    import jax.numpy as jnp
+else:
+    jax, jnp = LazyModule("jax"), LazyModule("jax.numpy")

@@ -100,6 +100,7 @@ def all_in(folder, *commands):
     ).stdout
 
 
+@pytest.mark.long
 def test_a_stranger_s_kinds_work_end_to_end(folder):
     """check, a run that is killed and resumed on two workers, the nonlinear engine, fit, replay, the page."""
     words = ["run", "study.yaml", "samples=400"]
@@ -142,33 +143,17 @@ def test_a_stranger_s_kinds_work_end_to_end(folder):
     assert page.write_page(jaxnet.open(folder / "results" / "study")).stat().st_size > 1e6
 
 
+@pytest.mark.long
 def test_the_page_s_script_runs(folder):
     """Objects handed over in Python."""
     done = subprocess.run(
-        [sys.executable, "script.py"],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
+        [sys.executable, "script.py"], cwd=folder, env=environment(), capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     assert "peak_speed" in done.stdout
     assert done.stdout.endswith("[1.0, 2.0]\n[8, 2]\n"), (
         "the vehicle and the networks of the page's end"
     )
-
-
-def test_a_folder_never_mixes_two_versions_of_a_module(folder):
-    """Changed between two runs: refused, told why; as it was again: taken up."""
-    small = ("run", "study.yaml", "samples=2", "horizon=2.0", "tail=1.0", "sweep={}")
-    jaxnet_in(folder, *small)
-    text = (folder / "my_kinds.py").read_text()
-    (folder / "my_kinds.py").write_text(text.replace("1j", "2j"))
-    refused = jaxnet_in(folder, *small, check=False)
-    assert refused.returncode == 2
-    assert "my_kinds was changed since its rows were made" in refused.stderr
-    (folder / "my_kinds.py").write_text(text)
-    assert jaxnet_in(folder, *small).returncode == 0
 
 
 CELL = """
@@ -219,42 +204,6 @@ def test_a_class_that_a_notebook_changes_is_another_one(change, monkeypatch):
 def test_what_else_a_notebook_holds_changes_no_class(change, monkeypatch):
     """Where a class stands, and its neighbours."""
     assert made_of(CELL.replace(*change), monkeypatch) == made_of(CELL, monkeypatch)
-
-
-SHELL = """
-import jaxnet
-from jaxnet.kinds.defences import Defence
-class Mine(Defence):
-    def decide(self, own, received, last, memory, around):
-        return last | True, memory
-keys = {"vehicles": 3, "horizon": 1.0, "tail": 0.5, "samples": 2, "engine": "exact"}
-keys["attack"] = {"vehicles": [1]}
-first = jaxnet.run({**keys, "defence": Mine()}, out="out").lanes.status.tolist()
-print(first == jaxnet.open("out").lanes.status.tolist() == ["ok"] * 2)
-class Mine(Defence):
-    def decide(self, own, received, last, memory, around):
-        return last & False, memory
-try:
-    jaxnet.run({**keys, "defence": Mine()}, out="out")
-except jaxnet.FolderError as error:
-    print(error)
-"""
-
-
-def test_a_class_typed_into_a_shell_is_told_from_what_it_was(tmp_path):
-    """A folder is not taken up by another class of the same name."""
-    done = subprocess.run(
-        [sys.executable],
-        input=SHELL,
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        timeout=120,
-        check=True,
-    )
-    right, changed = done.stdout.splitlines()
-    assert right == "True"
-    assert changed.startswith("out holds another study: __main__ was changed since")
 
 
 def test_what_is_typed_into_a_shell_is_not_given_to_workers():
@@ -649,15 +598,18 @@ def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
     assert lanes.loc[lanes["status"] != "ok", "tail_mean"].isna().all()
 
 
-def test_a_strangers_loss_decides_which_messages_arrive(folder):
+def test_a_strangers_loss_decides_which_messages_arrive(folder, monkeypatch):
     """Within 1,000 km everybody hears everybody, within 1 mm nobody hears anybody."""
-    keys = ["engine=exact", "samples=2", "sweep={channel.loss.radius: [1.0e+6, 1.0e-3]}"]
-    loss = "channel={loss: {kind: 'my_losses:Range'}}"
-    jaxnet_in(folder, "run", "study.yaml", loss, *keys, "--out", "found")
-    found = jaxnet.open(folder / "found")
-    config, counts = found.study.config, found.lanes.groupby("channel.loss.radius")["unheard"]
-    pairs = config.vehicles * (round(config.horizon / config.tick) + 1)
-    assert counts.unique().map(list).tolist() == [[pairs], [0]]
+    monkeypatch.syspath_prepend(folder)
+    keys = {"vehicles": 4, "horizon": 1.0, "tail": 0.5, "attack": "none", "engine": "exact"}
+    keys |= {"channel": {"loss": "my_losses:Range"}, "topology": "complete"}
+    keys |= {
+        "sweep": {"channel.loss": [{"kind": "my_losses:Range", "radius": r} for r in (1e6, 1e-3)]}
+    }
+    found = jaxnet.simulate(keys, samples=2, progress=False)
+    config, counts = found.study.config, found.lanes.groupby("cell")["unheard"]
+    ticks = round(config.horizon / config.tick) + 1
+    assert counts.unique().map(list).tolist() == [[0], [4 * ticks]]
 
 
 def test_a_strangers_detector_counts_alarms(folder, monkeypatch):
@@ -672,6 +624,7 @@ def test_a_strangers_detector_counts_alarms(folder, monkeypatch):
     assert lanes["alarms"].isna().all()
 
 
+@pytest.mark.long
 def test_a_strangers_weights_are_the_ones_in_force(folder, monkeypatch):
     """Errors settle where the system with weights `1/n` of the n retained sources puts them."""
     monkeypatch.syspath_prepend(folder)
@@ -694,6 +647,7 @@ def test_a_strangers_weights_are_the_ones_in_force(folder, monkeypatch):
     )
 
 
+@pytest.mark.long
 def test_kinds_of_installed_packages_and_of_the_script_itself(tmp_path):
     """By an entry point's name, and as a class of `__main__` that a script hands over."""
     module, *_ = blocks()

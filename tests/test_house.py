@@ -162,8 +162,6 @@ def test_paper_config_is_the_designs_example():
 SHARED = {
     "jaxnet.kinds.kind",
     "jaxnet.kinds.registry",
-    "jaxnet.kinds.family",
-    "jaxnet.kinds.pytree",
 }
 HOMES = {family: found.package for family, found in FAMILIES.items()}
 

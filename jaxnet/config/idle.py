@@ -11,7 +11,7 @@ from jaxnet.config.scenario import links_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import usual_targets
 from jaxnet.kinds.fields import is_drawn, value_range
-from jaxnet.kinds.noise import HIGHEST, JET_ORDERS, ErrorsAtTicks
+from jaxnet.kinds.ticks import HIGHEST, JET_ORDERS, ErrorsAtTicks
 from jaxnet.model.wording import ranges
 
 DEFAULTS = Scenario()
@@ -75,7 +75,7 @@ RULES = (
     IdleRule(("defence.first_announcement",), lambda s: not s.defence.announcing(), ANNOUNCED),
     IdleRule(
         ("defence.isolated",),
-        lambda s: s.law.local,
+        lambda s: not s.law.couples(),
         "under a local law no vehicle has a drive to keep",
     ),
     IdleRule(

@@ -28,7 +28,6 @@ from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.kinds.detectors import Detector
 from jaxnet.kinds.detectors.none import NoDetector
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import (
     MARK,
     PI,
@@ -58,6 +57,7 @@ from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.navigators.lissajous import Lissajous
 from jaxnet.kinds.noises import ChannelNoise
 from jaxnet.kinds.noises.gaussian import GaussianNoise
+from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.sensors import Sensor
 from jaxnet.kinds.sensors.gaussian import Gaussian
 from jaxnet.kinds.vehicles import Vehicle

@@ -16,8 +16,8 @@ from pydantic.fields import FieldInfo
 from jaxnet.config import wording
 from jaxnet.config.keys import INNER_KINDS, KINDS, Scenario
 from jaxnet.kinds import registry
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.registry import KindOf
 from jaxnet.model.wording import orders_in_words, sets_in_words
 from jaxnet.outside.families import base_of
 

@@ -66,7 +66,7 @@ def definitions(kind: type[Kind], name: str, default: str) -> JsonSchema:
 
 
 def referring(part: Plain) -> Plain:
-    """Return a schema in which each key that takes a kind refers to the family (`kinds.family.KindOf`)."""
+    """Return a schema in which each key that takes a kind refers to the family (`kinds.registry.KindOf`)."""
     if isinstance(part, list):
         return [referring(each) for each in part]
     if not isinstance(part, dict):

@@ -9,13 +9,13 @@ from pydantic_core import ErrorDetails
 from jaxnet.config.document import Plain, dotted_key
 from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import MARK
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.refusals import shorten_value as shorten_value
 from jaxnet.kinds.refusals import suggestion as suggestion
 from jaxnet.kinds.refusals import value_message
 from jaxnet.kinds.refusals import value_text as value_text
+from jaxnet.kinds.registry import KindOf
 
 RENAMED_KEYS = {"attack.channel": "links"}
 

@@ -1,7 +1,8 @@
-"""What methods of kinds from outside return, held against the annotations of the methods that they override.
+"""What methods of kinds from outside return, held against the annotations of the methods that they
+override.
 
-The annotations name the axes of arrays (`kinds.shapes`). Arguments tell the sizes of the axes. JAX traces a
-program before it compiles it, so a wrong shape or type is found before anything compiles.
+The annotations name the axes of arrays (`kinds.shapes`). Arguments tell the sizes of the axes. JAX
+traces a program before it compiles it, so a wrong shape or type is found before anything compiles.
 """
 
 import functools
@@ -26,7 +27,7 @@ hints_of = functools.cache(functools.partial(typing.get_type_hints, include_extr
 
 
 def hold(cls: type) -> None:
-    """Make the methods of a class from outside raise KindError where they break the contract of jaxnet's."""
+    """Make methods of a class from outside raise KindError where they break jaxnet's contract."""
     ours = [vars(each) for each in reversed(cls.__mro__) if each.__module__.startswith("jaxnet.")]
     for name, given in list(vars(cls).items()):
         base = next((each[name] for each in ours if name in each), None)
@@ -35,7 +36,7 @@ def hold(cls: type) -> None:
 
 
 def held(name: str, given: Callable[..., Any], base: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a method that checks its arguments' number and its result; `base` has the annotations."""
+    """A method that checks its arguments' number and its result; `base` has the annotations."""
     taken, asked = inspect.signature(given), inspect.signature(base)
 
     @functools.wraps(given)
@@ -73,7 +74,7 @@ def learn(hint: Any, value: Any, sizes: AxisSizes) -> None:
 
 
 def match(axes: list[str], shape: tuple[int, ...], sizes: AxisSizes) -> bool:
-    """Return whether a shape has these axes; add the sizes of axes that are not known."""
+    """Whether a shape has these axes; add the sizes of axes that are not known."""
     many = next((place for place, axis in enumerate(axes) if axis.startswith(("*", "..."))), None)
     if many is not None:
         end = len(shape) - len(axes) + 1 + many
@@ -84,7 +85,7 @@ def match(axes: list[str], shape: tuple[int, ...], sizes: AxisSizes) -> bool:
 
 
 def agrees(axis: str, size: Any, sizes: AxisSizes) -> bool:
-    """Return whether an axis has the size that its name stands for; add the size if it is not known."""
+    """Whether an axis has the size that its name stands for; add the size if it is not known."""
     if axis.isdigit():
         return size == int(axis)
     return axis in ("_", "...") or sizes.setdefault(axis.strip("*"), size) == size
@@ -93,7 +94,8 @@ def agrees(axis: str, size: Any, sizes: AxisSizes) -> bool:
 def misfit(
     hint: Any, value: Any, sizes: AxisSizes, known: dict[str, Any], hints: dict[str, Any]
 ) -> Misfit | None:
-    """Return the part of a result that does not fit its annotation, and what is expected; None if all fits.
+    """The part of a result that does not fit its annotation, and what is expected; None if all
+    fits.
 
     `known` are the arguments, with the annotations `hints`.
     """
@@ -111,9 +113,10 @@ def misfit(
         return (
             None if value is None and type(None) in parts else None if None in found else found[0]
         )
-    if typing.get_origin(hint) is not tuple:
+    any_length = parts[1:] == (...,)
+    if typing.get_origin(hint) is not tuple or (any_length and not hasattr(parts[0], "dim_str")):
         return None
-    if parts[1:] == (...,):
+    if any_length:
         like = next((known[name] for name in known if hints.get(name) == hint), None)
         parts = parts[:1] * (getattr(known["self"], "order", 3) if like is None else len(like))
     if not hasattr(value, "__len__") or len(value) != len(parts):
@@ -123,7 +126,7 @@ def misfit(
 
 
 def array_misfit(hint: Any, value: Any, sizes: AxisSizes) -> Misfit | None:
-    """Return an array of a wrong shape or type, and what is expected."""
+    """An array of a wrong shape or type, and what is expected."""
     axes = hint.dim_str.split()
     wanted = next((each for each in NUMBERS if each in str(hint.dtypes)), "")
     before = dict(sizes)
@@ -134,14 +137,14 @@ def array_misfit(hint: Any, value: Any, sizes: AxisSizes) -> Misfit | None:
 
 
 def told(axis: str, sizes: AxisSizes) -> str:
-    """Return an axis by its name and size, "slots = 3"; of a size not known, by its name."""
+    """An axis by its name and size, "slots = 3"; of a size not known, by its name."""
     size = sizes.get(axis, axis)
     size = " × ".join(map(str, size)) if isinstance(size, tuple) else size
     return axis if size == axis else f"{axis} = {size}"
 
 
 def holds_numbers(value: Any, wanted: str) -> bool:
-    """Return whether an array holds numbers of a type; NumPy's whole numbers count as real ones."""
+    """Whether an array holds numbers of a type; NumPy's whole numbers count as real ones."""
     if wanted == "float64" and not isinstance(value, np.ndarray | np.generic):
         return value.dtype == wanted
     return value.dtype.kind in {"bool": "b", "int64": "iu", "float64": "fiu"}.get(
@@ -150,7 +153,7 @@ def holds_numbers(value: Any, wanted: str) -> bool:
 
 
 def memory_misfit(value: Any, sizes: AxisSizes, known: dict[str, Any]) -> Misfit | None:
-    """Return a memory that is not as the last one, or a first one without lanes, and what is expected."""
+    """A memory that is not as the last one, or a first one without lanes, and what is expected."""
     import jax
 
     leaves, structure = jax.tree.flatten(value)
@@ -164,12 +167,11 @@ def memory_misfit(value: Any, sizes: AxisSizes, known: dict[str, Any]) -> Misfit
 
 
 def like(one: Any, other: Any) -> bool:
-    """Return whether two arrays have the same shape and type."""
     return np.shape(one) == np.shape(other) and np.result_type(one) == np.result_type(other)
 
 
 def described(value: Any) -> str:
-    """Return types and shapes of arrays, also inside tuples; anything else as Python shows it."""
+    """Types and shapes of arrays, also inside tuples; anything else as Python shows it."""
     if hasattr(value, "dtype"):
         return f"{value.dtype} {value.shape}"
     if isinstance(value, tuple | list):

@@ -1,8 +1,9 @@
 """Types of keys: numbers with limits, and the distributions from which numbers are drawn."""
 
+import functools
 import operator
 import statistics
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -24,13 +25,14 @@ from pydantic_core import core_schema
 
 PI = 3.141592653589793
 
-# First character of the tags that identify members of a union. No key of a user has it. pydantic puts tags
-# into the location of an error, and `config.cells.keys_of` removes them.
+# First character of the tags that identify members of a union. No key of a user has it. pydantic
+# puts tags into the location of an error, and `config.cells.keys_of` removes them.
 MARK = "\0"
+
+STRICT = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
 def union_member(name: str) -> Tag:
-    """Return the tag of one member of a union."""
     return Tag(MARK + name)
 
 
@@ -41,21 +43,18 @@ class Record(BaseModel):
 
 
 def ordered(bounds: list[float]) -> list[float]:
-    """Return the bounds; raise ValueError if the first is above the second."""
     if bounds[0] > bounds[1]:
         raise ValueError("the lower bound stands first")
     return bounds
 
 
 def equally_long(lists: list[list[float]]) -> list[list[float]]:
-    """Return the lists; raise ValueError unless they have the same length."""
     if len({len(each) for each in lists}) > 1:
         raise ValueError("each list must have as many numbers as the other lists")
     return lists
 
 
 def not_negative(moments: list[float]) -> list[float]:
-    """Return mean and standard deviation; raise ValueError if the standard deviation is negative."""
     if moments[1] < 0:
         raise ValueError("a standard deviation is not negative")
     return moments
@@ -79,46 +78,58 @@ class DiscreteChoice(Record):
     choice: Annotated[list[float], Len(1)]
 
 
-DISTRIBUTIONS = ("uniform", "normal", "choice")
+DISTRIBUTIONS = {"uniform": Uniform, "normal": Normal, "choice": DiscreteChoice}
 
 
 def names_distribution(value: object) -> bool:
-    """Return whether a value is a mapping with the name of a distribution."""
-    return isinstance(value, dict) and any(name in value for name in DISTRIBUTIONS)
+    return isinstance(value, dict) and not DISTRIBUTIONS.keys().isdisjoint(value)
 
 
 def number_tag(value: object) -> str | None:
-    """Return the tag of a number or distribution, None if a value is neither."""
+    """The tag of a number or distribution, None if a value is neither."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if not isinstance(value, dict):
         return MARK + "number"
-    names = list(value)
-    return MARK + names[0] if len(names) == 1 and names[0] in DISTRIBUTIONS else None
+    name, *others = value or [None]
+    return MARK + name if name in DISTRIBUTIONS and not others else None
 
 
-A_NUMBER = "must be a number, {uniform: [a, b]}, {normal: [mean, sd]} or {choice: [...]}"
+def numbers_tag(value: object) -> str | None:
+    """The tag of a list, of a number with its scope, or of one number or distribution."""
+    if isinstance(value, list):
+        return MARK + "root"
+    if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
+        return MARK + next(iter(value))
+    return number_tag(value)
 
-if TYPE_CHECKING:
-    Number = Any  # a number or a distribution in a config; arrays while lanes are simulated
-else:
-    Members = (
-        Annotated[float, union_member("number")]
-        | Annotated[Uniform, union_member("uniform")]
-        | Annotated[Normal, union_member("normal")]
-        | Annotated[DiscreteChoice, union_member("choice")]
-    )
-    Number = Annotated[
-        Members,
-        Discriminator(number_tag, custom_error_type="distribution", custom_error_message=A_NUMBER),
+
+def one_form_of(
+    tag: Callable[[object], str | None], message: str | None = None, **members: object
+) -> Any:
+    """A union of types by tag; with the message, an error for a value that has none of the tags."""
+    tagged = (Annotated[member, union_member(name)] for name, member in members.items())
+    union = functools.reduce(operator.or_, tagged)
+    kind = "distribution" if message else None
+    return Annotated[
+        union, Discriminator(tag, custom_error_type=kind, custom_error_message=message)
     ]
 
 
+A_NUMBER = "must be a number, {uniform: [a, b]}, {normal: [mean, sd]} or {choice: [...]}"
+ONE_NUMBER = {"number": float, **DISTRIBUTIONS}
+
+# Arrays while lanes are simulated, which a type checker cannot tell from what a config gives.
 if TYPE_CHECKING:
-    Magnitude = (
-        Any  # ā: a number or a distribution in a config; numbers of lanes while they are simulated
-    )
+    Number = Any  # a number or a distribution
+    Magnitude = Any  # ā
+    Magnitudes = Any  # one magnitude for all orders of the received derivatives, or one for each
+    Several = Any  # several numbers for each attacked vehicle
+    Positions = Any  # a number for all coordinates of all vehicles, or a position of each
+    PerVehicle = Any  # one number for all attacked vehicles, or one for each
+    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
 else:
+    Number = one_form_of(number_tag, A_NUMBER, **ONE_NUMBER)
     Magnitude = Number | np.ndarray
 
 
@@ -137,35 +148,16 @@ class Shared(Record):
 class Listed(RootModel[Annotated[list[Number], Len(1)]]):
     """One number for each attacked vehicle, in the order of `attack.vehicles`."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    model_config = STRICT
 
 
 class EachOrder(RootModel[Annotated[list[float], Len(1)]]):
     """One magnitude for each order of the received derivatives, lowest first."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
-
-
-def magnitudes_tag(value: object) -> str | None:
-    """Return the tag of magnitudes: one of each order, or one of all orders."""
-    return MARK + "root" if isinstance(value, list | EachOrder) else number_tag(value)
-
-
-if TYPE_CHECKING:
-    Magnitudes = Any  # one magnitude for all orders of the received derivatives, or one for each
-else:
-    Magnitudes = Annotated[
-        Members | Annotated[EachOrder, union_member("root")],
-        Discriminator(
-            magnitudes_tag,
-            custom_error_type="distribution",
-            custom_error_message=f"{A_NUMBER}, or a list with one number for each order",
-        ),
-    ]
+    model_config = STRICT
 
 
 def as_rows(given: list[object]) -> list[object]:
-    """Return a list of lists; a number becomes a list of one number."""
     return [[each] if isinstance(each, float | int) else each for each in given]
 
 
@@ -173,37 +165,16 @@ Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(a
 
 
 class Table(RootModel[Rows]):
-    """Several numbers for each attacked vehicle, one list for each in the order of `attack.vehicles`."""
+    """Several numbers for each attacked vehicle, one list for each in the order of
+    `attack.vehicles`.
+    """
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
-
-
-def table_tag(value: object) -> str | None:
-    """Return the tag of a table, or of the one distribution of all its numbers."""
-    return MARK + "table" if isinstance(value, list | Table) else number_tag(value)
-
-
-if TYPE_CHECKING:
-    Several = Any  # several numbers for each attacked vehicle
-else:
-    Several = Annotated[
-        Members | Annotated[Table, union_member("table")],
-        Discriminator(
-            table_tag,
-            custom_error_type="distribution",
-            custom_error_message=f"{A_NUMBER}, or a list of lists, one for each attacked vehicle",
-        ),
-    ]
+    model_config = STRICT
 
 
 def as_places(given: list[object]) -> list[object]:
-    """Return a list of pairs; a number or distribution is a first coordinate, beside 0."""
+    """Pairs of coordinates; a number or distribution is a first coordinate, beside 0."""
     return [each if isinstance(each, list | tuple) else [each, 0.0] for each in given]
-
-
-def positions_tag(value: object) -> str | None:
-    """Return the tag of positions: a list, or one distribution of all coordinates."""
-    return MARK + "root" if isinstance(value, list | EachPosition) else number_tag(value)
 
 
 PlacePairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeValidator(as_places)]
@@ -212,66 +183,47 @@ PlacePairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeV
 class EachPosition(RootModel[PlacePairs]):
     """The position of each vehicle, in the order of their numbers: [x, y], or x alone on a line."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    model_config = STRICT
 
 
-if TYPE_CHECKING:
-    Positions = Any  # a number for all coordinates of all vehicles, or a position of each
-else:
-    Positions = Annotated[
-        Members | Annotated[EachPosition, union_member("root")],
-        Discriminator(
-            positions_tag,
-            custom_error_type="distribution",
-            custom_error_message=f"{A_NUMBER}, or a list with x or [x, y] of each vehicle",
-        ),
-    ]
+GainLists = Annotated[list[Annotated[list[float], Len(1, 4)]], AfterValidator(equally_long)]
+AxisPairs = Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]
 
 
-class AxisGains(
-    RootModel[
-        Annotated[list[Annotated[list[float], Len(1, 4)]], Len(2, 2), AfterValidator(equally_long)]
-    ]
-):
+class AxisGains(RootModel[Annotated[GainLists, Len(2, 2)]]):
     """Gains of each axis: two lists with a number for each order."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    model_config = STRICT
 
     def matrices(self) -> np.ndarray:
-        """Return the diagonal matrix of each order, (r, 2, 2)."""
+        """The diagonal matrix of each order, (r, 2, 2)."""
         return np.array(self.root).T[:, :, None] * np.eye(2)
 
 
-class MatrixGains(
-    RootModel[
-        Annotated[list[Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]], Len(1, 4)]
-    ]
-):
+class MatrixGains(RootModel[Annotated[list[AxisPairs], Len(1, 4)]]):
     """Gains that couple the axes: a 2 × 2 matrix for each order."""
 
-    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    model_config = STRICT
 
     def matrices(self) -> np.ndarray:
-        """Return the matrix of each order, (r, 2, 2)."""
+        """The matrix of each order, (r, 2, 2)."""
         return np.array(self.root)
 
 
 class VehicleGains(Record):
     """Gains of each vehicle: a list for each, in the order of their numbers."""
 
-    vehicles: Annotated[
-        list[Annotated[list[float], Len(1, 4)]], Len(1), AfterValidator(equally_long)
-    ] = Field(
+    vehicles: Annotated[GainLists, Len(1)] = Field(
         description="k0, k1, … of each vehicle, with which it judges and follows what it hears"
     )
 
     def matrices(self) -> np.ndarray:
-        """Return the diagonal matrix of each vehicle and order, (m, r, 2, 2)."""
+        """The diagonal matrix of each vehicle and order, (m, r, 2, 2)."""
         return np.array(self.vehicles)[:, :, None, None] * np.eye(2)
 
 
 def gain_tag(value: object) -> str:
-    """Return the tag of gains, by how deep the lists are."""
+    """The tag of gains, by how deep the lists are."""
     if isinstance(value, AxisGains | MatrixGains | VehicleGains):
         return MARK + type(value).__name__
     if isinstance(value, dict):
@@ -282,62 +234,59 @@ def gain_tag(value: object) -> str:
     return MARK + {2: "AxisGains", 3: "MatrixGains"}.get(depth, "list")
 
 
-if TYPE_CHECKING:
-    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
-else:
-    Gains = Annotated[
-        Annotated[Annotated[list[Number], Len(1, 4)], union_member("list")]
-        | Annotated[AxisGains, union_member("AxisGains")]
-        | Annotated[MatrixGains, union_member("MatrixGains")]
-        | Annotated[VehicleGains, union_member("VehicleGains")],
-        Discriminator(gain_tag),
-    ]
-
-
-def vehicle_number_tag(value: object) -> str | None:
-    """Return the tag of a number of vehicles: listed, each, shared, or one for all."""
-    if isinstance(value, list):
-        return MARK + "root"
-    if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
-        return MARK + next(iter(value))
-    return number_tag(value)
-
-
-if TYPE_CHECKING:
-    PerVehicle = Any  # one number for all attacked vehicles, or one for each
-else:
-    PerVehicle = Annotated[
-        Members
-        | Annotated[Apiece, union_member("each")]
-        | Annotated[Shared, union_member("shared")]
-        | Annotated[Listed, union_member("root")],
-        Discriminator(
-            vehicle_number_tag,
-            custom_error_type="distribution",
-            custom_error_message=f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}},"
-            " or a list of them",
-        ),
-    ]
+if not TYPE_CHECKING:
+    Magnitudes = one_form_of(
+        numbers_tag,
+        f"{A_NUMBER}, or a list with one number for each order",
+        **ONE_NUMBER,
+        root=EachOrder,
+    )
+    Several = one_form_of(
+        numbers_tag,
+        f"{A_NUMBER}, or a list of lists, one for each attacked vehicle",
+        **ONE_NUMBER,
+        root=Table,
+    )
+    Positions = one_form_of(
+        numbers_tag,
+        f"{A_NUMBER}, or a list with x or [x, y] of each vehicle",
+        **ONE_NUMBER,
+        root=EachPosition,
+    )
+    PerVehicle = one_form_of(
+        numbers_tag,
+        f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}}, or a list of them",
+        **ONE_NUMBER,
+        each=Apiece,
+        shared=Shared,
+        root=Listed,
+    )
+    Gains = one_form_of(
+        gain_tag,
+        list=Annotated[list[Number], Len(1, 4)],
+        AxisGains=AxisGains,
+        MatrixGains=MatrixGains,
+        VehicleGains=VehicleGains,
+    )
 
 
 def is_drawn(number: object) -> bool:
-    """Return whether a value is a distribution."""
     return isinstance(number, Uniform | Normal | DiscreteChoice)
 
 
 def differs(number: object) -> bool:
-    """Return whether each vehicle has a number of its own."""
+    """Whether each vehicle has a number of its own."""
     return isinstance(number, Apiece | Listed)
 
 
 def zip_by_vehicle(*numbers: object) -> Iterator[tuple[Number, ...]]:
-    """Yield several numbers vehicle by vehicle; a number that is not listed repeats."""
+    """Several numbers vehicle by vehicle; a number that is not listed repeats."""
     longest = max((len(number.root) for number in numbers if isinstance(number, Listed)), default=1)
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
 def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
-    """Return the least and the greatest value of a number or distribution."""
+    """The least and the greatest value of a number or distribution."""
     match number:
         case Uniform(uniform=[low, high]):
             return low, high
@@ -356,7 +305,6 @@ def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
 
 
 def median(number: Number) -> float:
-    """Return the median of a distribution, or the number itself."""
     match number:
         case Uniform(uniform=[low, high]):
             return (low + high) / 2
@@ -377,13 +325,14 @@ LIMITS = {
 
 
 class Within:
-    """Limits on a number, and on each value that a distribution can draw. Keywords are those of `Field`."""
+    """Limits on a number, and on each value that a distribution can draw. Keywords are those of
+    `Field`.
+    """
 
     def __init__(self, **limits: float):
         self.limits = limits
 
     def check(self, number: PerVehicle | EachOrder) -> PerVehicle | EachOrder:
-        """Return the number; raise ValueError if it breaks a limit."""
         for name, limit in self.limits.items():
             bound, holds, words, _ = LIMITS[name]
             if not holds(value_range(number)[bound], limit):
@@ -394,7 +343,6 @@ class Within:
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        """Validate a number by `check`."""
         return AfterValidator(self.check).__get_pydantic_core_schema__(source, handler)
 
     def __get_pydantic_json_schema__(
@@ -405,13 +353,14 @@ class Within:
 
 
 class Each:
-    """Mark of a number that every vehicle has for itself; a distribution is drawn for each vehicle."""
+    """Mark of a number that each vehicle has for itself; a distribution is drawn for each."""
 
 
 Positive = Annotated[Number, Within(gt=0.0)]
 NotNegative = Annotated[Number, Within(ge=0.0)]
 NotNegativeByOrder = Annotated[Magnitudes, Within(ge=0.0)]
 PositivePerVehicle = Annotated[PerVehicle, Within(gt=0.0)]
+Probability = Annotated[Number, Within(ge=0.0, le=1.0)]
 Angle = Annotated[PerVehicle, Each(), Field(description="[rad]")]
 Vector = Annotated[list[float], Len(2, 2)]
 Amplitude = Annotated[list[Annotated[float, Field(ge=-1e6, le=1e6)]], Len(2, 2)]

@@ -1,7 +1,14 @@
-"""The base class of all kinds: its name in a config, the draw of its numbers, its faults."""
+"""The base class of all kinds: its name and keys in a config, its faults, and its form in lanes.
 
+A kind is one class at three times. A config's keys make an object of it, which pydantic checks.
+`drawn` binds the object to lanes: a copy with arrays in place of numbers, on which nothing is
+checked any more. `as_pytree` shows the copy to JAX. Nothing else makes such copies.
+"""
+
+import functools
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar, Unpack
 
 import numpy as np
@@ -12,18 +19,23 @@ from jaxnet.kinds import contract
 from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.refusals import refusal_of
+from jaxnet.lazy import jax
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError as KindError
 
+# Tests that check shapes hold jaxnet's own classes to the contract too: an override has no annotations.
+HOLDS_ALL = "JAXNET_CHECK_SHAPES" in os.environ
+
 
 class Fault(NamedTuple):
-    """An error in a scenario: the dotted keys that cause it, the most important first, and a message."""
+    """An error in a scenario: the dotted keys that cause it, the main one first, and a message."""
 
     keys: tuple[str, ...]
     message: str
 
 
 AnyKind = TypeVar("AnyKind", bound="Kind")
+AnyDrawn = TypeVar("AnyDrawn")
 
 
 if TYPE_CHECKING:  # a type checker knows the arguments of pydantic's own models alone
@@ -44,37 +56,37 @@ else:
 class Kind(Record, metaclass=KindType):
     """One of several alternatives under one key of a config.
 
-    A subclass declares its keys as pydantic fields. The class attribute `kind` is the name of a kind of
-    jaxnet; without it the name is that of the class. `untraced` holds the keys that no method reads while
-    lanes run.
+    A subclass declares its keys as pydantic fields. The class attribute `kind` is the name of a
+    kind of jaxnet; without it the name is that of the class. `untraced` holds the keys that no
+    method reads while lanes run.
     """
 
     kind: ClassVar[str]
     words: ClassVar[str] = ""  # name in figures and tables; "" is `kind` without underscores
-    untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label"}
-    )  # fields that no method reads while lanes run
+    untraced: ClassVar[frozenset[str]] = frozenset({"label"})  # that no method reads in lanes
+    off_at_zero: ClassVar[frozenset[str]] = frozenset()  # numbers that are None in lanes where 0
     claims: ClassVar[frozenset[str]] = frozenset()  # names of what theory takes on trust
     neutral: ClassVar[frozenset[str]] = frozenset(
-        {"kind", "words", "untraced", "model_config", "faults"}
+        {"kind", "words", "untraced", "model_config", "faults", "breaks"}
     )
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
     def __init_subclass__(cls, **options: Unpack[ConfigDict]) -> None:
-        """Set `kind` to the name of a class that defines none; hold a class from outside to its contract."""
+        """Set `kind` of a class without one to its name; hold one from outside to its contract."""
         super().__init_subclass__(**options)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
-        if not cls.__module__.startswith("jaxnet."):
+        if HOLDS_ALL or not cls.__module__.startswith("jaxnet."):
             contract.hold(cls)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: object) -> None:
         """Forget the inherited `claims` of a class from outside that behaves in its own way.
 
-        A claim holds of the methods that stand beside it or above it. A class that overrides anything but
-        claims and `neutral` names has the claims that it makes itself. Its other claims are the family's.
+        A claim holds of the methods that stand beside it or above it. A class that overrides
+        anything but claims and `neutral` names has the claims that it makes itself. Its other
+        claims are the family's.
         """
         super().__pydantic_init_subclass__(**options)
         own = {name for name in vars(cls) if not name.startswith("_")} - cls.neutral
@@ -90,46 +102,62 @@ class Kind(Record, metaclass=KindType):
 
     @classmethod
     def reference(cls) -> str:
-        """Return the name of the class in a config: `kind` for a kind of jaxnet, else the name by which it
-        was found.
-        """
+        """Its name in a config: `kind` for a kind of jaxnet, else that by which it was found."""
         if cls.__module__.startswith("jaxnet."):
             return cls.kind
         return REFERENCES.get(cls, f"{modules.public_name(cls.__module__)}:{cls.__qualname__}")
 
     def __reduce__(self) -> tuple[Callable[..., "Kind"], tuple[object, ...]]:
-        """Pickle the file of the class with its hash, so that another process loads the same class."""
+        """Pickle the file of the class with its hash: another process loads the same class."""
         cls = type(self)
         return restore_kind, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
 
     @classmethod
     def completed(cls, given: dict[object, object], folder: UPath) -> dict[object, object]:
-        """Return a config's mapping of this kind, completed by the file at its key `path` in a folder.
+        """A config's mapping of this kind, completed by the file at its key `path` in a folder.
 
         By default the mapping is returned as it is. Raises KindError if the file cannot be read.
         """
         return given
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of a scenario with this kind that no single key shows."""
+        """The faults of a scenario with this kind that no single key shows."""
         yield from ()
 
+    def breaks(self) -> frozenset[str]:
+        """Premises of theorems that fail with this kind and its keys; by default none.
+
+        A navigator may break "leader", a graph "one network" and "alike", an attack "bounded", "one
+        identity" and "by law", an announcement "consistent", a law "not held" and "solved", a
+        vehicle "flat", a sensor "exact sensors", a loss "every message", a noise "exact messages".
+        """
+        return frozenset()
+
+    def config_keys(self) -> dict[str, object]:
+        """The keys of a config with their values."""
+        return {key: getattr(self, key) for key in type(self).model_fields}
+
+    @classmethod
+    def drawn_by_vehicle(cls, key: str) -> bool:
+        """Whether every vehicle has a number of its own at a key."""
+        return any(isinstance(mark, Each) for mark in cls.model_fields[key].metadata)
+
     def drawn_keys(self) -> list[str]:
-        """Return the keys whose values are drawn lane by lane."""
-        return [key for key in type(self).model_fields if holds_drawn(getattr(self, key))]
+        return [key for key, value in self.config_keys().items() if holds_drawn(value)]
 
     def drawn(self: AnyKind, draw: LaneDraw, name: str) -> AnyKind:
-        """Return a copy whose numbers are arrays with lanes last; `name` is the dotted key of this kind."""
+        """A copy whose numbers are arrays, lanes last; `name` is the dotted key of this kind."""
         values: dict[str, object] = {}
-        for key, field in type(self).model_fields.items():
-            value, dotted = getattr(self, key), f"{name}.{key}"
+        for key, value in self.config_keys().items():
+            dotted = f"{name}.{key}"
             if isinstance(value, Kind):
                 values[key] = value.drawn(draw, dotted)
+            elif key in self.off_at_zero and value == 0:
+                values[key] = None
+            elif is_number(value) and self.drawn_by_vehicle(key):
+                values[key] = draw.each(value, dotted)[..., 0].T
             elif is_number(value):
-                each = any(isinstance(mark, Each) for mark in field.metadata)
-                values[key] = (
-                    draw.each(value, dotted)[..., 0].T if each else draw.one(value, dotted)
-                )
+                values[key] = draw.one(value, dotted)
             elif isinstance(value, list) and value and all(map(is_number, value)):
                 values[key] = draw.several(value, dotted).T
             else:
@@ -138,31 +166,83 @@ class Kind(Record, metaclass=KindType):
 
     @classmethod
     def filled(cls: type[AnyKind], values: Mapping[str, object]) -> AnyKind:
-        """Return an object with these values without validation; a key that is left out is missing."""
+        """The run-time kind with these values, as they are; a key that is left out is missing."""
         made = cls.__new__(cls)
         object.__setattr__(made, "__dict__", dict(values))
-        for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
-            object.__setattr__(
-                made, name, set(values) if name == "__pydantic_fields_set__" else None
-            )
+        object.__setattr__(made, "__pydantic_fields_set__", set(values))
+        for name in ("__pydantic_extra__", "__pydantic_private__"):
+            object.__setattr__(made, name, None)
         return made
+
+    def with_values(self: AnyKind, **values: object) -> AnyKind:
+        """A copy of a run-time kind with other or further values."""
+        return self.filled({**vars(self), **values})
 
 
 def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -> Kind:
-    """Return a kind that another process has sent; raise KindError if its module differs in this process."""
+    """A kind that another process has sent; raise KindError if its module differs here."""
     return modules.attribute(modules.load_origin(origin), name).filled(values)
 
 
+def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
+    """A drawn kind as a pytree of JAX, without its untraced keys, also inside tuples; else the
+    argument.
+
+    Numbers are leaves; all other keys belong to the structure. Lanes share one compiled program if
+    the classes and structures of their kinds are equal.
+    """
+    if isinstance(drawn, tuple):
+        return type(drawn)(*map(as_pytree, drawn))
+    if not isinstance(drawn, Kind) or "_leaves" in vars(drawn):
+        return drawn
+    cls, values = type(drawn), vars(drawn)
+    values = {key: as_pytree(each) for key, each in values.items() if key not in drawn.untraced}
+    if cls not in REGISTERED:
+        REGISTERED.add(cls)
+        jax.tree_util.register_pytree_node(
+            cls, flatten_kind, functools.partial(unflatten_kind, cls)
+        )
+    leaves = tuple(key for key, each in values.items() if isinstance(each, np.ndarray | Kind))
+    return cls.filled({**values, "_leaves": leaves})
+
+
+class Structure:
+    """What a kind is besides its numbers: the names of its leaves, and its other keys."""
+
+    def __init__(self, leaves: tuple[str, ...], settings: dict[str, object]):
+        self.leaves, self.settings = leaves, settings
+        self.words = leaves, repr(sorted(settings.items()))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Structure) and self.words == other.words
+
+    def __hash__(self) -> int:
+        return hash(self.words)
+
+
+def flatten_kind(kind: Kind) -> tuple[tuple[object, ...], Structure]:
+    values = dict(vars(kind))
+    leaves = values.pop("_leaves")
+    return tuple(values.pop(key) for key in leaves), Structure(leaves, values)
+
+
+def unflatten_kind(cls: type[Kind], structure: Structure, numbers: Iterable[object]) -> Kind:
+    leaves = structure.leaves
+    values = dict(zip(leaves, numbers, strict=True))
+    return cls.filled({**structure.settings, **values, "_leaves": leaves})
+
+
+REGISTERED: set[type] = set()  # classes that JAX knows as pytrees
 REFERENCES: dict[type[Kind], str] = {}  # names of the classes that `registry` has found
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a float, a distribution, or a number of each vehicle."""
+    """Whether a value is a float, a distribution, or a number of each vehicle."""
     return isinstance(value, float | Apiece | Shared | Listed) or is_drawn(value)
 
 
 def holds_drawn(value: object) -> bool:
-    """Return whether a value is or contains a distribution."""
+    """Whether a value is or contains a distribution."""
     if isinstance(value, list | tuple):
         return any(map(holds_drawn, value))
     if isinstance(value, Kind):
@@ -172,8 +252,13 @@ def holds_drawn(value: object) -> bool:
     return is_drawn(value)
 
 
+def broken(**premises: bool) -> frozenset[str]:
+    """The names of the premises that are broken; an underscore stands for a blank."""
+    return frozenset(name.replace("_", " ") for name, fails in premises.items() if fails)
+
+
 def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> Iterator[Fault]:
-    """Yield a fault for numbers outside `first` … `vehicles`; `first` is 1 for vehicles, 0 for sources."""
+    """A fault for numbers outside `first` … `vehicles`; first is 1 for vehicles, 0 for sources."""
     beyond = sorted({one for one in listed if not first <= one <= vehicles})
     if beyond:
         noun = "vehicles are" if first else "sources are"
@@ -182,5 +267,5 @@ def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> 
 
 
 def vehicle_numbers(mask: np.ndarray) -> list[int]:
-    """Return the numbers, from 1, of the vehicles in a mask."""
+    """The numbers, from 1, of the vehicles in a mask."""
     return [int(i) for i in np.flatnonzero(mask) + 1]

@@ -31,7 +31,7 @@ WORDS = {
 
 
 def refusal_of(name: str, known: list[str], error: ValidationError) -> str:
-    """Return what is wrong with the arguments of a class, a line for each; `known` are its keys."""
+    """What is wrong with the arguments of a class, a line for each; `known` are its keys."""
     lines = []
     for one in error.errors(include_url=False):
         keys = [str(part) for part in one["loc"] if not str(part).startswith((MARK, "[key]"))]
@@ -43,7 +43,7 @@ def refusal_of(name: str, known: list[str], error: ValidationError) -> str:
 
 
 def value_message(error: ErrorDetails) -> str:
-    """Return the message of one of pydantic's errors, without its place."""
+    """The message of one of pydantic's errors, without its place."""
     kind, context, given = error["type"], error.get("ctx", {}), error["input"]
     if kind == "missing":
         return "an entry is missing" if isinstance(error["loc"][-1], int) else "required"
@@ -68,18 +68,18 @@ def value_message(error: ErrorDetails) -> str:
 
 
 def shorten_value(value: object) -> str:
-    """Return a value as a user may have written it, cut to 60 characters."""
+    """A value as a user may have written it, cut to 60 characters."""
     text = value_text(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def value_text(value: object) -> str:
-    """Return a value in full, as a user may have written it."""
+    """A value in full, as a user may have written it."""
     return json.dumps(value, default=lambda record: record.model_dump(), ensure_ascii=False)
 
 
 def suggestion(word: str, known: list[str], fallback: bool = True) -> str:
-    """Return the known word that was probably meant, or a list of the known words if there are any."""
+    """The known word that was probably meant, or a list of the known words if there are any."""
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     if near:
         return f" (did you mean '{near[0]}'?)"

@@ -1,8 +1,8 @@
-"""Find a kind by its name: a kind of jaxnet by its file, an installed kind by its entry point, any other
-kind by `module:Class`.
+"""Find a kind by its name: a kind of jaxnet by its file, an installed kind by its entry point, any
+other kind by `module:Class`.
 
-`find` refuses a class of another family before it calls anything of the class. A `Scope` holds what the names
-of one study mean, because another study may use the same names for other classes.
+`find` refuses a class of another family before it calls anything of the class. A `Scope` holds what
+the names of one study mean, because another study may use the same names for other classes.
 """
 
 import contextlib
@@ -17,6 +17,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import PydanticCustomError, core_schema
+
 from jaxnet.kinds.kind import REFERENCES, Kind, KindError
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.families import FAMILIES, base_of, family_of, is_member
@@ -29,7 +33,7 @@ FamilyName = tuple[str, str]  # a family, and the name of a kind in it
 
 
 class Scope:
-    """The classes and metrics from outside by their names in one study, whose config is in `folder`."""
+    """Classes and metrics from outside by their names in one study, whose config is in `folder`."""
 
     judges = True  # whether the study is new: kinds then read their files and report faults
 
@@ -39,13 +43,12 @@ class Scope:
         self.folder, self.known = folder, dict(known or {})
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the same names mean the same classes."""
         return isinstance(other, Scope) and self.known == other.known
 
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     def __reduce__(self) -> tuple[Callable[..., "Scope"], tuple[object, ...]]:
-        """Pickle the modules and names of the classes, from which another process loads the classes."""
+        """Pickle modules and names of the classes, from which another process loads the classes."""
         origins = {
             key: (provenance.origin_of(each), name_in(each)) for key, each in self.known.items()
         }
@@ -61,34 +64,33 @@ class Scope:
             CURRENT_SCOPE.reset(token)
 
     def outside(self, family: str, name: str) -> KindOrMetric | None:
-        """Return the kind of an entry point or of `module:attribute`, None if the name is neither."""
+        """The kind of an entry point or of `module:attribute`, None if the name is neither."""
         point = next((each for each in entry_points(family) if each.name == name), None)
         if point is not None:
             return import_reference(point.value, name, None)
         return import_reference(name, name, self.folder) if ":" in name else None
 
     def named_in(self, data: object) -> list[KindOrMetric]:
-        """Return the classes and metrics from outside that plain data names."""
+        """The classes and metrics from outside that plain data names."""
         named = set(text_in(data))
         return [found for (_, name), found in self.known.items() if name in named]
 
 
 CURRENT_SCOPE: ContextVar[Scope | None] = ContextVar("scope", default=None)
-LOADED: dict[
-    FamilyName, list[Any]
-] = {}  # everything from outside that this process has found, latest last
+# Everything from outside that this process has found, latest last
+LOADED: dict[FamilyName, list[Any]] = {}
 METRIC_REFERENCES: dict[Any, str] = {}  # names by which metrics from outside were found
 
 
 def scope() -> Scope:
-    """Return the current scope, or an empty one outside a study."""
+    """The current scope, or an empty one outside a study."""
     return CURRENT_SCOPE.get() or Scope()
 
 
 def scope_of(
     folder: Path | None, origins: Mapping[FamilyName, tuple[modules.Origin, str]]
 ) -> Scope:
-    """Return a scope that another process has sent; raise KindError if a module differs in this process."""
+    """A scope that another process has sent; raise KindError if a module differs here."""
     known = {
         key: modules.attribute(modules.load_origin(origin), name)
         for key, (origin, name) in origins.items()
@@ -99,14 +101,14 @@ def scope_of(
 
 
 def kind_names(family: str) -> list[str]:
-    """Return the names of a family's kinds that need no module: jaxnet's, then those of entry points."""
+    """The names of a family's kinds that need no module: jaxnet's, then those of entry points."""
     package = importlib.import_module(FAMILIES[family].package)
     ours = [module.name for module in pkgutil.iter_modules(package.__path__)]
     return [*ours, *(point.name for point in entry_points(family) if point.name not in ours)]
 
 
 def find(family: str, name: str) -> Any:
-    """Return the class of a kind by its name in a family, or the metric; raise KindError."""
+    """The class of a kind by its name in a family, or the metric; raise KindError."""
     if (family, name) in RENAMED:
         raise KindError(f"{name} was renamed to {RENAMED[family, name]}")
     here = scope()
@@ -131,7 +133,6 @@ def find(family: str, name: str) -> Any:
 
 
 def record_found(family: str, name: str, found: KindOrMetric) -> None:
-    """Record that this process has found a class or metric by a name."""
     held = LOADED.setdefault((family, name), [])
     if found not in held:
         held.append(found)
@@ -142,18 +143,18 @@ def record_found(family: str, name: str, found: KindOrMetric) -> None:
 
 
 def metric_name(metric: KindOrMetric) -> str:
-    """Return the name of a metric in a config."""
     return str(METRIC_REFERENCES.get(metric, metric.name))
 
 
 def unknown_kind(family: str, given: object) -> KindError:
-    """Return the error for a name that no kind has, or for a value that is no name."""
+    """The error for a name that no kind has, or for a value that is no name."""
     known, shown = ", ".join(kind_names(family)), json.dumps(given, default=repr)
     return KindError(f"must be one of {known}, or module:Class (got {shown})")
 
 
 def adopt(given: KindOrMetric) -> str:
-    """Return the reference of a class or metric that a script passes; `find` knows the reference from now on.
+    """The reference of a class or metric that a script passes; `find` knows the reference from now
+    on.
 
     Raises KindError if the class's file has changed, or if two classes have one reference.
     """
@@ -175,7 +176,7 @@ def adopt(given: KindOrMetric) -> str:
 
 @functools.cache
 def builtin_kind(family: str, name: str) -> KindOrMetric | None:
-    """Return the kind in the file of this name in the family's folder, None if there is no such file."""
+    """The kind in the file of this name in the family's folder, None if there is no such file."""
     module = f"{FAMILIES[family].package}.{name}"
     if not name.isidentifier() or importlib.util.find_spec(module) is None:
         return None
@@ -183,25 +184,70 @@ def builtin_kind(family: str, name: str) -> KindOrMetric | None:
 
 
 def kind_in_module(module: ModuleType, family: str, name: str) -> KindOrMetric | None:
-    """Return the kind of a family that a module of jaxnet defines, None if it defines none."""
     base = base_of(family)
     for found in vars(module).values():
         if isinstance(found, base) and getattr(found, "name", None) == name:
             return found
-        if (
-            isinstance(found, type)
-            and issubclass(found, base)
-            and found.__dict__.get("kind") == name
-        ):
+        member = isinstance(found, type) and issubclass(found, base)
+        if member and found.__dict__.get("kind") == name:
             return found
     return None
 
 
 def text_in(data: object) -> Iterator[str]:
-    """Yield all text in plain data except the keys of mappings."""
+    """All text in plain data except the keys of mappings."""
     if isinstance(data, str):
         yield data
-    for inner in (
-        data.values() if isinstance(data, dict) else data if isinstance(data, list) else ()
-    ):
+    values = data.values() if isinstance(data, dict) else data if isinstance(data, list) else ()
+    for inner in values:
         yield from text_in(inner)
+
+
+class KindOf:
+    """A kind of a family: an object, or a mapping with `kind` and the kind's keys, or the name
+    alone.
+
+    A mapping without `kind` means the kind `default`, if there is one.
+    """
+
+    def __init__(self, family: str, default: str | None = None):
+        self.family, self.default = family, default
+
+    def validate(self, value: object) -> Kind:
+        base = base_of(self.family)
+        if isinstance(value, str):
+            value = {"kind": value}
+        if isinstance(value, Kind) and isinstance(value, base):
+            return value
+        if not isinstance(value, dict):
+            known = ", ".join(kind_names(self.family))
+            raise PydanticCustomError(
+                "kind", "must be a mapping, or one of {known}", {"known": known}
+            )
+        if self.default is not None:
+            value = {"kind": self.default, **value}
+        try:
+            if not isinstance(value.get("kind"), str):
+                raise unknown_kind(self.family, value.get("kind"))
+            found = find(self.family, value["kind"])
+        except KindError as error:
+            raise PydanticCustomError(
+                "kind_name", "{error}", {"error": str(error), "family": self.family}
+            ) from error
+        return found.model_validate({key: each for key, each in value.items() if key != "kind"})
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.validate,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                lambda kind: kind.model_dump()
+            ),
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """A placeholder, which `config.schema` replaces by a reference."""
+        return {"family": self.family}

@@ -1,6 +1,8 @@
-"""Shapes of the arrays that the methods of kinds take and return, for NumPy and JAX. Lanes are the last axis.
+"""Shapes of the arrays that the methods of kinds take and return, for NumPy and JAX. Lanes are the
+last axis.
 
-m is the number of vehicles, a slot holds one source of a listener, B is the number of scalar functions.
+m is the number of vehicles, a slot holds one source of a listener, B is the number of scalar
+functions.
 """
 
 from typing import Annotated, Any
@@ -13,12 +15,10 @@ LaneMask = Bool[Any, "*lanes"]
 AnyTimes = Float[Any, "..."]  # [s], of any shape
 
 SignalBasis = Float[Any, "derivatives functions ..."]  # β_b and three derivatives, or four
-SignalVectors = Float[
-    Any, "2 _ functions ..."
-]  # v_b of each vehicle; the second axis is 1 if all are alike
-SignalSizes = Float[
-    Any, "derivatives _"
-]  # greatest norm of β and of its derivatives, three or four
+# v_b of each vehicle; the second axis is 1 if all are alike
+SignalVectors = Float[Any, "2 _ functions ..."]
+# Greatest norm of β and of its derivatives, three or four
+SignalSizes = Float[Any, "derivatives _"]
 
 AnyNumbers = Float[Any, "..."]
 PlaneVectors = Float[Any, "2 ..."]
@@ -48,6 +48,5 @@ AnyCounts = Int[Any, "..."]
 AnyMask = Bool[Any, "..."]
 Decision = Shaped[Any, "..."]  # (slots, m, lanes), or (2, slots, m, lanes) to decide by axis
 
-Memory = Annotated[
-    Any, "memory"
-]  # a pytree of arrays whose last axis is lanes; a kind chooses its structure
+# A pytree of arrays whose last axis is lanes; a kind chooses its structure
+Memory = Annotated[Any, "memory"]

@@ -1,24 +1,24 @@
-"""Kinds that draw random numbers at ticks."""
+"""Kinds that draw random numbers at ticks, and normal errors of jets among them."""
 
-from typing import TYPE_CHECKING, Literal, TypeVar
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field
 
-from jaxnet.kinds.fields import Uniform
+from jaxnet.kinds.fields import NotNegative, Positive, Probability, Uniform
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.protocols import LaneDraw
-from jaxnet.kinds.shapes import AnyNumbers, LaneTimes, SlotSources
-from jaxnet.lazy import LazyModule
+from jaxnet.kinds.shapes import AnyNumbers, HeldErrors, LaneNumbers, LaneTimes, SlotSources
+from jaxnet.lazy import LazyModule, jnp
 
 if TYPE_CHECKING:
-    import jax.numpy as jnp
-
     from jaxnet.model import chance
 else:
-    jnp = LazyModule("jax.numpy")
     chance = LazyModule("jaxnet.model.chance")
 
 TICK_ROUNDING = 1e-9  # [s] by which a tick may miss the time of something that begins or ends
+JET_ORDERS = ("position", "velocity", "acceleration")
+HIGHEST = "jerk"
 
 Together = Literal["link", "transmitter", "all"]
 
@@ -29,26 +29,20 @@ class DrawsAtTicks(Kind):
     """A kind that may draw random numbers at ticks, independent at each tick and in each lane."""
 
     def draws(self) -> bool:
-        """Return whether the kind draws random numbers at ticks."""
+        """Whether the kind draws random numbers at ticks."""
         return False
 
     def drawn(self: AnyDrawer, draw: LaneDraw, name: str) -> AnyDrawer:
-        """Return the kind with drawn numbers, and with a key for its random numbers at ticks."""
+        """The kind with drawn numbers, and with a key for its random numbers at ticks."""
         found = super().drawn(draw, name)
         if not self.draws():
             return found
-        return self.filled(
-            {**vars(found), "key": draw.one(Uniform(uniform=[0.0, 1.0]), f"{name}.key")}
-        )
+        return found.with_values(key=draw.one(Uniform(uniform=[0.0, 1.0]), f"{name}.key"))
 
     def random(
-        self,
-        time: LaneTimes,
-        purpose: str,
-        distribution: str,
-        shape: tuple[int, ...],
+        self, time: LaneTimes, purpose: str, distribution: str, shape: tuple[int, ...]
     ) -> AnyNumbers:
-        """Return random numbers at a tick.
+        """Random numbers at a tick.
 
         Parameters
         ----------
@@ -65,7 +59,10 @@ class DrawsAtTicks(Kind):
         -------
             The numbers, with an axis over lanes after those of `shape`.
 
-        Raises KindError unless `draws` returns True, and for another distribution.
+        Raises
+        ------
+        KindError
+            `draws` does not return True, or the distribution is another one.
         """
         if "key" not in vars(self):
             raise KindError(
@@ -76,6 +73,10 @@ class DrawsAtTicks(Kind):
                 f"{self.kind}: random(…) draws from 'uniform' or 'normal' (got {distribution!r})"
             )
         return chance.drawn(vars(self)["key"], time, purpose, distribution, shape)
+
+    def noisy(self, given: Any, size: LaneNumbers, time: LaneTimes, first: int = 0) -> Any:
+        """Arrays of the orders from `first` on, with normal errors of this standard deviation."""
+        return chance.noisy(given, size, vars(self)["key"], time, first=first)
 
 
 class DrawsTogether(DrawsAtTicks):
@@ -94,7 +95,7 @@ class DrawsTogether(DrawsAtTicks):
         sources: SlotSources,
         axes: tuple[int, ...] = (),
     ) -> AnyNumbers:
-        """Return random numbers at a tick as `random` does, by slot: (*axes, slots, m, lanes).
+        """Random numbers at a tick as `random` does, by slot: (*axes, slots, m, lanes).
 
         `sources` (slots, m) are the numbers of the sources.
         """
@@ -105,3 +106,124 @@ class DrawsTogether(DrawsAtTicks):
             return drawn
         number = sources if self.of == "transmitter" else jnp.zeros_like(sources)
         return jnp.take(drawn, number, axis=len(axes))
+
+
+class ErrorsAtTicks(DrawsAtTicks):
+    """A kind of errors that are drawn at ticks and held until the next."""
+
+    claims: ClassVar[frozenset[str]] = frozenset({"exact", "strength", "tells_deviations"})
+
+    def exact(self) -> bool:
+        """Whether all errors are 0."""
+        return False
+
+    def strength(self, gain: Sequence[float]) -> tuple[float, float] | None:
+        """Variance s² of P of the errors, and their correlation time [s], or None if unknown."""
+        return None
+
+    def tells_deviations(self) -> bool:
+        """Whether `deviations` is known, which detectors need."""
+        return False
+
+    def deviations(self) -> Sequence[LaneNumbers | None]:
+        """The standard deviation of the errors on an axis, (lanes,), by order of derivative.
+
+        None stands for an order without errors.
+        """
+        raise KindError(f"{self.kind}: tells_deviations needs deviations(self)")
+
+
+class NormalErrors(ErrorsAtTicks):
+    """Normal errors of position, velocity and acceleration, independent by axis and order.
+
+    With a correlation time τ, the errors of successive ticks are correlated by φ = e^(-h/τ). Their
+    standard deviation is the same at all ticks. An outlier multiplies all errors of a reading by a
+    factor f: outliers of probability p multiply variances by 1 + p (f² - 1).
+    """
+
+    orders: ClassVar[tuple[str, ...]] = JET_ORDERS  # names of the keys with standard deviations
+    off_at_zero = frozenset({*JET_ORDERS, HIGHEST, "correlation", "outliers", "dropout"})
+
+    position: NotNegative = Field(default=0.0, description="[m], standard deviation on each axis")
+    velocity: NotNegative = Field(default=0.0, description="[m/s], standard deviation on each axis")
+    acceleration: NotNegative = Field(
+        default=0.0, description="[m/s²], standard deviation on each axis"
+    )
+    correlation: NotNegative = Field(
+        default=0.0, description="[s], in which the correlation falls to 1/e; 0: independent ticks"
+    )
+
+    outliers: Probability = Field(
+        default=0.0, description="probability that a reading is an outlier, at each tick"
+    )
+    outlier_factor: Positive = Field(
+        default=10.0, description="by which an outlier multiplies the errors drawn at its tick"
+    )
+
+    def sizes(self) -> dict[str, Any]:
+        """The standard deviations without outliers, by order of derivative."""
+        found = {order: getattr(self, order) for order in self.orders}
+        return {k: size for k, size in found.items() if k in JET_ORDERS or size is not None}
+
+    def exact(self):
+        return all(size == 0 for size in self.sizes().values())
+
+    def draws(self):
+        return not self.exact()
+
+    def strength(self, gain):
+        """`Σ_k k_k² σ_k²`, with k_r = 1, and the correlation time; None where they are drawn."""
+        if self.drawn_keys():
+            return None
+        factors = dict(zip(JET_ORDERS, gain, strict=False)) | {HIGHEST: 1.0}
+        squares = [(factors.get(order, 0.0) * size) ** 2 for order, size in self.sizes().items()]
+        return sum(squares) * (1 + self.outliers * (self.outlier_factor**2 - 1)), self.correlation
+
+    def tells_deviations(self):
+        return True
+
+    def deviations(self):
+        """The standard deviations with outliers, up to the acceleration."""
+        sizes = [self.sizes()[order] for order in JET_ORDERS]
+        if self.outliers is None:
+            return sizes
+        grown = jnp.sqrt(1 + self.outliers * (self.outlier_factor**2 - 1))
+        return [None if size is None else size * grown for size in sizes]
+
+    def white(
+        self, last: HeldErrors, draw: Callable[[str], AnyNumbers], uniform: Callable[[], AnyNumbers]
+    ) -> HeldErrors:
+        """Independent errors of all orders.
+
+        `draw(order)` gives normal numbers, `uniform()` a uniform number for each reading.
+        """
+
+        def scaled(order: str, size: Any, zero: AnyNumbers) -> AnyNumbers:
+            return zero if size is None else with_lanes_last(size, zero.ndim) * draw(order)
+
+        zeros = map(jnp.zeros_like, last)
+        sizes = self.sizes().items()
+        errors = tuple(scaled(*each, zero) for each, zero in zip(sizes, zeros, strict=True))
+        if self.outliers is None:
+            return errors
+        lifted = uniform()
+        share = with_lanes_last(self.outliers, lifted.ndim)
+        factor = with_lanes_last(self.outlier_factor, lifted.ndim)
+        grown = jnp.where(lifted < share, factor, 1.0)[None]
+        return tuple(grown * each for each in errors)
+
+    def after(
+        self, last: HeldErrors, white: HeldErrors, time: LaneTimes, interval: LaneNumbers
+    ) -> HeldErrors:
+        """Errors correlated with those of the last tick, from independent ones."""
+        if self.correlation is None:
+            return white
+        kept = jnp.where(time > 0, jnp.exp(-interval / self.correlation), 0.0)
+        kept = with_lanes_last(kept, white[0].ndim)
+        fresh = jnp.sqrt(1.0 - kept**2)
+        return tuple(kept * old + fresh * new for old, new in zip(last, white, strict=True))
+
+
+def with_lanes_last(numbers: LaneNumbers, axes: int) -> AnyNumbers:
+    """Numbers (lanes,) with so many axes, of which lanes are the last."""
+    return numbers.reshape(*[1] * (axes - 1), -1)

@@ -16,8 +16,8 @@ from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.fields import EachOrder, Uniform, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
+from jaxnet.kinds.kind import as_pytree
 from jaxnet.kinds.navigators import sizes_up_to
-from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
 from jaxnet.lanes.proofs import prove, prove_finite, prove_path, prove_presumed
@@ -185,7 +185,9 @@ def weights_of(
 
 def strength_of(scenario: Scenario, weights: Any, graph: Graph) -> RowStrength | None:
     """Return the strength of the rows of each lane with these weights, None where it does not act."""
-    return graph.strength(weights, scenario.navigator.present) if scenario.law.local else None
+    return (
+        graph.strength(weights, scenario.navigator.present) if not scenario.law.couples() else None
+    )
 
 
 def turns_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Turns | None:

@@ -14,10 +14,9 @@ from jaxtyping import Float
 
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.attacks import AnyAttack
-from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.kind import Kind, KindError, as_pytree
 from jaxnet.kinds.navigators import Navigator
-from jaxnet.kinds.noise import JET_ORDERS
-from jaxnet.kinds.pytree import as_pytree
+from jaxnet.kinds.ticks import JET_ORDERS
 from jaxnet.kinds.vehicles import Vehicle
 from jaxnet.model.lane import Lane
 from jaxnet.model.signal import ORDERS

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.kind import Kind, KindError, broken
 from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
@@ -12,6 +12,9 @@ class Announcement(Kind):
     claims: ClassVar[frozenset[str]] = frozenset({"consistent"})
     consistent: ClassVar[bool] = False  # assumption B1: each link announces R of what it carries
 
+    def breaks(self):
+        return broken(consistent=not self.consistent)
+
     def received(
         self,
         honest: SlotVectors,
@@ -20,24 +23,26 @@ class Announcement(Kind):
         signals: SlotSources,
         time: LaneTimes,
     ) -> SlotVectors:
-        """Return the announcements that listeners receive, slot by slot.
+        """The announcements that listeners receive, slot by slot.
 
         Parameters
         ----------
         honest
             Announcement of each slot's source itself [m/s³], (2, slots, m, lanes).
         carried
-            R of what the link carries, minus R of the navigator's path [m/s³], (2, slots, m, lanes).
+            R of what the link carries, minus R of the navigator's path [m/s³], (2, slots, m,
+            lanes).
         attacked
             Whether a link is attacked, (slots, m, lanes).
         signals
-            Number of each link's signal, (slots, m): the number of a vehicle, or of a link where each
-            listener receives a different signal.
+            Number of each link's signal, (slots, m): the number of a vehicle, or of a link where
+            each listener receives a different signal.
         time
             Time [s], (lanes,).
 
         Returns
         -------
-            Announcements [m/s³], (2, slots, m, lanes). A link that is not attacked announces `honest`.
+            Announcements [m/s³], (2, slots, m, lanes). A link that is not attacked announces
+            `honest`.
         """
         raise KindError(f"{self.kind}: an announcement gives received(…)")

@@ -1,9 +1,4 @@
-"""The announcement that is consistent with what a link carries."""
-
-from typing import ClassVar
-
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Consistent(Announcement):
@@ -14,15 +9,7 @@ class Consistent(Announcement):
     """
 
     kind = "consistent"
-    consistent: ClassVar[bool] = True
+    consistent = True
 
-    def received(
-        self,
-        honest: SlotVectors,
-        carried: SlotVectors,
-        attacked: SlotMask,
-        signals: SlotSources,
-        time: LaneTimes,
-    ) -> SlotVectors:
-        """Return `carried` for all links."""
+    def received(self, honest, carried, attacked, signals, time):
         return carried

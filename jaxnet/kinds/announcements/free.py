@@ -1,12 +1,9 @@
-"""An arbitrary announcement: a turning vector."""
-
 from typing import Annotated
 
 from pydantic import Field
 
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.fields import FULL_TURN, Angle, Each, PerVehicle, Uniform, Within
-from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Free(Announcement):
@@ -25,15 +22,7 @@ class Free(Announcement):
     )
     phase: Angle = Field(default=FULL_TURN, description="[rad], its direction at t = 0")
 
-    def received(
-        self,
-        honest: SlotVectors,
-        carried: SlotVectors,
-        attacked: SlotMask,
-        signals: SlotSources,
-        time: LaneTimes,
-    ) -> SlotVectors:
-        """Return the turning vectors on attacked links."""
+    def received(self, honest, carried, attacked, signals, time):
         xp = honest.__array_namespace__()
         angle = self.frequency * time[None] + self.phase
         vectors = xp.stack([self.size * xp.cos(angle), self.size * xp.sin(angle)])

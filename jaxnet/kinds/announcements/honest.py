@@ -1,7 +1,4 @@
-"""The announcement of a link as if it were not attacked."""
-
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Honest(Announcement):
@@ -9,13 +6,5 @@ class Honest(Announcement):
 
     kind = "honest"
 
-    def received(
-        self,
-        honest: SlotVectors,
-        carried: SlotVectors,
-        attacked: SlotMask,
-        signals: SlotSources,
-        time: LaneTimes,
-    ) -> SlotVectors:
-        """Return `honest` for all links."""
+    def received(self, honest, carried, attacked, signals, time):
         return honest

@@ -1,7 +1,4 @@
-"""The announcement 0."""
-
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Zero(Announcement):
@@ -9,14 +6,6 @@ class Zero(Announcement):
 
     kind = "zero"
 
-    def received(
-        self,
-        honest: SlotVectors,
-        carried: SlotVectors,
-        attacked: SlotMask,
-        signals: SlotSources,
-        time: LaneTimes,
-    ) -> SlotVectors:
-        """Return 0 on attacked links."""
+    def received(self, honest, carried, attacked, signals, time):
         xp = honest.__array_namespace__()
         return xp.where(attacked[None], 0.0, honest)

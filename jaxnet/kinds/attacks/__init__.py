@@ -1,11 +1,14 @@
-"""Attacks: signals that falsify what links carry, as fixed vectors times scalar functions (`model.signal`).
+"""Attacks: signals that falsify what links carry, as fixed vectors times scalar functions
+(`model.signal`).
 
-`‖a_j^(k)(t)‖ ≤ ā` for k = 0..3 holds by construction. An attack gives unit signals, and bounds on them and
-their derivatives by `sizes`; the vectors are scaled by ā over the greatest bound.
+`‖a_j^(k)(t)‖ ≤ ā` for k = 0..3 holds by construction. An attack gives unit signals, and bounds on
+them and their derivatives by `sizes`; the vectors are scaled by ā over the greatest bound. A file
+of this folder is a signal alone. Who is attacked, when, and on which links stands here, once for
+all signals.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeVar
 
 import numpy as np
 from annotated_types import Len
@@ -13,22 +16,23 @@ from pydantic import Discriminator, Field
 
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.announcements.consistent import Consistent
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import (
     MARK,
-    Each,
     EachOrder,
     Listed,
     Magnitude,
     NotNegativeByOrder,
     Number,
+    PerVehicle,
     Record,
     Uniform,
     differs,
     union_member,
+    value_range,
 )
-from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, NavigatorPath, ScenarioView, Signal, TickView
+from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.shapes import (
     AnyNumbers,
     AnyTimes,
@@ -46,17 +50,12 @@ from jaxnet.model.wording import ranges, sets_in_words
 USUAL_TARGETS = [2, 5, 8, 11]
 MOMENTS = 1_001  # times at which a signal without bound is sampled
 
-AttackedLinks = Literal["auto", "neighbour", "navigator"]
-Threat = Literal["adds", "replaces"]
-DerivativeOrder = Literal[0, 1, 2, 3]
+AnyAttackKind = TypeVar("AnyAttackKind", bound="AnyAttack")
 
 
 def usual_targets(vehicles: int) -> list[int]:
-    """Return the vehicles that are attacked by default in a fleet: those of 2, 5, 8, 11 that exist, or 1."""
+    """Vehicles that are attacked by default in a fleet: those of 2, 5, 8, 11 that exist, or 1."""
     return [one for one in USUAL_TARGETS if one <= vehicles] or [1]
-
-
-AnyAttackKind = TypeVar("AnyAttackKind", bound="AnyAttack")
 
 
 class DrawnVehicles(Record):
@@ -77,7 +76,6 @@ class ChangingVehicles(Record):
 
 
 def attacked_tag(value: object) -> str:
-    """Return the tag of attacked vehicles: listed, drawn, or changing at given times."""
     if isinstance(value, ChangingVehicles) or (
         isinstance(value, dict) and {"at", "sets"} & {*value}
     ):
@@ -107,135 +105,118 @@ class AnyAttack(Kind):
     bounded: ClassVar[bool] = True  # whether ā bounds the signal and its derivatives
 
     def targets(self) -> list[int]:
-        """Return the numbers of the vehicles that are attacked at any time, from 1."""
+        """The numbers of the vehicles that are attacked at any time, from 1."""
         return []
 
     def number(self) -> int:
-        """Return the number of vehicles that are attacked at any time."""
+        """The number of vehicles that are attacked at any time."""
         return len(self.targets())
 
     def periods(self) -> list[tuple[float, list[int]]]:
-        """Return the times [s] from which other vehicles are attacked, from 0, with these vehicles; none if
-        the same vehicles are attacked all along.
-        """
+        """Times [s], from 0, from which others are attacked, with these; none if none change."""
         return []
 
     def on(self, vehicles: list[int]) -> "AnyAttack":
-        """Return the attack on other vehicles."""
+        """The attack on other vehicles."""
         return self.model_copy(update={"vehicles": vehicles})
 
     def amplitude(self) -> Magnitude:
-        """Return ā [m, m/s, m/s², m/s³], a number or a distribution; the greatest of several magnitudes."""
+        """ā [m, m/s, m/s², m/s³], a number or distribution; the greatest of several magnitudes."""
         return 0.0
 
     def by_order(self) -> list[float] | None:
-        """Return the magnitude of each order from 0, None where one bounds all. Orders beyond it are true."""
+        """Magnitude of each order from 0, None where one bounds all. Orders beyond are true."""
         return None
 
     def attacked_links(self, graph: Digraph) -> Links:
-        """Return the links that carry the attack. If vehicles are drawn, these are the links that may carry
-        it.
-        """
+        """The links that carry the attack; if vehicles are drawn, the links that may carry it."""
         return graph.none
 
     def chosen(self, draw: LaneDraw) -> np.ndarray:
-        """Return which vehicles are attacked in each lane: (m, lanes)."""
+        """Which vehicles are attacked in each lane: (m, lanes)."""
         attacked = np.isin(draw.everyone, self.targets())
         return np.broadcast_to(attacked[:, None], (len(attacked), len(draw.samples)))
 
     def by_link(self) -> bool:
-        """Return whether each listener receives a different signal."""
+        """Whether each listener receives a different signal."""
         return False
 
     def identities(self) -> int:
-        """Return as how many sources each attacked source appears."""
+        """As how many sources each attacked source appears."""
         return 1
 
     def apart(self) -> bool:
-        """Return whether numbers of single vehicles change the scalar functions, so that each vehicle has its
-        own.
-        """
+        """Whether numbers of single vehicles change the functions: each vehicle has its own."""
         return any(shapes for _, _, shapes in own_numbers(self))
 
     def splits(self) -> bool:
-        """Return whether links are replaced in some lanes only, or at some times only.
+        """Whether links are replaced in some lanes only, or at some times only.
 
-        Such a link takes two slots, one for the source's message and one for the attack's. Each lane hears
-        one slot at a time.
+        Such a link takes two slots, one for the source's message and one for the attack's. Each
+        lane hears one slot at a time.
         """
         return False
 
     def replaces(self) -> bool:
-        """Return whether an attacked link carries the navigator's path plus the signal.
+        """Whether an attacked link carries the navigator's path plus the signal.
 
         Otherwise the link carries its source's message plus the signal.
         """
         return False
 
     def as_told(self) -> bool:
-        """Return whether attacked vehicles move as they tell, and not by the law."""
+        """Whether attacked vehicles move as they tell, and not by the law."""
         return False
 
     def falsified(self) -> tuple[int, ...]:
-        """Return the orders of the received derivatives that carry the signal, of 0 to 3. The other orders
-        are true.
-        """
+        """Orders, of 0 to 3, of the derivatives that carry the signal; the others are true."""
         return ORDERS
 
     def announcement(self) -> Announcement:
-        """Return how attacked links announce, if the defence makes vehicles announce."""
+        """How attacked links announce, if the defence makes vehicles announce."""
         return Consistent()
 
     def fastest(self) -> float:
-        """Return the highest angular frequency of the signal between ticks [rad/s], infinite if it is not
-        known.
-        """
+        """The highest angular frequency between ticks [rad/s], infinite if it is not known."""
         return 0.0
 
     def consistent(self) -> bool:
-        """Return whether a listener receives a path together with the path's own derivatives."""
+        """Whether a listener receives a path together with the path's own derivatives."""
         return self.derived and self.falsified() == ORDERS
 
     def harmonic(self) -> bool:
-        """Return whether each vehicle's signal has at most one frequency."""
+        """Whether each vehicle's signal has at most one frequency."""
         told = type(self).told is not AnyAttack.told
         return not (self.strategic or told) and isinstance(self.signal(), Harmonic)
 
     def of_order(self: AnyAttackKind, order: int) -> AnyAttackKind:
-        """Return the drawn attack for vehicles of an order, which hear derivatives up to this order."""
-        return (
-            self if order <= self.told_order else self.filled({**vars(self), "told_order": order})
-        )
+        """The drawn attack for vehicles of an order, which hear derivatives up to this order."""
+        return self if order <= self.told_order else self.with_values(told_order=order)
 
     def signal(self) -> Signal:
-        """Return the object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)
-        [s].
-        """
+        """The object with the scalar functions: `basis(time)` is (4, B, lanes) for (lanes,) [s]."""
         return Harmonic(0.0)
 
     def vectors(self) -> np.ndarray:
-        """Return the vectors of every vehicle's unit signal: (2, m, B, lanes), m = 1 if all are equal."""
+        """The vectors of every vehicle's unit signal: (2, m, B, lanes), m = 1 if all are equal."""
         return np.zeros((2, 1, 2, 1))
 
     def told(self, navigator: NavigatorPath, start: np.ndarray) -> tuple[Signal, np.ndarray | None]:
-        """Return the signal and the unit vectors, which may depend on the navigator and on the sources'
+        """The signal and the unit vectors, which may depend on the navigator and on the sources'
         positions.
 
-        `start` holds positions at t = 0, (2, m, lanes) [m]: the vehicle's own, or the navigator's where the
-        attack is on what the vehicle hears of the navigator. A strategic attack has no vectors yet.
+        `start` holds positions at t = 0, (2, m, lanes) [m]: the vehicle's own, or the navigator's
+        where the attack is on what the vehicle hears of the navigator. A strategic attack has no
+        vectors yet.
         """
         return self.signal(), None if self.strategic else np.asarray(self.vectors())
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """Return bounds on the norm of the functions and of their derivatives in [0, horizon]: (4, lanes), or
-        (5, lanes) where `highest` is 4.
-        """
+        """Bounds on the norms of functions and derivatives: (4, lanes), or 5 if `highest` is 4."""
         return np.ones((5, 1))
 
     def reach(self, navigator: NavigatorPath, signal: Signal, horizon: float) -> np.ndarray:
-        """Return `sizes` of the signal that `told` gave: (4, lanes); for a signal without bound the maximum
-        at MOMENTS.
-        """
+        """`sizes` of the signal of `told`, (4, lanes); without a bound the maximum at MOMENTS."""
         if self.bounded:
             return np.asarray(self.sizes(horizon))
         basis = [
@@ -243,21 +224,24 @@ class AnyAttack(Kind):
         ]
         return np.linalg.norm(basis, axis=2).max(axis=0)
 
+    def breaks(self):
+        return broken(
+            bounded=not self.bounded, one_identity=self.identities() > 1, by_law=self.as_told()
+        )
+
     def describe(self) -> str:
-        """Return a short description of the attack."""
+        """A short description of the attack."""
         return self.kind
 
     def whom(self) -> str:
-        """Return a short description of the attacked vehicles."""
+        """A short description of the attacked vehicles."""
         if periods := self.periods():
             return sets_in_words(*zip(*periods, strict=True))
         drawn = f"{self.number()} drawn for each lane" if self.number() else "nobody"
         return ranges(sorted(self.targets())) or drawn
 
     def caveat(self) -> str:
-        """Return how the attack differs from the paper's, a path with its derivatives within ā; "" if it does
-        not.
-        """
+        """How it differs from the paper's, a path with its derivatives within ā; "" if not."""
         if not self.bounded:
             return "not bounded by ā"
         return "" if self.consistent() else "derivatives falsified each on its own"
@@ -266,8 +250,8 @@ class AnyAttack(Kind):
 class Attack(AnyAttack):
     """A signal on what attacked vehicles transmit, or on what they hear of the navigator.
 
-    A subclass gives `basis`, `vectors` and `sizes`. A strategic subclass gives `basis`, `sizes` and `aim`,
-    and `begin` if it has a memory.
+    A subclass gives `basis`, `vectors` and `sizes`. A strategic subclass gives `basis`, `sizes` and
+    `aim`, and `begin` if it has a memory.
 
     Examples
     --------
@@ -291,28 +275,14 @@ class Attack(AnyAttack):
     ['ok', 'ok']
     """
 
-    claims: ClassVar[frozenset[str]] = frozenset({"fastest", "constant"})
-    constant: ClassVar[bool] = False
-    present: ClassVar[bool] = True
-    untraced: ClassVar[frozenset[str]] = frozenset(
-        {
-            "label",
-            "magnitude",
-            "vehicles",
-            "links",
-            "threat",
-            "moves",
-            "orders",
-            "listeners",
-            "sybils",
-            "announces",
-        }
-    )
+    claims = frozenset({"fastest", "constant"})
+    present = True
 
     magnitude: NotNegativeByOrder = Field(
         default=5.0,
-        description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives; where orders"
-        " are falsified each on its own also a list, one for each order from 0; orders beyond it are true",
+        description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives; "
+        "where orders are falsified each on its own also a list, one for each order from 0; orders "
+        "beyond it are true",
     )
     vehicles: Annotated[
         Annotated[list[int], union_member("listed")]
@@ -322,26 +292,26 @@ class Attack(AnyAttack):
     ] = Field(
         default=USUAL_TARGETS,
         title="attacked vehicles",
-        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane, or"
-        " {at: [...], sets: [...]}, other vehicles from given times on; by default those listed that exist,"
-        " or 1",
+        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane, or "
+        "{at: [...], sets: [...]}, other vehicles from given times on; by default those listed "
+        "that exist, or 1",
     )
-    links: AttackedLinks = Field(
+    links: Literal["auto", "neighbour", "navigator"] = Field(
         default="auto",
         description="neighbour: what they transmit; navigator: what they hear from 0; "
         "auto: navigator where no vehicle hears another",
     )
-    threat: Threat = Field(
+    threat: Literal["adds", "replaces"] = Field(
         default="adds",
         description="adds: an attacked link carries what its source says plus the signal; "
         "replaces: the navigator's path plus the signal, whatever its source says",
     )
     moves: Literal["by_law", "as_told"] = Field(
         default="by_law",
-        description="by_law: an attacked vehicle obeys the law, whatever it tells; as_told: it is where it"
-        " tells to be, which needs threat: replaces",
+        description="by_law: an attacked vehicle obeys the law, whatever it tells; as_told: it is "
+        "where it tells to be, which needs threat: replaces",
     )
-    orders: Annotated[list[DerivativeOrder], Len(1)] = Field(
+    orders: Annotated[list[Literal[0, 1, 2, 3]], Len(1)] = Field(
         default=[*ORDERS],
         description="which of the received derivatives carry the signal: 0 position, 1 velocity,"
         " 2 acceleration, 3 jerk; the others are true",
@@ -355,80 +325,55 @@ class Attack(AnyAttack):
     )
     announces: Annotated[Announcement, KindOf("announcement")] = Field(
         default=Consistent(),
-        description="what attacked links announce, where the defence has vehicles announce what drives them",
+        description="what attacked links announce, where the defence has vehicles announce what "
+        "drives them",
     )
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: object) -> None:
-        """Mark the numbers of each vehicle as untraced unless the attack is strategic: they are part of its
+        """Mark keys as untraced: those of all attacks, and numbers of each vehicle, which make its
         vectors.
 
-        A subclass with its own `basis` is its own signal, whatever class it derives from.
+        A strategic attack reads its numbers of each vehicle at ticks. A subclass with its own
+        `basis` is its own signal, whatever class it derives from.
         """
         super().__pydantic_init_subclass__(**options)
-        fields = cls.model_fields.items()
-        each = {
-            key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)
-        }
-        cls.untraced = cls.untraced if cls.strategic else cls.untraced | each
+        cls.untraced = cls.untraced.union(Attack.model_fields)
+        if not cls.strategic:
+            cls.untraced |= {key for key in cls.model_fields if cls.drawn_by_vehicle(key)}
         if "basis" in vars(cls) and "signal" not in vars(cls):
             cls.signal = Attack.signal
 
-    def targets(self) -> list[int]:
-        """Return the listed vehicles, in the order in which they are attacked; none if vehicles are drawn."""
+    # --- Who is attacked, and when ----------------------------------------------------------------
+
+    def targets(self):
+        """The listed vehicles, in the order of attack; none if vehicles are drawn."""
         if isinstance(self.vehicles, ChangingVehicles):
             return [*dict.fromkeys(vehicle for each in self.vehicles.sets for vehicle in each)]
         return self.vehicles if isinstance(self.vehicles, list) else []
 
-    def number(self) -> int:
-        """Return the number of listed or drawn vehicles."""
-        return (
-            self.vehicles.random
-            if isinstance(self.vehicles, DrawnVehicles)
-            else len(self.targets())
-        )
+    def number(self):
+        if isinstance(self.vehicles, DrawnVehicles):
+            return self.vehicles.random
+        return len(self.targets())
 
-    def periods(self) -> list[tuple[float, list[int]]]:
-        """Return the key `vehicles` if vehicles change; nobody is attacked before the first time."""
+    def periods(self):
         if not isinstance(self.vehicles, ChangingVehicles):
             return []
         found = [*zip(self.vehicles.at, self.vehicles.sets, strict=False)]
         return found if found[0][0] == 0 else [(0.0, []), *found]
 
-    def chosen(self, draw: LaneDraw) -> np.ndarray:
-        """Return which vehicles are attacked in each lane at any time: those listed, or those with the least
-        random numbers.
-        """
+    def chosen(self, draw):
+        """Those listed, or those with the least random numbers."""
         if not isinstance(self.vehicles, DrawnVehicles):
             return super().chosen(draw)
         lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T
         return lots.argsort(axis=0, kind="stable").argsort(axis=0) < self.vehicles.random
 
-    def by_link(self) -> bool:
-        """Return whether `listeners` is `each`."""
-        return self.listeners == "each"
+    # --- On which links, and what they carry ------------------------------------------------------
 
-    def identities(self) -> int:
-        """Return 1 plus the number of sybils."""
-        return 1 + self.sybils
-
-    def splits(self) -> bool:
-        """Return whether vehicles are drawn, or change, and their links are replaced."""
-        return self.replaces() and not isinstance(self.vehicles, list)
-
-    def amplitude(self) -> Magnitude:
-        """Return the key `magnitude`, or its greatest number."""
-        sizes = self.by_order()
-        return self.magnitude if sizes is None else max(sizes)
-
-    def by_order(self) -> list[float] | None:
-        """Return the key `magnitude` if it is a list."""
-        return self.magnitude.root if isinstance(self.magnitude, EachOrder) else None
-
-    def attacked_links(self, graph: Digraph) -> Links:
-        """Return the links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles
-        (`navigator`).
-        """
+    def attacked_links(self, graph):
+        """The links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles."""
         links = self.links
         if links == "auto":
             links = "neighbour" if hears_vehicles(graph) else "navigator"
@@ -439,32 +384,44 @@ class Attack(AnyAttack):
             return graph.heard & np.append(False, listed)[graph.sources]
         return graph.heard & (graph.sources == 0) & listed[:, None]
 
-    def replaces(self) -> bool:
-        """Return whether `threat` is `replaces`."""
+    def by_link(self):
+        return self.listeners == "each"
+
+    def identities(self):
+        return 1 + self.sybils
+
+    def splits(self):
+        return self.replaces() and not isinstance(self.vehicles, list)
+
+    def replaces(self):
         return self.threat == "replaces"
 
-    def as_told(self) -> bool:
-        """Return whether `moves` is `as_told`."""
+    def as_told(self):
         return self.moves == "as_told"
 
-    def falsified(self) -> tuple[int, ...]:
-        """Return the sorted `orders`."""
+    def falsified(self):
         return tuple(sorted(set(self.orders)))
 
-    def announcement(self) -> Announcement:
-        """Return the key `announces`."""
+    def announcement(self):
         return self.announces
 
-    def fastest(self) -> float:
-        """Return 0 for an attack that is constant between ticks, else infinity."""
+    # --- How much, and by which signal ------------------------------------------------------------
+
+    def amplitude(self):
+        sizes = self.by_order()
+        return self.magnitude if sizes is None else max(sizes)
+
+    def by_order(self):
+        return self.magnitude.root if isinstance(self.magnitude, EachOrder) else None
+
+    def fastest(self):
         return 0.0 if self.constant else np.inf
 
     def signal(self) -> Signal:
-        """Return the attack itself, which has a `basis`."""
         return self
 
     def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return the scalar functions with three derivatives.
+        """The scalar functions with three derivatives.
 
         Parameters
         ----------
@@ -478,16 +435,16 @@ class Attack(AnyAttack):
         raise KindError(f"{self.kind}: an attack gives basis(self, time)")
 
     def vectors(self) -> np.ndarray:
-        """Return the vectors that multiply the scalar functions.
+        """The vectors that multiply the scalar functions.
 
         Returns
         -------
-            Vectors (2, m, B, lanes) of spectral norm 1 for each vehicle; m = 1 if all vehicles have the same.
+            Vectors (2, m, B, lanes) of spectral norm 1 for each vehicle; m = 1 if all are alike.
         """
         raise KindError(f"{self.kind}: an attack gives vectors(self)")
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """Return a bound on `max over t of ‖β^(k)(t)‖` for k = 0..3.
+        """A bound on `max over t of ‖β^(k)(t)‖` for k = 0..3.
 
         Parameters
         ----------
@@ -501,47 +458,14 @@ class Attack(AnyAttack):
         raise KindError(f"{self.kind}: an attack gives sizes(self, horizon)")
 
     def begin(self, seen: TickView) -> Memory:
-        """Return the memory of a strategic attack before the first tick, before any decision or error.
+        """The memory of a strategic attack before the first tick, before any decision or error.
 
         The memory is any pytree of arrays with lanes last; by default None.
         """
         return None
 
-    def drawn_faults(self, number: int, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of vehicles that are drawn for each lane."""
-        keys = ("attack.vehicles", "vehicles")
-        if number > scenario.vehicles:
-            yield Fault(keys, f"there are {scenario.vehicles} vehicles (got {number})")
-        if self.sybils or self.strategic:
-            yield Fault(
-                ("attack.vehicles", "attack"), "drawn vehicles are neither sybils nor strategic"
-            )
-
-    def changing_faults(
-        self, changing: ChangingVehicles, scenario: ScenarioView
-    ) -> Iterator[Fault]:
-        """Yield the faults of vehicles that change at given times."""
-        at, keys = changing.at, ("attack.vehicles.at", "attack.vehicles", "attack")
-        if len(at) != len(changing.sets):
-            yield Fault(keys, f"a time for each of {len(changing.sets)} sets (got {len(at)})")
-        if sorted(set(at)) != at:
-            yield Fault(keys, f"must rise (got {at})")
-        if self.splits() and len(scenario.topology.turns()) > 1:
-            told = "split links carry the attack of the same vehicles all along where networks take turns"
-            yield Fault((*keys, "topology"), told)
-        tick = scenario.tick
-        if tick == 0:
-            yield Fault((*keys, "tick"), "attacked vehicles change at ticks: give a tick")
-        elif odd := [time for time in at if abs(time - round(time / tick) * tick) > TICK_ROUNDING]:
-            yield Fault((*keys, "tick"), f"must be multiples of tick = {tick:g} (got {odd[0]:g})")
-        if self.sybils or self.strategic:
-            yield Fault(
-                ("attack.vehicles", "attack"),
-                "vehicles that change are neither sybils nor strategic",
-            )
-
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
-        """Return the vectors of a strategic attack until the next tick, and its memory.
+        """The vectors of a strategic attack until the next tick, and its memory.
 
         Parameters
         ----------
@@ -552,17 +476,26 @@ class Attack(AnyAttack):
 
         Returns
         -------
-            Unit vectors (2, m, B, lanes) and the memory. The vectors are scaled to ā, and down to norm 1.
+            Unit vectors (2, m, B, lanes) and the memory. The vectors are scaled to ā, and down to
+            norm 1.
         """
         raise KindError(f"{self.kind}: a strategic attack gives aim(self, seen, memory)")
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of unknown or repeated vehicles, and of keys that exclude each other."""
-        targets = self.targets()
+    # --- Keys that exclude each other -------------------------------------------------------------
+
+    def faults(self, scenario):
+        yield from self.target_faults(scenario)
+        if self.as_told():
+            yield from self.moving_faults(scenario)
+        yield from self.magnitude_faults(scenario.vehicle.order)
+        yield from self.number_faults()
+
+    def target_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Faults of vehicles, of what listeners hear, and of orders."""
+        targets, vehicle = self.targets(), scenario.vehicle
         yield from unknown_vehicles("attack.vehicles", targets, scenario.vehicles, first=1)
         sets = self.vehicles.sets if isinstance(self.vehicles, ChangingVehicles) else [targets]
-        twice = [each for each in sets if len(set(each)) < len(each)]
-        if twice:
+        if twice := [each for each in sets if len(set(each)) < len(each)]:
             yield Fault(("attack.vehicles",), f"named twice (got {twice[0]})")
         if isinstance(self.vehicles, DrawnVehicles):
             yield from self.drawn_faults(self.vehicles.random, scenario)
@@ -572,106 +505,147 @@ class Attack(AnyAttack):
             yield Fault(("attack.listeners",), f"{self.kind} tells all listeners the same")
         if self.strategic and scenario.tick == 0:
             yield Fault(("attack", "tick"), f"{self.kind} decides at ticks: give a tick")
-        if self.replaces() and self.falsified() != ORDERS:
-            yield Fault(
-                ("attack.orders", "attack.threat"),
-                f"a link that is replaced carries no true derivative: give [0, 1, 2, 3] (got {self.orders})",
-            )
-        vehicle = scenario.vehicle
+        true = self.falsified() != ORDERS  # some orders are
+        if self.replaces() and true:
+            told = "a link that is replaced carries no true derivative: give [0, 1, 2, 3]"
+            yield Fault(("attack.orders", "attack.threat"), f"{told} (got {self.orders})")
         if self.constant and 0 not in self.falsified():
-            message = f"{self.kind} has no derivatives: give orders with 0 (got {self.orders})"
-            yield Fault(("attack.orders",), message)
-        if self.falsified() != ORDERS and vehicle.order != 3:
-            yield Fault(
-                ("attack.orders", "vehicle"),
-                f"a choice of orders needs a vehicle of order 3 (got {vehicle.kind})",
-            )
+            told = f"{self.kind} has no derivatives: give orders with 0 (got {self.orders})"
+            yield Fault(("attack.orders",), told)
+        if true and vehicle.order != 3:
+            told = f"a choice of orders needs a vehicle of order 3 (got {vehicle.kind})"
+            yield Fault(("attack.orders", "vehicle"), told)
         if vehicle.order > self.highest:
-            yield Fault(
-                ("attack", "vehicle"),
-                f"{self.kind} has derivatives up to {self.highest}, {vehicle.kind} has order {vehicle.order}",
-            )
-        if self.as_told():
-            yield from self.moving_faults(scenario)
-        yield from self.magnitude_faults(vehicle.order)
-        yield from self.number_faults()
+            told = f"{self.kind} has derivatives up to {self.highest}"
+            yield Fault(("attack", "vehicle"), f"{told}, {vehicle.kind} has order {vehicle.order}")
+
+    def drawn_faults(self, number: int, scenario: ScenarioView) -> Iterator[Fault]:
+        if number > scenario.vehicles:
+            told = f"there are {scenario.vehicles} vehicles (got {number})"
+            yield Fault(("attack.vehicles", "vehicles"), told)
+        if self.sybils or self.strategic:
+            told = "drawn vehicles are neither sybils nor strategic"
+            yield Fault(("attack.vehicles", "attack"), told)
+
+    def changing_faults(
+        self, changing: ChangingVehicles, scenario: ScenarioView
+    ) -> Iterator[Fault]:
+        at, tick = changing.at, scenario.tick
+        keys = ("attack.vehicles.at", "attack.vehicles", "attack")
+        if len(at) != len(changing.sets):
+            yield Fault(keys, f"a time for each of {len(changing.sets)} sets (got {len(at)})")
+        if sorted(set(at)) != at:
+            yield Fault(keys, f"must rise (got {at})")
+        if self.splits() and len(scenario.topology.turns()) > 1:
+            told = "split links carry the attack of the same vehicles all along"
+            told += " where networks take turns"
+            yield Fault((*keys, "topology"), told)
+        if tick == 0:
+            yield Fault((*keys, "tick"), "attacked vehicles change at ticks: give a tick")
+        elif odd := [time for time in at if abs(time - round(time / tick) * tick) > TICK_ROUNDING]:
+            yield Fault((*keys, "tick"), f"must be multiples of tick = {tick:g} (got {odd[0]:g})")
+        if self.sybils or self.strategic:
+            told = "vehicles that change are neither sybils nor strategic"
+            yield Fault(("attack.vehicles", "attack"), told)
 
     def moving_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of vehicles that move as they tell."""
+        """Faults of vehicles that move as they tell."""
         vehicle, key = scenario.vehicle, "attack.moves"
         if not self.replaces():
-            yield Fault(
-                (key, "attack.threat"), "as_told needs false messages: give threat: replaces"
-            )
+            told = "as_told needs false messages: give threat: replaces"
+            yield Fault((key, "attack.threat"), told)
         if self.by_link() or self.strategic or self.periods():
             one = "one path for the whole lane, the same for all listeners"
             yield Fault((key, "attack"), f"a vehicle that moves as told tells {one}")
         graph = scenario.topology.linked(scenario.vehicles)
         if (self.attacked_links(graph) & (graph.sources == 0)).any():
-            yield Fault(
-                (key, "attack.links"), "attacked links from the navigator tell nothing of a vehicle"
-            )
+            told = "attacked links from the navigator tell nothing of a vehicle"
+            yield Fault((key, "attack.links"), told)
         if vehicle.singular or vehicle.internal:
-            why = (
+            told = (
                 f"a path does not always tell the state of {vehicle.kind}, only that of integrators"
             )
-            yield Fault((key, "vehicle"), why)
+            yield Fault((key, "vehicle"), told)
 
     def magnitude_faults(self, order: int) -> Iterator[Fault]:
-        """Yield the faults of a list of magnitudes, for vehicles of an order."""
+        """Faults of a list of magnitudes, for vehicles of an order."""
         sizes, keys = self.by_order(), ("attack.magnitude", "attack")
         if sizes is None:
             return
         if self.consistent():
-            message = (
-                f"must be one number: the derivatives of {self.kind} follow from its signal (a list needs"
-                " kind spoof, or some attack.orders only)"
-            )
-            yield Fault(keys, message)
+            told = f"must be one number: the derivatives of {self.kind} follow from its signal"
+            yield Fault(keys, f"{told} (a list needs kind spoof, or some attack.orders only)")
             return
         if len(sizes) > order + 1:
             most = f"at most {order + 1} numbers, of the orders 0 to {order}"
             yield Fault(keys, f"a list has {most} (got {len(sizes)})")
-        true = [
-            each for each in ORDERS[: len(sizes)] if sizes[each] and each not in self.falsified()
-        ]
-        if true:
+        some = ORDERS[: len(sizes)]
+        if true := [each for each in some if sizes[each] and each not in self.falsified()]:
             got = f"give 0 for it (got {sizes[true[0]]:g})"
             yield Fault(keys, f"attack.orders leaves order {true[0]} true: {got}")
 
     def number_faults(self) -> Iterator[Fault]:
-        """Yield the faults of numbers that each vehicle has for itself."""
-        random = isinstance(self.vehicles, DrawnVehicles)
+        """Faults of numbers that each vehicle has for itself."""
+        random, listed = isinstance(self.vehicles, DrawnVehicles), len(self.targets())
         for key, number, shapes in own_numbers(self):
-            if isinstance(number, Listed) and (random or len(number.root) != len(self.targets())):
-                wanted = f"{len(self.targets())} listed in attack.vehicles"
+            if isinstance(number, Listed) and (random or len(number.root) != listed):
                 got = "drawn ones" if random else f"{len(number.root)} numbers"
-                yield Fault(
-                    (key, "attack"), f"a list has a number for each vehicle, {wanted} (got {got})"
-                )
+                told = f"a list has a number for each vehicle, {listed} listed in attack.vehicles"
+                yield Fault((key, "attack"), f"{told} (got {got})")
             if shapes and (self.strategic or (random and self.by_link())):
                 yield Fault((key, "attack"), "must be one number for all vehicles here")
 
 
+class Harmonious(Attack):
+    """A signal of one frequency, `frequency`, which a subclass has as its key."""
+
+    if TYPE_CHECKING:
+        frequency: PerVehicle
+    highest = 4
+
+    def fastest(self):
+        return max(map(abs, value_range(self.frequency)))
+
+    def signal(self) -> Signal:
+        return Harmonic(self.frequency)
+
+    def sizes(self, horizon):
+        return harmonic_sizes(np.asarray(self.frequency))
+
+
+class HeldOffset(Attack):
+    """An offset that a strategic attack chooses at a tick and holds until the next."""
+
+    highest = 4
+    constant = True
+    strategic = True
+
+    def basis(self, time):
+        return constant_basis(time)
+
+    def sizes(self, horizon):
+        return np.eye(5, 1)
+
+
 def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number, bool]]:
-    """Yield the numbers that each vehicle has for itself, also of kinds inside this one.
+    """The numbers that each vehicle has for itself, also of kinds inside this one.
 
     Each item is the dotted key, the number, and whether the scalar functions depend on it.
     """
-    for key, field in type(kind).model_fields.items():
-        value, dotted = getattr(kind, key), f"{name}.{key}"
+    for key, value in kind.config_keys().items():
+        dotted = f"{name}.{key}"
         if isinstance(value, Kind):
             yield from own_numbers(value, dotted)
         elif differs(value):
-            yield dotted, value, not any(isinstance(mark, Each) for mark in field.metadata)
+            yield dotted, value, not kind.drawn_by_vehicle(key)
 
 
 def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
-    """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
+    """The factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
 
-    A vehicle of an order r hears derivatives up to r. Where each order has its magnitude, `order_factors`
-    divide by the sizes, and the scale is the greatest magnitude. It is 0 where the falsified orders are 0, as
-    those of a frequency 0 without the position.
+    A vehicle of an order r hears derivatives up to r. Where each order has its magnitude,
+    `order_factors` divide by the sizes, and the scale is the greatest magnitude. It is 0 where the
+    falsified orders are 0, as those of a frequency 0 without the position.
     """
     if attack.by_order() is not None:
         return np.asarray(attack.amplitude())
@@ -680,10 +654,10 @@ def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarra
 
 
 def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
-    """Return the factors of the orders of a signal with these sizes: (orders, lanes or 1).
+    """The factors of the orders of a signal with these sizes: (orders, lanes or 1).
 
-    Orders that the attack leaves true have the factor 0. Where each order has its magnitude, the factor
-    scales the order to the magnitude's share of the greatest.
+    Orders that the attack leaves true have the factor 0. Where each order has its magnitude, the
+    factor scales the order to the magnitude's share of the greatest.
     """
     heard, sizes = heard_orders(attack, order), np.asarray(sizes)
     factors = np.zeros_like(sizes)
@@ -697,14 +671,14 @@ def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarr
 
 
 def magnitude_shares(attack: AnyAttack, order: int) -> tuple[float, ...] | None:
-    """Return the magnitude of each of `heard_orders` as a share of the greatest; None where all are ā."""
+    """The magnitude of each of `heard_orders` as a share of the greatest; None where all are ā."""
     if (sizes := attack.by_order()) is None:
         return None
     return tuple(sizes[each] / (max(sizes) or 1.0) for each in heard_orders(attack, order))
 
 
 def heard_orders(attack: AnyAttack, order: int) -> list[int]:
-    """Return the falsified orders that vehicles of an order hear. A list of magnitudes may end earlier."""
+    """The falsified orders that vehicles of an order hear. A list of magnitudes may end earlier."""
     falsified, sizes = attack.falsified(), attack.by_order()
     heard = (
         [*range(order + 1)]
@@ -715,17 +689,17 @@ def heard_orders(attack: AnyAttack, order: int) -> list[int]:
 
 
 def unit_vectors(direction: AnyNumbers) -> PlaneVectors:
-    """Return the unit vectors (2, m, lanes) of directions [rad]."""
+    """The unit vectors (2, m, lanes) of directions [rad]."""
     xp = direction.__array_namespace__()
     return xp.stack([xp.cos(direction), xp.sin(direction)])
 
 
 def constant_basis(time: AnyTimes) -> SignalBasis:
-    """Return the scalar function 1 of a signal that is constant from tick to tick: (4, 1, lanes)."""
+    """The scalar function 1 of a signal that is constant from tick to tick: (4, 1, lanes)."""
     xp = time.__array_namespace__()
     return xp.concatenate([xp.ones((1, 1, *time.shape)), xp.zeros((3, 1, *time.shape))])
 
 
 def harmonic_sizes(frequency: np.ndarray) -> np.ndarray:
-    """Return the sizes of a harmonic, `|ω|^k` up to k = 4: (5, lanes)."""
+    """The sizes of a harmonic, `|ω|^k` up to k = 4: (5, lanes)."""
     return np.abs(frequency)[None] ** np.arange(5.0)[:, None]

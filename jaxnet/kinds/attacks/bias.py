@@ -1,7 +1,3 @@
-"""The constant attack."""
-
-from typing import ClassVar
-
 import numpy as np
 from pydantic import Field
 
@@ -15,20 +11,17 @@ class Bias(Attack):
     """A constant offset along a direction of each vehicle."""
 
     kind = "bias"
-    highest: ClassVar[int] = 4
-    constant: ClassVar[bool] = True
+    highest = 4
+    constant = True
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
 
     def signal(self) -> Signal:
-        """Return the harmonic of frequency 0."""
         return Harmonic(0.0)
 
-    def vectors(self) -> np.ndarray:
-        """Return the directions, which multiply cos 0, and 0, which multiplies sin 0."""
+    def vectors(self):
         unit = unit_vectors(self.direction)
-        return np.stack([unit, np.zeros_like(unit)], axis=2)
+        return np.stack([unit, np.zeros_like(unit)], axis=2)  # of cos 0 and of sin 0
 
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1 for the signal and 0 for its derivatives."""
+    def sizes(self, horizon):
         return np.eye(5, 1)

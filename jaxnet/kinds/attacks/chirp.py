@@ -1,6 +1,4 @@
-"""The chirp: a rotating attack whose frequency changes."""
-
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -8,35 +6,35 @@ from pydantic import Field
 from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.attacks.rotating import turned
 from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle
-from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 from jaxnet.model.circle import circle
 
 
 class Chirp(Attack):
-    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that becomes faster or slower."""
+    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that becomes faster or
+    slower.
+    """
 
     kind = "chirp"
-    highest: ClassVar[int] = 4
+    highest = 4
 
     frequency: PerVehicle = Field(default=0.2, description="[rad/s], of the turning at t = 0")
     rate: PerVehicle = Field(default=0.05, description="[rad/s²], by which the frequency grows")
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
-    def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return cos ψ and sin ψ. With z = e^{iψ}: z' = iωz, z'' = (ir - ω²)z, z‴ = -(3rω + iω³)z."""
+    def basis(self, time):
+        """Cos ψ and sin ψ. With z = e^{iψ}: z' = iωz, z'' = (ir - ω²)z, z‴ = -(3rω + iω³)z."""
         xp = time.__array_namespace__()
         w, r = (self.frequency + self.rate * time)[None], self.rate[None]
         now = xp.stack(circle(self.frequency * time + self.rate * time**2 / 2))
         ahead = xp.stack([-now[1], now[0]])
         return xp.stack([now, w * ahead, r * ahead - w**2 * now, -3 * r * w * now - w**3 * ahead])
 
-    def vectors(self) -> np.ndarray:
-        """Return the vectors of a rotating attack."""
+    def vectors(self):
         return turned(self.phase)
 
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1, ω, √(r² + ω⁴), ω √(9r² + ω⁴), √((ω⁴ - 3r²)² + 36r²ω⁴), with the greatest ω = |ψ'|, which
-        is at one end of [0, horizon].
+    def sizes(self, horizon):
+        """1, ω, √(r² + ω⁴), ω √(9r² + ω⁴), √((ω⁴ - 3r²)² + 36r²ω⁴), with the greatest ω = |ψ'|,
+        which is at one end of [0, horizon].
         """
         first: Any = self.frequency
         rate: Any = self.rate

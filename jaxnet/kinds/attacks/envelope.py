@@ -1,18 +1,14 @@
-"""The envelope: another attack that starts, rises, and may stop."""
-
 import math
-from collections.abc import Iterator
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import AnyAttack, Attack
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, value_range, zip_by_vehicle
 from jaxnet.kinds.kind import Fault
-from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, NumberJets, SignalBasis
+from jaxnet.kinds.registry import KindOf
+from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, NumberJets
 from jaxnet.model.signal import up_to
 
 TIME_ROUNDING = 1e-12  # relative rounding of sums of times
@@ -22,39 +18,37 @@ PIECES = 256  # pieces of the rise, each with its own bound on the envelope
 class Envelope(Attack):
     """Another attack's signal times a smooth envelope.
 
-    The envelope rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if that is
-    given. It is three times continuously differentiable, and four times for vehicles of order 4. Magnitude,
-    vehicles, links and threat are keys of the envelope, not of the other attack.
+    The envelope rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if
+    that is given. It is three times continuously differentiable, and four times for vehicles of
+    order 4. Magnitude, vehicles, links and threat are keys of the envelope, not of the other
+    attack.
     """
 
     kind = "envelope"
-    highest: ClassVar[int] = 4
+    highest = 4
 
     of: Annotated[AnyAttack, KindOf("attack"), Field(description="the other attack")]
     start: PerVehicle = Field(default=0.0, description="[s], when it begins to rise")
     rise: PositivePerVehicle = Field(default=5.0, description="[s], how long it rises, and falls")
     stop: PerVehicle | None = Field(default=None, description="[s], when it begins to fall")
 
-    def of_order(self, order: int) -> "Envelope":
-        """Return the drawn attack for vehicles of an order, also the attack inside."""
+    def of_order(self, order):
         found = super().of_order(order)
-        return (
-            found if found is self else found.filled({**vars(found), "of": self.of.of_order(order)})
-        )
+        return found if found is self else found.with_values(of=self.of.of_order(order))
 
-    def consistent(self) -> bool:
-        """Return whether the attack inside is consistent too, as Leibniz's rule presupposes."""
+    def consistent(self):
+        """Whether the attack inside is consistent too, as Leibniz's rule presupposes."""
         return super().consistent() and self.of.consistent()
 
     def height(self, time: AnyTimes) -> NumberJets:
-        """Return the envelope and its derivatives that vehicles hear: (derivatives, lanes)."""
+        """The envelope and its derivatives that vehicles hear: (derivatives, lanes)."""
         up = smooth_rise((time - self.start) / self.rise, self.rise, self.told_order)
         if self.stop is None:
             return up
         return up - smooth_rise((time - self.stop) / self.rise, self.rise, self.told_order)
 
-    def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return the functions by Leibniz's rule: `(e β)^(k) = Σ_j C(k, j) e^(j) β^(k-j)`."""
+    def basis(self, time):
+        """The functions by Leibniz's rule: `(e β)^(k) = Σ_j C(k, j) e^(j) β^(k-j)`."""
         xp, height = time.__array_namespace__(), self.height(time)
         inner = up_to(self.told_order, self.of.signal().basis, time)
         orders = range(self.told_order + 1)
@@ -62,24 +56,18 @@ class Envelope(Attack):
             [sum(c * height[j][None] * inner[k - j] for j, c in leibniz(k)) for k in orders]
         )
 
-    def vectors(self) -> np.ndarray:
-        """Return the vectors of the other attack."""
+    def vectors(self):
         return self.of.vectors()
 
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return `Σ_j C(k, j) |e^(j)| ‖β^(k-j)‖`, the maximum over PIECES of the rise with bounds on e in
-        each piece.
-        """
+    def sizes(self, horizon):
+        """`Σ_j C(k, j) |e^(j)| ‖β^(k-j)‖`, the maximum over PIECES of the rise with bounds on e."""
         inner, orders = np.asarray(self.of.sizes(horizon)), np.arange(self.told_order + 1.0)
         rise = np.power.outer(np.asarray(self.rise), orders).T[:, None]
         height = RISE_BOUNDS[self.told_order][:, :, None] / rise
         terms = [[c * height[j] * inner[k - j] for j, c in leibniz(k)] for k in range(len(orders))]
         return np.stack([np.sum(each, axis=0).max(axis=0) for each in terms])
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of keys that belong to the envelope, of times out of order, and of an unsuitable
-        attack inside.
-        """
+    def faults(self, scenario):
         yield from super().faults(scenario)
         outer = Attack.model_fields
         inside = [
@@ -106,10 +94,11 @@ class Envelope(Attack):
 
 
 def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers, order: int = 3) -> NumberJets:
-    """Return a polynomial in x, 0 before x = 0 and 1 after x = 1, with its time derivatives up to an order.
+    """A polynomial in x, 0 before x = 0 and 1 after x = 1, with its time derivatives up to an
+    order.
 
-    The derivatives are continuous: `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷` has three, `126x⁵ - 420x⁶ + 540x⁷ - 315x⁸ +
-    70x⁹` has four. The shape is (order + 1, …).
+    The derivatives are continuous: `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷` has three, `126x⁵ - 420x⁶ + 540x⁷ -
+    315x⁸ + 70x⁹` has four. The shape is (order + 1, …).
     """
     xp = x.__array_namespace__()
     x = xp.clip(x, 0.0, 1.0)
@@ -136,15 +125,15 @@ def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers, order: int = 3) -> Numb
 
 
 def leibniz(order: int) -> list[tuple[int, float]]:
-    """Return the orders of the first factor in a product's derivative, each with its binomial coefficient."""
+    """Orders of the first factor in a product's derivative, each with its binomial coefficient."""
     return [(j, float(math.comb(order, j))) for j in range(order + 1)]
 
 
 def bound_rise(order: int) -> np.ndarray:
-    """Return bounds on `|S^(k)|` in each piece of [0, 1], k = 0..order: (order + 1, PIECES).
+    """Bounds on `|S^(k)|` in each piece of [0, 1], k = 0..order: (order + 1, PIECES).
 
-    Inside a piece, |S^(k)| exceeds the greater end by at most half the piece's length times the greatest
-    slope. S itself is monotone, so its greater end is its bound.
+    Inside a piece, |S^(k)| exceeds the greater end by at most half the piece's length times the
+    greatest slope. S itself is monotone, so its greater end is its bound.
     """
     ends = np.abs(smooth_rise(np.linspace(0.0, 1.0, PIECES + 1), 1.0, order))
     slopes = np.array([0.0, *ends[2:].max(axis=1), LAST_SLOPES[order]])

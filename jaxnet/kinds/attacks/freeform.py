@@ -1,40 +1,27 @@
-"""The freeform attack: any sum of a few harmonics, whose coefficients a search may choose."""
-
-from collections.abc import Iterator
-
 import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.fields import Several, Uniform
 from jaxnet.kinds.harmonics import Harmonics
-from jaxnet.kinds.kind import Fault
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 
 
 class Freeform(Harmonics):
-    """`Σ_l c_l cos(l · frequency · t) + s_l sin(l · frequency · t)` with vectors c and s, scaled to ā.
+    """`Σ_l c_l cos(l · frequency · t) + s_l sin(l · frequency · t)` with vectors c and s, scaled to
+    ā.
 
     Each attacker has vectors of its own.
     """
 
     kind = "freeform"
+    numbers = (("coefficients", 4),)
 
     coefficients: Several = Field(
         default=Uniform(uniform=[-1.0, 1.0]),
-        description="of each harmonic of each attacker x and y of its cosine, then of its sine; their size"
-        " counts for nothing",
+        description="of each harmonic of each attacker x and y of its cosine, then of its sine; "
+        "their size counts for nothing",
     )
 
-    def drawn(self, draw: LaneDraw, name: str) -> "Freeform":
-        """Return the attack with four drawn numbers for each harmonic."""
-        return self.with_several(draw, name, coefficients=4)
-
-    def pairs(self) -> np.ndarray:
-        """Return the coefficients as vectors, (2, m, 2 · harmonics, lanes)."""
+    def pairs(self):
+        """The coefficients as vectors, (2, m, 2 · harmonics, lanes)."""
         given = np.asarray(self.coefficients)  # (4 · harmonics, m, lanes)
         return given.reshape(-1, 2, *given.shape[1:]).transpose(1, 2, 0, 3)
-
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if the table has not one row for each attacker."""
-        yield from super().faults(scenario)
-        yield from self.tables(scenario, coefficients=4)

@@ -1,6 +1,6 @@
-"""The freeze: denial of service, after which listeners hold the first position that they received."""
+"""The freeze: denial of service, after which listeners hold the first position received."""
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -17,8 +17,8 @@ class Freeze(Attack):
     """An attacked link carries the position of its source at t = 0, at rest, for the whole lane."""
 
     kind = "freeze"
-    highest: ClassVar[int] = 4
-    bounded: ClassVar[bool] = False
+    highest = 4
+    bounded = False
 
     magnitude: NotNegative = Field(
         default=5.0, description="[m], what recovery is judged by; nothing is scaled to it"
@@ -27,10 +27,8 @@ class Freeze(Attack):
         default="replaces", description="what is sent is replaced"
     )
 
-    def told(
-        self, navigator: NavigatorPath, start: np.ndarray
-    ) -> tuple["FixedPosition", np.ndarray | None]:
-        """Return the signal and vectors of `y_j(0) - y_0(t)`: a constant, and the navigator's two
+    def told(self, navigator, start):
+        """The signal and vectors of `y_j(0) - y_0(t)`: a constant, and the navigator's two
         coordinates.
 
         The constant is as great as the greatest `y_j(0)`, so that the vectors have similar lengths.
@@ -41,8 +39,8 @@ class Freeze(Attack):
             [(start / far)[:, :, None], axes], axis=2
         )
 
-    def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
-        """Return the sizes of the constant plus the sizes of the navigator's path."""
+    def reach(self, navigator, signal: Any, horizon):
+        """The sizes of the constant plus the sizes of the navigator's path."""
         path = sizes_up_to(self.told_order, navigator, 0.0, horizon)
         return path[:, None] + np.eye(len(path), 1) * signal.far
 
@@ -54,7 +52,7 @@ class FixedPosition(NamedTuple):
     far: Any  # (lanes,) [m]
 
     def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return three functions: the constant and the navigator's two coordinates."""
+        """Three functions: the constant and the navigator's two coordinates."""
         xp = time.__array_namespace__()
         return xp.concatenate(
             [self.far[None, None] * constant_basis(time), self.navigator.jets(time)], axis=1

@@ -1,55 +1,27 @@
-"""The greedy attack: at every tick the direction that increases the fleet's error most."""
-
-from typing import TYPE_CHECKING, ClassVar
-
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
-from jaxnet.kinds.protocols import TickView
-from jaxnet.kinds.shapes import (
-    AnyTimes,
-    LaneNumbers,
-    Memory,
-    PlaneVectors,
-    SignalBasis,
-    SignalVectors,
-)
-from jaxnet.lazy import LazyModule
+from jaxnet.kinds.attacks import HeldOffset, unit_vectors
+from jaxnet.kinds.shapes import LaneNumbers, PlaneVectors, SignalVectors
+from jaxnet.lazy import jax, jnp
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 
-if TYPE_CHECKING:
-    import jax
-    import jax.numpy as jnp
-else:
-    jax = LazyModule("jax")
-    jnp = LazyModule("jax.numpy")
 
+class Greedy(HeldOffset):
+    """All attackers send the same offset ā, in that one of `directions` that pulls the fleet
+    farthest off.
 
-class Greedy(Attack):
-    """All attackers send the same offset ā, in that one of `directions` that pulls the fleet farthest off.
-
-    The criterion is `Σ_i ‖E_i + Σ_j w̃_ij a_ij‖` with the weights that the offset would put in force.
+    The criterion is `Σ_i ‖E_i + Σ_j w̃_ij a_ij‖` with the weights that the offset would put in
+    force.
     """
 
     kind = "greedy"
-    highest: ClassVar[int] = 4
-    constant: ClassVar[bool] = True
-    strategic: ClassVar[bool] = True
 
     directions: int = Field(default=16, ge=2, le=360, description="evenly around")
 
-    def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return the function 1, because an offset is held from tick to tick."""
-        return constant_basis(time)
-
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1 for the signal and 0 for its derivatives."""
-        return np.eye(5, 1)
-
-    def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
-        """Return the direction of the greatest criterion; the first one of equal values."""
+    def aim(self, seen, memory):
+        """The direction of the greatest criterion; the first one of equal values."""
         shape = (2, *seen.errors[0].shape[1:])
 
         def vectors_of(direction: PlaneVectors) -> SignalVectors:

@@ -1,56 +1,27 @@
-"""The mimic: the greatest offset that listeners still believe."""
-
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
+from jaxnet.kinds.attacks import HeldOffset, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
-from jaxnet.kinds.protocols import TickView
-from jaxnet.kinds.shapes import (
-    AnyNumbers,
-    AnyTimes,
-    Memory,
-    SignalBasis,
-    SignalVectors,
-    VehicleNumbers,
-)
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax
-    import jax.numpy as jnp
-else:
-    jax = LazyModule("jax")
-    jnp = LazyModule("jax.numpy")
+from jaxnet.kinds.shapes import AnyNumbers, VehicleNumbers
+from jaxnet.lazy import jax, jnp
 
 
-class Mimic(Attack):
-    """An offset along a direction of each attacker, at every tick the greatest that all its listeners retain.
+class Mimic(HeldOffset):
+    """An offset along a direction of each attacker, at every tick the greatest that all its
+    listeners retain.
 
-    The attacker tries `parts` fractions of ā, and sends 0 if its listeners drop every one. All attackers try
-    the same fraction together, so a listener may drop one attacker because of another's offset.
+    The attacker tries `parts` fractions of ā, and sends 0 if its listeners drop every one. All
+    attackers try the same fraction together, so a listener may drop one attacker because of
+    another's offset.
     """
 
     kind = "mimic"
-    highest: ClassVar[int] = 4
-    constant: ClassVar[bool] = True
-    strategic: ClassVar[bool] = True
 
     direction: Angle = Field(default=FULL_TURN, description="[rad], of the offset")
     parts: int = Field(default=16, ge=1, le=1000, description="of ā that are tried")
 
-    def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return the function 1, because an offset is held from tick to tick."""
-        return constant_basis(time)
-
-    def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1 for the signal and 0 for its derivatives."""
-        return np.eye(5, 1)
-
-    def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
-        """Try the fractions of ā in ascending order, and return the greatest that every listener retains."""
+    def aim(self, seen, memory):
+        """Try the fractions of ā in ascending order; the greatest that every listener retains."""
         m = seen.errors[0].shape[1]
         unit = jnp.broadcast_to(unit_vectors(self.direction), seen.errors[0].shape)
         attacker = jnp.where(seen.sources > 0, seen.sources - 1, jnp.arange(m)[None])

@@ -1,5 +1,3 @@
-"""No attack."""
-
 from jaxnet.kinds.attacks import AnyAttack
 
 

@@ -1,6 +1,6 @@
 """A path of the attacker's own, as malicious agents of the literature have."""
 
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field
@@ -23,20 +23,21 @@ from jaxnet.model.signal import Harmonic
 
 
 def centre_tag(value: object) -> str:
-    """Return the tag of a centre: a word, or a place."""
     return MARK + ("word" if isinstance(value, str) else "place")
 
 
 class OwnPath(Attack):
-    """An attacked link carries `centre + swing · cos(frequency · t + phase)`, whatever its source does.
+    """An attacked link carries `centre + swing · cos(frequency · t + phase)`, whatever its source
+    does.
 
-    The path follows neither the navigator nor the source. With a swing of [0, 0] it is a constant place.
+    The path follows neither the navigator nor the source. With a swing of [0, 0] it is a constant
+    place.
     """
 
     kind = "own_path"
     words = "path of its own"
-    highest: ClassVar[int] = 4
-    bounded: ClassVar[bool] = False
+    highest = 4
+    bounded = False
 
     magnitude: NotNegative = Field(
         default=5.0, description="[m], what recovery is judged by; nothing is scaled to it"
@@ -53,17 +54,14 @@ class OwnPath(Attack):
     frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the oscillation")
     phase: Angle = Field(default=0.0, description="[rad], at t = 0")
 
-    def fastest(self) -> float:
-        """Return the greatest frequency that may be drawn [rad/s]."""
+    def fastest(self):
         return max(map(abs, value_range(self.frequency)))
 
-    def told(
-        self, navigator: NavigatorPath, start: np.ndarray
-    ) -> tuple["Oscillation", np.ndarray | None]:
-        """Return the signal and vectors of the path minus the navigator's.
+    def told(self, navigator, start):
+        """The signal and vectors of the path minus the navigator's.
 
-        The functions are a constant, cosine and sine, and the navigator's two coordinates. The constant is as
-        great as the farthest centre, so that the vectors have similar lengths.
+        The functions are a constant, cosine and sine, and the navigator's two coordinates. The
+        constant is as great as the farthest centre, so that the vectors have similar lengths.
         """
         m, lanes = start.shape[1:]
         centre = start if isinstance(self.centre, str) else np.asarray(self.centre)[:, None]
@@ -78,8 +76,8 @@ class OwnPath(Attack):
             [own, axes], axis=2
         )
 
-    def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
-        """Return the sizes of the constant and the oscillation, plus those of the navigator's path."""
+    def reach(self, navigator, signal: Any, horizon):
+        """The sizes of the constant and the oscillation, plus those of the navigator's path."""
         path = sizes_up_to(self.told_order, navigator, 0.0, horizon)
         orders = np.arange(float(len(path)))
         return (
@@ -97,7 +95,7 @@ class Oscillation(NamedTuple):
     far: Any  # (lanes,) [m]
 
     def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return five functions: the constant, cosine, sine, and the navigator's two coordinates."""
+        """Five functions: the constant, cosine, sine, and the navigator's two coordinates."""
         xp, constant = time.__array_namespace__(), self.far[None, None] * constant_basis(time)
         return xp.concatenate(
             [constant, self.harmonic.basis(time), self.navigator.jets(time)], axis=1

@@ -1,6 +1,4 @@
-"""The replay: the navigator's path, delayed."""
-
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -13,14 +11,15 @@ from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 
 
 class ReplayAttack(Attack):
-    """An attacked link carries the navigator's path of `delay` seconds ago, in place of its source's message.
+    """An attacked link carries the navigator's path of `delay` seconds ago, in place of its
+    source's message.
 
     Before t = delay the link carries the path as it would have been before t = 0.
     """
 
     kind = "replay"
-    highest: ClassVar[int] = 4
-    bounded: ClassVar[bool] = False
+    highest = 4
+    bounded = False
 
     magnitude: NotNegative = Field(
         default=5.0, description="[m], what recovery is judged by; the path is not scaled to it"
@@ -30,14 +29,11 @@ class ReplayAttack(Attack):
     )
     delay: PositivePerVehicle = Field(default=5.0, description="[s], how old the path is")
 
-    def told(
-        self, navigator: NavigatorPath, start: np.ndarray
-    ) -> tuple["DelayedPath", np.ndarray | None]:
-        """Return the delayed path as the signal, and the unit vectors of the two axes."""
+    def told(self, navigator, start):
         return DelayedPath(navigator, self.delay), np.eye(2)[:, None, :, None]
 
-    def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
-        """Return twice the sizes of the path, a bound on the difference of two of its positions."""
+    def reach(self, navigator, signal: Any, horizon):
+        """Twice the sizes of the path, a bound on the difference of two of its positions."""
         return (
             2
             * sizes_up_to(self.told_order, navigator, -float(np.max(signal.delay)), horizon)[
@@ -53,5 +49,5 @@ class DelayedPath(NamedTuple):
     delay: Any  # (lanes,) [s]
 
     def basis(self, time: AnyTimes) -> SignalBasis:
-        """Return `y_0(t - T) - y_0(t)` for each axis."""
+        """`y_0(t - T) - y_0(t)` for each axis."""
         return self.navigator.jets(time - self.delay) - self.navigator.jets(time)

@@ -1,16 +1,14 @@
-"""Defences: the weights that a vehicle gives to its sources, from what it receives and what it knows of
-itself.
+"""Defences: the weights that a vehicle gives to its sources, from what it receives and what it
+knows of itself.
 """
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.fields import MARK, NotNegative, Record, union_member
 from jaxnet.kinds.kind import Fault, KindError, unknown_vehicles
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import (
     AnyMask,
     Decision,
@@ -24,37 +22,31 @@ from jaxnet.kinds.shapes import (
     VehicleVectors,
 )
 from jaxnet.kinds.ticks import DrawsAtTicks
-from jaxnet.lazy import LazyModule
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
 from jaxnet.model.retained import DropPolicy, any_untrusted
 from jaxnet.model.safety import Safe
 
-if TYPE_CHECKING:
-    from jaxnet.model import chance
-else:
-    chance = LazyModule("jaxnet.model.chance")
-
 
 class Neighbourhood(NamedTuple):
     """What vehicles know of their surroundings when they decide, by slot.
 
-    A vehicle has as many slots as the busiest listener has sources. A slot without a source holds the vehicle
-    itself, with weight 0.
+    A vehicle has as many slots as the busiest listener has sources. A slot without a source holds
+    the vehicle itself, with weight 0.
 
     - `sources` (slots, m): number of the source, 0 is the navigator
     - `weights` (slots, m, lanes): weights of the graph
     - `trusted` (slots, m): whether the listener trusts the source
-    - `gain` (r, lanes): gains of ε, ε̇, …; (r, 2, 2, lanes) where these are matrices; those of vehicle 1
-      where each vehicle has its own
+    - `gain` (r, lanes): gains of ε, ε̇, …; (r, 2, 2, lanes) where these are matrices; those of
+      vehicle 1 where each vehicle has its own
     - `time` (lanes,): time [s]
     - `shared`: the result of the defence's `shared`
     - `announced` (2, slots, m, lanes): announcement of each slot's source, attacked or not
     - `attacked` (slots, m, lanes): the truth, for observations of it that may err
     - `arrived` (slots, m, lanes): the slots whose message arrived; None if every message arrives.
       `weights` are then those of the arrived messages, 0 in other slots
-    - `linked` (slots, m, lanes): the slots with a source in the network in force, whether or not its message
-      arrived
+    - `linked` (slots, m, lanes): the slots with a source in the network in force, whether or not
+      its message arrived
 
     Examples
     --------
@@ -93,52 +85,53 @@ class AnyDefence(DrawsAtTicks):
     guarantee: ClassVar[str] = "none is known"
 
     def promise(self) -> str:
-        """Return what is guaranteed of the defence as configured, in words: by default `guarantee`."""
+        """What is guaranteed of the defence as configured, in words: by default `guarantee`."""
         return self.guarantee
 
     def needs_ticks(self) -> bool:
-        """Return whether the defence has a memory, so that it cannot decide at every instant (`tick: 0`)."""
+        """Whether the defence has a memory: it cannot decide at every instant (`tick: 0`)."""
         return True
 
     def coasts(self) -> bool:
-        """Return whether vehicles that decisions cut off from the navigator keep their last drive."""
+        """Whether vehicles that decisions cut off from the navigator keep their last drive."""
         return False
 
     def trusts(self, graph: Digraph) -> Links:
-        """Return the trusted links of a graph: by default all links from the navigator."""
+        """The trusted links of a graph: by default all links from the navigator."""
         return trusted_links(graph, {})
 
     def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Memory:
-        """Return arrays that all lanes share, any pytree; by default None.
+        """Arrays that all lanes share, any pytree; by default None.
 
         `sources` (slots, m) are the numbers of the sources.
         """
         return None
 
     def start(self, around: Neighbourhood) -> Memory:
-        """Return the memory before the first tick: any pytree of arrays with lanes last; by default None."""
+        """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
         return None
 
     def announcement(self, memory: Memory) -> VehicleVectors | None:
-        """Return the announcement `R(y) - R(y_0)` of each vehicle: (2, m, lanes), or None if vehicles
+        """The announcement `R(y) - R(y_0)` of each vehicle: (2, m, lanes), or None if vehicles
         announce nothing.
 
-        An attacked link adds R of its signal, or carries R of the signal alone if the threat is `replaces`.
+        An attacked link adds R of its signal, or carries R of the signal alone if the threat is
+        `replaces`.
         """
         return None
 
     def announcing(self) -> bool:
-        """Return whether vehicles announce what drives them off the navigator, and are judged by it."""
+        """Whether vehicles announce what drives them off the navigator, and are judged by it."""
         return False
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
-        """Return the received jets as the decision sees them; the law uses the jets without this change."""
+        """Received jets as the decision sees them; the law uses the jets without this change."""
         return received
 
     def overheard(
         self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
     ) -> SlotVectors:
-        """Return announcements (2, slots, m, lanes) [m/s³] as vehicles see them when they decide and
+        """Announcements (2, slots, m, lanes) [m/s³] as vehicles see them when they decide and
         announce.
 
         `sources` (slots, m) are the numbers of the sources, 0 is the navigator.
@@ -153,7 +146,7 @@ class AnyDefence(DrawsAtTicks):
         memory: Memory,
         around: Neighbourhood,
     ) -> tuple[Decision, Memory]:
-        """Return the decision and the memory after one tick.
+        """The decision and the memory after one tick.
 
         Parameters
         ----------
@@ -170,27 +163,28 @@ class AnyDefence(DrawsAtTicks):
 
         Returns
         -------
-            Decision and memory. The decision is (slots, m, lanes), or (2, slots, m, lanes) by axis. It is
-            boolean, whether a source is retained, or holds weights ≥ 0, which are normalised afterwards.
+            Decision and memory. The decision is (slots, m, lanes), or (2, slots, m, lanes) by axis.
+            It is boolean, whether a source is retained, or holds weights ≥ 0, which are normalised
+            afterwards.
         """
         raise KindError(
             f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)"
         )
 
     def retained(self, graph: Digraph, trusted: Links) -> DropPolicy | None:
-        """Return which sources the defence may retain, for bounds; None, the default, if not known."""
+        """Which sources the defence may retain, for bounds; None, the default, if not known."""
         return None
 
     def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return a bound on the sources that the defence drops; by default every source."""
+        """A bound on the sources that the defence drops; by default every source."""
         return self.retained(graph, trusted) or any_untrusted(graph, graph.none, len(trusted) + 1)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """Return the vehicles that end on the navigator whatever attackers send, by reason, the strongest
+        """The vehicles that end on the navigator whatever attackers send, by reason, the strongest
         first.
 
-        By default a vehicle is safe if nothing upstream of it is attacked, or if all attacked sources
-        upstream are dropped.
+        By default a vehicle is safe if nothing upstream of it is attacked, or if all attacked
+        sources upstream are dropped.
         """
         known, none = self.retained(graph, trusted), np.zeros(graph.vehicles, int)
         reasons = [
@@ -201,18 +195,20 @@ class AnyDefence(DrawsAtTicks):
         return reasons
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Return lines of `jaxnet check`: what the defence promises on this graph under this attack."""
+        """Lines of `jaxnet check`: what the defence promises on this graph under this attack."""
         return {"defence": f"{self.kind}: nothing is known of whom it retains, so no bound is told"}
 
 
 class ShareOfLinks(Record):
-    """The navigator, and a random share of the vehicles that each listener hears, rounded at random."""
+    """The navigator, and a random share of the vehicles that each listener hears, rounded at
+    random.
+    """
 
     share: float = Field(ge=0, le=1, description="of each listener's links to vehicles")
     seed: int = Field(default=0, ge=0, description="of the draw, which all lanes share")
 
     def links(self, graph: Digraph) -> Links:
-        """Return the trusted links; with one seed, a greater share contains a smaller one."""
+        """The trusted links; with one seed, a greater share contains a smaller one."""
         heard, random = graph.heard & (graph.sources > 0), np.random.default_rng(self.seed)
         lots = np.array([random.random(graph.vehicles + 1)[each] for each in graph.sources])
         number = np.floor(self.share * heard.sum(axis=1) + random.random(len(heard)))
@@ -220,20 +216,20 @@ class ShareOfLinks(Record):
 
 
 class NearestSources(Record):
-    """The n sources of each vehicle with the fewest links to the navigator, which counts as a source."""
+    """The n sources of each vehicle with the fewest links to the navigator, which counts as a
+    source.
+    """
 
     nearest: int = Field(
         ge=1, le=10_000, description="sources, of those equally far the lowest numbers"
     )
 
     def links(self, graph: Digraph) -> Links:
-        """Return the trusted links, which follow from the graph alone."""
         far = np.append(0.0, hops(graph))
         return least(graph.heard, far[graph.sources], self.nearest)
 
 
 def trusted_tag(value: object) -> str | None:
-    """Return the tag of the form in which trusted sources are given, None if there is no such form."""
     if isinstance(value, Record):
         return MARK + next(iter(type(value).model_fields))
     if not isinstance(value, dict):
@@ -245,8 +241,8 @@ def trusted_tag(value: object) -> str | None:
 class Defence(AnyDefence):
     """A rule by which vehicles weigh what they receive. A subclass gives `decide`.
 
-    A jet is a position with its velocity and acceleration, relative to the navigator's. A rule that uses
-    differences alone gives the same decision for relative and absolute jets.
+    A jet is a position with its velocity and acceleration, relative to the navigator's. A rule that
+    uses differences alone gives the same decision for relative and absolute jets.
 
     Examples
     --------
@@ -262,13 +258,15 @@ class Defence(AnyDefence):
     ...         distance = jnp.hypot(*(received[0] - own[0][:, None]))
     ...         share = jnp.exp(-distance / self.radius[None, None])
     ...         return around.weights * jnp.where(around.trusted[:, :, None], 1.0, share), memory
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "sweep": {"defence.radius": [1, 10]}}
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> keys |= {"sweep": {"defence.radius": [1, 10]}}
     >>> results = jaxnet.simulate({**keys, "defence": Nearby}, samples=2, progress=False)
     >>> results.cells["ok"].to_list()
     [2, 2]
     """
 
     decides: ClassVar[bool] = True
+    off_at_zero = frozenset({"noise"})
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "trusted"})
 
     trusted: Annotated[
@@ -283,63 +281,48 @@ class Defence(AnyDefence):
         ),
     ] = Field(
         default={},
-        description="{vehicle: [sources]}, these besides the navigator; {share: s, seed: n}, that share of"
-        " what each hears of others, drawn, besides it; {nearest: n}, the n sources of each that are fewest"
-        " links from it; none, nobody",
+        description="{vehicle: [sources]}, these besides the navigator; {share: s, seed: n}, that "
+        "share of what each hears of others, drawn, besides it; {nearest: n}, the n sources of "
+        "each that are fewest links from it; none, nobody",
     )
     noise: NotNegative = Field(
         default=0.0,
-        description="[m], standard deviation of the error in what is judged, on each axis, of each source and"
-        " tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ of what vehicles"
-        " announce; the law uses what is received without it",
+        description="[m], standard deviation of the error in what is judged, on each axis, of each "
+        "source and tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ "
+        "of what vehicles announce; the law uses what is received without it",
     )
     isolated: Literal["fail", "coast"] = Field(
         default="fail",
-        description="where decisions cut a vehicle off from the navigator: fail, its lane fails; coast, the"
-        " vehicle keeps its last drive until a believed path reaches it again, or stops where it comes to"
-        " rest; under law: local, a vehicle that retains nobody has q = 0 with either",
+        description="where decisions cut a vehicle off from the navigator: fail, its lane fails; "
+        "coast, the vehicle keeps its last drive until a believed path reaches it again, or stops "
+        "where it comes to rest; under law: local, a vehicle that retains nobody has q = 0 with "
+        "either",
     )
 
-    def coasts(self) -> bool:
-        """Return whether vehicles that decisions cut off from the navigator keep their last drive."""
+    def coasts(self):
         return self.isolated == "coast"
 
-    def draws(self) -> bool:
-        """Return whether the rule has noise."""
+    def draws(self):
         return self.noise != 0
 
-    def drawn(self, draw: LaneDraw, name: str) -> "Defence":
-        """Return the rule with drawn numbers; the noise is None where it is 0."""
-        found = super().drawn(draw, name)
-        return self.filled({**vars(found), "noise": None}) if self.noise == 0 else found
+    def observed(self, received, time):
+        return received if self.noise is None else self.noisy(received, self.noise, time)
 
-    def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
-        """Return the received jets with noise."""
-        return (
-            received
-            if self.noise is None
-            else chance.noisy(received, self.noise, vars(self)["key"], time)
-        )
-
-    def overheard(
-        self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
-    ) -> SlotVectors:
-        """Return announcements with noise; the navigator's announcement, always 0, has no noise."""
+    def overheard(self, announced, sources, time):
+        """Announcements with noise; the navigator's announcement, always 0, has no noise."""
         if self.noise is None:
             return announced
-        (noisy,) = chance.noisy((announced,), self.noise, vars(self)["key"], time, first=3)
+        (noisy,) = self.noisy((announced,), self.noise, time, first=3)
         return noisy.__array_namespace__().where((sources > 0)[None, :, :, None], noisy, announced)
 
-    def trusts(self, graph: Digraph) -> Links:
-        """Return the links that the key `trusted` names."""
+    def trusts(self, graph):
         if isinstance(self.trusted, Record):
             return self.trusted.links(graph)
         if self.trusted == "none":
             return graph.none
         return trusted_links(graph, self.trusted)
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of vehicles that do not exist, and of a rule with memory that has no ticks."""
+    def faults(self, scenario):
         listed = self.trusted if isinstance(self.trusted, dict) else {}
         yield from unknown_vehicles("defence.trusted", list(listed), scenario.vehicles, first=1)
         sources = [source for trusted in listed.values() for source in trusted]
@@ -366,23 +349,21 @@ class Sparing(Defence):
     )
 
     def spares(self, trusted: AnyMask) -> AnyMask:
-        """Return those of the trusted links or slots whose weight the rule does not change."""
+        """Those of the trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return a bound on the sources that the rule drops: every source that it does not spare."""
+    def may_drop(self, graph, trusted):
+        """A bound on the sources that the rule drops: every source that it does not spare."""
         known = self.retained(graph, trusted)
         return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)
 
     def spared(self, around: Neighbourhood) -> SlotMask:
-        """Return the slots (slots, m, lanes) whose weight the rule does not change."""
+        """The slots (slots, m, lanes) whose weight the rule does not change."""
         return self.spares((around.weights > 0) & around.trusted[:, :, None])
 
 
 def by_listener(value: int | dict[int, int], vehicles: int) -> np.ndarray:
-    """Return a whole number for each vehicle, (m,), from one number or {vehicle: number}; 0 for other
-    vehicles.
-    """
+    """A number for each vehicle, (m,), from one or {vehicle: number}; 0 for other vehicles."""
     if not isinstance(value, dict):
         return np.full(vehicles, value, dtype=np.int64)
     return np.array([value.get(vehicle, 0) for vehicle in range(1, vehicles + 1)], dtype=np.int64)

@@ -1,39 +1,29 @@
-"""The weighted median of the received positions, axis by axis."""
-
-from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
+from jaxnet.kinds.defences import Sparing
 from jaxnet.model import ties
 
 HALF = 0.5 + 1e-12  # half of the weight, plus the rounding of its sum
 
 
 class CoordinateMedian(Sparing):
-    """Retain trusted sources, and axis by axis those at the weighted median of the received positions.
+    """Retain trusted sources, and axis by axis those at the weighted median of the received
+    positions.
 
-    At the median at most half of the weight is below and at most half above. Positions that are equal except
-    for rounding count as neither below nor above. Without trusted sources a vehicle would soon hear no source
-    through which the navigator reaches it.
+    At the median at most half of the weight is below and at most half above. Positions that are
+    equal except for rounding count as neither below nor above. Without trusted sources a vehicle
+    would soon hear no source through which the navigator reaches it.
 
-    Source of the median: Yin, Chen, Ramchandran and Bartlett, Byzantine-robust distributed learning, 2018.
+    Source of the median: Yin, Chen, Ramchandran and Bartlett, Byzantine-robust distributed
+    learning, 2018.
     """
 
     kind = "coordinate_median"
     guarantee = (
-        "none of the motion: the median of the positions lies among the honest ones, axis by axis, where they"
-        " have more than half of the weight, but derivatives are believed unseen"
+        "none of the motion: the median of the positions lies among the honest ones, axis by axis, "
+        "where they have more than half of the weight, but derivatives are believed unseen"
     )
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Return the sources at the median. A loop over slots sums weights, because XLA sums an axis one by
-        one.
-        """
+    def decide(self, own, received, last, memory, around):
+        """The sources at the median. A loop over slots sums: XLA sums an axis one by one."""
         xp, weights, position = own[0].__array_namespace__(), around.weights, received[0]
         below, above = (
             sum(

@@ -1,44 +1,33 @@
-"""The geometric median of the received positions."""
-
 from typing import Any
 
 from pydantic import Field
 
-from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.kinds.defences import Defence
 from jaxnet.kinds.fields import Positive
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, SlotNumbers, VehicleJets, VehicleVectors
-from jaxnet.model.graph import Digraph, Links
+from jaxnet.kinds.shapes import SlotNumbers, VehicleVectors
 from jaxnet.model.plane import length
-from jaxnet.model.retained import DropPolicy, everybody
+from jaxnet.model.retained import everybody
 
 
 class GeometricMedian(Defence):
     """Weigh sources so that their mean is close to the geometric median of their positions.
 
-    The rule starts from the graph's weights and iterates `rounds` times `w_j / max(smoothing, ‖z - y_j‖)`,
-    where z is the mean by the last weights. This is Weiszfeld's iteration, smoothed.
+    The rule starts from the graph's weights and iterates `rounds` times `w_j / max(smoothing, ‖z -
+    y_j‖)`, where z is the mean by the last weights. This is Weiszfeld's iteration, smoothed.
 
     Source: Pillutla, Kakade and Harchaoui, Robust aggregation for federated learning, 2022.
     """
 
     kind = "geometric_median"
     guarantee = (
-        "none of the motion: the mean of the positions stays near the honest ones where they have more than"
-        " half of the weight, but derivatives are weighed unseen"
+        "none of the motion: the mean of the positions stays near the honest ones where they have "
+        "more than half of the weight, but derivatives are weighed unseen"
     )
 
     smoothing: Positive = Field(default=1.0, description="[m], least distance that counts")
     rounds: int = Field(default=8, ge=1, le=1000, description="of the iteration, at every tick")
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Return weights of the sources, which are normalised afterwards."""
+    def decide(self, own, received, last, memory, around):
         from jax import lax
 
         position = received[0]
@@ -57,6 +46,6 @@ class GeometricMedian(Defence):
         middle = lax.fori_loop(1, self.rounds, lambda _, z: mean(weighed(z)), mean(around.weights))
         return weighed(middle), memory
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return that no source is dropped, because no weight becomes 0."""
+    def may_drop(self, graph, trusted):
+        """That no source is dropped, because no weight becomes 0."""
         return everybody(graph)

@@ -1,13 +1,9 @@
-"""The mean-subsequence rule with distances in the plane."""
-
 from pydantic import Field
 
-from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
+from jaxnet.kinds.defences import Sparing
 from jaxnet.model import ties
-from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
-from jaxnet.model.retained import DropPolicy, any_untrusted
+from jaxnet.model.retained import any_untrusted
 
 
 class MSNorm(Sparing):
@@ -19,25 +15,16 @@ class MSNorm(Sparing):
     kind = "ms_norm"
     words = "MS-norm"
     guarantee = (
-        "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust where at"
-        " most F untrusted sources are heard, who are all dropped"
+        "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust "
+        "where at most F untrusted sources are heard, who are all dropped"
     )
 
     F: int = Field(
         default=1, ge=0, le=10_000, description="most attacked sources that a vehicle reckons with"
     )
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Count the sources farther out than each source; of equal distances (`ties`) the lower slot is
-        dropped first.
-        """
+    def decide(self, own, received, last, memory, around):
+        """Count the sources farther out; of equal ones (`ties`) the lower slot is dropped first."""
         xp = own[0].__array_namespace__()
         candidate = (around.weights > 0) & ~self.spared(around)
         distance = length(received[0] - own[0][:, None])
@@ -47,10 +34,8 @@ class MSNorm(Sparing):
         beyond = candidate[:, None] & (ties.over(other, this) | (~ties.over(this, other) & first))
         return ~(candidate & (beyond.sum(axis=0) < self.F)), memory
 
-    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return that F untrusted sources are dropped, or all if a vehicle hears fewer."""
+    def retained(self, graph, trusted):
         return any_untrusted(graph, self.spares(trusted), self.F)
 
-    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Return how many sources are dropped."""
+    def describe(self, graph, attacked, trusted):
         return {"defence": f"the {self.F} farthest from one's own position are dropped"}

@@ -1,9 +1,5 @@
-"""No defence: every source is believed."""
-
-from jaxnet.kinds.defences import AnyDefence, Neighbourhood
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
-from jaxnet.model.graph import Digraph, Links
-from jaxnet.model.retained import DropPolicy, everybody
+from jaxnet.kinds.defences import AnyDefence
+from jaxnet.model.retained import everybody
 
 
 class NoDefence(AnyDefence):
@@ -12,21 +8,11 @@ class NoDefence(AnyDefence):
     kind = "none"
     guarantee = "none: everybody is believed"
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Return the last decision, which retains every source."""
+    def decide(self, own, received, last, memory, around):
         return last, memory
 
-    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy | None:
-        """Return that every source is retained."""
+    def retained(self, graph, trusted):
         return everybody(graph)
 
-    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Return that there is no defence."""
+    def describe(self, graph, attacked, trusted):
         return {"defence": "none"}

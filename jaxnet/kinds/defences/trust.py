@@ -1,5 +1,3 @@
-"""Trust that sources earn over time."""
-
 from typing import Annotated, Literal
 
 import numpy as np
@@ -7,42 +5,34 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.fields import Number, Positive, Within
-from jaxnet.kinds.shapes import (
-    Decision,
-    Memory,
-    SlotJets,
-    SlotNumbers,
-    SlotVectors,
-    VehicleJets,
-    VehicleVectors,
-)
+from jaxnet.kinds.shapes import SlotNumbers, SlotVectors, VehicleVectors
 from jaxnet.model import safety
-from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import everybody
 from jaxnet.model.safety import Safe
 
 OF_RANDOM_TRUTHS = (
-    "random: by earned trust, almost surely in the end, however many are attacked, where nobody can be cut"
-    " off meanwhile"
+    "random: by earned trust, almost surely in the end, however many are attacked, where nobody "
+    "can be cut off meanwhile"
 )
 
 
 class Trust(Sparing):
-    """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the source of greatest β.
+    """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the source of
+    greatest β.
 
     α is an observation of a source at a tick, in one of two ways:
 
-    - `deviation`: `radius / (radius + Δ)`, where Δ is the distance from the position received from the first
-      trusted source, or from the vehicle itself if it trusts no source.
-    - `random`: 1 or 0, correct with probability `accuracy`, as from a measurement that does not depend on
-      what is received. After t ticks the probability to misjudge a source is at most
-      `exp(-2 t (accuracy - 1/2)²)`. So in the end every decision is almost surely right, however many
-      sources are attacked, where no vehicle can be cut off before.
+    - `deviation`: `radius / (radius + Δ)`, where Δ is the distance from the position received from
+      the first trusted source, or from the vehicle itself if it trusts no source.
+    - `random`: 1 or 0, correct with probability `accuracy`, as from a measurement that does not
+      depend on what is received. After t ticks the probability to misjudge a source is at most
+      `exp(-2 t (accuracy - 1/2)²)`. So in the end every decision is almost surely right, however
+      many sources are attacked, where no vehicle can be cut off before.
 
-    Trusted sources are retained unless `drop_trusted` is true. Source: Yemini, Nedić, Goldsmith and Gil,
-    Characterizing trust and resilience in distributed consensus for cyberphysical systems, 2022. The α of
-    `deviation` is ours.
+    Trusted sources are retained unless `drop_trusted` is true. Source: Yemini, Nedić, Goldsmith and
+    Gil, Characterizing trust and resilience in distributed consensus for cyberphysical systems,
+    2022. The α of `deviation` is ours.
     """
 
     kind = "trust"
@@ -59,27 +49,16 @@ class Trust(Sparing):
         default=0.8, description="of random observations: the probability that one is right"
     )
 
-    def promise(self) -> str:
-        """Return the guarantee of the observation."""
+    def promise(self):
         return OF_RANDOM_TRUTHS if self.observation == "random" else self.guarantee
 
-    def draws(self) -> bool:
-        """Return whether the rule has noise or random observations."""
+    def draws(self):
         return super().draws() or self.observation == "random"
 
-    def start(self, around: Neighbourhood) -> Memory:
-        """Return the sum 0 for every source."""
+    def start(self, around):
         return around.weights.__array_namespace__().zeros(around.weights.shape)
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Add the observations of this tick to the sums, and decide by the sums."""
+    def decide(self, own, received, last, memory, around):
         xp, heard = own[0].__array_namespace__(), around.weights > 0
         if self.observation == "random":
             alpha = self.random_alpha(around)
@@ -91,7 +70,6 @@ class Trust(Sparing):
         return self.spared(around) | (memory >= xp.minimum(greatest, 0.0)), memory
 
     def random_alpha(self, around: Neighbourhood) -> SlotNumbers:
-        """Return 1 or 0, the truth with probability `accuracy`."""
         drawn = self.random(around.time, "observation", "uniform", around.weights.shape[:-1])
         right = drawn < self.accuracy[None, None]
         return (right != around.attacked).astype(float)
@@ -99,17 +77,17 @@ class Trust(Sparing):
     def alpha(
         self, own: VehicleVectors, position: SlotVectors, around: Neighbourhood
     ) -> SlotNumbers:
-        """Return `radius / (radius + Δ)`."""
         xp, trusts = own.__array_namespace__(), (around.weights > 0) & around.trusted[:, :, None]
         first, radius = trusts & (xp.cumsum(trusts, axis=0) == 1), self.radius[None, None]
         word = xp.where(first[None], position, 0.0).sum(axis=1)
         there = xp.where(trusts.any(axis=0)[None], word, own)
         return radius / (radius + length(position - there[:, None]))
 
-    def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """Return the default reasons and "by earned trust".
+    def safe(self, graph, attacked, trusted):
+        """The default reasons and "by earned trust".
 
-        In the end no attacked source is believed, unless it is spared or its listener hears no honest source.
+        In the end no attacked source is believed, unless it is spared or its listener hears no
+        honest source.
         """
         reasons, heard, spared = (
             super().safe(graph, attacked, trusted),

@@ -1,8 +1,6 @@
 """Only trusted sources are believed: a baseline for comparisons."""
 
-from jaxnet.kinds.defences import Defence, Neighbourhood
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
-from jaxnet.model.graph import Digraph, Links
+from jaxnet.kinds.defences import Defence
 from jaxnet.model.retained import DropPolicy
 
 
@@ -11,34 +9,24 @@ class TrustedOnly(Defence):
 
     What counts are the links of the network in force, also where a message is lost.
 
-    Under any attack a vehicle ends exactly on the navigator if only trusted, honest links join it to the
-    navigator.
+    Under any attack a vehicle ends exactly on the navigator if only trusted, honest links join it
+    to the navigator.
     """
 
     kind = "trusted_only"
     guarantee = "by trust: exact for whom no attack reaches over what is retained, whatever it is"
 
-    def needs_ticks(self) -> bool:
-        """Return False, because the rule has no memory."""
+    def needs_ticks(self):
         return False
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Return the trusted sources, or everybody where a vehicle has none in the network in force."""
+    def decide(self, own, received, last, memory, around):
+        """The trusted sources, or everybody where a vehicle has none in the network in force."""
         trusted = around.linked & around.trusted[:, :, None]
         return trusted | ~trusted.any(axis=0, keepdims=True), memory
 
-    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return that all untrusted sources of a listener with a trusted source are dropped."""
+    def retained(self, graph, trusted):
         links = graph.heard & ~trusted & trusted.any(axis=1, keepdims=True)
         return DropPolicy(graph, links, links.sum(axis=1))
 
-    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Return the rule in words."""
+    def describe(self, graph, attacked, trusted):
         return {"defence": "trusted sources only, everybody where there is none"}

@@ -1,7 +1,6 @@
 """Trimming by trusted redundancy, the paper's defence (section 5.1)."""
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -16,20 +15,16 @@ from jaxnet.kinds.fields import (
     union_member,
     value_range,
 )
-from jaxnet.kinds.kind import Fault, unknown_vehicles, vehicle_numbers
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.kinds.kind import unknown_vehicles, vehicle_numbers
 from jaxnet.kinds.shapes import (
     AnyCounts,
     AnyMask,
     AxisSlotNumbers,
-    Decision,
     LaneGains,
     LaneTimes,
-    Memory,
     SlotJets,
     SlotMask,
     SlotNumbers,
-    VehicleJets,
     VehicleVectors,
 )
 from jaxnet.lazy import LazyModule
@@ -52,22 +47,20 @@ Theta = Annotated[int, Field(ge=0, le=10_000)]
 
 
 def theta_tag(value: object) -> str:
-    """Return the tag of ϑ: one number for all vehicles, or one for each."""
     each = isinstance(value, dict) and not names_distribution(value)
     return MARK + ("each" if each else "all")
 
 
-OF_ROUNDING = (
-    1e-9  # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
-)
+# [m, or as a score]; a greater tolerance leaves an error that is none of rounding
+OF_ROUNDING = 1e-9
 OF_ANNOUNCEMENTS = (
-    "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
-    " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
-    " it would announce unattacked"
+    "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what "
+    "they carry (B1), no vehicle stands still and nobody is cut off; none against a liar that "
+    "announces 0, or what it would announce unattacked"
 )
 OF_BLURRED = (
-    "announced: none where scores are filtered, or have noise or a tolerance above 1e-9: announcements shrink"
-    " to what these leave (docs/guarantees.md)"
+    "announced: none where scores are filtered, or have noise or a tolerance above 1e-9: "
+    "announcements shrink to what these leave (docs/guarantees.md)"
 )
 
 
@@ -97,21 +90,22 @@ class Recollection(NamedTuple):
 class TrustedTrim(Sparing):
     """Drop the ϑ_i untrusted neighbours that are farthest, on average, from the trusted ones.
 
-    `score` chooses the distance: of positions, as in the paper, of positions, velocities and accelerations
-    together, or of what the law computes from them. A vehicle trims if it hears at least 2ϑ_i + 1 sources,
-    ϑ_i of them trusted. All other vehicles retain every source.
+    `score` chooses the distance: of positions, as in the paper, of positions, velocities and
+    accelerations together, or of what the law computes from them. A vehicle trims if it hears at
+    least 2ϑ_i + 1 sources, ϑ_i of them trusted. All other vehicles retain every source.
 
-    With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed from the
-    announcements of their retained sources at the last tick. A vehicle drops the ϑ_i sources with the
-    greatest announcements if it hears more than ϑ_i sources (theorems.md O11). The guarantee of this score
-    is by majority, where A1 to A3, B1, B2 and C1 to C3 of guarantees.md hold: B1 is that liars announce what
-    they carry. Noise, a filter, and a tolerance above 1e-9 end it; `jaxnet check` states it in full.
+    With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed
+    from the announcements of their retained sources at the last tick. A vehicle drops the ϑ_i
+    sources with the greatest announcements if it hears more than ϑ_i sources (theorems.md O11). The
+    guarantee of this score is by majority, where A1 to A3, B1, B2 and C1 to C3 of guarantees.md
+    hold: B1 is that liars announce what they carry. Noise, a filter, and a tolerance above 1e-9 end
+    it; `jaxnet check` states it in full.
     """
 
     kind = "trusted_trim"
     words = "trusted trimming"
     guarantee = "none: attacks are known that pass the score of positions, of jets and of feedback"
-    untraced: ClassVar[frozenset[str]] = frozenset({"label", "theta", "trusted"})
+    untraced = frozenset({"label", "theta", "trusted"})
 
     theta: Annotated[
         Annotated[Theta, union_member("all")] | Annotated[dict[int, Theta], union_member("each")],
@@ -123,67 +117,59 @@ class TrustedTrim(Sparing):
     )
     score: Score = Field(
         default="position",
-        description="what is compared: position, the paper's; jets, position, velocity and acceleration;"
-        " feedback, what the law makes of them; announced, what sources say drives them",
+        description="what is compared: position, the paper's; jets, position, velocity and "
+        "acceleration; feedback, what the law makes of them; announced, what sources say drives "
+        "them",
     )
     first_announcement: NotNegative = Field(
         default=1.0,
-        description="[m/s³], standard deviation on each axis of what vehicles announce at first; with 0 and"
-        " without noise the rule sees any inconsistent word to the last bit",
+        description="[m/s³], standard deviation on each axis of what vehicles announce at first; "
+        "with 0 and without noise the rule sees any inconsistent word to the last bit",
     )
     filter: Positive | None = Field(
         default=None,
         description="[s], time constant of a low-pass filter on scores; none without it",
     )
 
-    def needs_ticks(self) -> bool:
-        """Return whether the score has a filter or uses announcements, which have a memory."""
+    def needs_ticks(self):
         return self.filter is not None or self.announcing()
 
-    def promise(self) -> str:
-        """Return the guarantee of the score."""
+    def promise(self):
         if not self.announcing():
             return self.guarantee
         return OF_BLURRED if self.blurs() else OF_ANNOUNCEMENTS
 
     def blurs(self) -> bool:
-        """Return whether decisions do not compare what sources announce now, but for rounding."""
+        """Whether decisions do not compare what sources announce now, but for rounding."""
         return (
             self.filter is not None
             or self.noise != 0
             or value_range(self.tolerance)[1] > OF_ROUNDING
         )
 
-    def announcing(self) -> bool:
-        """Return whether `score` is `announced`."""
+    def announcing(self):
         return self.score == "announced"
 
-    def draws(self) -> bool:
-        """Return whether the rule has noise or random first announcements."""
+    def draws(self):
         return super().draws() or self.wakes()
 
     def wakes(self) -> bool:
-        """Return whether vehicles announce random vectors at first."""
+        """Whether vehicles announce random vectors at first."""
         return self.announcing() and self.first_announcement != 0
 
-    def drawn(self, draw: LaneDraw, name: str) -> "TrustedTrim":
-        """Return the rule with drawn numbers; `first_announcement` is None if vehicles announce nothing at
-        first.
-        """
+    def drawn(self, draw, name):
         values = {**vars(super().drawn(draw, name))}
         if not self.wakes():
             values["first_announcement"] = None
         return self.filled(values)
 
-    def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Trimming:
-        """Return ϑ, and the slots of the trusted sources."""
+    def shared(self, graph, trusted, sources):
         slots = hearing.by_slot(graph, trusted, sources)
         most = max(1, int(slots.sum(axis=0).max()))
         references = np.argsort(~slots, axis=0, kind="stable")[:most]
         return Trimming(by_listener(self.theta, graph.vehicles), references)
 
-    def start(self, around: Neighbourhood) -> Memory:
-        """Return the memory at t = 0: the candidates to drop, the first announcements, and no score."""
+    def start(self, around):
         xp, lanes = around.weights.__array_namespace__(), around.weights.shape[1:]
         candidates, shares = self.candidates(around)
         score = time = announced = None
@@ -197,7 +183,7 @@ class TrustedTrim(Sparing):
         return Recollection(candidates, shares, score, time, announced)
 
     def candidates(self, around: Neighbourhood) -> tuple[SlotMask, Any]:
-        """Return the sources that may be dropped, and the shares of trusted sources in a score."""
+        """The sources that may be dropped, and the shares of trusted sources in a score."""
         heard, theta = around.weights > 0, around.shared.theta
         trusts = heard & around.trusted[:, :, None]
         trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
@@ -206,22 +192,16 @@ class TrustedTrim(Sparing):
         )
         return heard & ~self.spared(around) & trims[None], shares
 
-    def announcement(self, memory: Memory) -> VehicleVectors | None:
-        """Return ρ of the last tick."""
+    def announcement(self, memory):
         return memory.announced if self.announcing() else None
 
-    def decide(
-        self,
-        own: VehicleJets,
-        received: SlotJets,
-        last: Decision,
-        memory: Memory,
-        around: Neighbourhood,
-    ) -> tuple[Decision, Memory]:
-        """Drop the sources with the greatest scores; of equal scores the lower number is dropped first.
+    def decide(self, own, received, last, memory, around):
+        """Drop the sources with the greatest scores; of equal scores the lower number is dropped
+        first.
 
-        `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone changes no
-        decision (numerics.md O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its retained sources.
+        `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone
+        changes no decision (numerics.md O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its
+        retained sources.
         """
         candidates, shares = memory.candidates, memory.shares
         if around.arrived is not None:
@@ -245,30 +225,29 @@ class TrustedTrim(Sparing):
         return decision, memory
 
     def trims(self, heard: AnyCounts, trusted: AnyCounts, theta: AnyCounts) -> AnyMask:
-        """Return which vehicles trim, from the numbers of sources and of trusted sources that they hear."""
+        """Which vehicles trim, from how many sources and trusted sources they hear."""
         if self.announcing():
             return heard > theta
         return (heard >= 2 * theta + 1) & (trusted >= theta)
 
     def compared(self, received: SlotJets, gain: LaneGains) -> AxisSlotNumbers:
-        """Return the vectors that scores compare: (axes, slots, m, lanes)."""
+        """The vectors that scores compare: (axes, slots, m, lanes)."""
         if self.score == "jets":
             return received[0].__array_namespace__().concatenate(received)
         return control.feedback(gain, received) if self.score == "feedback" else received[0]
 
-    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return that a trimming vehicle drops ϑ_i sources, or all unspared ones if it hears fewer."""
+    def retained(self, graph, trusted):
+        """That a trimming vehicle drops ϑ_i sources, or all unspared ones if it hears fewer."""
         theta = by_listener(self.theta, graph.vehicles)
         links = graph.heard & ~self.spares(trusted) & self.protected(graph, trusted)[:, None]
         return DropPolicy(graph, links, np.minimum(theta, links.sum(axis=1)))
 
     def protected(self, graph: Digraph, trusted: Links) -> Bool[np.ndarray, " m"]:
-        """Return the vehicles of a graph that trim."""
         theta = by_listener(self.theta, graph.vehicles)
         return self.trims(graph.heard.sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
 
-    def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """Return the default reasons, and "by majority" of theorem 3 for announcements without blur."""
+    def safe(self, graph, attacked, trusted):
+        """The default reasons, and "by majority" of theorem 3 for announcements without blur."""
         reasons = super().safe(graph, attacked, trusted)
         if not self.announcing() or self.blurs():
             return reasons
@@ -280,13 +259,11 @@ class TrustedTrim(Sparing):
             return [*reasons, Safe(why, inside, True, np.inf if delta else 0.0)]
         steps, factor = shrinks
         why += f", shrinking to {factor:.3g} in {count(steps, 'round')}"
-        most = (
-            steps / (1 - factor) + steps - 1
-        )  # M over δ, by corollary 1 with the factor for 1 - ω^D
+        # M over δ, by corollary 1 with the factor for 1 - ω^D
+        most = steps / (1 - factor) + steps - 1
         return [*reasons, Safe(why, inside, True, (2 * most + 1) * delta)]
 
-    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Return which vehicles trim, and where more than ϑ_i sources are attacked."""
+    def describe(self, graph, attacked, trusted):
         theta, meets = by_listener(self.theta, graph.vehicles), self.protected(graph, trusted)
         outnumbered = meets & ((attacked.sum(axis=1) > theta) | (attacked & trusted).any(axis=1))
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
@@ -299,11 +276,11 @@ class TrustedTrim(Sparing):
             line = line.removesuffix("every vehicle") + f"{ranges(vehicle_numbers(meets))} only"
             line += f"; {ranges(vehicle_numbers(~meets))} unprotected"
         if outnumbered.any():
-            line += f"; more than ϑ attacked sources, or a trusted one, at {ranges(vehicle_numbers(outnumbered))}"
+            where = ranges(vehicle_numbers(outnumbered))
+            line += f"; more than ϑ attacked sources, or a trusted one, at {where}"
         return {"trimming": line}
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of vehicles that do not exist."""
+    def faults(self, scenario):
         yield from super().faults(scenario)
         if isinstance(self.theta, dict):
             yield from unknown_vehicles(

@@ -9,13 +9,13 @@ from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotSo
 
 
 class JudgedWords(NamedTuple):
-    """The words that arrive at a tick against their predictions, by slot. A listener has a slot for each of
-    its sources.
+    """The words that arrive at a tick against their predictions, by slot. A listener has a slot for
+    each of its sources.
 
     - `time` (lanes,): time of the tick [s]
     - `sources` (slots, m): number of the source, 0 is the navigator
-    - `residuals` (orders, 2, slots, m, lanes): received minus predicted jets, position first, each divided by
-      the standard deviation of its error; 0 in an order without errors
+    - `residuals` (orders, 2, slots, m, lanes): received minus predicted jets, position first, each
+      divided by the standard deviation of its error; 0 in an order without errors
     - `orders` (slots, m, lanes): number of orders with errors
     - `judged` (slots, m, lanes): whether a word arrived, and has errors
     - `interval` (lanes,): time from tick to tick [s]
@@ -38,23 +38,23 @@ class Detector(Kind):
     present: ClassVar[bool] = True
 
     def start(self, words: JudgedWords) -> Memory:
-        """Return the memory before the first tick: any pytree of arrays with lanes last; by default None."""
+        """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
         return None
 
     def alarms(self, words: JudgedWords, memory: Any) -> tuple[SlotMask, Memory]:
-        """Return the words that raise an alarm at a tick.
+        """The words that raise an alarm at a tick.
 
         Parameters
         ----------
         words
-            The words that arrive. Without attack their residuals are standard normal, if the errors are
-            normal.
+            The words that arrive. Without attack their residuals are standard normal, if the errors
+            are normal.
         memory
             The memory from the last tick, or from `start`.
 
         Returns
         -------
-            Whether a word raises an alarm, (slots, m, lanes), and the memory. Words that are not judged do
-            not count.
+            Whether a word raises an alarm, (slots, m, lanes), and the memory. Words that are not
+            judged do not count.
         """
         raise KindError(f"{self.kind}: a detector gives alarms(self, words, memory)")

@@ -1,25 +1,18 @@
-"""The χ² test of each word."""
-
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
-from jaxnet.kinds.detectors import Detector, JudgedWords
+from jaxnet.kinds.detectors import Detector
 from jaxnet.kinds.fields import Number, Within
-from jaxnet.kinds.shapes import Memory, SlotMask
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jnp
 
 
 class ChiSquared(Detector):
     """A word raises an alarm if its squared residual is improbable by the χ² law.
 
-    The squared residual is the sum over both axes and all orders with errors, each divided by its variance.
-    With errors of positions alone, 1 % of false alarms means a threshold of 9.210340 (theorems.md O17).
+    The squared residual is the sum over both axes and all orders with errors, each divided by its
+    variance. With errors of positions alone, 1 % of false alarms means a threshold of 9.210340
+    (theorems.md O17).
     """
 
     kind = "chi_squared"
@@ -29,8 +22,8 @@ class ChiSquared(Detector):
         default=0.01, description="probability of an alarm about an honest word with normal errors"
     )
 
-    def alarms(self, words: JudgedWords, memory: Any) -> tuple[SlotMask, Memory]:
-        """Return the words whose p-value is below `false_alarms`; n orders give χ² 2n degrees of freedom.
+    def alarms(self, words, memory):
+        """The words whose p-value is below `false_alarms`; n orders give χ² 2n degrees of freedom.
 
         `P(χ²_2n > x) = e^(-x/2) Σ_{k<n} (x/2)^k / k!`
         """

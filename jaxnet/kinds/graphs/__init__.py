@@ -1,7 +1,8 @@
 """Graphs: which sources a vehicle hears, and with what weights.
 
-A graph of m vehicles is an array (m, m + 1), dense or sparse (SciPy), or a `model.graph.Digraph`. Row i - 1
-of the array holds the weights of vehicle i; column j belongs to source j, and column 0 to the navigator.
+A graph of m vehicles is an array (m, m + 1), dense or sparse (SciPy), or a `model.graph.Digraph`.
+Row i - 1 of the array holds the weights of vehicle i; column j belongs to source j, and column 0 to
+the navigator.
 """
 
 import functools
@@ -23,17 +24,16 @@ from jaxnet.kinds.fields import (
     union_member,
     value_range,
 )
-from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken, unknown_vehicles
+from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
 from jaxnet.model.strength import RowStrength, WeightsAsTheyAre, WithOwnWeight
 from jaxnet.networks import GREATEST_EDGE_WEIGHT
 
-LEAST_WEIGHT = (
-    1e-15  # least relative weight of a link: below it 1 - w rounds to 1, and L is singular
-)
+# Least relative weight of a link: below it 1 - w rounds to 1, and L is singular
+LEAST_WEIGHT = 1e-15
 TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle
 
 GivenGraph = Any  # a Digraph, or weights (m, m + 1) as an array of NumPy or a sparse array of SciPy
@@ -64,12 +64,12 @@ class Graph(Kind):
         ge=0.0,
         le=GREATEST_EDGE_WEIGHT,
         title="weight on oneself",
-        description="weight of a vehicle on itself, relative to the mean weight of those it hears; 1 gives"
-        " each 1/(d + 1) where it hears d alike; acts under law: local alone",
+        description="weight of a vehicle on itself, relative to the mean weight of those it hears; "
+        "1 gives each 1/(d + 1) where it hears d alike; acts under law: local alone",
     )
 
     def weights(self, vehicles: int) -> GivenGraph:
-        """Return the weights of the graph; drawn numbers count with their medians.
+        """The weights of the graph; drawn numbers count with their medians.
 
         Parameters
         ----------
@@ -78,77 +78,79 @@ class Graph(Kind):
 
         Returns
         -------
-            Weights w_ij ≥ 0, (m, m + 1), as an array of NumPy, a sparse array of SciPy, or a `Digraph`. The
-            rows are normalised to sum 1 afterwards. An entry w_ii is the weight of a vehicle on itself.
+            Weights w_ij ≥ 0, (m, m + 1), as an array of NumPy, a sparse array of SciPy, or a
+            `Digraph`. The rows are normalised to sum 1 afterwards. An entry w_ii is the weight of a
+            vehicle on itself.
         """
         raise NotImplementedError
 
     def links(self, vehicles: int) -> GivenGraph:
-        """Return the links that a lane may have, in the form of `weights`; other links have weight 0 in all
-        lanes.
-        """
+        """Links that a lane may have, in the form of `weights`; others have weight 0."""
         return self.weights(vehicles)
 
     def size(self) -> int | None:
-        """Return the number of vehicles, None if the graph takes any number."""
+        """The number of vehicles, None if the graph takes any number."""
         return None
 
     def leaderless(self) -> "Graph":
-        """The graph of a fleet without a navigator, where that is numbered otherwise; by default this one."""
+        """The graph of a fleet without a navigator, if numbered otherwise; by default this one."""
         return self
 
     def vehicle_names(self) -> Sequence[str]:
-        """Return the names of the vehicles 1 … m, empty if only numbers name them."""
+        """The names of the vehicles 1 … m, empty if only numbers name them."""
         return ()
 
     def turns(self) -> Sequence["Graph"]:
-        """Return the networks of which one is in force at a time; by default this graph alone."""
+        """The networks of which one is in force at a time; by default this graph alone."""
         return [self]
 
     def linked(self, vehicles: int) -> Digraph:
-        """Return the graph of the possible links, each with weight 1; raise KindError."""
+        """The graph of the possible links, each with weight 1; raise KindError."""
         given = self.digraph(self.links(vehicles), vehicles)
         return given._replace(weights=given.heard.astype(float))
 
     def differs(self) -> bool:
-        """Return whether lanes have graphs or weights of their own."""
+        """Whether lanes have graphs or weights of their own."""
         return bool(self.drawn_keys())
 
+    def breaks(self):
+        return broken(one_network=len(self.turns()) > 1, alike=self.differs())
+
     def redrawn(self) -> bool:
-        """Return whether lanes have links of their own, not only weights."""
+        """Whether lanes have links of their own, not only weights."""
         return self.differs() and not self.drawn_keys()
 
     def lane_weights(
         self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
     ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the weights of each lane by slot. Only a graph that differs by lane needs this method."""
+        """The weights of each lane by slot. Only a graph that differs by lane needs this method."""
         raise NotImplementedError
 
     def weights_by_slot(
         self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
     ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the normalised weights of each lane by slot."""
+        """The normalised weights of each lane by slot."""
         if self.differs():
             return self.lane_weights(draw, vehicles, sources)
         given = self.normalised_rows(vehicles)
         return draw.same(hearing.by_slot(given, given.weights, sources))
 
     def normalised_rows(self, vehicles: int) -> Digraph:
-        """The graph with rows that sum to 1, or to 0 where a vehicle hears nobody; raises KindError."""
+        """The graph with rows of sum 1, or 0 where a vehicle hears nobody; raises KindError."""
         return graph.normalised(self.digraph(self.weights(vehicles), vehicles))
 
     def normalises(self) -> bool:
-        """Return whether only relative weights count."""
+        """Whether only relative weights count."""
         return True
 
     def rows_with_loops(self, vehicles: int) -> Digraph:
-        """Return the weights as they are given, with those of vehicles on themselves; raise KindError."""
+        """The weights as they are given, with those of vehicles on themselves; raise KindError."""
         return self.checked(self.weights(vehicles), vehicles)
 
     def strength(
         self, weights: Float[np.ndarray, "samples slots m"], navigator: bool
     ) -> RowStrength | None:
-        """Return the strength of the rows of each lane, None if it is 1: leaves (samples, m).
+        """The strength of the rows of each lane, None if it is 1: leaves (samples, m).
 
         `weights` are those of the lanes, and `navigator` says whether the fleet has one.
         """
@@ -161,7 +163,7 @@ class Graph(Kind):
         return WithOwnWeight(share) if share.any() else None
 
     def digraph(self, given: GivenGraph, vehicles: int) -> Digraph:
-        """Return what `weights` and `links` give as a graph, without weights of vehicles on themselves.
+        """What `weights` and `links` give as a graph, without weights of vehicles on themselves.
 
         Raises KindError.
         """
@@ -169,7 +171,7 @@ class Graph(Kind):
         return found.only(found.sources != np.arange(1, vehicles + 1)[:, None])
 
     def checked(self, given: GivenGraph, vehicles: int) -> Digraph:
-        """Return what `weights` and `links` give as a graph; raise KindError."""
+        """What `weights` and `links` give as a graph; raise KindError."""
         if not isinstance(given, Digraph):
             try:
                 given = given if sparse.issparse(given) else np.asarray(given, float)
@@ -178,15 +180,16 @@ class Graph(Kind):
             given = graph.of_matrix(given) if given.shape == (vehicles, vehicles + 1) else None
         if given is None or given.vehicles != vehicles or not (given.weights >= 0).all():
             raise KindError(
-                f"{self.kind}: weights must be ({vehicles}, {vehicles + 1}) numbers, none of them negative"
+                f"{self.kind}: weights must be ({vehicles}, {vehicles + 1}) numbers,"
+                " none of them negative"
             )
         if not np.isfinite(given.weights).all():
             raise KindError(f"{self.kind}: weights must be finite")
         return given
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if there is a navigator that does not reach every vehicle: L is singular then."""
-        if not scenario.law.local and (self.own_weight or not self.normalises()):
+    def faults(self, scenario):
+        """A fault if there is a navigator that does not reach every vehicle: L is singular then."""
+        if scenario.law.couples() and (self.own_weight or not self.normalises()):
             key = "own_weight" if self.own_weight else "normalised"
             yield Fault((f"topology.{key}", "law"), f"{key} acts under law: local alone")
         if not scenario.navigator.present:
@@ -207,17 +210,15 @@ class ByIdentity:
         self.one = one
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both keys hold the same object."""
         return isinstance(other, ByIdentity) and self.one is other.one
 
     def __hash__(self) -> int:
-        """Return the object's identity."""
         return id(self.one)
 
 
 @functools.lru_cache(maxsize=16)
 def check_reach(itself: ByIdentity, vehicles: int) -> tuple[list[int], float]:
-    """Return the vehicles that the navigator does not reach, and the least weight of a link.
+    """The vehicles that the navigator does not reach, and the least weight of a link.
 
     The cache serves the cells of a sweep, which share their graph.
     """
@@ -232,25 +233,23 @@ class ShareOfVehicles(Record):
 
 
 def informed_tag(value: object) -> str | None:
-    """Return the tag of the form in which informed vehicles are given."""
     if isinstance(value, ShareOfVehicles) or (isinstance(value, dict) and "share" in value):
         return MARK + "share"
     return {str: MARK + "word", list: MARK + "listed"}.get(type(value))
 
 
 def check_navigator_weight(weight: Number) -> Number:
-    """Return the navigator's weight; raise ValueError if a draw may be 1, which removes all links to
-    neighbours.
-    """
     if is_drawn(weight) and value_range(weight)[1] >= 1:
         raise ValueError("must be less than 1 where it is drawn: at 1 nobody hears a neighbour")
     return weight
 
 
 class Unweighted(Graph):
-    """Links between vehicles, links from the navigator, and a rule for the weights. A subclass gives `heard`.
+    """Links between vehicles, links from the navigator, and a rule for the weights. A subclass
+    gives `heard`.
 
-    A random graph is drawn until the navigator reaches every vehicle, so each such graph is equally likely.
+    A random graph is drawn until the navigator reaches every vehicle, so each such graph is equally
+    likely.
     """
 
     linked_by: ClassVar[str] = "topology.navigator"
@@ -275,8 +274,8 @@ class Unweighted(Graph):
     )
     weighting: Literal["uniform", "metropolis"] = Field(
         default="uniform",
-        description="of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many vehicles the"
-        " listener hears, or the source if that is more",
+        description="of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many "
+        "vehicles the listener hears, or the source if that is more",
     )
     seed: int = Field(
         default=0,
@@ -285,21 +284,18 @@ class Unweighted(Graph):
     )
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Return which vehicles each vehicle hears, (m, m) booleans, dense or sparse."""
+        """Which vehicles each vehicle hears, (m, m) booleans, dense or sparse."""
         raise NotImplementedError
 
     def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """Yield the reasons why no such graph of this number of vehicles exists."""
+        """The reasons why no such graph of this number of vehicles exists."""
         yield from ()
 
     def is_random(self) -> bool:
-        """Return whether links are drawn."""
         return isinstance(self.navigator, ShareOfVehicles)
 
     def informed(self, vehicles: int, random: np.random.Generator) -> Bool[np.ndarray, " m"]:
-        """Return which vehicles hear the navigator; with one generator, a greater share contains a smaller
-        one.
-        """
+        """Who hears the navigator; by one generator, a greater share contains a smaller one."""
         everyone = np.arange(1, vehicles + 1)
         if isinstance(self.navigator, ShareOfVehicles):
             return np.isin(
@@ -308,9 +304,7 @@ class Unweighted(Graph):
         return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
 
     def connected(self, vehicles: int, random: np.random.Generator) -> Digraph:
-        """Return links by which the navigator reaches every vehicle; raise KindError if no draw has such
-        links.
-        """
+        """Links by which the navigator reaches everybody; raise KindError if no draw has them."""
         for _ in range(TRIES):
             informed = np.flatnonzero(self.informed(vehicles, random))
             listeners, heard, _ = graph.entries(self.heard(vehicles, random))
@@ -321,29 +315,25 @@ class Unweighted(Graph):
         raise KindError(f"{self.kind}: the navigator reaches everybody in none of {TRIES} draws")
 
     def parts(self, links: Digraph) -> tuple[Float[np.ndarray, "m slots"], Float[np.ndarray, " m"]]:
-        """Return the relative weights of the neighbours, and their sums."""
+        """The relative weights of the neighbours, and their sums."""
         if self.weighting == "uniform":
             parts = (links.heard & (links.sources > 0)).astype(float)
             return parts, parts.sum(axis=1)
         parts = graph.metropolis(links)
         return parts, graph.totals(links.sources - 1, parts, links.vehicles)
 
-    def weights(self, vehicles: int) -> Digraph:
-        """Return the weights by the rule; for a graph drawn lane by lane, those of one such graph."""
+    def weights(self, vehicles):
+        """The weights by the rule; for a graph drawn lane by lane, those of one such graph."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         return self.weighted(links, median(self.navigator_weight))
 
     def weighted(self, links: Digraph, navigator_weight: float) -> Digraph:
-        """Return links with weights by the rule."""
         parts, total = self.parts(links)
         navigator, rest = weight_shares(hears_navigator(links), total, navigator_weight)
         weights = np.where(links.sources == 0, navigator[:, None], parts * rest[:, None])
         return links._replace(weights=weights)
 
-    def lane_weights(
-        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
-    ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the weights by the rule with each lane's own weight of the navigator."""
+    def lane_weights(self, draw, vehicles, sources):
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         parts, total = self.parts(links)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")[:, None]
@@ -351,10 +341,7 @@ class Unweighted(Graph):
         by_slot = hearing.by_slot(links, parts, sources)
         return np.where(sources == 0, navigator[:, None], by_slot * rest[:, None])
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of the listed vehicles and of the graph, or else a fault if a vehicle is not
-        reached.
-        """
+    def faults(self, scenario):
         listed = self.navigator if isinstance(self.navigator, list) else []
         found = [
             *unknown_vehicles("topology.navigator", listed, scenario.vehicles, first=1),
@@ -364,7 +351,6 @@ class Unweighted(Graph):
 
 
 def hears_navigator(links: Digraph) -> Bool[np.ndarray, " m"]:
-    """Return which vehicles hear the navigator."""
     return (links.heard & (links.sources == 0)).any(axis=1)
 
 
@@ -373,7 +359,7 @@ def weight_shares(
     total: Float[np.ndarray, " m"],
     navigator_weight: float | np.ndarray,
 ) -> tuple[Float[np.ndarray, "*samples m"], Float[np.ndarray, "*samples m"]]:
-    """Return the navigator's weight in each row, and the factor of the neighbours' weights, whose sum is
+    """The navigator's weight in each row, and the factor of the neighbours' weights, whose sum is
     `total`.
 
     A vehicle that hears no neighbour hears the navigator alone.
@@ -383,18 +369,16 @@ def weight_shares(
 
 
 class Random(Unweighted):
-    """Links drawn at random: one graph for the study by `seed`, or one for each lane by the study's seed."""
+    """Links drawn at random: one graph for the study by `seed`, or one for each lane by the study's
+    seed.
+    """
 
     redraw: bool = Field(default=False, description="whether each lane has a graph of its own")
 
-    def is_random(self) -> bool:
-        """Return True, because the links are drawn."""
+    def is_random(self):
         return True
 
-    def links(self, vehicles: int) -> GivenGraph:
-        """Return every link between vehicles if each lane has its own graph, and the possible links of the
-        navigator.
-        """
+    def links(self, vehicles):
         if not self.redraw:
             return super().links(vehicles)
         informed = np.ones(vehicles, bool)
@@ -402,18 +386,13 @@ class Random(Unweighted):
             informed = self.informed(vehicles, np.random.default_rng())
         return np.column_stack([informed, ~np.eye(vehicles, dtype=bool)])
 
-    def differs(self) -> bool:
-        """Return whether lanes have graphs or navigator weights of their own."""
+    def differs(self):
         return self.redraw or super().differs()
 
-    def redrawn(self) -> bool:
-        """Return the key `redraw`."""
+    def redrawn(self):
         return self.redraw
 
-    def lane_weights(
-        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
-    ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the weights of each lane's graph by slot."""
+    def lane_weights(self, draw, vehicles, sources):
         if not self.redraw:
             return super().lane_weights(draw, vehicles, sources)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")
@@ -423,7 +402,6 @@ class Random(Unweighted):
 
 
 def too_many(key: str, number: int, vehicles: int) -> Iterator[Fault]:
-    """Yield a fault if a number of neighbours is not less than the number of vehicles."""
     if number >= vehicles:
         message = f"must be less than the {vehicles} vehicles (got {number})"
         yield Fault((key, "topology", "vehicles"), message)

@@ -1,9 +1,6 @@
-"""The complete graph."""
-
 import numpy as np
 
 from jaxnet.kinds.graphs import Unweighted
-from jaxnet.model.patterns import Neighbours
 
 
 class Complete(Unweighted):
@@ -11,6 +8,5 @@ class Complete(Unweighted):
 
     kind = "complete"
 
-    def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Return all links except those from a vehicle to itself."""
+    def heard(self, vehicles, random):
         return ~np.eye(vehicles, dtype=bool)

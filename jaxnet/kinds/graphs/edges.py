@@ -1,39 +1,42 @@
 """Any weighted digraph, given by its edges."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Len
-from jaxtyping import Float, Int
 from pydantic import Field, PrivateAttr
 
 from jaxnet.kinds.fields import Number, Within, median
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 from jaxnet.networks import GREATEST_EDGE_WEIGHT, NumberedNetwork, check_names, number_nodes
 from jaxnet.networks.objects import object_network
 
-NORMALISED = "whether the weights of a row are divided by their sum; false: law: local takes them as they are"
+NORMALISED = (
+    "whether the weights of a row are divided by their sum; "
+    "false: law: local takes them as they are"
+)
 
 Edge = Annotated[
-    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]],
-    Field(strict=False),
+    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]], Field(strict=False)
 ]
 
 
 class Edges(Graph):
-    """Any weighted digraph as a list of edges; the weights of each listener are normalised to sum 1.
+    """Any weighted digraph as a list of edges; the weights of each listener are normalised to sum
+    1.
 
-    Under the law `local`, an edge [i, i, w] is the weight of vehicle i on itself. With `normalised: false`
-    that law takes the weights as they are, `q_i = -Σ_j w_ij P(y_i - y_j)`, as a Laplacian does.
+    Under the law `local`, an edge [i, i, w] is the weight of vehicle i on itself. With `normalised:
+    false` that law takes the weights as they are, `q_i = -Σ_j w_ij P(y_i - y_j)`, as a Laplacian
+    does.
     """
 
     kind = "edges"
-    linked_by: ClassVar[str] = "topology.edges"
+    linked_by = "topology.edges"
 
     edges: Annotated[
         list[Edge],
@@ -52,24 +55,19 @@ class Edges(Graph):
         """Whether these edges are of an object, one of whose nodes became the navigator."""
         return bool(self._led)
 
-    def weights(self, vehicles: int) -> Digraph:
-        """Return the edges with the medians of their weights."""
+    def weights(self, vehicles):
         return graph.weighted(
             vehicles, [(i, j, median(weight)) for i, j, weight in self.edges if i != j]
         )
 
-    def normalises(self) -> bool:
-        """Return the key `normalised`."""
+    def normalises(self):
         return self.normalised
 
-    def rows_with_loops(self, vehicles: int) -> Digraph:
-        """Return the edges with the medians of their weights, as they are given."""
+    def rows_with_loops(self, vehicles):
         return as_given(vehicles, [(i, j, median(weight)) for i, j, weight in self.edges])
 
-    def lane_weights(
-        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
-    ) -> Float[np.ndarray, "samples slots m"]:
-        """Return the weights of each lane; the draw of edge (i, j) is component j of vehicle i."""
+    def lane_weights(self, draw, vehicles, sources):
+        """The weights of each lane; the draw of edge (i, j) is component j of vehicle i."""
         links, numbers = [(i, j) for i, j, _ in self.edges], [number for *_, number in self.edges]
         listeners, heard = np.array(links).T
         rows = listeners - 1
@@ -78,18 +76,13 @@ class Edges(Graph):
         weights[:, slots, rows] = draw.placed(numbers, "topology.edges", links)
         return weights / weights.sum(axis=1, keepdims=True)
 
-    def size(self) -> int:
-        """Return the greatest number of a vehicle in the edges."""
+    def size(self):
         return last_vehicle(self.edges)
 
-    def vehicle_names(self) -> Sequence[str]:
-        """Return the names of the vehicles, none if only numbers name them."""
+    def vehicle_names(self):
         return self.names
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of unknown or repeated edges, loops, names and the size, or else of unreached
-        vehicles.
-        """
+    def faults(self, scenario):
         found = list(edge_faults(self.edges, scenario))
         if self.drawn_keys() and (not self.normalised or any(i == j for i, j, _ in self.edges)):
             keys = ("topology.normalised", "topology.edges")
@@ -103,7 +96,6 @@ class Edges(Graph):
 
 
 def name_faults(names: Sequence[str], scenario: ScenarioView) -> list[Fault]:
-    """Return a fault unless there are no names, or one of its own for each vehicle."""
     try:
         check_names(names, scenario.vehicles)
     except KindError as error:
@@ -112,10 +104,10 @@ def name_faults(names: Sequence[str], scenario: ScenarioView) -> list[Fault]:
 
 
 def adopt_network(given: object, leads: bool | None = True) -> Edges | None:
-    """Return the graph that a networkx graph or a matrix means, None for another object.
+    """The graph that a networkx graph or a matrix means, None for another object.
 
-    `leads` says whether a node is the navigator, None if in some cells only. Raises KindError if the object
-    means no network.
+    `leads` says whether a node is the navigator, None if in some cells only. Raises KindError if
+    the object means no network.
     """
     found = object_network(given)
     if found is None:
@@ -128,7 +120,7 @@ def adopt_network(given: object, leads: bool | None = True) -> Edges | None:
 
 
 def edges_of_network(network: NumberedNetwork, label: str | None, leads: bool) -> Edges:
-    """Return the graph of a network with numbers; raise KindError if the network has no edge."""
+    """The graph of a network with numbers; raise KindError if the network has no edge."""
     if not network.edges:
         raise KindError("the network has no edge (i, j) with i > 0, which means i hears j")
     found = Edges(edges=network.edges, names=list(network.names), label=label)
@@ -137,18 +129,15 @@ def edges_of_network(network: NumberedNetwork, label: str | None, leads: bool) -
 
 
 def network_label(given: object) -> str | None:
-    """Return the name of a networkx graph, None if it has none."""
     attributes = getattr(given, "graph", None)
     return str(attributes.get("name") or "") or None if isinstance(attributes, Mapping) else None
 
 
 def last_vehicle(edges: Sequence[tuple[int, int, Number]]) -> int:
-    """Return the greatest number of a vehicle in edges."""
     return max(max(listener, source) for listener, source, _ in edges)
 
 
 def size_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> list[Fault]:
-    """Return a fault if the edges name fewer vehicles than the scenario has."""
     last = last_vehicle(edges)
     if last >= vehicles:
         return []
@@ -157,7 +146,7 @@ def size_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> list
 
 
 def as_given(vehicles: int, edges: Sequence[tuple[int, int, float]]) -> Digraph:
-    """Return the graph of edges (i, j, w), which may be loops, without normalisation."""
+    """The graph of edges (i, j, w), which may be loops, without normalisation."""
     listeners, sources, weights = np.array([*edges], float).reshape(-1, 3).T
     return graph.of_links(vehicles, listeners - 1, sources, weights)
 
@@ -165,7 +154,6 @@ def as_given(vehicles: int, edges: Sequence[tuple[int, int, float]]) -> Digraph:
 def edge_faults(
     edges: Sequence[tuple[int, int, Number]], scenario: ScenarioView
 ) -> Iterator[Fault]:
-    """Yield faults of single edges: unknown ends, a repetition, or a loop unless the law is local."""
     vehicles, seen = scenario.vehicles, set[tuple[int, int]]()
     for number, (listener, source, _) in enumerate(edges):
         key = f"topology.edges.{number}"
@@ -174,7 +162,7 @@ def edge_faults(
                 (key, "topology.edges", "vehicles"),
                 f"i is 1 to {vehicles} and j 0 to {vehicles} (got [{listener}, {source}])",
             )
-        elif listener == source and not scenario.law.local:
+        elif listener == source and scenario.law.couples():
             yield Fault(
                 (key, "topology.edges"), f"{listener} hears itself, which law: local alone allows"
             )

@@ -1,12 +1,6 @@
-"""The network of the paper's Fig. 1."""
-
-from collections.abc import Iterator
-
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
-from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.model import graph
-from jaxnet.model.graph import Digraph
 
 FIGURE1_LINKS = ((1, 0), (4, 0), (5, 0), (2, 1), (3, 2), (4, 5), (5, 4))
 
@@ -17,18 +11,15 @@ class Figure1(Graph):
     kind = "figure1"
     words = "Figure 1"
 
-    def size(self) -> int:
-        """Return the paper's five vehicles."""
+    def size(self):
         return 5
 
-    def weights(self, vehicles: int) -> Digraph:
-        """Return equal weights for the links of each vehicle."""
+    def weights(self, vehicles):
         return graph.weighted(
             vehicles, [(listener, source, 1.0) for listener, source in FIGURE1_LINKS]
         )
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault unless there are five vehicles."""
+    def faults(self, scenario):
         if scenario.vehicles != 5:
             yield Fault(
                 ("vehicles", "topology"), f"figure1 has 5 vehicles (got {scenario.vehicles})"

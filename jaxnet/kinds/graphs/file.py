@@ -1,7 +1,6 @@
 """A weighted digraph from a file."""
 
 import functools
-from collections.abc import Iterator, Sequence
 from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field
@@ -10,9 +9,7 @@ from upath import UPath
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.edges import NORMALISED, as_given, edge_faults, last_vehicle, size_faults
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.model import graph
-from jaxnet.model.graph import Digraph
 from jaxnet.networks import (
     Direction,
     EdgeList,
@@ -25,7 +22,7 @@ from jaxnet.networks.files import read_network
 
 
 def check_content(content: str) -> str:
-    """Return a file's content in the form that a study stores; raise ValueError if it holds no edges."""
+    """A file's content in the form that a study stores; raise ValueError if it holds no edges."""
     try:
         links = parse_network(content).links
     except (TypeError, ValueError):
@@ -38,18 +35,19 @@ def check_content(content: str) -> str:
 class File(Graph):
     """Any weighted digraph from a file: a list of edges, a matrix, or GraphML.
 
-    A link a, b with weight w, or 1 if there is no weight, means that a hears b. The navigator is node 0; with
-    `navigator: none` every node is a vehicle. The weights of each listener are normalised to sum 1. The
-    content of the file becomes part of the study, so results need no file and belong to one version of it.
+    A link a, b with weight w, or 1 if there is no weight, means that a hears b. The navigator is
+    node 0; with `navigator: none` every node is a vehicle. The weights of each listener are
+    normalised to sum 1. The content of the file becomes part of the study, so results need no file
+    and belong to one version of it.
     """
 
     kind = "file"
-    linked_by: ClassVar[str] = "topology.path"
+    linked_by = "topology.path"
     leads: ClassVar[bool] = True  # whether a node is the navigator
 
     path: str = Field(
-        description="of the file, from the config's folder; .graphml, .npy and .mtx (Matrix Market), other"
-        " files are text"
+        description="of the file, from the config's folder; .graphml, .npy and .mtx (Matrix "
+        "Market), other files are text"
     )
     direction: Direction = Field(
         default="hears", description="hears, a link a, b means a hears b; or tells"
@@ -59,8 +57,8 @@ class File(Graph):
     )
     leader: str | None = Field(
         default=None,
-        description="name or number of the navigator's node, or null: the first number, or the node called 0,"
-        " navigator or leader",
+        description="name or number of the navigator's node, or null: the first number, or the "
+        "node called 0, navigator or leader",
     )
     names: list[str] = Field(
         default=[], description="of the vehicles, in place of those in the file"
@@ -71,8 +69,7 @@ class File(Graph):
     )
 
     @classmethod
-    def completed(cls, given: dict[object, object], folder: UPath) -> dict[object, object]:
-        """Return the mapping with the file's links, unless it has them already."""
+    def completed(cls, given, folder):
         given = {
             key: str(value) if key == "leader" and type(value) is int else value
             for key, value in given.items()
@@ -84,7 +81,7 @@ class File(Graph):
         return given | {"content": {path: write_network(network)}}
 
     def network(self) -> NumberedNetwork:
-        """Return the edges and names of the file at the time when the study was loaded.
+        """The edges and names of the file at the time when the study was loaded.
 
         Raises KindError if the file was not read, or if its nodes cannot be numbered.
         """
@@ -93,39 +90,32 @@ class File(Graph):
         options = self.direction, self.first, self.leader, tuple(self.names), self.leads
         return numbered_content(self.content[self.path], *options)
 
-    def leaderless(self) -> "File":
-        """The file's network with every node a vehicle."""
-        return self.filled({**vars(self), "leads": False})
+    def leaderless(self):
+        return self.with_values(leads=False)
 
     def edges(self) -> EdgeList:
-        """Return the edges (i, j, w): vehicle i hears source j; raise KindError as `network` does."""
         return self.network().edges
 
-    def weights(self, vehicles: int) -> Digraph:
-        """Return the weights of the file's edges."""
+    def weights(self, vehicles):
         return graph.weighted(vehicles, [edge for edge in self.edges() if edge[0] != edge[1]])
 
-    def normalises(self) -> bool:
-        """Return the key `normalised`."""
+    def normalises(self):
         return self.normalised
 
-    def rows_with_loops(self, vehicles: int) -> Digraph:
-        """Return the file's edges with their weights."""
+    def rows_with_loops(self, vehicles):
         return as_given(vehicles, self.edges())
 
-    def size(self) -> int | None:
-        """Return the number of vehicles in the file, None if its nodes cannot be numbered."""
+    def size(self):
         try:
             return last_vehicle(self.edges())
         except KindError:
             return None
 
-    def vehicle_names(self) -> Sequence[str]:
-        """Return the names of the vehicles, none if the file has numbers."""
+    def vehicle_names(self):
         return self.network().names
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield the faults of the edges. A file that cannot be read is a fault of loading, reported there."""
+    def faults(self, scenario):
+        """Faults of the edges. A file that cannot be read is a fault of loading, reported there."""
         if self.path not in self.content:
             if self.content:
                 yield Fault(
@@ -155,5 +145,5 @@ def numbered_content(
     names: tuple[str, ...],
     leads: bool,
 ) -> NumberedNetwork:
-    """Return the edges and names of a stored network. The cache serves the cells of a sweep."""
+    """The edges and names of a stored network. The cache serves the cells of a sweep."""
     return number_nodes(parse_network(content), direction, first, leader, names, leads)

@@ -1,18 +1,14 @@
-"""The grid."""
-
-from collections.abc import Iterator
-
-import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.graphs import Unweighted
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns
-from jaxnet.model.patterns import Neighbours
 
 
 class Grid(Unweighted):
-    """Rows and columns of vehicles, numbered row by row; each hears those beside, before and behind it."""
+    """Rows and columns of vehicles, numbered row by row; each hears those beside, before and behind
+    it.
+    """
 
     kind = "grid"
 
@@ -22,16 +18,13 @@ class Grid(Unweighted):
         default=False, description="whether the last of a row or column hears the first"
     )
 
-    def size(self) -> int:
-        """Return rows times columns."""
+    def size(self):
         return self.rows * self.columns
 
-    def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Return the links along rows and columns."""
+    def heard(self, vehicles, random):
         return patterns.grid(self.rows, self.columns, self.torus)
 
-    def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """Yield a fault unless rows times columns is the number of vehicles."""
+    def impossible(self, vehicles):
         if self.rows * self.columns != vehicles:
             message = (
                 f"times columns must be the {vehicles} vehicles (got {self.rows} × {self.columns})"

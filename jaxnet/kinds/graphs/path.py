@@ -1,10 +1,7 @@
-"""The path."""
-
 import numpy as np
 
 from jaxnet.kinds.graphs import Graph
 from jaxnet.model import graph
-from jaxnet.model.graph import Digraph
 
 
 class Path(Graph):
@@ -12,6 +9,5 @@ class Path(Graph):
 
     kind = "path"
 
-    def weights(self, vehicles: int) -> Digraph:
-        """Return one link with weight 1 for each vehicle."""
+    def weights(self, vehicles):
         return graph.of_links(vehicles, np.arange(vehicles), np.arange(vehicles))

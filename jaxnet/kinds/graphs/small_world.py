@@ -1,19 +1,14 @@
-"""Small-world graphs of Watts and Strogatz."""
-
-from collections.abc import Iterator
-
-import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.graphs import Random, too_many
 from jaxnet.kinds.graphs.lattice import Nearest
-from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns
-from jaxnet.model.patterns import Neighbours
 
 
 class SmallWorld(Random):
-    """A small world (Watts and Strogatz): a ring lattice of mutual links, some of them rewired at random."""
+    """A small world (Watts and Strogatz): a ring lattice of mutual links, some of them rewired at
+    random.
+    """
 
     kind = "small_world"
 
@@ -22,10 +17,8 @@ class SmallWorld(Random):
         default=0.1, ge=0, le=1, description="probability that a link is joined to another"
     )
 
-    def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Draw a small world without loops and repeated links."""
+    def heard(self, vehicles, random):
         return patterns.small_world(vehicles, self.neighbours, self.rewired, random)
 
-    def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """Yield a fault if there are not enough other vehicles."""
+    def impossible(self, vehicles):
         return too_many("topology.neighbours", self.neighbours, vehicles)

@@ -1,10 +1,7 @@
-"""The star."""
-
 import numpy as np
 
 from jaxnet.kinds.graphs import Graph
 from jaxnet.model import graph
-from jaxnet.model.graph import Digraph
 
 
 class Star(Graph):
@@ -12,6 +9,5 @@ class Star(Graph):
 
     kind = "star"
 
-    def weights(self, vehicles: int) -> Digraph:
-        """Return one link to the navigator for each vehicle, with weight 1."""
+    def weights(self, vehicles):
         return graph.of_links(vehicles, np.arange(vehicles), np.zeros(vehicles))

@@ -1,37 +1,28 @@
-"""Networks that take turns."""
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Len
 from pydantic import Field
 from scipy import sparse
-from upath import UPath
 
 from jaxnet.kinds import registry
-from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import NotNegative, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators.none import NoNavigator
 from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.shapes import AnyCounts, LaneTimes
 from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsAtTicks
-from jaxnet.lazy import LazyModule
+from jaxnet.lazy import jnp
 from jaxnet.model import graph
-from jaxnet.model.graph import Digraph
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
 
 
 class Switching(DrawsAtTicks, Graph):
     """Several networks, one of which is in force at a tick, with its own weights.
 
-    A vehicle that the navigator does not reach in the network in force keeps its last drive, as where
-    messages are lost. What `check` says of the graph holds for the union of the networks.
+    A vehicle that the navigator does not reach in the network in force keeps its last drive, as
+    where messages are lost. What `check` says of the graph holds for the union of the networks.
     """
 
     kind = "switching"
@@ -50,8 +41,7 @@ class Switching(DrawsAtTicks, Graph):
     )
 
     @classmethod
-    def completed(cls, given: dict[object, object], folder: UPath) -> dict[object, object]:
-        """Return the mapping with each network completed by its file."""
+    def completed(cls, given, folder):
         networks = given.get("networks")
         if not isinstance(networks, list):
             return given
@@ -63,20 +53,18 @@ class Switching(DrawsAtTicks, Graph):
 
         return {**given, "networks": [complete(each) for each in networks]}
 
-    def draws(self) -> bool:
-        """Return whether the order is drawn."""
+    def draws(self):
         return self.order == "random"
 
-    def size(self) -> int | None:
-        """Return the number of vehicles of the first network that has a number."""
+    def size(self):
+        """The number of vehicles of the first network that has a number."""
         return next(filter(None, (each.size() for each in self.networks)), None)
 
-    def normalises(self) -> bool:
-        """Return whether only relative weights count, in each network."""
+    def normalises(self):
         return self.networks[0].normalises()
 
-    def weights(self, vehicles: int) -> Digraph:
-        """Return the union of the networks, with the mean of their normalised weights."""
+    def weights(self, vehicles):
+        """The union of the networks, with the mean of their normalised weights."""
         each = [network.normalised_rows(vehicles) for network in self.networks]
         ends = [(*found.edges(), found) for found in each]
         links = [
@@ -88,20 +76,18 @@ class Switching(DrawsAtTicks, Graph):
         )
         return graph.of_matrix(total / len(each))
 
-    def leaderless(self) -> Graph:
-        """The networks of a fleet without a navigator."""
+    def leaderless(self):
         return self.model_copy(update={"networks": [each.leaderless() for each in self.networks]})
 
-    def differs(self) -> bool:
-        """Return False: lanes may draw when networks change, but have the same networks."""
+    def differs(self):
+        """False: lanes may draw when networks change, but have the same networks."""
         return False
 
-    def turns(self) -> list[Graph]:
-        """Return the networks in the order of the config."""
+    def turns(self):
         return self.networks
 
     def number(self, time: LaneTimes, networks: int) -> AnyCounts:
-        """Return the number, from 0, of the network in force at times, one of so many networks."""
+        """The number, from 0, of the network in force at times, one of so many networks."""
         if len(self.at):
             passed = (time[None] >= jnp.asarray(self.at) - TICK_ROUNDING).sum(axis=0)
         else:
@@ -111,8 +97,7 @@ class Switching(DrawsAtTicks, Graph):
         drawn = self.random(passed.astype(float), "network", "uniform", ())
         return (drawn * networks).astype(int)
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of the times, or else of each network, or else of the union."""
+    def faults(self, scenario):
         whole: Any = scenario
         alone = whole.model_copy(update={"navigator": NoNavigator()})
         found = list(self.time_faults(scenario))
@@ -132,7 +117,6 @@ class Switching(DrawsAtTicks, Graph):
         yield from found or super().faults(scenario)
 
     def time_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of the times of changes."""
         if (self.every == 0) == (not self.at):
             yield Fault(("topology.every", "topology"), "give either every or at")
         if is_drawn(self.every) and value_range(self.every)[0] <= 0:

@@ -1,26 +1,20 @@
 """Loss in bursts: each channel is a Markov chain of two states."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import Number, Within
 from jaxnet.kinds.losses import Loss, Messages
-from jaxnet.kinds.shapes import SlotMask
 from jaxnet.kinds.ticks import DrawsTogether
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jnp
 
 
 class GilbertElliott(DrawsTogether, Loss):
     """A channel is good or bad, and loses every message while it is bad.
 
-    The share of lost messages is `fail / (fail + recover)`, and the mean burst takes `1 / recover` ticks. A
-    channel starts in the stationary distribution.
+    The share of lost messages is `fail / (fail + recover)`, and the mean burst takes `1 / recover`
+    ticks. A channel starts in the stationary distribution.
     """
 
     kind = "gilbert_elliott"
@@ -33,25 +27,20 @@ class GilbertElliott(DrawsTogether, Loss):
         description="probability that a bad channel turns good, at each tick"
     )
 
-    def perfect(self) -> bool:
-        """Return whether no channel ever turns bad."""
+    def perfect(self):
         return self.fail == 0
 
-    def draws(self) -> bool:
-        """Return whether a channel may turn bad."""
+    def draws(self):
         return not self.perfect()
 
-    def start(self, messages: Messages) -> Any:
-        """Return which channels are bad, drawn from the stationary distribution."""
+    def start(self, messages):
         share = self.fail / (self.fail + self.recover)
         return self.uniform(messages, "start") < share[None, None]
 
-    def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Any]:
-        """Return the messages on bad channels, after the channels have changed."""
+    def lost(self, messages, memory):
         then_bad = jnp.where(memory, 1.0 - self.recover[None, None], self.fail[None, None])
         bad = self.uniform(messages, "loss") < then_bad
         return bad, bad
 
     def uniform(self, messages: Messages, purpose: str) -> Any:
-        """Return a uniform number of each channel, by slot."""
         return self.random_by_slot(messages.time, purpose, "uniform", messages.sources)

@@ -1,7 +1,4 @@
-"""Loss in intervals of time, in which a jammer disturbs the channel."""
-
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from annotated_types import Len
 from pydantic import AfterValidator, Field
@@ -9,15 +6,9 @@ from pydantic import AfterValidator, Field
 from jaxnet.kinds.fields import NotNegative, Number, Positive, Within, ordered
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.losses import Loss, Messages
-from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneMask, LaneTimes, SlotMask, SlotNumbers
 from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsTogether, Together
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jnp
 
 Interval = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
 
@@ -33,17 +24,14 @@ class Budget(NamedTuple):
 class Jamming(DrawsTogether, Loss):
     """All messages are lost in listed, periodic or drawn intervals.
 
-    Between any times τ < t, at most `starts + (t - τ) / spacing` drawn intervals begin. Their length is at
-    most `seconds + (t - τ) / ratio`. At each tick a fair coin says whether the jammer turns on or off; it
-    does so if both limits allow it.
+    Between any times τ < t, at most `starts + (t - τ) / spacing` drawn intervals begin. Their
+    length is at most `seconds + (t - τ) / ratio`. At each tick a fair coin says whether the jammer
+    turns on or off; it does so if both limits allow it.
     """
 
     kind = "jamming"
 
-    of: Together = Field(
-        default="all",
-        description="for whom a drawn interval counts, as above",
-    )
+    of: Together = Field(default="all", description="for whom a drawn interval counts, as above")
     intervals: list[Interval] = Field(
         default=[], description="[s], begin and end of each listed interval"
     )
@@ -66,19 +54,15 @@ class Jamming(DrawsTogether, Loss):
     )
 
     def periodic(self) -> bool:
-        """Return whether there are periodic intervals."""
         return not (self.period == 0 or self.length == 0)
 
-    def draws(self) -> bool:
-        """Return whether there are drawn intervals."""
+    def draws(self):
         return not (self.starts == 0 or self.seconds == 0)
 
-    def perfect(self) -> bool:
-        """Return whether there is no interval at all."""
+    def perfect(self):
         return not (self.intervals or self.periodic() or self.draws())
 
-    def start(self, messages: Messages) -> Budget | None:
-        """Return the full budget of drawn intervals, None without them."""
+    def start(self, messages):
         if "key" not in vars(self):
             return None
         nobody = jnp.zeros_like(messages.present)
@@ -87,8 +71,7 @@ class Jamming(DrawsTogether, Loss):
         )
         return Budget(starts, seconds, nobody)
 
-    def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Any]:
-        """Return all messages in the intervals."""
+    def lost(self, messages, memory):
         jams = jnp.broadcast_to(self.planned(messages.time)[None, None], messages.present.shape)
         if memory is None:
             return jams, memory
@@ -96,7 +79,6 @@ class Jamming(DrawsTogether, Loss):
         return jams | memory.jams, memory
 
     def planned(self, time: LaneTimes) -> LaneMask:
-        """Return whether times lie in a listed or periodic interval."""
         time = time + TICK_ROUNDING
         jams = (self.period > 0) & (time >= self.first)
         jams = jams & (
@@ -107,7 +89,7 @@ class Jamming(DrawsTogether, Loss):
         return jams
 
     def spent(self, messages: Messages, left: Budget) -> Budget:
-        """Return the budget after a tick: the jammer starts or goes on if it wants to and may."""
+        """The budget after a tick: the jammer starts or goes on if it wants to and may."""
         numbers = messages.interval, self.starts, self.spacing, self.seconds, self.ratio
         interval, most_starts, spacing, most_seconds, ratio = (each[None, None] for each in numbers)
         coin = self.random_by_slot(messages.time, "jamming", "uniform", messages.sources) < 0.5
@@ -117,8 +99,7 @@ class Jamming(DrawsTogether, Loss):
         seconds = left.seconds + interval / ratio - jnp.where(jams, interval, 0.0)
         return Budget(jnp.minimum(starts, most_starts), jnp.minimum(seconds, most_seconds), jams)
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault of a part of the keys of periodic or drawn intervals, and those of every loss."""
+    def faults(self, scenario):
         yield from super().faults(scenario)
         for whole, part in (("period", "length"), ("starts", "seconds")):
             if (getattr(self, whole) == 0) != (getattr(self, part) == 0):

@@ -1,18 +1,10 @@
-"""Loss by distance: a vehicle hears only those that are near."""
-
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative
-from jaxnet.kinds.losses import Loss, Messages
-from jaxnet.kinds.shapes import SlotMask
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.kinds.losses import Loss
+from jaxnet.lazy import jnp
 
 
 class Range(Loss):
@@ -27,16 +19,14 @@ class Range(Loss):
         default=0.0, description="[m], by how much farther a source goes until it is lost again"
     )
 
-    def perfect(self) -> bool:
-        """Return whether the radius is infinite."""
+    def perfect(self):
         return self.radius == float("inf")
 
-    def start(self, messages: Messages) -> Any:
-        """Return that nobody is heard yet."""
+    def start(self, messages):
         return jnp.zeros_like(messages.present)
 
-    def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Any]:
-        """Return the messages from too far away; `memory` holds those that were heard at the last tick."""
+    def lost(self, messages, memory):
+        """The messages from too far away; `memory` holds those that were heard at the last tick."""
         reach = jnp.asarray(self.radius)[None, None] + jnp.where(
             memory, self.hysteresis[None, None], 0.0
         )

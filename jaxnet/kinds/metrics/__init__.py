@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from jaxnet.kinds.protocols import FleetView
+from jaxnet.kinds.shapes import VehicleNumbers
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError
 
@@ -21,8 +22,9 @@ Undefined = Literal["error", "infinite", "blank"]
 class Metric:
     """A number of a lane, reduced over output times and vehicles.
 
-    `of(seen)` returns (m, lanes) from the fleet at one output time (`engine.metrics.Observation`). `time`
-    reduces it over the output times of the run or the tail, then `vehicles` reduces it over the vehicles.
+    `of(seen)` returns (m, lanes) from the fleet at one output time (`engine.metrics.Observation`).
+    `time` reduces it over the output times of the run or the tail, then `vehicles` reduces it over
+    the vehicles.
 
     Parameters
     ----------
@@ -42,9 +44,9 @@ class Metric:
     words
         Meaning of the metric in tables and on axes.
     undefined
-        Meaning of a result that is no finite number. "error": the lane ends as `unmeasured`. "infinite":
-        infinity is a value, such as the time of what did not happen; not-a-number is an error. "blank":
-        not-a-number says that there was nothing to measure; infinity is an error.
+        Meaning of a result that is no finite number. "error": the lane ends as `unmeasured`.
+        "infinite": infinity is a value, such as the time of what did not happen; not-a-number is an
+        error. "blank": not-a-number says that there was nothing to measure; infinity is an error.
 
     Raises
     ------
@@ -55,7 +57,8 @@ class Metric:
     --------
     >>> import jaxnet
     >>> from jaxnet.kinds.metrics import Metric
-    >>> peak_speed = Metric("peak_speed", "m/s", lambda seen: abs(seen.speed), words="greatest speed")
+    >>> speed = lambda seen: abs(seen.speed)
+    >>> peak_speed = Metric("peak_speed", "m/s", speed, words="greatest speed")
     >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "metrics": [peak_speed]}
     >>> results = jaxnet.simulate(keys, samples=2, progress=False)
     >>> bool((results.lanes["peak_speed"] > 0).all())
@@ -72,13 +75,8 @@ class Metric:
     undefined: Undefined = "error"
 
     def __post_init__(self) -> None:
-        """Raise KindError for an unknown reduction."""
-        allowed = {
-            "over": get_args(Over),
-            "time": get_args(OverTime),
-            "vehicles": get_args(Reduction),
-        }
-        allowed["undefined"] = get_args(Undefined)
+        allowed = {"over": get_args(Over), "time": get_args(OverTime)}
+        allowed |= {"vehicles": get_args(Reduction), "undefined": get_args(Undefined)}
         for field, known in allowed.items():
             if (given := getattr(self, field)) not in known:
                 raise KindError(
@@ -93,60 +91,37 @@ class Metric:
         return f"{self.unit}·s" if self.unit else "s"
 
     def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
-        """Pickle the file of the metric with its hash, so that another process loads the same metric."""
+        """Pickle the file of the metric with its hash: another process loads the same metric."""
         return restore_metric, (provenance.origin_of(self), provenance.name_in(self))
 
 
 def restore_metric(origin: modules.Origin, name: str) -> Metric:
-    """Return a metric that another process has sent; raise KindError if its module differs here."""
     return modules.attribute(modules.load_origin(origin), name)
 
 
+def errors_of(seen: FleetView) -> VehicleNumbers:
+    return seen.errors()
+
+
+def disagreements_of(seen: FleetView) -> VehicleNumbers:
+    return seen.disagreements()
+
+
+def absolute_speed(seen: FleetView) -> VehicleNumbers:
+    return abs(seen.speed)
+
+
+def absolute_turn_rate(seen: FleetView) -> VehicleNumbers:
+    return abs(seen.turn_rate)
+
+
 CONTRACT = (
+    Metric("tail_mean", "m", errors_of, "tail", "mean", "mean", "mean error of the fleet"),
+    Metric("tail_max", "m", errors_of, "tail", "max", "max", "greatest error of any vehicle"),
+    Metric("tail_disagreement", "m", disagreements_of, "tail", "mean", "mean", "mean disagreement"),
+    Metric("peak_error", "m", errors_of, "run", "max", "max", "greatest error at any time"),
+    Metric("min_speed", "m/s", absolute_speed, "run", "min", "min", "least speed"),
     Metric(
-        "tail_mean",
-        "m",
-        lambda seen: seen.errors(),
-        "tail",
-        "mean",
-        "mean",
-        "mean error of the fleet",
-    ),
-    Metric(
-        "tail_max",
-        "m",
-        lambda seen: seen.errors(),
-        "tail",
-        "max",
-        "max",
-        "greatest error of any vehicle",
-    ),
-    Metric(
-        "tail_disagreement",
-        "m",
-        lambda seen: seen.disagreements(),
-        "tail",
-        "mean",
-        "mean",
-        "mean disagreement",
-    ),
-    Metric(
-        "peak_error",
-        "m",
-        lambda seen: seen.errors(),
-        "run",
-        "max",
-        "max",
-        "greatest error at any time",
-    ),
-    Metric("min_speed", "m/s", lambda seen: abs(seen.speed), "run", "min", "min", "least speed"),
-    Metric(
-        "peak_turn_rate",
-        "rad/s",
-        lambda seen: abs(seen.turn_rate),
-        "run",
-        "max",
-        "max",
-        "greatest turn rate",
+        "peak_turn_rate", "rad/s", absolute_turn_rate, "run", "max", "max", "greatest turn rate"
     ),
 )

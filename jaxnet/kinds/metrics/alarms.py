@@ -1,12 +1,10 @@
-"""The share of alarms about words on attacked links."""
-
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers
 
 
 def alarm_share(seen: FleetView, links: int) -> VehicleNumbers:
-    """Return alarms over words until now, (m, lanes), of attacked links (0) or of honest links (1).
+    """Alarms over words until now, (m, lanes), of attacked links (0) or of honest links (1).
 
     The share is not-a-number without a detector, and where no word was judged.
     """

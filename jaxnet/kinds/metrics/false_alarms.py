@@ -1,5 +1,3 @@
-"""The share of alarms about words on honest links."""
-
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.metrics.alarms import alarm_share
 

@@ -1,5 +1,3 @@
-"""The least distance between two vehicles."""
-
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers
@@ -7,9 +5,7 @@ from jaxnet.model.plane import length
 
 
 def nearest(seen: FleetView) -> VehicleNumbers:
-    """Return the distance [m] of each vehicle to the nearest other one, (m, lanes); infinite for a single
-    vehicle.
-    """
+    """Distance [m] of each vehicle to the nearest other, (m, lanes); infinite for a single one."""
     xp = seen.error.__array_namespace__()
     apart = length(seen.error[:, :, None] - seen.error[:, None])
     itself = xp.eye(apart.shape[0], dtype=bool)[:, :, None]

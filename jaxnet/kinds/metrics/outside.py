@@ -1,5 +1,3 @@
-"""How far vehicles that are not attacked leave the convex hull of their starts."""
-
 import math
 
 import numpy as np
@@ -12,9 +10,7 @@ DIRECTIONS = 64  # of half-planes that make up the hull: distances are at most 0
 
 
 def beyond(seen: FleetView) -> VehicleNumbers:
-    """Return how far [m] each vehicle is outside the convex hull of the starts, (m, lanes), attacked ones
-    aside.
-    """
+    """How far [m] each honest vehicle is outside the convex hull of the starts, (m, lanes)."""
     xp, honest = seen.error.__array_namespace__(), ~seen.attacked
     angle = 2 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
     outside = xp.zeros_like(seen.error[0])

@@ -1,5 +1,3 @@
-"""The greatest distance between two vehicles that are not attacked."""
-
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers
@@ -7,18 +5,10 @@ from jaxnet.model.plane import length
 
 
 def farthest_honest(seen: FleetView) -> VehicleNumbers:
-    """Return the distance [m] of each vehicle to the farthest other one, (m, lanes), attacked ones aside."""
+    """Distance [m] of each honest vehicle to the farthest other honest one, (m, lanes)."""
     xp, honest = seen.error.__array_namespace__(), ~seen.attacked
     apart = length(seen.error[:, :, None] - seen.error[:, None])
     return xp.where(honest[:, None] & honest[None], apart, 0.0).max(axis=0)
 
 
-SPREAD = Metric(
-    "spread",
-    "m",
-    farthest_honest,
-    "tail",
-    "max",
-    "max",
-    "spread of honest vehicles",
-)
+SPREAD = Metric("spread", "m", farthest_honest, "tail", "max", "max", "spread of honest vehicles")

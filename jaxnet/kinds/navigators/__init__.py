@@ -1,12 +1,11 @@
 """The navigator's path `y_0(t)` with its derivatives, for arrays of NumPy and JAX."""
 
-from collections.abc import Iterator
 from typing import ClassVar
 
 import numpy as np
 
-from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.protocols import NavigatorPath, ScenarioView
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken
+from jaxnet.kinds.protocols import NavigatorPath
 from jaxnet.kinds.shapes import AnyTimes, PathJets
 from jaxnet.model.signal import up_to
 
@@ -38,7 +37,7 @@ class Navigator(Kind):
     present: ClassVar[bool] = True  # whether there is a navigator
 
     def jets(self, time: AnyTimes) -> PathJets:
-        """Return the position and its first three derivatives.
+        """The position and its first three derivatives.
 
         Parameters
         ----------
@@ -52,7 +51,7 @@ class Navigator(Kind):
         raise KindError(f"{self.kind}: a navigator gives jets(self, time)")
 
     def slowest(self, horizon: float) -> tuple[float, float]:
-        """Return the least speed [m/s] in [0, horizon] among SPEED_SAMPLES times, and its time [s]."""
+        """The least speed [m/s] in [0, horizon] among SPEED_SAMPLES times, and its time [s]."""
         times = np.linspace(0.0, horizon, SPEED_SAMPLES)
         speed = np.hypot(*np.asarray(self.jets(times))[1])
         if np.isnan(speed).any():
@@ -60,27 +59,27 @@ class Navigator(Kind):
         return float(speed.min()), float(times[speed.argmin()])
 
     def sizes(self, start: float, end: float) -> np.ndarray:
-        """Return the greatest norms of the path and its derivatives in [start, end] among SPEED_SAMPLES
-        times: (4,).
-        """
+        """Greatest norms of path and derivatives at SPEED_SAMPLES times: (4,)."""
         jets = np.asarray(self.jets(np.linspace(start, end, SPEED_SAMPLES)))
         return np.linalg.norm(jets, axis=1).max(axis=1)
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault for a navigator that almost stops, if vehicles on its path would be singular."""
+    def breaks(self):
+        return broken(leader=not self.present)
+
+    def faults(self, scenario):
         if scenario.vehicle.singular != 1:
             return
         slowest, when = self.slowest(scenario.horizon)
         if not slowest >= LEAST_NAVIGATOR_SPEED:
             yield Fault(
                 ("navigator", "horizon"),
-                f"slows to {slowest:.3g} m/s at t = {when:.4g} s; at least {LEAST_NAVIGATOR_SPEED} m/s is"
-                " needed, for the law is singular where a vehicle stands still",
+                f"slows to {slowest:.3g} m/s at t = {when:.4g} s; at least {LEAST_NAVIGATOR_SPEED}"
+                " m/s is needed, for the law is singular where a vehicle stands still",
             )
 
 
 def sizes_up_to(order: int, navigator: NavigatorPath, start: float, end: float) -> np.ndarray:
-    """Return the greatest norms of the path and its derivatives up to an order, or the third if that is
+    """The greatest norms of the path and its derivatives up to an order, or the third if that is
     higher.
 
     The norms of derivatives above the third are those at SPEED_SAMPLES times.

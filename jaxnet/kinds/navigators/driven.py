@@ -1,8 +1,5 @@
-"""A navigator that is a robot itself, with a given speed and turn rate."""
-
 import functools
 import math
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,7 +10,6 @@ from pydantic import Field
 from jaxnet.kinds.fields import Vector
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators import Navigator
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import AnyTimes, PathJets
 from jaxnet.model.circle import circle
 from jaxnet.model.shapes import Numbers
@@ -29,11 +25,12 @@ Pieces = tuple[Float[Any, "11 pieces *lanes"], Float[Any, "*lanes"] | float]
 
 
 class Driven(Navigator):
-    """A two-wheeled robot with given speed v(t) and turn rate ω(t): `ẏ_0 = v [cos θ, sin θ]`, `θ̇ = ω`.
+    """A two-wheeled robot with given speed v(t) and turn rate ω(t): `ẏ_0 = v [cos θ, sin θ]`, `θ̇ =
+    ω`.
 
-    v and ω are cubic splines through values at equal distances in time, so that the inputs `Ḟ = v̈` and
-    `T = ω̇` of the paper's robot are continuous, and the path has three continuous derivatives. The position
-    is integrated by Gauss–Legendre quadrature, to rounding.
+    v and ω are cubic splines through values at equal distances in time, so that the inputs `Ḟ = v̈`
+    and `T = ω̇` of the paper's robot are continuous, and the path has three continuous derivatives.
+    The position is integrated by Gauss–Legendre quadrature, to rounding.
     """
 
     kind = "driven"
@@ -51,7 +48,7 @@ class Driven(Navigator):
     heading: float = Field(default=0.0, description="[rad], at t = 0, from the first axis")
 
     def pieces(self) -> Pieces:
-        """Return the numbers of each piece of the path, and the duration of a piece [s]."""
+        """The numbers of each piece of the path, and the duration of a piece [s]."""
         drawn = vars(self)
         if "table" in drawn:
             return drawn["table"], drawn["duration"]
@@ -59,19 +56,19 @@ class Driven(Navigator):
             tuple(self.speed), tuple(self.turn_rate), self.every, *self.position, self.heading
         )
 
-    def drawn(self, draw: LaneDraw, name: str) -> "Driven":
-        """Return the path with its pieces as arrays, lanes last."""
+    def drawn(self, draw, name):
+        """The path with its pieces as arrays, lanes last."""
         table, duration = self.pieces()
         return self.filled(
             {"table": np.moveaxis(draw.same(table), 0, -1), "duration": draw.same(duration)}
         )
 
-    def jets(self, time: AnyTimes) -> PathJets:
-        """Return the position by quadrature, and its derivatives from v, ω and their derivatives."""
+    def jets(self, time):
+        """The position by quadrature, and its derivatives from v, ω and their derivatives."""
         return jets_in(*self.pieces(), time)
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault of lists of unequal lengths, or that end before the horizon."""
+    def faults(self, scenario):
+        """A fault of lists of unequal lengths, or that end before the horizon."""
         if len(self.speed) != len(self.turn_rate):
             message = (
                 f"must have as many values as speed, {len(self.speed)} (got {len(self.turn_rate)})"
@@ -97,10 +94,11 @@ def pieces_of(
     y: float,
     heading: float,
 ) -> Pieces:
-    """Return the numbers of each piece, and the duration of a piece [s].
+    """The numbers of each piece, and the duration of a piece [s].
 
-    The numbers are the coefficients of v and ω, and heading and position where the piece begins. Pieces are
-    parts of the intervals between values, within which the robot turns by MOST_TURN at most.
+    The numbers are the coefficients of v and ω, and heading and position where the piece begins.
+    Pieces are parts of the intervals between values, within which the robot turns by MOST_TURN at
+    most.
     """
     from scipy.interpolate import CubicSpline
 
@@ -126,7 +124,7 @@ def pieces_of(
 
 
 def polynomial_jets(coefficients: Any, time: Any) -> tuple[Any, Any, Any, Any]:
-    """Return the integral from 0, the value and two derivatives of a cubic polynomial."""
+    """The integral from 0, the value and two derivatives of a cubic polynomial."""
     c0, c1, c2, c3 = coefficients
     value = c0 + time * (c1 + time * (c2 + time * c3))
     integral = time * (c0 + time * (c1 / 2 + time * (c2 / 3 + time * (c3 / 4))))
@@ -134,7 +132,7 @@ def polynomial_jets(coefficients: Any, time: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def after(piece: Any, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Return heading, x and y a time [s] after the beginning of a piece."""
+    """Heading, x and y a time [s] after the beginning of a piece."""
     x, y = piece[9], piece[10]
     for node, share in zip(NODES.tolist(), SHARES.tolist(), strict=True):
         turn, *_ = polynomial_jets(piece[TURN_RATE], node * time)
@@ -145,7 +143,7 @@ def after(piece: Any, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
 
 
 def jets_in(table: Any, duration: Any, time: AnyTimes) -> PathJets:
-    """Return the jets at times within the pieces of a table (11, pieces, *lanes)."""
+    """The jets at times within the pieces of a table (11, pieces, *lanes)."""
     xp = time.__array_namespace__()
     table, lanes = xp.asarray(table), table.shape[2:]
     duration = xp.asarray(duration).reshape(*[1] * (time.ndim - len(lanes)), *lanes)

@@ -1,5 +1,3 @@
-"""The Lissajous navigator."""
-
 import functools
 
 import numpy as np
@@ -7,7 +5,6 @@ from pydantic import Field
 
 from jaxnet.kinds.fields import Amplitude, Frequency, Vector
 from jaxnet.kinds.navigators import Navigator
-from jaxnet.kinds.shapes import AnyTimes, PathJets
 from jaxnet.model.circle import circle
 
 
@@ -21,8 +18,7 @@ class Lissajous(Navigator):
     frequency: Frequency = Field(default=[0.2, 0.4], description="[rad/s], of each axis")
     phase: Vector = Field(default=[0.0, 0.0], description="[rad], of each axis")
 
-    def jets(self, time: AnyTimes) -> PathJets:
-        """Return the sines and their first three derivatives."""
+    def jets(self, time):
         xp = time.__array_namespace__()
         numbers = (xp.asarray(each) for each in (self.amplitude, self.frequency, self.phase))
         amplitude, w, phase = (
@@ -32,14 +28,11 @@ class Lissajous(Navigator):
         now, ahead = amplitude * sine, w * amplitude * cosine
         return xp.stack([now, ahead, -(w**2) * now, -(w**2) * ahead])
 
-    def slowest(self, horizon: float) -> tuple[float, float]:
-        """Return the least speed [m/s] in [0, horizon], to 1e-4 of the greatest possible speed, and its time
-        [s].
-        """
+    def slowest(self, horizon):
+        """The least speed [m/s] in [0, horizon], to 1e-4 of the greatest, and its time [s]."""
         return slowest_instant(*map(tuple, (self.amplitude, self.frequency, self.phase)), horizon)
 
-    def sizes(self, start: float, end: float) -> np.ndarray:
-        """Return bounds on the path and its derivatives at all times."""
+    def sizes(self, start, end):
         amplitude, frequency = np.asarray(self.amplitude), np.asarray(self.frequency)
         return np.stack([np.linalg.norm(amplitude * frequency**k, axis=0) for k in range(4)])
 
@@ -51,11 +44,11 @@ AxisPair = tuple[float, float]
 def slowest_instant(
     amplitude: AxisPair, frequency: AxisPair, phase: AxisPair, horizon: float
 ) -> tuple[float, float]:
-    """Return the least speed [m/s] of a Lissajous figure in [0, horizon], and its time [s].
+    """The least speed [m/s] of a Lissajous figure in [0, horizon], and its time [s].
 
-    Branch and bound on v²: the slope in an interval's middle and a bound on the second derivative limit how
-    far v² falls. An interval whose limit is above the least speed found is dropped. The cache serves the
-    cells of a study, which mostly share one navigator.
+    Branch and bound on v²: the slope in an interval's middle and a bound on the second derivative
+    limit how far v² falls. An interval whose limit is above the least speed found is dropped. The
+    cache serves the cells of a study, which mostly share one navigator.
     """
     path = Lissajous(amplitude=list(amplitude), frequency=list(frequency), phase=list(phase))
     greatest = [

@@ -1,34 +1,19 @@
-"""Gaussian noise on links."""
-
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative
-from jaxnet.kinds.noise import HIGHEST, JET_ORDERS, NormalErrors
 from jaxnet.kinds.noises import ChannelNoise
-from jaxnet.kinds.shapes import (
-    LaneNumbers,
-    LaneTimes,
-    SlotJets,
-    SlotLinks,
-    SlotNumbers,
-    SlotSources,
-    SlotVectors,
-)
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax.numpy as jnp
-else:
-    jnp = LazyModule("jax.numpy")
+from jaxnet.kinds.shapes import SlotNumbers, SlotVectors
+from jaxnet.kinds.ticks import HIGHEST, JET_ORDERS, NormalErrors
+from jaxnet.lazy import jnp
 
 
 class GaussianNoise(NormalErrors, ChannelNoise):
     """Normal errors of words, independent by axis and order.
 
-    The errors drive the listener by `Σ_j w_ij (P(n_ij) + n_ij^(r))` until the next tick (theorems.md O15).
-    With errors of transmitters, the navigator's word is exact.
+    The errors drive the listener by `Σ_j w_ij (P(n_ij) + n_ij^(r))` until the next tick
+    (theorems.md O15). With errors of transmitters, the navigator's word is exact.
     """
 
     kind = "gaussian"
@@ -45,22 +30,19 @@ class GaussianNoise(NormalErrors, ChannelNoise):
         description="[m/s³], standard deviation of the highest derivative, the jerk of order 3",
     )
 
-    def erring(self) -> tuple[bool, bool, bool]:
-        """Return which of the standard deviations are not None, as those of 0 are in a drawn kind."""
+    def erring(self):
+        """Which of the standard deviations are not None, as those of 0 are in a drawn kind."""
         return self.position is not None, self.velocity is not None, self.acceleration is not None
 
-    def errs_in_highest(self) -> bool:
-        """Return whether `jerk` is not 0; it is None in a drawn kind without it."""
+    def errs_in_highest(self):
+        """Whether `jerk` is not 0; it is None in a drawn kind without it."""
         return self.jerk is not None and not (isinstance(self.jerk, float) and self.jerk == 0)
 
-    def exact_links(self, sources: SlotSources) -> SlotLinks:
-        """Return the links from the navigator, if each transmitter has its own errors."""
+    def exact_links(self, sources):
+        """The links from the navigator, if each transmitter has its own errors."""
         return (sources == 0) & (self.of == "transmitter")
 
-    def next_errors(
-        self, last: SlotJets, time: LaneTimes, interval: LaneNumbers, sources: SlotSources
-    ) -> SlotJets:
-        """Return normal errors of all orders, with outliers."""
+    def next_errors(self, last, time, interval, sources):
         exact = self.exact_links(sources)[None, ..., None]
 
         def draw(order: str) -> SlotVectors:

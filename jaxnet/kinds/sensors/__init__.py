@@ -1,22 +1,20 @@
 """Sensors: how vehicles sense their own position, velocity and acceleration."""
 
-from collections.abc import Iterator
-
-from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.noise import ErrorsAtTicks
-from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.kind import Fault, KindError, broken
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets, VehicleMask
+from jaxnet.kinds.ticks import ErrorsAtTicks
 
 
 class Sensor(ErrorsAtTicks):
     """A way in which vehicles sense their own jets. A subclass gives `errors`.
 
-    A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls itself by
-    what it senses, and tells its listeners what it senses. Nobody senses the navigator's path with errors.
+    A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls
+    itself by what it senses, and tells its listeners what it senses. Nobody senses the navigator's
+    path with errors.
     """
 
     def errors(self, time: LaneTimes, vehicles: int) -> VehicleJets:
-        """Return the errors of one tick.
+        """The errors of one tick.
 
         Parameters
         ----------
@@ -32,20 +30,22 @@ class Sensor(ErrorsAtTicks):
         raise KindError(f"{self.kind}: a sensor gives errors(self, time, vehicles)")
 
     def next_errors(self, last: VehicleJets, time: LaneTimes, interval: LaneNumbers) -> VehicleJets:
-        """Return the errors of one tick after those of the last tick, by default independent of them.
+        """The errors of one tick after those of the last tick, by default independent of them.
 
         `interval` (lanes,) is the time from tick to tick [s]. Before the first tick, `last` is 0.
         """
         return self.errors(time, last[0].shape[1])
 
     def stays(self, time: LaneTimes, vehicles: int) -> VehicleMask | None:
-        """Return whether what a vehicle senses at a tick is what it sensed at the last one, (m, lanes).
+        """Whether what a vehicle senses at a tick is what it sensed at the last one, (m, lanes).
 
         None, the default, means never.
         """
         return None
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if vehicles sense with errors and the scenario has no ticks."""
+    def breaks(self):
+        return broken(exact_sensors=not self.exact())
+
+    def faults(self, scenario):
         if not self.exact() and scenario.tick == 0:
             yield Fault(("sensing", "tick"), "vehicles sense at ticks: give a tick")

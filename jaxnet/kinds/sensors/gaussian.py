@@ -1,21 +1,17 @@
-"""Gaussian noise in what vehicles sense of themselves."""
-
-from collections.abc import Sequence
 from typing import Annotated
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import Number, Within
-from jaxnet.kinds.noise import NormalErrors
-from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.sensors import Sensor
-from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets, VehicleMask
+from jaxnet.kinds.ticks import NormalErrors
 
 
 class Gaussian(NormalErrors, Sensor):
     """Normal errors of each vehicle, independent by axis and order.
 
-    The errors drive the vehicle by `-P(n) = -(k0 n⁰ + k1 n¹ + k2 n²)` until the next tick (theorems.md O13).
+    The errors drive the vehicle by `-P(n) = -(k0 n⁰ + k1 n¹ + k2 n²)` until the next tick
+    (theorems.md O13).
     """
 
     kind = "gaussian"
@@ -25,36 +21,23 @@ class Gaussian(NormalErrors, Sensor):
         default=0.0, description="probability that a vehicle senses what it sensed at the last tick"
     )
 
-    def exact(self) -> bool:
-        """Return whether all standard deviations are 0 and nothing drops out."""
+    def exact(self):
         return super().exact() and self.dropout == 0
 
-    def strength(self, gain: Sequence[float]) -> tuple[float, float] | None:
-        """Return the variance of P of the errors; None with dropout, whose errors depend on the motion."""
+    def strength(self, gain):
+        """The variance of P of the errors; None with dropout, whose errors depend on the motion."""
         return super().strength(gain) if self.dropout == 0 else None
 
-    def tells_deviations(self) -> bool:
-        """Return whether nothing drops out."""
+    def tells_deviations(self):
         return self.dropout == 0
 
-    def drawn(self, draw: LaneDraw, name: str) -> "Gaussian":
-        """Return the kind with drawn numbers; without dropout it is None."""
-        found = super().drawn(draw, name)
-        return (
-            self.filled({**vars(found), "dropout": None})
-            if self.dropout == 0
-            else self.filled(vars(found))
-        )
-
-    def stays(self, time: LaneTimes, vehicles: int) -> VehicleMask | None:
-        """Return the vehicles whose random number is below the probability, nobody at the first tick."""
+    def stays(self, time, vehicles):
         if self.dropout is None:
             return None
         drawn = self.random(time, "dropout", "uniform", (vehicles,))
         return (drawn < self.dropout[None]) & (time > 0)[None]
 
-    def next_errors(self, last: VehicleJets, time: LaneTimes, interval: LaneNumbers) -> VehicleJets:
-        """Return normal errors of all three orders, with outliers."""
+    def next_errors(self, last, time, interval):
         shape = last[0].shape[:2]
         white = self.white(
             last,

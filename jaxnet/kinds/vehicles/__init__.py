@@ -1,18 +1,19 @@
-"""Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md O4).
+"""Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md
+O4).
 
-The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ, …)
-determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A wheeled robot has heading
-[rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the array API, for NumPy
-and JAX.
+The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ,
+…) determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A wheeled robot
+has heading [rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the
+array API, for NumPy and JAX.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
-from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken
 from jaxnet.kinds.shapes import (
+    AnyNumbers,
     AxisMatrices,
     InnerState,
     LaneNumbers,
@@ -24,27 +25,22 @@ from jaxnet.kinds.shapes import (
     VehicleVectors,
 )
 from jaxnet.model.circle import circle
+from jaxnet.model.plane import dot
 
 HEADING, SPEED = 2, 3
 MOST_ORDER = 4  # of vehicles
 
-GAUSS = math.sqrt(
-    0.15
-)  # distance of the outer of three Gauss–Legendre nodes on [0, 1] from the middle
-OUTPUT_PLACES = (
-    0.0,
-    0.5 - GAUSS,
-    0.5,
-    0.5 + GAUSS,
-    1.0,
-)  # shares of a step at which outputs are known
+# Distance of the outer of three Gauss–Legendre nodes on [0, 1] from the middle
+GAUSS = math.sqrt(0.15)
+# Shares of a step at which outputs are known
+OUTPUT_PLACES = (0.0, 0.5 - GAUSS, 0.5, 0.5 + GAUSS, 1.0)
 
 
 class Vehicle(Kind):
     """A vehicle model, of order three and singular at speed 0 unless a subclass says otherwise.
 
-    A subclass gives every method except `start`, `margin` and `lead`. An `internal` one gives `inner`,
-    `state_with` and `inner_after` instead of `state_of`.
+    A subclass gives every method except `start`, `margin` and `lead`. An `internal` one gives
+    `inner`, `state_with` and `inner_after` instead of `state_of`.
 
     Examples
     --------
@@ -58,23 +54,22 @@ class Vehicle(Kind):
     neutral: ClassVar[frozenset[str]] = Kind.neutral.union(
         ("order", "singular", "states", "units", "inputs", "input_units", "start", "drift", "pace")
     )
-    flat: ClassVar[bool] = (
-        False  # whether `motion` with `inputs_for` gives the output any derivative asked
-    )
+    # Whether `motion` with `inputs_for` gives the output any derivative asked
+    flat: ClassVar[bool] = False
     order: ClassVar[int] = 3  # r, the number of integrators of an axis
-    singular: ClassVar[int] = (
-        1  # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
-    )
+    # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
+    singular: ClassVar[int] = 1
     internal: ClassVar[bool] = False  # whether the output's jets leave a part of the state open
-    states: ClassVar[
-        tuple[str, ...]
-    ]  # names; those of a wheeled robot begin with x, y, heading, speed
+    # Names; those of a wheeled robot begin with x, y, heading, speed
+    states: ClassVar[tuple[str, ...]]
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault of an order for which the engines have no constants, or of missing names."""
+    def breaks(self):
+        return broken(flat=not self.flat)
+
+    def faults(self, scenario):
         if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
             yield Fault(("vehicle",), f"{self.kind}: a vehicle gives {' and '.join(lacking)}")
         if not 1 <= self.order <= MOST_ORDER:
@@ -85,54 +80,50 @@ class Vehicle(Kind):
     def start(
         self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
     ) -> VehicleState:
-        """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
+        """The state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
         xp = position.__array_namespace__()
         rest = [xp.zeros_like(speed)] * (len(self.states) - 4)
         return xp.stack([position[0], position[1], heading, speed, *rest])
 
     def output_jets(self, state: VehicleState) -> VehicleJets:
-        """Return position [m], velocity [m/s], …, each (2, m, lanes), of a state: as many as the order."""
+        """Position [m], velocity [m/s], …, each (2, m, lanes), of a state: as many as the order."""
         raise KindError(f"{self.kind}: a vehicle gives output_jets(self, state)")
 
     def drift(self, state: VehicleState) -> VehicleVectors:
-        """Return σ (2, m, lanes), the derivative of order r without input, of a vehicle of order 3 [m/s³]."""
+        """σ (2, m, lanes), the derivative of order r without input [m/s³ for r = 3]."""
         raise KindError(f"{self.kind}: a vehicle gives drift(self, state)")
 
     def decoupling(self, state: VehicleState) -> AxisMatrices:
-        """Return ψ (2, 2, m, lanes) by axis and column, the matrix from the input to the jerk."""
+        """ψ (2, 2, m, lanes) by axis and column, the matrix from the input to the jerk."""
         raise KindError(f"{self.kind}: a vehicle gives decoupling(self, state)")
 
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """Return the input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this derivative of order
-        r, which is the jerk [m/s³] for order 3.
-        """
+        """The input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) for this derivative of order r."""
         raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
 
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
-        """Return the time derivative of the state, `ẋ = f(x, u)` (n, m, lanes)."""
+        """The time derivative of the state, `ẋ = f(x, u)` (n, m, lanes)."""
         raise KindError(f"{self.kind}: a vehicle gives motion(self, state, inputs)")
 
     def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
-        """Return the state of a vehicle that moves forwards with these output jets; undefined at zero
-        velocity.
-        """
+        """The state of a vehicle that moves forwards with these jets; undefined at rest."""
         raise KindError(f"{self.kind}: a vehicle gives state_of(self, jets)")
 
     def inner(self, state: VehicleState) -> InnerState:
-        """Return the inner states (k, m, lanes), which the output's jets leave open."""
+        """The inner states (k, m, lanes), which the output's jets leave open."""
         raise KindError(f"{self.kind}: an internal vehicle gives inner(self, state)")
 
     def state_with(self, jets: VehicleJets, inner: InnerState) -> VehicleState:
-        """Return the state of a vehicle with these output jets and inner states."""
+        """The state of a vehicle with these output jets and inner states."""
         raise KindError(f"{self.kind}: an internal vehicle gives state_with(self, jets, inner)")
 
     def inner_after(
         self, inner: InnerState, jets: Sequence[VehicleJets], span: LaneNumbers
     ) -> tuple[InnerState, VehicleNumbers]:
-        """Return the inner states a span [s] later, and an estimate (m, lanes) of their error.
+        """The inner states a span [s] later, and an estimate (m, lanes) of their error.
 
-        `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative of order
-        r. The error shrinks with the fifth power of the span, at least.
+        `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative
+        of order r. The error shrinks with the fifth power of the span, at least.
         """
         raise KindError(
             f"{self.kind}: an internal vehicle gives inner_after(self, inner, jets, span)"
@@ -141,63 +132,86 @@ class Vehicle(Kind):
     def pace(
         self, state: VehicleState, inputs: VehicleInput
     ) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and inputs."""
+        """The speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and inputs."""
         raise KindError(f"{self.kind}: a vehicle gives pace(self, state, inputs)")
 
     @property
     def jets_tell_pace(self) -> bool:
-        """Return whether the output's jets are enough for speed and turn rate, as those of a wheeled robot of
-        order 3 are.
-        """
+        """Whether the output's jets are enough for speed and turn rate, as of wheels at order 3."""
         return self.order > 2 and self.singular == 1
 
     def margin(self, state: VehicleState) -> VehicleNumbers:
-        """Return the signed distance (m, lanes) from the singular set; ± the norm of `lead`."""
+        """The signed distance (m, lanes) from the singular set; ± the norm of `lead`."""
         return state[SPEED]
 
     def lead(self, derivative: VehicleVectors) -> VehicleVectors:
-        """Return y^(k) plus a constant, for k = `singular`; ψ is singular where the sum is 0."""
+        """y^(k) plus a constant, for k = `singular`; ψ is singular where the sum is 0."""
         return derivative
 
 
 class Integrators(Vehicle):
     """An agent of order r, `y^(r) = σ + u`, never singular. A subclass may give a drift σ.
 
-    The state has the position first, then its derivatives below r. A subclass gives `order`, names and units.
+    The state has the position first, then its derivatives below r. A subclass gives `order`, names
+    and units.
     """
 
-    flat: ClassVar[bool] = True
-    singular: ClassVar[int] = 0
+    flat = True
+    singular = 0
 
-    def output_jets(self, state: VehicleState) -> VehicleJets:
-        """Return the parts of the state."""
+    def output_jets(self, state):
         return tuple(state[2 * k : 2 * k + 2] for k in range(self.order))
 
-    def drift(self, state: VehicleState) -> VehicleVectors:
-        """Return σ = 0."""
+    def drift(self, state):
         return 0.0 * state[:2]
 
-    def decoupling(self, state: VehicleState) -> AxisMatrices:
-        """Return the identity for ψ."""
+    def decoupling(self, state):
         one, zero = 0.0 * state[0] + 1.0, 0.0 * state[0]
         xp = state.__array_namespace__()
         return xp.stack([xp.stack([one, zero]), xp.stack([zero, one])])
 
-    def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """Return the input that gives this derivative of order r: `u = jerk - σ`."""
+    def inputs_for(self, state, jerk):
         return jerk - self.drift(state)
 
-    def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
-        """Return the derivatives of the state: the jets above the position, and `σ + u`."""
+    def motion(self, state, inputs):
         return state.__array_namespace__().concatenate([state[2:], self.drift(state) + inputs])
 
-    def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
-        """Return the jets in one array."""
+    def state_of(self, jets):
         return jets[0].__array_namespace__().concatenate([*jets])
 
 
+class Wheeled(Vehicle):
+    """A vehicle with a heading, with `ψ = [h, s n]` and `det ψ = s`; singular where s is 0."""
+
+    flat = True
+
+    def sideways(self, state: VehicleState) -> AnyNumbers:
+        """The factor s from the second input to the derivative of order r to the left; here v."""
+        return state[SPEED]
+
+    def drift(self, state):
+        return 0.0 * state[:2]
+
+    def decoupling(self, state):
+        along, left = directions(state)
+        return state.__array_namespace__().stack([along, self.sideways(state)[None] * left], axis=1)
+
+    def inputs_for(self, state, jerk):
+        """`[h' (q - σ), n' (q - σ) / s]` for the derivative q of order r; infinite at s = 0."""
+        along, left = directions(state)
+        demand, xp = jerk - self.drift(state), state.__array_namespace__()
+        return xp.stack([dot(along, demand), dot(left, demand) / self.sideways(state)])
+
+    def moving(
+        self, state: VehicleState, speed: VehicleNumbers, *rates: VehicleNumbers
+    ) -> VehicleState:
+        """The time derivative of a state: the velocity along the heading, then these rates."""
+        along, _ = directions(state)
+        return state.__array_namespace__().stack([*(speed[None] * along), *rates])
+
+
 def directions(state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:
-    """Return the unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ, cosθ]`."""
+    """Unit vectors along the heading, `h = [cosθ, sinθ]`, and left of it, `n = [-sinθ, cosθ]`."""
     xp = state.__array_namespace__()
     cosine, sine = circle(state[HEADING])
     return xp.stack([cosine, sine]), xp.stack([-sine, cosine])

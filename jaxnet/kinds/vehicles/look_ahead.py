@@ -1,48 +1,40 @@
-"""A unicycle whose output is a point ahead of its axle, the usual way to steer one as a single integrator.
+"""A unicycle whose output is a point ahead of its axle, the usual way to steer one as a single
+integrator.
 
-The heading follows the point's velocity q by `θ̇ = n·q / l`. With complex numbers for vectors of the plane and
-`u ∝ exp(iθ/2)`, this equation is linear:
+The heading follows the point's velocity q by `θ̇ = n·q / l`. With complex numbers for vectors of
+the plane and `u ∝ exp(iθ/2)`, this equation is linear:
 
     u̇ = q ū / (2l),      a matrix A(t) = [[q_x, q_y], [q_y, -q_x]] / (2l) of SL(2)'s Lie algebra.
 
-`heading_after` solves it by Magnus' series of order six (Blanes, Casas, Ros 2000), exactly for a constant q.
+`heading_after` solves it by Magnus' series of order six (Blanes, Casas, Ros 2000), exactly for a
+constant q.
 """
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import Positive
-from jaxnet.kinds.shapes import (
-    AxisMatrices,
-    InnerState,
-    LaneNumbers,
-    VehicleInput,
-    VehicleJets,
-    VehicleNumbers,
-    VehicleState,
-    VehicleVectors,
-)
-from jaxnet.kinds.vehicles import Vehicle, directions
+from jaxnet.kinds.shapes import VehicleNumbers, VehicleVectors
+from jaxnet.kinds.vehicles import Wheeled, directions
 from jaxnet.model.circle import angle, circle
 from jaxnet.model.plane import cross, dot, length
 
 
-class LookAhead(Vehicle):
+class LookAhead(Wheeled):
     """A unicycle of order 1 whose output is the point `y = p + l h`; never singular.
 
-    The state is `[p_x, p_y, θ]` with the position p of the axle, the input is `u = [v, θ̇]`. The output does
-    not determine the heading, which follows `θ̇ = n·ẏ / l`. A vehicle that is pushed back turns round.
-    `initial.speed` has no effect.
+    The state is `[p_x, p_y, θ]` with the position p of the axle, the input is `u = [v, θ̇]`. The
+    output does not determine the heading, which follows `θ̇ = n·ẏ / l`. A vehicle that is pushed
+    back turns round. `initial.speed` has no effect.
     """
 
     kind = "look_ahead"
-    flat: ClassVar[bool] = True
-    order: ClassVar[int] = 1
-    singular: ClassVar[int] = 0
-    internal: ClassVar[bool] = True
+    order = 1
+    singular = 0
+    internal = True
     states = ("x", "y", "heading")
     units = ("m", "m", "rad")
     inputs = ("speed", "turn_rate")
@@ -50,61 +42,38 @@ class LookAhead(Vehicle):
 
     ahead: Positive = Field(default=0.1, description="[m], l, from the axle to the output point")
 
-    def start(
-        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
-    ) -> VehicleState:
-        """Return the axle's positions and the headings."""
+    def start(self, position, heading, speed):
         return position.__array_namespace__().stack([position[0], position[1], heading])
 
-    def output_jets(self, state: VehicleState) -> VehicleJets:
-        """Return the point `p + l h`."""
+    def output_jets(self, state):
+        """The point `p + l h`."""
         along, _ = directions(state)
         return (state[:2] + self.ahead[None, None] * along,)
 
-    def drift(self, state: VehicleState) -> VehicleVectors:
-        """Return σ = 0."""
-        return 0.0 * state[:2]
+    def sideways(self, state):
+        return self.ahead[None]
 
-    def decoupling(self, state: VehicleState) -> AxisMatrices:
-        """Return `ψ = [h, l n]`, with `det ψ = l`."""
-        along, left = directions(state)
-        return state.__array_namespace__().stack([along, self.ahead[None, None] * left], axis=1)
+    def motion(self, state, inputs):
+        """`[v cos θ, v sin θ, θ̇]`."""
+        return self.moving(state, inputs[0], inputs[1])
 
-    def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """Return `[h' q, n' q / l]` for a velocity q of the point."""
-        along, left = directions(state)
-        return state.__array_namespace__().stack(
-            [dot(along, jerk), dot(left, jerk) / self.ahead[None]]
-        )
-
-    def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
-        """Return `[v cos θ, v sin θ, θ̇]`."""
-        along, _ = directions(state)
-        velocity = inputs[0][None] * along
-        return state.__array_namespace__().stack([velocity[0], velocity[1], inputs[1]])
-
-    def inner(self, state: VehicleState) -> InnerState:
-        """Return the heading."""
+    def inner(self, state):
         return state[2:]
 
-    def state_with(self, jets: VehicleJets, inner: InnerState) -> VehicleState:
-        """Return the axle `y - l h` and the heading."""
+    def state_with(self, jets, inner):
+        """The axle `y - l h` and the heading."""
         xp = inner.__array_namespace__()
         along = xp.stack([*circle(inner[0])])
         return xp.concatenate([jets[0] - self.ahead[None, None] * along, inner])
 
-    def inner_after(
-        self, inner: InnerState, jets: Sequence[VehicleJets], span: LaneNumbers
-    ) -> tuple[InnerState, VehicleNumbers]:
-        """Return the heading a span [s] later, and an estimate of its error [rad]."""
+    def inner_after(self, inner, jets, span):
+        """The heading a span [s] later, and an estimate of its error [rad]."""
         scale = span / (2 * self.ahead)
         heading, error = heading_after(inner[0], [each[1] * scale[None, None] for each in jets])
         return heading[None], error
 
-    def pace(
-        self, state: VehicleState, inputs: VehicleInput
-    ) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the absolute speed of the axle, and the turn rate."""
+    def pace(self, state, inputs):
+        """The absolute speed of the axle, and the turn rate."""
         return abs(inputs[0]), inputs[1]
 
 
@@ -116,13 +85,12 @@ class Generator(NamedTuple):
 
 
 def added(*terms: tuple[float, Generator]) -> Generator:
-    """Return a sum of numbers times generators."""
     parts = zip(*[(factor * each.s, factor * each.r) for factor, each in terms], strict=True)
     return Generator(*map(sum, parts))
 
 
 def bracket(a: Generator, b: Generator) -> Generator:
-    """Return the commutator `ab - ba`."""
+    """The commutator `ab - ba`."""
     c, d = 2 * (a.r[None] * b.s - b.r[None] * a.s)
     return Generator(a.s.__array_namespace__().stack([-d, c]), 2 * cross(b.s, a.s))
 
@@ -130,7 +98,7 @@ def bracket(a: Generator, b: Generator) -> Generator:
 def heading_after(
     heading: VehicleNumbers, velocities: Sequence[VehicleVectors]
 ) -> tuple[VehicleNumbers, VehicleNumbers]:
-    """Return headings [rad] after a step, and an estimate of their error: that of an order less by two.
+    """Headings [rad] after a step, and an estimate of their error: that of an order less by two.
 
     `velocities` are q times the step's length over 2l, at `OUTPUT_PLACES` in the step.
     """
@@ -151,9 +119,10 @@ def heading_after(
 
 
 def turn(heading: VehicleNumbers, by: Generator) -> VehicleNumbers:
-    """Return the angle [rad] by which the exponential of a generator turns headings.
+    """The angle [rad] by which the exponential of a generator turns headings.
 
-    The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays finite.
+    The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays
+    finite.
     """
     xp, along = (
         heading.__array_namespace__(),

@@ -1,8 +1,3 @@
-"""The single integrator, the agent of most studies of consensus."""
-
-from typing import ClassVar
-
-from jaxnet.kinds.shapes import VehicleInput, VehicleNumbers, VehicleState, VehicleVectors
 from jaxnet.kinds.vehicles import Integrators
 from jaxnet.model.plane import length
 
@@ -14,21 +9,15 @@ class SingleIntegrator(Integrators):
     """
 
     kind = "single_integrator"
-    order: ClassVar[int] = 1
+    order = 1
     words = "single integrators"
     states = ("x", "y")
     units = ("m", "m")
     inputs = ("velocity_x", "velocity_y")
     input_units = ("m/s", "m/s")
 
-    def start(
-        self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
-    ) -> VehicleState:
-        """Return the positions; a single integrator has no velocity of its own."""
+    def start(self, position, heading, speed):
         return position
 
-    def pace(
-        self, state: VehicleState, inputs: VehicleInput
-    ) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the norm of the velocity, and 0 for the turn rate, as there is no heading."""
+    def pace(self, state, inputs):
         return length(self.drift(state) + inputs), 0.0 * state[0]

@@ -1,13 +1,9 @@
 """Attacked vehicles that change at given times."""
 
 import numpy as np
-import pytest
 from scipy.linalg import expm
 
 import jaxnet
-from jaxnet.statistics.limits import bounds_of
-from jaxnet.view.text.check import check_text
-from tests.engine.test_orders import subsequence
 from tests.matrices import matrix_of
 
 SETS = {"at": [0, 2, 4.5], "sets": [[2, 5], [8], []]}
@@ -47,78 +43,3 @@ def test_constant_offsets_superpose_piece_by_piece():
             share = step(time - since) - step(time - until)
             known += share * np.linalg.solve(np.eye(12) - weights[:, 1:], pushed)
         np.testing.assert_allclose(found[n], known, atol=1e-8)
-
-
-def test_mobile_liars_under_w_msr_step_by_step():
-    """A plain program of single integrators on a complete graph with F = 1, by what each source sends.
-
-    A vehicle that is attacked no more is believed with its own place again.
-    """
-    sets = {"at": [3, 20, 31], "sets": [[3], [5], [1]]}
-    attack = {"kind": "own_path", "centre": [45.0, 0.0]}
-    starts = [10.0, 30.0, 60.0, 80.0, 100.0, 55.0]
-    edges = [[i, j, 1.0] for i in range(1, 7) for j in range(1, 7) if i != j]
-    keys = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "engine": "exact"}
-    keys |= {"gain": [0.1], "tick": 1.0, "output_step": 1.0, "horizon": 60.0, "tail": 0.0}
-    keys |= {"topology": {"kind": "edges", "edges": edges}, "initial": {"position": starts}}
-    states, times, _ = paths(**keys, attack=attack | {"vehicles": sets}, defence="w_msr")
-    x = np.array(starts)
-    for now, time in zip(states[..., 0], times, strict=True):
-        np.testing.assert_allclose(now, x, rtol=0, atol=1e-9)
-        sent = x.copy()
-        liar = [
-            each
-            for since, each in zip([0, *sets["at"]], [[], *sets["sets"]], strict=True)
-            if time >= since
-        ]
-        for each in liar[-1]:
-            sent[each - 1] = 45.0 + 10.0 * np.cos(0.7 * time)
-        new = x.copy()
-        for i in range(6):
-            heard = sent[np.arange(6) != i]
-            _, mean = subsequence(x[i], heard, np.ones(5), set(), 1)
-            new[i] = x[i] - 0.1 * (x[i] - mean)
-        x = new
-
-
-def test_the_engines_agree():
-    """Robots under trimming, for which decisions change too; each listener hears a signal of its own."""
-    sets = {"at": [0, 0.4, 1.1], "sets": [[2, 5], [8], []]}
-    attack = {
-        "kind": "rotating",
-        "threat": "replaces",
-        "listeners": "each",
-        "vehicles": sets,
-        "magnitude": 6.0,
-    }
-    keys = {"attack": attack, "horizon": 1.8, "tail": 0.0}
-    exact, nonlinear = (paths(**keys, engine=engine)[0] for engine in ("exact", "nonlinear"))
-    np.testing.assert_allclose(nonlinear, exact, atol=2e-5)
-
-
-def test_bounds_and_check_speak_of_the_union():
-    """The set of all who are ever attacked; no static bound, because attacks jump."""
-    study = jaxnet.load({"defence": "none", "attack": BIAS})
-    union = jaxnet.load({"defence": "none", "attack": BIAS | {"vehicles": [2, 5, 8]}})
-    changing, listed = (bounds_of(each.cells[0].scenario) for each in (study, union))
-    np.testing.assert_array_equal(changing["peak_gain"].vehicles, listed["peak_gain"].vehicles)
-    assert np.isnan(changing["static"].vehicles).all()
-    told = " ".join(check_text(study).split())
-    assert "bias on 2, 5 until 2 s, then 8 until 4.5 s, then nobody in what they transmit" in told
-    assert "the tail begins 20.5 s after the last change" in told
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"vehicles": {"at": [0, 2], "sets": [[1]]}}, r"a time for each of 1 sets \(got 2\)"),
-        ({"vehicles": {"at": [2, 0], "sets": [[1], []]}}, "must rise"),
-        ({"vehicles": {"at": [0.07], "sets": [[1]]}}, "multiples of tick = 0.05"),
-        ({"vehicles": {"at": [0], "sets": [[1, 1]]}}, "named twice"),
-        ({"vehicles": {"at": [0], "sets": [[13]]}}, "vehicles are 1 to 12"),
-        ({"kind": "greedy", "vehicles": SETS}, "neither sybils nor strategic"),
-    ],
-)
-def test_wrong_sets_are_refused(keys, message):
-    with pytest.raises(jaxnet.ConfigError, match=message):
-        jaxnet.load({"attack": keys})

@@ -20,22 +20,6 @@ def test_a_greedy_attacker_finds_the_worst_constant(kind, gain):
     np.testing.assert_allclose(outcome.metrics["tail_max"], known, rtol=0, atol=1e-5)
 
 
-def test_a_magnitude_may_be_drawn():
-    """Each lane is the one with that number, which is seen in what attackers say."""
-    keys = {**CLOCK, "horizon": 6.0, "engine": "exact"}
-    attack = {"kind": "mimic", "magnitude": {"choice": [2.0, 8.0]}}
-    drawn = systems.lanes(systems.study(attack=attack, **keys), 4)
-    amplitude, said = drawn.inputs.lane.attack_scale, systems.simulate(drawn).series
-    assert set(amplitude) == {2.0, 8.0}
-    for size in (2.0, 8.0):
-        known = systems.simulate(
-            systems.lanes(systems.study(attack=attack | {"magnitude": size}, **keys), 4)
-        )
-        for each in ("state", "attack"):
-            lanes = amplitude == size
-            np.testing.assert_array_equal(said[each][lanes], known.series[each][lanes])
-
-
 def test_one_mimic_alone_is_believed_whenever_it_lies_and_could_not_lie_more():
     """What it says passes; a part more of ā, in its place at that tick, would be dropped by a listener."""
     attack = {"kind": "mimic", "magnitude": 8.0, "vehicles": [5], "direction": 0.5}

@@ -110,19 +110,6 @@ def test_it_is_the_middle_with_the_least_weights():
             assert ours @ (ours / of) == pytest.approx(least(positions, of, point), rel=1e-5)
 
 
-def test_vehicles_that_move_to_it_meet():
-    """Four honest ones and two liars, each heard by two. At the nearest centerpoints they stay 2 m apart."""
-    places = np.array([[-1, 0], [-1, 0.2], [1, 0], [1, 0.2], [-9, 0.1], [9, 0.1]], float)
-    heard = [[0, 1, 2, 3, 4]] * 2 + [[0, 1, 2, 3, 5]] * 2
-    even = np.ones((5, 4, 1))
-    for _ in range(200):
-        seen = places[heard].transpose(2, 1, 0)[..., None]
-        found = np.asarray(WEIGHTS(seen, even))
-        places[:4] = (found[None] * seen).sum(axis=1)[:, :, 0].T
-    assert np.ptp(places[:4], axis=0).max() < 0.01
-    assert math.dist(places[0], (-0.026, 0.097)) < 0.03
-
-
 @pytest.mark.parametrize("liars", [1, 2])
 def test_fewer_than_a_third_cannot_pull_it_out_of_the_honest(liars):
     """One of six stays in their hull wherever he says he is; two, a third, pull it as far as they like."""

@@ -52,6 +52,7 @@ RULES = [
 REMEMBERING = {"trust", "trusted_trim"}  # the latter in both engines: tests/engine/test_drawn.py
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("defence", [EachItsOwn(), "trust"], ids=["each its own", "trust"])
 def test_both_engines_agree_on_every_rule(defence):
     """Positions to 1e-6 m and weights in force to 1e-8; each hears five and one of seven transmits falsely.

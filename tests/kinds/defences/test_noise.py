@@ -9,7 +9,6 @@ from scipy import stats
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.defences.trusted_trim import Trimming, TrustedTrim
 from jaxnet.kinds.defences.w_msr import WMSR
-from tests import systems
 
 LANES, NOISE = 40_000, 2.0
 KEY = jnp.asarray(np.random.default_rng(0).random(LANES))
@@ -77,29 +76,3 @@ def test_noise_is_of_the_size_it_says_and_of_nobody_else():
     )
     alone = jax.jit(few.observed)(jax.tree.map(lambda jet: jet[..., 5:9], jets), jnp.full(4, 0.1))
     np.testing.assert_array_equal(np.stack(alone), now[..., 5:9])
-
-
-def test_it_costs_nothing_where_there_is_none():
-    """No number of it comes with the lanes, but for the tolerance."""
-    quiet, noisy = (
-        jax.tree.leaves(
-            systems.lanes(systems.study(defence={"noise": noise}), 2, ()).inputs.lane.defence
-        )
-        for noise in (0.0, 1.0)
-    )
-    assert (len(quiet), len(noisy)) == (1, 3)
-
-
-def test_lanes_draw_the_same_in_any_company():
-    """The first lanes, whoever is beside them."""
-    keys = {"vehicles": 6, "attack": {"kind": "rotating", "vehicles": [2]}, "tick": 0.1}
-    keys |= {
-        "horizon": 2.0,
-        "tail": 1.0,
-        "output_step": 0.1,
-        "defence": {"kind": "w_msr", "noise": 5.0},
-    }
-    study = systems.study(engine="exact", **keys)
-    few, many = (systems.simulate(systems.lanes(study, count)) for count in (2, 5))
-    np.testing.assert_array_equal(few.series["state"], many.series["state"][:2])
-    assert few.switches.min() > 0

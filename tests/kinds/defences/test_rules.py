@@ -19,7 +19,7 @@ from jaxnet.kinds.defences.trusted_only import TrustedOnly
 from jaxnet.kinds.defences.w_msr import WMSR
 from jaxnet.model import retained
 
-SLOTS, VEHICLES, LANES = 6, 4, 2500
+SLOTS, VEHICLES, LANES = 6, 4, 600
 TICKS = 3
 
 
@@ -95,7 +95,7 @@ RULES = [
 
 
 def neighbourhoods(seed):
-    """10,000 of them, on whole numbers, with weights that make exact halves now and then."""
+    """2,400 of them, on whole numbers, with weights that make exact halves now and then."""
     rng = np.random.default_rng(seed)
     shape = (SLOTS, VEHICLES, LANES)
     own = rng.integers(-3, 4, (2, VEHICLES, LANES)).astype(float)

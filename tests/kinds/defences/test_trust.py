@@ -6,17 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jaxnet
-from jaxnet.config.scenario import safe_in, situation_of
 from jaxnet.kinds.defences.trusted_only import TrustedOnly
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
-from jaxnet.kinds.graphs.path import Path
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.graph import dense
-from tests import systems
-from tests.matrices import matrix_of, whole
+from tests.matrices import whole
 
 RING = Cyclic().weights(12)
 
@@ -47,15 +42,6 @@ def test_a_share_is_that_of_each_listener_rounded(seed, share):
     assert (trusts(weights, share=(1 + share) / 2, seed=seed) >= found).all()
 
 
-def test_a_share_is_that_of_all_links_on_average():
-    """A fifth of the ring's, of which a vehicle has but two: no link is preferred."""
-    found = np.mean([trusts(RING, share=0.2, seed=seed)[:, 1:] for seed in range(2000)], axis=0)
-    assert found.sum() == pytest.approx(0.2 * 24, rel=0.03)
-    deviation = np.sqrt(0.2 * 0.8 / 2000)
-    assert np.abs(found[dense(RING)[:, 1:] > 0] - 0.2).max() < 4 * deviation
-    np.testing.assert_array_equal(trusts(RING, share=1.0), dense(RING) > 0)
-
-
 def test_the_nearest_are_by_links_from_the_navigator():
     """Of a grid of 3 × 3 in which 1 hears it: 5 trusts 2 and 4, two links off, before 6 and 8, four."""
     weights = Grid(rows=3, columns=3, navigator=[1]).weights(9)
@@ -65,38 +51,6 @@ def test_the_nearest_are_by_links_from_the_navigator():
     assert first == [{0}, {1}, {2}, {1}, {2}, {3}, {4}, {5}, {6}]
     np.testing.assert_array_equal(trusts(weights, nearest=9), dense(weights) > 0)
     np.testing.assert_array_equal(trusts(RING, nearest=1), whole(RING, TrustedOnly().trusts(RING)))
-
-
-def test_a_chain_of_nearest_sources_is_safe_from_all_others():
-    """Of a path whose vehicles hear the last one too, trusting one source each leaves the path."""
-    edges = [[i, i - 1, 1.0] for i in range(1, 7)] + [[i, 6, 1.0] for i in range(1, 6)]
-    keys = {
-        "vehicles": 6,
-        "topology": {"kind": "edges", "edges": edges},
-        "attack": {"vehicles": [6]},
-    }
-    study = systems.study(defence={"kind": "trusted_only", "trusted": {"nearest": 1}}, **keys)
-    known = situation_of(study.cells[0].scenario)
-    np.testing.assert_array_equal(whole(known.graph, known.trusted), matrix_of(Path(), 6) > 0)
-    assert any(each.vehicles.all() for each in safe(study))
-    study = systems.study(defence={"kind": "trusted_only", "trusted": "none"}, **keys)
-    assert not any(each.vehicles.any() for each in safe(study))
-
-
-def safe(study):
-    """By which reasons who is safe."""
-    scenario = study.cells[0].scenario
-    known = situation_of(scenario)
-    return safe_in(scenario, known.graph, known.attacked)
-
-
-def test_a_lane_trusts_of_its_own_graph_what_all_lanes_trust():
-    """A share of whom it may hear; the lane's graph says whom it does."""
-    keys = {"vehicles": 9, "topology": {"kind": "erdos_renyi", "redraw": True}, "attack": "none"}
-    given = systems.study(defence={"kind": "trusted_only", "trusted": {"share": 0.5}}, **keys)
-    network = job(given.cells[0].scenario, Keyed(0), range(2)).network
-    assert network.trusted.shape == (9, 9)
-    assert (network.trusted.sum(axis=0) == 5).all(), "the navigator and four of the eight others"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import jaxnet
 from jaxnet.config.document import ConfigError
 from jaxnet.kinds.detectors import Detector, JudgedWords
 from jaxnet.kinds.detectors.chi_squared import ChiSquared
@@ -91,16 +90,6 @@ def test_outliers_raise_alarms():
     assert inside(honest.mean(), 0.9 * inside_of + 0.1 * inside_of ** (1 / 16), 8 * TICKS * 18)
 
 
-def test_the_share_of_false_alarms_follows_the_key():
-    """Also where it is drawn, lane by lane: the alarms are those of χ² of the same words."""
-    channel = {"noise": {"position": SIGMA, "of": "transmitter"}}
-    _, honest = shares(
-        channel=channel, detector={"kind": "chi_squared", "false_alarms": 0.3}, **SILENT
-    )
-    # The navigator's words are exact and not judged. Two listeners hear the same error of a transmitter.
-    assert abs(honest.mean() - 0.3) <= 2.576 * np.sqrt(0.21 / (8 * TICKS * 6))
-
-
 def test_p_values_are_those_of_chi_squared():
     """For one to four orders; orders without noise are 0 and do not count."""
     judged = np.ones((1, 4, 1), bool)
@@ -131,25 +120,6 @@ def test_a_vehicle_that_moves_as_it_tells_is_covert():
     assert 0.3 < silent.mean() < 0.7
 
 
-@pytest.mark.parametrize("keys", [{"engine": "nonlinear"}, {"law": "rounds"}])
-def test_engines_and_laws_count_the_same_alarms(keys):
-    """A residual depends on the attack and the errors alone."""
-    few = {"horizon": 1.0, "tail": 0.5, **bias(2.0)}
-    for one, other in zip(shares(**few), shares(**few | keys), strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_a_detector_changes_nothing_else():
-    """Without one nothing is compiled for it; with one the errors are the same to the last bit."""
-    study, plain = (systems.study(**KEYS | bias(5.0) | each) for each in ({}, {"detector": "none"}))
-    lanes = [systems.lanes(each, 3, save=()) for each in (study, plain)]
-    assert lanes[1].inputs.lane.detector is None
-    with_alarms, without = map(systems.simulate, lanes)
-    assert "alarms" not in without.metrics
-    for name, values in without.metrics.items():
-        np.testing.assert_array_equal(with_alarms.metrics[name], values)
-
-
 def test_only_words_that_arrive_are_judged():
     """Every word that arrives alarms; where all are lost there is no share, nor without attacked links."""
     loss = {"kind": "bernoulli", "probability": 0.4}
@@ -172,20 +142,6 @@ def test_a_link_is_attacked_only_while_it_is():
     attacked, honest = shares(attack=attack)
     assert attacked.tolist() == [1.0] * 8
     assert inside(honest.mean(), 0.01, 8 * TICKS * 18)
-
-
-def test_rows_and_tables_have_the_shares():
-    """Means over lanes with an interval, for cells with and without a detector."""
-    keys = KEYS | {"horizon": 1.0, "tail": 0.5, "metrics": ["min_separation"], **bias(2.0)}
-    sweep = {"detector": ["none", {"kind": "chi_squared"}]}
-    results = jaxnet.simulate(keys | {"sweep": sweep}, samples=40, progress=False)
-    assert results.lanes["alarms"].isna().tolist() == [True] * 40 + [False] * 40
-    mine = np.asarray(results.lanes["alarms"])[40:].mean()
-    mean, low, high = (
-        float(results.cells[f"alarms_{end}"].to_numpy()[1]) for end in ("mean", "low", "high")
-    )
-    assert mean == pytest.approx(mine)
-    assert 0 <= low < mine < high <= 1
 
 
 @pytest.mark.parametrize(

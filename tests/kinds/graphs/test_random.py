@@ -11,19 +11,8 @@ from jaxnet.kinds.graphs.lattice import Lattice
 from jaxnet.kinds.graphs.random_regular import RandomRegular
 from jaxnet.kinds.graphs.small_world import SmallWorld
 from jaxnet.kinds.kind import KindError
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import graph as graphs
-from tests import systems
-from tests.matrices import links_of, matrix_of
-
-KEYS = {"vehicles": 8, "attack": {"vehicles": [2, 5]}, "engine": "exact"}
-KINDS = {
-    "erdos_renyi": {"probability": 0.4},
-    "random_regular": {"degree": 3},
-    "small_world": {"rewired": 0.5},
-}
-
+from tests.matrices import matrix_of
 
 REGULAR = [[1, 2], [1, 3], [1, 5], [2, 4], [2, 6], [3, 5], [3, 6], [4, 5], [4, 6]]
 
@@ -60,12 +49,6 @@ def test_a_link_of_a_small_world_is_rewired_with_the_probability():
     )  # one in 150 falls on a place left before
 
 
-def test_everything_is_rewired_at_one():
-    """But for the few links that are drawn where another one was."""
-    before, now = matrix_of(Lattice(), 200)[:, 1:] > 0, heard(SmallWorld(rewired=1.0), 200)
-    assert (before & now).sum() < 0.05 * before.sum()
-
-
 def test_graphs_that_the_navigator_reaches_are_as_likely_as_they_are_among_them():
     """Vehicle 1 of 3 hears it, others are heard with probability ½: all such graphs equally often."""
     graph = ErdosRenyi(probability=0.5, navigator=[1])
@@ -82,21 +65,6 @@ def test_graphs_that_the_navigator_reaches_are_as_likely_as_they_are_among_them(
     assert stats.chisquare(list(found.values())).pvalue > 0.01
 
 
-def test_half_hear_the_navigator_and_it_reaches_everybody():
-    """Of graphs so sparse that one draw of the links would often not do."""
-    keys = {"probability": 0.12, "navigator": {"share": 0.5}}
-    seen = [matrix_of(ErdosRenyi(seed=seed, **keys), 12) for seed in range(20)]
-    assert all((weights[:, 0] > 0).sum() == 6 for weights in seen)
-    assert not any(graphs.unreachable(graphs.of_matrix(each)) for each in seen)
-    np.testing.assert_array_equal(matrix_of(ErdosRenyi(seed=8, **keys), 12), seen[8])
-    again = np.random.default_rng(8)
-    once = ErdosRenyi(**keys)
-    links = np.column_stack([once.informed(12, again), once.heard(12, again)])
-    assert graphs.unreachable(graphs.of_matrix(links)), (
-        "what the seed draws first is not what it gives"
-    )
-
-
 def test_after_so_many_draws_it_is_given_up():
     """In words."""
     with pytest.raises(
@@ -109,27 +77,3 @@ def test_the_regular_graph_of_a_seed_stays_what_it_was():
     """As the first version that drew one drew it."""
     edges = np.argwhere(np.triu(heard(RandomRegular(degree=3, seed=5), 6))) + 1
     assert edges.tolist() == REGULAR
-
-
-@pytest.mark.parametrize(
-    "navigator", ["all", [1, 2, 3], {"share": 0.5}], ids=["all", "listed", "share"]
-)
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_lane_s_graph_belongs_to_seed_and_sample_alone(kind, navigator):
-    """Not to how many there are, nor in what order; each is one that the navigator reaches."""
-    topology = {"kind": kind, "redraw": True, "navigator": navigator, **KINDS[kind]}
-    scenario = systems.study(topology=topology, **KEYS).cells[0].scenario
-
-    def weights_of(samples, seed=0):
-        one = job(scenario, Keyed(seed), samples)
-        return np.stack([systems.lane(one, number).weights for number in range(len(samples))])
-
-    many = weights_of(range(12))
-    assert len({each.tobytes() for each in many}) == 12
-    assert not any(graphs.unreachable(graphs.of_matrix(each)) for each in many)
-    np.testing.assert_allclose(many.sum(axis=2), 1, rtol=1e-15)
-    informed = (many[:, :, 0] > 0).sum(axis=1)
-    assert set(informed) == {{"all": 8, "[1, 2, 3]": 3}.get(str(navigator), 4)}
-    np.testing.assert_array_equal(weights_of([7, 3, 11]), many[[7, 3, 11]])
-    assert not np.array_equal(weights_of(range(3), seed=1), many[:3])
-    assert (links_of(scenario.topology, 8) >= (many > 0).any(axis=0)).all()

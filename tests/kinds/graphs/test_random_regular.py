@@ -9,19 +9,8 @@ from hypothesis import strategies as st
 
 import jaxnet
 from jaxnet.kinds.graphs.random_regular import RandomRegular
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.patterns import drawn_regular
-from tests import systems
 from tests.matrices import matrix_of
-
-REDRAWN = {"kind": "random_regular", "degree": 3, "redraw": True, "navigator_weight": 0.2}
-KEYS = {
-    "vehicles": 8,
-    "horizon": 4.0,
-    "tail": 1.0,
-    "attack": {"vehicles": [2, 5], "magnitude": 3.0},
-}
 
 
 @given(st.integers(1, 12), st.integers(1, 11), st.integers(0, 2**32))
@@ -47,46 +36,6 @@ def test_all_graphs_appear_and_none_much_more_often():
     found = Counter(drawn_regular(6, 3, random).toarray().tobytes() for _ in range(7000))
     assert len(found) == 70
     assert max(found.values()) < 2 * min(found.values())
-
-
-def test_another_seed_is_another_graph():
-    """Of twelve vehicles with four neighbours."""
-    assert len({matrix_of(RandomRegular(seed=seed), 12).tobytes() for seed in range(20)}) == 20
-
-
-def weights_of(samples, seed=0, **keys):
-    """Each lane's graph: (lanes, m, m + 1)."""
-    scenario = systems.study(engine="exact", topology=REDRAWN, **KEYS, **keys).cells[0].scenario
-    one = job(scenario, Keyed(seed), samples)
-    return np.stack([systems.lane(one, number).weights for number in range(len(samples))])
-
-
-def test_a_lane_s_graph_belongs_to_seed_and_sample_alone():
-    """Not to how many there are, in what order, or what else the study says."""
-    many = weights_of(range(20))
-    assert len({each.tobytes() for each in many}) == 20
-    assert ((many[:, :, 1:] > 0).sum(axis=2) == 3).all()
-    np.testing.assert_array_equal(weights_of([7, 3, 11]), many[[7, 3, 11]])
-    np.testing.assert_array_equal(weights_of([5], gain=[2, 4, 4], defence="none"), many[5:6])
-    assert not np.array_equal(weights_of(range(3), seed=1), many[:3])
-
-
-def test_a_redrawn_lane_is_one_with_these_edges():
-    """To 1e-9, with the same decisions."""
-    keys = KEYS | {"engine": "exact", "defence": "trusted_trim"}
-    one = systems.lanes(systems.study(topology=REDRAWN, **keys), 2)
-    outcome = systems.simulate(one)
-    assert outcome.status.tolist() == [0, 0]
-    for sample in range(2):
-        weights = systems.lane(one, sample).weights
-        edges = [[int(i) + 1, int(j), weights[i, j]] for i, j in np.argwhere(weights > 0)]
-        given_edges = systems.study(topology={"kind": "edges", "edges": edges}, **keys)
-        alone = systems.simulate(systems.lanes(given_edges, sample + 1))
-        assert alone.switches[sample] == outcome.switches[sample]
-        for name, tolerance in (("kept", 1e-14), ("tracking", 1e-9), ("disagreement", 1e-9)):
-            np.testing.assert_allclose(
-                outcome.series[name][sample], alone.series[name][sample], rtol=0, atol=tolerance
-            )
 
 
 @pytest.mark.parametrize(

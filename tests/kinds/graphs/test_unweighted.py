@@ -3,24 +3,18 @@
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import jaxnet
-from jaxnet.kinds.attacks.bias import Bias
 from jaxnet.kinds.graphs.circulant import Circulant
 from jaxnet.kinds.graphs.complete import Complete
-from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
 from jaxnet.kinds.graphs.lattice import Lattice
-from jaxnet.kinds.graphs.random_regular import RandomRegular
 from jaxnet.kinds.graphs.small_world import SmallWorld
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
-from jaxnet.model import graph as graphs
 from tests import systems
-from tests.matrices import matrix_of, whole
+from tests.matrices import matrix_of
 
 
 def heard(graph, vehicles):
@@ -70,71 +64,7 @@ def test_offsets_need_not_be_mutual():
     ]
 
 
-@pytest.mark.parametrize(
-    ("graph", "offsets"),
-    [
-        (Lattice(neighbours=6), [1, 2, 3, -1, -2, -3]),
-        (Circulant(offsets=[1, 5]), [1, 5]),
-        (Cyclic(), [1, -1]),
-        (Complete(), range(1, 13)),
-    ],
-    ids=lambda each: getattr(each, "kind", ""),
-)
-def test_eigenvalues_are_those_of_a_circulant_matrix(graph, offsets):
-    """`Σ_o w e^(2πiko/m)`, k from 0 to m - 1; A is the same when all vehicles are renumbered around."""
-    A = matrix_of(graph, 13)[:, 1:]
-    np.testing.assert_array_equal(np.roll(A, 1, axis=(0, 1)), A)
-    k = np.arange(13)
-    expected = sum(0.9 / len(offsets) * np.exp(2j * np.pi * k * offset / 13) for offset in offsets)
-    modes = np.exp(2j * np.pi * np.outer(k, k) / 13)
-    np.testing.assert_allclose(A @ modes, modes * expected, atol=1e-13)
-
-
-def gain_of_complete(vehicles, attacked, navigator_weight):
-    """`E_i / ā` where a constant is added to what `attacked` transmit: `E = β(n - 1_i + S) / (1 + β)`.
-
-    By Sherman and Morrison, for `L = (1 + β) I - β 1 1ᵀ`: β is a neighbour's weight, S = (1 - w0) n / w0 the
-    sum of E.
-    """
-    beta, n = (1 - navigator_weight) / (vehicles - 1), len(attacked)
-    sum_of_all = (1 - navigator_weight) * n / navigator_weight
-    lies = np.isin(np.arange(1, vehicles + 1), attacked)
-    return beta * (n - lies + sum_of_all) / (1 + beta)
-
-
-def test_the_gain_of_the_complete_graph():
-    """In closed form: of `L⁻¹W_a`, and where simulated lanes end, to 1e-6."""
-    attacked = [2, 5]
-    expected = gain_of_complete(9, attacked, 0.2)
-    network = Complete(navigator_weight=0.2).weights(9)
-    weights, links = (
-        graphs.dense(network),
-        whole(network, Bias(vehicles=attacked).attacked_links(network)),
-    )
-    static = np.linalg.solve(np.eye(9) - weights[:, 1:], (weights * links).sum(axis=1))
-    np.testing.assert_allclose(static, expected, rtol=1e-12)
-    given = systems.study(
-        topology={"kind": "complete", "navigator_weight": 0.2},
-        attack={"kind": "bias", "vehicles": attacked, "magnitude": 3.0},
-        vehicles=9,
-        engine="exact",
-        defence="none",
-        tail=1.0,
-    )
-    outcome = systems.simulate(systems.lanes(given, 2))
-    np.testing.assert_allclose(outcome.metrics["tail_max"], 3.0 * expected.max(), rtol=1e-6)
-    np.testing.assert_allclose(outcome.metrics["tail_mean"], 3.0 * expected.mean(), rtol=1e-6)
-
-
 # --- who hears the navigator -----------------------------------------------------------------------
-
-
-def test_those_listed_hear_the_navigator_and_the_others_their_neighbours_alone():
-    """With the whole of the weight."""
-    weights = matrix_of(Lattice(navigator=[1, 4], navigator_weight=0.4), 6)
-    np.testing.assert_array_equal(weights[:, 0], [0.4, 0, 0, 0.4, 0, 0])
-    for row, share in zip(weights[:, 1:], [0.15, 0.25, 0.25, 0.15, 0.25, 0.25], strict=True):
-        np.testing.assert_allclose(row[row > 0], share, rtol=1e-15)
 
 
 def test_a_share_is_drawn_by_the_seed_whatever_the_pattern():
@@ -169,30 +99,6 @@ def test_metropolis_weights_by_hand():
     np.testing.assert_allclose(weights[1], [0.1, 0.3, 0, 0.3, 0, 0.3, 0], rtol=1e-15)
 
 
-@given(st.integers(0, 2**32), st.floats(0.01, 0.99))
-def test_metropolis_weights_are_symmetric_but_for_the_scale_of_rows(seed, navigator_weight):
-    """With its own weight for each vehicle, which cancels in the law, they are doubly stochastic too."""
-    graph = SmallWorld(
-        rewired=0.5, seed=seed, weighting="metropolis", navigator_weight=navigator_weight
-    )
-    weights = matrix_of(graph, 10)
-    network = graph.weights(10)
-    pairs = graphs.dense(network._replace(weights=graphs.metropolis(network)))[:, 1:]
-    matrix = pairs + np.diag(1 - pairs.sum(axis=1))
-    np.testing.assert_array_equal(matrix, matrix.T)
-    assert (matrix.diagonal() > 0).all()
-    assert (weights[:, 0] == navigator_weight).all()
-    scaled = weights[:, 1:] / (1 - navigator_weight) * pairs.sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(scaled, pairs, rtol=1e-14)
-
-
-@pytest.mark.parametrize("graph", [Cyclic, Lattice, Complete, RandomRegular])
-def test_where_all_hear_equally_many_the_rules_agree(graph):
-    """Metropolis weights are then all the same."""
-    ours, uniform = (matrix_of(graph(weighting=rule), 12) for rule in ("metropolis", "uniform"))
-    np.testing.assert_allclose(ours, uniform, rtol=1e-14)
-
-
 @pytest.mark.parametrize("weighting", ["uniform", "metropolis"])
 def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
     """The lane's graph is the one with this weight; who does not hear the navigator stays as it was."""
@@ -206,16 +112,6 @@ def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
     for weights in seen:
         expected = Grid(**keys, navigator_weight=float(weights[0, 0]))
         np.testing.assert_allclose(weights, matrix_of(expected, 6), rtol=1e-14)
-
-
-def test_a_random_graph_may_have_a_drawn_weight_too():
-    """Redrawn, and with a number of each lane's own."""
-    keys = {"kind": "erdos_renyi", "redraw": True, "navigator_weight": {"uniform": [0.2, 0.8]}}
-    given = systems.study(topology=keys, vehicles=6, engine="exact", attack="none")
-    one = job(given.cells[0].scenario, Keyed(0), range(5))
-    seen = np.stack([systems.lane(one, number).weights for number in range(5)])
-    np.testing.assert_allclose(seen.sum(axis=2), 1, rtol=1e-14)
-    assert len({weights[weights[:, 0] < 1, 0].max() for weights in seen}) == 5
 
 
 # --- what there is no graph of ---------------------------------------------------------------------

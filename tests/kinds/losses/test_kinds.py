@@ -173,36 +173,6 @@ def test_a_vehicle_joins_at_the_tick_at_which_it_is_near():
     assert outcome.unheard.tolist() == [0]
 
 
-def test_a_vehicle_leaves_beyond_the_hysteresis():
-    """Joins within 10 m, stays up to 10 + 5 m, and must come within 10 m again."""
-    one = systems.lanes(
-        systems.study(
-            channel={"loss": {"kind": "range", "radius": 10.0, "hysteresis": 5.0}},
-            engine="exact",
-            attack="none",
-        ),
-        1,
-    )
-    loss = jax.tree.map(lambda leaf: jnp.moveaxis(jnp.asarray(leaf), 0, -1), one.inputs.lane.loss)
-    heard, memory = [], None
-    for distance in [12.0, 10.0, 14.0, 15.0, 15.1, 14.0, 10.1, 9.0, 15.0]:
-        apart = jnp.full((1, 1, 1), distance)
-        words = Messages(jnp.zeros(1), jnp.zeros((1, 1), int), apart > 0, apart, jnp.ones(1))
-        lost, memory = loss.lost(words, loss.start(words) if memory is None else memory)
-        heard.append(not bool(lost[0, 0, 0]))
-    assert heard == [False, True, True, True, False, False, False, True, True]
-
-
-def test_an_infinite_radius_loses_nothing():
-    """To the last bit, with the same program."""
-    plain, endless = (
-        systems.lanes(systems.study(engine="exact", **more), 1)
-        for more in ({}, {"channel": {"loss": {"kind": "range", "radius": float("inf")}}})
-    )
-    assert endless.inputs.lane.loss is None
-    assert jax.tree.structure(plain) == jax.tree.structure(endless)
-
-
 @pytest.mark.parametrize(
     ("loss", "message"),
     [

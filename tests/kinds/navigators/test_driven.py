@@ -4,13 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import jaxnet
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.navigators.driven import Driven
 from jaxnet.kinds.navigators.lissajous import Lissajous
-from tests import systems
 
 TIMES = np.linspace(0.0, 30.0, 301)
 WEAVING = Driven(
@@ -46,13 +44,6 @@ def test_constant_inputs_give_a_circle():
     np.testing.assert_allclose(found[3], -(0.8**2) * found[1], rtol=0, atol=1e-11)
 
 
-def test_a_straight_line_with_constant_acceleration():
-    found = Driven(speed=[1.0, 61.0], turn_rate=[0.0, 0.0], every=30.0, heading=np.pi / 2).jets(
-        TIMES
-    )
-    np.testing.assert_allclose(found[0], [0.0 * TIMES, TIMES + TIMES**2], rtol=0, atol=1e-11)
-
-
 def test_the_figure_eight_comes_back_with_order_four():
     figure = Lissajous().jets(TIMES)[0]
     off = [np.abs(along_figure(every).jets(TIMES)[0] - figure).max() for every in (0.25, 0.125)]
@@ -82,21 +73,6 @@ def test_jets_are_derivatives_across_pieces_and_lanes():
         )
     before, behind = (WEAVING.jets(np.array([10.1, 20.2]) + side) for side in (-1e-9, 1e-9))
     np.testing.assert_allclose(before, behind, rtol=0, atol=1e-5)
-
-
-def test_a_fleet_tracks_the_robot():
-    """`E'' + 2 E' + E = 0` of double integrators behind a robot on a circle."""
-    robot = {"kind": "driven", "speed": [20.0] * 3, "turn_rate": [0.5] * 3, "every": 15.0}
-    robot |= {"position": [40.0, 0.0], "heading": np.pi / 2}
-    keys = {"engine": "exact", "horizon": 5.0, "tail": 5.0, "vehicle": "double_integrator"}
-    study = systems.study(**keys, navigator=robot, attack="none", defence="none")
-    states, times = systems.simulate(systems.lanes(study, 2)).series["state"], np.arange(51) * 0.1
-    angle = 0.5 * times
-    path = 40.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    start = states[:, 0].reshape(2, 12, 2, 2) - [[40.0, 0.0], [0.0, 20.0]]
-    flows = np.stack([expm(np.array([[0.0, 1.0], [-1.0, -2.0]]) * time)[0] for time in times])
-    known = path[:, None] + np.einsum("tk,lmkx->ltmx", flows, start)
-    np.testing.assert_allclose(states[..., :2], known, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

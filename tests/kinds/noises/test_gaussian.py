@@ -6,7 +6,6 @@ import pytest
 from jaxnet.config.document import ConfigError
 from jaxnet.model.graph import dense
 from jaxnet.theory import noise
-from jaxnet.view.text.check import check_text
 from tests import systems
 from tests.engine.test_exactness import navigator_at
 
@@ -59,36 +58,10 @@ def test_words_with_errors_drive_the_fleet_as_the_theory_says(topology, of, corr
     ).all()
 
 
-def test_correlated_errors_of_sensors_do_not_pass_from_vehicle_to_vehicle():
-    """Variance 0.312565 s² on the ring, the errors of different vehicles independent."""
-    keys = QUIET | {"engine": "exact", "sensing": {**SIZES, "correlation": 1.0}}
-    positions = systems.simulate(systems.lanes(systems.study(**keys), 150)).series["state"][
-        :, -1, :, :2
-    ]
-    errors = positions - positions.mean(axis=(0, 1))
-    expected = CORRELATED * DRIVE
-    assert abs((errors**2).mean() - expected) <= 2.576 * np.sqrt(2 / errors.size) * expected
-    assert np.abs(np.corrcoef(errors.reshape(150, -1).T)[np.triu_indices(24, 1)]).max() < 0.4
-
-
 OUTLIERS = {"outliers": 0.05, "outlier_factor": 6.0}
-TOTAL = 1 + 0.05 * 35  # of variances, by the law of total variance
 
 
-def test_outliers_and_errors_of_jerks_drive_the_fleet():
-    """Variance of E on a star: `(Σ k_k² σ_k² + σ_3²) (1 + p (f² - 1))` times that of the held drive."""
-    keys = QUIET | {"engine": "exact", "topology": "star"}
-    studies = {}
-    for correlation in (0.0, 1.0):
-        noise = {"position": 0.1, "jerk": 0.2, "correlation": correlation, **OUTLIERS}
-        studies[correlation] = systems.study(**keys, channel={"noise": noise})
-        known = (0.1**2 + 0.2**2) * TOTAL * (CORRELATED if correlation else WHITE)
-        assert f"leave {np.sqrt(known):.4g} m rms" in told(studies[correlation])
-    positions = systems.simulate(systems.lanes(studies[1.0], 200)).series["state"][:, -1, :, :2]
-    squares = (positions - positions.mean(axis=(0, 1))) ** 2
-    assert abs(squares.mean() - known) <= 2.576 * squares.std() / np.sqrt(squares.size)
-
-
+@pytest.mark.long
 def test_engines_draw_the_same_errors():
     """Path by path to 1e-5 m, with outliers, errors of jerks and held readings, where lost words are held."""
     loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
@@ -112,6 +85,7 @@ def test_engines_draw_the_same_errors():
     assert np.abs(exact - nonlinear).max() <= 1e-5
 
 
+@pytest.mark.long
 def test_the_highest_derivative_of_single_integrators_is_their_velocity():
     """Its errors drive as those of `k0 y` do: variance `(1 - e^(-h))² / (1 - e^(-2h))` of both together."""
     noise = {"position": 0.3, "jerk": 0.4, "velocity": 7.0}  # a velocity of order 1 is `jerk` alone
@@ -136,17 +110,6 @@ def test_vehicles_under_the_local_law_tell_no_jerk():
         systems.study(law="local", channel={"noise": {"jerk": 0.1}})
 
 
-def test_one_network_without_errors_is_the_default():
-    """Sizes of 0 give the very program that runs without the key; errors need ticks."""
-    plain, zero = (
-        systems.lanes(systems.study(engine="exact", **keys), 1)
-        for keys in ({}, {"channel": {"noise": {"position": 0.0, "correlation": 2.0}}})
-    )
-    assert plain.inputs.lane.noise is zero.inputs.lane.noise is None
-    with pytest.raises(ConfigError, match="give a tick"):
-        systems.study(channel={"noise": SIZES}, tick=0)
-
-
 def test_variances_are_those_of_the_discrete_lyapunov_equation():
     """At ticks of 0.05 and 0.1 s, of a lower order too: order 1 has `h² / (1 - e^(-2h))` of held noise."""
     assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.1) - 0.0187448) < 1e-7
@@ -161,27 +124,3 @@ def test_variances_are_those_of_the_discrete_lyapunov_equation():
         for of in ("link", "transmitter"):
             known = np.diag(covariance(topology, of))
             np.testing.assert_allclose(noise.link_gains(weights, of), known, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"channel": {"noise": {"position": 0.1}}}, "leave 0.02217 m rms on each axis at last"),
-        (
-            {"channel": {"noise": {"position": 0.1}}, "topology": "path"},
-            "leave 0.03354 m rms on each axis at last, the most of 12",
-        ),
-        ({"sensing": {"position": 0.1}}, "leave 0.009682 m rms on each axis at last"),
-    ],
-)
-def test_check_tells_the_steady_error(keys, words):
-    """Where weights are fixed and nothing is lost; else nothing."""
-    plain = {"attack": "none", "defence": "none"} | keys
-    assert words in told(systems.study(**plain))
-    loss = {"loss": {"kind": "bernoulli", "probability": 0.1}}
-    assert "rms" not in told(systems.study(**plain | {"channel": plain.get("channel", {}) | loss}))
-
-
-def told(study):
-    """What check prints, on one line."""
-    return " ".join(check_text(study).split())

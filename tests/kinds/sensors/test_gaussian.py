@@ -34,18 +34,6 @@ def test_the_variance_of_the_error_is_that_of_the_theory():
     assert np.abs(correlations[np.triu_indices(24, 1)]).max() < 0.35
 
 
-def test_noise_does_not_depend_on_the_weights():
-    """Rings of other weights draw the same noise, and end at the same places."""
-    ends = []
-    for weight in (0.1, 0.9):
-        topology = {"kind": "cyclic", "navigator_weight": weight}
-        keys = QUIET | {"topology": topology, "vehicles": 4, "horizon": 3.0, "tail": 1.0}
-        ends.append(
-            systems.simulate(systems.lanes(systems.study(sensing=SIZES, **keys), 2)).series["state"]
-        )
-    np.testing.assert_allclose(*ends, rtol=0, atol=1e-9)
-
-
 def test_a_lane_is_the_same_alone_and_among_others():
     """To the last bit; the noise is drawn for each lane by itself."""
     study = systems.study(
@@ -58,15 +46,6 @@ def test_a_lane_is_the_same_alone_and_among_others():
     few, many = (systems.simulate(systems.lanes(study, number)) for number in (2, 6))
     np.testing.assert_array_equal(few.series["state"], many.series["state"][:2])
     assert np.abs(many.series["state"][0] - many.series["state"][1]).max() > 0.0
-
-
-def test_exact_sensing_is_the_default():
-    """Sizes of 0 give the very program that runs without the key."""
-    plain, zero = (
-        systems.lanes(systems.study(engine="exact", **keys), 1)
-        for keys in ({}, {"sensing": {"position": 0.0}})
-    )
-    assert plain.inputs.lane.sensor is zero.inputs.lane.sensor is None
 
 
 def test_readings_that_drop_out_leave_vehicles_ahead():
