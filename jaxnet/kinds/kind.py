@@ -56,7 +56,7 @@ class Kind(Record, metaclass=KindType):
     )  # fields that no method reads while lanes run
     claims: ClassVar[frozenset[str]] = frozenset()  # names of what theory takes on trust
     neutral: ClassVar[frozenset[str]] = frozenset(
-        {"kind", "words", "untraced", "model_config", "faults"}
+        {"kind", "words", "untraced", "model_config", "faults", "breaks"}
     )
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
@@ -114,6 +114,15 @@ class Kind(Record, metaclass=KindType):
         """Yield the faults of a scenario with this kind that no single key shows."""
         yield from ()
 
+    def breaks(self) -> frozenset[str]:
+        """Premises of theorems that fail with this kind and its keys; by default none.
+
+        A navigator may break "leader", a graph "one network" and "alike", an attack "bounded", "one
+        identity" and "by law", an announcement "consistent", a law "not held" and "solved", a vehicle
+        "flat", a sensor "exact sensors", a loss "every message", a noise "exact messages".
+        """
+        return frozenset()
+
     def drawn_keys(self) -> list[str]:
         """Return the keys whose values are drawn lane by lane."""
         return [key for key in type(self).model_fields if holds_drawn(getattr(self, key))]
@@ -170,6 +179,11 @@ def holds_drawn(value: object) -> bool:
     if isinstance(value, Apiece | Shared | Listed):
         return any(holds_drawn(each) for _, each in value)
     return is_drawn(value)
+
+
+def broken(**premises: bool) -> frozenset[str]:
+    """Return the names of the premises that are broken; an underscore stands for a blank."""
+    return frozenset(name.replace("_", " ") for name, fails in premises.items() if fails)
 
 
 def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> Iterator[Fault]:

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.kind import Kind, KindError, broken
 from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
@@ -11,6 +11,9 @@ class Announcement(Kind):
 
     claims: ClassVar[frozenset[str]] = frozenset({"consistent"})
     consistent: ClassVar[bool] = False  # assumption B1: each link announces R of what it carries
+
+    def breaks(self) -> frozenset[str]:
+        return broken(consistent=not self.consistent)
 
     def received(
         self,

@@ -27,7 +27,7 @@ from jaxnet.kinds.fields import (
     differs,
     union_member,
 )
-from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, NavigatorPath, ScenarioView, Signal, TickView
 from jaxnet.kinds.shapes import (
     AnyNumbers,
@@ -242,6 +242,11 @@ class AnyAttack(Kind):
             np.asarray(signal.basis(np.full(1, t))) for t in np.linspace(0.0, horizon, MOMENTS)
         ]
         return np.linalg.norm(basis, axis=2).max(axis=0)
+
+    def breaks(self) -> frozenset[str]:
+        return broken(
+            bounded=not self.bounded, one_identity=self.identities() > 1, by_law=self.as_told()
+        )
 
     def describe(self) -> str:
         """Return a short description of the attack."""

@@ -23,7 +23,7 @@ from jaxnet.kinds.fields import (
     union_member,
     value_range,
 )
-from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
@@ -113,6 +113,9 @@ class Graph(Kind):
     def differs(self) -> bool:
         """Return whether lanes have graphs or weights of their own."""
         return bool(self.drawn_keys())
+
+    def breaks(self) -> frozenset[str]:
+        return broken(one_network=len(self.turns()) > 1, alike=self.differs())
 
     def redrawn(self) -> bool:
         """Return whether lanes have links of their own, not only weights."""

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import VehicleVectors
 
@@ -64,6 +64,9 @@ class Law(Kind):
     def exchanges(self) -> int:
         """Return how often neighbours tell each other q at a tick."""
         return 1
+
+    def breaks(self) -> frozenset[str]:
+        return broken(not_held=self.holds, solved=not self.solved)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if the law holds the jerk and the scenario has no ticks."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
 
-from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.kind import Fault, KindError, broken
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotNumbers, SlotSources
 from jaxnet.kinds.ticks import DrawsAtTicks
@@ -66,6 +66,9 @@ class Loss(DrawsAtTicks):
             count.
         """
         raise KindError(f"{self.kind}: a loss gives lost(self, messages, memory)")
+
+    def breaks(self) -> frozenset[str]:
+        return broken(every_message=not self.perfect())
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield faults of messages that can be lost, if the scenario has no ticks, a defence announces, or

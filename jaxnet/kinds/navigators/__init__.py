@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken
 from jaxnet.kinds.protocols import NavigatorPath, ScenarioView
 from jaxnet.kinds.shapes import AnyTimes, PathJets
 from jaxnet.model.signal import up_to
@@ -65,6 +65,9 @@ class Navigator(Kind):
         """
         jets = np.asarray(self.jets(np.linspace(start, end, SPEED_SAMPLES)))
         return np.linalg.norm(jets, axis=1).max(axis=1)
+
+    def breaks(self) -> frozenset[str]:
+        return broken(leader=not self.present)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault for a navigator that almost stops, if vehicles on its path would be singular."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import ClassVar
 
-from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.kind import Fault, KindError, broken
 from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotLinks, SlotSources
@@ -46,6 +46,9 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
     def exact_links(self, sources: SlotSources) -> SlotLinks:
         """Return the links on which words have no errors, by default none."""
         return sources < 0
+
+    def breaks(self) -> frozenset[str]:
+        return broken(exact_messages=not self.exact())
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if words arrive with errors and the scenario has no ticks."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.kind import Fault, KindError, broken
 from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets, VehicleMask
@@ -44,6 +44,9 @@ class Sensor(ErrorsAtTicks):
         None, the default, means never.
         """
         return None
+
+    def breaks(self) -> frozenset[str]:
+        return broken(exact_sensors=not self.exact())
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if vehicles sense with errors and the scenario has no ticks."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
-from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import (
     AxisMatrices,
@@ -72,6 +72,9 @@ class Vehicle(Kind):
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
+
+    def breaks(self) -> frozenset[str]:
+        return broken(flat=not self.flat)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault of an order for which the engines have no constants, or of missing names."""
