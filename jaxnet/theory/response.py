@@ -7,9 +7,8 @@ h, with the transfer function `1 / (s^r + … + k1 s + k0)` for a vehicle of ord
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import expm, solve_continuous_lyapunov
-from scipy.optimize import minimize_scalar
 
-from jaxnet.theory import exact
+from jaxnet.model.axis import companion
 
 LawGain = Float[np.ndarray, "r"]
 StatesInTime = Float[np.ndarray, "states times"]
@@ -33,7 +32,7 @@ def impulse_norm(gain: LawGain) -> float:
         return float(1 / gain[0])
     order = len(gain)
     matrix = np.zeros((order + 1, order + 1))
-    matrix[:order, :order], matrix[order, 0] = exact.companion(gain), 1.0
+    matrix[:order, :order], matrix[order, 0] = companion(gain), 1.0
     lives = DECAYED / -poles.real
     state, begin, total = np.eye(order + 1)[:, order - 1 : order], 0.0, 0.0
     for life in np.unique(lives):
@@ -123,7 +122,9 @@ def axis_star_norm(gain: LawGain, output: Float[np.ndarray, "rows r"] | None = N
     bound even if the minimiser is inexact. Source: Abedor, Nagpal and Poolla, A linear matrix inequality
     approach to peak-to-peak gain minimization, 1996.
     """
-    matrix, identity = exact.companion(gain), np.eye(len(gain))
+    from scipy.optimize import minimize_scalar  # takes 0.15 s to import
+
+    matrix, identity = companion(gain), np.eye(len(gain))
     entry, output = np.diag(identity[-1]), identity[:1] if output is None else output
     most = -2 * np.linalg.eigvals(matrix).real.max()
 

@@ -11,11 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jaxnet.config.keys import Scenario
+from jaxnet.config.scenario import BOUNDS, MOST_INVERTED, missing, situation_of
+from jaxnet.kinds.attacks import heard_orders, magnitude_shares
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.signal import ORDERS
-from jaxnet.theory.certificate import MOST_INVERTED
 from jaxnet.theory.response import LawGain
 
 Gains = Float[np.ndarray, " m"]
@@ -146,3 +148,26 @@ def worst_kept_weights(
         if (better <= ratio * (1 + GAIN_TOLERANCE) + LEAST_NORMAL).all():
             return kept
         ratio = better
+
+
+def scenario_gain(scenario: Scenario) -> AttackGain | None:
+    """Gains γ of a scenario's network, by which bounds multiply ā.
+
+    None without the premises of BOUNDS. If the attacked vehicles are drawn, the gains are those of an attack
+    on all vehicles.
+    """
+    if missing(scenario, BOUNDS):
+        return None
+    known = situation_of(scenario)
+    assert known.retained is not None
+    carried = ~(known.attacked & scenario.attack.replaces())
+    attack = scenario.attack
+    order = scenario.vehicle.order
+    orders, shares = tuple(heard_orders(attack, order)), magnitude_shares(attack, order)
+    smooth = (
+        attack.consistent()
+        and not attack.strategic
+        and not attack.splits()
+        and not attack.periods()
+    )
+    return attack_gain(known.retained, known.attacked, carried, smooth, orders, shares)

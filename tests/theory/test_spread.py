@@ -14,8 +14,8 @@ from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.model import graph
-from jaxnet.statistics.reach import scenario_gain
 from jaxnet.theory import spread
+from jaxnet.theory.spread import scenario_gain
 from tests import systems
 from tests.matrices import matrix_of, slotwise, whole
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from jaxnet.statistics import limits
-from jaxnet.statistics.reach import scenario_gain
+from jaxnet.theory.spread import scenario_gain
 from tests import reference, systems
 from tests.engine.marching import march
 from tests.engine.test_exactness import navigator_at
