@@ -1,4 +1,4 @@
-"""A scenario on the host: its graph and links as NumPy arrays, its times, and premises of theorems."""
+"""A scenario on the host: graph and links as NumPy arrays, times, and premises of theorems."""
 
 import itertools
 import math
@@ -19,11 +19,11 @@ MOST_DRAWN_SETS = 1_000  # sets of attacked vehicles that are tried one by one, 
 
 
 class Situation(NamedTuple):
-    """The graph of a scenario, its attacked and trusted links, and the sources that may be retained (None:
-    unknown).
+    """The graph of a scenario, its attacked and trusted links, and the sources that may be retained
+    (None: unknown).
 
-    If weights are drawn, the graph has their medians. All lanes of a cell share a situation unless each lane
-    draws its own graph.
+    If weights are drawn, the graph has their medians. All lanes of a cell share a situation unless
+    each lane draws its own graph.
     """
 
     graph: Digraph
@@ -42,19 +42,19 @@ def situation_of(scenario: Scenario) -> Situation:
 
 
 def scenario_graph(scenario: Scenario) -> Digraph:
-    """Return the graph of a scenario, with rows that sum to 1; without a navigator, without its links."""
+    """Graph of a scenario, with rows that sum to 1; without a navigator, without its links."""
     graph = scenario.topology.normalised_rows(scenario.vehicles)
     return graph if scenario.navigator.present else normalised(without_navigator(graph))
 
 
 def links_of(scenario: Scenario) -> Digraph:
-    """Return the graph of the possible links, each with weight 1."""
+    """Graph of the possible links, each with weight 1."""
     linked = scenario.topology.linked(scenario.vehicles)
     return linked if scenario.navigator.present else without_navigator(linked)
 
 
 def without_navigator(graph: Digraph) -> Digraph:
-    """Return a graph without the links from the navigator."""
+    """Graph without the links from the navigator."""
     return graph.only(graph.heard & (graph.sources != 0))
 
 
@@ -64,11 +64,11 @@ def is_ideal(scenario: Scenario) -> bool:
 
 
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
-    """Return the safe vehicles, by reason, of this graph if these links are attacked.
+    """Safe vehicles, by reason, of this graph if these links are attacked.
 
-    A sybil is one more attacked source, and hears the navigator alone. A reason that needs consistent
-    announcements is left out if attacked links announce otherwise. No reason is known without the premises
-    of MOTION. A vehicle that moves as it tells is not safe.
+    A sybil is one more attacked source, and hears the navigator alone. A reason that needs
+    consistent announcements is left out if attacked links announce otherwise. No reason is known
+    without the premises of MOTION. A vehicle that moves as it tells is not safe.
     """
     if broken_premise(scenario, MOTION):
         return []
@@ -86,7 +86,7 @@ def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
 
 
 def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
-    """Return the vehicles that may move as they tell if these links are attacked: (m,).
+    """Vehicles that may move as they tell if these links are attacked: (m,).
 
     A drawn vehicle that nobody hears may do so too.
     """
@@ -101,7 +101,7 @@ def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
 
 
 def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
-    """Return the attacked links for each set of vehicles that a lane may draw, None for too many sets.
+    """Attacked links for each set of vehicles that a lane may draw, None for too many sets.
 
     Where vehicles are listed or nobody is attacked, there is one set.
     """
@@ -115,7 +115,7 @@ def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
 
 
 def safe_in_all(scenario: Scenario, graph: Digraph, draws: Sequence[Links]) -> list[Safe]:
-    """Return the vehicles that are safe whichever of several sets of links is attacked.
+    """Vehicles that are safe whichever of several sets of links is attacked.
 
     A vehicle has the weakest of its reasons.
     """
@@ -134,14 +134,14 @@ def safe_in_all(scenario: Scenario, graph: Digraph, draws: Sequence[Links]) -> l
 
 
 def short_reason(reason: Safe) -> str:
-    """Return a reason without its numbers, which differ from one set of attacked links to another."""
+    """Reason without its numbers, which differ from one set of attacked links to another."""
     return reason.why.partition(",")[0]
 
 
 def with_sybils(
     graph: Digraph, attacked: Links, trusted: Links, more: int
 ) -> tuple[Digraph, np.ndarray, np.ndarray]:
-    """Return the graph and its attacked and trusted links with `more` additional vehicles for each attacked
+    """Graph and its attacked and trusted links with `more` additional vehicles for each attacked
     source.
     """
     listeners, slots = graph.edges()
@@ -264,8 +264,8 @@ def settles(scenario: Scenario) -> bool:
 
 
 def has_ticks(scenario: Scenario) -> bool:
-    """Return whether anything happens at ticks: a decision, other attacked vehicles, a sum of effects, a held
-    jerk, noise, a loss.
+    """Whether anything happens at ticks: a decision, other attacked vehicles, a sum of effects, a
+    held jerk, noise, a loss.
     """
     attack = scenario.attack
     decides = scenario.defence.decides or attack.strategic or bool(attack.periods())
@@ -274,17 +274,17 @@ def has_ticks(scenario: Scenario) -> bool:
 
 
 def interval_of(scenario: Scenario) -> float:
-    """Return the time from tick to tick [s]; without ticks, the output step."""
+    """Time from tick to tick [s]; without ticks, the output step."""
     return scenario.tick if has_ticks(scenario) else scenario.output_step
 
 
 def outputs_of(scenario: Scenario) -> int:
-    """Return the number of output times after t = 0."""
+    """Number of output times after t = 0."""
     return round(scenario.horizon / scenario.output_step)
 
 
 def sources_of(scenario: Scenario) -> np.ndarray:
-    """Return the source of each slot: (slots, m). An attacked source fills one slot for each of its
+    """Source of each slot: (slots, m). An attacked source fills one slot for each of its
     identities.
     """
     linked = scenario.topology.linked(scenario.vehicles)

@@ -8,9 +8,10 @@ PlaneGains = Float[np.ndarray, "*lanes r 2 2"] | Float[np.ndarray, "*lanes r"]
 
 
 def companion(gain: PlaneGains) -> Float[np.ndarray, "*lanes n n"]:
-    """Return the companion matrix `A_c` of one vehicle of order r and one axis, n = r.
+    """Companion matrix `A_c` of one vehicle of order r and one axis, n = r.
 
-    PlaneGains that are 2 × 2 matrices couple the axes: n = 2r, with the jets in the order of the paper's η.
+    PlaneGains that are 2 × 2 matrices couple the axes: n = 2r, with the jets in the order of the
+    paper's η.
     """
     if gain.ndim > 2:
         order = gain.shape[-3]
@@ -26,11 +27,12 @@ def companion(gain: PlaneGains) -> Float[np.ndarray, "*lanes n n"]:
 
 
 def backward_reach(gain: PlaneGains, interval: float) -> Float[np.ndarray, "lanes r"]:
-    """Return bounds on the entries of the last row of `A_c expm(-A_c s)` for s from 0 to an interval [s].
+    """Bounds on the entries of the last row of `A_c expm(-A_c s)` for s from 0 to an interval [s].
 
-    The last row gives the r-th derivative of E at earlier times from E and its lower derivatives now. Over a
-    piece d of the interval, a row x grows to `|x| expm(|A_c| d)` at most, entry by entry. PlaneGains that are
-    matrices have two last rows; the bounds are then the Frobenius norms of the rows' blocks.
+    The last row gives the r-th derivative of E at earlier times from E and its lower derivatives
+    now. Over a piece d of the interval, a row x grows to `|x| expm(|A_c| d)` at most, entry by
+    entry. PlaneGains that are matrices have two last rows; the bounds are then the Frobenius norms
+    of the rows' blocks.
     """
     matrix = companion(gain)
     pieces = int(np.clip(4 * np.abs(matrix).sum(axis=2).max() * interval, 8, 1_000))

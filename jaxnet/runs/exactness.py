@@ -1,4 +1,4 @@
-"""Distance of simulated lanes from the exact solution of the closed loop with the same kept sets."""
+"""Distance of simulated lanes from the exact solution with the same kept sets."""
 
 from collections.abc import Sequence
 

@@ -17,10 +17,11 @@ def between_ticks(
 ) -> Gains:
     """`‖h‖₁ γ_i Λ h` of theorem 3 (docs/guarantees.md), per ā, for each vehicle.
 
-    Λ is the greatest rate of R(a) within a tick. `fastest` is the highest angular frequency Ω of the signal
-    [rad/s] and `tick` is h [s]. With k3 = 1, `Λ ≤ Σ_k k_k ‖a^(k+1)‖` over the falsified orders k.
-    Bernstein's inequality gives ‖a^(k+1)‖ ≤ Ωā. If order k + 1 is falsified too, ‖a^(k+1)‖ ≤ ā, unless each
-    order has its magnitude. A signal of one frequency also has `Λ ≤ Ω η ā`.
+    Λ is the greatest rate of R(a) within a tick. `fastest` is the highest angular frequency Ω of
+    the signal [rad/s] and `tick` is h [s]. With k3 = 1, `Λ ≤ Σ_k k_k ‖a^(k+1)‖` over the falsified
+    orders k. Bernstein's inequality gives ‖a^(k+1)‖ ≤ Ωā. If order k + 1 is falsified too,
+    ‖a^(k+1)‖ ≤ ā, unless each order has its magnitude. A signal of one frequency also has `Λ ≤ Ω η
+    ā`.
     """
     rates = [1.0 if order + 1 in reach.orders else np.inf for order in reach.orders]
     if reach.shares is not None:
@@ -41,7 +42,7 @@ class Ultimate(NamedTuple):
 
 
 def ultimate(case: Case) -> Ultimate | None:
-    """The ultimate error that theorem 3 and corollary 1 allow; None if nobody is safe by majority."""
+    """Ultimate error that theorem 3 and corollary 1 allow; None if nobody is safe by majority."""
     scenario = case.scenario
     if not scenario.defence.announcing() or not scenario.attack.present or case.draws is None:
         return None

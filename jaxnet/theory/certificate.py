@@ -1,4 +1,6 @@
-"""Certificate of a network: whom the navigator reaches, the paper's Assumption 1, what breaks safety."""
+"""Certificate of a network: whom the navigator reaches, the paper's Assumption 1, what breaks
+safety.
+"""
 
 from collections.abc import Callable, Sequence
 from itertools import combinations
@@ -73,7 +75,7 @@ def droppable(case: Case) -> list[int] | None:
 
 
 class JointReach(NamedTuple):
-    """Vehicles that the navigator reaches where networks take turns; lists contain numbers, from 1."""
+    """Vehicles, from 1, that the navigator reaches where networks take turns."""
 
     union: list[int]  # over the links of all networks
     always: list[int]  # in each network
@@ -124,7 +126,7 @@ NOMINAL = Theorem("O1", "nominal", "", ("leader", "small", "solved", "flat"), no
 
 
 class Margin(NamedTuple):
-    """Attacked sets that break the safety of each vehicle; sets of at most three vehicles are tried."""
+    """Attacked sets, of at most three vehicles, that break the safety of each vehicle."""
 
     sets: list[list[tuple[int, ...]]]  # of each unsafe vehicle, the minimal sets that break it
     further: Int[np.ndarray, " m"]  # least number of further attackers that break it; 0 if unsafe

@@ -1,4 +1,6 @@
-"""Late messages: how far behind a fleet ends, and the delay up to which it is stable (theorems.md O16)."""
+"""Late messages: how far behind a fleet ends, and the delay up to which it is stable (theorems.md
+O16).
+"""
 
 import math
 from typing import Any
@@ -28,7 +30,8 @@ def word_factors(
 ) -> Float[np.ndarray, " factors"]:
     """Factors of y, ẏ, …, y^(r) in a word that is late by `delay` [s].
 
-    They are those of R, or of R after the delay by Taylor. Under a `local` law vehicles do not tell y^(r).
+    They are those of R, or of R after the delay by Taylor. Under a `local` law vehicles do not tell
+    y^(r).
     """
     order = len(gain)
     powers = [
@@ -42,8 +45,8 @@ def word_factors(
 def jerk_margin(weights: Weights, gain: LawGain) -> float:
     """Delay [s] above which a fleet is unstable that extrapolates the highest derivative too.
 
-    There `ρ(A) (1 + k_{r-1} τ + … + k0 τ^r / r!)` is 1, the gain of fast motions from word to word. The
-    margin is infinite on a graph without a cycle.
+    There `ρ(A) (1 + k_{r-1} τ + … + k0 τ^r / r!)` is 1, the gain of fast motions from word to word.
+    The margin is infinite on a graph without a cycle.
     """
     radius, order = np.abs(np.linalg.eigvals(weights[:, 1:])).max(), len(gain)
 
@@ -83,7 +86,9 @@ def greatest_delay(case: Case) -> float | None:
 
 
 def growth_when_late(case: Case) -> float | None:
-    """Growth of deviations at each tick under a law that holds a derivative and hears late messages."""
+    """Growth of deviations at each tick under a law that holds a derivative and hears late
+    messages.
+    """
     scenario, law, channel = case.scenario, case.scenario.law, case.scenario.channel
     rows, leads = case.situation.graph.weights.T[None], scenario.navigator.present
     known = channel.late and law.holds and (law.demanded or law.jacobi)

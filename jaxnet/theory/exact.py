@@ -30,7 +30,8 @@ def lyapunov_matrix(gain: PlaneGains, Q: Weight | None = None) -> Weight:
 
 
 def decay_constants(gain: PlaneGains) -> tuple[float, float]:
-    """Constants c₁ and c₂ [1/s] of the paper's Lemma 1, `‖η(t)‖ ≤ c₁ e^(-c₂ t) ‖η(0)‖` without attack.
+    """Constants c₁ and c₂ [1/s] of the paper's Lemma 1, `‖η(t)‖ ≤ c₁ e^(-c₂ t) ‖η(0)‖` without
+    attack.
 
     `V = η'Pη` with Q = 1 falls at the rate 1/λ_max(P) at least, and `λ_min ‖η‖² ≤ V ≤ λ_max ‖η‖²`.
     """
@@ -47,9 +48,8 @@ def tracking_errors(
 ) -> Float[np.ndarray, "times m 2"]:
     """Errors `E` [m] at times 0, interval, 2 interval …
 
-    `weights[n]` is in force from the n-th time to the next. `start` contains E and its derivatives below the
-    order r at time 0.
-    `corruption(t, weights)` returns the jets of d.
+    `weights[n]` is in force from the n-th time to the next. `start` contains E and its derivatives
+    below the order r at time 0. `corruption(t, weights)` returns the jets of d.
     """
     step = expm(companion(gain) * interval)
     error, path = start, [start[0]]
@@ -62,7 +62,7 @@ def tracking_errors(
 
 
 class Decay(NamedTuple):
-    """`‖η(t)‖ ≤ factor e^(-rate t) ‖η(0)‖` without attack, and what is left when the tail begins."""
+    """`‖η(t)‖ ≤ factor e^(-rate t) ‖η(0)‖` without attack, and what is left in the tail."""
 
     factor: float
     rate: float  # [1/s]

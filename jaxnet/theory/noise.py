@@ -1,4 +1,6 @@
-"""Steady covariance of the errors E under noise that is drawn at ticks and held (theorems.md O13, O15)."""
+"""Steady covariance of the errors E under noise that is drawn at ticks and held (theorems.md O13,
+O15).
+"""
 
 from collections.abc import Callable, Sequence
 
@@ -54,7 +56,8 @@ def link_gains(weights: Weights, of: str) -> Float[np.ndarray, " m"]:
     weights
         `[a0 | A]` in force, (m, m + 1).
     of
-        "link": `Σ_l (L⁻¹)²_il Σ_j w²_lj`; or "transmitter": `Σ_j (L⁻¹ A)²_ij`, the navigator's word exact.
+        "link": `Σ_l (L⁻¹)²_il Σ_j w²_lj`; or "transmitter": `Σ_j (L⁻¹ A)²_ij`, the navigator's
+        message exact.
     """
     inverse = np.linalg.inv(graph.laplacian(weights))
     if of == "transmitter":
@@ -65,7 +68,7 @@ def link_gains(weights: Weights, of: str) -> Float[np.ndarray, " m"]:
 def steady_rms(
     case: Case, errors: ErrorsAtTicks, gains: Callable[[], Float[np.ndarray, " m"]]
 ) -> Float[np.ndarray, " m"] | None:
-    """Root mean square of E [m] on each axis that errors leave at last; `gains()` as `link_gains`."""
+    """Root mean square of E [m] that errors leave at last; `gains()` as `link_gains`."""
     scenario = case.scenario
     strength = None if errors.exact() else errors.strength(scenario.gain)
     if strength is None:

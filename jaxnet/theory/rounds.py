@@ -1,12 +1,13 @@
-"""Stability of the law by exchanges with neighbours, with the jerk held between ticks (theorems.md O12).
+"""Stability of the law by exchanges with neighbours, with the jerk held between ticks (theorems.md
+O12).
 
 With T = A^n for n rounds, a tick of length h, vehicles of order three and E = y - y_0,
 
     q ← T q + (1 - T) L⁻¹b,      (E, Ė, Ë) ← Φ (E, Ė, Ë) + Γ q,      Γ = [h³/6, h²/2, h]'.
 
-L⁻¹b equals -P(E) plus inputs from the navigator and the attacks. T has the eigenvectors of A. Along each
-eigenvector the loop is a matrix of four by four that depends on μ = λ^n alone. Vehicles of order r have a
-matrix of r + 1 by r + 1.
+L⁻¹b equals -P(E) plus inputs from the navigator and the attacks. T has the eigenvectors of A. Along
+each eigenvector the loop is a matrix of four by four that depends on μ = λ^n alone. Vehicles of
+order r have a matrix of r + 1 by r + 1.
 """
 
 import math
@@ -35,14 +36,14 @@ def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:
 def growth(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> float:
     """Factor of the slowest motion at each tick, the greatest over all μ: stable below 1.
 
-    With s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps its precision for short
-    ticks.
+    With s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps its precision
+    for short ticks.
     """
     return float(np.abs(1 + tick * np.linalg.eigvals(loop_rates(mu, gain, tick))).max())
 
 
 def loop_rates(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> LoopMatrices:
-    """Return `(M - 1)/h` for each μ, with M the matrix of (E, Ė, …, q) from one tick to the next."""
+    """`(M - 1)/h` for each μ, with M the matrix of (E, Ė, …, q) from one tick to the next."""
     mu, h, r = np.atleast_1d(np.asarray(mu, complex)), tick, len(gain)
     integrators, entry = held_rates(r, h)
     wanted = -(1 - mu)[:, None] * gain
@@ -56,8 +57,9 @@ def loop_rates(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> 
 def mean_square_growth(mu: np.ndarray, gain: LawGain, tick: float, lost: float) -> float:
     """Root-mean-square growth at each tick where all messages of a tick are lost together.
 
-    A tick is lost with the probability `lost`, independently. Vehicles then hold their q, which is the loop N
-    of μ = 1. The second moments grow by the greatest eigenvalue of `(1 - p) M⊗M̄ + p N⊗N̄` over all μ.
+    A tick is lost with the probability `lost`, independently. Vehicles then hold their q, which is
+    the loop N of μ = 1. The second moments grow by the greatest eigenvalue of `(1 - p) M⊗M̄ + p
+    N⊗N̄` over all μ.
     """
     size = (len(gain) + 1) ** 2
     loops = np.eye(len(gain) + 1) + tick * loop_rates(np.append(mu, 1.0), gain, tick)
@@ -107,9 +109,9 @@ def late_growth(
 ) -> float:
     """Factor of the slowest motion at each tick where words are late by a number of ticks >= 1.
 
-    `word` are the factors of E, Ė, … and of the held q in a word. The factor of q is 0 under a local law.
-    Along an eigenvector of A with eigenvalue λ, `q = λ w(t - d h) - P(E)`, where w is the word. One exchange
-    has the characteristic polynomial of theorems.md, O16.
+    `word` are the factors of E, Ė, … and of the held q in a word. The factor of q is 0 under a
+    local law. Along an eigenvector of A with eigenvalue λ, `q = λ w(t - d h) - P(E)`, where w is
+    the word. One exchange has the characteristic polynomial of theorems.md, O16.
     """
     r, (integrators, entry) = len(gain), held_rates(len(gain), tick)
     size = r + 1 + late  # E and its derivatives, q, and the words on their way, the newest first
@@ -138,9 +140,9 @@ def spectral_radius(weights: Weights, gain: LawGain, tick: float, rounds: int) -
 def least_rounds(weights: Weights, gain: LawGain, tick: float) -> tuple[int, int] | None:
     """Least stable number of rounds, and a number from which on every number is stable.
 
-    None if the law solved exactly at ticks is unstable, or if a vehicle is cut off. The growth is subharmonic
-    in μ, because M is affine in μ. So a disc is stable if and only if its edge is stable. Every number of
-    rounds that moves all μ into the disc is then stable.
+    None if the law solved exactly at ticks is unstable, or if a vehicle is cut off. The growth is
+    subharmonic in μ, because M is affine in μ. So a disc is stable if and only if its edge is
+    stable. Every number of rounds that moves all μ into the disc is then stable.
     """
     found = eigenvalues(weights)
     low, high = 0.0, 1.0  # radius of the greatest stable disc
@@ -187,8 +189,8 @@ def lateness(weights: Weights, tick: float, rounds: int) -> Float[np.ndarray, " 
 def least_rate(eigenvalue: float, gain: LawGain) -> float:
     """Exchange rate [1/s] above which a real eigenvalue 0 < λ < 1 of A is stable for short ticks.
 
-    For short ticks `q̇ = -c (q + P(E))` with c = (1 - λ^r)/h, approximately r (1 - λ)/h. By Routh's criterion
-    stability needs `c > k1² / (k1 k2 - k0)`.
+    For short ticks `q̇ = -c (q + P(E))` with c = (1 - λ^r)/h, approximately r (1 - λ)/h. By Routh's
+    criterion stability needs `c > k1² / (k1 k2 - k0)`.
     """
     k0, k1, k2 = gain
     return float(k1**2 / (k1 * k2 - k0) / (1 - eigenvalue))

@@ -14,7 +14,7 @@ from jaxnet.theory.theorem import Case, Theorem
 
 
 class SafeVehicles(NamedTuple):
-    """Safe vehicles by reason, the strongest first, or the weakest of all sets that may be drawn."""
+    """Safe vehicles by reason, the strongest first; the weakest of all sets that are drawn."""
 
     reasons: list[Safe]
     drawn: bool  # whether several sets of attacked vehicles may be drawn

@@ -42,7 +42,7 @@ def alone(case: Case) -> VehiclesAlone | None:
 
 @lru_cache(maxsize=KEPT_SEARCHES)  # the cells of several attacks share one graph
 def brackets(n: int, heard: bytes, seconds: float) -> tuple[RobustnessBracket, RobustnessBracket]:
-    """Bounds on the greatest r, and on the greatest F of F-total attackers, of a matrix as bytes."""
+    """Bounds on the greatest r, and on the greatest F of F-total attackers."""
     matrix, end = np.frombuffer(heard, bool).reshape(n, n), monotonic() + seconds
     known = integer.robustness_bracket(matrix, seconds)
     return known, integer.total_bracket(matrix, known, end - monotonic())

@@ -96,7 +96,7 @@ FACTS = [
     (
         PLAIN | {"law": "rounds", "tick": 0.02, "channel": WHOLE_TICKS},
         "channel",
-        "UNSTABLE in mean square, deviations times 1.0089 at each tick; stable up to a loss of 0.4131",
+        "mean square, deviations times 1.0089 at each tick; stable up to a loss of 0.4131",
     ),
     (PLAIN | {"channel": {"delay": 0.1}}, "delay", "vehicles end late by 1 s"),
     (
@@ -235,7 +235,9 @@ def test_one_cell_is_told_in_full():
 
 
 def test_what_differs_is_told_by_the_keys_that_decide_it():
-    """Trimming by ϑ alone, the norm by the weight; what all share stands once, no other key is named."""
+    """Trimming by ϑ alone, the norm by the weight; what all share stands once, no other key is
+    named.
+    """
     theta = {"defence.theta": [1, 2], "topology.navigator_weight": [0.1, 0.5]}
     text = check.check_text(systems.study(sweep=theta))
     same, differs = text.split("\n\n")[2:4]

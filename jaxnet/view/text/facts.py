@@ -131,9 +131,7 @@ def at_least(found: RobustnessBracket) -> str:
 
 
 def led_words(found: Led, scenario: Scenario) -> str:
-    line = (
-        f"; led by {ranges(found.leaders)}, whom somebody trusts, strongly {found.strongly}-robust,"
-    )
+    line = f"by {ranges(found.leaders)}, whom somebody trusts, strongly {found.strongly}-robust,"
     return f"{line} and percolation with F = 1 reaches {ranges(found.reached) or 'nobody else'}"
 
 
@@ -237,10 +235,8 @@ def rounding_text(scenario: Scenario) -> str:
         told = " and ".join(f"{step / 2:g} {unit}" for step, unit in sizes)
     else:
         told = f"{value_range(steps)[1] / 2:g}"
-    return (
-        f"; they act like an attack of at most {told} on each axis, on every link and in every order"
-        " told"
-    )
+    where = "on each axis, on every link and in every order told"
+    return f"; they act like an attack of at most {told} {where}"
 
 
 def lateness_text(scenario: Scenario) -> str:
@@ -258,7 +254,8 @@ def reach_words(found: JointReach, scenario: Scenario) -> str:
 def nominal_words(found: list[int], scenario: Scenario) -> str:
     rest = "" if len(found) == scenario.vehicles else ", of others nothing is known"
     rest += ", while decisions cut nobody off" * scenario.defence.decides
-    return f"; without attack, errors, loss and delay O1 holds of {vehicles_named(found, scenario)}{rest}"
+    named = vehicles_named(found, scenario)
+    return f"; without attack, errors, loss and delay O1 holds of {named}{rest}"
 
 
 def vehicles_named(numbers: Sequence[int], scenario: Scenario) -> str:
@@ -438,7 +435,8 @@ PHRASES: dict[
     "stability": stability_words,
     "in mean square": mean_square_words,
     "while reached": lambda is_so, scenario: (
-        "; without attack and errors O1 holds while the navigator reaches every vehicle at each tick"
+        "; without attack and errors O1 holds while the navigator reaches every vehicle at each"
+        " tick"
     ),
     "lag": lag_words,
     "follows lines": lambda is_so, scenario: "; a navigator on a line is followed without error",
