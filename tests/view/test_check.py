@@ -4,7 +4,9 @@ import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from jaxnet.cli import main
 from jaxnet.config.scenario import attacked_draws, safe_in, safe_in_all, situation_of
 from jaxnet.theory import tolerance
 from jaxnet.theory.integer import RobustnessBracket
@@ -209,7 +211,9 @@ def test_a_draw_has_the_weakest_of_its_reasons():
     drawn = systems.study(attack={"kind": "rotating", "vehicles": {"random": 1}}, **keys)
     scenario = drawn.cells[0].scenario
     graph = scenario.topology.normalised_rows(5)
-    found, *_ = safe_in_all(scenario, graph, attacked_draws(scenario, graph))
+    draws = attacked_draws(scenario, graph)
+    assert draws is not None
+    found, *_ = safe_in_all(scenario, graph, draws)
     each = []
     for i in range(1, 6):
         alone = (
@@ -293,3 +297,12 @@ def test_products_of_values_make_up_any_set_of_combinations():
 )
 def test_lines_that_differ_in_numbers_alone_become_a_range(lines, told):
     assert check.with_ranges(lines) == told
+
+
+def test_the_command_tells_one_cell_or_that_there_is_none(tmp_path):
+    config = tmp_path / "two.yaml"
+    config.write_text("name: two\nattack: none\nsweep: {topology: [star, path]}\n")
+    one = CliRunner().invoke(main, ["check", str(config), "--cell", "1"])
+    assert "\npath, cell 1\n" in one.stdout
+    none = CliRunner().invoke(main, ["check", str(config), "--cell", "2"])
+    assert (none.exit_code, "there are 2 cells" in none.stderr) == (2, True)
