@@ -20,8 +20,6 @@ from jaxnet.model.graph import Digraph, Weights, dense
 from jaxnet.theory.response import LawGain
 from jaxnet.theory.theorem import Case, Theorem
 
-LEAST_TICK, MOST_TICK = 1e-6, 10.0  # [s]
-RATIO = 1.05  # of a tick to the one before it in the search
 HALVINGS = 40
 LoopMatrices = Complex[np.ndarray, "loops s s"]
 ANGLES = np.exp(1j * np.pi * np.linspace(0, 1, 65))  # points of the upper unit circle
@@ -159,24 +157,6 @@ def least_rounds(weights: Weights, gain: LawGain, tick: float) -> tuple[int, int
     return surely, surely
 
 
-def greatest_tick(weights: Weights, gain: LawGain, rounds: int) -> float:
-    """Tick [s] up to which all ticks are stable.
-
-    The tick is infinite if all ticks up to MOST_TICK are stable.
-    """
-    left = eigenvalues(weights) ** rounds
-    low = LEAST_TICK
-    while growth(left, gain, low * RATIO) < 1:
-        low *= RATIO
-        if low > MOST_TICK:
-            return np.inf
-    high = low * RATIO
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if growth(left, gain, middle) < 1 else (low, middle)
-    return low
-
-
 def lateness(weights: Weights, tick: float, rounds: int) -> Float[np.ndarray, " m"]:
     """Delay [s] of each vehicle's held jerk behind the navigator's, `h (1/2 + (1 - T)⁻¹T 1)`.
 
@@ -184,16 +164,6 @@ def lateness(weights: Weights, tick: float, rounds: int) -> Float[np.ndarray, " 
     """
     left, one = np.linalg.matrix_power(weights[:, 1:], rounds), np.ones(len(weights))
     return tick * (0.5 + np.linalg.solve(np.eye(len(weights)) - left, left @ one))
-
-
-def least_rate(eigenvalue: float, gain: LawGain) -> float:
-    """Exchange rate [1/s] above which a real eigenvalue 0 < λ < 1 of A is stable for short ticks.
-
-    For short ticks `q̇ = -c (q + P(E))` with c = (1 - λ^r)/h, approximately r (1 - λ)/h. By Routh's
-    criterion stability needs `c > k1² / (k1 k2 - k0)`.
-    """
-    k0, k1, k2 = gain
-    return float(k1**2 / (k1 * k2 - k0) / (1 - eigenvalue))
 
 
 class Stability(NamedTuple):

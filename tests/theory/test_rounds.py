@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.rounds import greatest_tick, least_rate
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.theory import rounds
@@ -48,7 +49,7 @@ def test_growth_is_that_of_the_polynomial(real, imaginary, tick, gain):
 
 def test_the_greatest_tick_of_one_round_on_the_ring():
     """Where z = -1 solves that polynomial for λ = -0.9."""
-    found = rounds.greatest_tick(RING, GAIN, 1)
+    found = greatest_tick(RING, GAIN, 1)
     assert 1.9 * (4 * 3 * found - found**3 / 3) == pytest.approx(8 * 0.1, rel=1e-9)
     assert found == pytest.approx(2 * 0.1 / (3 * 1.9), rel=1e-3)
 
@@ -60,7 +61,7 @@ def test_short_ticks_ask_for_a_rate_of_exchanges(gain):
     """
     gain = np.array(gain, float)
     for left in (0.99, 0.999):
-        rate = rounds.least_rate(left, gain)
+        rate = least_rate(left, gain)
         for number in (1, 3):
             tick = number / rate
             assert (
@@ -108,7 +109,7 @@ def test_ticks_up_to_the_greatest_are_stable():
     """And just beyond it is not."""
     for weights in digraphs():
         for number in (1, 2, 5):
-            most = rounds.greatest_tick(weights, GAIN, number)
+            most = greatest_tick(weights, GAIN, number)
             ticks = most * np.array([0.01, 0.3, 0.7, 0.9999, 1.0001])
             stable = [rounds.spectral_radius(weights, GAIN, tick, number) < 1 for tick in ticks]
             assert stable == [True, True, True, True, False]

@@ -306,3 +306,13 @@ def test_the_command_tells_one_cell_or_that_there_is_none(tmp_path):
     assert "\npath, cell 1\n" in one.stdout
     none = CliRunner().invoke(main, ["check", str(config), "--cell", "2"])
     assert (none.exit_code, "there are 2 cells" in none.stderr) == (2, True)
+
+
+def test_cells_that_differ_by_their_attack_alone_are_told_apart():
+    """As each is told by itself."""
+    attacks = ["bias", "rotating", "freeze", {"kind": "rotating", "threat": "replaces"}]
+    study = systems.study(sweep={"attack": attacks, "attack.vehicles": [[1], [1, 2]]})
+    alone = [facts(cell.scenario)["attack"] for cell in study.cells]
+    found = {cell.number: each.facts for each in check.networks(study.cells) for cell in each.cells}
+    assert [found[number]["attack"] for number in range(8)] == alone
+    assert len(set(alone)) == 8

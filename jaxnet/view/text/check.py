@@ -87,7 +87,9 @@ def facts_key(scenario: Scenario) -> Hashable:
     """A key that is equal for cells with equal facts; cells hold the objects of their kinds."""
     attack, announcing = scenario.attack, scenario.defence.announcing()
     known = {*Attack.model_fields} - SIGNAL
-    told = attack.kind, attack.model_dump_json(include=known), attack.by_order(), attack.periods()
+    told = attack.describe(), attack.whom(), attack.model_dump_json(include=known)
+    told += attack.by_order(), attack.falsified(), attack.periods(), attack.identities()
+    told += attack.bounded, attack.consistent(), attack.strategic, attack.as_told()
     signal = (attack.fastest(), attack.harmonic()) if announcing else ()
     shared = scenario.topology, scenario.navigator, scenario.defence, scenario.law, scenario.vehicle
     ids = (*map(id, shared), id(scenario.channel), id(scenario.sensing))
