@@ -40,6 +40,8 @@ SIZES = (6, 12, 24, 48, 96)
 TICKS = (0.02, 0.05, 0.1, 0.2)
 ROUNDS = (1, 2, 5)
 APART = 1e6  # [m], so that nothing else that a lane does matters by its rounding
+LEAST_TICK, MOST_TICK = 1e-6, 10.0  # [s], between which the greatest stable tick is sought
+RATIO = 1.05  # of a tick to the one before it in the search
 LOOKED = 20  # ticks by which growth is measured
 SIMULATED = np.arange(0.04, 0.3, 0.04)  # [s], ticks at which it is
 NAMED = {
@@ -70,6 +72,34 @@ def main(samples: int) -> None:
     trimmed(samples)
 
 
+def greatest_tick(weights: np.ndarray, gain: np.ndarray, number: int) -> float:
+    """Tick [s] up to which all ticks are stable.
+
+    The tick is infinite if all ticks up to MOST_TICK are stable.
+    """
+    left = rounds.eigenvalues(weights) ** number
+    low = LEAST_TICK
+    while rounds.growth(left, gain, low * RATIO) < 1:
+        low *= RATIO
+        if low > MOST_TICK:
+            return np.inf
+    high = low * RATIO
+    for _ in range(rounds.HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if rounds.growth(left, gain, middle) < 1 else (low, middle)
+    return low
+
+
+def least_rate(eigenvalue: float, gain: np.ndarray) -> float:
+    """Exchange rate [1/s] above which a real eigenvalue 0 < λ < 1 of A is stable for short ticks.
+
+    For short ticks `q̇ = -c (q + P(E))` with c = (1 - λ^r)/h, approximately r (1 - λ)/h. By Routh's
+    criterion stability needs `c > k1² / (k1 k2 - k0)`.
+    """
+    k0, k1, k2 = gain
+    return float(k1**2 / (k1 * k2 - k0) / (1 - eigenvalue))
+
+
 def weights_of(graph: str, vehicles: int) -> Any:
     """Those of one of the graphs."""
     kind, keys = GRAPHS[graph]
@@ -94,10 +124,10 @@ def tables() -> None:
             weights = weights_of(graph, vehicles)
             least = (rounds.least_rounds(weights, GAIN, tick) for tick in TICKS)
             few = " ".join(f"{f'{n} ({m})':>10}" for n, m in filter(None, least))
-            most = " ".join(f"{rounds.greatest_tick(weights, GAIN, n):8.5f}" for n in ROUNDS)
+            most = " ".join(f"{greatest_tick(weights, GAIN, n):8.5f}" for n in ROUNDS)
             slow = float(np.real(rounds.eigenvalues(weights)).max())
             print(
-                f"  {graph:18} {vehicles:3}  {few}  {most}  {slow:.5f} {rounds.least_rate(slow, GAIN):8.4g}"
+                f"  {graph:18} {vehicles:3}  {few}  {most}  {slow:.5f} {least_rate(slow, GAIN):8.4g}"
             )
 
 
@@ -155,9 +185,9 @@ def draw() -> None:
             zip(GRAPHS, "os^Dv", strict=True), style.SERIES_STYLES, strict=False
         ):
             shown: Any = {**look, "marker": marker, "markersize": 3, "label": graph}
-            of_twelve = [rounds.greatest_tick(weights_of(graph, 12), GAIN, n) for n in numbers]
+            of_twelve = [greatest_tick(weights_of(graph, 12), GAIN, n) for n in numbers]
             by_rounds.semilogy(numbers, of_twelve, **shown)
-            of_two = [rounds.greatest_tick(weights_of(graph, m), GAIN, 2) for m in SIZES]
+            of_two = [greatest_tick(weights_of(graph, m), GAIN, 2) for m in SIZES]
             by_size.loglog(SIZES, of_two, **shown)
         by_rounds.set(
             title="(b) twelve vehicles",

@@ -25,8 +25,8 @@ from jaxnet.explore.search import Trials, search_box
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
-from jaxnet.statistics.reach import scenario_gain
 from jaxnet.theory import bounds
+from jaxnet.theory.spread import scenario_gain
 
 BASE: dict[str, Any] = {"engine": "exact", "output_step": 0.5, "horizon": 40, "tail": 5}
 BIAS = {"kind": "bias", "magnitude": 10}

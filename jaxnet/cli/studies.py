@@ -211,13 +211,16 @@ def search_command(
 
 @click.command()
 @takes_config
-def check(config: Path, overrides: tuple[str, ...]) -> None:
+@click.option("--cell", type=click.IntRange(0), help="Tell all of this cell alone.")
+def check(config: Path, overrides: tuple[str, ...], cell: int | None) -> None:
     """Validate a config; print its cells and what is known of them before anything moves."""
     with user_errors():
         study = jaxnet.load(config, overrides)
+        if cell is not None and cell >= len(study.cells):
+            raise click.BadParameter(f"there are {len(study.cells)} cells", param_hint="--cell")
         if study.config.scope.known:
             shards.try_kinds(study.config, study.cells, batch.EVERYTHING)
-        echo(checks.check_text(study))
+        echo(checks.check_text(study, cell))
 
 
 @click.command("sensitivity")

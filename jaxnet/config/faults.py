@@ -19,8 +19,8 @@ from jaxnet.config.wording import shorten_value
 from jaxnet.kinds.fields import EachOrder, EachPosition, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.metrics import DETECTION
+from jaxnet.model import axis
 from jaxnet.outside import blame
-from jaxnet.theory import exact
 
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 10**8
@@ -390,7 +390,7 @@ def gain_faults(scenario: Scenario) -> Iterator[Fault]:
 
 def matrix_faults(scenario: Scenario, matrices: np.ndarray) -> Iterator[Fault]:
     """Yield faults of gains that are matrices: an unstable closed loop, or an engine that lacks them."""
-    eigenvalues = np.linalg.eigvals(exact.companion(matrices))
+    eigenvalues = np.linalg.eigvals(axis.companion(matrices))
     if not eigenvalues.real.max() < 0:
         eigenvalues, got = (
             eigenvalues.reshape(-1, eigenvalues.shape[-1]),

@@ -1,27 +1,29 @@
-"""A scenario on the host: its graph and links as NumPy arrays, its times, and premises of theorems."""
+"""A scenario on the host: graph and links as NumPy arrays, times, and premises of theorems."""
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from jaxnet.config.keys import Scenario
+from jaxnet.kinds.fields import is_drawn
 from jaxnet.model import hearing, safety
 from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
 
+MOST_INVERTED = 1_000  # vehicles; L of a larger fleet takes over a second to invert
 MOST_DRAWN_SETS = 1_000  # sets of attacked vehicles that are tried one by one, 1 to 2 ms each
 
 
 class Situation(NamedTuple):
-    """The graph of a scenario, its attacked and trusted links, and the sources that may be retained (None:
-    unknown).
+    """The graph of a scenario, its attacked and trusted links, and the sources that may be retained
+    (None: unknown).
 
-    If weights are drawn, the graph has their medians. All lanes of a cell share a situation unless each lane
-    draws its own graph.
+    If weights are drawn, the graph has their medians. All lanes of a cell share a situation unless
+    each lane draws its own graph.
     """
 
     graph: Digraph
@@ -31,7 +33,7 @@ class Situation(NamedTuple):
 
 
 def situation_of(scenario: Scenario) -> Situation:
-    """Return the situation of a scenario at the start."""
+    """Situation of a scenario at the start."""
     graph = scenario_graph(scenario)
     trusted = scenario.defence.trusts(graph)
     attacked = scenario.attack.attacked_links(graph)
@@ -40,38 +42,33 @@ def situation_of(scenario: Scenario) -> Situation:
 
 
 def scenario_graph(scenario: Scenario) -> Digraph:
-    """Return the graph of a scenario, with rows that sum to 1; without a navigator, without its links."""
+    """Graph of a scenario, with rows that sum to 1; without a navigator, without its links."""
     graph = scenario.topology.normalised_rows(scenario.vehicles)
     return graph if scenario.navigator.present else normalised(without_navigator(graph))
 
 
 def links_of(scenario: Scenario) -> Digraph:
-    """Return the graph of the possible links, each with weight 1."""
+    """Graph of the possible links, each with weight 1."""
     linked = scenario.topology.linked(scenario.vehicles)
     return linked if scenario.navigator.present else without_navigator(linked)
 
 
 def without_navigator(graph: Digraph) -> Digraph:
-    """Return a graph without the links from the navigator."""
+    """Graph without the links from the navigator."""
     return graph.only(graph.heard & (graph.sources != 0))
 
 
 def is_ideal(scenario: Scenario) -> bool:
-    """Return whether the theory's premises hold: exact sensors, one network, and every message arrives at
-    once.
-    """
-    one_network = len(scenario.topology.turns()) == 1
-    channel = scenario.channel.loss.perfect() and scenario.channel.noise.exact()
-    channel = channel and not scenario.channel.rounded
-    return scenario.sensing.exact() and channel and not scenario.channel.late and one_network
+    """Whether sensors are exact, one network is in force, and every message arrives at once."""
+    return not breaks(scenario).intersection(EVERY_MESSAGE)
 
 
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
-    """Return the safe vehicles, by reason, of this graph if these links are attacked.
+    """Safe vehicles, by reason, of this graph if these links are attacked.
 
-    A sybil is one more attacked source, and hears the navigator alone. A reason that needs consistent
-    announcements is left out if attacked links announce otherwise. No reason is known without the premises
-    of MOTION. A vehicle that moves as it tells is not safe.
+    A sybil is one more attacked source, and hears the navigator alone. A reason that needs
+    consistent announcements is left out if attacked links announce otherwise. No reason is known
+    without the premises of MOTION. A vehicle that moves as it tells is not safe.
     """
     if broken_premise(scenario, MOTION):
         return []
@@ -89,7 +86,7 @@ def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
 
 
 def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
-    """Return the vehicles that may move as they tell if these links are attacked: (m,).
+    """Vehicles that may move as they tell if these links are attacked: (m,).
 
     A drawn vehicle that nobody hears may do so too.
     """
@@ -104,7 +101,7 @@ def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
 
 
 def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
-    """Return the attacked links for each set of vehicles that a lane may draw, None for too many sets.
+    """Attacked links for each set of vehicles that a lane may draw, None for too many sets.
 
     Where vehicles are listed or nobody is attacked, there is one set.
     """
@@ -118,7 +115,7 @@ def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
 
 
 def safe_in_all(scenario: Scenario, graph: Digraph, draws: Sequence[Links]) -> list[Safe]:
-    """Return the vehicles that are safe whichever of several sets of links is attacked.
+    """Vehicles that are safe whichever of several sets of links is attacked.
 
     A vehicle has the weakest of its reasons.
     """
@@ -137,14 +134,14 @@ def safe_in_all(scenario: Scenario, graph: Digraph, draws: Sequence[Links]) -> l
 
 
 def short_reason(reason: Safe) -> str:
-    """Return a reason without its numbers, which differ from one set of attacked links to another."""
+    """Reason without its numbers, which differ from one set of attacked links to another."""
     return reason.why.partition(",")[0]
 
 
 def with_sybils(
     graph: Digraph, attacked: Links, trusted: Links, more: int
 ) -> tuple[Digraph, np.ndarray, np.ndarray]:
-    """Return the graph and its attacked and trusted links with `more` additional vehicles for each attacked
+    """Graph and its attacked and trusted links with `more` additional vehicles for each attacked
     source.
     """
     listeners, slots = graph.edges()
@@ -165,89 +162,110 @@ def with_sybils(
     return normalised(wider(graph.weights, 1.0)), *links
 
 
-def differs_by_lane(scenario: Scenario) -> bool:
-    """Return whether lanes have graphs, weights or gains of their own, and therefore bounds of their own."""
-    return scenario.topology.differs() or scenario.draws_gain
+PREMISES = {  # what a theorem may need: what is said of a scenario without it
+    "leader": "there is no navigator",
+    "exact sensors": "sensing errs (theorems need exact sensors)",
+    "exact messages": "channel.noise or quantisation is on (theorems need exact messages)",
+    "unrounded messages": "channel.quantisation is on",
+    "every message": "channel.loss is on (theorems need every message)",
+    "on time": "channel.delay is on (theorems need messages on time)",
+    "one network": "networks take turns (theorems need one network)",
+    "alike": "networks, weights or gains are drawn for each lane",
+    "one gain": "gains differ by axis or vehicle, or couple the axes",
+    "bounded": "ā does not bound the attack",
+    "one identity": "attacked vehicles have several identities",
+    "by law": "attacked vehicles move as they tell",
+    "solved": "the law is {one.law.kind} (theorems need the law solved at every instant)",
+    "flat": "{one.vehicle.kind} may not move as the law asks",
+    "settled": "gains differ by vehicle, and weights may switch",
+    "retained": "the defence may retain any neighbour",
+    "consistent": "attacked links announce {announced}, not what they carry",
+    "added path": "the attack adds no given path with its derivatives",
+    "no decisions": "the defence decides",
+    "drops": "channel.missing is not drop",
+    "steady delay": "channel.delay is drawn",
+    "ticks": "there are no ticks",
+    "small": "there are more than {most:,} vehicles",
+}
+EVERY_MESSAGE = ("exact sensors", "exact messages", "every message", "on time", "one network")
+MOTION = (*EVERY_MESSAGE, "solved", "flat", "settled")  # at last (theorems.md O1)
+BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
+    *("leader", *EVERY_MESSAGE, "alike", "one gain", "bounded", "one identity", "by law"),
+    *("solved", "flat", "retained"),
+)
+SOLUTION = (  # of the exact solution for known decisions at ticks (theorems.md O1, O2)
+    *("leader", *EVERY_MESSAGE, "one gain", "by law", "solved", "flat"),
+    *("added path", "ticks"),
+)
+OF_GRAPHS: dict[
+    str, Callable[[Scenario], bool]
+] = {  # premises that are asked last, as they take time
+    "settled": lambda one: settles(one),
+    "retained": lambda one: situation_of(one).retained is not None,
+}
 
 
-class Premise(NamedTuple):
-    """What a theorem needs of a scenario, and what is said of a scenario without it."""
+def breaks(scenario: Scenario) -> set[str]:
+    """Premises that a scenario breaks, without those of OF_GRAPHS."""
+    attack, channel = scenario.attack, scenario.channel
+    own = {
+        "exact messages": channel.rounded,
+        "unrounded messages": channel.rounded,
+        "on time": channel.late,
+        "alike": scenario.draws_gain,
+        "one gain": scenario.gain_matrices is not None,
+        "added path": not attack.consistent()
+        or attack.strategic
+        or attack.replaces()
+        or bool(attack.periods()),
+        "no decisions": scenario.defence.decides,
+        "drops": channel.missing != "drop",
+        "steady delay": is_drawn(channel.delay),
+        "ticks": scenario.tick == 0,
+        "small": scenario.vehicles > MOST_INVERTED,
+    }
+    kinds = (scenario.navigator, scenario.topology, attack, scenario.law, scenario.vehicle)
+    kinds = (*kinds, attack.announcement(), scenario.sensing, channel.loss, channel.noise)
+    return {name for name, broken in own.items() if broken}.union(*(k.breaks() for k in kinds))
 
-    holds: Callable[[Scenario], bool]
-    broken: str
+
+def missing(scenario: Scenario, needed: Collection[str]) -> list[str]:
+    """Names of the needed premises that a scenario breaks, in the order of PREMISES.
+
+    Those of OF_GRAPHS are asked where no other premise is broken.
+    """
+    broken = breaks(scenario)
+    names = [name for name in PREMISES if name in needed and name in broken]
+    return names or [
+        name for name, holds in OF_GRAPHS.items() if name in needed and not holds(scenario)
+    ]
+
+
+def premise_words(scenario: Scenario, name: str) -> str:
+    """What is said of a scenario that breaks a premise."""
+    announced = scenario.attack.announcement().kind
+    return PREMISES[name].format(one=scenario, announced=announced, most=MOST_INVERTED)
+
+
+def broken_premise(scenario: Scenario, needed: Collection[str]) -> str:
+    """Words of the first needed premise that a scenario breaks, "" if it has all."""
+    return next((premise_words(scenario, name) for name in missing(scenario, needed)), "")
 
 
 def settles(scenario: Scenario) -> bool:
-    """Return whether errors die away with the gains in use: one gain, weights that stay, or no cycle."""
+    """Whether errors die away with the gains in use: one gain, weights that stay, or no cycle."""
     if scenario.own_gains is None:
         return True
     graph, _, _, kept = situation_of(scenario)
     if kept is not None and kept.fixed is not None:
         return True
-    one = DropPolicy(
-        graph, graph.heard, graph.heard.sum(axis=1) - 1
-    )  # all sources but one are dropped
-    return bool(safety.stay_joined(one, np.ones(graph.vehicles, bool)).all())
-
-
-PREMISES = {
-    "leader": Premise(lambda one: one.navigator.present, "there is no navigator"),
-    "ideal": Premise(is_ideal, "vehicles sense with errors or messages are lost"),
-    "alike": Premise(
-        lambda one: not differs_by_lane(one), "networks, weights or gains are drawn for each lane"
-    ),
-    "one gain": Premise(
-        lambda one: one.gain_matrices is None, "gains differ by axis or vehicle, or couple the axes"
-    ),
-    "bounded": Premise(lambda one: one.attack.bounded, "ā does not bound the attack"),
-    "one identity": Premise(
-        lambda one: one.attack.identities() == 1, "attacked vehicles have several identities"
-    ),
-    "by law": Premise(lambda one: not one.attack.as_told(), "attacked vehicles move as they tell"),
-    "not held": Premise(
-        lambda one: not one.law.needs_ticks(), "the law holds the jerk between ticks"
-    ),
-    "solved": Premise(lambda one: one.law.solves(), "the law is {one.law.kind}"),
-    "flat": Premise(
-        lambda one: one.vehicle.flat, "{one.vehicle.kind} may not move as the law asks"
-    ),
-    "settled": Premise(settles, "gains differ by vehicle, and weights may switch"),
-    "retained": Premise(
-        lambda one: situation_of(one).retained is not None, "the defence may retain any neighbour"
-    ),
-}
-MOTION = (
-    "ideal",
-    "not held",
-    "solved",
-    "flat",
-    "settled",
-)  # of the motion at last (theorems.md O1)
-BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
-    *(
-        "leader",
-        "ideal",
-        "alike",
-        "one gain",
-        "bounded",
-        "one identity",
-        "by law",
-        "not held",
-        "solved",
-    ),
-    *("flat", "retained"),
-)
-
-
-def broken_premise(scenario: Scenario, needed: Sequence[str]) -> str:
-    """Return what is said of the first premise that a scenario breaks, "" if it has all."""
-    found = (PREMISES[each].broken for each in needed if not PREMISES[each].holds(scenario))
-    return next(found, "").format(one=scenario)
+    all_but_one = DropPolicy(graph, graph.heard, graph.heard.sum(axis=1) - 1)
+    return bool(safety.stay_joined(all_but_one, np.ones(graph.vehicles, bool)).all())
 
 
 def has_ticks(scenario: Scenario) -> bool:
-    """Return whether anything happens at ticks: a decision, other attacked vehicles, a sum of effects, a held
-    jerk, noise, a loss.
+    """Whether anything happens at ticks: a decision, other attacked vehicles, a sum of effects, a
+    held jerk, noise, a loss.
     """
     attack = scenario.attack
     decides = scenario.defence.decides or attack.strategic or bool(attack.periods())
@@ -256,17 +274,17 @@ def has_ticks(scenario: Scenario) -> bool:
 
 
 def interval_of(scenario: Scenario) -> float:
-    """Return the time from tick to tick [s]; without ticks, the output step."""
+    """Time from tick to tick [s]; without ticks, the output step."""
     return scenario.tick if has_ticks(scenario) else scenario.output_step
 
 
 def outputs_of(scenario: Scenario) -> int:
-    """Return the number of output times after t = 0."""
+    """Number of output times after t = 0."""
     return round(scenario.horizon / scenario.output_step)
 
 
 def sources_of(scenario: Scenario) -> np.ndarray:
-    """Return the source of each slot: (slots, m). An attacked source fills one slot for each of its
+    """Source of each slot: (slots, m). An attacked source fills one slot for each of its
     identities.
     """
     linked = scenario.topology.linked(scenario.vehicles)

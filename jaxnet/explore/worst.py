@@ -35,12 +35,12 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cluster import Cluster
 from jaxnet.runs.replay import with_engine
 from jaxnet.statistics import limits, recovery
-from jaxnet.statistics.reach import scenario_gain
 from jaxnet.statistics.steps import Steps
 from jaxnet.store import gate, rows
 from jaxnet.store.folder import Folder, FolderError, digest, modules_of
 from jaxnet.store.results import Results
 from jaxnet.store.tables import write_table
+from jaxnet.theory.spread import scenario_gain
 
 CHECKPOINT = 10.0  # [s] between checkpoints, at least
 WRITING = 0.05  # share of the time for checkpoints, at most

@@ -1,4 +1,4 @@
-"""Distance of simulated lanes from the exact solution of the closed loop with the same kept sets."""
+"""Distance of simulated lanes from the exact solution with the same kept sets."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxnet.config.keys import Scenario
+from jaxnet.config.scenario import SOLUTION, broken_premise
 from jaxnet.engine import batch
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
@@ -17,14 +18,12 @@ from jaxnet.theory import exact
 
 
 def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
-    """Return lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
-    attack = scenario.attack
-    known = scenario.tick > 0 and attack.consistent() and scenario.law.solves()
-    if not known or attack.strategic or attack.replaces() or attack.periods():
-        raise ValueError(
-            "the exact solution is known of decisions at ticks, attacks that add a given path, and the law"
-            " solved at every instant"
-        )
+    """Lanes of a cell with an output at every tick, so that `deviations` misses no decision.
+
+    Raises ValueError if the scenario breaks a premise of the exact solution.
+    """
+    if why := broken_premise(scenario, SOLUTION):
+        raise ValueError(f"the exact solution is not known: {why}")
     return job(
         scenario.model_copy(update={"output_step": scenario.tick}),
         Keyed(seed),

@@ -25,11 +25,11 @@ from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
-from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
+from jaxnet.theory.spread import scenario_gain
 
 LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
 MOST_LIMITS = (

@@ -1,8 +1,8 @@
 """r- and (r, s)-robustness of digraphs with more than 16 nodes, by integer linear programming.
 
-For each of two sets, binary variables tell which nodes the set contains, and which of them are r-reachable.
-HiGHS solves the programs. Source: Usevitch and Panagou, Determining r- and (r,s)-robustness of digraphs
-using mixed integer linear programming, 2020.
+For each of two sets, binary variables tell which nodes the set contains, and which of them are
+r-reachable. HiGHS solves the programs. Source: Usevitch and Panagou, Determining r- and
+(r,s)-robustness of digraphs using mixed integer linear programming, 2020.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ Constraint = tuple[Any, Any, Any]  # matrix of constraints with lower and upper 
 
 
 class RobustnessBracket(NamedTuple):
-    """Bounds on the greatest r, or on the greatest s: low ≤ greatest ≤ high. They are equal if it is known.
+    """Bounds on the greatest r, or on the greatest s: low ≤ greatest ≤ high.
 
     Attributes
     ----------
@@ -45,22 +45,23 @@ class RobustnessBracket(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Return whether the bounds are equal."""
+        """Whether the bounds are equal."""
         return self.low >= self.high
 
 
 def robustness_bracket(heard: Heard, seconds: float) -> RobustnessBracket:
-    """Return bounds on the greatest r for which a digraph is r-robust.
+    """Bounds on the greatest r for which a digraph is r-robust.
 
-    The greatest r is the minimum, over disjoint nonempty sets of nodes, of the most sources outside its set
-    that any node of the two sets hears. Bounds by the in-degree come first. Half of the time goes to the
-    minimisation of r, and the rest to proofs for r = low + 1, low + 2, ….
+    The greatest r is the minimum, over disjoint nonempty sets of nodes, of the most sources outside
+    its set that any node of the two sets hears. Bounds by the in-degree come first. Half of the
+    time goes to the minimisation of r, and the rest to proofs for r = low + 1, low + 2, ….
 
     Times to equal bounds, measured with SciPy 1.17 on two cores:
 
     - Random digraphs of 20 nodes, a link with probability 0.3 or 0.5: 0.1 to 0.5 s.
     - 30 nodes, probability 0.2: 0.1 to 0.5 s; 24 nodes, probability 0.5: 2 to 5 s.
-    - 30 nodes, probability 0.5: 3 to 20 s, and once over 60 s; 40 nodes, probability 0.2: 0.2 to 1 s.
+    - 30 nodes, probability 0.5: 3 to 20 s, and once over 60 s; 40 nodes, probability 0.2: 0.2 to 1
+      s.
     - Each node hears the 6 before it: 0.3 s for 30 nodes, 6 s for 100.
     - 60 nodes, probability 0.2: still 5 to 7 after 20 s; probability 0.5: still 11 to 18.
 
@@ -82,7 +83,7 @@ def robustness_bracket(heard: Heard, seconds: float) -> RobustnessBracket:
     --------
     >>> from jaxnet.theory.integer import robustness_bracket
     >>> from jaxnet.theory.robustness import heard_matrix
-    >>> ring = [[i, (i + step) % 20 + 1] for i in range(1, 21) for step in range(4)]  # node i hears 4 nodes
+    >>> ring = [[i, (i + step) % 20 + 1] for i in range(1, 21) for step in range(4)]
     >>> robustness_bracket(heard_matrix(ring, 20), seconds=60.0)
     RobustnessBracket(low=2, high=2)
     """
@@ -98,14 +99,14 @@ def robustness_bracket(heard: Heard, seconds: float) -> RobustnessBracket:
 
 
 def narrowed(known: RobustnessBracket, holds: bool) -> RobustnessBracket:
-    """Return the bounds after a decision on the number low + 1."""
     return known._replace(low=known.low + 1) if holds else known._replace(high=known.low)
 
 
 def degree_bracket(heard: Heard) -> RobustnessBracket:
-    """Return bounds on the greatest r by the least in-degree δ of n nodes.
+    """Bounds on the greatest r by the least in-degree δ of n nodes.
 
-    - Of two disjoint sets, one has at most ⌊n/2⌋ nodes. Its nodes hear at least δ + 1 - ⌊n/2⌋ nodes outside.
+    - Of two disjoint sets, one has at most ⌊n/2⌋ nodes. Its nodes hear at least δ + 1 - ⌊n/2⌋ nodes
+      outside.
     - Two halves give r ≤ ⌈n/2⌉.
     - A node with in-degree δ, and all others, give r ≤ max(δ, 1).
     """
@@ -116,7 +117,7 @@ def degree_bracket(heard: Heard) -> RobustnessBracket:
 
 
 def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> RobustnessBracket:
-    """Return bounds on the greatest r by the minimisation of r, from known bounds.
+    """Bounds on the greatest r by the minimisation of r, from known bounds.
 
     Each node of a set hears at most r nodes outside its set.
     """
@@ -140,10 +141,10 @@ def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> Robustn
 
 
 def s_bracket(heard: Heard, r: int, seconds: float) -> RobustnessBracket:
-    """Return bounds on the greatest s for which a digraph is (r, s)-robust.
+    """Bounds on the greatest s for which a digraph is (r, s)-robust.
 
-    The greatest s is the least number of r-reachable nodes in two disjoint sets that both contain a node that
-    is not r-reachable. It is the number of nodes if there are no such sets.
+    The greatest s is the least number of r-reachable nodes in two disjoint sets that both contain a
+    node that is not r-reachable. It is the number of nodes if there are no such sets.
 
     Parameters
     ----------
@@ -163,7 +164,7 @@ def s_bracket(heard: Heard, r: int, seconds: float) -> RobustnessBracket:
     --------
     >>> from jaxnet.theory.integer import s_bracket
     >>> from jaxnet.theory.robustness import heard_matrix
-    >>> ring = [[i, (i + step) % 14 + 1] for i in range(1, 15) for step in range(4)]  # node i hears 4 nodes
+    >>> ring = [[i, (i + step) % 14 + 1] for i in range(1, 15) for step in range(4)]
     >>> s_bracket(heard_matrix(ring, 14), r=2, seconds=60.0)
     RobustnessBracket(low=6, high=6)
     """
@@ -178,7 +179,7 @@ def s_bracket(heard: Heard, r: int, seconds: float) -> RobustnessBracket:
 
 
 def is_robust(heard: Heard, r: int, s: int, seconds: float) -> bool | None:
-    """Return whether a digraph is (r, s)-robust, or None if the time ends first."""
+    """Whether a digraph is (r, s)-robust, or None if the time ends first."""
     n = len(heard)
     found = violation(heard, r, s - 1, np.repeat([1, 0], [n, 3 * n]), seconds)
     if found is None or (found.x is None and found.status != INFEASIBLE):
@@ -187,7 +188,7 @@ def is_robust(heard: Heard, r: int, s: int, seconds: float) -> bool | None:
 
 
 def total_bracket(heard: Heard, known: RobustnessBracket, seconds: float) -> RobustnessBracket:
-    """Return bounds on the greatest F for which a digraph is (F + 1, F + 1)-robust, from bounds on r.
+    """Bounds on the greatest F for which a digraph is (F + 1, F + 1)-robust, from bounds on r.
 
     Every (2F + 1)-robust digraph is (F + 1, F + 1)-robust. F is -1 if the digraph is not 1-robust.
     """
@@ -201,10 +202,11 @@ def total_bracket(heard: Heard, known: RobustnessBracket, seconds: float) -> Rob
 
 
 def violation(heard: Heard, r: int, most: int, cost: Any, seconds: float) -> Any:
-    """Return the solver's result for two sets that violate (r, most + 1)-robustness, or None without time.
+    """Solver's result for two sets that violate (r, most + 1)-robustness, or None without time.
 
-    Each set contains a node that is not r-reachable, and both sets together at most `most` r-reachable nodes.
-    The variables are the two sets, and then the r-reachable nodes of the two sets.
+    Each set contains a node that is not r-reachable, and both sets together at most `most`
+    r-reachable nodes. The variables are the two sets, and then the r-reachable nodes of the two
+    sets.
     """
     n = len(heard)
     slack, one, none = np.maximum(heard.sum(axis=1) - r + 1, 0), np.ones((1, n)), np.zeros((1, n))
@@ -217,7 +219,7 @@ def violation(heard: Heard, r: int, most: int, cost: Any, seconds: float) -> Any
 
 
 def two_sets(n: int, more: int) -> list[Constraint]:
-    """Return constraints that two sets are disjoint and nonempty, and the first is not the larger one.
+    """Constraints that two sets are disjoint and nonempty, and the first is not the larger one.
 
     `more` is the number of further variables.
     """
@@ -229,12 +231,11 @@ def two_sets(n: int, more: int) -> list[Constraint]:
 
 
 def twice(block: Float[np.ndarray, "n n"] | Any) -> Any:
-    """Return a sparse matrix with a block for each of the two sets."""
     return sparse.block_diag([sparse.csr_array(block)] * 2)
 
 
 def solve(cost: Any, rows: Sequence[Constraint], last: RobustnessBracket, seconds: float) -> Any:
-    """Return SciPy's result for a program with binary variables, or None if no time is left.
+    """SciPy's result for a program with binary variables, or None if no time is left.
 
     The last variable is a whole number within the bounds `last`.
     """
@@ -250,26 +251,22 @@ def solve(cost: Any, rows: Sequence[Constraint], last: RobustnessBracket, second
 
 
 def proved(found: Any) -> int:
-    """Return the solver's lower bound on a minimum, as a whole number; 0 if the solver has none."""
+    """Solver's lower bound on a minimum, as a whole number; 0 if the solver has none."""
     bound = found.mip_dual_bound
     return 0 if bound is None or not np.isfinite(bound) else int(np.ceil(bound - SOLVER_TOLERANCE))
 
 
 def both_sets(x: Float[np.ndarray, " variables"], n: int) -> Bool[np.ndarray, "2 n"]:
-    """Return the two sets of a solution."""
     return x[: 2 * n].reshape(2, n) > 0.5
 
 
 def outside_counts(heard: Heard, nodes: Bool[np.ndarray, " n"]) -> Any:
-    """Return, for each node of a set, the number of its sources outside the set."""
     return heard[nodes][:, ~nodes].sum(axis=1)
 
 
 def most_outside(heard: Heard, sets: Bool[np.ndarray, "2 n"]) -> int:
-    """Return the most sources outside its set that any node of the sets hears."""
     return max(int(outside_counts(heard, nodes).max()) for nodes in sets)
 
 
 def reachable(heard: Heard, sets: Bool[np.ndarray, "2 n"], r: int) -> int:
-    """Return the number of r-reachable nodes in the sets."""
     return sum(int((outside_counts(heard, nodes) >= r).sum()) for nodes in sets)

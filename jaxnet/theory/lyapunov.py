@@ -1,9 +1,10 @@
 """Lyapunov constants of one axis: `limsup ‖η‖ ≤ c sup ‖ρ‖` for η̇ = A_c η + B ρ.
 
-With `A_c'P + P A_c = -Q`, `V = η'Pη` falls wherever `‖η‖ > 2‖PB‖ / λ_min(Q) · sup ‖ρ‖`. The paper takes this
-radius as the ultimate bound. But η leaves that ball again along the longest axis of the ellipsoid around the
-ball. The bound therefore needs the factor √κ(P), κ = λ_max / λ_min (Khalil, Nonlinear Systems, theorem 4.18).
-Without this factor the bound is false in general, though true at gain (1, 3, 3) (theorems.md O5).
+With `A_c'P + P A_c = -Q`, `V = η'Pη` falls wherever `‖η‖ > 2‖PB‖ / λ_min(Q) · sup ‖ρ‖`. The paper
+takes this radius as the ultimate bound. But η leaves that ball again along the longest axis of the
+ellipsoid around the ball. The bound therefore needs the factor √κ(P), κ = λ_max / λ_min (Khalil,
+Nonlinear Systems, theorem 4.18). Without this factor the bound is false in general, though true at
+gain (1, 3, 3) (theorems.md O5).
 """
 
 import functools
@@ -23,29 +24,28 @@ LEARNING_RATE = 0.1
 
 
 def printed_constant(gain: LawGain, Q: exact.Weight | None = None) -> float:
-    """Return `2‖PB‖ / λ_min(Q)`, the paper's constant, which is false in general."""
+    """`2‖PB‖ / λ_min(Q)`, the paper's constant, which is false in general."""
     least = 1.0 if Q is None else np.linalg.eigvalsh(Q)[0]
     return float(2 * np.linalg.norm(exact.lyapunov_matrix(gain, Q)[:, -1]) / least)
 
 
 def corrected_constant(gain: LawGain, Q: exact.Weight | None = None) -> float:
-    """Return `√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
+    """`√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
     return printed_constant(gain, Q) * float(
         np.sqrt(np.linalg.cond(exact.lyapunov_matrix(gain, Q)))
     )
 
 
 def best_constant(gain: LawGain) -> float:
-    """Return the corrected constant, minimised over Q ≻ 0."""
     return cached_best_constant(tuple(gain.tolist()))
 
 
 @functools.cache
 def cached_best_constant(gain: tuple[float, ...]) -> float:
-    """Return the minimised corrected constant from a cache.
+    """Minimised corrected constant from a cache.
 
-    NumPy evaluates the constant of the Q that the search finds. A poor search gives a greater bound, never a
-    wrong bound.
+    NumPy evaluates the constant of the Q that the search finds. A poor search gives a greater
+    bound, never a wrong bound.
     """
     given = np.array(gain)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # optax counts in 32 bits
@@ -55,7 +55,7 @@ def cached_best_constant(gain: tuple[float, ...]) -> float:
 
 @jax.jit
 def best_weight(matrix: Float[Array, "r r"]) -> Float[Array, "r r"]:
-    """Return the Q with the least corrected constant on a gradient descent (Adam) from the identity."""
+    """Q with the least corrected constant on a gradient descent (Adam) from the identity."""
     adam = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
 
     def step(carry: Any, _: None) -> tuple[Any, None]:
@@ -73,14 +73,14 @@ def best_weight(matrix: Float[Array, "r r"]) -> Float[Array, "r r"]:
 
 
 def weight_matrix(place: Float[Array, " entries"], order: int) -> Float[Array, "r r"]:
-    """Return `Q = F F'` for a lower triangular F whose diagonal is given by logarithms."""
+    """`Q = F F'` for a lower triangular F whose diagonal is given by logarithms."""
     lower = jnp.zeros((order, order)).at[np.tril_indices(order)].set(place)
     factor = jnp.tril(lower, -1) + jnp.diag(jnp.exp(jnp.diag(lower)))
     return factor @ factor.T
 
 
 def log_constant(place: Float[Array, " entries"], matrix: Float[Array, "r r"]) -> Float[Array, ""]:
-    """Return the logarithm of the corrected constant."""
+    """Logarithm of the corrected constant."""
     order = len(matrix)
     Q, one = weight_matrix(place, order), jnp.eye(order)
     equation = jnp.kron(matrix.T, one) + jnp.kron(one, matrix.T)

@@ -1,15 +1,14 @@
 """Response of one axis to a bounded disturbance: ‖h‖₁, exactly, and the star norm above it.
 
-The axis is `ẋ = A_c x + B ρ` with B = [0, …, 0, 1]' and the position error as output. Its impulse response is
-h, with the transfer function `1 / (s^r + … + k1 s + k0)` for a vehicle of order r.
+The axis is `ẋ = A_c x + B ρ` with B = [0, …, 0, 1]' and the position error as output. Its impulse
+response is h, with the transfer function `1 / (s^r + … + k1 s + k0)` for a vehicle of order r.
 """
 
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import expm, solve_continuous_lyapunov
-from scipy.optimize import minimize_scalar
 
-from jaxnet.theory import exact
+from jaxnet.model.axis import companion
 
 LawGain = Float[np.ndarray, "r"]
 StatesInTime = Float[np.ndarray, "states times"]
@@ -21,19 +20,19 @@ BISECTIONS = 26  # between two times; ∫|h| errs by the square of what is left
 
 
 def impulse_norm(gain: LawGain) -> float:
-    """Return `‖h‖₁ = ∫|h| dt` [s^r] of a stable gain: the greatest output for a ρ of size 1.
+    """`‖h‖₁ = ∫|h| dt` [s^r] of a stable gain: the greatest output for a ρ of size 1.
 
-    Where all poles are real, h is positive, and the norm is ∫h = 1/k0. Otherwise the state (x, ∫h) goes
-    from time to time by the matrix exponential. Where h changes its sign, bisection finds the zero. So
-    every integral between two zeros is exact to rounding, whatever the order and the poles. Steps grow when
-    the fast modes have decayed.
+    Where all poles are real, h is positive, and the norm is ∫h = 1/k0. Otherwise the state (x, ∫h)
+    goes from time to time by the matrix exponential. Where h changes its sign, bisection finds the
+    zero. So every integral between two zeros is exact to rounding, whatever the order and the
+    poles. Steps grow when the fast modes have decayed.
     """
     poles = np.roots([1.0, *gain[::-1]])
     if np.isreal(poles).all():
         return float(1 / gain[0])
     order = len(gain)
     matrix = np.zeros((order + 1, order + 1))
-    matrix[:order, :order], matrix[order, 0] = exact.companion(gain), 1.0
+    matrix[:order, :order], matrix[order, 0] = companion(gain), 1.0
     lives = DECAYED / -poles.real
     state, begin, total = np.eye(order + 1)[:, order - 1 : order], 0.0, 0.0
     for life in np.unique(lives):
@@ -50,7 +49,7 @@ def impulse_norm(gain: LawGain) -> float:
 def march(
     state: StatesInTime, flow: Float[np.ndarray, "states states"], steps: int
 ) -> Float[np.ndarray, "states more"]:
-    """Return a state, and the states after each of some steps; each pass doubles their number."""
+    """State, and the states after each of some steps; each pass doubles their number."""
     states = state
     while states.shape[1] <= steps:
         states = np.hstack([states, flow @ states])
@@ -61,14 +60,14 @@ def march(
 def variation(
     states: StatesInTime, matrix: Float[np.ndarray, "states states"], step: float
 ) -> float:
-    """Return ∫|h| over some steps: h is the first of the states, ḣ the second, ∫h the last.
+    """∫|h| over some steps: h is the first of the states, ḣ the second, ∫h the last.
 
     Within a step h may cross zero once, or touch zero and come back.
     """
     flows = [expm(matrix * step / 2**halving) for halving in range(1, BISECTIONS + 1)]
 
     def as_long_as(start: StatesInTime, *signs: int) -> StatesInTime:
-        """Return the last states within a step in which these states have not changed their sign."""
+        """Last states within a step in which these states have not changed their sign."""
         found = start
         for flow in flows:
             later = flow @ found
@@ -89,18 +88,18 @@ def variation(
 
 
 def extra(*path: StatesInTime) -> float:
-    """Return by how much ∫|h| along paths exceeds |∫h|, given the zeros of h between their ends."""
+    """By how much ∫|h| along paths exceeds |∫h|, given the zeros of h between their ends."""
     integrals = np.stack([states[-1] for states in path])
     by_parts = np.abs(np.diff(integrals, axis=0)).sum()
     return float(by_parts - np.abs(integrals[-1] - integrals[0]).sum())
 
 
 def harmonic_norm(gain: LawGain) -> float:
-    """Return the greatest ‖R(a)‖ of attacks of one frequency that are within 1 with their derivatives.
+    """Greatest ‖R(a)‖ of attacks of one frequency that are within 1 with their derivatives.
 
     At amplitude 1 / max(1, ω^r) the norm is `|R(iω)| / max(1, ω^r)`. `|R(iω)|² = R(iω) R(-iω)` is a
-    polynomial in ω² of degree r. Divided by ω^2r it is the reversed polynomial in 1/ω². So both maxima are
-    searched between 0 and 1.
+    polynomial in ω² of degree r. Divided by ω^2r it is the reversed polynomial in 1/ω². So both
+    maxima are searched between 0 and 1.
     """
     R = np.array([1.0, *gain[::-1]])
     signs = (-1.0) ** np.arange(len(gain), -1, -1)
@@ -109,21 +108,23 @@ def harmonic_norm(gain: LawGain) -> float:
 
 
 def greatest_value(polynomial: Float[np.ndarray, " coefficients"]) -> float:
-    """Return the greatest value of a polynomial on [0, 1]."""
+    """Greatest value of a polynomial on [0, 1]."""
     turns = np.roots(np.polyder(polynomial)).real
     return float(np.polyval(polynomial, np.clip([0.0, 1.0, *turns], 0, 1)).max())
 
 
 def axis_star_norm(gain: LawGain, output: Float[np.ndarray, "rows r"] | None = None) -> float:
-    """Return the least peak-to-peak gain that an invariant ellipsoid proves; the default output is the
+    """Least peak-to-peak gain that an invariant ellipsoid proves; the default output is the
     position.
 
     The gain is `inf over α of √‖C Q_α C'‖₂` with
-    `A Q + Q A' + α Q + B B'/α = 0` and 0 < α < -2 max Re λ(A). Every such α gives a bound, so the result is a
-    bound even if the minimiser is inexact. Source: Abedor, Nagpal and Poolla, A linear matrix inequality
-    approach to peak-to-peak gain minimization, 1996.
+    `A Q + Q A' + α Q + B B'/α = 0` and 0 < α < -2 max Re λ(A). Every such α gives a bound, so the
+    result is a bound even if the minimiser is inexact. Source: Abedor, Nagpal and Poolla, A linear
+    matrix inequality approach to peak-to-peak gain minimization, 1996.
     """
-    matrix, identity = exact.companion(gain), np.eye(len(gain))
+    from scipy.optimize import minimize_scalar  # takes 0.15 s to import
+
+    matrix, identity = companion(gain), np.eye(len(gain))
     entry, output = np.diag(identity[-1]), identity[:1] if output is None else output
     most = -2 * np.linalg.eigvals(matrix).real.max()
 

@@ -1,8 +1,10 @@
-"""r-robustness and its variants: requirements on the graph in the literature's rules without trusted sources.
+"""r-robustness and its variants: requirements on the graph in the literature's rules without
+trusted sources.
 
-Sources: LeBlanc, Zhang, Koutsoukos and Sundaram, Resilient asymptotic consensus in robust networks, 2013, for
-(r, s)-robustness; Usevitch and Panagou, Resilient leader-follower consensus to arbitrary reference values in
-time-varying graphs, 2020, for strong r-robustness with respect to leaders. `integer` treats larger graphs.
+Sources: LeBlanc, Zhang, Koutsoukos and Sundaram, Resilient asymptotic consensus in robust networks,
+2013, for (r, s)-robustness; Usevitch and Panagou, Resilient leader-follower consensus to arbitrary
+reference values in time-varying graphs, 2020, for strong r-robustness with respect to leaders.
+`integer` treats larger graphs.
 """
 
 from collections.abc import Iterable
@@ -18,11 +20,11 @@ MOST_NODES = 16  # in a graph whose subsets are all enumerated
 
 
 def pairs(hears: Iterable[object], nodes: int) -> list[int]:
-    """Return, for r = 1, 2, …, the greatest s for which a digraph is (r, s)-robust, while s > 0.
+    """For r = 1, 2, …, the greatest s for which a digraph is (r, s)-robust, while s > 0.
 
-    Consider any two disjoint nonempty sets of nodes. A node of a set is r-reachable if it hears at least r
-    nodes outside its set. The digraph is (r, s)-robust if at least one of three conditions holds for the two
-    sets (LeBlanc et al., 2013):
+    Consider any two disjoint nonempty sets of nodes. A node of a set is r-reachable if it hears at
+    least r nodes outside its set. The digraph is (r, s)-robust if at least one of three conditions
+    holds for the two sets (LeBlanc et al., 2013):
 
     - Every node of the first set is r-reachable.
     - Every node of the second set is r-reachable.
@@ -40,7 +42,8 @@ def pairs(hears: Iterable[object], nodes: int) -> list[int]:
     Returns
     -------
     list of int
-        The greatest s, at place r - 1. Its length is the greatest r for which the digraph is r-robust.
+        The greatest s, at place r - 1. Its length is the greatest r for which the digraph is
+        r-robust.
 
     Raises
     ------
@@ -52,7 +55,8 @@ def pairs(hears: Iterable[object], nodes: int) -> list[int]:
     >>> from jaxnet.theory.robustness import pairs
     >>> pairs([[1, 2], [2, 3], [3, 1]], nodes=3)  # a directed ring
     [3]
-    >>> pairs([[i, j] for i in range(1, 6) for j in range(1, 6) if i != j], nodes=5)  # a complete graph
+    >>> complete = [[i, j] for i in range(1, 6) for j in range(1, 6) if i != j]
+    >>> pairs(complete, nodes=5)
     [5, 5, 5]
     """
     heard = heard_matrix(hears, nodes)
@@ -64,7 +68,7 @@ def pairs(hears: Iterable[object], nodes: int) -> list[int]:
 
 
 def heard_matrix(hears: Iterable[object], nodes: int) -> Bool[np.ndarray, "n n"]:
-    """Return the matrix of a digraph: entry (i - 1, j - 1) tells whether node i hears node j.
+    """Matrix of a digraph: entry (i - 1, j - 1) tells whether node i hears node j.
 
     Parameters
     ----------
@@ -99,7 +103,7 @@ def heard_matrix(hears: Iterable[object], nodes: int) -> Bool[np.ndarray, "n n"]
 
 
 def checked_pair(pair: object, nodes: int, where: str) -> tuple[int, int]:
-    """Return listener and source of a pair, or raise ValueError with the pair and its place."""
+    """Listener and source of a pair, or raise ValueError with the pair and its place."""
     ends = tuple(pair) if isinstance(pair, Iterable) else ()
     if len(ends) != 2 or not all(is_node(end, nodes) for end in ends):
         raise ValueError(
@@ -111,15 +115,15 @@ def checked_pair(pair: object, nodes: int, where: str) -> tuple[int, int]:
 
 
 def is_node(value: object, nodes: int) -> bool:
-    """Return whether a value is a whole number, of Python or NumPy, from 1 to the number of nodes."""
     return isinstance(value, Integral) and not isinstance(value, bool) and 1 <= int(value) <= nodes
 
 
 def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
-    """Return, for r = 1, 2, …, the greatest s for which a graph is (r, s)-robust, while s > 0.
+    """For r = 1, 2, …, the greatest s for which a graph is (r, s)-robust, while s > 0.
 
-    For every two disjoint sets of nodes: every node of one set has r sources outside its set, or at least s
-    nodes of both sets together do. The graph is r-robust if it is (r, 1)-robust. Exact, for at most 16 nodes.
+    For every two disjoint sets of nodes: every node of one set has r sources outside its set, or at
+    least s nodes of both sets together do. The graph is r-robust if it is (r, 1)-robust. Exact, for
+    at most 16 nodes.
     """
     n = len(heard)
     sets, bits = np.arange(2**n, dtype=np.uint32), np.uint32(1) << np.arange(n, dtype=np.uint32)
@@ -140,28 +144,29 @@ def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
 
 
 def most_local(r: int) -> int:
-    """Return the greatest F for which r-robustness is enough for W-MSR with F-local attackers, -1 for none.
+    """Greatest F for which r-robustness is enough for W-MSR with F-local attackers, -1 for none.
 
-    The digraph must be (2F + 1)-robust, which is sufficient. Each vehicle hears at most F attackers, and they
-    tell all their listeners alike.
+    The digraph must be (2F + 1)-robust, which is sufficient. Each vehicle hears at most F
+    attackers, and they tell all their listeners alike.
     """
     return (r - 1) // 2
 
 
 def most_total(found: list[int]) -> int:
-    """Return the greatest F for which W-MSR tolerates F-total attackers, -1 for none.
+    """Greatest F for which W-MSR tolerates F-total attackers, -1 for none.
 
-    `found` has the greatest s for each r. The digraph must be (F + 1, F + 1)-robust, which is necessary and
-    sufficient. There are at most F attackers, and they tell all their listeners alike.
+    `found` has the greatest s for each r. The digraph must be (F + 1, F + 1)-robust, which is
+    necessary and sufficient. There are at most F attackers, and they tell all their listeners
+    alike.
     """
     return max((r for r, s in enumerate(found, 1) if s >= r), default=0) - 1
 
 
 def leader_robustness(graph: Digraph, leaders: Nodes) -> int:
-    """Return the greatest r for which a graph of any size is strongly r-robust with respect to leaders.
+    """Greatest r for which a graph of any size is strongly r-robust with respect to leaders.
 
-    Every set of other nodes must contain a node with r sources outside the set. Equivalently, percolation
-    with threshold r reaches every node.
+    Every set of other nodes must contain a node with r sources outside the set. Equivalently,
+    percolation with threshold r reaches every node.
     """
     r, votes, needed = 0, np.ones(graph.sources.shape, int), np.ones(graph.vehicles, int)
     while r < graph.vehicles and percolate(graph, votes, (r + 1) * needed, leaders).all():
@@ -170,10 +175,11 @@ def leader_robustness(graph: Digraph, leaders: Nodes) -> int:
 
 
 def strong_robustness(hears: Iterable[object], nodes: int, leaders: Iterable[object]) -> int:
-    """Return the greatest r for which a digraph is strongly r-robust with respect to leaders.
+    """Greatest r for which a digraph is strongly r-robust with respect to leaders.
 
-    Every nonempty set of nodes without leaders must contain a node that hears at least r nodes outside the
-    set (Usevitch and Panagou, 2020). Percolation with threshold r decides this, for any number of nodes.
+    Every nonempty set of nodes without leaders must contain a node that hears at least r nodes
+    outside the set (Usevitch and Panagou, 2020). Percolation with threshold r decides this, for any
+    number of nodes.
 
     Parameters
     ----------
@@ -187,8 +193,8 @@ def strong_robustness(hears: Iterable[object], nodes: int, leaders: Iterable[obj
     Returns
     -------
     int
-        The greatest r. Followers with W-MSR follow the leaders despite F-local attackers, leaders among them,
-        if r ≥ 2F + 1.
+        The greatest r. Followers with W-MSR follow the leaders despite F-local attackers, leaders
+        among them, if r ≥ 2F + 1.
 
     Raises
     ------
@@ -198,8 +204,8 @@ def strong_robustness(hears: Iterable[object], nodes: int, leaders: Iterable[obj
     Examples
     --------
     >>> from jaxnet.theory.robustness import strong_robustness
-    >>> strong_robustness([[4, 1], [4, 2], [4, 3], [5, 2], [5, 3], [5, 4]], nodes=5, leaders=[1, 2, 3])
-    3
+    >>> strong_robustness([[4, 1], [4, 2], [4, 3], [5, 2], [5, 3], [5, 4]], nodes=5, leaders=[1, 2,
+    3]) 3
     """
     network, seeds = led_digraph(hears, nodes, leaders)
     if seeds.all():
@@ -214,11 +220,12 @@ def percolated_nodes(
     F: int,
     trusted: Iterable[object] = (),
 ) -> list[int]:
-    """Return the nodes that bootstrap percolation from leaders reaches, with no leader trusted by default.
+    """Nodes that bootstrap percolation from leaders reaches, with no leader trusted by default.
 
-    A node is reached if it hears 2F + 1 reached nodes. At most F of them are attackers if attackers are
-    F-local, so the honest ones are the majority. Percolation without trust reaches every node if and only if
-    the digraph is strongly (2F + 1)-robust with respect to the leaders (Usevitch and Panagou, 2020).
+    A node is reached if it hears 2F + 1 reached nodes. At most F of them are attackers if attackers
+    are F-local, so the honest ones are the majority. Percolation without trust reaches every node
+    if and only if the digraph is strongly (2F + 1)-robust with respect to the leaders (Usevitch and
+    Panagou, 2020).
 
     Parameters
     ----------
@@ -231,8 +238,8 @@ def percolated_nodes(
     F : int
         The greatest number of attackers that a node hears.
     trusted : list of [int, int], optional
-        The links whose listener trusts the source. F + 1 reached trusted sources reach a node, too: a link
-        counts 1 / (2F + 1), a trusted link 1 / (F + 1).
+        The links whose listener trusts the source. F + 1 reached trusted sources reach a node, too:
+        a link counts 1 / (2F + 1), a trusted link 1 / (F + 1).
 
     Returns
     -------
@@ -242,8 +249,8 @@ def percolated_nodes(
     Raises
     ------
     ValueError
-        If a pair is not of two different nodes, a leader is no node, F is negative, or a trusted pair is no
-        link.
+        If a pair is not of two different nodes, a leader is no node, F is negative, or a trusted
+        pair is no link.
 
     Examples
     --------
@@ -266,7 +273,7 @@ def percolated_nodes(
 def led_digraph(
     hears: Iterable[object], nodes: int, leaders: Iterable[object]
 ) -> tuple[Digraph, Nodes]:
-    """Return the graph of pairs and the flags of its leaders; nobody hears the navigator, a leader too."""
+    """Graph of pairs and the flags of its leaders; nobody hears the navigator, a leader too."""
     seeds = np.arange(nodes + 1) == 0
     for leader in leaders:
         if not is_node(leader, nodes):
@@ -279,7 +286,7 @@ def led_digraph(
 def trusted_matrix(
     trusted: Iterable[object], heard: Bool[np.ndarray, "n n"]
 ) -> Bool[np.ndarray, "n n"]:
-    """Return the matrix of trusted pairs, or raise ValueError if one is no link."""
+    """Matrix of trusted pairs, or raise ValueError if one is no link."""
     marks = heard_matrix(trusted, len(heard))
     for i, j in np.argwhere(marks & ~heard).tolist():
         raise ValueError(f"trusted: node {i + 1} does not hear node {j + 1}")
@@ -287,10 +294,11 @@ def trusted_matrix(
 
 
 def percolated_vehicles(graph: Digraph, trusted: Links, leaders: Nodes, F: int = 1) -> Vehicles:
-    """Return the leaders and the vehicles that percolation from them reaches despite F-local attackers.
+    """Leaders and the vehicles that percolation from them reaches despite F-local attackers.
 
-    Percolation reaches a vehicle that hears 2F + 1 reached sources or trusts F + 1 of them. A link counts
-    1 / (2F + 1), and a trusted link 1 / (F + 1). Leaders whom nobody trusts may be attackers.
+    Percolation reaches a vehicle that hears 2F + 1 reached sources or trusts F + 1 of them. A link
+    counts 1 / (2F + 1), and a trusted link 1 / (F + 1). Leaders whom nobody trusts may be
+    attackers.
     """
     needed = (2 * F + 1) * (F + 1)
     votes = np.where(trusted, 2 * F + 1, F + 1)

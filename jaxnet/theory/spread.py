@@ -1,9 +1,9 @@
 """Attack gains of a network: the γ of theorems.md O5.
 
-For each vehicle, `γ_i = max over retained neighbours of Σ_j w̃_ij (γ_j + 1[link (i, j) attacked])`, where w̃
-are the weights in force. This is a Markov decision process that ends at the navigator. If an attack replaces
-the transmitted signal, γ_j of an attacked link is the navigator's, 0. If only one set of neighbours may be
-retained, γ is the static gain `s = L⁻¹ W_a 1`.
+For each vehicle, `γ_i = max over retained neighbours of Σ_j w̃_ij (γ_j + 1[link (i, j) attacked])`,
+where w̃ are the weights in force. This is a Markov decision process that ends at the navigator. If
+an attack replaces the transmitted signal, γ_j of an attacked link is the navigator's, 0. If only
+one set of neighbours may be retained, γ is the static gain `s = L⁻¹ W_a 1`.
 """
 
 from typing import NamedTuple
@@ -11,11 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jaxnet.config.keys import Scenario
+from jaxnet.config.scenario import BOUNDS, MOST_INVERTED, missing, situation_of
+from jaxnet.kinds.attacks import heard_orders, magnitude_shares
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.signal import ORDERS
-from jaxnet.theory.certificate import MOST_INVERTED
 from jaxnet.theory.response import LawGain
 
 Gains = Float[np.ndarray, " m"]
@@ -33,16 +35,16 @@ class AttackGain(NamedTuple):
     fixed: (
         Digraph | None
     )  # weights in force for good; None where retained neighbours, or attacks, may jump
-    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the fixed weights; not-a-number without these and for large fleets
+    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the fixed weights; not-a-number without, or if too large
     orders: tuple[int, ...] = ORDERS  # of the received derivatives that attacks falsify
     shares: tuple[float, ...] | None = None  # of ā, the magnitudes of these orders; None: each is ā
 
     def disturbance(self, gain: LawGain) -> float:
-        """Return β: the greatest ρ, per ā, of attacks on the falsified orders."""
+        """Β: the greatest ρ, per ā, of attacks on the falsified orders."""
         return float(self.factors(gain).sum())
 
     def factors(self, gain: LawGain) -> Float[np.ndarray, " orders"]:
-        """Return the factors in R of the falsified orders, each times its share of ā."""
+        """Factors in R of the falsified orders, each times its share of ā."""
         factors = np.append(gain, 1.0)[list(self.orders)]
         return factors if self.shares is None else factors * self.shares
 
@@ -55,11 +57,11 @@ def attack_gain(
     orders: tuple[int, ...] = ORDERS,
     shares: tuple[float, ...] | None = None,
 ) -> AttackGain:
-    """Return the gains for attacks on some links.
+    """Gains for attacks on some links.
 
-    `carried` are the links that transmit the signal of their source. `smooth` attacks are paths with their
-    derivatives. `orders` are the derivatives that the attacks falsify, and `shares` their magnitudes per ā if
-    these differ.
+    `carried` are the links that transmit the signal of their source. `smooth` attacks are paths
+    with their derivatives. `orders` are the derivatives that the attacks falsify, and `shares`
+    their magnitudes per ā if these differ.
     """
     gains = worst_gains(retained, attacked, carried)
     fixed = retained.fixed if smooth else None
@@ -73,10 +75,10 @@ def attack_gain(
 
 
 def disconnected_vehicles(retained: DropPolicy) -> Bool[np.ndarray, " m"]:
-    """Return the vehicles that the navigator may not reach, and those that may keep a link from them.
+    """Vehicles that the navigator may not reach, and those that may keep a link from them.
 
-    The unreachable vehicles are the largest set whose members can each drop all sources outside the set. The
-    loop removes vehicles that cannot do so, until none is left to remove.
+    The unreachable vehicles are the largest set whose members can each drop all sources outside the
+    set. The loop removes vehicles that cannot do so, until none is left to remove.
     """
     network, links, number = retained
     heard, cut = network.heard, np.ones(network.vehicles, bool)
@@ -95,13 +97,14 @@ def disconnected_vehicles(retained: DropPolicy) -> Bool[np.ndarray, " m"]:
 
 
 def worst_gains(retained: DropPolicy, attacked: Links, carried: Links) -> Gains:
-    """Return γ by policy iteration; infinite where some choice disconnects a vehicle.
+    """Γ by policy iteration; infinite where some choice disconnects a vehicle.
 
-    `carried` are the links that transmit the signal of their source. The gains hold for every sequence of
-    allowed retained neighbours. Source: Howard's policy iteration (Puterman, Markov Decision Processes, 1994,
-    section 7.2). All remaining policies end at the navigator, so the values of all vehicles rise together and
-    the last values are the greatest. The first policy uses the gains without dropped sources. From gains of 0
-    the iteration would extend by one vehicle a round.
+    `carried` are the links that transmit the signal of their source. The gains hold for every
+    sequence of allowed retained neighbours. Source: Howard's policy iteration (Puterman, Markov
+    Decision Processes, 1994, section 7.2). All remaining policies end at the navigator, so the
+    values of all vehicles rise together and the last values are the greatest. The first policy uses
+    the gains without dropped sources. From gains of 0 the iteration would extend by one vehicle a
+    round.
     """
     joined = ~disconnected_vehicles(retained)
     given = *retained.graph, *retained[1:], attacked, carried
@@ -129,12 +132,12 @@ def worst_kept_weights(
     links: Bool[np.ndarray, "some slots"],
     number: Int[np.ndarray, " some"],
 ) -> Float[np.ndarray, "some slots"]:
-    """Return the weights in force that maximise `Σ w r / Σ w` over kept sources.
+    """Weights in force that maximise `Σ w r / Σ w` over kept sources.
 
     `number` of the `links` are dropped.
 
-    At a ratio λ the best choice drops the sources with the least w (r - λ). The ratio of that choice is the
-    next λ, until the ratio no longer rises (Dinkelbach, 1967).
+    At a ratio λ the best choice drops the sources with the least w (r - λ). The ratio of that
+    choice is the next λ, until the ratio no longer rises (Dinkelbach, 1967).
     """
     ratio = np.zeros(len(weights))
     while True:
@@ -146,3 +149,26 @@ def worst_kept_weights(
         if (better <= ratio * (1 + GAIN_TOLERANCE) + LEAST_NORMAL).all():
             return kept
         ratio = better
+
+
+def scenario_gain(scenario: Scenario) -> AttackGain | None:
+    """Gains γ of a scenario's network, by which bounds multiply ā.
+
+    None without the premises of BOUNDS. If the attacked vehicles are drawn, the gains are those of
+    an attack on all vehicles.
+    """
+    if missing(scenario, BOUNDS):
+        return None
+    known = situation_of(scenario)
+    assert known.retained is not None
+    carried = ~(known.attacked & scenario.attack.replaces())
+    attack = scenario.attack
+    order = scenario.vehicle.order
+    orders, shares = tuple(heard_orders(attack, order)), magnitude_shares(attack, order)
+    smooth = (
+        attack.consistent()
+        and not attack.strategic
+        and not attack.splits()
+        and not attack.periods()
+    )
+    return attack_gain(known.retained, known.attacked, carried, smooth, orders, shares)

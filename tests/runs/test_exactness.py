@@ -17,10 +17,20 @@ def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
     assert deviations(coarse).max() > 1e-4
 
 
-@pytest.mark.parametrize("keys", [{"tick": 0}, {"law": "rounds"}])
-def test_what_has_no_such_solution(keys):
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"tick": 0}, "there are no ticks"),
+        ({"law": "rounds"}, "the law solved at every instant"),
+        ({"sensing": {"position": 0.1}}, "exact sensors"),
+        ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.5}}}, "every message"),
+        ({"channel": {"delay": 0.1}}, "messages on time"),
+        ({"attack": {"kind": "rotating", "threat": "replaces"}}, "no given path"),
+    ],
+)
+def test_what_has_no_such_solution(keys, why):
     """It is refused, not compared with something else."""
-    with pytest.raises(ValueError, match="the law solved at every instant"):
+    with pytest.raises(ValueError, match=why):
         lanes_at_ticks(systems.study(**keys).cells[0].scenario, 0, [0])
 
 

@@ -227,7 +227,7 @@ def peak_gain(gain):
 @pytest.mark.parametrize(
     ("keys", "why"),
     [
-        ({"sensing": {"position": 0.1}}, "vehicles sense with errors or messages are lost"),
+        ({"sensing": {"position": 0.1}}, "sensing errs (theorems need exact sensors)"),
         (
             {"gain": [{"uniform": [1, 2]}, 3, 3]},
             "networks, weights or gains are drawn for each lane",
@@ -237,7 +237,7 @@ def peak_gain(gain):
             {"attack": {"kind": "rotating", "sybils": 1}},
             "attacked vehicles have several identities",
         ),
-        ({"law": "rounds"}, "the law holds the jerk between ticks"),
+        ({"law": "rounds"}, "the law is rounds (theorems need the law solved at every instant)"),
         ({"defence": "w_msr"}, "the defence may retain any neighbour"),
     ],
 )

@@ -1,4 +1,6 @@
-"""The theorems of docs/guarantees.md by a plain program: rate, noise, delay, filter, and what each needs."""
+"""The theorems of docs/guarantees.md by a plain program: rate, noise, delay, filter, and what each
+needs.
+"""
 
 import itertools
 
@@ -14,11 +16,12 @@ PAIRS = [(1, 2), (1, 3), (1, 4), (2, 1), (2, 3), (2, 4), (3, 0), (4, 0)]
 
 
 def rounds(network, liar, *, number=60, noise=0.0, delay=0, start=10.0, seed=0, constant=None):
-    """Greatest ‖ρ‖ of each vehicle round by round: drop the ϑ greatest untrusted, average the others.
+    """Greatest ‖ρ‖ of each vehicle round by round: drop the ϑ greatest untrusted, average the
+    others.
 
-    `liar` says what attacked links carry, knowing all that is announced. Honest announcements reach each
-    listener wrong by `noise` and late by up to `delay` rounds. With a time `constant`, in rounds, scores are
-    filtered before they are compared.
+    `liar` says what attacked links carry, knowing all that is announced. Honest announcements reach
+    each listener wrong by `noise` and late by up to `delay` rounds. With a time `constant`, in
+    rounds, scores are filtered before they are compared.
     """
     weights, attacked, trusted, theta = network
     rng, m = np.random.default_rng(seed), len(weights)
@@ -70,7 +73,9 @@ def greedy(rng, told, attacked, weights):
 
 
 def certified(number):
-    """Random networks all of whose vehicles are safe, with how many steps the last is from the navigator."""
+    """Random networks all of whose vehicles are safe, with how many steps the last is from the
+    navigator.
+    """
     for seed in itertools.count():
         heard, attacked, trusted, theta = scenario(seed)
         steps = percolation(heard, attacked, trusted, theta)
@@ -149,8 +154,9 @@ class Disturbed(TrustedTrim):
 NU = 0.1  # [m/s³]
 
 
+@pytest.mark.long
 def test_lanes_under_noise_end_within_the_corollary():
-    """`‖h‖₁ γ (2M + ν)` of a constant lie on the ring, M = ν/ω of one hop, γ = 2.475 (corollary 1)."""
+    """`‖h‖₁ γ (2M + ν)` of a constant lie on the ring, M = ν/ω, γ = 2.475 (corollary 1)."""
     attack = {
         "kind": "bias",
         "magnitude": {"uniform": [0.0, 1.0]},
@@ -207,14 +213,16 @@ DROPPED = {
 
 @pytest.mark.parametrize("name", DROPPED)
 def test_no_assumption_on_who_hears_whom_can_be_dropped(name):
-    """With all of them the four vehicles forget what they announced; without one somebody does not."""
+    """With all of them four vehicles forget what they announced; without one somebody does not."""
     assert ended({})[:2].max() < 1e-6
     keys, off = DROPPED[name]
     assert (ended(keys)[np.array(off) - 1] > 0.1).all()
 
 
 def ended(keys):
-    """‖ρ‖ after 60 rounds of the four vehicles of experiments/counterexamples.py, liars telling one thing."""
+    """‖ρ‖ after 60 rounds of the four vehicles of experiments/counterexamples.py, liars telling one
+    thing.
+    """
     weights = np.zeros((4, 5))
     for i, j in keys.get("edges", PAIRS):
         weights[i - 1, j] = 1.0

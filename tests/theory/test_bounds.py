@@ -1,4 +1,6 @@
-"""The bounds: the numbers of the notes, quadrature, and that none is below one that it must not be below."""
+"""The bounds: the numbers of the notes, quadrature, and that none is below one that it must not be
+below.
+"""
 
 from itertools import pairwise
 
@@ -52,14 +54,10 @@ def test_star_norms_of_the_default_gain():
     assert response.axis_star_norm(GAIN, np.eye(3)) == pytest.approx(1.238, abs=5e-4)
 
 
-@pytest.mark.parametrize("gain", [GAIN, gain_of(-0.5, -1, -7), gain_of(-2, -2, -0.1)])
-def test_with_real_poles_the_peak_gain_is_the_static_one(gain):
-    """Double and triple poles too, which rounding makes a little complex."""
-    assert response.impulse_norm(gain) == pytest.approx(1 / gain[0], rel=1e-10)
-
-
 def absolute_integral(p, sigma, omega):
-    """∫|h| by quadrature between the zeros of h, found on a dense grid; h from its partial fractions."""
+    """∫|h| by quadrature between the zeros of h, found on a dense grid; h from its partial
+    fractions.
+    """
     poles = np.array([-p, -sigma + 1j * omega, -sigma - 1j * omega])
     residues = np.array([1 / np.prod(pole - np.delete(poles, k)) for k, pole in enumerate(poles)])
 
@@ -92,8 +90,9 @@ def test_the_peak_gain_is_the_integral_of_the_absolute_impulse_response(p, sigma
     )
 
 
+@pytest.mark.long
 def test_a_ring_that_hardly_decays_has_the_peak_gain_of_its_sine():
-    """The limit of small damping: the pair alone rings, at the pole's strength |1 / (jω + p)| / ω."""
+    """In the limit the pair alone rings, at the pole's strength |1 / (jω + p)| / ω."""
     sigma, gain = 1e-5, gain_of(-1, complex(-1e-5, 1), complex(-1e-5, -1))
     ringing = abs(1 / (1j + 1)) * (2 / np.pi) / sigma
     assert response.impulse_norm(gain) == pytest.approx(ringing, rel=1e-4)
@@ -130,6 +129,7 @@ def test_lemma_1_bounds_the_flow_of_the_errors(gain):
         assert factor == pytest.approx(4.762563, abs=1e-6)
 
 
+@pytest.mark.long
 def test_lemma_1_bounds_the_lanes():
     """Local errors with their derivatives, of a run without attack, from the vehicles' states."""
     keys = {"attack": "none", "engine": "exact", "horizon": 20.0, "tail": 1.0, "topology": "path"}
@@ -148,14 +148,7 @@ def test_lemma_1_bounds_the_lanes():
         assert (size <= factor * np.exp(-rate * times) * size[0] + 1e-6).all()
 
 
-def test_the_printed_constant_holds_at_the_default_gain():
-    """For a fixed set of retained neighbours: the integral of ‖e^(At) B‖ bounds ‖η‖, and is below it."""
-    A = exact.companion(GAIN)
-    bound = quad(lambda time: np.linalg.norm(expm(A * time)[:, 2]), 0.0, 60.0, limit=500)[0]
-    assert bound == pytest.approx(1.4790, abs=5e-5)
-    assert bound < lyapunov.printed_constant(GAIN)
-
-
+@pytest.mark.long
 def test_the_printed_constant_is_false_in_general():
     """ρ(t) = sign c'h(T - t) brings ‖η‖ above it, by the exact solution for constant ρ."""
     gain, step = np.array([1.354, 9.748, 0.259]), 5e-3
@@ -207,7 +200,9 @@ def test_the_ring_that_trims_may_switch():
 
 
 def test_attacks_that_may_jump_have_no_static_bound():
-    """A strategic attack's vectors change at ticks, and with them G: the peak gain alone covers that."""
+    """A strategic attack's vectors change at ticks, and with them G: the peak gain alone covers
+    that.
+    """
     network = of(CYCLIC, ATTACKED, theta=0)
     smooth, jumping = (
         bounds_of(network),
@@ -226,7 +221,9 @@ def test_who_always_drops_the_same_does_not_switch():
 
 
 def test_a_vehicle_that_may_be_cut_off_has_no_finite_bound():
-    """With a choice of whom to retain static and printed say nothing; without one they are infinite too."""
+    """With a choice of whom to retain static and printed say nothing; without one they are infinite
+    too.
+    """
     trio = {1: [2, 3, 4], 2: [1, 3, 4], 3: [1, 2, 4]}
     choice = bounds_of(of(hearing({**trio, 4: [0], 5: [0, 4, 6], 6: [0]}), [4], trusted=TRIO))
     for name, bound in choice.items():
@@ -246,19 +243,12 @@ def gains(draw):
     return gain_of(-p, *draw(st.sampled_from([pair, [-sigma, -omega]])))
 
 
-@given(gains())
-def test_an_attack_of_one_frequency_drives_no_more_than_the_worst_of_them(gain):
-    """`|R(iω)| / max(1, ω³)` over a fine grid of frequencies comes up to it, and not beyond."""
-    w = np.append(0.0, np.geomspace(1e-3, 1e3, 20_001))
-    over_all = np.abs(np.polyval([1, *gain[::-1]], 1j * w)) / np.maximum(1, w**3)
-    assert over_all.max() == pytest.approx(response.harmonic_norm(gain), rel=1e-6)
-    assert over_all.max() <= response.harmonic_norm(gain) * (1 + 1e-12)
-
-
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(networks(), gains())
 def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
-    """Static ≤ harmonic ≤ peak gain ≤ corrected, best and star norm; best ≤ corrected; worst ≤ fleet."""
+    """Static ≤ harmonic ≤ peak gain ≤ corrected, best and star norm; best ≤ corrected; worst ≤
+    fleet.
+    """
     found = bounds_of(network, gain)
     static, peak, corrected, best, star = (
         np.append(found[name].vehicles, found[name].fleet)
@@ -279,7 +269,9 @@ def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
 @pytest.mark.parametrize("frequency", [0.0, 0.3, 0.7, 1.0, 2.5, 16.0])
 @pytest.mark.parametrize("orders", [(0, 1, 2, 3), (3,), (0, 1)])
 def test_the_drive_changes_no_faster_within_a_tick_than_theorem_3_is_told(frequency, orders):
-    """Λ of a turning attack as great as ā allows, by its exact derivative; attained by one order alone."""
+    """Λ of a turning attack as great as ā allows, by its exact derivative; attained by one order
+    alone.
+    """
     reach = AttackGain(np.array([1.0]), None, np.nan, orders)
     bound = between_ticks(reach, GAIN, frequency, tick=0.1, one_frequency=orders == (0, 1, 2, 3))[0]
     size = 1.0 / max(frequency**order for order in orders) if frequency else 1.0

@@ -27,19 +27,19 @@ def certificate(weights, attacked=()):
 
 
 @pytest.mark.parametrize(
-    ("weights", "norm"),
+    ("weights", "norm", "links", "all_attacked", "cut_off"),
     [
-        (STAR, 1.0),
-        (PATH, 1 / (2 * np.sin(np.pi / 50))),  # a triangle of ones: 1 / (2 sin(π / (4m + 2)))
-        (CYCLIC, 10.0),  # symmetric, and L 1 = 0.1 · 1 is its least eigenvalue
+        (STAR, 1.0, 4, ATTACKED, ATTACKED),
+        # a triangle of ones: 1 / (2 sin(π / (4m + 2)))
+        (PATH, 1 / (2 * np.sin(np.pi / 50)), 4, [3, 6, 9, 12], [*range(3, 13)]),
+        (CYCLIC, 10.0, 8, [], []),  # symmetric, and L 1 = 0.1 · 1 is its least eigenvalue
     ],
 )
-def test_norm_of_the_inverse_laplacian(weights, norm):
-    assert certificate(weights).inverse_norm == pytest.approx(norm, rel=1e-12)
-
-
-def test_norm_of_the_path_is_the_number_in_the_notes():
-    assert certificate(PATH).inverse_norm == pytest.approx(7.963, abs=5e-4)
+def test_the_papers_networks(weights, norm, links, all_attacked, cut_off):
+    found = certificate(weights, ATTACKED)
+    assert found.inverse_norm == pytest.approx(norm, rel=1e-12)
+    assert (len(found.attacked_links), found.unreachable) == (links, [])
+    assert (found.all_attacked, found.cut_off) == (all_attacked, cut_off)
 
 
 def test_of_large_fleets_no_inverse_is_made():
@@ -57,29 +57,6 @@ def test_vehicles_that_nothing_reaches_make_the_norm_infinite(edges):
     found = certificate(graph.weighted(4, edges))
     assert found.unreachable == [3, 4]
     assert found.inverse_norm == np.inf
-
-
-def test_star_with_its_navigator_channel_attacked():
-    found = certificate(STAR, ATTACKED)
-    assert found.attacked_links == [(2, 0), (5, 0), (8, 0), (11, 0)]
-    assert found.all_attacked == ATTACKED
-    assert found.cut_off == ATTACKED
-    assert found.heard.tolist() == [1] * 12
-
-
-def test_path_behind_its_attacked_vehicles():
-    found = certificate(PATH, ATTACKED)
-    assert found.attacked_links == [(3, 2), (6, 5), (9, 8), (12, 11)]
-    assert found.all_attacked == [3, 6, 9, 12]
-    assert found.cut_off == list(range(3, 13))
-
-
-def test_ring_has_ways_around_its_attacked_vehicles():
-    found = certificate(CYCLIC, ATTACKED)
-    assert found.all_attacked == []
-    assert found.cut_off == []
-    assert found.unreachable == []
-    assert found.heard.tolist() == [3] * 12
 
 
 def test_what_breaks_whom():
@@ -104,7 +81,9 @@ TURNS = [
 
 
 def test_joint_reach_is_that_of_powers_of_matrices():
-    """Random networks in turn: reach by powers, and by brute force the greatest set that hears itself."""
+    """Random networks in turn: reach by powers, and by brute force the greatest set that hears
+    itself.
+    """
     for seed in range(20):
         rng = np.random.default_rng(seed)
         heard = rng.uniform(size=(2, 5, 6)) < 0.3

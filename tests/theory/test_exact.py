@@ -134,10 +134,11 @@ def test_agrees_with_integrating_the_law(weights):
     ],
 )
 def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
-    """theorems.md O3: the errors that a constant attack of size 1 leaves, the same on all attacked vehicles.
+    """theorems.md O3: the errors that a constant attack of size 1 leaves, the same on all attacked
+    vehicles.
 
-    In the ring an attacked vehicle's error x and another's y fulfil x = 0.9 y and y = 0.45 (x + 1) + 0.45 y,
-    hence y = 90/29 and x = 81/29, whose mean over the ring is 3.
+    In the ring an attacked vehicle's error x and another's y fulfil x = 0.9 y and y = 0.45 (x + 1)
+    + 0.45 y, hence y = 90/29 and x = 81/29, whose mean over the ring is 3.
     """
     added = np.array([0.6, -0.8])
     network = of_matrix(weights)

@@ -1,4 +1,6 @@
-"""Robustness by integer programs: equal to enumeration on small digraphs, and known values on larger ones."""
+"""Robustness by integer programs: equal to enumeration on small digraphs, and known values on
+larger ones.
+"""
 
 from time import monotonic
 
@@ -35,13 +37,13 @@ def exactly(number):
     return RobustnessBracket(number, number)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(12))
 def test_the_greatest_r_is_what_enumeration_gives(seed):
     heard = digraph(seed)
     assert robustness_bracket(heard, LONG) == exactly(len(robustness(heard)))
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_greatest_s_is_what_enumeration_gives(seed):
     """For each r and the first r of which there is none; and F of F-total attackers."""
     heard = digraph(seed)
@@ -65,12 +67,7 @@ def test_the_complete_graph_is_known_by_its_degree(n):
     assert robustness_bracket(~np.eye(n, dtype=bool), 0.0) == exactly((n + 1) // 2)
 
 
-@pytest.mark.parametrize(("n", "k"), [(n, k) for n in range(3, 11) for k in range(1, n)])
-def test_circulant_digraphs_are_as_robust_as_enumerated(n, k):
-    heard = circulant(n, k)
-    assert robustness_bracket(heard, LONG) == exactly(len(robustness(heard)))
-
-
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("n", "k", "r"), [(20, 4, 2), (24, 6, 3), (30, 5, 3), (25, 6, 4), (21, 4, 3)]
 )
@@ -79,15 +76,8 @@ def test_larger_circulant_digraphs_are_as_robust_as_proved(n, k, r):
     assert robustness_bracket(circulant(n, k), LONG) == exactly(r)
 
 
-def test_two_complete_graphs_with_a_matching_are_one_robust():
-    """Each node hears one of the other half, whatever its degree."""
-    half = ~np.eye(12, dtype=bool)
-    heard = np.block([[half, np.eye(12, dtype=bool)], [np.eye(12, dtype=bool), half]])
-    assert robustness_bracket(heard, LONG) == exactly(1)
-
-
-@pytest.mark.parametrize("seed", range(10))
-@pytest.mark.parametrize("seconds", [-1.0, 0.0, 1e-9, 1e-3, 0.02])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seconds", [-1.0, 0.0, 1e-3, 0.02])
 def test_a_short_time_limit_gives_true_bounds(seed, seconds):
     heard = digraph(seed)
     found = robustness(heard)
@@ -99,6 +89,7 @@ def test_a_short_time_limit_gives_true_bounds(seed, seconds):
     assert low <= most_total(found) <= high
 
 
+@pytest.mark.long
 def test_a_large_digraph_ends_near_its_time_limit():
     """The bracket holds what the degrees prove, and is open."""
     rng = np.random.default_rng(0)

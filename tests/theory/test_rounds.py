@@ -1,10 +1,11 @@
-"""Stability of exchanges: known figures, a polynomial by hand, closed forms, all numbers of rounds."""
+"""Stability of exchanges: known figures, a polynomial by hand, closed forms, all rounds."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.rounds import greatest_tick, least_rate
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.theory import rounds
@@ -34,7 +35,7 @@ NUMBERS = st.floats(-0.99, 0.99)
     gain=st.tuples(*[st.floats(0.1, 9)] * 3),
 )
 def test_growth_is_that_of_the_polynomial(real, imaginary, tick, gain):
-    """`(z - μ)(z - 1)³ + (1 - μ) z N(z)`, N from what a held jerk adds to E, Ė and Ë over a tick."""
+    """`(z - μ)(z - 1)³ + (1 - μ) z N(z)`, N from what a held jerk adds over a tick."""
     mu, (k0, k1, k2), h = real + 1j * imaginary, gain, tick
     N = (
         k0 * h**3 / 6 * np.array([1, 4, 1])
@@ -47,18 +48,20 @@ def test_growth_is_that_of_the_polynomial(real, imaginary, tick, gain):
 
 
 def test_the_greatest_tick_of_one_round_on_the_ring():
-    """Where z = -1 solves that polynomial for λ = -0.9, a little over 2 (1 - 0.9) / (k2 (1 + 0.9))."""
-    found = rounds.greatest_tick(RING, GAIN, 1)
+    """Where z = -1 solves that polynomial for λ = -0.9."""
+    found = greatest_tick(RING, GAIN, 1)
     assert 1.9 * (4 * 3 * found - found**3 / 3) == pytest.approx(8 * 0.1, rel=1e-9)
     assert found == pytest.approx(2 * 0.1 / (3 * 1.9), rel=1e-3)
 
 
 @pytest.mark.parametrize("gain", [(1, 3, 3), (6, 11, 6), (2, 1, 5)])
 def test_short_ticks_ask_for_a_rate_of_exchanges(gain):
-    """Of a slow eigenvalue alone, just below it grows and just above it shrinks, whatever the rounds."""
+    """Of a slow eigenvalue alone, just below it grows and just above it shrinks, whatever the
+    rounds.
+    """
     gain = np.array(gain, float)
     for left in (0.99, 0.999):
-        rate = rounds.least_rate(left, gain)
+        rate = least_rate(left, gain)
         for number in (1, 3):
             tick = number / rate
             assert (
@@ -101,11 +104,12 @@ def test_no_number_of_rounds_is_enough_for_who_is_cut_off():
     assert rounds.least_rounds(apart, GAIN, 0.05) is None
 
 
+@pytest.mark.long
 def test_ticks_up_to_the_greatest_are_stable():
     """And just beyond it is not."""
     for weights in digraphs():
         for number in (1, 2, 5):
-            most = rounds.greatest_tick(weights, GAIN, number)
+            most = greatest_tick(weights, GAIN, number)
             ticks = most * np.array([0.01, 0.3, 0.7, 0.9999, 1.0001])
             stable = [rounds.spectral_radius(weights, GAIN, tick, number) < 1 for tick in ticks]
             assert stable == [True, True, True, True, False]
@@ -151,7 +155,7 @@ def test_radii_of_late_words():
 
 @pytest.mark.parametrize("lost", [0.2, 0.6])
 def test_second_moments_grow_as_those_of_a_plain_program(lost):
-    """Two vehicles of order 2 that hear each other: means of squares over 200,000 random histories."""
+    """Two vehicles of order 2 that hear each other: means of squares of 200,000 histories."""
     weights = np.array([[0.5, 0.0, 0.5], [0.3, 0.7, 0.0]])
     gain, tick, random = np.array([2.0, 1.5]), 0.4, np.random.default_rng(0)
     position, velocity, jerk = random.normal(size=(3, 200_000, 2))

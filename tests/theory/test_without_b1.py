@@ -16,7 +16,8 @@ RULES = [
 
 
 def world(defence, liar, sign, shift):
-    """Errors of the vehicles over time where 3 or 4 lies by ±ā; vehicles 1 and 2 start this far along x.
+    """Errors of the vehicles over time where 3 or 4 lies by ±ā; vehicles 1 and 2 start this far
+    along x.
 
     Returns the lanes' statuses and E (lanes, times, 4, 2).
     """
@@ -35,10 +36,11 @@ def world(defence, liar, sign, shift):
 
 
 @pytest.mark.parametrize(
-    "defence", RULES, ids=lambda rule: f"{rule['kind']} {rule.get('score', '')}"
+    "defence", [RULES[0], *(pytest.param(rule, marks=pytest.mark.long) for rule in RULES[1:])]
 )
 def test_no_rule_tells_two_worlds_apart(defence):
-    """Theorem 6: 4 adds ā, or 3 takes ā away and the navigator is ā elsewhere; 1 and 2 hear the same.
+    """Theorem 6: 4 adds ā, or 3 takes ā away and the navigator is ā elsewhere; 1 and 2 hear the
+    same.
 
     So their errors differ by ā at all times, and in one of the worlds they are off by ā/2 at least.
     """
@@ -56,7 +58,8 @@ def test_no_rule_tells_two_worlds_apart(defence):
 
 
 def heard_and_errors(edges, added, shift):
-    """What vehicle 1 ends up receiving, and its error, on a line: `E = L⁻¹ d`, equal weights, nobody dropped.
+    """What vehicle 1 ends up receiving, and its error, on a line: `E = L⁻¹ d`, equal weights,
+    nobody dropped.
 
     `added` is what links carry besides, by (listener, source); `shift` is where the navigator is.
     """
@@ -85,7 +88,9 @@ CASES = {  # edges, links that lie in world A, in world B, whether the theorem h
 
 @pytest.mark.parametrize("case", CASES)
 def test_theorem_6_needs_that_nobody_outside_hears_and_that_only_links_inwards_lie(case):
-    """I is vehicle 1, ϑ = 1. As stated both worlds look alike to it, and its errors differ by ā = 1."""
+    """I is vehicle 1, ϑ = 1. As stated both worlds look alike to it, and its errors differ by ā =
+    1.
+    """
     edges, first, second, holds = CASES[case]
     words, error = heard_and_errors(edges, dict.fromkeys(first, 1.0), 0.0)
     others, other = heard_and_errors(edges, dict.fromkeys(second, -1.0), 1.0)
@@ -99,8 +104,8 @@ def test_theorem_6_needs_that_nobody_outside_hears_and_that_only_links_inwards_l
 def led(rng, bad_links):
     """A network in the order of theorem 7: believed sources of each vehicle, and which of them lie.
 
-    The first three vehicles hear the navigator, 0; each other one hears 2ϑ + 1 of those before it, as many of
-    them over attacked links as `bad_links(ϑ)` says.
+    The first three vehicles hear the navigator, 0; each other one hears 2ϑ + 1 of those before it,
+    as many of them over attacked links as `bad_links(ϑ)` says.
     """
     network = [(1, np.array([0]), np.array([False]))] * 3
     for i in range(4, 13):
@@ -117,10 +122,11 @@ def vote(words, theta):
 
 
 def drives(network, rng, drift, ticks=50):
-    """R(E) of each vehicle at two instants of every tick: (2 · ticks, 13, 2). Row 0 is the navigator's.
+    """R(E) of each vehicle at two instants of every tick: (2 · ticks, 13, 2). Row 0 is the
+    navigator's.
 
-    What an attacked link adds is anything, often such that its word is nearly that of honest sources, and
-    changes by `drift` between the two instants.
+    What an attacked link adds is anything, often such that its word is nearly that of honest
+    sources, and changes by `drift` between the two instants.
     """
     found = []
     for _ in range(ticks):

@@ -1,291 +1,208 @@
-"""What `check` says of the paper's scenarios."""
+"""What `check` says: facts of cells, and by which swept keys they differ."""
+
+import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from jaxnet.cli import main
 from jaxnet.config.scenario import attacked_draws, safe_in, safe_in_all, situation_of
+from jaxnet.theory import tolerance
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text import check
+from jaxnet.view.text.facts import alone_words, facts
 from tests import systems
 
 
-def section(text: str, title: str) -> str:
-    """The certificate of one topology."""
-    return next(part for part in text.split("\n\n") if part.startswith(title))
+def known(seconds=0.0, **keys):
+    """Facts of a study with one cell."""
+    (cell,) = systems.study(**keys).cells
+    return facts(cell.scenario, seconds)
 
 
-def test_the_papers_topologies():
-    """Nobody in star and path is protected, and both break the paper's own Assumption 1."""
-    text = check.check_text(
-        systems.study(sweep={"topology": ["star", "cyclic", "path"]}, samples=7)
-    )
-    assert "3 cells × 7 samples = 21 lanes" in text
-    star, cyclic, path = (section(text, name) for name in ("star", "cyclic", "path"))
-    assert "nobody is protected" in star
-    assert "nobody is protected" in path
-    assert "holds for every vehicle" in cyclic
-    assert "no honest path from the navigator to 2, 5, 8, 11" in star
-    assert "no honest path from the navigator to 3-12" in path
-    assert "Assumption 1  holds" in cyclic
-    assert "in what they hear of the navigator" in star
-    assert "in what they transmit, 8 links" in cyclic
-    norms = [
-        section(text, name).split("‖L⁻¹‖₂")[1].split()[0] for name in ("star", "cyclic", "path")
-    ]
-    assert norms == ["1", "10", "7.963"]
-    for part in (star, cyclic, path):
-        assert "exactly 1-robust" in part
-        assert "13.23 m/s" in part
+def one_line(text):
+    return " ".join(text.split())
+
+
+PLAIN = {"attack": "none", "defence": "none"}
+COMPLETE = {"kind": "random_regular", "degree": 6}
+LATTICE = {"vehicles": 8, "topology": {"kind": "lattice", "neighbours": 4}, "engine": "exact"}
+ANNOUNCED = {"kind": "trusted_trim", "score": "announced"}
+ROUNDS = {"law": "rounds", "output_step": 0.2}
+WHOLE_TICKS = {"loss": {"kind": "bernoulli", "probability": 0.5, "of": "all"}}
+TOLERATES = "enough for W-MSR with F-local attackers up to F = 1, F-total up to F = 3"
+
+
+def of_drawn(number, **keys):
+    attack = {"kind": "rotating", "vehicles": {"random": number}}
+    return LATTICE | {"attack": attack, "defence": "none"} | keys
+
+
+FACTS = [
+    # networks: norms are those of the paper; a path loses all behind its attacked vehicles
+    ({"topology": "star"}, "‖L⁻¹‖₂", "1"),
+    ({"topology": "cyclic"}, "‖L⁻¹‖₂", "10"),
+    ({"topology": "path"}, "‖L⁻¹‖₂", "7.963"),
+    ({"topology": "star"}, "attack", "rotating on 2, 5, 8, 11 in what they hear of the navigator"),
+    ({"topology": "cyclic"}, "attack", "in what they transmit, 8 links"),
+    ({"topology": "star"}, "Assumption 1", "no honest path from the navigator to 2, 5, 8, 11;"),
+    ({"topology": "path"}, "Assumption 1", "to 3-12; 3, 6, 9, 12 hear nobody honest"),
+    ({"topology": "cyclic"}, "Assumption 1", "holds: an honest path"),
+    ({"topology": "star"}, "trimming", "nobody is protected"),
+    ({"topology": "cyclic"}, "trimming", "holds for every vehicle"),
+    ({}, "robustness", "exactly 1-robust with the navigator"),
+    ({}, "navigator", "never slower than 13.23 m/s"),
+    # theorems of LeBlanc et al. on the vehicles alone
+    (PLAIN | {"vehicles": 7, "topology": COMPLETE}, "alone", f"(4, 7)-robust, {TOLERATES}"),
+    (PLAIN, "alone", "(1, 4)-robust, enough for W-MSR only without attackers"),
+    (PLAIN | {"topology": "star"}, "alone", "not 1-robust, so not enough for W-MSR"),
+    (PLAIN | {"vehicles": 40}, "alone", "1-robust, enough for W-MSR only without attackers"),
+    (PLAIN | {"vehicles": 201}, "alone", "not examined: the vehicles are more than 200"),
+    # defences
+    (
+        {"attack": {"vehicles": [2, 4]}, "defence": {"theta": {3: 1, 7: 1, 9: 2}}},
+        "trimming",
+        "holds for 3, 7 only; 1, 2, 4-6, 8-12 unprotected; more than ϑ attacked sources, or a"
+        " trusted one, at 3",
+    ),
+    ({"defence": "trusted_trim"}, "guarantee", "none: attacks are known"),
+    ({"defence": ANNOUNCED}, "guarantee", "announced: by majority"),
+    ({"defence": "trust"}, "guarantee", "none: whoever stays within the radius"),
+    ({"defence": {"kind": "trust", "observation": "random"}}, "guarantee", "by earned trust"),
+    # laws: growths of an independent program
+    (ROUNDS, "law", "UNSTABLE, deviations times 1.0458 at each tick of 0.05 s; 2 rounds are"),
+    (ROUNDS, "law", "that is while everybody is retained"),
+    (ROUNDS, "safe", "nothing is proved; the law is rounds"),
+    (
+        ROUNDS | {"tick": 0.2},
+        "law",
+        "4 rounds are the least that is stable, and every number from 6",
+    ),
+    (
+        {"law": {"kind": "rounds", "rounds": 2}, "defence": "none"},
+        "law",
+        "stable, deviations times 0.9667",
+    ),
+    (
+        {"law": "rounds", "vehicles": 1001, "defence": "none"},
+        "law",
+        "nothing is known of its stability: there are more than 1,000 vehicles",
+    ),
+    (
+        {"law": "rounds", "tick": 0.75, "output_step": 0.75, "tail": 4.5},
+        "law",
+        "no number of rounds is stable",
+    ),
+    # lost and late messages: two independent programs for the ring, i τ for the path
+    (
+        PLAIN | {"law": "rounds", "tick": 0.02, "channel": WHOLE_TICKS},
+        "channel",
+        "mean square, deviations times 1.0089 at each tick; stable up to a loss of 0.4131",
+    ),
+    (PLAIN | {"channel": {"delay": 0.1}}, "delay", "vehicles end late by 1 s"),
+    (
+        PLAIN | {"channel": {"delay": 0.1}, "topology": "path"},
+        "delay",
+        "vehicles end late by 0.1 to 1.2 s",
+    ),
+    (
+        PLAIN | {"tick": 0.02, "channel": {"delay": 0.04, "extrapolate": "jerk"}},
+        "delay",
+        "unstable: the delay must be below 0.0363729 s",
+    ),
+    # attacked vehicles that each lane draws: a majority bears one liar, some listener hears two
+    (
+        of_drawn(1, defence=ANNOUNCED),
+        "safe",
+        "every vehicle by majority, whichever vehicles are drawn",
+    ),
+    (of_drawn(2, defence=ANNOUNCED), "safe", "not known in every lane of 1-8"),
+    (of_drawn(2, defence=ANNOUNCED), "trimming", "or a trusted one, at 1-8"),
+    (of_drawn(7, vehicles=24), "safe", "more than 1,000 sets of vehicles may be drawn"),
+    (of_drawn(7, vehicles=24), "attack", "on 7 drawn for each lane"),
+    (
+        of_drawn(1, vehicles=4, topology="path"),
+        "Assumption 1",
+        "broken: no honest path from the navigator to 2-4",
+    ),
+    # drawn weights and gains
+    ({"topology": {"navigator_weight": {"uniform": [0.05, 0.15]}}}, "weights", "their medians"),
+    ({"gain": [1, 3, {"uniform": [3, 4]}]}, "gain", "stable whatever is drawn"),
+]
+
+
+@pytest.mark.parametrize(("keys", "fact", "told"), FACTS)
+def test_facts(keys, fact, told):
+    searched = 2.0 if fact == "alone" else 0.0
+    assert told in known(searched, **keys)[fact]
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"navigator": "none", "law": "local"}, "there is no navigator"),
+        ({"sensing": {"position": 0.1}}, "sensing errs"),
+        ({"channel": {"noise": {"position": 0.1}}}, "channel.noise or quantisation is on"),
+        ({"channel": {"quantisation": 0.1}}, "channel.noise or quantisation is on"),
+        ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}, "channel.loss is on"),
+        ({"channel": {"delay": 0.1}}, "channel.delay is on"),
+        (
+            {"topology": {"kind": "switching", "networks": ["cyclic", "path"], "every": 3.0}},
+            "networks take turns",
+        ),
+        ({"law": "rounds"}, "the law is rounds"),
+        ({"law": "linearised", "engine": "nonlinear"}, "the law is linearised"),
+        ({"gain": {"vehicles": [[1, 3, 3], [8, 12, 6]] * 6}}, "gains differ by vehicle"),
+    ],
+)
+def test_a_broken_premise_of_safety_is_named(keys, why):
+    """Once for each of several, and no safe vehicle nor decay beside it."""
+    found = known(**keys)
+    assert found["safe"].startswith("nothing is proved; ")
+    assert why in found["safe"]
+    assert not {"decay", "proof ends", "theorem 3"} & {*found}
 
 
 @pytest.mark.parametrize(("horizon", "told"), [(15.0, True), (30.0, False)])
 def test_a_start_that_has_not_died_away_is_told(horizon, told):
     """(s + 1)³ = 0: `η(t) = e⁻ᵗ (1 + N t + N² t²/2) η(0)` with the nilpotent N = A + 1."""
-    text = " ".join(check.check_text(systems.study(horizon=horizon)).split())
+    text = known(horizon=horizon)["decay"]
     nilpotent = np.array([[1, 1, 0], [0, 1, 1], [-1, -3, -2]])
     t = horizon - 5
-    known = np.exp(-t) * (np.eye(3) + nilpotent * t + nilpotent @ nilpotent * t**2 / 2)
-    words = f"up to {np.linalg.norm(known, 2):.2g} ‖η(0)‖ when the tail begins, at {t:g} s"
+    flow = np.exp(-t) * (np.eye(3) + nilpotent * t + nilpotent @ nilpotent * t**2 / 2)
+    words = f"up to {np.linalg.norm(flow, 2):.2g} ‖η(0)‖ when the tail begins, at {t:g} s"
     assert (words in text) is ("not died away" in text) is told
 
 
-def robustness_of(**keys):
-    """The line of robustness, without its beginning."""
-    rows = section(
-        check.certificates(systems.study(**keys).cells)[0], keys["topology"]["kind"]
-    ).splitlines()
-    (line,) = [row.strip() for row in rows if row.startswith("  robustness")]
-    start = "robustness    exactly 1-robust with the navigator, as every graph that it reaches, while W-MSR with"
-    start += " F = 1 asks for 3-robustness against F-local attackers, (2, 2)-robustness against F-total attackers"
-    assert line.startswith(start)
-    return line.removeprefix(start)
-
-
-COMPLETE = {"kind": "random_regular", "degree": 6}
-
-
 @pytest.mark.parametrize(
-    ("vehicles", "topology", "told"),
-    [
-        (
-            7,
-            COMPLETE,
-            "(1, 7), (2, 7), (3, 7), (4, 7)-robust, {}F-local attackers up to F = 1, F-total up to F = 3",
-        ),
-        (12, {"kind": "cyclic"}, "(1, 4)-robust, enough for W-MSR only without attackers"),
-        (12, {"kind": "star"}, "not 1-robust, so not enough for W-MSR"),
-        (30, {"kind": "star"}, "not 1-robust, so not enough for W-MSR"),
-        (40, {"kind": "cyclic"}, "1-robust, enough for W-MSR only without attackers"),
-        (200, {"kind": "star"}, "not 1-robust, so not enough for W-MSR"),
-        (201, {"kind": "cyclic"}, "not examined: they are more than 200"),
-    ],
-)
-def test_the_robustness_of_the_vehicles_alone(vehicles, topology, told):
-    """All pairs (r, s), and the attackers that W-MSR tolerates by the theorems of LeBlanc et al."""
-    line = robustness_of(vehicles=vehicles, topology=topology, attack="none", defence="none")
-    assert line == "; the vehicles alone " + told.format("enough for W-MSR with ")
-
-
-@pytest.mark.parametrize(
-    ("known", "total", "told"),
+    ("r", "total", "told"),
     [
         ((3, 3), (1, 2), "3-robust, {}F-local attackers up to F = 1, F-total up to at least F = 1"),
-        (
-            (3, 6),
-            (1, 5),
-            "{between}3 and 6, {}F-local attackers up to at least F = 1, F-total up to at least F = 1",
-        ),
-        ((5, 6), (4, 4), "{between}5 and 6, {}F-local attackers up to F = 2, F-total up to F = 4"),
-        (
-            (1, 4),
-            (0, 3),
-            "{between}1 and 4, enough for W-MSR without attackers; with attackers it is not known",
-        ),
-        ((0, 4), (-1, 3), "{between}0 and 4, so nothing is proved of W-MSR"),
+        ((3, 6), (1, 5), "{}F-local attackers up to at least F = 1, F-total up to at least F = 1"),
+        ((5, 6), (4, 4), "{}F-local attackers up to F = 2, F-total up to F = 4"),
+        ((1, 4), (0, 3), "enough for W-MSR without attackers; with attackers it is not known"),
+        ((0, 4), (-1, 3), "between 0 and 4, so nothing is proved of W-MSR"),
         ((1, 1), (0, 0), "1-robust, enough for W-MSR only without attackers"),
         ((0, 0), (-1, -1), "not 1-robust, so not enough for W-MSR"),
     ],
 )
-def test_a_search_that_ends_early_tells_bounds(known, total, told):
-    between = "r-robust, with the greatest r between "
-    found = check.bracket_text(RobustnessBracket(*known), RobustnessBracket(*total))
-    assert found == told.format("enough for W-MSR with ", between=between)
+def test_a_search_that_ends_early_tells_bounds(r, total, told):
+    found = tolerance.VehiclesAlone(None, RobustnessBracket(*r), RobustnessBracket(*total))
+    (cell,) = systems.study().cells
+    assert told.format("enough for W-MSR with ") in alone_words(found, cell.scenario)
 
 
 def test_programs_of_many_networks_share_their_time(monkeypatch):
     """None runs for 16 vehicles or fewer, nor for more than twenty networks."""
-    asked = []
-    monkeypatch.setattr(
-        check, "brackets", lambda n, heard, seconds: (asked.append(seconds), BOUNDS)[1]
-    )
-    keys = {"vehicles": 20, "attack": "none", "defence": "none"}
+    asked, found = [], (RobustnessBracket(2, 3), RobustnessBracket(0, 2))
+    monkeypatch.setattr(tolerance, "brackets", lambda n, heard, s: (asked.append(s), found)[1])
     for seeds in (1, 4, 21):
-        topology = {
-            "topology": {"kind": "random_regular", "degree": 4},
-            "sweep": {"topology.seed": [*range(seeds)]},
-        }
-        check.certificates(systems.study(**keys, **topology).cells)
-    check.certificates(systems.study(vehicles=16).cells)
+        topology = {"kind": "random_regular", "degree": 4}
+        sweep = {"topology.seed": [*range(seeds)]}
+        check.networks(systems.study(vehicles=20, topology=topology, sweep=sweep, **PLAIN).cells)
+    check.networks(systems.study(vehicles=16).cells)
     assert asked == [2.0] + [0.5] * 4
-
-
-BOUNDS = RobustnessBracket(2, 3), RobustnessBracket(0, 2)
-
-
-def test_some_are_protected_and_some_outnumbered():
-    """Fig. 1 with ϑ for some; a ring in which 3 hears two liars."""
-    given = systems.study(attack={"vehicles": [2, 4]}, defence={"theta": {3: 1, 7: 1, 9: 2}})
-    text = " ".join(check.check_text(given).split())
-    assert "holds for 3, 7 only; 1, 2, 4-6, 8-12 unprotected" in text
-    assert "more than ϑ attacked sources, or a trusted one, at 3" in text
-
-
-def test_ranges():
-    """Runs of three or more are drawn together."""
-    assert check.ranges([1, 2, 3, 5, 7, 8, 10]) == "1-3, 5, 7, 8, 10"
-
-
-def test_what_is_drawn_lane_by_lane_is_said():
-    """The certificate is of the weights' medians, 0.1 and 0.1 and 0.2, and says in which cells."""
-    weights = [{"uniform": [0.05, 0.15]}, 0.1, {"choice": [0.2, 0.1, 0.3]}]
-    gains = [[1, 3, 3], [1, 3, {"uniform": [3, 4]}]]
-    text = check.check_text(
-        systems.study(sweep={"topology.navigator_weight": weights, "gain": gains})
-    )
-    tenth, fifth = (section(text, f"cyclic, cells {cells}") for cells in ("0-3", "4, 5"))
-    assert [part.split("‖L⁻¹‖₂")[1].split()[0] for part in (tenth, fifth)] == ["10", "5"]
-    assert "weights       drawn in cells 0, 1; what is said is of their medians" in tenth
-    assert "gain          drawn in cells 1, 3; stable whatever is drawn" in tenth
-    assert "weights       drawn in cells 4, 5" in fifth
-    assert "drawn" not in check.check_text(systems.study(gain=[2, 3, 3]))
-
-
-def test_hundreds_of_cells_are_told_in_few_lines():
-    """What is swept, one network in full, and what is different in those whose report differs; 80 columns."""
-    defences = [
-        "none",
-        {"kind": "trusted_trim", "label": "trimming by trusted redundancy"},
-        "w_msr",
-    ]
-    seeds = {"topology.seed": list(range(100)), "defence": defences}
-    given = systems.study(topology={"kind": "random_regular", "degree": 4}, sweep=seeds)
-    text = check.check_text(given)
-    lines = text.splitlines()
-    assert max(map(len, lines)) <= 80
-    assert len(lines) < 110
-    assert "topology.seed  0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, … 99 (100 values)" in text
-    assert text.count("Assumption 1  holds") == 1
-    whole = check.certificates(given.cells)
-    told = {line for part in whole for line in part.splitlines()[1:] if "trimming" in line}
-    assert text.count("as the first, but") + 1 == check.MOST_NETWORKS
-    assert f"… {len(told) + 2 - check.MOST_NETWORKS} more networks" in lines
-
-
-def test_what_differs_is_what_is_told_of_further_networks():
-    """Five rings with other ϑ: the second to fifth differ in the line of trimming alone."""
-    text = check.check_text(systems.study(sweep={"defence.theta": [1, 2, 3, 4, 5]}))
-    parts = text.split("\n\n")[2:-1]
-    assert len(parts) == 5
-    for number, part in enumerate(parts[1:], 2):
-        first, *rest = part.splitlines()
-        assert first == f"cyclic, cell {number - 1}: as the first, but"
-        assert rest[0].startswith(f"  trimming  ϑ = {number},")
-        assert all(line.startswith(" " * 12) for line in rest[1:])
-
-
-def test_the_law_by_exchanges():
-    """Whether it is stable, how many rounds are, and that no guarantee is of it; each tick by itself."""
-    sweep = {"tick": [0.05, 0.2], "law": ["exact", "rounds"]}
-    text = " ".join(check.check_text(systems.study(output_step=0.2, sweep=sweep)).split())
-    first, short, long = (text.index(f"cyclic, cell{named}") for named in ("s 0, 2", " 1", " 3"))
-    assert "law" not in text[first:short].replace("law=", "")
-    assert (
-        "law UNSTABLE, deviations times 1.0458 at each tick of 0.05 s; 2 rounds are the least"
-        in text[short:long]
-    )
-    assert "4 rounds are the least that is stable, and every number from 6 on" in text[long:]
-    assert "that is while everybody is retained" in text[long:]
-    assert (
-        text.count("safe nothing is proved; the theorems are of the law solved at every instant")
-        == 2
-    )
-    assert "law rounds nothing is proved" in text
-    untrimmed = check.check_text(systems.study(law={"kind": "rounds", "rounds": 2}, defence="none"))
-    assert "stable, deviations times 0.9667" in untrimmed
-    assert "retained" not in untrimmed
-    large = check.check_text(systems.study(law="rounds", vehicles=1001, defence="none"))
-    assert "stability is told of 1,000 vehicles at most" in large
-    never = check.check_text(systems.study(law="rounds", tick=0.75, output_step=0.75, tail=4.5))
-    assert "no number of rounds is stable" in " ".join(never.split())
-
-
-RULES = {
-    "none: attacks are known": {"kind": "trusted_trim"},
-    "announced: by majority": {"kind": "trusted_trim", "score": "announced"},
-    "none: whoever stays within the radius": {"kind": "trust"},
-    "random: by earned trust": {"kind": "trust", "observation": "random"},
-}
-
-
-@pytest.mark.parametrize("words", RULES)
-def test_the_guarantee_is_of_the_rule_in_use(words):
-    """And of no other rule of the same kind; a sweep of both tells both."""
-    told = one_line(check.guarantees(systems.study(defence=RULES[words]).cells))
-    assert [each for each in RULES if each in told] == [words]
-    scores = {"defence.score": ["position", "announced"]}
-    told = one_line(check.guarantees(systems.study(defence="trusted_trim", sweep=scores).cells))
-    assert [each for each in RULES if each in told] == list(RULES)[:2]
-
-
-@pytest.mark.parametrize(
-    ("keys", "told"),
-    [
-        (
-            {
-                "law": "rounds",
-                "channel": {"loss": {"kind": "bernoulli", "probability": 0.5, "of": "all"}},
-            },
-            "UNSTABLE in mean square, deviations times 1.0089 at each tick; stable up to a loss of 0.4131",
-        ),
-        ({"channel": {"delay": 0.1}}, "vehicles end late by 1 s"),
-        ({"channel": {"delay": 0.1}, "topology": "path"}, "vehicles end late by 0.1 to 1.2 s"),
-        (
-            {"channel": {"delay": 0.04, "extrapolate": "jerk"}},
-            "unstable: the delay must be below 0.0363729 s",
-        ),
-    ],
-)
-def test_what_is_known_of_lost_and_late_words_is_told(keys, told):
-    """Figures of two independent programs for the ring, and i τ for the path."""
-    cells = systems.study(**{"topology": "cyclic", "defence": "none", "tick": 0.02, **keys}).cells
-    lines = check.world_lines(cells[0].scenario)
-    assert told in lines["delay" if "delay" in keys["channel"] else "channel"]
-
-
-def one_line(text):
-    """A text without breaks of lines."""
-    return " ".join(text.split())
-
-
-LATTICE = {"vehicles": 8, "topology": {"kind": "lattice", "neighbours": 4}, "engine": "exact"}
-
-
-def drawn_text(number, **keys):
-    """What check says where each lane draws its attacked vehicles."""
-    given = systems.study(
-        attack={"kind": "rotating", "vehicles": {"random": number}}, **LATTICE | keys
-    )
-    return " ".join(check.check_text(given).split())
-
-
-def test_drawn_vehicles_are_judged_draw_by_draw():
-    """One of eight is withstood by a majority whichever it is; of two, some listener hears both."""
-    announced = {"kind": "trusted_trim", "score": "announced"}
-    one, two = (drawn_text(number, defence=announced) for number in (1, 2))
-    assert "safe every vehicle by majority, whichever vehicles are drawn" in one
-    assert "more than ϑ attacked sources" not in one
-    assert "safe not known in every lane of 1-8" in two
-    assert "more than ϑ attacked sources, or a trusted one, at 1-8" in two
 
 
 def test_a_draw_has_the_weakest_of_its_reasons():
@@ -294,30 +211,108 @@ def test_a_draw_has_the_weakest_of_its_reasons():
     drawn = systems.study(attack={"kind": "rotating", "vehicles": {"random": 1}}, **keys)
     scenario = drawn.cells[0].scenario
     graph = scenario.topology.normalised_rows(5)
-    found, *_ = safe_in_all(scenario, graph, attacked_draws(scenario, graph))
-    alone = [
-        systems.study(attack={"kind": "rotating", "vehicles": [i]}, **keys) for i in range(1, 6)
+    draws = attacked_draws(scenario, graph)
+    assert draws is not None
+    found, *_ = safe_in_all(scenario, graph, draws)
+    each = []
+    for i in range(1, 6):
+        alone = (
+            systems.study(attack={"kind": "rotating", "vehicles": [i]}, **keys).cells[0].scenario
+        )
+        each.append(safe_in(alone, graph, situation_of(alone).attacked)[0].vehicles)
+    np.testing.assert_array_equal(found.vehicles, np.all(each, axis=0))
+    assert (found.why, found.vehicles.tolist()) == ("untouched", [True] + [False] * 4)
+
+
+def test_one_cell_is_told_in_full():
+    """The first of three topologies by its number, as if it stood alone; certificates have all."""
+    study = systems.study(sweep={"topology": ["star", "cyclic", "path"]}, samples=7)
+    text = check.check_text(study, 0)
+    assert "3 cells × 7 samples = 21 lanes" in text
+    (_, title, *lines) = text[text.index("\n\n") :].lstrip("\n").partition("star, cell 0\n")
+    assert title
+    told = one_line("".join(lines))
+    for name, line in known(2 / 3, topology="star", samples=7).items():
+        assert f"{name} {line}" in told
+    first, *_ = check.certificates(study.cells)
+    assert one_line(first) == one_line(title + "".join(lines))
+
+
+def test_what_differs_is_told_by_the_keys_that_decide_it():
+    """Trimming by ϑ alone, the norm by the weight; what all share stands once, no other key is
+    named.
+    """
+    theta = {"defence.theta": [1, 2], "topology.navigator_weight": [0.1, 0.5]}
+    text = check.check_text(systems.study(sweep=theta))
+    same, differs = text.split("\n\n")[2:4]
+    assert same.startswith("in all cells\n")
+    assert "Assumption 1  holds" in same
+    tables = re.split(r"\n(?=\S)", differs)
+    assert [one_line(each.splitlines()[0]) for each in tables] == [
+        "navigator_weight ‖L⁻¹‖₂",
+        "theta trimming",
     ]
-    each = [
-        safe_in(one.cells[0].scenario, graph, situation_of(one.cells[0].scenario).attacked)
-        for one in alone
-    ]
-    expected = np.all([reasons[0].vehicles for reasons in each], axis=0)
-    np.testing.assert_array_equal(found.vehicles, expected)
-    assert found.why == "untouched"
-    assert expected.tolist() == [True, False, False, False, False]
+    assert [each.split() for each in tables[0].splitlines()[1:]] == [["0.1", "10"], ["0.5", "2"]]
 
 
-def test_assumption_1_of_drawn_vehicles_is_of_every_draw():
-    """On a path each vehicle but the first has no honest path in some lane."""
-    text = drawn_text(1, vehicles=4, topology="path", defence="none")
-    assert "broken: no honest path from the navigator to 2-4" in text
+def test_hundreds_of_cells_fit_a_screen():
+    """Of 80 columns; numbers that differ from network to network are told as a range."""
+    defences = ["none", {"kind": "trusted_trim", "label": "trimming by redundancy"}, "w_msr"]
+    sweep = {"topology.seed": list(range(40)), "defence": defences, "attack.magnitude": [1.0, 5.0]}
+    given = systems.study(topology={"kind": "random_regular", "degree": 4}, sweep=sweep)
+    text = check.check_text(given)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len(lines) < 70
+    assert "topology.seed: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, … 39 (40 values)" in text
+    assert text.count("holds: an honest path") == 1
+    numbers = [cell.number for each in check.networks(given.cells) for cell in each.cells]
+    assert sorted(numbers) == [*range(240)]
 
 
-def test_networks_with_other_numbers_of_attackers_are_told_apart():
-    """Each with its own line; too many sets are said to be too many."""
-    sweep = {"attack.vehicles": [{"random": 1}, {"random": 2}, {"random": 7}]}
-    given = systems.study(attack="rotating", sweep=sweep, **LATTICE | {"vehicles": 24})
-    text = " ".join(check.check_text(given).split())
-    assert [f"on {n} drawn for each lane" in text for n in (1, 2, 7)] == [True] * 3
-    assert "more than 1,000 sets of vehicles may be drawn" in text
+def test_products_of_values_make_up_any_set_of_combinations():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        every = [(a, b, c) for a in "abc" for b in "xy" for c in "pqr"]
+        some = {each for each in every if rng.random() < 0.5} or {every[0]}
+        boxes = check.boxes_of(some)
+        made = [
+            (a, b, c)
+            for first, second, third in boxes
+            for a in first
+            for b in second
+            for c in third
+        ]
+        assert sorted(made) == sorted(some)
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (["grows 1.02 at 0.1 s", "grows 0.98 at 0.1 s"], ["grows 0.98 … 1.02 at 0.1 s"] * 2),
+        (["of 1-12", "of 3"], ["of 1-12", "of 3"]),
+        (["2 rounds", "1 round", "4 rounds"], ["2 … 4 rounds", "1 round", "2 … 4 rounds"]),
+        (["L⁻¹ 1e-3", "L⁻¹ 2e-3"], ["L⁻¹ 1e-3 … 2e-3"] * 2),
+    ],
+)
+def test_lines_that_differ_in_numbers_alone_become_a_range(lines, told):
+    assert check.with_ranges(lines) == told
+
+
+def test_the_command_tells_one_cell_or_that_there_is_none(tmp_path):
+    config = tmp_path / "two.yaml"
+    config.write_text("name: two\nattack: none\nsweep: {topology: [star, path]}\n")
+    one = CliRunner().invoke(main, ["check", str(config), "--cell", "1"])
+    assert "\npath, cell 1\n" in one.stdout
+    none = CliRunner().invoke(main, ["check", str(config), "--cell", "2"])
+    assert (none.exit_code, "there are 2 cells" in none.stderr) == (2, True)
+
+
+def test_cells_that_differ_by_their_attack_alone_are_told_apart():
+    """As each is told by itself."""
+    attacks = ["bias", "rotating", "freeze", {"kind": "rotating", "threat": "replaces"}]
+    study = systems.study(sweep={"attack": attacks, "attack.vehicles": [[1], [1, 2]]})
+    alone = [facts(cell.scenario)["attack"] for cell in study.cells]
+    found = {cell.number: each.facts for each in check.networks(study.cells) for cell in each.cells}
+    assert [found[number]["attack"] for number in range(8)] == alone
+    assert len(set(alone)) == 8

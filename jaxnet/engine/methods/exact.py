@@ -50,11 +50,11 @@ class Exact(Engine):
         """Return the flow over one tick for each lane's gains."""
         from scipy.linalg import expm
 
-        from jaxnet.theory import exact
+        from jaxnet.model import axis
 
         alike = (gain == gain[0]).all()
         some = gain[:1] if alike else gain
-        flow, reach = expm(exact.companion(some) * interval), exact.backward_reach(some, interval)
+        flow, reach = expm(axis.companion(some) * interval), axis.backward_reach(some, interval)
         if gain.ndim > 2:
             order = gain.shape[1]
             flow = flow.reshape(-1, order, 2, order, 2).transpose(0, 1, 3, 2, 4)
