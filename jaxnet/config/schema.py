@@ -13,7 +13,6 @@ JsonSchema = dict[str, Any]
 
 
 def schema_text() -> str:
-    """Return the schema as JSON text."""
     return json.dumps(config_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
