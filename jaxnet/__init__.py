@@ -1,9 +1,9 @@
 """Monte Carlo attack studies on networks of two-wheeled robots.
 
 - `load` reads a study, `network` makes a topology of a matrix or a networkx graph.
-- `run` simulates a study into a results folder, `run_part` a part of a study, `simulate` a study in memory.
-- `search` looks for the attacker's worst choice, `sensitivity` computes Sobol's indices, `rare` estimates a
-  small probability of failure.
+- `run` simulates a study into a results folder, `run_part` a part of it, `simulate` in memory.
+- `search` looks for the attacker's worst choice, `sensitivity` computes Sobol's indices, `rare`
+  estimates a small probability of failure.
 - `open` reads a results folder, `compare` compares two results folders.
 - `Results` has tables and arrays, fits, replays, films, plots, the report and a file for MATLAB.
 - `field` returns the vector field of one lane.
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from jaxnet.runs.cluster import ClusterError
     from jaxnet.store.folder import FolderError
 
-# The module of each public name. A name is imported at its first use: the command line starts at once.
+# The module of each public name, imported at its first use: the command line starts at once.
 HOMES = {
     "ClusterError": "jaxnet.runs.cluster",
     "ConfigError": "jaxnet.config.document",

@@ -89,7 +89,7 @@ def to_plain(model: BaseModel) -> dict[str, Plain]:
 
 
 def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
-    """Return the config and cells of a document; raise ConfigError with everything that is wrong."""
+    """Return the config and cells of a document; raise ConfigError with all that is wrong."""
     judges = registry.scope().judges
     name_kinds(document)
     if judges:  # a stored study has passed these steps
@@ -101,7 +101,7 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     if not problems:
         settled = settle(Config.model_construct({*keys}, **keys), document)
         settled = settle_metrics(settled, values) if judges else settled
-        keys |= dict(settled)
+        keys |= {key: each for key, each in settled if key != "topology"}  # cells have their own
     known = KnownKeys(document.data, values)
     problems += [
         Problem(document.place(("sweep", key)), f"sweep.{key}", message)
@@ -276,7 +276,7 @@ def complete(document: Document, field: str, holder: Plain, at: Keys) -> None:
 
 
 def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
-    """Complete a scenario by what follows from its kinds: its network's nodes, numbers not given."""
+    """Complete a scenario by what follows from its kinds: a network's nodes, numbers not given."""
     found: dict[str, Any] = {}
     if not scenario.navigator.present:
         found["topology"] = without_leader(ByIdentity(scenario.topology))
@@ -446,7 +446,7 @@ class CellParts:
 def cells_of(
     document: Document, keys: PlainMapping, values: Mapping[str, list[Plain]], known: set[Problem]
 ) -> tuple[tuple[Cell, ...], list[Problem]]:
-    """Return the cells, the first key slowest, and each new problem with the first cell that has it."""
+    """Return the cells, the first key slowest, and each new problem with its first cell."""
     parts = CellParts(document, keys, values)
     labels = {key: value_labels(key, listed) for key, listed in values.items()}
     cells: list[Cell] = []
@@ -470,7 +470,7 @@ def cells_of(
 
 
 def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:
-    """Return the place of a cell's fault: the swept value that set the key, or else the key itself."""
+    """Return the place of a cell's fault: the swept value that set the key, or the key itself."""
     for keys in candidates:
         for key in sorted(chosen, key=lambda key: -key.count(".")):
             swept, here = split_key(key), ("sweep", key, chosen[key])

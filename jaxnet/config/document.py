@@ -265,7 +265,7 @@ class Document:
         return cls(text, str(path), UPath(path).parent)
 
     def place(self, *candidates: Keys) -> str:
-        """Return the place of the first candidate that was written, or of a key inside or around it."""
+        """Return the place of the first candidate that was written, or of a key in or around it."""
         for keys in candidates:
             if spot(keys) in self.places:
                 return self.places[spot(keys)]
@@ -328,7 +328,7 @@ INDEX = re.compile(r"[0-9]{1,9}")
 
 
 def split_key(key: str) -> Keys:
-    """Return the keys of a dotted name; digits become ints. What follows one of DOTTED is one key."""
+    """Return the keys of a dotted name; digits become ints. What follows DOTTED is one key."""
     for before in DOTTED:
         if key.startswith(f"{before}."):
             return (*before.split("."), key.removeprefix(f"{before}."))

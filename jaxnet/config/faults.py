@@ -1,4 +1,4 @@
-"""Faults that only several keys together show: scenarios that cannot be simulated (docs/config.md)."""
+"""Faults that only several keys together show: scenarios that cannot be simulated."""
 
 from collections.abc import Iterator, Sequence
 
@@ -91,7 +91,7 @@ def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]
 
 
 def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    """Yield a fault of columns that share a name, of odd names, and of shares that nobody counts."""
+    """Yield faults of columns that share a name, of odd names, of shares that nobody counts."""
     own = [metric.name for metric in study.measured()]
     isolation = ["cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share", "stopped"]
     counts = ["steps", "switches", "unheard", *isolation]
@@ -107,7 +107,7 @@ def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
 
 
 def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
-    """Yield faults of a search: swept keys, Sobol draws, an unknown metric, or too small a budget."""
+    """Yield faults of a search: swept keys, Sobol draws, an unknown metric, a small budget."""
     for key in search.over:
         if swept := [each for each in study.sweep if f"{key}.".startswith(f"{each}.")]:
             told = f"{swept[0]} is swept: search over it, or sweep it"
@@ -139,7 +139,8 @@ def replaced_faults(
 ) -> Iterator[Fault]:
     """Yield the faults of given values that a sweep replaces, where they are wrong in every cell.
 
-    They are those of a kind alone, or of a kind and the number of vehicles. A network brings its own.
+    They are those of a kind alone, or of a kind and the number of vehicles. A network brings its
+    own.
     """
     for key in swept:
         root, *inside = key.split(".")
@@ -285,8 +286,8 @@ def is_hurwitz(gain: list[float]) -> bool:
 def least_stable(gain: list[Number]) -> list[float]:
     """Return the unstable draw of the gains, if there is one.
 
-    It has the least k1 and k2, and the greatest k0 if all k0 are positive. For an order below 3, any
-    positive gains are stable. For order 4, Kharitonov's four polynomials decide (Differential
+    It has the least k1 and k2, and the greatest k0 if all k0 are positive. For an order below 3,
+    any positive gains are stable. For order 4, Kharitonov's four polynomials decide (Differential
     Equations 14, 1979).
     """
     low, high = zip(*map(value_range, gain), strict=True)

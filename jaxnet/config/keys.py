@@ -1,7 +1,7 @@
 """The keys of a config, each with type, unit, range, default and meaning.
 
-The tables of `docs/config.md` are made from these models. A model checks one key at a time. The kinds, and
-`faults`, check several keys together.
+The tables of `docs/config.md` are made from these models. A model checks one key at a time. The
+kinds, and `faults`, check several keys together.
 """
 
 import re
@@ -62,7 +62,8 @@ class Initial(Record):
 
     position: Positions = Field(
         default=Uniform(uniform=[-200.0, 200.0]),
-        description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a line",
+        description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a"
+        " line",
     )
     heading: Number = Field(
         default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis"
@@ -79,29 +80,31 @@ class Channel(Record):
     )
     missing: Literal["drop", "hold", "extrapolate"] = Field(
         default="drop",
-        description="what stands in for a lost word: drop, nothing, the other weights grow; hold, the drive"
-        " heard last; extrapolate, the motion heard last, continued",
+        description="what stands in for a lost word: drop, nothing, the other weights grow; hold,"
+        " the drive heard last; extrapolate, the motion heard last, continued",
     )
     noise: Annotated[ChannelNoise, KindOf("noise", "gaussian")] = Field(
         default=GaussianNoise(), description="errors of the words that arrive"
     )
     quantisation: NotNegativeByOrder = Field(
         default=0.0,
-        description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for all orders"
-        " or a list, one for each order; 0: none",
+        description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for"
+        " all orders or a list, one for each order; 0: none",
     )
     delay: NotNegative = Field(
         default=0.0,
-        description="[s] by which words are late, a multiple of tick; what is drawn is rounded to ticks",
+        description="[s] by which words are late, a multiple of tick; what is drawn is rounded to"
+        " ticks",
     )
     delay_of: Literal["link", "message"] = Field(
         default="link",
-        description="what draws a delay: each link of a lane, or each message; the newest message counts",
+        description="what draws a delay: each link of a lane, or each message; the newest message"
+        " counts",
     )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
         default="none",
-        description="what a listener makes of a late word: none, it takes the word as it is; jets, it"
-        " continues the derivatives below the order; jerk, also the highest one",
+        description="what a listener makes of a late word: none, it takes the word as it is; jets,"
+        " it continues the derivatives below the order; jerk, also the highest one",
     )
 
     @property
@@ -114,7 +117,7 @@ class Channel(Record):
 
 
 class ByForm:
-    """Mark of a union whose member is chosen by the form of a value, so that a fault has one message.
+    """Mark of a union whose member is chosen by the form of a value, for one message a fault.
 
     A mapping chooses the record whose first key it has, a list the list that is as deeply nested.
     Anything else chooses the member that is neither. `refusal` says what is allowed.
@@ -191,7 +194,8 @@ class Scenario(Record):
         default=12,
         ge=1,
         le=LARGEST_FLEET,
-        description="how many, besides the navigator; as many as the network has, if it has a number",
+        description="how many, besides the navigator; as many as the network has, if it has a"
+        " number",
     )
     horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
     tick: float = Field(
@@ -217,9 +221,10 @@ class Scenario(Record):
     initial: Initial = Field(default=Initial(), description="where the vehicles start")
     gain: Gains = Field(
         default=[1.0, 3.0, 3.0],
-        description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial by default:"
-        " [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or for each order a 2 × 2"
-        " matrix, which couples the axes; or {vehicles: [...]}, a list for each vehicle",
+        description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial"
+        " by default: [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or"
+        " for each order a 2 × 2 matrix, which couples the axes; or {vehicles: [...]}, a list for"
+        " each vehicle",
     )
     law: Annotated[Law, KindOf("law")] = Field(
         default=ExactLaw(), description="how the law is solved"
@@ -242,7 +247,8 @@ class Scenario(Record):
     )
     metrics: list[Annotated[Metric, NamedMetric()]] = Field(
         default=[],
-        description="what rows measure besides what all do; without a navigator also spread and outside",
+        description="what rows measure besides what all do; without a navigator also spread and"
+        " outside",
     )
 
     @property
@@ -361,12 +367,13 @@ class Recovery(Record):
     tau: float = Field(
         default=0.01,
         gt=0,
-        description="a lane with tail_mean > tau · ā has not recovered; without a navigator, one with"
-        " spread > tau · ā",
+        description="a lane with tail_mean > tau · ā has not recovered; without a navigator, one"
+        " with spread > tau · ā",
     )
     of: Literal["magnitude", "amplitude"] = Field(
         default="magnitude",
-        description="what tau multiplies: ā, or the amplitude in force, by which positions are shifted",
+        description="what tau multiplies: ā, or the amplitude in force, by which positions are"
+        " shifted",
     )
     worst: int = Field(
         default=3, ge=0, description="lanes of the study that the report replays, the worst"
@@ -398,18 +405,19 @@ class SearchSettings(Record):
     """The keys that a search chooses, and how it searches for the worst choice."""
 
     over: Annotated[dict[str, SearchRange], Len(1)] = Field(
-        description="dotted key: where the search may choose it, [a, b], one for each attacked vehicle by"
-        " each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the attacked vehicles;"
-        " `jaxnet run` draws them there",
+        description="dotted key: where the search may choose it, [a, b], one for each attacked"
+        " vehicle by each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the"
+        " attacked vehicles; `jaxnet run` draws them there",
     )
     maximise: str = Field(
         default="tail_max",
-        description="a metric of rows, or unrecovered, the share of starts; spread by default without a"
-        " navigator",
+        description="a metric of rows, or unrecovered, the share of starts; spread by default"
+        " without a navigator",
     )
     subject_to: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
         default={},
-        description="a metric of rows: its greatest value; a choice counts only where no start has more",
+        description="a metric of rows: its greatest value; a choice counts only where no start has"
+        " more",
     )
     budget: int = Field(
         default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell"
@@ -424,8 +432,8 @@ class SearchSettings(Record):
         default=1000.0,
         gt=0,
         le=1e5,
-        description="[s], to which the best choices are run, or to the horizon if that is later: of them the"
-        " worst then is the answer",
+        description="[s], to which the best choices are run, or to the horizon if that is later:"
+        " of them the worst then is the answer",
     )
     seed: int = Field(
         default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's"
@@ -478,8 +486,8 @@ class Config(Scenario):
     ] = Field(default=1, description="lanes per cell")
     draws: Literal["random", "sobol"] = Field(
         default="random",
-        description="random, independent; sobol, samples as even as can be, in 16 sequences scrambled"
-        " independently, by which intervals are made",
+        description="random, independent; sobol, samples as even as can be, in 16 sequences"
+        " scrambled independently, by which intervals are made",
     )
     recovery: Recovery | None = Field(
         default=None, description="when a lane counts as saved by its defence"

@@ -40,7 +40,7 @@ def model_of(family: str, value: object) -> type[Kind] | None:
 
 
 def models_in(field: FieldInfo, value: Plain = None) -> Iterator[type[BaseModel]]:
-    """Yield the models that a field takes; of a family the kind in `value`, or else all its kinds."""
+    """Yield the models that a field takes; of a family the kind in `value`, or all its kinds."""
     family = next((mark.family for mark in field.metadata if isinstance(mark, KindOf)), None)
     if family is None:
         yield from records(field.annotation)

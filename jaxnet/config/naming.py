@@ -44,8 +44,8 @@ class Key(str):
 def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
     """Return the labels of one key's swept values: all numbers, or all text.
 
-    A kind is labelled by its `label`, or by its name with the keys that tell it apart from others of
-    that name; a record, such as a channel, by its `label` or its keys.
+    A kind is labelled by its `label`, or by its name with the keys that tell it apart from others
+    of that name; a record, such as a channel, by its `label` or its keys.
     """
     if not is_kind(key):
         if all(isinstance(value, int | float) for value in listed):
@@ -119,7 +119,7 @@ def labels_title(labels: Mapping[str, object]) -> str:
 
 
 def value_name(key: str, value: object) -> str:
-    """Return the name of one swept value with its unit. Non-breaking spaces join number and unit."""
+    """Return the name of a swept value with its unit, which non-breaking spaces join."""
     if value == "none":
         return f"no{NO_BREAK}{key_name(key)}"
     if is_kind(key):
@@ -223,7 +223,7 @@ def plain_words(value: object) -> str:
 
 @functools.cache
 def unit(key: str) -> str:
-    """Return the unit in a key's description, "" if there is none; an entry has that of its list."""
+    """Return the unit in a key's description, "" without one; an entry has that of its list."""
     described = (field.description or "" for field in fields_of(re.sub(r"(\.[0-9]+)+$", "", key)))
     found = (re.match(r"\[([^],]+)", words) for words in described)
     return next((match[1] for match in found if match), "")

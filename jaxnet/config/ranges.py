@@ -51,7 +51,7 @@ def distribution_of(document: Document, key: str, given: Plain) -> Plain:
 
 
 def own_distribution(document: Document, key: str) -> Plain:
-    """Return the default distribution of a kind's key, a full turn for an angle, or a LookupError."""
+    """Return the default distribution of a kind's key, or a full turn for an angle."""
     root, _, name = key.partition(".")
     there = document.data.get(root)
     model = model_of(root, there) if root in KINDS and isinstance(there, dict) else None

@@ -76,7 +76,7 @@ class Study:
         return f"Study({self.config.name!r}, cells={len(self.cells)}, lanes={self.lanes})"
 
     def _repr_html_(self) -> str:
-        """Return the table that a notebook shows: the study's size, and each swept key with its values."""
+        """Return a notebook's table: the study's size, and each swept key with its values."""
         rows = {"cells": str(len(self.cells)), "lanes": str(self.lanes)}
         for key in self.cells[0].labels:
             values = dict.fromkeys(str(cell.labels[key]) for cell in self.cells)
@@ -95,8 +95,8 @@ def load(source: StudySource, overrides: Overrides = ()) -> Study:
     """Read a study from a YAML file, or from a mapping with the same keys.
 
     A kind may be defined in a module beside the file. In a mapping, a kind may be an object, and a
-    topology a graph of networkx or a matrix, as `network` reads it. Values of NumPy and pandas count
-    as Python's, tuples as lists. Without a `name` a mapping's study is called "study".
+    topology a graph of networkx or a matrix, as `network` reads it. Values of NumPy and pandas
+    count as Python's, tuples as lists. Without a `name` a mapping's study is called "study".
 
     Parameters
     ----------
