@@ -37,19 +37,24 @@ def unescaped(text: str) -> str:
     return re.sub(r"\\(?:x(..)|(.))", lambda m: chr(int(m[1], 16)) if m[1] else ESCAPED[m[2]], text)
 
 
-def table() -> list[Bad]:
-    """The rows of the table, with the first line that gives a config its name."""
-    rows, first = [], "name: bad\n"
+def table() -> tuple[list[Bad], list[Bad]]:
+    """The rows of one fault, with the first line that gives a config its name, and of several."""
+    one: list[Bad] = []
+    several: list[Bad] = []
+    rows, first = one, "name: bad\n"
     for line in TABLE.read_text(encoding="utf-8").split("\n"):
         if line.startswith("## the text itself"):
             first = ""
+        elif line.startswith("## several faults"):
+            rows = several
         elif " ¦ " in line and not line.startswith("#"):
             key, says, *cells = line.split(" ¦ ")
             text, *overrides = map(unescaped, cells)
             rows.append(Bad(first + text, key, says, tuple(overrides)))
-    return rows
+    return one, several
 
 
+ONE, SEVERAL = table()
 LONG = [
     Bad("name: x\ngain: " + "[" * 31 + "→[" + "[" * n, "", "more than 32 mappings and lists inside")
     for n in (1, 99_000)
@@ -60,7 +65,7 @@ LONG = [
         for digits in ("9" * 400, "0x" + "f" * 400)
     ),
 ]
-CORPUS = [*table(), *LONG]
+CORPUS = [*ONE, *LONG]
 
 
 def title(bad: Bad) -> str:
@@ -158,98 +163,13 @@ def test_extremes_end_without_a_traceback(text: str, tmp_path: Path):
     assert result.exit_code in (0, 2)
 
 
-class Faults(NamedTuple):
-    """A config with several faults, and their keys in the order of its arrows."""
-
-    text: str
-    keys: list[str]
-    overrides: tuple[str, ...] = ()
-
-
-ALL_AT_ONCE = [
-    Faults(
-        """
-        name: bad
-        →horizon: soon
-        →gain: [1, 3]
-        attack: {→magnitude: -1}
-        →colour: red
-        """,
-        ["horizon", "gain", "attack.magnitude", "colour"],
-    ),
-    Faults(
-        """
-        →name: ../x
-        engine: {→rtol: 0}
-        save: {→errors: yes}
-        sweep: {→attack.magnitude: 5}
-        """,
-        ["name", "engine.rtol", "save.errors", "sweep.attack.magnitude"],
-    ),
-    Faults(
-        """
-        name: bad
-        →tail: 0.25
-        →gain: [1, 0.1, 0.1]
-        →navigator: {amplitude: [0, 0]}
-        attack: {→vehicles: [13]}
-        """,
-        ["tail", "gain", "navigator", "attack.vehicles"],
-    ),
-    Faults(  # what one key shows, and what several together show
-        """
-        name: bad
-        →seed: -1
-        →gain: [1, 0.1, 0.1]
-        →navigator: {amplitude: [0, 0]}
-        engine: {→rtol: 0}
-        """,
-        ["seed", "gain", "navigator", "engine.rtol"],
-    ),
-    Faults(
-        """
-        name: bad
-        vehicles: 3
-        topology: {kind: edges, →edges: [[1, 0, 1], [2, 3, 1], [3, 2, 1]]}
-        attack: {→vehicles: [4]}
-        """,
-        ["topology.edges", "attack.vehicles"],
-    ),
-    Faults(
-        """
-        name: bad
-        →gain: [1, 0.1, 0.1]
-        sweep:
-          →seed: [1, 2]
-          attack.magnitude: [1, 2]
-          →attack: [bias, rotating]
-        """,
-        ["gain", "sweep.seed", "sweep.attack"],
-    ),
-    Faults(
-        """
-        name: bad
-        seed: 3
-        →seed: 4
-        attack:
-          kind: bias
-          →kind: bias
-        →tick: -1
-        """,
-        ["seed", "attack.kind", "tick"],
-    ),
-    Faults("name: bad\n→seed: -1", ["seed", "tick", "foo"], ("→tick=-1", "→foo=3")),
-    Faults("name: bad\n→seed: -1", ["seed", "", ""], ("→tick", "→=3")),
-]
-
-
-@pytest.mark.parametrize("faults", ALL_AT_ONCE, ids=lambda faults: " and ".join(faults.keys))
-def test_all_faults_are_told_at_once(faults: Faults, tmp_path: Path):
+@pytest.mark.parametrize("bad", SEVERAL, ids=lambda bad: bad.key)
+def test_all_faults_are_told_at_once(bad: Bad, tmp_path: Path):
     path = tmp_path / "bad.yaml"
-    bad = Bad(dedent(faults.text), "", "", faults.overrides)
     lines = refusal(check(path, bad.text, bad.overrides))
     told = [line for line in lines if line.startswith((str(path), "command line"))]
-    heads = [head(*each) for each in zip(arrows(path, bad), faults.keys, strict=True)]
+    keys = bad.key.split(", ")
+    heads = [head(*each) for each in zip(arrows(path, bad), keys, strict=True)]
     missing = [each for each in heads if not any(line.startswith(each) for line in told)]
     assert not missing, "\n".join([*lines, "lacks", *missing])
     assert len(told) == len(heads), "\n".join(lines)
@@ -320,51 +240,11 @@ def test_a_script_gives_so_many_values(monkeypatch):
         jaxnet.load({"gain": [[[0] * 100] * 100] * 100})
 
 
-WORDS = [
-    *(
-        "0",
-        "-0.0",
-        "-1",
-        "1e309",
-        "-1e308",
-        ".inf",
-        ".nan",
-        "9223372036854775808",
-        "9" * 400,
-        "1e-320",
-    ),
-    *(
-        "null",
-        "true",
-        "''",
-        "[]",
-        "{}",
-        "[[[]]]",
-        "&a [*a]",
-        "{uniform: [0, 1]}",
-        "{each: 1}",
-        "٣",
-        '"\\0"',
-    ),
-    *(
-        "{<<: {a: 1}}",
-        "{linspace: [0, 1, 3]}",
-        "0x" + "f" * 99,
-        "!!str 1",
-        "{share: 0.5}",
-        "{1: 2}",
-        "none",
-    ),
-    *(
-        "[1, 0, 1]",
-        "{random: 3}",
-        "'\\ud800'",
-        "\t",
-        "star",
-        "rotating",
-        "{kind: file, path: /dev/null}",
-    ),
-]
+WORDS = """0 ¦ -0.0 ¦ -1 ¦ 1e309 ¦ -1e308 ¦ .inf ¦ .nan ¦ 9223372036854775808 ¦ 1e-320 ¦ null ¦ true
+ ¦ '' ¦ [] ¦ {} ¦ [[[]]] ¦ &a [*a] ¦ {uniform: [0, 1]} ¦ {each: 1} ¦ ٣ ¦ "\\0" ¦ {<<: {a: 1}}
+ ¦ {linspace: [0, 1, 3]} ¦ !!str 1 ¦ {share: 0.5} ¦ {1: 2} ¦ none ¦ [1, 0, 1] ¦ {random: 3} ¦ '\\ud800'
+ ¦ \t ¦ star ¦ rotating ¦ {kind: file, path: /dev/null}""".replace("\n", "").split(" ¦ ")
+WORDS += ["9" * 400, "0x" + "f" * 99]
 SEEDS = [
     path.read_text() for path in sorted((Path(__file__).parents[1] / "configs").glob("*.yaml"))
 ]
@@ -384,7 +264,7 @@ def mutated(random: Random) -> str:
 def test_whatever_is_in_a_config_it_loads_or_is_a_config_error(tmp_path: Path):
     """Of configs that ship, with a few words replaced at random."""
     random, outcomes = Random(38), {True: 0, False: 0}
-    for _ in range(150):
+    for _ in range(60):
         text = mutated(random)
         (tmp_path / "bad.yaml").write_text(text)
         try:
@@ -393,8 +273,8 @@ def test_whatever_is_in_a_config_it_loads_or_is_a_config_error(tmp_path: Path):
             outcomes[False] += len(str(error).splitlines()) == len(error.problems)
         else:
             outcomes[True] += 1
-    assert sum(outcomes.values()) == 150
-    assert min(outcomes.values()) > 10
+    assert sum(outcomes.values()) == 60
+    assert min(outcomes.values()) > 5
 
 
 # --- good ones ------------------------------------------------------------------------------------
@@ -526,109 +406,73 @@ def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "overrides", "labels"),
     [
-        ("", [], [{}]),
+        ("", [], ""),
         (
             "sweep: {topology: [star, cyclic], attack.magnitude: [0, 5]}",
             [],
-            [
-                {"topology": "star", "attack.magnitude": 0},
-                {"topology": "star", "attack.magnitude": 5},
-                {"topology": "cyclic", "attack.magnitude": 0},
-                {"topology": "cyclic", "attack.magnitude": 5},
-            ],
+            "topology='star', attack.magnitude=0; topology='star', attack.magnitude=5; topology='cyclic', attack.magnitude=0; topology='cyclic', attack.magnitude=5",
         ),
         (
             "sweep: {attack: [bias, sinusoid], attack.direction: [1.5]}",
             [],
-            [
-                {"attack": "bias", "attack.direction": 1.5},
-                {"attack": "sinusoid", "attack.direction": 1.5},
-            ],
+            "attack='bias', attack.direction=1.5; attack='sinusoid', attack.direction=1.5",
         ),
         (
             "sweep: {defence: [none, trusted_trim, {theta: 2}]}",
             [],
-            [
-                {"defence": "none"},
-                {"defence": "trusted_trim(theta=1)"},
-                {"defence": "trusted_trim(theta=2)"},
-            ],
+            "defence='none'; defence='trusted_trim(theta=1)'; defence='trusted_trim(theta=2)'",
         ),
         (
             "sweep: {topology: [{navigator_weight: 0.1}, {navigator_weight: 1}]}",
             [],
-            [
-                {"topology": "cyclic(navigator_weight=0.1)"},
-                {"topology": "cyclic(navigator_weight=1)"},
-            ],
+            "topology='cyclic(navigator_weight=0.1)'; topology='cyclic(navigator_weight=1)'",
         ),
         (
             "sweep: {defence: [{theta: 1, label: weak}, {theta: 2}]}",
             [],
-            [{"defence": "weak"}, {"defence": "trusted_trim(theta=2)"}],
+            "defence='weak'; defence='trusted_trim(theta=2)'",
         ),
         (
-            """
-            vehicles: 2
-            attack: none
-            sweep:
-              topology:
-                - {kind: edges, edges: [[1, 0, 1], [2, 0, 1]], label: fan}
-                - {kind: edges, edges: [[1, 0, 1], [2, 1, 1]], label: line}
-                - path
-            """,
+            "vehicles: 2\nattack: none\nsweep:\n  topology:\n    - {kind: edges, edges: [[1, 0, 1], [2, 0, 1]], label: fan}\n    - {kind: edges, edges: [[1, 0, 1], [2, 1, 1]], label: line}\n    - path",
             [],
-            [{"topology": "fan"}, {"topology": "line"}, {"topology": "path"}],
+            "topology='fan'; topology='line'; topology='path'",
         ),
         (
-            """
-            vehicles: 1
-            attack: none
-            sweep: {topology: [star, {kind: edges, edges: [[1, 0, 1]]}]}
-            """,
+            "vehicles: 1\nattack: none\nsweep: {topology: [star, {kind: edges, edges: [[1, 0, 1]]}]}",
             [],
-            [{"topology": "star"}, {"topology": "edges"}],
+            "topology='star'; topology='edges'",
         ),
         (
             "sweep: {attack.magnitude: {linspace: [0, 1, 3]}}",
             [],
-            [{"attack.magnitude": 0.0}, {"attack.magnitude": 0.5}, {"attack.magnitude": 1.0}],
+            "attack.magnitude=0.0; attack.magnitude=0.5; attack.magnitude=1.0",
         ),
         (
             "sweep: {attack.magnitude: [0, 5]}",
             ["sweep.attack.magnitude={geomspace: [1, 4, 3]}"],
-            [{"attack.magnitude": 1.0}, {"attack.magnitude": 2.0}, {"attack.magnitude": 4.0}],
+            "attack.magnitude=1; attack.magnitude=2; attack.magnitude=4",
         ),
         (
             "sweep: {attack.magnitude: [0, 0.5, {uniform: [0, 1]}]}",
             [],
-            [
-                {"attack.magnitude": "0"},
-                {"attack.magnitude": "0.5"},
-                {"attack.magnitude": '{"uniform": [0, 1]}'},
-            ],
+            "attack.magnitude='0'; attack.magnitude='0.5'; attack.magnitude='{\"uniform\": [0, 1]}'",
         ),
         (
             "sweep: {topology.navigator_weight: [{uniform: [0.1, 0.2]}], attack.phase.uniform: [[0, 1]]}",
             [],
-            [
-                {
-                    "topology.navigator_weight": '{"uniform": [0.1, 0.2]}',
-                    "attack.phase.uniform": "[0, 1]",
-                }
-            ],
+            "topology.navigator_weight='{\"uniform\": [0.1, 0.2]}', attack.phase.uniform='[0, 1]'",
         ),
         (
             "sweep: {attack.vehicles: [[2], [2, 5]]}",
             [],
-            [{"attack.vehicles": "[2]"}, {"attack.vehicles": "[2, 5]"}],
+            "attack.vehicles='[2]'; attack.vehicles='[2, 5]'",
         ),
     ],
 )
-def test_cells_and_their_labels(text: str, overrides: list[str], labels: list, tmp_path: Path):
-    study = load(tmp_path, "name: good\n" + dedent(text), *overrides)
-    assert [cell.labels for cell in study.cells] == labels
-    assert [list(cell.labels) for cell in study.cells] == [list(each) for each in labels]
+def test_cells_and_their_labels(text: str, overrides: list[str], labels: str, tmp_path: Path):
+    study = load(tmp_path, f"name: good\n{text}\n", *overrides)
+    told = [", ".join(f"{key}={each!r}" for key, each in c.labels.items()) for c in study.cells]
+    assert "; ".join(told) == labels
 
 
 def test_a_swept_kind_replaces_the_whole_mapping_and_dotted_keys_set_into_it(tmp_path: Path):

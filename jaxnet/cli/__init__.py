@@ -130,8 +130,20 @@ class ShardOf(click.ParamType):
         return int(match[1]), int(match[2])
 
 
+def flag(*names: str, told: str) -> Callable[[C], C]:
+    return click.option(*names, is_flag=True, help=told)
+
+
+def text(name: str, metavar: str, told: str, **more: Any) -> Callable[[C], C]:
+    return click.option(name, metavar=metavar, help=told, **more)
+
+
+def number(name: str, least: int, told: str, **more: Any) -> Callable[[C], C]:
+    return click.option(name, type=click.IntRange(least), help=told, **more)
+
+
 def out_of(told: str) -> Callable[[C], C]:
-    return click.option("--out", metavar="DIR", type=click.Path(), help=told)
+    return text("--out", "DIR", told, type=click.Path())
 
 
 def chosen_cells(words: tuple[str, ...]) -> dict[str, list[str]]:
@@ -149,34 +161,21 @@ config_words = together(
     click.argument("config", type=click.Path(path_type=Path)),
     click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]..."),
 )
-fresh = click.option(
-    "--fresh", is_flag=True, help="Throw away what the folder holds of earlier results."
-)
+fresh = flag("--fresh", told="Throw away what the folder holds of earlier results.")
 machines = together(
-    click.option(
-        "--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]"
-    ),
-    click.option(
+    number("--devices", 1, "Cores, or accelerators, to use.  [default: all]"),
+    number(
         "--chunk",
-        type=click.IntRange(1),
-        help="Lanes advanced side by side; changes rows by rounding.  [default: what suits the"
-        " engine]",
+        1,
+        "Lanes advanced side by side; changes rows by rounding.  [default: what suits the engine]",
     ),
-    click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among."),
-    click.option(
-        "--cluster",
-        metavar="tcp://…",
-        help="A dask scheduler whose workers see the results folder.",
-    ),
+    number("--workers", 1, "Processes to part the cores among."),
+    text("--cluster", "tcp://…", "A dask scheduler whose workers see the results folder."),
 )
 results_argument = click.argument("results", type=click.Path())  # or a URL
 elsewhere = out_of("Where to write, if not into RESULTS.")
 code = together(
-    click.option(
-        "--trust",
-        is_flag=True,
-        help="Load the kinds from where RESULTS says that their modules are.",
-    ),
+    flag("--trust", told="Load the kinds from where RESULTS says that their modules are."),
     click.option(
         "--config",
         type=click.Path(path_type=Path),
@@ -185,12 +184,8 @@ code = together(
 )
 lane = together(
     results_argument,
-    click.option(
-        "--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0."
-    ),
-    click.option(
-        "--sample", type=click.IntRange(0), required=True, help="Number of the draw, from 0."
-    ),
+    number("--cell", 0, "Number of the cell, from 0.", required=True),
+    number("--sample", 0, "Number of the draw, from 0.", required=True),
 )
 form = click.option(
     "--format",
@@ -200,11 +195,11 @@ form = click.option(
     show_default=True,
     help="csv has all digits, the others four.",
 )
-where_option = click.option(
+where_option = text(
     "--where",
-    metavar="KEY=VALUE",
+    "KEY=VALUE",
+    "Only cells with this value of a swept key; the same key again: or this one.",
     multiple=True,
-    help="Only cells with this value of a swept key; the same key again: or this one.",
 )
 
 
@@ -232,7 +227,7 @@ def check(**given: Any) -> None:
 @config_words
 @out_of("Results folder, or a URL like s3://bucket/study.  [default: results/NAME]")
 @fresh
-@click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
+@flag("--strict", told="Exit with status 3 if any lane failed.")
 @machines
 @click.option(
     "--shard",
@@ -289,15 +284,11 @@ def list_results(**given: Any) -> None:
 @command(ITS_RESULTS)
 @results_argument
 @form
-@click.option(
-    "--columns",
-    metavar="A,B,…",
-    help="Columns of cells.csv to show.  [default: what is asked first]",
-)
-@click.option("--sort", metavar="COLUMN", help="Column to sort by; -COLUMN: the greatest first.")
+@text("--columns", "A,B,…", "Columns of cells.csv to show.  [default: what is asked first]")
+@text("--sort", "COLUMN", "Column to sort by; -COLUMN: the greatest first.")
 @where_option
-@click.option("--pivot", metavar="KEY", help="Swept key whose values stand across.")
-@click.option("--all", "whole", is_flag=True, help="All rows, on a terminal too.")
+@text("--pivot", "KEY", "Swept key whose values stand across.")
+@flag("--all", "whole", told="All rows, on a terminal too.")
 def show(where: tuple[str, ...], **given: Any) -> None:
     """Print the summary table again, a line per cell, and what search, sensitivity and rare found.
 
@@ -323,12 +314,8 @@ def fit(**given: Any) -> None:
 @command(ITS_RESULTS)
 @results_argument
 @elsewhere
-@click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
-@click.option(
-    "--no-replay",
-    is_flag=True,
-    help="Simulate no lane again: the page shows stored trajectories alone.",
-)
+@flag("--open", "shown", told="Open the page in the browser.")
+@flag("--no-replay", told="Simulate no lane again: the page shows stored trajectories alone.")
 @code
 def report(**given: Any) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
@@ -344,14 +331,10 @@ def report(**given: Any) -> None:
 @results_argument
 @click.argument("name", metavar="NAME", type=click.Choice(FIGURE_NAMES))
 @where_option
-@click.option("--x", metavar="KEY", help="Swept key across.  [default: the key of most numbers]")
-@click.option(
-    "--y", metavar="NAME", help="Metric or share of curve.  [default: what the study asks for]"
-)
-@click.option("--hue", metavar="KEY", help="Swept key in colours; of a heat map, down.")
-@click.option(
-    "--panel", metavar="KEY", multiple=True, help="Swept key with a panel a value; repeatable."
-)
+@text("--x", "KEY", "Swept key across.  [default: the key of most numbers]")
+@text("--y", "NAME", "Metric or share of curve.  [default: what the study asks for]")
+@text("--hue", "KEY", "Swept key in colours; of a heat map, down.")
+@text("--panel", "KEY", "Swept key with a panel a value; repeatable.", multiple=True)
 @click.option(
     "--column",
     type=click.Choice(list(COLUMN_WIDTHS)),
@@ -359,14 +342,8 @@ def report(**given: Any) -> None:
     show_default=True,
     help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
 )
-@click.option(
-    "--plain",
-    is_flag=True,
-    help="In matplotlib's own style (matplotlibrc), not in that for print.",
-)
-@click.option(
-    "--no-note", is_flag=True, help="Without the small line at the top: a caption says it."
-)
+@flag("--plain", told="In matplotlib's own style (matplotlibrc), not in that for print.")
+@flag("--no-note", told="Without the small line at the top: a caption says it.")
 @elsewhere
 @code
 def figure_command(name: str, where: tuple[str, ...], **given: Any) -> None:
@@ -398,9 +375,7 @@ def figure_command(name: str, where: tuple[str, ...], **given: Any) -> None:
 
 @command(ONE_LANE, "replay")
 @lane
-@click.option(
-    "--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]"
-)
+@text("--engine", "NAME", "exact, nonlinear or stacked.  [default: the study's own]")
 @elsewhere
 @code
 def replay_command(**given: Any) -> None:
@@ -410,9 +385,7 @@ def replay_command(**given: Any) -> None:
 
 @command(ONE_LANE)
 @lane
-@click.option(
-    "--out", metavar="FILE", help="Ends in .mp4 (needs ffmpeg) or .gif.  [default: into figures/]"
-)
+@text("--out", "FILE", "Ends in .mp4 (needs ffmpeg) or .gif.  [default: into figures/]")
 @code
 def animate(**given: Any) -> None:
     """Write a film of one lane: who hears whom, what attacked vehicles tell, and the errors.
@@ -433,12 +406,12 @@ def animate(**given: Any) -> None:
     help="Of which to print; the file has all of them.  [default: tail_mean; spread without a"
     " navigator]",
 )
-@click.option(
+@number(
     "--samples",
-    type=click.IntRange(30),
+    30,
+    "Lanes of a cell for each quantity drawn; twice as many come on top.",
     default=1024,
     show_default=True,
-    help="Lanes of a cell for each quantity drawn; twice as many come on top.",
 )
 @out_of("Results folder.  [default: results/NAME]")
 def sensitivity_command(**given: Any) -> None:
@@ -453,9 +426,7 @@ def sensitivity_command(**given: Any) -> None:
 
 @command(FURTHER, "rare")
 @config_words
-@click.option(
-    "--points", type=click.IntRange(100), default=1000, show_default=True, help="Lanes of a level."
-)
+@number("--points", 100, "Lanes of a level.", default=1000, show_default=True)
 @out_of("Results folder.  [default: results/NAME]")
 def rare_command(**given: Any) -> None:
     """Tell how rarely the defence fails, where plain lanes would hardly show it.
@@ -483,18 +454,19 @@ def compare_command(**given: Any) -> None:
 
 @command(FURTHER)
 @results_argument
-@click.option(
+@text(
     "--mat",
+    "TEXT",
+    "A file for MATLAB.  [default: results.mat in RESULTS]",
     is_flag=False,
     flag_value="",
-    help="A file for MATLAB.  [default: results.mat in RESULTS]",
 )
-@click.option(
+@text(
     "--csv",
-    metavar="DIR",
+    "DIR",
+    "A folder of CSV files of the trajectories.  [default: csv in RESULTS]",
     is_flag=False,
     flag_value="",
-    help="A folder of CSV files of the trajectories.  [default: csv in RESULTS]",
 )
 def export(results: str, mat: str | None, csv: str | None) -> None:
     """Write results for other programs: --mat [FILE] for MATLAB, Octave, --csv [DIR] for R, Excel.
