@@ -67,7 +67,6 @@ def words(text):
     return re.sub(rf"{NUMBER.pattern}|\s", "", text)
 
 
-@pytest.mark.long
 def test_a_notebook_runs_and_shows_what_it_stores(stored, as_a_user_has_it):
     """No cell raises or warns; words are the stored ones, and numbers to rounding."""
     notebook = nbformat.read(stored, as_version=4)
@@ -83,7 +82,6 @@ def test_a_notebook_runs_and_shows_what_it_stores(stored, as_a_user_has_it):
             )
 
 
-@pytest.mark.long
 def test_a_notebook_is_short_and_stored_with_its_outputs(stored):
     """8 to 15 cells that ran in order, a title first, and figures of few bytes."""
     cells = nbformat.read(stored, as_version=4).cells
@@ -97,7 +95,6 @@ def test_a_notebook_is_short_and_stored_with_its_outputs(stored):
     assert stored.stat().st_size < MOST_BYTES
 
 
-@pytest.mark.long
 def test_numbers_of_an_output_are_compared_as_numbers():
     """A number that rounds differently is no other word; the words of a table do not depend on its width."""
     assert numbers("a 0.5\nb -1e-3") == [0.5, -1e-3]
