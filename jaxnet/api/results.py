@@ -54,8 +54,8 @@ class Replay(NamedTuple):
     path: UPath
 
     def __repr__(self) -> str:
-        told = (f"{name}={self.row[name]!r}" for name in ("cell", "sample", "status"))
-        return f"Replay({', '.join(told)})"
+        cell, sample, status = (self.row[key] for key in ("cell", "sample", "status"))
+        return f"Replay(cell={cell}, sample={sample}, status={status!r})"
 
 
 @dataclasses.dataclass(frozen=True, repr=False)

@@ -9,9 +9,11 @@ import jaxnet
 from jaxnet.cli.errors import echo
 from jaxnet.config import cells, document
 from jaxnet.config.schema import schema_text
+from jaxnet.lazy import LazyModule
 from jaxnet.store.folder import FolderError
 from jaxnet.view.text import check as checks
-from jaxnet.view.text import folders
+
+folders = LazyModule("jaxnet.view.text.folders")  # reads Parquet, of which `check` needs nothing
 
 
 def write_starter(file: Path) -> None:
