@@ -3,7 +3,7 @@
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,12 +11,10 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float, Int
-from matplotlib.artist import Artist
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from PIL import Image
 from upath import UPath
 
 from jaxnet.config.cells import Cell
@@ -61,7 +59,7 @@ class Film(NamedTuple):
 def film_of(
     lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarray, "times m"]
 ) -> Film:
-    """Extract a film of at most MOST_FRAMES_PER_FILM frames from a lane; `ahead` holds the headings [°]."""
+    """Extract a film of at most MOST_FRAMES_PER_FILM frames; `ahead` holds the headings [°]."""
     times = lane.sizes["time"]
     frames = np.unique(
         np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM)).round().astype(int)
@@ -114,10 +112,8 @@ def links_at(film: Film, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
     return [ends[chosen] for chosen in (kept & ~film.attacked, kept & film.attacked, ~kept)]
 
 
-def film_figure(
-    film: Film, cell: Cell, sample: int
-) -> tuple[Figure, list[Artist], Callable[[int], None]]:
-    """Return the figure, its moving artists, and a function that moves these artists to a frame."""
+def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, Callable[[int], None]]:
+    """Return the figure, and a function that moves it to a frame."""
     drawn = Figure(figsize=FILM_SIZE, dpi=FILM_RESOLUTION)
     plane, below = drawn.subplots(2, 1, height_ratios=[3.2, 1])
     cursor = draw_errors_below(below, film, cell)
@@ -167,11 +163,10 @@ def film_figure(
         clock.set_text(f"t = {film.time[frame]:.1f} s")
         cursor.set_xdata([film.time[frame]] * 2)
 
-    return drawn, [*links, false_links, vehicles, arrows, false, navigator, clock, cursor], show
+    return drawn, show
 
 
 def heading_vectors(film: Film, frame: int) -> Float[np.ndarray, "2 m"]:
-    """Return unit vectors along the headings at a frame."""
     return np.stack([np.cos(film.heading[frame]), np.sin(film.heading[frame])])
 
 
@@ -201,40 +196,29 @@ def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
 
 def film_legend(film: Film) -> list[Line2D]:
     """Return legend entries for the links and markers that occur in the film."""
-    node: dict[str, Any] = {"linestyle": "", "markersize": 5}
+    rim = {"markerfacecolor": "white", "markeredgecolor": style.RED}
+    markers: dict[str, dict[str, Any]] = {
+        "navigator": {"marker": "s", "color": "0.15"},
+        "vehicle and heading": {"marker": "o", "color": "0.15", "markerfacecolor": "white"},
+        "attacked vehicle": {"marker": "o", **rim},
+        "place that is told falsely": {"marker": "x", "color": style.RED},
+    }
+    if film.leaderless:
+        del markers["navigator"]
+    if not film.told.size:
+        markers = {called: look for called, look in markers.items() if look.get("color") == "0.15"}
     handles = [
-        *[Line2D([], [], marker="s", color="0.15", label="navigator", **node)]
-        * (not film.leaderless),
-        Line2D(
-            [],
-            [],
-            marker="o",
-            color="0.15",
-            markerfacecolor="white",
-            label="vehicle and heading",
-            **node,
-        ),
+        Line2D([], [], linestyle="", markersize=5, label=called, **look)
+        for called, look in markers.items()
     ]
-    if film.told.size:
-        rim = {"markerfacecolor": "white", "markeredgecolor": style.RED}
-        handles.append(Line2D([], [], marker="o", label="attacked vehicle", **rim, **node))
-        handles.append(
-            Line2D([], [], marker="x", color=style.RED, label="place that is told falsely", **node)
-        )
-    shown = np.array(
-        [[len(ends) for ends in links_at(film, frame)] for frame in range(len(film.time))]
-    )
-    ever_shown: Any = shown.any(axis=0)
-    looks = [
-        (called, look)
-        for (called, look), ever in zip(FILM_LINK_STYLES.items(), ever_shown, strict=True)
-        if ever
-    ]
-    return handles + [Line2D([], [], **look, label=called) for called, look in looks]
+    frames = [links_at(film, frame) for frame in range(len(film.time))]
+    for style_number, (called, look) in enumerate(FILM_LINK_STYLES.items()):
+        if any(len(ends[style_number]) for ends in frames):
+            handles.append(Line2D([], [], label=called, **look))
+    return handles
 
 
 def find_ffmpeg() -> str | None:
-    """Return the path of ffmpeg, from the system or the extra `video`, or None."""
     if found := shutil.which("ffmpeg"):
         return found
     try:
@@ -246,78 +230,39 @@ def find_ffmpeg() -> str | None:
 
 
 def film_format(out: str | None) -> str:
-    """Return the requested file extension, or .mp4 if ffmpeg is found, or .gif."""
     kind = Path(out).suffix.lower() if out else ".mp4" if find_ffmpeg() else ".gif"
     if kind not in FILM_FORMATS:
         raise FolderError(
             f"out: a film is a file that ends in {' or '.join(FILM_FORMATS)} (got {out})"
         )
     if kind == ".mp4" and not find_ffmpeg():
-        raise FolderError(
-            f"out: {out} needs ffmpeg, and none is found: install it, or pip install 'jaxnet-sim[video]', or"
-            " ask for a .gif"
-        )
+        told = f"out: {out} needs ffmpeg, and none is found: install it, or pip install"
+        raise FolderError(f"{told} 'jaxnet-sim[video]', or ask for a .gif")
     return kind
-
-
-def film_frames(film: Film, cell: Cell, sample: int) -> Iterator[Image.Image]:
-    """Yield the frames in order; draw the static background once."""
-    drawn, moving, show = film_figure(film, cell, sample)
-    canvas = FigureCanvasAgg(drawn)
-    for each in moving:
-        each.set_animated(True)
-    canvas.draw()
-    still = canvas.copy_from_bbox(drawn.bbox)
-    for frame in range(len(film.time)):
-        show(frame)
-        canvas.restore_region(still)
-        for each in moving:
-            drawn.draw_artist(each)
-        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
-
-
-def write_gif(file: Path, frames: Iterator[Image.Image]) -> None:
-    """Write the frames as a GIF that loops."""
-    reduced = [frame.quantize(128, dither=Image.Dither.NONE) for frame in frames]
-    reduced[0].save(
-        file, save_all=True, append_images=reduced[1:], duration=1000 // FRAME_RATE, loop=0
-    )
-
-
-def write_mp4(file: Path, frames: Iterator[Image.Image]) -> None:
-    """Write the frames as an H.264 video, which browsers and slides play."""
-    width, height = (int(inches * FILM_RESOLUTION) for inches in FILM_SIZE)
-    raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {FRAME_RATE} -i -".split()
-    words = [
-        str(find_ffmpeg()),
-        "-loglevel",
-        "error",
-        "-y",
-        *raw,
-        "-c:v",
-        "libx264",
-        "-pix_fmt",
-        "yuv420p",
-        str(file),
-    ]
-    with subprocess.Popen(words, stdin=subprocess.PIPE) as process:
-        assert process.stdin is not None
-        for frame in frames:
-            process.stdin.write(frame.tobytes())
-        process.stdin.close()
-    if process.returncode:
-        raise FolderError(f"out: ffmpeg ended with status {process.returncode}; ask for a .gif")
 
 
 def save_film(folder: Folder, name: str, film: Film, cell: Cell, sample: int, told: Steps) -> UPath:
     """Draw a film and store the complete file in a results folder."""
-
-    def counted() -> Iterator[Image.Image]:
-        for number, frame in enumerate(film_frames(film, cell, sample), 1):
-            yield frame
-            told("frames", number, len(film.time))
-
-    with mpl.rc_context(style.PRINT_STYLE), tempfile.TemporaryDirectory() as scratch:
+    ffmpeg = find_ffmpeg()
+    style_of_film: dict[Any, Any] = style.PRINT_STYLE | (
+        {"animation.ffmpeg_path": ffmpeg} if ffmpeg else {}
+    )
+    with mpl.rc_context(style_of_film), tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch) / name
-        (write_gif if made.suffix.lower() == ".gif" else write_mp4)(made, counted())
+        drawn, show = film_figure(film, cell, sample)
+        drawn.canvas.draw()
+        drawn.set_layout_engine("none")  # which would place the panels anew for each frame
+        if made.suffix.lower() == ".gif":
+            writer = PillowWriter(FRAME_RATE)
+        else:  # an H.264 video, which browsers and slides play
+            writer = FFMpegWriter(FRAME_RATE, "libx264", extra_args=["-pix_fmt", "yuv420p"])
+        try:
+            with writer.saving(drawn, str(made), FILM_RESOLUTION):
+                for frame in range(len(film.time)):
+                    show(frame)
+                    writer.grab_frame()
+                    told("frames", frame + 1, len(film.time))
+        except subprocess.CalledProcessError as error:
+            ended = f"out: ffmpeg ended with status {error.returncode}; ask for a .gif"
+            raise FolderError(ended) from error
         return folder.put(name, lambda file: file.write(made.read_bytes()))

@@ -61,13 +61,20 @@ def jaxnet_does(*words):
             "",
             "out of memory: ulimit -v allows 0.41 GB of addresses, 0.7 GB are needed",
         ),
-        (
+        pytest.param(
             "ulimit -v 2000000;",
             "run",
             "",
             "out of memory: ulimit -v allows 2 GB of addresses, 3.2 GB are needed",
+            marks=pytest.mark.long,
         ),
-        ("JAX_PLATFORMS=nonsense", "run", "", "JAX: Unable to initialize backend 'nonsense'"),
+        pytest.param(
+            "JAX_PLATFORMS=nonsense",
+            "run",
+            "",
+            "JAX: Unable to initialize backend 'nonsense'",
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_a_machine_that_cannot_is_told_in_a_line(config, tmp_path, before, command, after, says):
@@ -81,6 +88,7 @@ def test_a_machine_that_cannot_is_told_in_a_line(config, tmp_path, before, comma
     assert told.startswith(says)
 
 
+@pytest.mark.long
 def test_a_terminal_without_our_characters_shows_others(config):
     """Such as latin-1, which has no ‖."""
     ended = subprocess.run(
@@ -366,6 +374,7 @@ def test_results_are_exported(swept):
     assert jaxnet_does("export", swept).exit_code == 2
 
 
+@pytest.mark.long
 def test_a_film_is_made_by_a_command(finished):
     """Into figures, told where."""
     out, _ = finished

@@ -87,7 +87,7 @@ def test_a_stored_lane_is_not_simulated_again(results):
     np.testing.assert_allclose(error.mean(axis=1), tracking, rtol=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["gif", "mp4"])
+@pytest.mark.parametrize("kind", ["gif", pytest.param("mp4", marks=pytest.mark.long)])
 def test_films_are_written(results, tmp_path, kind):
     """A frame for each output; something moves; nothing else is left behind."""
     path = results.animate(2, 0, tmp_path / f"film.{kind}")

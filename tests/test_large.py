@@ -29,6 +29,7 @@ print(json.dumps(peak_of(json.loads(sys.argv[2]))))
 """  # by itself, for with types checked it takes a minute
 
 
+@pytest.mark.long
 def test_memory_grows_with_links_and_not_with_the_square_of_vehicles():
     """At its peak, of Python and NumPy together, it is less than a byte for each pair of vehicles."""
     lattice = {"kind": "lattice", "weighting": "metropolis", "navigator": {"share": 0.5}}

@@ -11,6 +11,7 @@ from jaxnet.lanes.uniforms import Keyed
 pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
 
+@pytest.mark.long
 def test_no_lane_is_over_a_bound_that_holds_for_it():
     """Eight cells; static is attained, or nearly, and so held against what would break a smaller one."""
     held, failed = stress.stress(8, seed=0)

@@ -6,6 +6,8 @@ import sys
 import zipfile
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 STUDY = "{'engine': 'exact', 'horizon': 0.2, 'tail': 0.1, 'vehicles': 3, 'attack': 'none'}"
 PROGRAM = f"""
@@ -19,6 +21,7 @@ print(results.manifest["lanes"]["ok"], write_page(results))
 """
 
 
+@pytest.mark.long
 def test_a_wheel_runs_outside_the_checkout(tmp_path):
     """Built from the checkout, unpacked elsewhere: a study is run and its page written."""
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]

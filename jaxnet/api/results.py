@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple, SupportsInt
 import pandas as pd
 from upath import UPath
 
-from jaxnet.api import writing
-from jaxnet.api.writing import AnyPath
+from jaxnet.api.places import AnyPath
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
+from jaxnet.store import matlab, tidy
 from jaxnet.store import results as stored
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Part, arrays_at, whole_number
@@ -18,16 +18,12 @@ from jaxnet.store.results import Part, arrays_at, whole_number
 if TYPE_CHECKING:
     import xarray
 
-    from jaxnet.runs import replay as replays
-    from jaxnet.store import matlab, tidy
-    from jaxnet.view.figures import every as figures
-    from jaxnet.view.text import tables
-else:
-    figures = LazyModule("jaxnet.view.figures.every")
-    matlab = LazyModule("jaxnet.store.matlab")
-    replays = LazyModule("jaxnet.runs.replay")
-    tables = LazyModule("jaxnet.view.text.tables")
-    tidy = LazyModule("jaxnet.store.tidy")
+    from jaxnet.view.figures.every import Plots
+
+figures = LazyModule("jaxnet.view.figures.every")
+replays = LazyModule("jaxnet.runs.replay")
+tables = LazyModule("jaxnet.view.text.tables")
+writing = LazyModule("jaxnet.api.writing")
 
 __all__ = ["Part", "Replay", "Results", "open"]
 
@@ -58,8 +54,8 @@ class Replay(NamedTuple):
     path: UPath
 
     def __repr__(self) -> str:
-        """Return one line that names the lane."""
-        return f"Replay(cell={self.row['cell']}, sample={self.row['sample']}, status={self.row['status']!r})"
+        cell, sample, status = (self.row[key] for key in ("cell", "sample", "status"))
+        return f"Replay(cell={cell}, sample={sample}, status={status!r})"
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -108,12 +104,14 @@ class Results(stored.Results):
         Raises
         ------
         FolderError
-            The run is unfinished, the study neither fixes nor sweeps ā, or another process writes there.
+            The run is unfinished, the study neither fixes nor sweeps ā, or another process writes
+            there.
 
         Examples
         --------
         >>> import jaxnet
-        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "sweep": {"attack.magnitude": [1, 10]}}
+        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+        >>> keys["sweep"] = {"attack.magnitude": [1, 10]}
         >>> results = jaxnet.simulate(keys, samples=3, progress=False)
         >>> fits = results.fit()
         >>> fits["model"].unique().tolist()
@@ -170,16 +168,18 @@ class Results(stored.Results):
     def report(self, out: AnyPath | None = None, replay: bool = True) -> UPath:
         """Write the figures and `report.html`, a page that works offline.
 
-        The method first makes missing fits. It also simulates the lanes again that the page shows: the median
-        and the worst lane of up to twelve cells, and the worst lanes of a study that has `recovery`.
+        The method first makes missing fits. It also simulates the lanes again that the page shows:
+        the median and the worst lane of up to twelve cells, and the worst lanes of a study that has
+        `recovery`.
 
         Parameters
         ----------
         out
-            Folder for the page and all that it is made of, also for results in memory; None is the results'
-            own folder.
+            Folder for the page and all that it is made of, also for results in memory; None is the
+            results' own folder.
         replay
-            Whether to simulate lanes again; if not, the page shows the lanes whose trajectories are stored.
+            Whether to simulate lanes again; if not, the page shows the lanes whose trajectories are
+            stored.
 
         Returns
         -------
@@ -189,8 +189,8 @@ class Results(stored.Results):
         Raises
         ------
         FolderError
-            The run is unfinished, another process writes there, or `out` holds files that were made of other
-            rows.
+            The run is unfinished, another process writes there, or `out` holds files that were made
+            of other rows.
 
         Examples
         --------
@@ -244,8 +244,8 @@ class Results(stored.Results):
         Parameters
         ----------
         out
-            File name that ends in .mat, None for `results.mat` in the folder; or the folder of the CSV files,
-            None for `csv` in the folder.
+            File name that ends in .mat, None for `results.mat` in the folder; or the folder of the
+            CSV files, None for `csv` in the folder.
         form
             "mat", or "csv": a file for each stored lane, with a row for each time and vehicle.
 
@@ -257,8 +257,8 @@ class Results(stored.Results):
         Raises
         ------
         FolderError
-            A variable of MATLAB's file would exceed 2 GB, no trajectories are stored for CSV, or `form` is
-            another.
+            A variable of MATLAB's file would exceed 2 GB, no trajectories are stored for CSV, or
+            `form` is another.
 
         Examples
         --------
@@ -278,7 +278,7 @@ class Results(stored.Results):
         raise FolderError(f"form: one of mat, csv (got {form!r})")
 
     @property
-    def plot(self) -> "figures.Plots":
+    def plot(self) -> "Plots":
         """Figures, one method each, as in `results.plot.tails()`."""
         return figures.Plots(self)
 
@@ -292,8 +292,8 @@ def open(
 ) -> Results:
     """Open a results folder.
 
-    Opening a folder runs no code that the folder names. A kind from outside needs its code for replays only.
-    Without its code, the kind is known by the folder's description of it.
+    Opening a folder runs no code that the folder names. A kind from outside needs its code for
+    replays only. Without its code, the kind is known by the folder's description of it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a script does with a study: simulate it, search it, analyse its draws, compare it with another."""
+"""What a script does with a study: simulate it, search it, analyse its draws, compare it."""
 
 import contextlib
 import weakref
@@ -6,16 +6,8 @@ from typing import TYPE_CHECKING, SupportsInt
 
 import pandas as pd
 
-from jaxnet.api.results import Results, open
-from jaxnet.api.writing import (
-    AnyPath,
-    default_out,
-    in_memory,
-    with_random_lanes,
-    write_rare,
-    write_search,
-    write_sensitivity,
-)
+from jaxnet.api.places import AnyPath, default_out, in_memory, with_random_lanes
+from jaxnet.api.results import Results, open, writing
 from jaxnet.config.study import StudySource, load
 from jaxnet.engine.cores import cores
 from jaxnet.lazy import LazyModule
@@ -32,15 +24,13 @@ from jaxnet.view.text import progress as reports
 if TYPE_CHECKING:
     from jax import Array
 
-    from jaxnet.engine import batch
-    from jaxnet.runs import field as fields
-    from jaxnet.runs import run as runs
-    from jaxnet.statistics import pairs
-else:
-    batch = LazyModule("jaxnet.engine.batch")
-    fields = LazyModule("jaxnet.runs.field")
-    pairs = LazyModule("jaxnet.statistics.pairs")
-    runs = LazyModule("jaxnet.runs.run")
+    from jaxnet.runs.field import LaneField
+    from jaxnet.statistics.pairs import Comparison
+
+batch = LazyModule("jaxnet.engine.batch")
+fields = LazyModule("jaxnet.runs.field")
+pairing = LazyModule("jaxnet.statistics.pairs")
+runs = LazyModule("jaxnet.runs.run")
 
 ProgressOption = reports.ReportLanes | bool | None
 
@@ -66,15 +56,16 @@ def run(
     fresh
         Whether to remove earlier results of the folder first.
     progress
-        A function of lanes done, lanes in all, and lanes failed. None shows a bar in a terminal or notebook,
-        True also prints a line each half minute elsewhere, False shows nothing.
+        A function of lanes done, lanes in all, and lanes failed. None shows a bar in a terminal or
+        notebook, True also prints a line each half minute elsewhere, False shows nothing.
     devices
         Largest number of cores or accelerators; None is all of them.
     chunk
-        Number of lanes that advance side by side; None suits the engine. Another number changes rows by
-        rounding.
+        Number of lanes that advance side by side; None suits the engine. Another number changes
+        rows by rounding.
     workers
-        Number of processes that share the cores. A script that asks for workers must guard its `__main__`.
+        Number of processes that share the cores. A script that asks for workers must guard its
+        `__main__`.
     cluster
         Address of a dask scheduler whose workers see the results folder.
 
@@ -128,8 +119,8 @@ def run_part(
 ) -> Part:
     """Simulate shards `part`, `part + parts`, … of a study.
 
-    Any number of these calls may run at the same time. Afterwards `run` simulates missing lanes and makes the
-    tables and arrays.
+    Any number of these calls may run at the same time. Afterwards `run` simulates missing lanes and
+    makes the tables and arrays.
 
     Parameters
     ----------
@@ -185,8 +176,8 @@ def simulate(
 ) -> Results:
     """Simulate a study in memory.
 
-    The results live in this process alone, and their memory is freed with the returned object. Tables and
-    arrays that were read from it stay.
+    The results live in this process alone, and their memory is freed with the returned object.
+    Tables and arrays that were read from it stay.
 
     Parameters
     ----------
@@ -210,7 +201,8 @@ def simulate(
     Examples
     --------
     >>> import jaxnet
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "sweep": {"attack.magnitude": [1, 10]}}
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> keys["sweep"] = {"attack.magnitude": [1, 10]}
     >>> results = jaxnet.simulate(keys, samples=3, progress=False)
     >>> results.cells[["attack.magnitude", "lanes", "ok"]]
        attack.magnitude  lanes  ok
@@ -226,13 +218,13 @@ def simulate(
 
 def field(
     study: StudySource, sample: SupportsInt = 0, cell: SupportsInt = 0
-) -> "tuple[fields.LaneField, Array]":
+) -> "tuple[LaneField, Array]":
     """Return the vector field of one lane, and the state from which the lane starts.
 
-    `field(t, state, args)`, as diffrax takes it, is pure and jitted. Its arguments are the time [s] and a
-    state of shape (n, m): rows x [m], y [m], heading [rad], speed [m/s] and the vehicle's further states, one
-    column a vehicle. `args` is ignored. Vehicles decide at every evaluation, whatever the study's `tick` is.
-    The field jumps where a decision changes.
+    `field(t, state, args)`, as diffrax takes it, is pure and jitted. Its arguments are the time [s]
+    and a state of shape (n, m): rows x [m], y [m], heading [rad], speed [m/s] and the vehicle's
+    further states, one column a vehicle. `args` is ignored. Vehicles decide at every evaluation,
+    whatever the study's `tick` is. The field jumps where a decision changes.
 
     Parameters
     ----------
@@ -268,9 +260,7 @@ def field(
     return fields.field_of(load(study), whole_number("cell", cell), whole_number("sample", sample))
 
 
-def compare(
-    first: stored.Results | AnyPath, second: stored.Results | AnyPath
-) -> "pairs.Comparison":
+def compare(first: stored.Results | AnyPath, second: stored.Results | AnyPath) -> "Comparison":
     """Compare the lanes of two studies, paired by their draws.
 
     Parameters
@@ -293,13 +283,14 @@ def compare(
     >>> import jaxnet
     >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 4}
     >>> weak, strong = (
-    ...     jaxnet.simulate(keys | {"attack": {"magnitude": size}}, progress=False) for size in (1, 10)
+    ...     jaxnet.simulate(keys | {"attack": {"magnitude": size}}, progress=False)
+    ...     for size in (1, 10)
     ... )
     >>> bool((jaxnet.compare(weak, strong).cells["tail_mean_difference"] > 0).all())
     True
     """
     a, b = (each if isinstance(each, stored.Results) else open(each) for each in (first, second))
-    return pairs.compare_studies(a, b)
+    return pairing.compare_studies(a, b)
 
 
 def sensitivity(
@@ -341,7 +332,7 @@ def sensitivity(
     ['initial.position', 'initial.heading', 'initial.speed', 'attack.phase']
     """
     study = load(study)
-    table, *_ = write_sensitivity(study, whole_number("samples", samples), out)
+    table, *_ = writing.write_sensitivity(study, whole_number("samples", samples), out)
     return read_table(table)
 
 
@@ -383,7 +374,7 @@ def rare(
        cell  share  levels  lanes
     0     0    1.0       1    200
     """
-    return read_table(write_rare(load(study), whole_number("points", points), out))
+    return read_table(writing.write_rare(load(study), whole_number("points", points), out))
 
 
 def search(
@@ -398,7 +389,8 @@ def search(
 ) -> Results:
     """Search for the attacker's worst choice in each cell, beside as many random lanes.
 
-    The random lanes are a run of the study. An interrupted search goes on. Workers search cells side by side.
+    The random lanes are a run of the study. An interrupted search goes on. Workers search cells
+    side by side.
 
     Parameters
     ----------
@@ -437,6 +429,6 @@ def search(
     with (
         contextlib.nullcontext(no_progress) if progress is False else reports.report_steps() as told
     ):
-        for _ in write_search(results, told, devices, chunk, workers, cluster):
+        for _ in writing.write_search(results, told, devices, chunk, workers, cluster):
             pass
     return results

@@ -1,62 +1,33 @@
-"""What the command line writes. A function yields the path of each file as soon as the file is whole."""
+"""What the command line writes. A function yields the path of each file once the file is whole.
+
+All that is heavy is imported here: `jaxnet.api.results` and the commands import this module late.
+"""
 
 import functools
-import uuid
 from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from upath import UPath
 
-from jaxnet.config.document import ConfigError, Problem
-from jaxnet.config.study import Study, StudySource, load
+from jaxnet import film
+from jaxnet.api.places import AnyPath, default_out, in_memory
+from jaxnet.config.study import Study
+from jaxnet.engine import batch
 from jaxnet.engine.cores import cores
-from jaxnet.lazy import LazyModule
+from jaxnet.explore import rare, sensitivity, worst
+from jaxnet.runs import replay, watched
 from jaxnet.runs.cache import enable
 from jaxnet.runs.cluster import executor
+from jaxnet.statistics import pairs, ultimate
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.admission import claim
 from jaxnet.store.folder import Folder
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.store.tables import write_table
+from jaxnet.view import page
 from jaxnet.view.figures import SENSITIVITY, ULTIMATE
-
-if TYPE_CHECKING:
-    from jaxnet import film
-    from jaxnet.engine import batch
-    from jaxnet.explore import rare, sensitivity, worst
-    from jaxnet.runs import replay, watched
-    from jaxnet.statistics import pairs, ultimate
-    from jaxnet.view import page
-    from jaxnet.view.figures import every as figures
-    from jaxnet.view.page import comparison, trajectories
-else:
-    batch = LazyModule("jaxnet.engine.batch")
-    comparison = LazyModule("jaxnet.view.page.comparison")
-    figures = LazyModule("jaxnet.view.figures.every")
-    film = LazyModule("jaxnet.film")
-    page = LazyModule("jaxnet.view.page")
-    pairs = LazyModule("jaxnet.statistics.pairs")
-    rare = LazyModule("jaxnet.explore.rare")
-    replay = LazyModule("jaxnet.runs.replay")
-    sensitivity = LazyModule("jaxnet.explore.sensitivity")
-    trajectories = LazyModule("jaxnet.view.page.trajectories")
-    ultimate = LazyModule("jaxnet.statistics.ultimate")
-    watched = LazyModule("jaxnet.runs.watched")
-    worst = LazyModule("jaxnet.explore.worst")
-
-AnyPath = str | Path | UPath
-
-
-def default_out(study: Study, out: AnyPath | None) -> AnyPath:
-    """Return the results folder of a study: the given one, or results/NAME."""
-    return Path("results") / study.config.name if out is None else out
-
-
-def in_memory() -> Folder:
-    """Return a new folder in the memory of this process."""
-    return Folder(f"memory://jaxnet/{uuid.uuid4().hex}")
+from jaxnet.view.figures import every as figures
+from jaxnet.view.page import comparison, trajectories
 
 
 def write_sensitivity(
@@ -80,7 +51,7 @@ def write_rare(study: Study, points: int, out: AnyPath | None, told: Steps = no_
         return rare.count_rare(study, folder, points, progress=told)
 
 
-def write_comparison(found: "pairs.Comparison", out: AnyPath) -> Iterator[UPath]:
+def write_comparison(found: pairs.Comparison, out: AnyPath) -> Iterator[UPath]:
     """Write the tables and the page of a comparison into a folder."""
     folder = Folder(out)
     pages = {
@@ -136,9 +107,9 @@ def write_figure(
 ) -> Iterator[UPath]:
     """Write one of the figures in `view.figures.FIGURE_NAMES`.
 
-    `where` selects cells, `column` a width, `plain` matplotlib's own style, `note` the small line at the top,
-    and `axes` has the arguments x, y, hue and panel, as in `Results.plot`. Raises FolderError if the folder
-    has no data for the figure.
+    `where` selects cells, `column` a width, `plain` matplotlib's own style, `note` the small line
+    at the top, and `axes` has the arguments x, y, hue and panel, as in `Results.plot`. Raises
+    FolderError if the folder has no data for the figure.
     """
     enable()
     with results.folder.writing():
@@ -156,7 +127,8 @@ def write_report(
 ) -> Iterator[UPath]:
     """Write missing fits, the trajectories that the page shows, the figures, and the page at last.
 
-    Without `replayed` no lane is simulated again; the page shows the lanes whose trajectories are stored.
+    Without `replayed` no lane is simulated again; the page shows the lanes whose trajectories are
+    stored.
     """
     enable()
     if results.analyses and not results.has_run:
@@ -181,17 +153,6 @@ def write_analyses(results: Results, told: Steps = no_progress) -> Iterator[UPat
     with results.folder.writing():
         yield from figures.draw_figures(results, SENSITIVITY, told)
         yield page.write_page(results)
-
-
-def with_random_lanes(study: StudySource) -> Study:
-    """Return the study with as many random lanes as its search takes; raise ConfigError without a search."""
-    study = load(study)
-    if study.config.search is None:
-        problem = Problem(
-            study.config.name, "search", "is missing: search: {over: {attack.phase: each}}"
-        )
-        raise ConfigError([problem])
-    return load(study, {"samples": study.config.search.budget})
 
 
 def write_search(

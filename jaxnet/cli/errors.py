@@ -1,10 +1,9 @@
-"""How a command ends: status 2 and a plain message on a user's mistake, 130 on Ctrl-C, 143 on SIGTERM, 70 on
-an error of jaxnet's own.
+"""How a command ends: status 2 and a plain message on a user's mistake, 130 on Ctrl-C, 143 on
+SIGTERM, 70 on an error of jaxnet's own.
 """
 
 import contextlib
 import errno
-import io
 import os
 import shlex
 import signal
@@ -13,26 +12,15 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import click
 
-from jaxnet.cli.echo import echo
-from jaxnet.lazy import LazyModule
-from jaxnet.runs import cache
+from jaxnet.config.document import ConfigError, escape_controls
+from jaxnet.outside import blame
+from jaxnet.outside.modules import KindError
+from jaxnet.runs.cluster import KEPT, ClusterError
+from jaxnet.store.folder import FolderError, UnwrittenError
 from jaxnet.version import __version__
-
-if TYPE_CHECKING:
-    from jaxnet.config import document
-    from jaxnet.outside import blame, modules
-    from jaxnet.runs import cluster
-    from jaxnet.store import folder
-else:
-    cluster = LazyModule("jaxnet.runs.cluster")
-    document = LazyModule("jaxnet.config.document")
-    folder = LazyModule("jaxnet.store.folder")
-    modules = LazyModule("jaxnet.outside.modules")
-    blame = LazyModule("jaxnet.outside.blame")
 
 STOPPED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 REPEAT_AFTER = 0.5  # [s]
@@ -40,11 +28,17 @@ NO_PLATFORM = "Unable to initialize backend"  # how JAX begins its error for JAX
 DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
+def echo(message: object, err: bool = False, nl: bool = True) -> None:
+    """Print a message; what it quotes of files moves no cursor, and names no window."""
+    click.echo(escape_controls(str(message), but="\n\t"), err=err, nl=nl)
+
+
 @contextlib.contextmanager
 def interrupts() -> Iterator[list[int]]:
     """Have Ctrl-C and SIGTERM raise KeyboardInterrupt; yield the list of the signals that came.
 
-    KeyboardInterrupt is raised again after `REPEAT_AFTER`, since some code, as a callback of gc, ignores it.
+    KeyboardInterrupt is raised again after `REPEAT_AFTER`, since some code, as a callback of gc,
+    ignores it.
     """
     came: list[int] = []
 
@@ -64,7 +58,7 @@ def interrupts() -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def unforeseen() -> Iterator[None]:
-    """Exit with status 70, one line and a file with the traceback on an error that nobody foresaw."""
+    """Exit with status 70, a line and a file with the traceback on an error that nobody foresaw."""
     try:
         yield
     except (click.ClickException, click.exceptions.Exit, click.Abort):
@@ -99,28 +93,23 @@ def user_errors() -> Iterator[None]:
             yield
     except KeyboardInterrupt:
         number = came[0] if came else signal.SIGINT
-        echo(f"{STOPPED[number]}; {cluster.KEPT}", err=True)
+        echo(f"{STOPPED[number]}; {KEPT}", err=True)
         sys.stdout.flush()
         os._exit(128 + number)  # not to wait for programs under way, whose lanes nobody will take
     except OSError as error:
         if error.errno not in DISK_FAULTS and not isinstance(
-            error, folder.UnwrittenError | PermissionError
+            error, UnwrittenError | PermissionError
         ):
             raise
         told = f"cannot write standard output: {error.strerror}" if from_echo(error) else str(error)
         echo("; ".join(filter(None, (told, remedy()))), err=True)
         sys.exit(2)
     except MemoryError as error:
-        echo(f"out of memory{f': {error}' * bool(str(error))}; {cluster.KEPT}", err=True)
+        echo(f"out of memory{f': {error}' * bool(str(error))}; {KEPT}", err=True)
         sys.exit(2)
-    except (
-        document.ConfigError,
-        folder.FolderError,
-        cluster.ClusterError,
-        modules.KindError,
-    ) as error:
+    except (ConfigError, FolderError, ClusterError, KindError) as error:
         echo(str(error), err=True)
-        if isinstance(error, document.ConfigError) and len(error.problems) > 1:
+        if isinstance(error, ConfigError) and len(error.problems) > 1:
             echo(f"{len(error.problems)} errors", err=True)
         sys.exit(2)
     except RuntimeError as error:
@@ -136,27 +125,10 @@ def from_echo(error: OSError) -> bool:
     return error.filename is None and any(frame.f_code is click.echo.__code__ for frame in frames)
 
 
-def prepare_streams() -> None:
-    """Have a terminal without our characters show others; exit with status 2 without a standard output, or
-    with too little memory for any command.
-    """
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
-    if sys.stdout is None:
-        click.echo("standard output is closed: give it a file, as > /dev/null", err=True)
-        sys.exit(2)
-    try:
-        cache.refuse_low_limit(cache.OF_CHECKS)
-    except MemoryError as error:
-        click.echo(f"out of memory: {error}", err=True)
-        sys.exit(2)
-
-
 def remedy() -> str:
-    """Return advice for a command that cannot write: repeat it if it resumes, or give another place."""
+    """Advise a command that cannot write: repeat it if it resumes, or give another place."""
     names = {option.name for option in click.get_current_context().command.params}
     resumes = "config" in names and "results" not in names
     options = {"out": "--out", "mat": "--mat"}
     elsewhere = [f"give another place with {options[name]}" for name in options if name in names]
-    return " or ".join([cluster.KEPT] * resumes + elsewhere)
+    return " or ".join([KEPT] * resumes + elsewhere)

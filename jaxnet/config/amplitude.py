@@ -1,7 +1,7 @@
 """The amplitude in force: how far an attack of magnitude ā shifts a position that is received.
 
-ā bounds the signal and its derivatives. A fast signal therefore has a small amplitude: a harmonic of
-frequency ω shifts positions by ā / max(1, ω^r), with r = 3 the order of a robot.
+ā bounds the signal and its derivatives. A fast signal therefore has a small amplitude: a harmonic
+of frequency ω shifts positions by ā / max(1, ω^r), with r = 3 the order of a robot.
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ from jaxnet.kinds.kind import AnyKind, Kind, holds_drawn
 def known_amplitude(scenario: Scenario) -> float:
     """Return the greatest distance by which attacked links shift a position [m].
 
-    The amplitude is not-a-number without an attack, where ā bounds nothing, and where lanes or vehicles
-    differ. The attack's code has to be available.
+    The amplitude is not-a-number without an attack, where ā bounds nothing, and where lanes or
+    vehicles differ. The attack's code has to be available.
     """
     attack = scenario.attack
     if (

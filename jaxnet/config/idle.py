@@ -1,7 +1,6 @@
-"""Keys that a config gives and that change nothing, for `jaxnet check`: a table of rules, one a line."""
+"""Keys that a config gives and that change nothing, for `jaxnet check`."""
 
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Iterator
 
 from pydantic import BaseModel
 
@@ -11,98 +10,57 @@ from jaxnet.config.scenario import links_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import usual_targets
 from jaxnet.kinds.fields import is_drawn, value_range
-from jaxnet.kinds.ticks import HIGHEST, JET_ORDERS, ErrorsAtTicks
+from jaxnet.kinds.ticks import HIGHEST, JET_ORDERS
 from jaxnet.model.wording import ranges
 
 DEFAULTS = Scenario()
 LinkWeights = dict[tuple[int, int], float]  # weights by listener, from 0, and source
-ANNOUNCED = "the defence has nobody announce: give score: announced"
-
-
-class IdleRule(NamedTuple):
-    """Keys, when they change nothing, and why."""
-
-    keys: tuple[str, ...]
-    idle: Callable[[Scenario], bool]
-    why: str
-
-
-def exact(errors: ErrorsAtTicks) -> bool:
-    """Return whether all standard deviations are 0."""
-    return not any(getattr(errors, order, 0) for order in (*JET_ORDERS, HIGHEST))
-
-
-def misses_ticks(key: str) -> Callable[[Scenario], bool]:
-    """Return whether the time at a key is between two ticks."""
-
-    def idle(scenario: Scenario) -> bool:
-        _, time = found(scenario, key)
-        times = time if isinstance(time, list) else [value_range(time)[0]]
-        return (
-            not is_drawn(time)
-            and scenario.tick > 0
-            and not all(is_multiple(t, scenario.tick) for t in times)
-        )
-
-    return idle
-
-
+OF_ERRORS = ("outliers", "outlier_factor", "correlation", "of")
 PERIODS = ("topology.every", "topology.at", "channel.loss.period", "channel.loss.length")
-RULES = (
-    IdleRule(
-        ("channel.extrapolate",),
-        lambda s: not s.channel.late,
-        "no word is late: give channel.delay",
-    ),
-    IdleRule(("channel.delay_of",), lambda s: not is_drawn(s.channel.delay), "no delay is drawn"),
-    IdleRule(
-        ("channel.missing",),
-        lambda s: s.channel.loss.perfect() and not s.channel.late,
-        "no message is lost: give channel.loss",
-    ),
-    *(
-        IdleRule(
-            tuple(f"{at}.{key}" for key in ("outliers", "outlier_factor", "correlation", "of")),
-            lambda s, of=of: exact(of(s)),
-            "there are no errors: give a standard deviation, as position",
-        )
-        for at, of in {
-            "channel.noise": lambda s: s.channel.noise,
-            "sensing": lambda s: s.sensing,
-        }.items()
-    ),
-    IdleRule(("attack.announces",), lambda s: not s.defence.announcing(), ANNOUNCED),
-    IdleRule(("defence.first_announcement",), lambda s: not s.defence.announcing(), ANNOUNCED),
-    IdleRule(
-        ("defence.isolated",),
-        lambda s: not s.law.couples(),
-        "under a local law no vehicle has a drive to keep",
-    ),
-    IdleRule(
-        ("topology.navigator", "topology.navigator_weight"),
-        lambda s: not s.navigator.present,
-        "there is no navigator",
-    ),
-    *(
-        IdleRule(
-            (key,), misses_ticks(key), "it is no multiple of tick: it acts from the next tick on"
-        )
-        for key in PERIODS
-    ),
-)
 
 
-def found(holder: BaseModel, key: str) -> tuple[bool, object]:
-    """Return whether a dotted key has another value than its default, and the value, None without the key."""
+def rules(s: Scenario) -> Iterator[tuple[str, bool, str]]:
+    """Yield a key, whether it changes nothing in a cell, and why."""
+    late, announces = s.channel.late, s.defence.announcing()
+    yield "channel.extrapolate", not late, "no word is late: give channel.delay"
+    yield "channel.delay_of", not is_drawn(s.channel.delay), "no delay is drawn"
+    lossless = s.channel.loss.perfect() and not late
+    yield "channel.missing", lossless, "no message is lost: give channel.loss"
+    for at, errors in {"channel.noise": s.channel.noise, "sensing": s.sensing}.items():
+        exact = not any(getattr(errors, order, 0) for order in (*JET_ORDERS, HIGHEST))
+        for key in OF_ERRORS:
+            why = "there are no errors: give a standard deviation, as position"
+            yield f"{at}.{key}", exact, why
+    for key in ("attack.announces", "defence.first_announcement"):
+        yield key, not announces, "the defence has nobody announce: give score: announced"
+    why = "under a local law no vehicle has a drive to keep"
+    yield "defence.isolated", not s.law.couples(), why
+    for key in ("topology.navigator", "topology.navigator_weight"):
+        yield key, not s.navigator.present, "there is no navigator"
+    for key in PERIODS:
+        why = "it is no multiple of tick: it acts from the next tick on"
+        yield key, misses_ticks(given(s, key)[1], s.tick), why
+
+
+def misses_ticks(time: object, tick: float) -> bool:
+    """Whether a time, or one of several, is between two ticks."""
+    if time is None or tick == 0 or is_drawn(time):
+        return False
+    times = time if isinstance(time, list) else [value_range(time)[0]]
+    return not all(is_multiple(each, tick) for each in times)
+
+
+def given(holder: BaseModel, key: str) -> tuple[bool, object]:
+    """Return whether a dotted key has another value than its default, and the value."""
     value: object = holder
-    given = False
+    differs = False
     for part in key.split("."):
         fields = type(value).model_fields if isinstance(value, BaseModel) else {}
         if part not in fields:
             return False, None
         default, value = fields[part].default, getattr(value, part)
-        given = value != default
-    return given, value
+        differs = value != default
+    return differs, value
 
 
 def idle_keys(study: Study) -> dict[str, str]:
@@ -110,58 +68,51 @@ def idle_keys(study: Study) -> dict[str, str]:
     reasons: dict[str, list[str]] = {}
     links: dict[tuple[int, ...], LinkWeights] = {}
     for cell in study.cells:
-        for key, why in idle_in(cell.scenario, links):
-            reasons.setdefault(key, []).append(why)
-    told = {key: whys[0] for key, whys in reasons.items() if all(whys)} | dict(
-        replaced_keys(study.config)
-    )
+        rows = [row for row in rules(cell.scenario) if given(cell.scenario, row[0])[0]]
+        for key, idle, why in (*rows, *unheard(cell.scenario, links)):
+            reasons.setdefault(key, []).append(why if idle else "")
+    told = {key: whys[0] for key, whys in reasons.items() if all(whys)}
+    told |= dict(replaced_keys(study.config))
     search, horizon = study.config.search, min(cell.scenario.horizon for cell in study.cells)
     if search is not None and search.until < horizon:
         told["search.until"] = f"choices are run to the horizon of {horizon:g} s, which is later"
     return told
 
 
-def idle_in(
+def unheard(
     scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]
-) -> Iterator[tuple[str, str]]:
-    """Yield each key that a cell gives and a rule knows, and why it changes nothing, "" if it acts.
+) -> Iterator[tuple[str, bool, str]]:
+    """Yield each vehicle of `defence.trusted`, and whom it trusts and does not hear.
 
     `links` keeps the links of the networks of other cells.
     """
-    for rule in RULES:
-        for key in rule.keys:
-            if found(scenario, key)[0]:
-                yield key, rule.why if rule.idle(scenario) else ""
     trusted = getattr(scenario.defence, "trusted", None)
     if not (isinstance(trusted, dict) and trusted):
         return
-    by = (
-        id(scenario.topology),
-        id(scenario.navigator),
-        scenario.vehicles,
-    )  # objects that the cells hold
+    objects = scenario.topology, scenario.navigator  # which the cells hold
+    by = (*map(id, objects), scenario.vehicles)
     if by not in links:
         links[by] = links_of(scenario).pairs()
     for listener, sources in trusted.items():
-        unheard = [source for source in sources if (listener - 1, source) not in links[by]]
-        yield (
-            f"defence.trusted.{listener}",
-            f"{listener} does not hear {ranges(unheard)}" * bool(unheard),
-        )
+        beyond = [source for source in sources if (listener - 1, source) not in links[by]]
+        why = f"{listener} does not hear {ranges(beyond)}" if beyond else ""
+        yield f"defence.trusted.{listener}", bool(beyond), why
 
 
 def replaced_keys(config: Config) -> Iterator[tuple[str, str]]:
     """Yield the keys outside the sweep that a swept key replaces."""
     for swept in config.sweep:
-        value, keys = getattr(config, swept, None), [swept]
-        if isinstance(value, BaseModel):
-            keys = [f"{swept}.{key}" for key in type(value).model_fields]
-            if type(value) is not type(getattr(DEFAULTS, swept)):
-                yield f"{swept}.kind", f"sweep.{swept} replaces the whole {swept}"
-        for key in keys:
-            given, base = found(config, key)
-            if given and not (key == "attack.vehicles" and base == usual_targets(config.vehicles)):
-                yield (
-                    key,
-                    f"sweep.{swept} replaces " + (f"the whole {swept}" if key != swept else "it"),
-                )
+        value = getattr(config, swept, None)
+        if not isinstance(value, BaseModel):
+            if given(config, swept)[0]:
+                yield swept, f"sweep.{swept} replaces it"
+            continue
+        why = f"sweep.{swept} replaces the whole {swept}"
+        if type(value) is not type(getattr(DEFAULTS, swept)):
+            yield f"{swept}.kind", why
+        for key in (f"{swept}.{field}" for field in type(value).model_fields):
+            differs, base = given(config, key)
+            if differs and not (
+                key == "attack.vehicles" and base == usual_targets(config.vehicles)
+            ):
+                yield key, why

@@ -1,22 +1,16 @@
 """The keys of a config, each with type, unit, range, default and meaning.
 
-The tables of `docs/config.md` are made from these models. A model checks one key at a time. The kinds, and
-`faults`, check several keys together.
+The tables of `docs/config.md` are made from these models. A model checks one key at a time. The
+kinds, and `faults`, check several keys together.
 """
 
 import re
+import typing
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Len
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    Discriminator,
-    Field,
-    GetCoreSchemaHandler,
-    PrivateAttr,
-)
+from pydantic import AfterValidator, BaseModel, Field, GetCoreSchemaHandler, PrivateAttr
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.engine.methods import Engine
@@ -42,7 +36,6 @@ from jaxnet.kinds.fields import (
     VehicleGains,
     is_drawn,
     ordered,
-    union_member,
     value_range,
 )
 from jaxnet.kinds.graphs import Graph
@@ -69,7 +62,8 @@ class Initial(Record):
 
     position: Positions = Field(
         default=Uniform(uniform=[-200.0, 200.0]),
-        description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a line",
+        description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a"
+        " line",
     )
     heading: Number = Field(
         default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis"
@@ -81,49 +75,98 @@ class Channel(Record):
     """What happens to messages on their way. Attacks act before the channel."""
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
-    loss: Annotated[Loss, KindOf("loss"), Field(description="which messages are lost")] = NoLoss()
+    loss: Annotated[Loss, KindOf("loss")] = Field(
+        default=NoLoss(), description="which messages are lost"
+    )
     missing: Literal["drop", "hold", "extrapolate"] = Field(
         default="drop",
-        description="what stands in for a lost word: drop, nothing, the other weights grow; hold, the drive"
-        " heard last; extrapolate, the motion heard last, continued",
+        description="what stands in for a lost word: drop, nothing, the other weights grow; hold,"
+        " the drive heard last; extrapolate, the motion heard last, continued",
     )
-    noise: Annotated[
-        ChannelNoise,
-        KindOf("noise", "gaussian"),
-        Field(description="errors of the words that arrive"),
-    ] = GaussianNoise()
+    noise: Annotated[ChannelNoise, KindOf("noise", "gaussian")] = Field(
+        default=GaussianNoise(), description="errors of the words that arrive"
+    )
     quantisation: NotNegativeByOrder = Field(
         default=0.0,
-        description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for all orders"
-        " or a list, one for each order; 0: none",
+        description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for"
+        " all orders or a list, one for each order; 0: none",
     )
     delay: NotNegative = Field(
         default=0.0,
-        description="[s] by which words are late, a multiple of tick; what is drawn is rounded to ticks",
+        description="[s] by which words are late, a multiple of tick; what is drawn is rounded to"
+        " ticks",
     )
     delay_of: Literal["link", "message"] = Field(
         default="link",
-        description="what draws a delay: each link of a lane, or each message; the newest message counts",
+        description="what draws a delay: each link of a lane, or each message; the newest message"
+        " counts",
     )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
         default="none",
-        description="what a listener makes of a late word: none, it takes the word as it is; jets, it"
-        " continues the derivatives below the order; jerk, also the highest one",
+        description="what a listener makes of a late word: none, it takes the word as it is; jets,"
+        " it continues the derivatives below the order; jerk, also the highest one",
     )
 
     @property
     def rounded(self) -> bool:
-        """Whether jets in words are rounded."""
         return value_range(self.quantisation)[1] > 0
 
     @property
     def late(self) -> bool:
-        """Whether words are late."""
         return value_range(self.delay)[1] > 0
 
 
+class ByForm:
+    """Mark of a union whose member is chosen by the form of a value, for one message a fault.
+
+    A mapping chooses the record whose first key it has, a list the list that is as deeply nested.
+    Anything else chooses the member that is neither. `refusal` says what is allowed.
+    """
+
+    def __init__(self, refusal: str):
+        self.refusal = refusal
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Build a tagged union, whose tags are told from keys by MARK."""
+        members = {form_of_type(each): each for each in typing.get_args(source)}
+        words = typing.get_args(members.get(MARK, Any))  # of a Literal
+
+        def choose(value: object) -> str | None:
+            if isinstance(value, BaseModel):
+                return form_of_type(type(value))
+            if isinstance(value, dict):
+                return next((MARK + str(key) for key in value if MARK + str(key) in members), None)
+            if isinstance(value, list):
+                return MARK + nested(value) if MARK + nested(value) in members else f"{MARK}list"
+            fits = typing.get_origin(members.get(MARK)) is not Literal or value in words
+            return MARK if MARK in members and fits else None
+
+        choices = {form: handler.generate_schema(each) for form, each in members.items()}
+        return core_schema.tagged_union_schema(
+            choices, choose, custom_error_type="form", custom_error_message=self.refusal
+        )
+
+
+def nested(value: object) -> str:
+    depth = ""
+    while isinstance(value, list):
+        depth, value = depth + "list", value[0] if value else None
+    return depth
+
+
+def form_of_type(annotation: Any) -> str:
+    while typing.get_origin(annotation) is Annotated:
+        annotation = typing.get_args(annotation)[0]
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return MARK + next(iter(annotation.model_fields))
+    if typing.get_origin(annotation) is list:
+        return MARK + "list" + form_of_type(typing.get_args(annotation)[0]).removeprefix(MARK)
+    return MARK
+
+
 def known_metric(name: str) -> Metric:
-    """Return the metric of a name; raise PydanticCustomError."""
     try:
         return registry.find("metrics", name)
     except KindError as error:
@@ -136,7 +179,6 @@ class NamedMetric:
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        """Validate a name to a metric, and serialise a metric to its name."""
         named = core_schema.no_info_after_validator_function(known_metric, core_schema.str_schema())
         written = core_schema.plain_serializer_function_ser_schema(registry.metric_name)
         return core_schema.json_or_python_schema(named, named, serialization=written)
@@ -152,7 +194,8 @@ class Scenario(Record):
         default=12,
         ge=1,
         le=LARGEST_FLEET,
-        description="how many, besides the navigator; as many as the network has, if it has a number",
+        description="how many, besides the navigator; as many as the network has, if it has a"
+        " number",
     )
     horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
     tick: float = Field(
@@ -166,47 +209,51 @@ class Scenario(Record):
     tail: float = Field(
         default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞"
     )
-    topology: Annotated[Graph, KindOf("topology"), Field(description="who hears whom")] = Cyclic()
-    navigator: Annotated[Navigator, KindOf("navigator"), Field(description="the path to track")] = (
-        Lissajous()
+    topology: Annotated[Graph, KindOf("topology")] = Field(
+        default=Cyclic(), description="who hears whom"
     )
-    vehicle: Annotated[Vehicle, KindOf("vehicle"), Field(description="what moves")] = TwoWheeled()
-    initial: Annotated[Initial, Field(description="where the vehicles start")] = Initial()
+    navigator: Annotated[Navigator, KindOf("navigator")] = Field(
+        default=Lissajous(), description="the path to track"
+    )
+    vehicle: Annotated[Vehicle, KindOf("vehicle")] = Field(
+        default=TwoWheeled(), description="what moves"
+    )
+    initial: Initial = Field(default=Initial(), description="where the vehicles start")
     gain: Gains = Field(
         default=[1.0, 3.0, 3.0],
-        description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial by default:"
-        " [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or for each order a 2 × 2"
-        " matrix, which couples the axes; or {vehicles: [...]}, a list for each vehicle",
+        description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial"
+        " by default: [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or"
+        " for each order a 2 × 2 matrix, which couples the axes; or {vehicles: [...]}, a list for"
+        " each vehicle",
     )
-    law: Annotated[Law, KindOf("law"), Field(description="how the law is solved")] = ExactLaw()
-    attack: Annotated[
-        AnyAttack, KindOf("attack"), Field(description="what is false in what is heard")
-    ] = Rotating()
-    defence: Annotated[
-        AnyDefence, KindOf("defence"), Field(description="whom a vehicle believes")
-    ] = TrustedTrim()
-    sensing: Annotated[
-        Sensor, KindOf("sensing"), Field(description="what vehicles sense of their own motion")
-    ] = Gaussian()
-    channel: Annotated[Channel, Field(description="what happens to messages on their way")] = (
-        Channel()
+    law: Annotated[Law, KindOf("law")] = Field(
+        default=ExactLaw(), description="how the law is solved"
     )
-    detector: Annotated[
-        Detector,
-        KindOf("detector"),
-        Field(description="which words raise an alarm; an alarm does nothing"),
-    ] = NoDetector()
-    engine: Annotated[Engine, KindOf("engine"), Field(description="how lanes are advanced")] = (
-        Nonlinear()
+    attack: Annotated[AnyAttack, KindOf("attack")] = Field(
+        default=Rotating(), description="what is false in what is heard"
+    )
+    defence: Annotated[AnyDefence, KindOf("defence")] = Field(
+        default=TrustedTrim(), description="whom a vehicle believes"
+    )
+    sensing: Annotated[Sensor, KindOf("sensing")] = Field(
+        default=Gaussian(), description="what vehicles sense of their own motion"
+    )
+    channel: Channel = Field(default=Channel(), description="what happens to messages on their way")
+    detector: Annotated[Detector, KindOf("detector")] = Field(
+        default=NoDetector(), description="which words raise an alarm; an alarm does nothing"
+    )
+    engine: Annotated[Engine, KindOf("engine")] = Field(
+        default=Nonlinear(), description="how lanes are advanced"
     )
     metrics: list[Annotated[Metric, NamedMetric()]] = Field(
         default=[],
-        description="what rows measure besides what all do; without a navigator also spread and outside",
+        description="what rows measure besides what all do; without a navigator also spread and"
+        " outside",
     )
 
     @property
     def gain_matrices(self) -> np.ndarray | None:
-        """The gain as 2 × 2 matrices, (r, 2, 2) or (m, r, 2, 2); None where it is a number for each order."""
+        """The gain as matrices, (r, 2, 2) or (m, r, 2, 2); None for a number for each order."""
         return None if isinstance(self.gain, list) else self.gain.matrices()
 
     @property
@@ -216,16 +263,13 @@ class Scenario(Record):
 
     @property
     def order_of_gain(self) -> int:
-        """The order r of vehicles with this gain."""
         return len(self.gain) if self.gain_matrices is None else self.gain_matrices.shape[-3]
 
     @property
     def draws_gain(self) -> bool:
-        """Whether lanes have gains of their own."""
         return self.gain_matrices is None and any(map(is_drawn, self.gain))
 
     def measured(self) -> tuple[Metric, ...]:
-        """Return all metrics of a row."""
         return (*CONTRACT, *self.metrics)
 
     @property
@@ -242,19 +286,8 @@ class Scenario(Record):
 
 
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
-KINDS = (  # keys that take a kind
-    *(
-        "topology",
-        "navigator",
-        "vehicle",
-        "attack",
-        "defence",
-        "law",
-        "sensing",
-        "detector",
-        "engine",
-    ),
-)
+KINDS = ("topology", "navigator", "vehicle", "attack", "defence")  # keys that take a kind
+KINDS += ("law", "sensing", "detector", "engine")
 INNER_KINDS = {  # families of deeper keys
     "attack.announces": "announcement",
     "channel.loss": "loss",
@@ -295,15 +328,6 @@ class WorstLanes(Record):
     worst: int = Field(ge=1)
 
 
-def stored_lanes_tag(value: object) -> str | None:
-    """Return the tag of the form in which lanes with stored trajectories are chosen."""
-    if isinstance(value, BaseModel):
-        return MARK + next(iter(type(value).model_fields))
-    if isinstance(value, dict):
-        return next((MARK + key for key in ("samples", "worst") if key in value), None)
-    return MARK + "word" if value in ("none", "all") else None
-
-
 class Save(Record):
     """Arrays that are stored beside the rows."""
 
@@ -315,37 +339,16 @@ class Save(Record):
         description="errors of every vehicle of every lane over the tail, in vehicles.zarr",
     )
     trajectories: Annotated[
-        Annotated[Literal["none", "all"], union_member("word")]
-        | Annotated[Samples, union_member("samples")]
-        | Annotated[WorstLanes, union_member("worst")],
-        Discriminator(
-            stored_lanes_tag,
-            custom_error_type="lanes",
-            custom_error_message="must be none, all, {samples: [...]} or {worst: K}",
-        ),
+        Literal["none", "all"] | Samples | WorstLanes,
+        ByForm("must be none, all, {samples: [...]} or {worst: K}"),
     ] = Field(
         default="none", description="lanes whose states are stored over time, in trajectories.zarr"
     )
 
 
-def spacing_tag(value: object) -> str | None:
-    """Return the tag of the form in which swept values are given."""
-    if isinstance(value, BaseModel):
-        return MARK + next(iter(type(value).model_fields))
-    if isinstance(value, dict):
-        return next((MARK + key for key in ("linspace", "geomspace") if key in value), None)
-    return MARK + "list" if isinstance(value, list) else None
-
-
 SweptValues = Annotated[
-    Annotated[list[Any], Len(1), union_member("list")]
-    | Annotated[Linspace, union_member("linspace")]
-    | Annotated[Geomspace, union_member("geomspace")],
-    Discriminator(
-        spacing_tag,
-        custom_error_type="values",
-        custom_error_message="must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}",
-    ),
+    Annotated[list[Any], Len(1)] | Linspace | Geomspace,
+    ByForm("must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}"),
 ]
 
 
@@ -364,12 +367,13 @@ class Recovery(Record):
     tau: float = Field(
         default=0.01,
         gt=0,
-        description="a lane with tail_mean > tau · ā has not recovered; without a navigator, one with"
-        " spread > tau · ā",
+        description="a lane with tail_mean > tau · ā has not recovered; without a navigator, one"
+        " with spread > tau · ā",
     )
     of: Literal["magnitude", "amplitude"] = Field(
         default="magnitude",
-        description="what tau multiplies: ā, or the amplitude in force, by which positions are shifted",
+        description="what tau multiplies: ā, or the amplitude in force, by which positions are"
+        " shifted",
     )
     worst: int = Field(
         default=3, ge=0, description="lanes of the study that the report replays, the worst"
@@ -391,28 +395,9 @@ class EachIn(Record):
     each: Bounds = Field(description="the bounds, the same for all attacked vehicles")
 
 
-def range_tag(value: object) -> str | None:
-    """Return the tag of the form in which the range of a search is given."""
-    if isinstance(value, BaseModel):
-        return MARK + next(iter(type(value).model_fields))
-    if isinstance(value, dict):
-        return next((MARK + key for key in ("choose", "each") if key in value), None)
-    if isinstance(value, list):
-        return MARK + ("several" if value and isinstance(value[0], list) else "bounds")
-    return MARK + "word" if value == "each" else None
-
-
 SearchRange = Annotated[
-    Annotated[Bounds, union_member("bounds")]
-    | Annotated[Literal["each"], union_member("word")]
-    | Annotated[EachIn, union_member("each")]
-    | Annotated[list[Bounds], union_member("several")]
-    | Annotated[ChosenVehicles, union_member("choose")],
-    Discriminator(
-        range_tag,
-        custom_error_type="range",
-        custom_error_message="must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}",
-    ),
+    Bounds | Literal["each"] | EachIn | list[Bounds] | ChosenVehicles,
+    ByForm("must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}"),
 ]
 
 
@@ -420,18 +405,19 @@ class SearchSettings(Record):
     """The keys that a search chooses, and how it searches for the worst choice."""
 
     over: Annotated[dict[str, SearchRange], Len(1)] = Field(
-        description="dotted key: where the search may choose it, [a, b], one for each attacked vehicle by"
-        " each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the attacked vehicles;"
-        " `jaxnet run` draws them there",
+        description="dotted key: where the search may choose it, [a, b], one for each attacked"
+        " vehicle by each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the"
+        " attacked vehicles; `jaxnet run` draws them there",
     )
     maximise: str = Field(
         default="tail_max",
-        description="a metric of rows, or unrecovered, the share of starts; spread by default without a"
-        " navigator",
+        description="a metric of rows, or unrecovered, the share of starts; spread by default"
+        " without a navigator",
     )
     subject_to: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
         default={},
-        description="a metric of rows: its greatest value; a choice counts only where no start has more",
+        description="a metric of rows: its greatest value; a choice counts only where no start has"
+        " more",
     )
     budget: int = Field(
         default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell"
@@ -446,8 +432,8 @@ class SearchSettings(Record):
         default=1000.0,
         gt=0,
         le=1e5,
-        description="[s], to which the best choices are run, or to the horizon if that is later: of them the"
-        " worst then is the answer",
+        description="[s], to which the best choices are run, or to the horizon if that is later:"
+        " of them the worst then is the answer",
     )
     seed: int = Field(
         default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's"
@@ -475,11 +461,6 @@ class Sequential(Record):
     until: Criterion
 
 
-def samples_tag(value: object) -> str:
-    """Return the tag of the samples: a number, or a criterion."""
-    return MARK + ("sequential" if isinstance(value, dict | Sequential) else "number")
-
-
 Sweep = Annotated[
     dict[str, SweptValues], Field(description="dotted key: values; cells are the product")
 ]
@@ -500,14 +481,13 @@ class Config(Scenario):
         description="of all draws; a random graph that lanes share has its own",
     )
     samples: Annotated[
-        Annotated[int, Field(ge=1, lt=2**32), union_member("number")]
-        | Annotated[Sequential, union_member("sequential")],
-        Discriminator(samples_tag),
+        Annotated[int, Field(ge=1, lt=2**32)] | Sequential,
+        ByForm("must be a whole number, or {until: {half_width: h}}"),
     ] = Field(default=1, description="lanes per cell")
     draws: Literal["random", "sobol"] = Field(
         default="random",
-        description="random, independent; sobol, samples as even as can be, in 16 sequences scrambled"
-        " independently, by which intervals are made",
+        description="random, independent; sobol, samples as even as can be, in 16 sequences"
+        " scrambled independently, by which intervals are made",
     )
     recovery: Recovery | None = Field(
         default=None, description="when a lane counts as saved by its defence"
@@ -517,22 +497,20 @@ class Config(Scenario):
     labels: dict[str, str] = Field(
         default={}, description="dotted key: the name of this key in figures, tables and pages"
     )
-    save: Annotated[Save, Field(description="what is stored besides the rows")] = Save()
+    save: Save = Field(default=Save(), description="what is stored besides the rows")
 
     _scope: registry.Scope = PrivateAttr(default_factory=registry.Scope)
 
     @property
     def scope(self) -> registry.Scope:
-        """Return the scope of names of kinds from outside in this study."""
+        """What the names of kinds from outside mean in this study."""
         return self._scope
 
     def within(self, scope: registry.Scope) -> "Config":
-        """Return the same config with another scope."""
         found = self.model_copy()
         found._scope = scope
         return found
 
     @property
     def most_samples(self) -> int:
-        """Return the greatest possible number of samples."""
         return self.samples.until.at_most if isinstance(self.samples, Sequential) else self.samples

@@ -1,29 +1,30 @@
-"""Names of swept keys and of their values, as figures, tables and pages show them.
+"""Names of swept keys and of their values, as tables, figures and pages show them.
 
-A key's name comes from the config (`labels`), else from the key's field (`title`), else from its words:
-`attack.frequency` is "attack frequency". A key's unit stands in the brackets of its description.
+Tables have the labels of a cell: numbers, or text. Figures and pages have words and units. A key's
+name comes from the config (`labels`), else from the key's field (`title`), else from its words:
+`attack.frequency` is "attack frequency". Its unit stands in the brackets of its description.
 """
 
 import functools
 import re
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import yaml
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from jaxnet.config import wording
+from jaxnet.config.document import Plain, PlainMapping, escape_controls
 from jaxnet.config.keys import INNER_KINDS, KINDS, Scenario
+from jaxnet.config.known import model_of, models_in, with_kind
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.registry import KindOf
+from jaxnet.kinds.refusals import shorten_value, value_text
 from jaxnet.model.wording import orders_in_words, sets_in_words
-from jaxnet.outside.families import base_of
 
 MAGNITUDE = "attack.magnitude"
 ATTACKED, ATTACKED_NUMBER = "attack.vehicles", "attack.vehicles.random"
 NO_BREAK = "\N{NO-BREAK SPACE}"
+UNLABELLED_KEYS = {"kind", "label", "edges", "content", "names"}  # of kinds, that labels leave out
 
 
 class Key(str):
@@ -32,19 +33,93 @@ class Key(str):
     name: str | None
 
     def __new__(cls, key: str, name: str | None = None) -> "Key":
-        """Return the key with its name."""
         made = super().__new__(cls, key)
         made.name = name
         return made
 
 
+# --- labels in tables -----------------------------------------------------------------------------
+
+
+def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
+    """Return the labels of one key's swept values: all numbers, or all text.
+
+    A kind is labelled by its `label`, or by its name with the keys that tell it apart from others
+    of that name; a record, such as a channel, by its `label` or its keys.
+    """
+    if not is_kind(key):
+        if all(isinstance(value, int | float) for value in listed):
+            fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
+            return listed if fits else list(map(float, listed))  # columns have 64 bits
+        return [escape_controls(own_label(value) or value_text(value)) for value in listed]
+    kinds = [full_kind(INNER_KINDS.get(key, key), value) for value in listed]
+    telling = telling_keys(kinds)
+    return [escape_controls(kind_label(kind, telling)) for kind in kinds]
+
+
+def own_label(value: Plain) -> str:
+    """Return text itself, or the `label` of a mapping; "" of another value."""
+    told = value.get("label") if isinstance(value, dict) else value
+    return told if isinstance(told, str) else ""
+
+
+def full_kind(field: str, value: Plain) -> Plain:
+    """Return the mapping of a kind with its defaults."""
+    value = with_kind(field, value)
+    model = model_of(field, value) if isinstance(value, dict) else None
+    if model is None:
+        return value
+    fields = model.model_fields
+    defaults = {key: each.default for key, each in fields.items() if not each.is_required()}
+    return {key: without_empty_labels(each) for key, each in (defaults | value).items()}
+
+
+def without_empty_labels(value: Plain) -> Plain:
+    """Return models, mappings and lists as plain data, without labels that are None."""
+    if isinstance(value, BaseModel):
+        value = value.model_dump(mode="python")
+    if isinstance(value, list | tuple):
+        return [without_empty_labels(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    told = {key: each for key, each in value.items() if key != "label" or each is not None}
+    return {key: without_empty_labels(each) for key, each in told.items()}
+
+
+def telling_keys(kinds: list[Plain]) -> dict[str, list[object]]:
+    """Return, by name of a kind, the keys in which swept kinds of this name differ."""
+    found: dict[str, list[object]] = {}
+    first: dict[str, PlainMapping] = {}
+    for kind in kinds:
+        if isinstance(kind, dict) and "kind" in kind:
+            name = value_text(kind["kind"])
+            other, keys = first.setdefault(name, kind), found.setdefault(name, [])
+            differing = (key for key in {**other, **kind} if other.get(key) != kind.get(key))
+            keys += [key for key in differing if key not in {*UNLABELLED_KEYS, *keys}]
+    return found
+
+
+def kind_label(kind: Plain, telling: Mapping[str, list[object]]) -> str:
+    if not isinstance(kind, dict) or "kind" not in kind:
+        return shorten_value(kind)
+    if own := own_label(kind):
+        return own
+    keys = telling[value_text(kind["kind"])]
+    words = [f"{key}={shorten_value(value)}" for key, value in kind.items() if key in keys]
+    name = str(kind["kind"]).rpartition(":")[2]
+    return name + (f"({', '.join(words)})" if words else "")
+
+
+# --- words in figures and pages -------------------------------------------------------------------
+
+
 def labels_title(labels: Mapping[str, object]) -> str:
-    """Return the title of a panel or row: its swept values, with keys where a value alone is unclear."""
+    """Return the title of a panel or row: its swept values, with keys where a value is unclear."""
     return ", ".join(value_name(key, value) for key, value in labels.items())
 
 
 def value_name(key: str, value: object) -> str:
-    """Return the name of one swept value with its unit. Non-breaking spaces join number and unit."""
+    """Return the name of a swept value with its unit, which non-breaking spaces join."""
     if value == "none":
         return f"no{NO_BREAK}{key_name(key)}"
     if is_kind(key):
@@ -54,9 +129,8 @@ def value_name(key: str, value: object) -> str:
         return f"{number}{NO_BREAK}{noun} drawn at random"
     shown = magnitudes_with_units(key, value)
     name = f"ā{NO_BREAK}=" if key == MAGNITUDE and own_name(key) is None else f"{key_name(key)} ="
-    return NO_BREAK.join(
-        filter(None, [name, shown or format_value(value), "" if shown else unit(key)])
-    )
+    words = [name, shown] if shown else [name, format_value(value), unit(key)]
+    return NO_BREAK.join(filter(None, words))
 
 
 def magnitudes_with_units(key: str, value: object) -> str:
@@ -85,12 +159,10 @@ def value_alone(key: str, value: object) -> str:
 def quantity(key: str) -> str:
     """Return the label of the axis of a swept key."""
     symbol = " ā" if key == MAGNITUDE and own_name(key) is None else ""
-    name = key_name(key) + symbol
-    return f"{name} [{unit(key)}]" if unit(key) else name
+    return f"{key_name(key)}{symbol}" + (f" [{unit(key)}]" if unit(key) else "")
 
 
 def is_kind(key: str) -> bool:
-    """Return whether the values of a key are kinds."""
     return key in KINDS or key in INNER_KINDS
 
 
@@ -100,7 +172,6 @@ def own_name(key: str) -> str | None:
 
 
 def key_name(key: str) -> str:
-    """Return the name of a key in words."""
     return own_name(key) or words_of(str(key))
 
 
@@ -119,17 +190,13 @@ def words_of(key: str) -> str:
 
 def format_value(value: object) -> str:
     """Return a number with four digits, a list or mapping in words, and other text as it is."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        return str(value)
-    if not isinstance(value, str):
-        return f"{value:.4g}" if isinstance(value, float) else str(value)
-    if value.startswith(("[", "{")):
+    if isinstance(value, str) and value.startswith(("[", "{")):
         return plain_words(yaml.safe_load(value))
-    return value
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def words_of_kind(key: str, label: str) -> str:
-    """Return the label of a kind in words: the name of its class, and the keys that tell it apart."""
+    """Return the label of a kind in words: its class's name, and the keys that tell it apart."""
     name, bracket, inside = label.partition("(")
     try:
         name = registry.find(INNER_KINDS.get(key, key), name).words or name.replace("_", " ")
@@ -142,15 +209,12 @@ def words_of_kind(key: str, label: str) -> str:
 def plain_words(value: object) -> str:
     """Return a list or mapping of a config in words."""
     if isinstance(value, dict):
-        if set(value) == {
-            "random"
-        }:  # attacked vehicles: the number must not read as that of a vehicle
+        if set(value) == {"random"}:  # the number must not read as that of a vehicle
             return f"{value['random']} drawn"
         if set(value) == {"at", "sets"}:  # attacked vehicles, which change
             return sets_in_words(value["at"], value["sets"])
-        return ", ".join(
-            f"{str(key).replace('_', ' ')} {plain_words(inner)}" for key, inner in value.items()
-        )
+        words = {str(key).replace("_", " "): each for key, each in value.items()}
+        return ", ".join(f"{key} {plain_words(inner)}" for key, inner in words.items())
     if isinstance(value, list):
         inner = ", ".join(map(plain_words, value))
         return f"({inner})" if any(isinstance(each, list) for each in value) else inner
@@ -159,10 +223,7 @@ def plain_words(value: object) -> str:
 
 @functools.cache
 def unit(key: str) -> str:
-    """Return the unit in brackets in a key's description, "" if there is none.
-
-    An entry of a list has the unit of the list.
-    """
+    """Return the unit in a key's description, "" without one; an entry has that of its list."""
     described = (field.description or "" for field in fields_of(re.sub(r"(\.[0-9]+)+$", "", key)))
     found = (re.match(r"\[([^],]+)", words) for words in described)
     return next((match[1] for match in found if match), "")
@@ -171,24 +232,8 @@ def unit(key: str) -> str:
 def fields_of(key: str) -> list[FieldInfo]:
     """Return the fields that a dotted key has in the models of its root, the first kind first."""
     root, *inside = key.split(".")
-    if not inside:
-        return [Scenario.model_fields[root]]
     found = [Scenario.model_fields[root]]
     for name in inside:
         models = (model for field in found for model in models_in(field))
         found = [model.model_fields[name] for model in models if name in model.model_fields]
     return found
-
-
-def models_in(field: FieldInfo) -> Iterator[type[BaseModel]]:
-    """Yield the models that a key's value can be, each with all its subclasses."""
-    kinds = (base_of(mark.family) for mark in field.metadata if isinstance(mark, KindOf))
-    for model in (*kinds, *wording.records(field.annotation)):
-        yield from family(model)
-
-
-def family(model: Any) -> Iterator[type[BaseModel]]:
-    """Yield a model and all its subclasses."""
-    yield model
-    for each in model.__subclasses__():
-        yield from family(each)

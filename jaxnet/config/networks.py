@@ -21,15 +21,15 @@ def network(
 ) -> Edges:
     """Make a topology of a matrix, or of a networkx graph with any labels.
 
-    A networkx graph, a NumPy array or a SciPy sparse array is a topology as it is, by the defaults of this
-    function, and with `leads` False where the study has `navigator: none`.
+    A networkx graph, a NumPy array or a SciPy sparse array is a topology as it is, by the defaults
+    of this function, and with `leads` False where the study has `navigator: none`.
 
     Parameters
     ----------
     given
-        A networkx graph, in which an edge (a, b) means "a hears b"; or a matrix, a NumPy array or a SciPy
-        sparse array: (n, n), whose entry (i, j) is the weight with which node i hears node j, a Laplacian
-        (n, n), or [a0 | A], (m, m + 1), whose column 0 is the navigator.
+        A networkx graph, in which an edge (a, b) means "a hears b"; or a matrix, a NumPy array or a
+        SciPy sparse array: (n, n), whose entry (i, j) is the weight with which node i hears node j,
+        a Laplacian (n, n), or [a0 | A], (m, m + 1), whose column 0 is the navigator.
     direction
         "hears", or "tells": an edge (a, b) means "a tells b".
     first
@@ -58,7 +58,7 @@ def network(
     >>> adjacency = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0]])  # node 2 hears nodes 0 and 1
     >>> jaxnet.network(adjacency, names=["ann", "bob"]).edges
     [(1, 0, 1.0), (2, 0, 1.0), (2, 1, 2.0)]
-    >>> jaxnet.network(np.eye(3, k=1) + np.eye(3, k=-2), leads=False).edges  # a ring of three vehicles
+    >>> jaxnet.network(np.eye(3, k=1) + np.eye(3, k=-2), leads=False).edges  # a ring
     [(1, 2, 1.0), (2, 3, 1.0), (3, 1, 1.0)]
     """
     try:

@@ -2,7 +2,7 @@
 
 from jaxnet.config.document import Document, Plain, Problem, set_value, split_key, spot
 from jaxnet.config.keys import KINDS, Scenario
-from jaxnet.kinds import registry
+from jaxnet.config.known import model_of
 from jaxnet.kinds.fields import FULL_TURN, is_drawn
 from jaxnet.kinds.kind import KindError
 
@@ -14,26 +14,24 @@ def write_distributions(document: Document) -> None:
     """
     search = document.data.get("search")
     over = search.get("over") if isinstance(search, dict) else None
-    for key, given in over.items() if isinstance(over, dict) else ():
-        wrong, at = None, document.place(("search", "over", key))
-        name_default(document, str(key).partition(".")[0])
-        if key in document.overridden:
-            wrong = f"search.over.{key} replaces what is given on the command line; override that instead"
+    for name, given in over.items() if isinstance(over, dict) else ():
+        key, at, wrong = str(name), document.place(("search", "over", name)), ""
+        root = key.partition(".")[0]
+        if root in KINDS:
+            default = Scenario.model_fields[root].default
+            document.data.setdefault(root, {"kind": default.reference()})
+        if name in document.overridden:
+            wrong = f"search.over.{key} replaces what is given on the command line;"
+            wrong += " override that instead"
         else:
             try:
-                if (drawn := distribution_of(document, str(key), given)) is not None:
-                    set_value(document.data, split_key(str(key)), drawn)
-                    document.places[spot(split_key(str(key)))] = at
+                if (drawn := distribution_of(document, key, given)) is not None:
+                    set_value(document.data, split_key(key), drawn)
+                    document.places[spot(split_key(key))] = at
             except (LookupError, KindError) as error:
                 wrong = str(error.args[0])
         if wrong:
             document.problems.append(Problem(at, f"search.over.{key}", wrong))
-
-
-def name_default(document: Document, root: str) -> None:
-    """Write the default kind of a key into a document that does not give the key."""
-    if root in KINDS:
-        document.data.setdefault(root, {"kind": Scenario.model_fields[root].default.reference()})
 
 
 def distribution_of(document: Document, key: str, given: Plain) -> Plain:
@@ -53,16 +51,14 @@ def distribution_of(document: Document, key: str, given: Plain) -> Plain:
 
 
 def own_distribution(document: Document, key: str) -> Plain:
-    """Return the default distribution of a kind's key, a full turn for an angle; else raise LookupError."""
+    """Return the default distribution of a kind's key, or a full turn for an angle."""
     root, _, name = key.partition(".")
-    there = document.data.get(root, {})
-    kind = there.get("kind") if isinstance(there, dict) else None
-    model = registry.find(root, kind) if root in KINDS and isinstance(kind, str) else None
+    there = document.data.get(root)
+    model = model_of(root, there) if root in KINDS and isinstance(there, dict) else None
     field = model.model_fields.get(name) if model else None
     if field is not None and is_drawn(field.default):
         return field.default.model_dump()
     if field is not None and (field.description or "").startswith("[rad]"):
         return FULL_TURN.model_dump()
-    raise LookupError(
-        f"give the bounds between which to search: {{each: [a, b]}} (got each for {key})"
-    )
+    told = "give the bounds between which to search: {each: [a, b]}"
+    raise LookupError(f"{told} (got each for {key})")

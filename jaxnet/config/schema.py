@@ -13,12 +13,11 @@ JsonSchema = dict[str, Any]
 
 
 def schema_text() -> str:
-    """Return the schema as JSON text."""
     return json.dumps(config_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
 def config_schema() -> JsonSchema:
-    """Return the schema of all keys and of every kind with a name. A kind may also be its bare name."""
+    """Return the schema of all keys and of every kind with a name, which may be bare."""
     whole = Config.model_json_schema()
     for family, default in DEFAULT_KINDS.items():
         kinds = {name: registry.find(family, name) for name in registry.kind_names(family)}
@@ -44,7 +43,7 @@ def config_schema() -> JsonSchema:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
 
 
-# Families by the kind that stands where none is named: those of a study's keys, an attack's and a channel's.
+# Families by the kind that stands where none is named.
 DEFAULT_KINDS = {family: Scenario.model_fields[family].default.reference() for family in KINDS}
 DEFAULT_KINDS["announcement"] = Attack.model_fields["announces"].default.reference()
 DEFAULT_KINDS |= {key: Channel.model_fields[key].default.reference() for key in ("loss", "noise")}
@@ -66,7 +65,7 @@ def definitions(kind: type[Kind], name: str, default: str) -> JsonSchema:
 
 
 def referring(part: Plain) -> Plain:
-    """Return a schema in which each key that takes a kind refers to the family (`kinds.registry.KindOf`)."""
+    """Refer to the family in each key that takes a kind (`kinds.registry.KindOf`)."""
     if isinstance(part, list):
         return [referring(each) for each in part]
     if not isinstance(part, dict):

@@ -1,4 +1,4 @@
-"""Spaced values as the doubles nearest to the decimal numbers: 0.3, as in a list, not 0.30000000000000004."""
+"""Spaced values as the doubles nearest to the decimals: 0.3, not 0.30000000000000004."""
 
 from collections.abc import Iterable
 from decimal import Decimal

@@ -1,8 +1,7 @@
 """A study: what a YAML file, a mapping or a script asks jaxnet to simulate."""
 
 import contextlib
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path, PurePath
@@ -11,25 +10,28 @@ from types import NoneType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-import yaml
 from upath import UPath
 
 from jaxnet.config import cells
 from jaxnet.config.cells import Cell
 from jaxnet.config.document import (
+    LONGEST_INT,
+    MOST_DEPTH,
+    NO_CHARACTERS,
+    TOO_DEEP,
     ConfigError,
     Document,
     Keys,
+    Override,
     Plain,
-    PlainMapping,
     Problem,
-    Reader,
     dotted_key,
+    read_override,
     set_value,
-    split_key,
 )
 from jaxnet.config.keys import Config
-from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Yaml12Dumper
+from jaxnet.config.known import model_of
+from jaxnet.config.naming import without_empty_labels
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import adopt_network
 from jaxnet.kinds.kind import Kind, KindError
@@ -74,7 +76,7 @@ class Study:
         return f"Study({self.config.name!r}, cells={len(self.cells)}, lanes={self.lanes})"
 
     def _repr_html_(self) -> str:
-        """Return the table that a notebook shows: the study's size, and each swept key with its values."""
+        """Return a notebook's table: the study's size, and each swept key with its values."""
         rows = {"cells": str(len(self.cells)), "lanes": str(self.lanes)}
         for key in self.cells[0].labels:
             values = dict.fromkeys(str(cell.labels[key]) for cell in self.cells)
@@ -86,15 +88,15 @@ class Study:
 
 
 StudySource = Study | str | Path | UPath | Mapping[str, Any]
-Overrides = dict[str, Any] | list[str]
+Overrides = Mapping[str, object] | Iterable[str]
 
 
-def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = ()) -> Study:
+def load(source: StudySource, overrides: Overrides = ()) -> Study:
     """Read a study from a YAML file, or from a mapping with the same keys.
 
-    A kind may be defined in a module beside the file. In a mapping, a kind may be an object, and a topology a
-    graph of networkx or a matrix, as `network` reads it. Values of NumPy and pandas count as Python's, tuples
-    as lists. Without a `name` a mapping's study is called "study".
+    A kind may be defined in a module beside the file. In a mapping, a kind may be an object, and a
+    topology a graph of networkx or a matrix, as `network` reads it. Values of NumPy and pandas
+    count as Python's, tuples as lists. Without a `name` a mapping's study is called "study".
 
     Parameters
     ----------
@@ -110,7 +112,8 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
     Raises
     ------
     ConfigError
-        With everything that is wrong. An error in a file names the line, an error in a mapping the key.
+        With everything that is wrong. An error in a file names the line, an error in a mapping the
+        key.
 
     Examples
     --------
@@ -119,102 +122,72 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
     >>> len(study.cells), study.lanes
     (2, 6)
     """
-    written = not isinstance(overrides, Mapping)
-    given = dict(overrides) if isinstance(overrides, Mapping) else [str(word) for word in overrides]
+    if isinstance(overrides, Mapping):
+        given = [Override(key, value) for key, value in overrides.items()]
+    else:
+        given = [read_override(str(word)) for word in overrides]
     if isinstance(source, Study):
         if not given:
             return source
         with source.config.scope():
-            return read_mapping(cells.to_plain(source.config), given, written, settled=True)
+            return read_mapping(cells.to_plain(source.config), given, settled=True)
     if isinstance(source, Mapping):
-        return read_mapping(source, given, written)
+        return read_mapping({"name": "study", **source}, given)
     document = Document.read(source)
     with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read_study(document, override_words(given, document.data), scope, written)
-
-
-def override_words(overrides: Overrides, known: PlainMapping) -> list[str]:
-    """Return overrides of a study with these keys as words KEY=VALUE; raise ConfigError."""
-    if isinstance(overrides, list):
-        return overrides
-    leads = has_navigator(known, overrides)
-    return [
-        f"{key}={yaml_of(native(each, key, leads=leads), inline=True)}"
-        for key, each in overrides.items()
-    ]
-
-
-def has_navigator(known: PlainMapping, overrides: Overrides) -> bool | None:
-    """Return whether the cells of a study have a navigator, None if some have.
-
-    A script's network is numbered by that before the study is read.
-    """
-    data: dict[str, Plain] = {key: known[key] for key in ("navigator", "sweep") if known.get(key)}
-    if isinstance(overrides, list):
-        words = {key: value for key, _, value in (word.partition("=") for word in overrides)}
-    else:
-        words = overrides
-    for key, value in words.items():
-        if key.split(".")[0] in ("navigator", "sweep"):
-            with contextlib.suppress(
-                ConfigError, LookupError
-            ):  # which are told where the study is read
-                read = Reader("").read(str(value)) if isinstance(overrides, list) else value
-                set_value(data, split_key(key), read)
-    swept = data.get("sweep")
-    listed = swept.get("navigator") if isinstance(swept, Mapping) else None
-    each = listed if isinstance(listed, list) and listed else [data.get("navigator", {})]
-    kinds = [
-        one
-        if isinstance(one, Kind)
-        else cells.model_of("navigator", cells.with_kind("navigator", one))
-        for one in each
-    ]
-    leads = {getattr(kind, "present", True) for kind in kinds}
-    return leads.pop() if len(leads) == 1 else None
+        return read_study(document, as_plain(given, document.data), scope)
 
 
 def read_mapping(
-    source: Mapping[str, Any], overrides: Overrides, written: bool, settled: bool = False
+    source: Mapping[str, Any], overrides: Sequence[Override], settled: bool = False
 ) -> Study:
     """Return the study of a script's mapping; raise ConfigError.
 
-    `settled` says whether the mapping is a study's config, in which `vehicles` follows from the network.
+    `settled`: the mapping is a study's config, in which `vehicles` follows from the network.
     """
     with registry.Scope(known=registry.scope().known)() as scope:
-        plain = native({"name": "study", **source}, leads=has_navigator(source, overrides))
-        document = Document(yaml_of(plain, inline=False), "")
-        document.settled = settled
-        return read_study(document, override_words(overrides, source), scope, written)
+        data = native(source, leads=has_navigator(source, overrides))
+        return read_study(Document.of(data, settled), as_plain(overrides, source), scope)
 
 
-def read_study(
-    document: Document, overrides: Iterable[str], scope: registry.Scope, written: bool = True
-) -> Study:
-    """Return the study of a document whose names of kinds belong to a scope; raise ConfigError.
-
-    `written` says whether the user wrote the overrides as words.
-    """
-    for word in overrides:
-        document.override(str(word), written)
+def read_study(document: Document, overrides: Iterable[Override], scope: registry.Scope) -> Study:
+    """Return the study of a document whose names of kinds belong to a scope; raise ConfigError."""
+    for override in overrides:
+        document.override(override)
     with scope():
         config, found = cells.read_document(document)
     return Study(config.within(scope), found)
 
 
-def yaml_of(data: Plain, inline: bool) -> str:
-    """Return plain data as YAML: one line for each key, or everything in one line."""
-    text = yaml.dump(
-        data, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=inline, width=math.inf
-    )
-    return text.removesuffix("...\n").rstrip("\n")
+def as_plain(overrides: Sequence[Override], known: Mapping[str, Any]) -> list[Override]:
+    """Make plain data of the values of overrides; raise ConfigError."""
+    leads = has_navigator(known, overrides)
+    return [each._replace(value=native(each.value, each.key, leads=leads)) for each in overrides]
+
+
+def has_navigator(known: Mapping[str, Any], overrides: Sequence[Override]) -> bool | None:
+    """Whether the cells of a study have a navigator, None if some have.
+
+    A script's network is numbered by that before the study is read.
+    """
+    data: dict[str, Plain] = {key: known[key] for key in ("navigator", "sweep") if known.get(key)}
+    for override in overrides:
+        if override.key.split(".")[0] in ("navigator", "sweep"):
+            with contextlib.suppress(LookupError, AttributeError):  # told where the study is read
+                set_value(data, override.keys, override.value)
+    swept = data.get("sweep")
+    listed = swept.get("navigator") if isinstance(swept, Mapping) else None
+    each = listed if isinstance(listed, list) and listed else [data.get("navigator")]
+    kinds = [one if isinstance(one, Kind) else model_of("navigator", one) for one in each]
+    leads = {getattr(kind, "present", True) for kind in kinds}
+    return leads.pop() if len(leads) == 1 else None
 
 
 def native(value: object, *keys: str | int, leads: bool | None = True) -> Plain:
-    """Return plain data of a script's value at these keys: arrays and tuples become lists, paths become text.
+    """Return plain data of a script's value: arrays and tuples become lists, paths become text.
 
-    `leads` says whether a node of a network is the navigator, None if in some cells only. Raises ConfigError
-    for a value that YAML cannot express, and beyond the limits of `yaml12`.
+    `leads`: whether a node of a network is the navigator, None if in some cells only. Raises
+    ConfigError for a value that YAML cannot express, and beyond the limits of `document`.
     """
     return Native(leads).plain(value, keys)
 
@@ -223,9 +196,7 @@ def native(value: object, *keys: str | int, leads: bool | None = True) -> Plain:
 class Listable(Protocol):
     """An array or number of NumPy, pandas or JAX."""
 
-    def tolist(self) -> object:
-        """Return Python's lists and numbers."""
-        ...
+    def tolist(self) -> object: ...
 
 
 class Native:
@@ -235,7 +206,6 @@ class Native:
         self.count, self.leads = 0, leads
 
     def plain(self, value: object, keys: Keys) -> Plain:
-        """Return plain data of the value at these keys; raise ConfigError."""
         self.count += 1
         if self.count > MOST_VALUES:
             raise refusal(keys, f"more than {MOST_VALUES:,} values")
@@ -246,10 +216,8 @@ class Native:
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
             raise refusal(keys, TOO_DEEP)
         if isinstance(value, Mapping):
-            return {
-                plain_scalar(key, keys): self.plain(inner, (*keys, key))
-                for key, inner in value.items()
-            }
+            inner = {plain_scalar(key, keys): each for key, each in value.items()}
+            return {key: self.plain(each, (*keys, key)) for key, each in inner.items()}
         if isinstance(value, list | tuple | range):
             return [self.plain(inner, (*keys, number)) for number, inner in enumerate(value)]
         return plain_scalar(value, keys)
@@ -258,15 +226,14 @@ class Native:
 def config_form(value: object, keys: Keys, leads: bool | None) -> object:
     """Return a kind, a kind's class, a metric or a network in the form of a config.
 
-    A network is a graph of networkx, or where a topology stands also a matrix of NumPy or SciPy. Other values
-    are returned as they are. Raises ConfigError for a network that is no topology.
+    A network is a graph of networkx, or where a topology stands also a matrix of NumPy or SciPy.
+    Other values are returned as they are. Raises ConfigError for a network that is no topology.
     """
     if isinstance(value, Kind) and getattr(value, "led", False) and leads is False:
-        raise refusal(
-            keys, "a node leads this network, and navigator is none: jaxnet.network(…, leads=False)"
-        )
+        told = "a node leads this network, and navigator is none: jaxnet.network(…, leads=False)"
+        raise refusal(keys, told)
     if isinstance(value, Kind):
-        return {"kind": registry.adopt(type(value)), **cells.without_empty_labels(dict(value))}
+        return {"kind": registry.adopt(type(value)), **without_empty_labels(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
     if isinstance(value, np.ndarray) and not is_topology(keys):
@@ -279,26 +246,23 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
 
 
 def is_topology(keys: Keys) -> bool:
-    """Return whether a topology stands at these keys, as it is or swept."""
+    """Whether a topology stands at these keys, as it is or swept."""
     return keys == ("topology",) or (keys[:2] == ("sweep", "topology") and len(keys) == 3)
 
 
 def plain_scalar(value: object, keys: Keys) -> bool | int | float | str | None:
-    """Return a number, text, true, false or null as a Python object; raise ConfigError for anything else."""
+    """Return a number, text, true, false or null as a Python object; raise ConfigError."""
     value = value.tolist() if isinstance(value, Listable) else value
-    if isinstance(value, PurePath | UPath):
-        return str(value)
-    if (
-        not (value is None or isinstance(value, bool | int | float | str))
-        or type(value) not in SCALAR_TYPES
-    ):
+    value = str(value) if isinstance(value, PurePath | UPath) else value
+    if type(value) not in SCALAR_TYPES:
         allowed = "must be a number, text, true, false, null, a list or a mapping"
         raise refusal(keys, f"{allowed} (got {value!r})")
     if isinstance(value, int) and abs(value) >= TOO_GREAT:
         raise refusal(keys, f"a whole number has at most {LONGEST_INT} digits")
-    return value
+    if isinstance(value, str) and (found := NO_CHARACTERS.search(value)):
+        raise refusal(keys, f"the character {found[0]!r} is not allowed")
+    return value  # pyright: ignore[reportReturnType]
 
 
 def refusal(keys: Keys, message: str) -> ConfigError:
-    """Return the error for a value from a script."""
     return ConfigError([Problem("", dotted_key(keys), message)])

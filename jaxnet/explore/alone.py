@@ -7,9 +7,9 @@ import yaml
 from upath import UPath
 
 from jaxnet.config.cells import Cell, to_plain
+from jaxnet.config.document import Yaml12Dumper
 from jaxnet.config.keys import Config
 from jaxnet.config.study import Study, load
-from jaxnet.config.yaml12 import Yaml12Dumper
 from jaxnet.engine.batch import Machine
 from jaxnet.explore.box import VEHICLES, Box
 from jaxnet.explore.search import BoxPoint

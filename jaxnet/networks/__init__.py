@@ -1,7 +1,8 @@
 """Networks as other programs write them: nodes with labels, and links in either direction.
 
-A reader (`tables`, `matrices`, `graphml`, `objects`) returns a `NamedNetwork`. `number_nodes` makes of it the
-edges (i, j, w) of a graph, "vehicle i hears source j", in which source 0 is the navigator.
+A reader (`tables`, `matrices`, `graphml`, `objects`) returns a `NamedNetwork`. `number_nodes` makes
+of it the edges (i, j, w) of a graph, "vehicle i hears source j", in which source 0 is the
+navigator.
 """
 
 import re
@@ -28,20 +29,18 @@ class NamedNetwork(NamedTuple):
 
     nodes: tuple[str, ...]
     links: LinkList
-    navigator: str | None = (
-        None  # the node of column 0 of [a0 | A]; None where nothing says who leads
-    )
+    navigator: str | None = None  # the node of column 0 of [a0 | A]
 
 
 class NumberedNetwork(NamedTuple):
-    """Edges between vehicles 1 … m and the navigator 0; names of the vehicles, none if numbers name them."""
+    """Edges between vehicles 1 … m and the navigator 0; names, none if numbers name vehicles."""
 
     edges: EdgeList
     names: tuple[str, ...]
 
 
 def write_network(network: NamedNetwork) -> str:
-    """Return a network as one line of text: its nodes, and its links a,b,w, with blanks between them."""
+    """Return a network as one line of text: its nodes and its links a,b,w, between blanks."""
     nodes = [quote(node, safe="") for node in network.nodes]
     links = [
         f"{quote(one, safe='')},{quote(other, safe='')},{weight}"
@@ -68,14 +67,12 @@ def parse_network(content: str) -> NamedNetwork:
 
 
 def parse_number(text: str) -> float:
-    """Return a decimal number; raise ValueError."""
     if not DECIMAL_NUMBER.fullmatch(text.strip()):
         raise ValueError("no number")
     return float(text)
 
 
 def parse_weight(text: str) -> float:
-    """Return a weight of an edge; raise ValueError."""
     weight = parse_number(text)
     if not 0 < weight <= GREATEST_EDGE_WEIGHT:
         raise ValueError("a weight is positive")
@@ -90,7 +87,7 @@ def number_nodes(
     names: Sequence[str] = (),
     leads: bool = True,
 ) -> NumberedNetwork:
-    """Number the nodes of a network: the navigator is 0, the vehicles are 1 … m in the order of the nodes.
+    """Number the nodes of a network: the navigator is 0, vehicles are 1 … m in the nodes' order.
 
     Parameters
     ----------
@@ -110,8 +107,9 @@ def number_nodes(
     Raises
     ------
     KindError
-        If no node is the navigator, if nodes are numbered with gaps, if the navigator hears a vehicle that
-        does not hear the navigator, or if something names the navigator of a network without one.
+        If no node is the navigator, if nodes are numbered with gaps, if the navigator hears a
+        vehicle that does not hear the navigator, or if something names the navigator of a network
+        without one.
     """
     labels = list(network.nodes or dict.fromkeys(end for *ends, _ in network.links for end in ends))
     if not network.links:
@@ -153,7 +151,7 @@ def refuse_navigator(network: NamedNetwork, first: int, leader: str | None) -> N
 
 
 def range_of_numbers(labels: Iterable[str], first: int, links: int) -> list[str]:
-    """Return the labels of all nodes from the first number to the last; raise KindError for a long gap."""
+    """Return the labels from the first number to the last; raise KindError for a long gap."""
     numbers = [int(label) for label in labels]
     if min(numbers) < first:
         raise KindError(f"nodes are numbered from {first} (got {min(numbers)})")
@@ -168,7 +166,7 @@ def range_of_numbers(labels: Iterable[str], first: int, links: int) -> list[str]
 
 
 def named_leader(labels: Sequence[str]) -> str:
-    """Return the node whose name says that it is the navigator; raise KindError unless there is one."""
+    """Return the one node whose name says that it is the navigator; raise KindError."""
     found = [label for label in labels if label.casefold() in LEADER_NAMES]
     if len(found) != 1:
         raise KindError(f"which node is the navigator? leader is one of {listed(labels)}")
@@ -180,22 +178,20 @@ def without_navigator_hearing(
 ) -> EdgeList:
     """Return the edges without those by which the navigator hears a vehicle that also hears it.
 
-    Raises KindError if the vehicle does not hear the navigator: the edge is then most likely the wrong way
-    round.
+    Raises KindError if the vehicle does not hear the navigator: the edge is then most likely the
+    wrong way round.
     """
     informed = {i for i, j, _ in edges if j == 0}
     for listener, source, _ in edges:
         if listener == 0 and source not in (informed | {0}):
             other = "tells" if direction == "hears" else "hears"
-            raise KindError(
-                f"the navigator {order[0]} would hear {order[source]}, and it hears nobody; with direction:"
-                f" {other} a link means the opposite"
-            )
+            told = f"the navigator {order[0]} would hear {order[source]}, and it hears nobody;"
+            raise KindError(f"{told} with direction: {other} a link means the opposite")
     return [edge for edge in edges if edge[0] > 0]
 
 
 def check_names(names: Sequence[str], vehicles: int) -> tuple[str, ...]:
-    """Return the names; raise KindError unless there are none, or one of its own for each vehicle."""
+    """Return the names; raise KindError unless there are none, or one for each vehicle."""
     if names and len(names) != vehicles:
         raise KindError(f"names is a list of {vehicles}, one for each vehicle (got {len(names)})")
     if twice := [name for number, name in enumerate(names) if name in names[:number]]:
@@ -204,7 +200,6 @@ def check_names(names: Sequence[str], vehicles: int) -> tuple[str, ...]:
 
 
 def listed(labels: Sequence[str]) -> str:
-    """Return labels as text, the first few of many; numbers as ranges."""
     if all(map(NODE_NUMBER.fullmatch, labels)):
         return ranges(sorted(map(int, labels)))
     return ", ".join([*labels[:MOST_NAMED], *["…"] * (len(labels) > MOST_NAMED)])

@@ -1,14 +1,32 @@
 """Networks from files: text, .npy, .mtx and .graphml, told apart by the ending."""
 
+import importlib
+import io
+import warnings
+from xml.parsers import expat
+
+import numpy as np
+from scipy import sparse
+from scipy.io import mmread
 from upath import UPath
 
-from jaxnet.networks import NamedNetwork
-from jaxnet.networks.graphml import read_graphml
-from jaxnet.networks.matrices import GivenMatrix, matrix_network, read_matrix_market, read_npy
+from jaxnet.networks import NODE_NUMBER, NamedNetwork
+from jaxnet.networks.matrices import matrix_network
+from jaxnet.networks.objects import networkx_network
 from jaxnet.networks.tables import read_text_table
 from jaxnet.outside.modules import KindError
 
 LARGEST_FILE = 50_000_000  # bytes
+CALLED = ("name", "label", "id")  # attributes of a GraphML node that may name it
+FAULTS = (
+    SyntaxError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    UserWarning,
+    expat.ExpatError,
+)
 
 
 def read_network(file: UPath, name: str, first: int = 0) -> NamedNetwork:
@@ -18,8 +36,7 @@ def read_network(file: UPath, name: str, first: int = 0) -> NamedNetwork:
     if ending == "graphml":
         network = read_graphml(content, name)
     elif ending in ("npy", "mtx"):
-        matrix = (read_npy if ending == "npy" else read_matrix_market)(content, name)
-        network = with_name(name, matrix, first)
+        network = read_matrix(content, name, ending, first)
     else:
         network = read_text_table(content, name, first)
     if not network.links:
@@ -27,16 +44,7 @@ def read_network(file: UPath, name: str, first: int = 0) -> NamedNetwork:
     return network
 
 
-def with_name(name: str, matrix: GivenMatrix, first: int) -> NamedNetwork:
-    """Return the network of a matrix; raise KindError with the name of its file."""
-    try:
-        return matrix_network(matrix, first)
-    except KindError as error:
-        raise KindError(f"{name}: {error}") from error
-
-
 def read_bytes(file: UPath, name: str) -> bytes:
-    """Return the content of a file; raise KindError."""
     try:
         with file.open("rb") as stream:
             content = stream.read(LARGEST_FILE + 1)
@@ -46,3 +54,92 @@ def read_bytes(file: UPath, name: str) -> bytes:
     if len(content) > LARGEST_FILE:
         raise KindError(f"{name} has more than {LARGEST_FILE:,} bytes")
     return content
+
+
+def read_matrix(content: bytes, name: str, ending: str, first: int) -> NamedNetwork:
+    """Return the network of the matrix in a .npy or .mtx (Matrix Market) file; raise KindError."""
+    told = "an array of NumPy" if ending == "npy" else "a matrix of Matrix Market"
+    try:
+        if ending == "npy":
+            found = np.load(io.BytesIO(content), allow_pickle=False)
+        else:
+            found = mmread(io.BytesIO(content))
+    except (ValueError, OverflowError, EOFError, OSError) as error:
+        raise KindError(f"{name} is not {told}: {error}") from error
+    matrix = sparse.coo_array(found) if sparse.issparse(found) else np.asarray(found)
+    try:
+        return matrix_network(matrix, first)
+    except KindError as error:
+        raise KindError(f"{name}: {error}") from error
+
+
+def read_graphml(content: bytes, name: str) -> NamedNetwork:
+    """Return the network in GraphML; an undirected edge is a link in both directions."""
+    try:
+        networkx = importlib.import_module("networkx")
+    except ImportError as error:
+        raise KindError(
+            f"{name}: GraphML needs networkx: pip install 'jaxnet-sim[graphs]'"
+        ) from error
+    try:
+        refuse_unread(content)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)  # networkx warns of content that it ignores
+            network = networkx.read_graphml(io.BytesIO(content))
+        called = node_names(dict(network.nodes(data=True)))
+        weight = network.graph.get("edge_default", {}).get("weight", 1.0)
+        return networkx_network(
+            networkx.relabel_nodes(network, called), unread=("id",), weight=weight
+        )
+    except KindError as error:
+        raise KindError(f"{name}: {error}") from error
+    except (networkx.NetworkXException, *FAULTS) as error:
+        reason = str(error) or type(error).__name__
+        raise KindError(
+            f"{name}: must be GraphML with nodes and weighted edges ({reason})"
+        ) from error
+
+
+def node_names(nodes: dict[str, dict[str, object]]) -> dict[str, str]:
+    """Return the name of each node: an attribute that names it, or else its id; raise ValueError.
+
+    If all names are numbers, possibly behind an n as igraph writes them, the name is the number.
+    """
+    found = {
+        node: str(next((data[key] for key in CALLED if key in data), node))
+        for node, data in nodes.items()
+    }
+    bare = {node: name.removeprefix("n") for node, name in found.items()}
+    if all(map(NODE_NUMBER.fullmatch, bare.values())):
+        found = {node: str(int(name)) for node, name in bare.items()}
+    if len({*found.values()}) < len(found):
+        raise ValueError("two nodes have one name")
+    return found
+
+
+def refuse_unread(content: bytes) -> None:
+    """Raise ValueError for GraphML with content that no network is read from.
+
+    Entities may stand for gigabytes or other files. networkx reads the first of several graphs,
+    takes a graph without `edgedefault` for an undirected one, and data named `id` for the id of the
+    edge.
+    """
+    graphs = 0
+
+    def refuse(*_: object) -> None:
+        raise ValueError("entities are not read")
+
+    def begin(element: str, attributes: dict[str, str]) -> None:
+        nonlocal graphs
+        tag = element.rpartition(":")[2]
+        graphs += tag == "graph"
+        if graphs > 1:
+            raise ValueError("more than one graph")
+        if tag == "graph" and "edgedefault" not in attributes:
+            raise ValueError("the graph has no edgedefault")
+        if tag == "key" and attributes.get("attr.name") == "id":
+            raise ValueError("data called 'id' are not read")
+
+    parser = expat.ParserCreate()
+    parser.EntityDeclHandler, parser.StartElementHandler = refuse, begin
+    parser.Parse(content, True)

@@ -1,10 +1,7 @@
 """Networks as matrices: an adjacency matrix, a Laplacian, or the paper's [a0 | A]."""
 
-import io
-
 import numpy as np
 from scipy import sparse
-from scipy.io import mmread
 
 from jaxnet.model import graph
 from jaxnet.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
@@ -21,9 +18,9 @@ def matrix_network(given: GivenMatrix, first: int = 0) -> NamedNetwork:
     Parameters
     ----------
     given
-        A matrix (n, n) of n nodes, of which one may be the navigator, or [a0 | A], (m, m + 1), whose column
-        0 is the navigator. A square matrix with a negative entry is a Laplacian: its weights are −l_ij,
-        j ≠ i.
+        A matrix (n, n) of n nodes, of which one may be the navigator, or [a0 | A], (m, m + 1),
+        whose column 0 is the navigator. A square matrix with a negative entry is a Laplacian: its
+        weights are −l_ij, j ≠ i.
     first
         Number of the first node of a square matrix.
 
@@ -64,7 +61,6 @@ def matrix_network(given: GivenMatrix, first: int = 0) -> NamedNetwork:
 def laplacian_links(
     rows: graph.Row, columns: graph.Row, values: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Return the links of a Laplacian; raise KindError unless each row sums to 0."""
     sums = np.bincount(rows, values)
     if np.abs(sums).max() > LAPLACIAN_ROUNDING * np.abs(values).max():
         row = int(np.abs(sums).argmax())
@@ -74,20 +70,3 @@ def laplacian_links(
         )
     off = rows != columns
     return rows[off], columns[off], -values[off]
-
-
-def read_npy(content: bytes, name: str) -> GivenMatrix:
-    """Return the array in a .npy file; raise KindError."""
-    try:
-        return np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise KindError(f"{name} is not an array of NumPy: {error}") from error
-
-
-def read_matrix_market(content: bytes, name: str) -> GivenMatrix:
-    """Return the matrix in a .mtx file (Matrix Market); raise KindError."""
-    try:
-        found = mmread(io.BytesIO(content))
-        return sparse.coo_array(found) if sparse.issparse(found) else np.asarray(found)
-    except (ValueError, OverflowError, OSError) as error:
-        raise KindError(f"{name} is not a matrix of Matrix Market: {error}") from error

@@ -1,10 +1,9 @@
-"""Networks as objects of Python: graphs of networkx, arrays of NumPy and SciPy."""
+"""Networks as objects of Python: graphs of networkx, which is not imported, and arrays."""
 
 import math
 import numbers
 import operator
-from collections.abc import Callable, Hashable, Iterable, Mapping
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -13,34 +12,8 @@ from jaxnet.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
 from jaxnet.networks.matrices import matrix_network
 from jaxnet.outside.modules import KindError
 
-
-@runtime_checkable
-class NetworkxGraph(Protocol):
-    """What is read of a networkx graph."""
-
-    @property
-    def graph(self) -> Mapping[str, object]:
-        """Attributes of the graph."""
-        ...
-
-    @property
-    def nodes(self) -> Iterable[Hashable]:
-        """Nodes of the graph."""
-        ...
-
-    @property
-    def degree(self) -> Mapping[Hashable, int]:
-        """Number of edges by node."""
-        ...
-
-    @property
-    def edges(self) -> Callable[..., Iterable[tuple[Hashable, Hashable, Mapping[str, object]]]]:
-        """Ends and attributes of each edge, with `data=True`."""
-        ...
-
-    def is_directed(self) -> bool:
-        """Return whether an edge has a direction."""
-        ...
+if TYPE_CHECKING:
+    import networkx
 
 
 def object_network(value: object, first: int = 0) -> NamedNetwork | None:
@@ -48,8 +21,8 @@ def object_network(value: object, first: int = 0) -> NamedNetwork | None:
 
     Raises KindError if the object means no network.
     """
-    if isinstance(value, NetworkxGraph):
-        return networkx_network(value)
+    if any(each.__module__.startswith("networkx.") for each in type(value).__mro__):
+        return networkx_network(value)  # pyright: ignore[reportArgumentType]
     if sparse.issparse(value):
         value = sparse.coo_array(value)  # pyright: ignore[reportArgumentType]
     return (
@@ -58,7 +31,7 @@ def object_network(value: object, first: int = 0) -> NamedNetwork | None:
 
 
 def networkx_network(
-    network: NetworkxGraph, unread: tuple[str, ...] = (), weight: object = 1.0
+    network: "networkx.Graph", unread: tuple[str, ...] = (), weight: object = 1.0
 ) -> NamedNetwork:
     """Return the network of a networkx graph; an undirected edge is a link in both directions.
 
@@ -87,7 +60,7 @@ def networkx_network(
         ends = labels[one], labels[other]
         if odd := [name for name in data if name not in ("weight", *unread)]:
             raise KindError(
-                f"edge {text_of(ends)} has the attribute {odd[0]!r}; only 'weight' is read"
+                f"edge ({', '.join(ends)}) has the attribute {odd[0]!r}; only 'weight' is read"
             )
         links.append((*ends, weight_of(data.get("weight", weight), ends)))
     back = [] if network.is_directed() else [(j, i, w) for i, j, w in links if i != j]
@@ -96,12 +69,11 @@ def networkx_network(
 
 
 def is_whole(node: object) -> bool:
-    """Return whether a node of a graph is a whole number."""
     return hasattr(node, "__index__") and not isinstance(node, bool | np.bool_)
 
 
 def label_of(node: object) -> str:
-    """Return the label of a node as text; raise KindError for a negative number, and for True and False."""
+    """Return a node's label; raise KindError for a negative number, and for True and False."""
     label = str(operator.index(node)) if is_whole(node) else str(node)  # pyright: ignore[reportArgumentType]
     if isinstance(node, bool | np.bool_) or (is_whole(node) and label.startswith("-")):
         raise KindError(f"nodes are numbers from 0, or names (got {node!r})")
@@ -109,14 +81,8 @@ def label_of(node: object) -> str:
 
 
 def weight_of(given: object, ends: tuple[str, str]) -> float:
-    """Return the weight of an edge; raise KindError."""
     number = given if isinstance(given, numbers.Real) and not isinstance(given, bool) else math.nan
     if not number <= GREATEST_EDGE_WEIGHT or not float(number) > 0:
         allowed = f"a weight is a number > 0, at most {GREATEST_EDGE_WEIGHT:g}"
-        raise KindError(f"edge {text_of(ends)}: {allowed} (got {given!r})")
+        raise KindError(f"edge ({', '.join(ends)}): {allowed} (got {given!r})")
     return float(number)
-
-
-def text_of(ends: tuple[str, str]) -> str:
-    """Return the ends of an edge as text."""
-    return f"({', '.join(ends)})"

@@ -22,21 +22,13 @@ from jaxnet.outside.modules import KindError
 COMMENTS = ("#", "%")
 ATTRIBUTES = re.compile(r"(\S+)\s+(\S+)\s+(\{.*\})\s*")  # a row that networkx wrote
 HEADER_WORDS = {
-    *(
-        "source",
-        "target",
-        "from",
-        "to",
-        "listener",
-        "speaker",
-        "sender",
-        "receiver",
-        "head",
-        "tail",
-    ),
-    *("i", "j", "u", "v", "s", "t", "src", "dst", "node1", "node2", "weight", "w"),
+    *("source", "target", "from", "to", "listener", "speaker", "sender", "receiver", "head"),
+    *("tail", "i", "j", "u", "v", "s", "t", "src", "dst", "node1", "node2", "weight", "w"),
 }
-READ = "a row is i, j or i, j, w, numbers or names and a weight > 0; or all are a matrix n × n or m × (m + 1)"
+READ = (
+    "a row is i, j or i, j, w, numbers or names and a weight > 0; or all are a matrix n × n or"
+    " m × (m + 1)"
+)
 EXPORTS = "also read: networkx's edge list, GraphML (.graphml), arrays (.npy, .mtx)"
 
 TableRow = tuple[int, list[str], str]  # line, fields, text
@@ -68,10 +60,7 @@ def read_text_table(content: bytes, name: str, first: int = 0) -> NamedNetwork:
 
 
 def row_splitter(first: str) -> Callable[[str], list[str]]:
-    """Return the function that splits a row into fields, by the separator in the first row.
-
-    Beside semicolons, a comma is a decimal point.
-    """
+    """Split rows by the separator in the first; beside semicolons, a comma is a decimal point."""
     if ATTRIBUTES.fullmatch(first):
         return split_attributes
     for separator in (";", ",", "\t"):
@@ -81,7 +70,6 @@ def row_splitter(first: str) -> Callable[[str], list[str]]:
 
 
 def split_fields(line: str, separator: str) -> list[str]:
-    """Split a row at a separator; quotes may enclose a field."""
     fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
     point = re.compile(r"(?<=[0-9]),(?=[0-9])")
     return [
@@ -96,7 +84,6 @@ def split_attributes(line: str) -> list[str]:
 
 
 def row_weight(text: str) -> float:
-    """Return the weight in the last field of a row; raise ValueError."""
     if not text.startswith("{"):
         return parse_weight(text)
     try:
@@ -109,7 +96,6 @@ def row_weight(text: str) -> float:
 
 
 def is_header(rows: Sequence[TableRow]) -> bool:
-    """Return whether the first row names columns."""
     words = [field.casefold() for field in rows[0][1]]
     known = [word in HEADER_WORDS for word in words]
     return not any(map(DECIMAL_NUMBER.fullmatch, words)) and all(known)
@@ -118,7 +104,8 @@ def is_header(rows: Sequence[TableRow]) -> bool:
 def matrix_of_rows(rows: Sequence[TableRow]) -> np.ndarray | None:
     """Return the rows as a matrix, None if they are a list of edges.
 
-    Three columns are a list of edges unless the third, its weights, has a 0, and the diagonal has zeros only.
+    Three columns are a list of edges unless the third, its weights, has a 0, and the diagonal has
+    zeros only.
     """
     width, height = len(rows[0][1]) if rows else 0, len(rows)
     if width - height not in (0, 1) or any(len(fields) != width for _, fields, _ in rows):
@@ -173,6 +160,5 @@ def refuse_mixed(links: LinkList, rows: Sequence[TableRow], name: str) -> None:
     for end, (place, _, line) in ends:
         if bool(NODE_NUMBER.fullmatch(end)) != bool(NODE_NUMBER.fullmatch(ends[0][0])):
             got = shorten(line, 60, placeholder=" …")
-            raise KindError(
-                f"{name}:{place}: nodes are numbers or names, not both: {ends[0][0]}, {end} (got {got})"
-            )
+            told = f"{name}:{place}: nodes are numbers or names, not both:"
+            raise KindError(f"{told} {ends[0][0]}, {end} (got {got})")

@@ -22,8 +22,8 @@ import yaml
 from upath import UPath
 
 from jaxnet.config.cells import to_plain
+from jaxnet.config.document import Yaml12Dumper
 from jaxnet.config.keys import Config
-from jaxnet.config.yaml12 import Yaml12Dumper
 from jaxnet.outside.provenance import Provenance, provenance
 from jaxnet.store import gate, lock
 from jaxnet.store.gate import FolderError

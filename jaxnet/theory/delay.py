@@ -91,12 +91,12 @@ def growth_when_late(case: Case) -> float | None:
     """
     scenario, law, channel = case.scenario, case.scenario.law, case.scenario.channel
     rows, leads = case.situation.graph.weights.T[None], scenario.navigator.present
-    known = channel.late and law.holds and (law.gives_demand() or law.iterates())
+    known = channel.late and law.needs_ticks() and (law.gives_demand() or law.iterates())
     if not known or scenario.attack.replaces():
         return None
-    if law.local and scenario.topology.strength(rows, leads) is not None:
+    if not law.couples() and scenario.topology.strength(rows, leads) is not None:
         return None
-    message = word_factors(case.gain, channel.delay, channel.extrapolate, law.local)
+    message = word_factors(case.gain, channel.delay, channel.extrapolate, not law.couples())
     along, late = rounds.deviating(case, case.weights), round(channel.delay / scenario.tick)
     return rounds.late_growth(along, case.gain, message, scenario.tick, late)
 

@@ -197,20 +197,22 @@ def stability(case: Case) -> Stability | None:
     elsewhere = attack.replaces() and (bool(attack.periods()) or not attack.targets())
     honest = ~(attacked & (attack.replaces() and not elsewhere))
     weights = dense((graph if fixed is None else fixed).only(honest))
-    if law.local:
+    if not law.couples():
         weights = followed_weights(case, fixed, weights)
     along = deviating(case, weights)
     left = law.left(along)
     if left is None and not law.gives_demand():
         return None
     least = least_rounds(weights, case.gain, tick) if law.iterates() else None
-    if not law.holds:
+    if not law.needs_ticks():
         grown, tick = local_rate(along, case.gain), None
     elif left is None:
         grown = local_growth(along, case.gain, tick)
     else:
         grown = growth(left, case.gain, tick)
-    return Stability(grown, tick, law.iterates(), least, elsewhere and law.holds, fixed is None)
+    return Stability(
+        grown, tick, law.iterates(), least, elsewhere and law.needs_ticks(), fixed is None
+    )
 
 
 def followed_weights(case: Case, fixed: Digraph | None, weights: Weights) -> Weights:
@@ -239,7 +241,7 @@ def in_mean_square(case: Case) -> MeanSquare | None:
     """Stability of a law by exchanges if whole ticks are lost."""
     law, loss = case.scenario.law, case.scenario.channel.loss
     lost = None if loss.perfect() else loss.of_whole_ticks()
-    if lost is None or not law.holds or case.scenario.attack.replaces():
+    if lost is None or not law.needs_ticks() or case.scenario.attack.replaces():
         return None
     left = law.left(eigenvalues(case.weights))
     if left is None:

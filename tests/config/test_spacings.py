@@ -39,16 +39,6 @@ def test_each_value_is_the_nearest_double(low, high, count):
     assert linspace(low, high, count) == [float(each) for each in exact]
 
 
-@given(st.floats(1e-300, 1e300), st.floats(1e-300, 1e300), st.integers(2, 60))
-def test_ratios_are_constant_and_bounds_exact(low, high, count):
-    """As `(high/low)^(1/(count - 1))`; the last value is the bound itself, the longest way round."""
-    spaced = geomspace(low, high, count)
-    assert (spaced[0], spaced[-1], len(spaced)) == (low, high, count)
-    for k, value in enumerate(spaced):
-        exact = low ** (1 - k / (count - 1)) * high ** (k / (count - 1))
-        assert value == pytest.approx(exact, rel=1e-12)
-
-
 def test_a_spacing_and_a_list_share_their_cells():
     """So `compare` pairs them, and tables find 0.3."""
 

@@ -1,0 +1,142 @@
+"""Which keys there are, by the kinds that a config names, and messages about those that are not."""
+
+import contextlib
+import typing
+from collections.abc import Iterator, Mapping
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from jaxnet.config.document import Keys, Plain, PlainMapping, dotted_key
+from jaxnet.config.keys import KINDS, Channel, Config, Initial, Scenario
+from jaxnet.kinds import registry
+from jaxnet.kinds.fields import MARK
+from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.refusals import suggestion, value_message
+from jaxnet.kinds.registry import KindOf
+from jaxnet.outside.families import base_of
+
+RENAMED_KEYS = {"attack.channel": "channel was renamed to links"}
+RECORDS: dict[str, type[BaseModel]] = {"initial": Initial, "channel": Channel}
+
+
+def with_kind(field: str, value: Plain) -> Plain:
+    """Return the mapping that a value of a kind's field means, where the value means one."""
+    if isinstance(value, str):
+        return {"kind": value}
+    if isinstance(value, dict) and "kind" not in value and field in KINDS:
+        return {"kind": Scenario.model_fields[field].default.reference(), **value}
+    return value
+
+
+def model_of(family: str, value: object) -> type[Kind] | None:
+    """Return the class of the kind that a mapping or a bare name means, None if it means none."""
+    name = value.get("kind") if isinstance(value, dict) else value
+    if isinstance(name, str):
+        with contextlib.suppress(KindError):
+            return registry.find(family, name)
+    return None
+
+
+def models_in(field: FieldInfo, value: Plain = None) -> Iterator[type[BaseModel]]:
+    """Yield the models that a field takes; of a family the kind in `value`, or all its kinds."""
+    family = next((mark.family for mark in field.metadata if isinstance(mark, KindOf)), None)
+    if family is None:
+        yield from records(field.annotation)
+    elif value is None:
+        yield from subclasses(base_of(family))
+    elif found := model_of(family, value):
+        yield found
+
+
+def records(annotation: object) -> list[type[BaseModel]]:
+    """Return all models inside a type."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [found for part in typing.get_args(annotation) for found in records(part)]
+
+
+def subclasses(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Yield a model and all models that inherit from it."""
+    yield model
+    for each in model.__subclasses__():
+        yield from subclasses(each)
+
+
+def explain(error: ErrorDetails, data: Plain) -> str:
+    """Put one of pydantic's errors on some data in a user's words."""
+    kind, given, location = error["type"], error["input"], error["loc"]
+    if kind in ("extra_forbidden", "invalid_key"):
+        renamed = RENAMED_KEYS.get(dotted_key(location))
+        known = keys_beside(location, data)
+        return renamed or value_message(error) + suggestion(str(location[-1]), known)
+    if kind == "kind_name":
+        name = given.get("kind") if isinstance(given, dict) else given
+        known = registry.kind_names(error.get("ctx", {})["family"])
+        return value_message(error) + suggestion(str(name), known, fallback=False)
+    if kind == "list_type" and type(given) is int and written_keys(error) == ("attack", "vehicles"):
+        hint = f"{{random: {given}}} draws {given} in each lane, [{given}] is vehicle {given}"
+        return f"{value_message(error)}: {hint}"
+    return value_message(error)
+
+
+def written_keys(error: ErrorDetails) -> Keys:
+    """Return the keys of an error's place as the user writes them, without the tags of unions."""
+    keys = tuple(part for part in error["loc"] if not str(part).startswith((MARK, "[key]")))
+    if error["type"] == "missing" and isinstance(keys[-1], int):
+        return keys[:-1]
+    in_mapping = error["type"] in ("kind", "kind_name") and isinstance(error["input"], dict)
+    return (*keys, "kind") if in_mapping else keys
+
+
+def keys_beside(location: Keys, data: Plain) -> list[str]:
+    """Return the keys allowed in the mapping in which pydantic found an unknown key."""
+    models: list[type[BaseModel]] = [Config]
+    for part in location[:-1]:
+        if str(part).startswith(MARK):
+            tag = str(part).removeprefix(MARK)
+            models = [each for each in models if is_tagged(each, tag.lower())]
+            continue
+        data = data.get(part) if isinstance(data, dict) else None
+        fields = [each.model_fields[part] for each in models if part in each.model_fields]
+        models = [model for field in fields for model in models_in(field, data or "")]
+    return list(dict.fromkeys(key for each in models for key in each.model_fields))
+
+
+def is_tagged(model: type[BaseModel], tag: str) -> bool:
+    return tag in model.model_fields or model.__name__.lower().startswith(tag)
+
+
+class KnownKeys:
+    """The dotted keys of a study's cells, which depend on the kinds that it names or sweeps."""
+
+    def __init__(self, data: PlainMapping, values: Mapping[str, list[Plain]]):
+        self.models: dict[str, list[type[BaseModel]]] = {
+            key: [each] for key, each in RECORDS.items()
+        }
+        for root in KINDS:
+            given = [with_kind(root, each) for each in (data.get(root, {}), *values.get(root, []))]
+            self.models[root] = [model for each in given if (model := model_of(root, each))]
+
+    def has(self, key: str) -> bool:
+        root, *inside = key.split(".")
+        models = self.models.get(root, [])
+        anything = any(each.model_config.get("extra") == "allow" for each in models)
+        known = not inside or anything or inside[0] in self.inside(root)
+        return root in Scenario.model_fields and known
+
+    def unknown(self, key: str) -> str:
+        """Say that a key is unknown, and which was probably meant, or which there are."""
+        root, *inside = key.split(".")
+        found = self.inside(root)
+        if root in self.models:
+            return RENAMED_KEYS.get(key) or f"unknown key{suggestion(inside[0], found)}"
+        return f"unknown key (known here: {', '.join(found or [root])})"
+
+    def inside(self, root: str) -> list[str]:
+        """Return the keys inside a key, without `kind`; the indices of a list."""
+        if root == "gain":
+            return list(map(str, range(len(Scenario.model_fields[root].default))))
+        models = self.models.get(root, [])
+        return list(dict.fromkeys(key for each in models for key in each.model_fields))
