@@ -300,26 +300,20 @@ def metadata(name):
 @pytest.mark.parametrize(
     ("change", "wrong"),
     [
-        ({"codecs": [{"name": "numcodecs.pickle"}]}, 'it needs the codec "numcodecs.pickle"'),
-        ({"codecs": ["json2"]}, 'it needs the codec "json2"'),
-        ({"data_type": "object"}, 'its type is "object"'),
-        ({"data_type": {"name": "numpy.void"}}, 'its type is {"name": "numpy.void"}'),
-        ({"shape": [10**12]}, "it is too large: [1000000000000]"),
-        ({"shape": ["a"]}, "it has no shape"),
-        ({"zarr_format": 2}, "it is no array of version 3"),
+        ({"codecs": [{"name": "numcodecs.pickle"}]}, 'codecs.0.name is "numcodecs.pickle"'),
+        ({"codecs": ["json2"]}, 'codecs.0 is "json2"'),
+        ({"data_type": "object"}, 'data_type is "object"'),
+        ({"data_type": {"name": "numpy.void"}}, 'data_type is {"name": "numpy.void"}'),
+        ({"shape": [10**12]}, "too large: [1000000000000]"),
+        ({"shape": ["a"]}, 'shape.0 is "a"'),
+        ({"zarr_format": 2}, "zarr_format is 2"),
     ],
 )
-@pytest.mark.parametrize("where", ["array", "consolidated"])
-def test_an_array_unlike_ours_is_not_read(change, wrong, where, results):
-    """Whether its own metadata say so or those of all together."""
-    file, whole = Path("errors.zarr/time/zarr.json"), Path("errors.zarr/zarr.json")
-    if where == "array":
-        file.write_text(json.dumps(json.loads(file.read_text()) | change))
-    else:
-        root = json.loads(whole.read_text())
-        root["consolidated_metadata"]["metadata"]["time"] |= change
-        whole.write_text(json.dumps(root))
-    with pytest.raises(FolderError, match="no array of ours: " + re.escape(wrong)):
+def test_an_array_unlike_ours_is_not_read(change, wrong, results):
+    """Its own metadata say so, whatever those of all together say, which nothing reads."""
+    file = Path("errors.zarr/time/zarr.json")
+    file.write_text(json.dumps(metadata("time") | change))
+    with pytest.raises(FolderError, match="no array of ours: it.* " + re.escape(wrong)):
         _ = jaxnet.open(".").errors
     assert arrays.open_for_writing(jaxnet.open(".").path / "errors.zarr") is None
 

@@ -19,15 +19,14 @@ if TYPE_CHECKING:
     import xarray
 
     from jaxnet.runs import replay as replays
-    from jaxnet.store import matlab, tidy
+    from jaxnet.store import export
     from jaxnet.view.figures import every as figures
     from jaxnet.view.text import tables
 else:
     figures = LazyModule("jaxnet.view.figures.every")
-    matlab = LazyModule("jaxnet.store.matlab")
+    export = LazyModule("jaxnet.store.export")
     replays = LazyModule("jaxnet.runs.replay")
     tables = LazyModule("jaxnet.view.text.tables")
-    tidy = LazyModule("jaxnet.store.tidy")
 
 __all__ = ["Part", "Replay", "Results", "open"]
 
@@ -272,9 +271,9 @@ class Results(stored.Results):
         'csv'
         """
         if form == "mat":
-            return matlab.write_mat(self, out)
+            return export.write_mat(self, out)
         if form == "csv":
-            return tidy.write_csv(self, out)
+            return export.write_csv(self, out)
         raise FolderError(f"form: one of mat, csv (got {form!r})")
 
     @property

@@ -15,7 +15,7 @@ from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics import recovery
-from jaxnet.store import lane_store, layout, rows
+from jaxnet.store import arrays, layout, rows
 from jaxnet.store.arrays import open_store
 from jaxnet.store.folder import FolderError
 from jaxnet.store.layout import Shard
@@ -40,7 +40,7 @@ def replay(
     lane = job(chosen.scenario, source, [sample], layout.series_of(variables))
     outcome = batch.simulate(lane, machine)
     store = store_of(results, cell, sample, engine)
-    for name, content in lane_store.files_of(variables, chosen, sample, outcome.series).items():
+    for name, content in arrays.lane_files(variables, chosen, sample, outcome.series).items():
         results.folder.put(f"{store}/{name}", lambda file, content=content: file.write(content))
     types = rows.column_types(study.config, study.cells)
     isolation = rows.isolation_columns(study.cells)

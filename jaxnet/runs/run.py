@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config import keys
-from jaxnet.config.cells import Cell, judged_metric, to_plain
+from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
@@ -26,19 +26,17 @@ from jaxnet.runs import shards
 from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
 from jaxnet.statistics import recovery, summary
-from jaxnet.store import arrays, lane_store, layout, rows
+from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import changed_settings
 from jaxnet.store.folder import (
     DERIVED,
     Folder,
     FolderError,
     TakenError,
-    describe_kinds,
     digest,
+    manifest_entries,
     modules_of,
     samples_of_cells,
-    settings_of,
-    versions,
 )
 from jaxnet.store.layout import Shard
 from jaxnet.store.tables import write_table
@@ -146,19 +144,14 @@ class Run:
     def about(self, samples: Sequence[int]) -> dict[str, object]:
         """Return the manifest's entries on the finished folder; `samples` are the numbers of the cells."""
         return {
-            "hash": digest(self.study),
+            **manifest_entries(self.study),
             "seed": self.study.seed,
-            "versions": versions(),
-            "kinds": describe_kinds(self.study),
-            "modules": {name: made_of._asdict() for name, made_of in self.modules.items()},
             "device": jax.devices()[0].device_kind,
             "chunk": self.machine.chunk,
             "cells": len(self.cells),
             "samples": max(samples),
             "cell_samples": list(samples) if min(samples) < max(samples) else None,
             "shard_size": self.size,
-            "save": to_plain(self.study.save),
-            "settings": settings_of(self.study),
         }
 
     def begin(self, samples: Sequence[int]) -> None:
@@ -174,10 +167,9 @@ class Run:
         identities = {}
         for name, variables in layout.filled_stores(self.cells, self.study.save).items():
             with self.folder.naming(name):
-                store = arrays.prepare(
+                identities[name] = arrays.prepare(
                     self.folder.path / name, variables, self.cells, samples, self.size
                 )
-            identities[name] = arrays.store_identity(store)
         return identities
 
     def work(self, filled: dict[str, str] | None) -> Assignment:
@@ -284,7 +276,7 @@ class Run:
     def stored(self, chosen: Mapping[int, Sequence[int]]) -> bool:
         """Return whether the chosen lanes' trajectories are stored, undamaged."""
         lanes = [(cell, sample) for cell, samples in chosen.items() for sample in samples]
-        return lane_store.holds(
+        return arrays.holds_lanes(
             self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells), lanes
         )
 
@@ -301,7 +293,7 @@ class Run:
             )
         self.folder.remove(CHOSEN_STORE)
         with self.folder.naming(CHOSEN_STORE):
-            store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
+            store = arrays.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
         first = 0
         for cell, samples in (
             (self.cells[number], samples) for number, samples in chosen.items() if samples
@@ -310,10 +302,10 @@ class Run:
             one = job(cell.scenario, source, samples, layout.series_of(variables))
             series = batch.simulate(one, self.machine).series
             with self.folder.naming(CHOSEN_STORE):
-                lane_store.write_lanes(store, first, cell, variables, series)
+                arrays.write_lanes(store, first, cell, variables, series)
             first += len(samples)
         with self.folder.naming(CHOSEN_STORE):
-            lane_store.seal(store, path, variables, len(lanes))
+            arrays.seal(store, path, variables, len(lanes))
 
 
 def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:

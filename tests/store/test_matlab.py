@@ -7,7 +7,7 @@ import pytest
 from scipy import io
 
 import jaxnet
-from jaxnet.store import matlab
+from jaxnet.store import export
 from jaxnet.store.folder import FolderError
 from tests import systems
 
@@ -55,7 +55,7 @@ def test_the_numbers_are_the_same(results, tmp_path):
 
 def test_a_variable_that_is_too_large_is_refused(results, monkeypatch):
     """Before anything is written."""
-    monkeypatch.setattr(matlab, "MOST_VARIABLE_BYTES", 1000)
+    monkeypatch.setattr(export, "MOST_VARIABLE_BYTES", 1000)
     (results.path / "results.mat").unlink(missing_ok=True)
     with pytest.raises(FolderError, match=r"mat: \w+\.zarr has"):
         results.export()
@@ -67,7 +67,7 @@ def test_a_variable_that_is_too_large_is_refused(results, monkeypatch):
 def test_names_are_what_matlab_takes():
     """And none is another's."""
     given = ["attack.magnitude", "attack_magnitude", "end", "2nd", "_x", "a" * 70, "a" * 71, "für"]
-    found = list(matlab.valid_names(dict.fromkeys(given)))
+    found = list(export.valid_names(dict.fromkeys(given)))
     assert found[:3] == ["attack_magnitude", "attack_magnitude_", "x_end"]
     assert len(set(found)) == len(given)
     assert all(re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", name) for name in found)
