@@ -30,7 +30,7 @@ class Done(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """State of a cell during a run: the mean of its judged metric [m], and the share of unrecovered lanes.
+    """State of a cell during a run: mean of its judged metric [m], share of unrecovered lanes.
 
     `unrecovered` is not-a-number where no vehicle is attacked or the study has no recovery.
     """
@@ -42,14 +42,14 @@ class Standing(NamedTuple):
 
 
 def sums_of(cell: Cell, rows: pd.DataFrame, asked: Recovery | None) -> Sums:
-    """Sum a cell's rows, by their `status` and judged metric; without a criterion none is unrecovered."""
+    """Sum a cell's rows, by `status` and judged metric; without a criterion all recover."""
     errors = rows[cell.scenario.judged].to_numpy()[rows["status"].to_numpy() == "ok"]
     over = np.count_nonzero(errors > threshold(cell, asked))
     return Sums(len(rows), len(errors), int(over), float(errors.sum()))
 
 
 class Tally:
-    """Counts of lanes, cell by cell. A lane of an unfinished shard counts as done, and in no other sum."""
+    """Counts of lanes by cell. A lane of an unfinished shard counts as done, in no other sum."""
 
     def __init__(self, cells: Sequence[Cell], total: int, recovery: bool):
         self.cells, self.total, self.recovery = cells, total, recovery
@@ -88,7 +88,7 @@ class Tally:
             self.shards[shard] = sums
 
     def standing(self) -> list[Standing]:
-        """Return the state of each cell that has ok lanes."""
+        """State of each cell that has ok lanes."""
         lanes, ok, over, errors = self.sums.T
         with np.errstate(all="ignore"):
             share = np.where(attacked_mask(self.cells) & self.recovery, over / ok, np.nan)

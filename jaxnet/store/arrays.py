@@ -284,10 +284,7 @@ def chunk_files(
 
 
 def create_lanes(
-    store: "Store",
-    variables: Variables,
-    cells: Sequence[Cell],
-    lanes: Sequence[tuple[Cell, int]],
+    store: "Store", variables: Variables, cells: Sequence[Cell], lanes: Sequence[tuple[Cell, int]]
 ) -> "zarr.Group":
     """Create a store for these lanes of a study, each a cell and a sample."""
     group = zarr.open_group(store, mode="w")

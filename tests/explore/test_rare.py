@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import jaxnet
-from jaxnet.explore import subsets
+from jaxnet.explore import rare
 from tests import systems
 
 
@@ -17,17 +17,17 @@ def test_a_plane_far_out(level, coordinates):
         assert len(where) == len(chains)
         return where.sum(axis=1) / np.sqrt(coordinates)
 
-    found = subsets.estimate(height, coordinates, level, 1000, 20, np.random.default_rng(0))
+    found = rare.estimate(height, coordinates, level, 1000, 20, np.random.default_rng(0))
     assert found.low < stats.norm.sf(level) < found.high
     assert found.high < 2 * found.low
-    assert found.evaluations < 130_000
+    assert found.lanes < 130_000
 
 
 def test_intervals_hold_the_share_nearly_as_often_as_they_say():
     """Of 100 estimates of Φ(-3) from ten repeats of 200 points, whose shares are skewed: at least 85."""
     held = 0
     for seed in range(100):
-        found = subsets.estimate(lambda x, _: x[:, 0], 3, 3.0, 200, 10, np.random.default_rng(seed))
+        found = rare.estimate(lambda x, _: x[:, 0], 3, 3.0, 200, 10, np.random.default_rng(seed))
         held += found.low < stats.norm.sf(3.0) < found.high
     assert held >= 85
 
@@ -38,7 +38,7 @@ def test_what_failed_is_over_nothing():
     def height(where, _):
         return np.where(where[:, 1] > 0, where[:, 0], -np.inf)
 
-    found = subsets.estimate(height, 2, 3.0, 1000, 10, np.random.default_rng(1))
+    found = rare.estimate(height, 2, 3.0, 1000, 10, np.random.default_rng(1))
     assert found.low < stats.norm.sf(3.0) / 2 < found.high
 
 

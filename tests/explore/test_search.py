@@ -18,9 +18,9 @@ from jaxnet.api import studies, writing
 from jaxnet.config.document import ConfigError
 from jaxnet.config.keys import Scenario
 from jaxnet.engine.batch import Machine
-from jaxnet.explore import late, search, worst
+from jaxnet.explore import search, worst
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.search import Finalist, Trials, search_box
+from jaxnet.explore.search import Finalist, Trials, late_time, search_box
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs import cluster
@@ -412,8 +412,8 @@ def test_the_choice_is_the_finalist_that_is_worst_at_the_late_time(
     trials.finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)][
         1:
     ]
-    monkeypatch.setattr(late, "late_means", lambda *_: np.array(after))
-    choice = late.choose_finalist(trials, 1000.0, largest, systems.FEW)
+    monkeypatch.setattr(Trials, "late_means", lambda *_: np.array(after))
+    choice = trials.choose_finalist(1000.0)
     assert (choice.point[0], choice.found, choice.until) == (chosen, found[chosen], 1000.0)
     np.testing.assert_equal(choice.late, after[chosen])
 
@@ -422,9 +422,9 @@ def test_a_search_until_the_horizon_looks_no_further(monkeypatch):
     """The choice is then the greatest at the horizon, of 20 s."""
     trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
     trials.best, trials.finalists = 3.0, [Finalist(2.0, trials.point)]
-    monkeypatch.setattr(late, "late_means", lambda *_: pytest.fail("a lane"))
+    monkeypatch.setattr(Trials, "late_means", lambda *_: pytest.fail("a lane"))
     for until in (10.0, 20.0):
-        assert late.choose_finalist(trials, until, largest, systems.FEW)[1:] == (3.0, 3.0, 20.0)
+        assert trials.choose_finalist(until)[1:] == (3.0, 3.0, 20.0)
 
 
 @pytest.mark.parametrize(
@@ -440,4 +440,4 @@ def test_a_search_until_the_horizon_looks_no_further(monkeypatch):
 def test_the_late_time_is_an_output_time(horizon, step, until, time):
     """The first one that is not before `until`, nor before the horizon."""
     scenario = Scenario(horizon=horizon, output_step=step, tail=0.0)
-    assert late.late_time(scenario, until) == pytest.approx(time, rel=1e-12)
+    assert late_time(scenario, until) == pytest.approx(time, rel=1e-12)

@@ -312,9 +312,7 @@ def once(shards: int, url: str, action: Callable[[], Any]) -> Callable[..., None
 
 
 @pytest.mark.parametrize(
-    ("url", "shards"),
-    [("memory", 1), ("file", 0), ("file", 1), ("file", 2)],
-    indirect=["url"],
+    ("url", "shards"), [("memory", 1), ("file", 0), ("file", 1), ("file", 2)], indirect=["url"]
 )
 def test_a_run_whose_folder_is_taken_over_writes_no_more(url, study, local, shards):
     """After so many of its shards: no rows, arrays, tables or manifest. The same command goes on."""
