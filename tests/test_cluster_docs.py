@@ -71,6 +71,7 @@ def jaxnet_does(words):
     return done
 
 
+@pytest.mark.long
 def test_the_job_array_and_the_job_that_finishes_leave_the_rows_of_a_plain_run(there):
     """Also if one of its three tasks never ran; the tasks write rows alone."""
     for task in (0, 2):
@@ -97,6 +98,7 @@ def test_the_array_counts_from_0_without_gaps_and_is_waited_for_whatever_became_
     assert "--dependency=afterany:$array finish.sbatch" in PAGE
 
 
+@pytest.mark.long
 def test_dask_starts_the_workers_that_the_page_asks_for(there, slurm, monkeypatch):
     """The job script, and what is run on which scheduler."""
     seen = {}

@@ -34,7 +34,6 @@ class Box:
         )
 
     def lanes(self, points: Coordinates, samples: Int[np.ndarray, " lanes"]) -> Job:
-        """One lane for each point, with the sample beside the point."""
         inside = np.clip(points, INSIDE, 1 - INSIDE)
         given = Given(inside, self.columns, samples, self.source)
         return job(self.scenario, given, range(len(points)))
@@ -53,7 +52,6 @@ class Box:
         ]
 
     def centre(self, attacked: Collection[int]) -> Float[np.ndarray, " coordinates"]:
-        """Middle of the box, with lots that select these vehicles for the attack."""
         point = np.full(len(self.places), 0.5)
         point[self.lots] = [
             0.25 if self.places[column].vehicle in attacked else 0.75 for column in self.lots
@@ -61,7 +59,6 @@ class Box:
         return point
 
     def attacked(self, point: Float[np.ndarray, " coordinates"]) -> list[int]:
-        """Numbers of the vehicles that are attacked at a point."""
         if not self.lots:
             return self.scenario.attack.targets()
         order = np.argsort(point[self.lots], kind="stable")[: self.scenario.attack.number()]
@@ -82,12 +79,10 @@ class CachedSource:
 
 
 def places_of(scenario: Scenario, source: Source) -> list[Place]:
-    """Places of all random numbers of a scenario, in the order in which they are drawn."""
     return list(recorded(scenario, source).places)
 
 
 def value_at(scenario: Scenario, place: Place) -> object:
-    """Distribution of the number at a place."""
     value = operator.attrgetter(place.name)(scenario)
     match value:
         case list():
@@ -98,6 +93,5 @@ def value_at(scenario: Scenario, place: Place) -> object:
 
 
 def is_turn(number: object) -> bool:
-    """Whether a distribution is uniform over a full turn, so that both ends are the same angle."""
     low, high = fields.value_range(number) if fields.is_drawn(number) else (0.0, 0.0)
     return isinstance(number, fields.Uniform) and abs(high - low - 2 * fields.PI) < TURN

@@ -12,7 +12,7 @@ from jaxnet.store.folder import Folder
 from jaxnet.store.results import COLUMNS
 from jaxnet.store.tables import read_table, write_table
 
-TableRow = dict[str, Any]  # of a table, by its columns
+AnalysisRow = dict[str, Any]  # of a table, by its columns
 
 
 class CellTable:
@@ -22,7 +22,7 @@ class CellTable:
     """
 
     def __init__(self, study: Study, folder: Folder, name: str, effort: str, lanes: int):
-        self.folder, self.name, self.rows = folder, name, list[TableRow]()
+        self.folder, self.name, self.rows = folder, name, list[AnalysisRow]()
         if self.path.exists():
             table: Any = read_table(self.path, needed=COLUMNS[name].split())
             same = (table[effort] == lanes) & same_thresholds(study, table)
@@ -33,8 +33,7 @@ class CellTable:
     def path(self) -> UPath:
         return self.folder.path / self.name
 
-    def add(self, rows: list[TableRow]) -> None:
-        """Write the table with the rows of one more cell."""
+    def add(self, rows: list[AnalysisRow]) -> None:
         self.rows += rows
         table = pd.DataFrame(self.rows).sort_values("cell", kind="stable")
         self.folder.put(self.name, functools.partial(write_table, table))

@@ -29,7 +29,6 @@ class Course(NamedTuple):
 
 
 def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
-    """Yield the course of each of these cells whose search has ended."""
     settings = results.study.config.search
     assert settings is not None
     generations, bounds = results.searched, dict(results.worst[["cell", "bound"]].to_numpy(float))

@@ -21,7 +21,7 @@ from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.batch import EVERYTHING, Machine
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.cells import CellTable, TableRow
+from jaxnet.explore.cells import AnalysisRow, CellTable
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics.recovery import CONFIDENCE, threshold
 from jaxnet.statistics.steps import Steps, no_progress
@@ -62,7 +62,7 @@ def count_rare(
     return table.path
 
 
-def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> TableRow:
+def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> AnalysisRow:
     """Share unrecovered of a cell and its interval.
 
     `plain_lanes` is the number of random lanes that give an interval as narrow. Random graphs take

@@ -72,8 +72,6 @@ class Finalist(NamedTuple):
 
 
 class LateChoice(NamedTuple):
-    """The finalist that a search returns."""
-
     point: BoxPoint
     found: float  # mean over the starts, at the horizon
     late: float  # the same at `until`; not-a-number if a lane fails before or is not allowed
@@ -122,7 +120,6 @@ class Trials:
         return means, Generation(number, phase, self.lanes, self.best, *found, self.failed)
 
     def simulate(self, points: Coordinates) -> Starts:
-        """Objective at each point and start."""
         return self.simulate_in(self.box, points)
 
     def simulate_in(self, box: Box, points: Coordinates) -> Starts:
@@ -171,7 +168,6 @@ def lowest_if_failed(means: Means) -> Means:
 
 
 def best_of(points: Coordinates, means: Means) -> list[Finalist]:
-    """The best points in descending order; not-a-number comes last."""
     order = np.argsort(-lowest_if_failed(means), kind="stable")[:RANDOM_FINALISTS]
     return [Finalist(float(means[number]), points[number]) for number in order]
 
@@ -191,13 +187,11 @@ class Population:
         self.best = Finalist(-math.inf, base)
 
     def ask(self) -> Coordinates:
-        """Draw a generation and return its points."""
         size = self.strategy.population_size
         self.generation = np.stack([self.strategy.ask() for _ in range(size)])
         return self.points()
 
     def points(self) -> Coordinates:
-        """The generation's points in the box."""
         points = np.tile(self.base, (len(self.generation), 1))
         mirrored = 1 - np.abs(1 - self.generation % 2)
         points[:, self.free] = np.where(self.turns, self.generation % 1, mirrored)
@@ -250,7 +244,6 @@ def sets_of(box: Box, most: int, random: np.random.Generator) -> list[Sequence[i
 def random_points(
     box: Box, attacked: Sequence[int], number: int, random: np.random.Generator
 ) -> Coordinates:
-    """Random points of the box at which these vehicles are attacked."""
     points, free = np.tile(box.centre(attacked), (number, 1)), box.free(attacked)
     points[:, free] = random.random((number, len(free)))
     return points
@@ -355,11 +348,9 @@ def polish_best(trials: Trials, until: int) -> Iterator[Generation]:
 
 
 def shifted_points(box: Box, point: BoxPoint, steps: Coordinates) -> Coordinates:
-    """A point plus steps, inside the box; angles are periodic."""
     points = point + steps
     return np.where(box.turns, points % 1, np.clip(points, 0, 1))
 
 
 def split_items(items: Sequence[Element], size: int) -> Iterator[Sequence[Element]]:
-    """Yield the items in parts of `size`."""
     return (items[first : first + size] for first in range(0, len(items), size))

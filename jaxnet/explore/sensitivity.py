@@ -18,7 +18,7 @@ from jaxnet.engine import batch
 from jaxnet.engine.batch import EVERYTHING, Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
-from jaxnet.explore.cells import CellTable, TableRow
+from jaxnet.explore.cells import AnalysisRow, CellTable
 from jaxnet.lanes.jobs import job, recorded
 from jaxnet.lanes.uniforms import Keyed, Later
 from jaxnet.statistics.indices import sobol_indices
@@ -93,7 +93,7 @@ def pick_freeze_outcomes(
 
 def index_rows(
     cell: Cell, names: Sequence[str], outcomes: Sequence[Outcome], over: float
-) -> list[TableRow]:
+) -> list[AnalysisRow]:
     """Rows of a cell by metric and quantity; a sample with a failed lane is left out.
 
     `over` is the error above which a lane is unrecovered [m], not-a-number where nothing is.

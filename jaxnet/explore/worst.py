@@ -26,7 +26,7 @@ from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import VEHICLES, Box, places_of
-from jaxnet.explore.cells import TableRow
+from jaxnet.explore.cells import AnalysisRow
 from jaxnet.explore.search import (
     SEARCH_VERSION,
     BoxPoint,
@@ -55,12 +55,12 @@ FRESH = 10_000  # further starts to verify the worst choice
 REDUCTIONS = {"tail_max": np.max, "tail_mean": np.mean}  # from vehicles' bounds to a metric's bound
 
 
-LaneValues = Float[np.ndarray, " lanes"]
+Objectives = Float[np.ndarray, " lanes"]
 Metrics = Mapping[str, Float[Array | np.ndarray, " lanes"]]
 
 
 class WorstChoice(NamedTuple):
-    """TableRow of `worst.csv`: the worst choice in a cell."""
+    """Row of `worst.csv`: the worst choice in a cell."""
 
     cell: int
     found: float  # mean over the starts, at the horizon
@@ -81,8 +81,6 @@ class WorstChoice(NamedTuple):
 
 
 class CellSearch:
-    """The search in one cell."""
-
     def __init__(self, study: Config, cell: Cell, folder: Folder, machine: Machine):
         assert study.search is not None
         self.study, self.cell, self.folder, self.machine = study, cell, folder, machine
@@ -97,12 +95,12 @@ class CellSearch:
             known = np.split(self.stored["values"], np.cumsum(self.stored["sizes"])[:-1])
         self.trials = Trials(self.box, self.settings.starts, self.measure, machine, known)
 
-    def measure(self, outcome: Outcome) -> LaneValues:
+    def measure(self, outcome: Outcome) -> Objectives:
         """Objective of each lane: not-a-number if it failed, minus infinity if not allowed."""
         values = self.values(outcome)
         return np.where(self.allowed(outcome.metrics) | np.isnan(values), values, -math.inf)
 
-    def values(self, outcome: Outcome) -> LaneValues:
+    def values(self, outcome: Outcome) -> Objectives:
         """Objective of each lane, allowed or not; not-a-number where the lane failed."""
         return np.where(outcome.status == 0, self.objective(outcome.metrics), math.nan)
 
@@ -113,8 +111,7 @@ class CellSearch:
             fulfilled = fulfilled & (np.asarray(metrics[name]) <= most)
         return fulfilled
 
-    def objective(self, metrics: Metrics) -> LaneValues:
-        """Objective of lanes with these metrics."""
+    def objective(self, metrics: Metrics) -> Objectives:
         if self.settings.maximise != "unrecovered":
             return np.asarray(metrics[self.settings.maximise])
         over = recovery.threshold(self.cell, self.study.recovery)
@@ -135,11 +132,9 @@ class CellSearch:
 
     @property
     def file(self) -> str:
-        """Name of the file with the values of all choices."""
         return f"search/{self.cell.number}.npz"
 
     def stamp(self) -> str:
-        """Hash of everything that determines the search."""
         counted = self.settings.maximise == "unrecovered"
         told = [SEARCH_VERSION, digest(self.study), to_plain(self.settings), self.cell.number]
         told += [to_plain(self.study.recovery)] if counted and self.study.recovery else []
@@ -199,7 +194,6 @@ class CellSearch:
     def key_value(
         self, point: BoxPoint, name: str, attacked: Sequence[int]
     ) -> float | list[float] | list[float | list[float]]:
-        """Value of a key at a point: a number, or a list of numbers by vehicle or component."""
         numbers: dict[int, list[float]] = {}
         for place, column in self.box.columns.items():
             if place.name == name:
@@ -285,7 +279,7 @@ def search_each(
         ended = executor.deal(task, config.scope, modules_of(config), cells)
         for done, _ in enumerate(ended, 1):
             progress("cells searched", done, len(study.cells))
-    found, generations = list[TableRow](), list[TableRow]()
+    found, generations = list[AnalysisRow](), list[AnalysisRow]()
     for cell in study.cells:
         search, labels = CellSearch(config, cell, folder, machine), {"cell": cell.number}
         labels |= cell.labels
@@ -320,7 +314,6 @@ def simulate_choice(study: Study, folder: Folder, machine: Machine) -> UPath:
 
 
 def search_cell(folder: Folder, chunk: int | None, number: int) -> int:
-    """Search in one cell to its end on a worker, store the result, and return the cell's number."""
     results, machine = Results(folder.path), Machine(1, chunk)
     cell = results.study.cells[number]
     search = CellSearch(results.study.config, cell, folder, machine)

@@ -25,13 +25,11 @@ def with_place(error: BaseException) -> str:
 
 
 def traceback_lines(error: BaseException) -> list[tuple[str, int]]:
-    """File and line of each frame of an error's traceback, outermost first."""
     frames = traceback.walk_tb(error.__traceback__)
     return [(frame.f_code.co_filename, line) for frame, line in frames]
 
 
 def outside_files() -> set[str]:
-    """All files from which kinds from outside were loaded or imported."""
     loaded = {str(file) for held in modules.STATES.values() for file in held.sources}
     return loaded | {each.file for each in provenance.IMPORTED_SOURCES.values() if each.file}
 

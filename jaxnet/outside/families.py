@@ -51,13 +51,11 @@ def base_of(family: str) -> type:
 
 
 def is_member(found: object, family: str) -> bool:
-    """Whether an object is a class of a family, or an instance of its base class."""
     base = base_of(family)
     return isinstance(found, base) or (isinstance(found, type) and issubclass(found, base))
 
 
 def family_of(given: object) -> str:
-    """Family of a class or metric; raise KindError if it has none."""
     for family in FAMILIES:
         if is_member(given, family):
             return family
@@ -66,7 +64,6 @@ def family_of(given: object) -> str:
 
 @functools.cache
 def entry_points(family: str) -> list[metadata.EntryPoint]:
-    """Entry points by which installed packages offer kinds of a family."""
     return list(metadata.entry_points(group=FAMILIES[family].group))
 
 

@@ -66,13 +66,11 @@ class ModuleFolder:
         sys.modules[self.name] = package
 
     def read(self, file: Path) -> bytes:
-        """Content of a file at its first read."""
         if file not in self.sources:
             self.sources[file] = file.read_bytes()
         return self.sources[file]
 
     def current(self) -> bool:
-        """Whether no file has changed since it was read."""
         held = self.sources.items()
         return all(file.is_file() and file.read_bytes() == content for file, content in held)
 
@@ -100,7 +98,6 @@ def module_folder(folder: Path) -> ModuleFolder:
 
 
 def file_of(folder: Path, module: str) -> Path | None:
-    """The file of a module in a folder, None if there is none."""
     *packages, name = module.split(".")
     if not all(map(str.isidentifier, (*packages, name))) or module.partition(".")[0] == "jaxnet":
         return None
@@ -148,8 +145,6 @@ def imports_in(source: bytes, package: str) -> Iterator[str]:
 
 
 class NeighbourFinder:
-    """Import finder for the private names of modules in folders."""
-
     @classmethod
     def find_spec(
         cls, fullname: str, path: object = None, target: object = None
@@ -226,7 +221,6 @@ def without_private(words: str) -> str:
 
 
 def public_name(module: str) -> str:
-    """Name of a module in its folder."""
     return PRIVATE.sub("", module, count=1) if module.startswith(PREFIX) else module
 
 
@@ -239,13 +233,11 @@ def folder_of(module: str) -> Path | None:
 
 
 def is_installed(module: str) -> bool:
-    """Whether a module belongs to an installed distribution."""
     return version_of(module) is not None
 
 
 @functools.cache
 def version_of(module: str) -> str | None:
-    """Version of the distribution of a module, None if it has none."""
     top = module.partition(".")[0]
     for each in metadata.distributions():
         declared = (each.read_text("top_level.txt") or "").split()
@@ -257,7 +249,6 @@ def version_of(module: str) -> str | None:
 
 
 def attribute(module: types.ModuleType, name: str) -> Any:
-    """The object at a dotted name in a module; raise AttributeError."""
     return operator.attrgetter(name)(module)
 
 

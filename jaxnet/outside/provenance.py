@@ -15,8 +15,6 @@ from jaxnet.outside.modules import KindError, ModuleFolder
 
 @runtime_checkable
 class MetricLike(Protocol):
-    """A metric, as this room knows it."""
-
     @property
     def name(self) -> str: ...
 
@@ -29,8 +27,6 @@ PLAIN_TYPES = (bool, int, float, complex, str)
 
 
 class Provenance(NamedTuple):
-    """The file, hash and version of a module from outside."""
-
     file: str
     sha256: str  # of the file at the time of loading
     version: str | None  # of the module's distribution
@@ -43,12 +39,10 @@ FOLDERS: WeakKeyDictionary[Any, ModuleFolder] = WeakKeyDictionary()
 
 
 def home_of(found: KindOrMetric) -> str:
-    """Module that defines a class, or a metric's function."""
     return found.__module__ if isinstance(found, type) else found.of.__module__
 
 
 def name_in(found: KindOrMetric) -> str:
-    """Dotted name of a class or metric in its module."""
     if isinstance(found, type):
         return found.__qualname__
     held = vars(sys.modules[home_of(found)]).items()
@@ -150,7 +144,6 @@ def hash_typed_code(module: str, kinds: list[KindOrMetric]) -> Provenance:
 
 
 def bases_in(module: str, thing: object) -> list[type]:
-    """A class and its bases, as far as this module defines them."""
     return [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]
 
 
@@ -161,7 +154,6 @@ def function_of(thing: object) -> object:
 
 
 def codes_of(thing: object) -> Iterator[types.CodeType]:
-    """Yield the code of a function and of all functions inside it."""
     code = getattr(function_of(thing), "__code__", None)
     ahead = [code] if code else []
     while ahead:

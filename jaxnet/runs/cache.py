@@ -60,7 +60,6 @@ def refuse_low_limit(least: float) -> None:
 
 
 def processor() -> str:
-    """Name and features of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -80,8 +80,6 @@ class ClusterError(RuntimeError):
 
 
 class Answer(NamedTuple):
-    """Result of a task on a worker, and the warnings of that worker."""
-
     found: Any
     said: list[str]
 
@@ -160,7 +158,6 @@ class Cluster:
 def worker_answers(
     client: "distributed.Client", task: Callable[[bytes], Answer], items: Mapping[str, bytes]
 ) -> Iterator[Any]:
-    """Yield the workers' results as they come, and repeat each distinct warning once."""
     told, run = set[str](), uuid.uuid4().hex
 
     def tell(said: Iterable[str]) -> None:
@@ -186,7 +183,6 @@ def worker_answers(
 
 @contextlib.contextmanager
 def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
-    """Yield a client of a number of workers, processes of this machine that share its cores."""
     quiet_tracker()
     start_server()
     each = max(1, cores // number)
@@ -234,7 +230,6 @@ def quiet_tracker() -> None:
 
 @contextlib.contextmanager
 def workers_at(address: str) -> "Iterator[distributed.Client]":
-    """Yield a client of the scheduler at an address."""
     with contextlib.ExitStack() as stack:
         stack.enter_context(distributed.utils.silence_logging_cmgr(NO_LOGS))
         try:
@@ -265,7 +260,6 @@ def refuse_strangers(client: "distributed.Client") -> None:
 
 
 def refuse_versions(worker: str, theirs: Mapping[str, object], ours: Mapping[str, str]) -> None:
-    """Raise ClusterError if a worker's versions are not ours."""
     for package in ("jaxnet", *PACKAGES):
         if theirs[package] != ours[package]:
             versions = f"{package} {theirs[package]}, this is {ours[package]}"
@@ -319,7 +313,6 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
 
 
 def drain(said: deque[str]) -> Iterator[str]:
-    """Yield and remove all items; other threads may remove some of them."""
     with contextlib.suppress(IndexError):
         while True:
             yield said.popleft()

@@ -15,7 +15,6 @@ LaneField = Callable[..., jax.Array]  # of time [s], state (n, m) and an ignored
 
 
 def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array]:
-    """The field and the initial state; see `jaxnet.field`."""
     if cell >= len(study.cells):
         raise ValueError(f"the study has cells 0 to {len(study.cells) - 1} (got cell {cell})")
     if jnp.zeros(()).dtype != jnp.float64:

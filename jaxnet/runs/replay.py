@@ -16,7 +16,7 @@ from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics import recovery
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.arrays import open_store
+from jaxnet.store.arrays import lane_in, open_store
 from jaxnet.store.folder import FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
@@ -50,7 +50,6 @@ def replay(
 
 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:
-    """Raise FolderError if a study has no such lane."""
     results.need_run()
     cells = len(results.study.cells)
     samples = results.samples[cell] if cell < cells else max(results.samples)
@@ -83,16 +82,7 @@ def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | 
     return lane_in(results.trajectories, cell, sample)
 
 
-def lane_in(data: xr.Dataset, cell: int, sample: int) -> xr.Dataset | None:
-    """A lane in a store of trajectories, or None."""
-    if "lane" not in data.dims:
-        return data.sel(cell=cell, sample=sample) if sample in data["sample"] else None
-    mine = (data["cell"].values == cell) & (data["sample"].values == sample)
-    return data.isel(lane=int(np.flatnonzero(mine)[0])) if mine.any() else None
-
-
 def store_of(results: Results, cell: int, sample: int, engine: str | None = None) -> str:
-    """Name of the store of a replayed lane."""
     own = results.study.cells[cell].scenario.engine.reference()
     other = "" if engine in (None, own) else f"-{engine}"
     return f"replays/cell-{cell}-sample-{sample}{other}.zarr"

@@ -50,13 +50,10 @@ ChosenLane = tuple[Cell, int]  # a cell and a sample
 
 
 def local_executor(machine: Machine) -> Executor:
-    """Executor that simulates shards in this process."""
     return lambda work, todo, load_done: shards.simulate_shards(work, todo, machine, load_done)
 
 
 class Run:
-    """The simulation of one study into one folder, which this process holds."""
-
     def __init__(
         self,
         study: Config,
@@ -153,7 +150,6 @@ class Run:
         }
 
     def begin(self, samples: Sequence[int]) -> None:
-        """Write the manifest's description of the folder before the simulation."""
         about, before = self.about(samples), self.folder.manifest
         entries = ("save", "samples", "cell_samples")
         same = all(before.get(entry) == about[entry] for entry in entries)
@@ -262,7 +258,6 @@ class Run:
         return missing
 
     def stored(self, chosen: Sequence[ChosenLane]) -> bool:
-        """Whether the chosen lanes' trajectories are stored, undamaged."""
         path, variables = self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells)
         lanes = [(cell.number, sample) for cell, sample in chosen]
         return arrays.holds_lanes(path, variables, lanes)

@@ -58,22 +58,18 @@ class Assignment(NamedTuple):
 
     @property
     def variables(self) -> dict[str, Variable]:
-        """Variables that the study saves over time, of all stores."""
         stores = self.stores.values()
         return {name: each for variables in stores for name, each in variables.items()}
 
     @property
     def series(self) -> tuple[str, ...]:
-        """Names of the engine's series that the study saves."""
         return layout.series_of(self.variables)
 
     def stamp(self, shard: Shard, checksums: dict[str, int]) -> Stamp:
-        """Stamp of the shard's row file."""
         place = shard.cell.number, self.first(shard), self.size
         return Stamp(__version__, self.study, *place, self.filled or {}, checksums)
 
     def first(self, shard: Shard) -> int:
-        """First sample of the shard's file."""
         return shard.samples.start // self.size * self.size
 
     def chunk(self, shard: Shard) -> tuple[int, int]:
@@ -81,7 +77,6 @@ class Assignment(NamedTuple):
         return shard.cell.number, shard.samples.start // self.size
 
     def rows_of(self, shard: Shard) -> int:
-        """Number of rows of the shard's complete file."""
         return shard.samples.stop - self.first(shard)
 
     def missing(self, shard: Shard, done: Done | None) -> Shard | None:
@@ -91,7 +86,6 @@ class Assignment(NamedTuple):
         return shard._replace(samples=missing) if missing else None
 
     def done(self, shard: Shard, rows: pa.Table) -> Done:
-        """Report on a shard with these rows."""
         wanted = rows.select(["status", shard.cell.scenario.judged]).to_pandas()
         sums = sums_of(shard.cell, wanted, self.config.recovery)
         return Done(shard.number, shard.cell.number, sums)
@@ -164,7 +158,6 @@ def try_kinds(
 
 
 def program_of(one: Job) -> Program:
-    """What jobs of one program share: types, shapes, the plan, the network and the clock."""
     leaves, structure = jax.tree.flatten(one.inputs)
     shared, kind = jax.tree.flatten((one.network, one.clock))
     values = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
@@ -182,7 +175,6 @@ def open_stores(work: Assignment) -> Stores:
 def write_arrays(
     work: Assignment, shard: Shard, values: dict[str, np.ndarray], stores: Stores
 ) -> dict[str, int]:
-    """Write a shard's arrays into the stores; return the checksums of its chunks."""
     samples, checksums = slice(shard.samples.start, shard.samples.stop), {}
     for name, variables in work.stores.items():
         mine = {key: values[key] for key in variables}
@@ -199,7 +191,6 @@ def name_beside(number: int) -> str:
 
 
 def write_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
-    """Write a shard's arrays to a file beside its rows; return the file's checksum."""
     if not values:
         return {}
     content = io.BytesIO()

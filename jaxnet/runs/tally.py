@@ -22,8 +22,6 @@ class Sums(NamedTuple):
 
 
 class Done(NamedTuple):
-    """Report on a shard whose rows are in the folder."""
-
     shard: int
     cell: int
     sums: Sums
@@ -60,22 +58,18 @@ class Tally:
 
     @property
     def done(self) -> int:
-        """Number of finished lanes."""
         return int(self.sums[:, 0].sum()) + self.under_way
 
     @property
     def failed(self) -> int:
-        """Number of failed lanes in finished shards."""
         return int((self.sums[:, 0] - self.sums[:, 1]).sum())
 
     @property
     def counts(self) -> RecoveryCounts:
-        """Numbers of unrecovered lanes and of ok lanes, by cell."""
         return RecoveryCounts(self.sums[:, 2].astype(int), self.sums[:, 1].astype(int))
 
     @property
     def compiling(self) -> bool:
-        """Whether this process is compiling a program."""
         return batch.compiling()
 
     def record(self, found: Iterable[Done]) -> None:
@@ -88,7 +82,6 @@ class Tally:
             self.shards[shard] = sums
 
     def standing(self) -> list[Standing]:
-        """State of each cell that has ok lanes."""
         lanes, ok, over, errors = self.sums.T
         with np.errstate(all="ignore"):
             share = np.where(attacked_mask(self.cells) & self.recovery, over / ok, np.nan)

@@ -3,7 +3,6 @@
 import re
 import warnings
 from collections.abc import Iterator
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +10,10 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.config.cells import judged_metric
-from jaxnet.runs.replay import lane_in, replay, store_of, worst_of
+from jaxnet.runs.replay import replay, store_of, worst_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import layout, rows
-from jaxnet.store.arrays import open_store
+from jaxnet.store.arrays import lane_in, lanes_in, open_store
 from jaxnet.store.results import Results
 
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
@@ -32,7 +31,6 @@ class Watched(NamedTuple):
     path: UPath
 
     def arrays(self, of: Results) -> xr.Dataset:
-        """States, the navigator's path, the attack and the kept weights over time."""
         found = lane_in(open_store(self.path, of.sizes), self.cell, self.sample)
         assert found is not None
         return found
@@ -76,7 +74,6 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
 
 
 def watched(results: Results) -> list[Watched]:
-    """All lanes with a trajectory: the study's worst, then replayed, exemplary and other lanes."""
     worst, known = set(worst_of(results)), exemplary(results)
     order = ["worst of the study", "replayed", *dict.fromkeys(known.values()), "stored"]
     found: dict[tuple[int, int, str | None], Watched] = {}
@@ -88,7 +85,6 @@ def watched(results: Results) -> list[Watched]:
 
 
 def replayed_lanes(results: Results) -> Iterator[Watched]:
-    """Yield the lanes in `replays/` that the study has."""
     places = dict.fromkeys((results.folder.path, results.path))
     files = (file for place in places for file in place.glob("replays/cell-*.zarr/zarr.json"))
     stores = {file.parent.name: file.parent for file in files}
@@ -101,12 +97,8 @@ def replayed_lanes(results: Results) -> Iterator[Watched]:
 
 
 def stored_lanes(results: Results) -> Iterator[Watched]:
-    """Yield the lanes in `trajectories.zarr`."""
     path = results.path / "trajectories.zarr"
     if not path.exists():
         return
-    data = open_store(path, results.sizes)
-    cells, samples = (data[name].values.tolist() for name in ("cell", "sample"))
-    chosen = "lane" in data.dims
-    for cell, sample in zip(cells, samples, strict=True) if chosen else product(cells, samples):
+    for cell, sample in lanes_in(open_store(path, results.sizes)):
         yield Watched(cell, sample, "stored", None, path)

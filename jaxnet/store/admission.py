@@ -131,7 +131,6 @@ def refuse_edited(folder: Folder, config: Config) -> None:
 
 
 def changed_modules(folder: Folder, config: Config) -> list[str]:
-    """Names of the kinds' modules that have changed since the rows were made."""
     theirs, ours = folder.manifest.get("modules", {}), modules_of(config)
     return [name for name in theirs if name in ours and ours[name].sha256 != theirs[name]["sha256"]]
 
@@ -143,7 +142,6 @@ def changed_settings(manifest: Manifest, config: Config) -> list[str]:
 
 
 def flatten_keys(value: object, prefix: str = "") -> dict[str, object]:
-    """Nested mappings as one mapping with dotted keys."""
     if not isinstance(value, dict) or not value:
         return {prefix: value}
     joined = {}

@@ -12,6 +12,7 @@ them.
 import uuid
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -88,7 +89,6 @@ def has_layout(array: "zarr.Array", dims: tuple[str, ...], chunk: int) -> bool:
 
 
 def consolidate(group: "zarr.Group") -> None:
-    """Consolidate the metadata, so that readers find all of it in one file."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
         zarr.consolidate_metadata(group.store)
@@ -130,6 +130,20 @@ def open_store(
         for name in labels:
             data = data.set_xindex(name)
         return data
+
+
+def lanes_in(data: "xarray.Dataset") -> Iterator[tuple[int, int]]:
+    """Cell and sample of each lane in a store of trajectories."""
+    cells, samples = (data[name].values.tolist() for name in ("cell", "sample"))
+    yield from zip(cells, samples, strict=True) if "lane" in data.dims else product(cells, samples)
+
+
+def lane_in(data: "xarray.Dataset", cell: int, sample: int) -> "xarray.Dataset | None":
+    """A lane in a store of trajectories; None if the store has no such lane."""
+    if "lane" not in data.dims:
+        return data.sel(cell=cell, sample=sample) if sample in data["sample"] else None
+    mine = (data["cell"].values == cell) & (data["sample"].values == sample)
+    return data.isel(lane=int(np.flatnonzero(mine)[0])) if mine.any() else None
 
 
 def store_at(path: UPath) -> "Store":
@@ -179,7 +193,6 @@ def add_array(
 def add_shared(
     group: "zarr.Group", variables: Variables, cells: Sequence[Cell], coords: Values
 ) -> None:
-    """Write the arrays that all lanes of a cell share."""
     each = [cell_values(cell, variables, coords["time"]) for cell in cells]
     for name, (dims, dtype, unit, meaning, _) in variables.items():
         shape = [len(coords[dim]) for dim in dims[1:]]
@@ -253,7 +266,6 @@ def fill_value_of(dtype: np.dtype | str) -> int | float:
 
 
 def read_checksums(path: UPath, variables: Variables, place: ChunkPlace) -> dict[str, int]:
-    """Stored checksum of the chunk of each array at a place."""
     return {
         name: chunks.checksum_of(cast(bytes, file.fs.cat_file(file.path, start=-chunks.CHECKSUM)))
         for name, file in chunk_files(path, variables, place)
@@ -277,7 +289,6 @@ def is_intact(
 def chunk_files(
     path: UPath, variables: Variables, place: ChunkPlace
 ) -> Iterator[tuple[str, UPath]]:
-    """Yield the name of each array and the file of its chunk at a place."""
     for name, variable in variables.items():
         whole = (*place, *[0] * (len(variable.dims) - len(place)))
         yield name, path / name / "c" / "/".join(map(str, whole))
@@ -286,7 +297,6 @@ def chunk_files(
 def create_lanes(
     store: "Store", variables: Variables, cells: Sequence[Cell], lanes: Sequence[tuple[Cell, int]]
 ) -> "zarr.Group":
-    """Create a store for these lanes of a study, each a cell and a sample."""
     group = zarr.open_group(store, mode="w")
     coords = coordinates(cells, 0) | {"lane": np.arange(len(lanes))}
     create_arrays(group, along_lanes(variables), coords, (1,))

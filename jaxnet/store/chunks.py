@@ -45,15 +45,11 @@ class Codec(BaseModel):
 
 
 class GroupMetadata(BaseModel):
-    """The metadata of a group of ours."""
-
     zarr_format: Literal[3]
     node_type: Literal["group"]
 
 
 class ArrayMetadata(BaseModel):
-    """The metadata of an array of ours."""
-
     zarr_format: Literal[3]
     node_type: Literal["array"]
     data_type: Literal["float32", "float64", "int8", "int16", "int32", "int64", "bool", "string"]
@@ -141,7 +137,6 @@ class GatedStore(WrapperStore[Store]):
 
 
 def validated(kind: type[AnyMetadata], file: str, content: bytes) -> AnyMetadata:
-    """Metadata of a group or an array; raise FolderError unless they are of ours."""
     with gate.reading(file, "has no metadata of Zarr"):
         if len(content) > MOST_METADATA:
             raise FolderError(f"{file} has over {MOST_METADATA:,} bytes, and fewer are due")
@@ -174,7 +169,6 @@ def check_chunk(file: str, content: bytes, promise: Promise, most: int) -> None:
 
 
 def checksum_of(chunk: bytes) -> int:
-    """Checksum that stands at a chunk's end."""
     return int.from_bytes(chunk[-CHECKSUM:], "little")
 
 

@@ -19,6 +19,7 @@ from scipy import io
 from upath import UPath
 
 from jaxnet.config.cells import Cell
+from jaxnet.store.arrays import lane_in, lanes_in
 from jaxnet.store.folder import STORES, Folder, FolderError
 from jaxnet.store.results import Results
 from jaxnet.store.tables import write_table
@@ -34,7 +35,6 @@ Struct = Mapping[str, np.ndarray | dict[str, np.ndarray]]  # a structure of MATL
 
 
 def write_mat(results: Results, out: str | Path | UPath | None = None) -> UPath:
-    """Write `results.mat` into the folder, or another file."""
     place = results.path / "results.mat" if out is None else UPath(out)
     if place.suffix != ".mat":
         raise FolderError(f"mat: a file for MATLAB ends in .mat (got {out})")
@@ -72,7 +72,6 @@ def refuse_large(name: str, size: int) -> None:
 
 
 def column_struct(table: pd.DataFrame) -> dict[str, np.ndarray]:
-    """A table as a structure of columns, with text as cell arrays."""
     return valid_names({str(name): plain_array(table[name].to_numpy()) for name in table})
 
 
@@ -85,7 +84,6 @@ def array_struct(data: xr.Dataset) -> Struct:
 
 
 def plain_array(values: np.ndarray) -> np.ndarray:
-    """Numbers unchanged, any other values as an array of text."""
     if values.dtype.kind in "iufb":
         return values
     return np.array([str(value) for value in values.ravel()], dtype=object).reshape(values.shape)
@@ -112,11 +110,9 @@ def write_csv(results: Results, out: str | Path | UPath | None = None) -> UPath:
     """
     folder = Folder(results.folder.path / "csv" if out is None else out)
     data = results.trajectories
-    if "lane" not in data.dims:
-        data = data.stack(lane=("cell", "sample"), create_index=False)
-    for number in range(data.sizes["lane"]):
-        lane = data.isel(lane=number)
-        cell, sample = int(lane["cell"]), int(lane["sample"])
+    for cell, sample in lanes_in(data):
+        lane = lane_in(data, cell, sample)
+        assert lane is not None
         table = trajectory_table(results.study.cells[cell], sample, lane)
         folder.put(f"cell-{cell}-sample-{sample}.csv", functools.partial(write_table, table))
     return folder.path

@@ -123,7 +123,6 @@ class UnwrittenError(OSError, FolderError):
     """A file that cannot be written: the system's error number, a message that names the file."""
 
     def __str__(self) -> str:
-        """Return the message without the error number."""
         return str(self.strerror)
 
 
@@ -153,13 +152,11 @@ def digest(config: Config, modules: Mapping[str, tuple[str, str | None]] | None 
 
 
 def settings_of(config: Config) -> dict[str, object]:
-    """Keys that change no row, but tables, figures and pages, as JSON data."""
     data = to_plain(config)
     return json.loads(json.dumps({key: data[key] for key in EVALUATED}))
 
 
 def modules_of(config: Config) -> dict[str, Provenance]:
-    """Provenance of the kinds from outside that a config names, by module."""
     return provenance(config.scope.named_in(to_plain(config)))
 
 
@@ -176,7 +173,6 @@ def manifest_entries(config: Config) -> dict[str, object]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages on which rows may depend."""
     packages = {package: metadata.version(package) for package in PACKAGES}
     return {"jaxnet": __version__, **packages, "python": platform.python_version()}
 
@@ -236,7 +232,6 @@ def reach(path: UPath) -> None:
 def put_file(
     root: Path, final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]
 ) -> None:
-    """Write a file under a temporary name, look, and rename it."""
     if not final.parent.resolve().is_relative_to(root.resolve()):
         told = f"is a link out of {root}, and nothing is written through it"
         raise FolderError(f"{final.parent} {told}")
@@ -265,7 +260,6 @@ class Folder:
         return Folder(self.path.absolute(), self.holds)
 
     def inside(self, name: str) -> "Folder":
-        """A folder inside this one, under equal locks."""
         return Folder(self.path / name, self.holds)
 
     def look(self) -> None:
@@ -292,7 +286,6 @@ class Folder:
         gate.refuse_strange(self.path, GATED)
 
     def write_manifest(self, **entries: object) -> None:
-        """Change entries of the manifest."""
         text = json.dumps(self.manifest | entries, indent=2) + "\n"
         self.put("manifest.json", lambda file: file.write(text.encode()))
 
@@ -376,12 +369,10 @@ class Folder:
             target.unlink(missing_ok=True)
 
     def write_study(self, config: Config) -> None:
-        """Write `study.yaml`."""
         text = config_text(config, "study.yaml")
         self.put("study.yaml", lambda file: file.write(text.encode()))
 
     def need(self, wanted: int) -> None:
-        """Raise FolderError if the disk has fewer free bytes than `wanted`."""
         if not isinstance(self.path, Path):
             return
         free = shutil.disk_usage(self.path).free

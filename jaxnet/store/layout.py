@@ -86,7 +86,6 @@ def sizes(cells: Sequence[Cell]) -> dict[str, int]:
 
 
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
-    """Labels along each dimension."""
     scenario, known = cells[0].scenario, sizes(cells)
     return {
         "cell": np.arange(known["cell"]),
@@ -132,7 +131,6 @@ def shards_of(cells: Sequence[Cell], samples: Sequence[int], size: int) -> list[
 
 
 def shard_of(cells: Sequence[Cell], samples: Sequence[int], size: int, number: int) -> Shard:
-    """Shard of a number; a shard beyond the samples of its cell has none."""
     cell, held = samples_of_shard(samples, size, number)
     return Shard(number, cells[cell], held)
 
@@ -204,12 +202,10 @@ def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
 
 
 def series_of(variables: Mapping[str, Variable]) -> tuple[str, ...]:
-    """Names of the engine's series that fill these arrays."""
     return tuple(variable.series for variable in variables.values())
 
 
 def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Arrays of a store of chosen lanes, with `lane` as the first dimension."""
     every = {**variables, **cell_variables(variables)}
     return {
         name: variable._replace(dims=("lane", *own_dims(variable)))
@@ -218,17 +214,14 @@ def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
 
 
 def cell_variables(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Arrays of a trajectory that all lanes of a cell share."""
     return {"navigator": NAVIGATOR} | ({"source": HEARD_SOURCES} if "kept" in variables else {})
 
 
 def own_dims(variable: Variable) -> tuple[str, ...]:
-    """Dimensions of an array without those that number the lane."""
     return tuple(dim for dim in variable.dims if dim not in ("cell", "sample", "lane"))
 
 
 def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> int:
-    """Bytes of one lane's part of these arrays."""
     coords = coordinates(cells, 1)
     return sum(
         int(np.prod([len(coords[dim]) for dim in own_dims(variable)]))

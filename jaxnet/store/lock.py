@@ -88,7 +88,6 @@ def hold_folder(folder: UPath, alone: bool = True) -> Iterator[Hold]:
 
 @contextlib.contextmanager
 def hold_file(file: UPath, alone: bool) -> Iterator[Hold]:
-    """Hold a file's system lock, which ends with this process."""
     lock = os.open(str(file), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         try:
@@ -108,7 +107,6 @@ def hold_file(file: UPath, alone: bool) -> Iterator[Hold]:
 
 @contextlib.contextmanager
 def hold_object(file: UPath) -> Iterator[Hold]:
-    """Hold an object, and rewrite it every `BEAT` seconds."""
     hold, ended = Hold(file, uuid.uuid4().hex), threading.Event()
     mine = holder_entries(hold.token)
     if not (acquire(file, mine) or (remove_silent(file) and acquire(file, mine))):
@@ -146,7 +144,6 @@ def lock_content(holder: dict[str, str], beat: int) -> bytes:
 
 
 def acquire(file: UPath, mine: dict[str, str]) -> bool:
-    """Take the lock unless it exists; return whether this process took it."""
     if file.exists():  # some stores ignore exclusive creation
         return False
     try:

@@ -72,7 +72,6 @@ class Looking(Scope):
 
     @property
     def missing(self) -> list[str]:
-        """Names of the kinds whose code is not available."""
         return sorted({name for _, name in self.stand_ins})
 
     def outside(self, family: str, name: str) -> Found | None:
@@ -92,7 +91,6 @@ class Looking(Scope):
         return None
 
     def placed(self, family: str, name: str) -> Found | None:
-        """The kind from a module in one of the user's places."""
         module = name.partition(":")[0]
         held = (place for place in self.places if modules.file_of(place, module) is not None)
         place = next(held, None) if ":" in name else None
@@ -124,7 +122,6 @@ class Looking(Scope):
         return any(self.results.resolve() in Path(place).resolve().parents for place in places)
 
     def stand_in(self, family: str, name: str) -> Found:
-        """Class or metric in place of a kind without code."""
         key = family, name
         if key not in self.stand_ins:
             told = self.manifest.get("kinds", {}).get(name, {})
@@ -154,7 +151,6 @@ def of_metric(metric: source.MetricLike) -> Description:
 
 
 def of_class(cls: type) -> Description:
-    """Base of a class, keys with defaults, constant facts, and overridden methods."""
     base = next(each for each in cls.__mro__ if is_ours(each))
     fields = cls.model_fields.items()
     keys = {key: None if field.is_required() else field.get_default() for key, field in fields}
@@ -173,12 +169,10 @@ def of_class(cls: type) -> Description:
 
 
 def is_ours(cls: type) -> bool:
-    """Whether a class is a base of one of jaxnet's families."""
     return cls.__module__ in {family.package for family in FAMILIES.values()}
 
 
 def facts_of(base: type) -> list[str]:
-    """Names of a class's class variables."""
     told = (vars(each).get("__annotations__", {}) for each in base.__mro__ if is_ours(each))
     names = (name for each in told for name, kind in each.items() if get_origin(kind) is ClassVar)
     return [name for name in dict.fromkeys(names) if name != "untraced"]
@@ -200,7 +194,6 @@ def json_value(value: object) -> object:
 
 
 def metric_like(family: str, name: str, told: Description) -> Metric:
-    """Metric without its function, from the manifest's description."""
     texts = {"name": name.rpartition(":")[2], "unit": ""}
     texts |= {key: told[key] for key in METRIC if isinstance(told.get(key), str)}
     found = Metric(**texts, of=missing_method(name))  # pyright: ignore[reportArgumentType]
@@ -209,7 +202,6 @@ def metric_like(family: str, name: str, told: Description) -> Metric:
 
 
 def class_like(family: str, name: str, told: Description) -> type[Kind]:
-    """Class with the keys and facts of the manifest's description, whose own methods raise."""
     package = importlib.import_module(FAMILIES[family].package)
     base = getattr(package, str(told.get("base")), None)
     if not (isinstance(base, type) and issubclass(base, base_of(family)) and is_ours(base)):
@@ -257,8 +249,6 @@ def keys_like(base: type[Kind], told: Description) -> dict[str, Any]:
 
 
 def missing_method(name: str) -> Callable[..., NoReturn]:
-    """A method that raises MissingKindError with the name of the kind."""
-
     def ask(*given: object, **more: object) -> NoReturn:
         raise MissingKindError(name)
 

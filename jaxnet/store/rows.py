@@ -58,7 +58,6 @@ class Stamp(NamedTuple):
 
 
 def column_types(study: Config, cells: Sequence[Cell]) -> dict[str, pa.DataType]:
-    """Types of the swept keys' columns, equal in every shard."""
     found = {}
     for key, label in cells[0].labels.items():
         given = study.sweep[key]
@@ -123,7 +122,6 @@ def row_file(number: int) -> str:
 
 
 def shard_number(name: str) -> int | None:
-    """Number of the shard of a row file; None for any other file."""
     found = re.fullmatch(r"(\d{5,12})\.parquet", name)
     return int(found[1]) if found else None
 
@@ -232,7 +230,6 @@ COLUMN_TYPES = {
 
 
 def strange_columns(schema: pa.Schema) -> str:
-    """What is wrong with the columns of a row file; "" if nothing is."""
     for name in COLUMN_TYPES:
         if name not in schema.names:
             return f"it has no column {name}"
@@ -243,7 +240,6 @@ def strange_columns(schema: pa.Schema) -> str:
 
 
 def any_stamp(folder: Folder) -> Stamp | None:
-    """Stamp of any readable row file; None without one."""
     for path in sorted(folder.path.glob("lanes/[0-9]*.parquet")):
         with contextlib.suppress(TornError):
             return read_rows(path)[1]
@@ -296,7 +292,6 @@ def scan_cells(
 
 
 def is_foreign(metadata: Mapping[bytes, bytes] | None, study: str) -> bool:
-    """Whether a row file has the stamp of another study than that of this hash."""
     stamp = (metadata or {}).get(STAMP)
     try:
         return stamp is not None and json.loads(stamp)["study"] != study

@@ -25,7 +25,6 @@ def csv_text(table: pd.DataFrame) -> str:
 
 
 def write_table(table: pd.DataFrame, file: IO[bytes] | io.BytesIO) -> None:
-    """Write a table into a binary file as CSV."""
     with_texts(table, guard_text).to_csv(file, index=False)
 
 
@@ -47,7 +46,6 @@ def read_table(
 
 
 def with_texts(table: pd.DataFrame, change: Callable[[str], str]) -> pd.DataFrame:
-    """Table whose titles and texts are changed."""
     found = table.rename(columns=lambda name: change(name) if isinstance(name, str) else name)
     for place, name in enumerate(found):
         column = found.iloc[:, place]
