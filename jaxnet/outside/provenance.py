@@ -23,6 +23,7 @@ class MetricLike(Protocol):
 
 
 KindOrMetric = type | MetricLike
+ARGUMENT_DEFAULTS = ("__defaults__", "__kwdefaults__")  # of a function's arguments
 PLAIN_TYPES = (bool, int, float, complex, str)
 
 
@@ -132,19 +133,18 @@ def hash_typed_code(module: str, kinds: list[KindOrMetric]) -> Provenance:
     ahead = [(each.__name__ if isinstance(each, type) else each.name, each) for each in kinds]
     while ahead:
         name, thing = ahead.pop()
-        held_by = [vars(base).items() for base in bases_in(module, thing)]
-        inner = [each for held_in in held_by for key, each in held_in if key[:2] != "__"]
-        parts = [thing, *inner]
+        bases = [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]
+        own = [pair for base in bases for pair in vars(base).items()]
+        parts = [thing, *(each for key, each in own if not key.startswith("__"))]
         codes = [code for part in parts for code in codes_of(part)]
         told[name] = [(code.co_code, code.co_names, as_words(code.co_consts)) for code in codes]
-        told[name] += [as_words(part) + as_words(defaults_of(part)) for part in parts]
+        for part in parts:
+            function = function_of(part)
+            defaults = [getattr(function, each, None) for each in ARGUMENT_DEFAULTS]
+            told[name].append(as_words(part) + as_words(defaults))
         used = {name for code in codes for name in code.co_names}
         ahead += [(name, held[name]) for name in used & set(held) - set(told)]
     return Provenance("", hashlib.sha256(repr(sorted(told.items())).encode()).hexdigest(), None)
-
-
-def bases_in(module: str, thing: object) -> list[type]:
-    return [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]
 
 
 def function_of(thing: object) -> object:
@@ -159,11 +159,6 @@ def codes_of(thing: object) -> Iterator[types.CodeType]:
     while ahead:
         yield (code := ahead.pop())
         ahead += [each for each in code.co_consts if isinstance(each, types.CodeType)]
-
-
-def defaults_of(thing: object) -> tuple[object, object]:
-    function = function_of(thing)
-    return getattr(function, "__defaults__", None), getattr(function, "__kwdefaults__", None)
 
 
 def as_words(value: object) -> str:

@@ -26,9 +26,7 @@ from jaxnet.store.tables import write_table
 
 MOST_VARIABLE_BYTES = 2**31 - 2**20  # of a variable, its header included
 LONGEST_NAME = 63  # letters of a name
-RESERVED = {
-    *["case", "catch", "end", "function", "otherwise", "parfor", "persistent", "spmd", "switch"]
-}
+RESERVED = "case catch end function otherwise parfor persistent spmd switch"
 PER_VEHICLE = ("states", "inputs", "attack")
 StructField = TypeVar("StructField")
 Struct = Mapping[str, np.ndarray | dict[str, np.ndarray]]  # a structure of MATLAB
@@ -94,7 +92,7 @@ def valid_names(content: Mapping[str, StructField]) -> dict[str, StructField]:
     found: dict[str, StructField] = {}
     for name, each in content.items():
         valid = re.sub(r"[^A-Za-z0-9_]", "_", name)
-        if not valid[:1].isalpha() or keyword.iskeyword(valid) or valid in RESERVED:
+        if not valid[:1].isalpha() or keyword.iskeyword(valid) or valid in RESERVED.split():
             valid = f"x_{valid}"
         valid = valid[:LONGEST_NAME]
         while valid in found:

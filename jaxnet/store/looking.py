@@ -135,19 +135,12 @@ def describe_outside(
     known: Mapping[tuple[str, str], source.KindOrMetric], named: Iterable[source.KindOrMetric]
 ) -> dict[str, Description]:
     """The manifest's description of kinds from outside, for readers without their code."""
-    wanted = list(named)
-    return {
-        name: {
-            "family": family,
-            **(of_class(found) if isinstance(found, type) else of_metric(found)),
-        }
-        for (family, name), found in known.items()
-        if any(each is found for each in wanted)
-    }
-
-
-def of_metric(metric: source.MetricLike) -> Description:
-    return {key: getattr(metric, key) for key in METRIC}
+    wanted, told = list(named), dict[str, Description]()
+    for (family, name), found in known.items():
+        if any(each is found for each in wanted):
+            own = {key: getattr(found, key, None) for key in METRIC}
+            told[name] = {"family": family, **(of_class(found) if isinstance(found, type) else own)}
+    return told
 
 
 def of_class(cls: type) -> Description:

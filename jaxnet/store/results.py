@@ -40,19 +40,7 @@ COLUMNS = {  # that a reader of a table needs
     " threshold",
     "rare.csv": "cell share low high levels lanes failed plain_lanes points threshold",
 }
-TEXTS = {
-    *[
-        "metric",
-        "model",
-        "parameter",
-        "bound",
-        "vehicle",
-        "command",
-        "attacked",
-        "phase",
-        "quantity",
-    ]
-}
+TEXTS = "metric model parameter bound vehicle command attacked phase quantity"  # columns of text
 # What a folder may hold without a run, each with a table of its name.
 ANALYSES = ("sensitivity", "rare")
 
@@ -216,8 +204,9 @@ class Results:
         Returns
         -------
         tuple[int, pd.DataFrame]
-        The number of failed lanes, and cell, sample and status of the first `most` of them. Where a
-        lane is disconnected, also `cut_off` and `cut_off_at` [s], who was cut off first and when.
+            The number of failed lanes, and cell, sample and status of the first `most` of them.
+            Where a lane is disconnected, also `cut_off` and `cut_off_at` [s]: who was cut off
+            first, and when.
         """
         empty = pd.DataFrame({"cell": [], "sample": [], "status": []})
         if not self.manifest["lanes"]["failed"]:
@@ -303,7 +292,9 @@ class Results:
         if missing := [each for each in needed if each not in found]:
             wrong = f"no column {missing[0]}"
         elif texts := [
-            each for each in needed if each not in TEXTS and not is_numeric_dtype(found[each])
+            each
+            for each in needed
+            if each not in TEXTS.split() and not is_numeric_dtype(found[each])
         ]:
             wrong = f"{texts[0]} holds text" if len(found) else ""
         elif (name == "cells.csv" and len(found) != cells) or (
