@@ -54,6 +54,7 @@ def submitted(script, there, **variables):
     ).splitlines()
 
 
+@pytest.mark.long
 def test_the_job_array_and_the_job_that_finishes_leave_the_rows_of_a_plain_run(there):
     """Also if one of its three tasks never ran; the tasks write rows alone."""
     commands = [

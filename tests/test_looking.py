@@ -1,4 +1,4 @@
-"""Results of a stranger: looked at without running what they name, and whatever they hold told in a line."""
+"""Results of a stranger: looked at without running what they name."""
 
 import io
 import json
@@ -72,7 +72,7 @@ sweep:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A stranger's results, beside whose study lies a module that leaves a marker when it is run."""
+    """A stranger's results, beside whose study a module leaves a marker when it is run."""
     home = tmp_path_factory.mktemp("stranger")
     (home / "their_kinds.py").write_text(KINDS)
     (home / "study.yaml").write_text(STUDY)
@@ -134,7 +134,7 @@ def test_looking_needs_no_code(results, tmp_path, monkeypatch):
 
 
 def test_what_needs_code_says_what_brings_it(results):
-    """A replay, a film and a figure of networks, in one line each; the report leaves them out and says so."""
+    """A replay, a film and a figure of networks, in one line each."""
     for words in (["replay", "."], ["animate", "."]):
         line = one_line(*words, "--cell", 0, "--sample", 0)
         assert line.startswith("the code of their_kinds:Line, their_kinds:Mine, their_kinds:Rule,")
@@ -163,7 +163,7 @@ def test_the_page_is_made_without_code(results, monkeypatch):
 
 
 def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch):
-    """From there a lane is simulated again as it was; the folder's own module only if it is trusted."""
+    """From there a lane is simulated again as it was."""
     home = made.parent / "home"
     home.mkdir(exist_ok=True)
     shutil.copy(made.parent / "kept.py", home / "their_kinds.py")
@@ -192,7 +192,7 @@ def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch)
     ],
 )
 def test_whatever_a_study_names_is_a_name(named, results):
-    """Modules beside it, of Python, at a path: shown, not imported, also where nothing is said of them."""
+    """Modules beside it, of Python, at a path: shown, not imported."""
     study = yaml.safe_load(Path("study.yaml").read_text())
     study["attack"] = {"kind": named, "vehicles": [2]}
     Path("study.yaml").write_text(yaml.dump(study))
@@ -263,35 +263,6 @@ def test_a_table_that_is_not_ours_is_told(content, results):
     assert "cells.csv is not a table of ours" in one_line("show", ".")
 
 
-def test_a_folder_in_the_place_of_rows_is_told(results):
-    """It cannot be simulated again either."""
-    row_file = next(Path("lanes").glob("*.parquet"))
-    row_file.unlink()
-    row_file.mkdir()
-    with pytest.raises(FolderError, match=r"is a folder, where a file of rows is due$"):
-        read_rows(UPath(row_file.absolute()))
-
-
-def test_a_manifest_that_is_too_deep_is_told(results):
-    """Instead of a traceback of Python's."""
-    Path("manifest.json").write_text("[" * 100_000)
-    assert "not a manifest" in one_line("show", ".")
-
-
-def test_a_tag_in_a_study_is_told(results):
-    """None of them makes an object."""
-    text = (
-        Path("study.yaml")
-        .read_text()
-        .replace("seed: 0", "seed: !!python/object/apply:os.getcwd []")
-    )
-    Path("study.yaml").write_text(text)
-    assert (
-        "the tag tag:yaml.org,2002:python/object/apply:os.getcwd has no meaning here"
-        in one_line("show", ".")
-    )
-
-
 def metadata(name):
     """A file of metadata of a store, changed and written by a test."""
     return json.loads((Path("errors.zarr") / name / "zarr.json").read_text())
@@ -300,26 +271,20 @@ def metadata(name):
 @pytest.mark.parametrize(
     ("change", "wrong"),
     [
-        ({"codecs": [{"name": "numcodecs.pickle"}]}, 'it needs the codec "numcodecs.pickle"'),
-        ({"codecs": ["json2"]}, 'it needs the codec "json2"'),
-        ({"data_type": "object"}, 'its type is "object"'),
-        ({"data_type": {"name": "numpy.void"}}, 'its type is {"name": "numpy.void"}'),
-        ({"shape": [10**12]}, "it is too large: [1000000000000]"),
-        ({"shape": ["a"]}, "it has no shape"),
-        ({"zarr_format": 2}, "it is no array of version 3"),
+        ({"codecs": [{"name": "numcodecs.pickle"}]}, 'codecs.0.name is "numcodecs.pickle"'),
+        ({"codecs": ["json2"]}, 'codecs.0 is "json2"'),
+        ({"data_type": "object"}, 'data_type is "object"'),
+        ({"data_type": {"name": "numpy.void"}}, 'data_type is {"name": "numpy.void"}'),
+        ({"shape": [10**12]}, "too large: [1000000000000]"),
+        ({"shape": ["a"]}, 'shape.0 is "a"'),
+        ({"zarr_format": 2}, "zarr_format is 2"),
     ],
 )
-@pytest.mark.parametrize("where", ["array", "consolidated"])
-def test_an_array_unlike_ours_is_not_read(change, wrong, where, results):
-    """Whether its own metadata say so or those of all together."""
-    file, whole = Path("errors.zarr/time/zarr.json"), Path("errors.zarr/zarr.json")
-    if where == "array":
-        file.write_text(json.dumps(json.loads(file.read_text()) | change))
-    else:
-        root = json.loads(whole.read_text())
-        root["consolidated_metadata"]["metadata"]["time"] |= change
-        whole.write_text(json.dumps(root))
-    with pytest.raises(FolderError, match="no array of ours: " + re.escape(wrong)):
+def test_an_array_unlike_ours_is_not_read(change, wrong, results):
+    """Its own metadata say so, whatever those of all together say, which nothing reads."""
+    file = Path("errors.zarr/time/zarr.json")
+    file.write_text(json.dumps(metadata("time") | change))
+    with pytest.raises(FolderError, match="no array of ours: it.* " + re.escape(wrong)):
         _ = jaxnet.open(".").errors
     assert arrays.open_for_writing(jaxnet.open(".").path / "errors.zarr") is None
 
@@ -356,7 +321,8 @@ def test_pickled_arrays_are_not_read(made, results):
     stamp = read_rows(jaxnet.open(".").path / "lanes/00000.parquet")[1]
     stamp = stamp._replace(checksums={"npz": zlib.crc32(content.getvalue())})
     unread = dict.fromkeys(shards.Assignment._fields)
-    work = shards.Assignment(**unread | {"folder": jaxnet.store.folder.Folder(".")})  # pyright: ignore[reportArgumentType]
+    given = unread | {"folder": jaxnet.store.folder.Folder(".")}
+    work = shards.Assignment(**given)  # pyright: ignore[reportArgumentType]
     with pytest.raises(TornError, match="cannot be read"):
         shards.read_beside(work, jaxnet.open(".").shards[0], stamp)
 
@@ -407,7 +373,7 @@ HTML = '</script><script>alert(1)</script>"><img src=x onerror=alert(1)>'
 
 
 def test_nothing_of_results_becomes_html(results, tmp_path, monkeypatch):
-    """Labels, the words of kinds, statuses, metrics, versions and the folder's name, on both pages."""
+    """Labels, the words of kinds, statuses, metrics, versions and the folder's name."""
     from jaxnet.view import page
 
     study = yaml.safe_load(Path("study.yaml").read_text())

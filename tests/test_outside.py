@@ -183,7 +183,7 @@ print([name for name in sys.argv[3:] if importlib.util.find_spec(name) and "besi
 
 
 def test_files_beside_a_config_shadow_no_library(tmp_path):
-    """Whatever libraries look for, nothing is run but what the config names, and what that imports."""
+    """Whatever libraries look for, nothing is run but what the config names."""
     folder = folder_with(tmp_path / "beside", 1.0)
     marker = tmp_path / "marker"
     for name in LIBRARIES:

@@ -10,7 +10,6 @@ from upath import UPath
 from jaxnet.api.places import AnyPath
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
-from jaxnet.store import matlab, tidy
 from jaxnet.store import results as stored
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Part, arrays_at, whole_number
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
     from jaxnet.view.figures.every import Plots
 
+export = LazyModule("jaxnet.store.export")
 figures = LazyModule("jaxnet.view.figures.every")
 replays = LazyModule("jaxnet.runs.replay")
 tables = LazyModule("jaxnet.view.text.tables")
@@ -272,9 +272,9 @@ class Results(stored.Results):
         'csv'
         """
         if form == "mat":
-            return matlab.write_mat(self, out)
+            return export.write_mat(self, out)
         if form == "csv":
-            return tidy.write_csv(self, out)
+            return export.write_csv(self, out)
         raise FolderError(f"form: one of mat, csv (got {form!r})")
 
     @property

@@ -1,7 +1,8 @@
 """The random numbers of a scenario as points of a box, one coordinate from 0 to 1 per number."""
 
+import functools
+import operator
 from collections.abc import Collection, Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -33,21 +34,16 @@ class Box:
         )
 
     def lanes(self, points: Coordinates, samples: Int[np.ndarray, " lanes"]) -> Job:
-        """Return one lane for each point, with the sample beside the point."""
         inside = np.clip(points, INSIDE, 1 - INSIDE)
         given = Given(inside, self.columns, samples, self.source)
         return job(self.scenario, given, range(len(points)))
 
     def number(self, place: Place, coordinate: float) -> float:
-        """Return the number at a coordinate of a place."""
         inside = np.clip(np.array([coordinate]), INSIDE, 1 - INSIDE)
         return float(quantile(value_at(self.scenario, place), inside)[0])
 
     def free(self, attacked: Collection[int]) -> list[int]:
-        """Return the coordinates that affect the lanes if these vehicles are attacked.
-
-        Coordinates of the attack on other vehicles have no effect.
-        """
+        """Coordinates that affect the lanes if these vehicles are attacked."""
         return [
             column
             for place, column in self.columns.items()
@@ -56,7 +52,6 @@ class Box:
         ]
 
     def centre(self, attacked: Collection[int]) -> Float[np.ndarray, " coordinates"]:
-        """Return the middle of the box, with lots that select these vehicles for the attack."""
         point = np.full(len(self.places), 0.5)
         point[self.lots] = [
             0.25 if self.places[column].vehicle in attacked else 0.75 for column in self.lots
@@ -64,7 +59,6 @@ class Box:
         return point
 
     def attacked(self, point: Float[np.ndarray, " coordinates"]) -> list[int]:
-        """Return the numbers of the vehicles that are attacked at a point."""
         if not self.lots:
             return self.scenario.attack.targets()
         order = np.argsort(point[self.lots], kind="stable")[: self.scenario.attack.number()]
@@ -75,33 +69,21 @@ class CachedSource:
     """Source that caches its numbers; a box asks for the same numbers many times."""
 
     def __init__(self, source: Source):
-        self.source, self.known = (
-            source,
-            dict[tuple[str, tuple[int, ...], tuple[Entry, ...]], Drawn](),
-        )
+        self.source, self.known = source, functools.cache(source.uniforms)
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Return the source's numbers from the cache."""
-        request = name, tuple(samples), tuple(places)
-        if request not in self.known:
-            self.known[request] = self.source.uniforms(name, samples, places)
-        return self.known[request]
+        return self.known(name, tuple(samples), tuple(places))
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Return a new generator of the source."""
         return self.source.generator(name, sample)
 
 
 def places_of(scenario: Scenario, source: Source) -> list[Place]:
-    """Return the places of all random numbers of a scenario, in the order in which they are drawn."""
     return list(recorded(scenario, source).places)
 
 
 def value_at(scenario: Scenario, place: Place) -> object:
-    """Return the distribution of the number at a place."""
-    value: Any = scenario
-    for key in place.name.split("."):
-        value = getattr(value, key)
+    value = operator.attrgetter(place.name)(scenario)
     match value:
         case list():
             return value[place.component]
@@ -111,6 +93,5 @@ def value_at(scenario: Scenario, place: Place) -> object:
 
 
 def is_turn(number: object) -> bool:
-    """Return whether a distribution is uniform over a full turn, so that both ends are the same angle."""
     low, high = fields.value_range(number) if fields.is_drawn(number) else (0.0, 0.0)
     return isinstance(number, fields.Uniform) and abs(high - low - 2 * fields.PI) < TURN

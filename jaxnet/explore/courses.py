@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from jaxnet.config.cells import Cell
 from jaxnet.statistics.curves import LOG_FLOOR
@@ -29,28 +29,25 @@ class Course(NamedTuple):
 
 
 def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
-    """Yield the course of each of these cells whose search has ended."""
     settings = results.study.config.search
     assert settings is not None
     generations, bounds = results.searched, dict(results.worst[["cell", "bound"]].to_numpy(float))
-    is_share = settings.maximise == "unrecovered"
+    metric = settings.maximise
     for cell in (each for each in cells if each.number in bounds):
         progress: Any = generations[generations["cell"] == cell.number]
-        lanes, best = progress["lanes"].to_numpy(float), progress["best"].to_numpy(float)
-        thinned = np.unique(np.geomspace(1, len(lanes), MOST_POINTS).round().astype(int)) - 1
-        random = np.empty(0) if is_share else random_course(results, cell.number, settings.maximise)
-        places = np.unique(np.geomspace(1, max(1, len(random)), MOST_POINTS).round().astype(int))[
-            : len(random)
-        ]
+        lanes, best = (progress[each].to_numpy(float) for each in ("lanes", "best"))
+        some, greatest = thinned(len(lanes)), np.empty(0)
+        if metric != "unrecovered":  # a share has no greatest lane
+            for _, found in results.by_cell(metric, where=rows.OK, cells=[cell.number]):
+                greatest = np.maximum.accumulate(found[metric].to_numpy())
+        places = thinned(max(1, len(greatest)))[: len(greatest)]
         best, random_best = (
-            np.maximum(each, LOG_FLOOR) for each in (best[thinned], random[places - 1])
+            np.maximum(each, LOG_FLOOR) for each in (best[some - 1], greatest[places - 1])
         )
-        yield Course(
-            cell, lanes[thinned], best, places.astype(float), random_best, bounds[cell.number]
-        )
+        bound = bounds[cell.number]
+        yield Course(cell, lanes[some - 1], best, places.astype(float), random_best, bound)
 
 
-def random_course(results: Results, cell: int, metric: str) -> Float[np.ndarray, " lanes"]:
-    """Return the greatest value so far of a cell's random lanes, lane by lane."""
-    found = list(results.by_cell(metric, where=rows.OK, cells=[cell]))
-    return np.maximum.accumulate(found[0][1][metric].to_numpy()) if found else np.empty(0)
+def thinned(count: int) -> Int[np.ndarray, " points"]:
+    """Numbers from 1 to a count, at most MOST_POINTS of them, evenly over the logarithm."""
+    return np.unique(np.geomspace(1, count, MOST_POINTS).round().astype(int))

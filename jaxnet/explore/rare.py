@@ -1,29 +1,43 @@
-"""Probability of rare failures of the defence, by subset simulation: `rare.csv`, one row per cell."""
+"""Probability of rare failures of the defence, by subset simulation: `rare.csv`, one row per cell.
 
-import functools
+Subset simulation (Au and Beck, 2001) takes standard normal numbers. The probability of exceeding a
+level is a product of conditional probabilities that are not small: a tenth of the points over one
+threshold is over the next threshold. Markov chains start from that tenth. They preserve the normal
+distribution and stay over the threshold: the proposal x ← √(1 − b²) x + b ξ is rejected below it
+(Papaioannou, Betz, Zwirglmaier and Straub, 2015). The step b adapts to the share of accepted steps.
+"""
+
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
-from scipy import special
+from jaxtyping import Float, Int
+from scipy import special, stats
 from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.batch import EVERYTHING, Machine
-from jaxnet.explore import subsets
 from jaxnet.explore.box import Box, places_of
+from jaxnet.explore.cells import AnalysisRow, CellTable
 from jaxnet.lanes.uniforms import Keyed
-from jaxnet.statistics.recovery import same_thresholds, threshold
+from jaxnet.statistics.recovery import CONFIDENCE, threshold
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.results import COLUMNS
-from jaxnet.store.tables import read_table, write_table
 
 RARE_FILE = "rare.csv"
 REPEATS = 10  # independent runs of subset simulation
+PART = 0.1  # share of the points that start chains
+CHAIN = round(1 / PART)  # points of a chain, the first included
+MOST_LEVELS = 12
+TARGET_ACCEPTANCE = 0.44  # share of accepted steps
+
+Normals = Float[np.ndarray, "points coordinates"]
+Heights = Float[np.ndarray, " points"]
+Chains = Int[np.ndarray, " points"]  # number of each point's chain
+Height = Callable[[Normals, Chains], Heights]
 
 
 def count_rare(
@@ -39,32 +53,20 @@ def count_rare(
     """
     if study.config.recovery is None:
         raise FolderError("needs to know what has recovered: give recovery: {tau: 0.01}")
-    rows = known_rare_rows(study, folder, points)
-    known = {row["cell"] for row in rows}
+    table = CellTable(study, folder, RARE_FILE, "points", points)
     for number, cell in enumerate(study.cells):
         progress("cells", number, len(study.cells))
-        if cell.number not in known and threshold(cell, study.config.recovery) > 0:
-            rows.append(
-                {"cell": cell.number, **cell.labels, **rare_row(study, cell, points, machine)}
-            )
-            table = pd.DataFrame(rows).sort_values("cell", kind="stable")
-            folder.put(RARE_FILE, functools.partial(write_table, table))
-    return folder.path / RARE_FILE
+        if cell.number not in table.known and threshold(cell, study.config.recovery) > 0:
+            found = rare_row(study, cell, points, machine)
+            table.add([{"cell": cell.number, **cell.labels, **found}])
+    return table.path
 
 
-def known_rare_rows(study: Study, folder: Folder, points: int) -> list[dict[str, object]]:
-    """Return the stored rows with the same number of points and the same thresholds."""
-    if not (folder.path / RARE_FILE).exists():
-        return []
-    table: Any = read_table(folder.path / RARE_FILE, needed=COLUMNS[RARE_FILE].split())
-    return table[(table["points"] == points) & same_thresholds(study, table)].to_dict("records")
+def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> AnalysisRow:
+    """Share unrecovered of a cell and its interval.
 
-
-def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> dict[str, float | int]:
-    """Return the share unrecovered of a cell and its interval.
-
-    `plain_lanes` is the number of random lanes that give an interval as narrow. Random graphs take no fixed
-    number of draws. A chain keeps the graph of its first sample.
+    `plain_lanes` is the number of random lanes that give an interval as narrow. Random graphs take
+    no fixed number of draws. A chain keeps the graph of its first sample.
     """
     source, failed = Keyed(study.config.seed), 0
     box = Box(cell.scenario, source, places_of(cell.scenario, source))
@@ -75,13 +77,74 @@ def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> dict[st
         failed += int(np.count_nonzero(outcome.status))
         return np.where(outcome.status == 0, outcome.metrics[cell.scenario.judged], -math.inf)
 
-    random, level = (
-        np.random.default_rng([study.config.seed, cell.number]),
-        threshold(cell, study.config.recovery),
-    )
-    found = subsets.estimate(height, len(box.places), float(level), points, REPEATS, random)
+    random = np.random.default_rng([study.config.seed, cell.number])
+    level = float(threshold(cell, study.config.recovery))
+    found = estimate(height, len(box.places), level, points, REPEATS, random)
     half = (found.high - found.low) / 2
     plain_lanes = 1.96**2 * found.share * (1 - found.share) / half**2 if half else math.nan
-    counts = {"lanes": found.evaluations, "failed": failed, "plain_lanes": plain_lanes}
-    shares = {"share": found.share, "low": found.low, "high": found.high, "levels": found.levels}
-    return {**shares, **counts, "points": points, "threshold": level}
+    counts = {"failed": failed, "plain_lanes": plain_lanes, "points": points, "threshold": level}
+    return {**found._asdict(), **counts}
+
+
+class Estimate(NamedTuple):
+    """Mean share over independent repeats, its t interval, and the effort."""
+
+    share: float
+    low: float
+    high: float
+    levels: int  # greatest of the repeats
+    lanes: int
+
+
+def estimate(
+    height: Height,
+    coordinates: int,
+    level: float,
+    points: int,
+    repeats: int,
+    random: np.random.Generator,
+) -> Estimate:
+    """Share of points whose height exceeds a level; that of a failed lane is minus infinity."""
+    found = [
+        estimate_once(height, coordinates, level, points, number, random)
+        for number in range(repeats)
+    ]
+    shares = np.array([share for share, *_ in found])
+    half = stats.t.ppf((1 + CONFIDENCE) / 2, repeats - 1) * shares.std(ddof=1) / np.sqrt(repeats)
+    low, high = max(0.0, shares.mean() - half), shares.mean() + half
+    levels, spent = max(levels for _, levels, _ in found), sum(spent for *_, spent in found)
+    return Estimate(float(shares.mean()), float(low), float(high), levels, spent)
+
+
+def estimate_once(
+    height: Height,
+    coordinates: int,
+    level: float,
+    points: int,
+    repeat: int,
+    random: np.random.Generator,
+) -> tuple[float, int, int]:
+    """Run one repeat; return the share, the number of levels and the number of evaluations."""
+    where = random.standard_normal((points, coordinates))
+    chains = repeat * points + np.arange(points)
+    heights, share, step, spent = height(where, chains), 1.0, 0.5, points
+    for number in range(1, MOST_LEVELS + 1):
+        order = np.argsort(-heights, kind="stable")
+        seeds = order[: points // CHAIN]
+        threshold = heights[order[points // CHAIN]]
+        if threshold >= level or number == MOST_LEVELS:
+            return share * float((heights > level).mean()), number, spent
+        share *= float((heights > threshold).mean())
+        where, heights, chains = where[seeds], heights[seeds], chains[seeds]
+        parts = [(where, heights, chains)]
+        for _ in range(CHAIN - 1):
+            proposed = np.sqrt(1 - step**2) * where + step * random.standard_normal(where.shape)
+            proposed_heights = height(proposed, chains)
+            over = proposed_heights > threshold
+            where = np.where(over[:, None], proposed, where)
+            heights = np.where(over, proposed_heights, heights)
+            step = float(np.clip(step * np.exp(over.mean() - TARGET_ACCEPTANCE), 0.02, 1.0))
+            parts.append((where, heights, chains))
+            spent += len(proposed)
+        where, heights, chains = (np.concatenate(each) for each in zip(*parts, strict=True))
+    raise AssertionError

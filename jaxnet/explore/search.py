@@ -1,12 +1,13 @@
-"""Search for the worst choice: populations of CMA-ES side by side; one batch simulates a generation of all.
+"""Search for the worst choice: populations of CMA-ES, of which one batch simulates a generation.
 
-Every choice has the same starts, those of the study's first samples, and its value is the mean over them.
-So the objective is deterministic. It jumps wherever a vehicle decides otherwise, which CMA-ES tolerates. At
-the end a line search along the gradient improves the best choice. Where the error is affine in the choice and
-no decision changes, a small step gives the exact gradient.
+Every choice has the same starts, those of the study's first samples, and its value is the mean over
+them. So the objective is deterministic. It jumps wherever a vehicle decides otherwise, which CMA-ES
+tolerates. At the end a line search along the gradient improves the best choice. Where the error is
+affine in the choice and no decision changes, a small step gives the exact gradient.
 
-The best choice of each population and the best random points are the finalists. `explore.late` simulates the
-finalists for longer.
+The best choice of each population and the best random points are the finalists. At the horizon,
+much of an error may be transient. So each finalist is simulated to a late time, and the worst at
+that time wins.
 """
 
 import itertools
@@ -18,6 +19,9 @@ import numpy as np
 from cmaes import CMA
 from jaxtyping import Float
 
+from jaxnet.config.keys import Scenario
+from jaxnet.config.scenario import outputs_of
+from jaxnet.config.spacings import multiples
 from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
@@ -37,6 +41,8 @@ CHOICES_AT_ONCE = 4096  # in a batch, at most
 SLOPE_STEP = 1e-6  # of the difference quotient
 LINE_STEPS = 0.25 * 0.5 ** np.arange(24)  # along the slope
 LEAST_IMPROVEMENT = 1e-9  # relative; a smaller one ends the polishing
+MOST_LATE_LANES = 256  # of all finalists together, unless fewer finalists than POPULATIONS remain
+TIE_TOLERANCE = 1e-6  # of the error at the horizon; late errors that differ by less are equal
 
 Element = TypeVar("Element")
 BoxPoint = Float[np.ndarray, " coordinates"]
@@ -65,11 +71,18 @@ class Finalist(NamedTuple):
     point: BoxPoint
 
 
+class LateChoice(NamedTuple):
+    point: BoxPoint
+    found: float  # mean over the starts, at the horizon
+    late: float  # the same at `until`; not-a-number if a lane fails before or is not allowed
+    until: float  # [s]
+
+
 class Trials:
     """Choices tried so far, and the best of them.
 
-    `known` are values of an interrupted search. The new search makes the same choices and reuses these
-    values.
+    `known` are values of an interrupted search. The new search makes the same choices and reuses
+    these values.
     """
 
     def __init__(
@@ -87,7 +100,7 @@ class Trials:
         self.finalists = list[Finalist]()
 
     def attempt(self, phase: str, points: Coordinates) -> tuple[Means, Generation]:
-        """Return the mean over the starts at each point, and the generation's record.
+        """Mean over the starts at each point, and the generation's record.
 
         The mean is not-a-number where a lane failed.
         """
@@ -103,26 +116,58 @@ class Trials:
                 self.best, self.point = float(means[leader]), points[leader].copy()
         finite = means[np.isfinite(means)]
         best, median = (finite.max(), np.median(finite)) if finite.size else (math.nan, math.nan)
-        return means, Generation(
-            number, phase, self.lanes, self.best, float(best), float(median), self.failed
-        )
+        found = float(best), float(median)
+        return means, Generation(number, phase, self.lanes, self.best, *found, self.failed)
 
     def simulate(self, points: Coordinates) -> Starts:
-        """Return the objective at each point and start."""
+        return self.simulate_in(self.box, points)
+
+    def simulate_in(self, box: Box, points: Coordinates) -> Starts:
         samples = np.tile(np.arange(self.starts), len(points))
         outcome = batch.simulate(
-            self.box.lanes(points.repeat(self.starts, axis=0), samples), self.machine
+            box.lanes(points.repeat(self.starts, axis=0), samples), self.machine
         )
         return self.measure(outcome).reshape(len(points), self.starts)
 
+    def late_means(self, time: float, points: Coordinates) -> Means:
+        """Mean over the starts at each point, for lanes that last until a time [s]."""
+        longer = self.box.scenario.model_copy(update={"horizon": time})
+        box = Box(longer, self.box.source, self.box.places)
+        return self.simulate_in(box, points).mean(axis=1)
+
+    def choose_finalist(self, until: float) -> LateChoice:
+        """The finalist with the greatest error at the late time; of ties, that at the horizon."""
+        scenario = self.box.scenario
+        time = late_time(scenario, until)
+        leader = Finalist(self.best if np.isfinite(self.best) else math.nan, self.point)
+        if time == scenario.horizon:
+            return LateChoice(leader.point, leader.found, leader.found, time)
+        finite = [each for each in self.finalists if np.isfinite(each.found)]
+        most = max(POPULATIONS, MOST_LATE_LANES // self.starts)
+        finalists = [leader, *sorted(finite, key=lambda each: -each.found)[:most]]
+        late = self.late_means(time, np.stack([each.point for each in finalists]))
+        late = np.where(np.isfinite(late), late, math.nan)
+        if np.isnan(late).all():
+            return LateChoice(leader.point, leader.found, math.nan, time)
+        least = np.nanmax(late) - TIE_TOLERANCE * np.nan_to_num(abs(leader.found))
+        number = max(np.flatnonzero(late >= least), key=lambda number: finalists[number].found)
+        chosen = finalists[number]
+        return LateChoice(chosen.point, chosen.found, float(late[number]), time)
+
+
+def late_time(scenario: Scenario, until: float) -> float:
+    """First output time [s] at or after both `until` and the horizon."""
+    outputs = math.ceil(round(until / scenario.output_step, 6))
+    late = multiples(scenario.output_step, [outputs])[0]
+    return scenario.horizon if outputs <= outputs_of(scenario) else late
+
 
 def lowest_if_failed(means: Means) -> Means:
-    """Return the means, minus infinity for a choice with a failed lane."""
+    """The means, minus infinity for a choice with a failed lane."""
     return np.where(np.isnan(means), -math.inf, means)
 
 
 def best_of(points: Coordinates, means: Means) -> list[Finalist]:
-    """Return the best points in descending order; not-a-number comes last."""
     order = np.argsort(-lowest_if_failed(means), kind="stable")[:RANDOM_FINALISTS]
     return [Finalist(float(means[number]), points[number]) for number in order]
 
@@ -130,8 +175,8 @@ def best_of(points: Coordinates, means: Means) -> list[Finalist]:
 class Population:
     """CMA-ES over some coordinates of a box; the other coordinates keep the values of `base`.
 
-    The population moves in a space without edges. Angles are periodic; other coordinates are mirrored at 0
-    and 1.
+    The population moves in a space without edges. Angles are periodic; other coordinates are
+    mirrored at 0 and 1.
     """
 
     def __init__(self, box: Box, base: BoxPoint, seed: int):
@@ -142,18 +187,14 @@ class Population:
         self.best = Finalist(-math.inf, base)
 
     def ask(self) -> Coordinates:
-        """Draw a generation and return its points."""
-        self.generation = np.stack(
-            [self.strategy.ask() for _ in range(self.strategy.population_size)]
-        )
+        size = self.strategy.population_size
+        self.generation = np.stack([self.strategy.ask() for _ in range(size)])
         return self.points()
 
     def points(self) -> Coordinates:
-        """Return the generation's points in the box."""
         points = np.tile(self.base, (len(self.generation), 1))
-        points[:, self.free] = np.where(
-            self.turns, self.generation % 1, 1 - np.abs(1 - self.generation % 2)
-        )
+        mirrored = 1 - np.abs(1 - self.generation % 2)
+        points[:, self.free] = np.where(self.turns, self.generation % 1, mirrored)
         return points
 
     def tell(self, values: Means) -> None:
@@ -168,13 +209,9 @@ class Population:
         losses = np.where(np.isfinite(losses), losses, finite.max(initial=0.0) + 1.0)
         self.strategy.tell(list(zip(self.generation, losses.tolist(), strict=True)))
 
-    def should_stop(self) -> bool:
-        """Return whether CMA-ES has a reason to stop."""
-        return self.strategy.should_stop()
-
 
 def search_box(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
-    """Search with at most `budget` lanes and yield each generation; `trials` records the best choice."""
+    """Search with at most `budget` lanes; yield each generation. `trials` has the best choice."""
     box, choices, random = trials.box, budget // trials.starts, np.random.default_rng(seed)
     sets = sets_of(box, choices, random)
     if not box.free(sets[0]):
@@ -193,22 +230,20 @@ def search_box(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
 
 
 def sets_of(box: Box, most: int, random: np.random.Generator) -> list[Sequence[int]]:
-    """Return the sets of attacked vehicles: all sets, or `most` random sets if there are more."""
+    """Sets of attacked vehicles: all sets, or `most` random sets if there are more."""
     if not box.lots:
         return [box.scenario.attack.targets()]
     vehicles, number = range(1, box.scenario.vehicles + 1), box.scenario.attack.number()
     most = min(most, MOST_SETS)
     if math.comb(len(vehicles), number) <= most:
         return list(itertools.combinations(vehicles, number))
-    return [
-        tuple(sorted(random.choice(vehicles, number, replace=False).tolist())) for _ in range(most)
-    ]
+    drawn = (random.choice(vehicles, number, replace=False) for _ in range(most))
+    return [tuple(sorted(each.tolist())) for each in drawn]
 
 
 def random_points(
     box: Box, attacked: Sequence[int], number: int, random: np.random.Generator
 ) -> Coordinates:
-    """Return random points of the box at which these vehicles are attacked."""
     points, free = np.tile(box.centre(attacked), (number, 1)), box.free(attacked)
     points[:, free] = random.random((number, len(free)))
     return points
@@ -232,7 +267,7 @@ def scout_points(
 def screen_sets(
     trials: Trials, sets: list[Sequence[int]], choices: int, random: np.random.Generator
 ) -> Iterator[Generation]:
-    """Rank the attacked sets by random points, and keep the better half in each round (successive halving).
+    """Rank the attacked sets by random points; the better half is kept (successive halving).
 
     Returns the best point of each set, the best set first.
     """
@@ -242,9 +277,8 @@ def screen_sets(
     for _ in range(rounds):
         each = max(1, choices // rounds // len(left))
         for some in split_items(left, max(1, CHOICES_AT_ONCE // each)):
-            points = np.concatenate(
-                [random_points(trials.box, attacked, each, random) for attacked in some]
-            )
+            drawn = [random_points(trials.box, attacked, each, random) for attacked in some]
+            points = np.concatenate(drawn)
             values, generation = trials.attempt("sets", points)
             yield generation
             values = lowest_if_failed(values).reshape(len(some), each)
@@ -273,9 +307,8 @@ def evolve_populations(
 
     size = new_population().strategy.population_size * trials.starts
     generations = (until - trials.lanes) // size  # of one population alone
-    side_by_side = max(
-        1, generations // MOST_GENERATIONS, min(POPULATIONS, generations // LEAST_GENERATIONS)
-    )
+    usual = min(POPULATIONS, generations // LEAST_GENERATIONS)
+    side_by_side = max(1, generations // MOST_GENERATIONS, usual)
     populations = [new_population() for _ in range(side_by_side)]
     while trials.lanes + size * len(populations) <= until:
         generations_points = [population.ask() for population in populations]
@@ -284,23 +317,22 @@ def evolve_populations(
         parts = np.split(values, np.cumsum([len(each) for each in generations_points])[:-1])
         for number, (population, means) in enumerate(zip(populations, parts, strict=True)):
             population.tell(means)
-            if population.should_stop():
+            if population.strategy.should_stop():
                 trials.finalists.append(population.best)
                 populations[number] = new_population()
     trials.finalists += [population.best for population in populations]
 
 
 def polish_best(trials: Trials, until: int) -> Iterator[Generation]:
-    """Move the best choice along its gradient while it improves and the lanes are at most `until`."""
+    """Move the best choice along its gradient while it improves and lanes are at most `until`."""
     box = trials.box
     free = box.free(box.attacked(trials.point))
     while trials.lanes <= until:
         before, point = trials.best, trials.point
         steps = np.zeros((len(free), len(point)))
         steps[np.arange(len(free)), free] = SLOPE_STEP
-        values, generation = trials.attempt(
-            "polish", shifted_points(box, point, np.concatenate([steps, -steps]))
-        )
+        around = shifted_points(box, point, np.concatenate([steps, -steps]))
+        values, generation = trials.attempt("polish", around)
         yield generation
         values = np.where(np.isfinite(values), values, math.nan)
         slope = np.nan_to_num(values[: len(free)] - values[len(free) :])
@@ -308,20 +340,17 @@ def polish_best(trials: Trials, until: int) -> Iterator[Generation]:
             return
         along = np.zeros(len(point))
         along[free] = slope / np.abs(slope).max()
-        _, generation = trials.attempt(
-            "polish", shifted_points(box, point, LINE_STEPS[:, None] * along)
-        )
+        on_line = shifted_points(box, point, LINE_STEPS[:, None] * along)
+        _, generation = trials.attempt("polish", on_line)
         yield generation
         if not trials.best > before + LEAST_IMPROVEMENT * abs(before):
             return
 
 
 def shifted_points(box: Box, point: BoxPoint, steps: Coordinates) -> Coordinates:
-    """Return a point plus steps, inside the box; angles are periodic."""
     points = point + steps
     return np.where(box.turns, points % 1, np.clip(points, 0, 1))
 
 
 def split_items(items: Sequence[Element], size: int) -> Iterator[Sequence[Element]]:
-    """Yield the items in parts of `size`."""
     return (items[first : first + size] for first in range(0, len(items), size))

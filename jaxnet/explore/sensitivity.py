@@ -1,18 +1,15 @@
 """Sensitivity: Sobol's indices of each metric with respect to each random quantity of a scenario.
 
-A quantity comprises all numbers under one dotted name, for all vehicles. The method picks and freezes
-quantities by sample number, without an array of coordinates. It draws the first samples, as many later
-samples, and the first samples again with one quantity of the later samples at a time. The draws are random
-for every value of `draws`.
+A quantity comprises all numbers under one dotted name, for all vehicles. The method picks and
+freezes quantities by sample number, without an array of coordinates. It draws the first samples, as
+many later samples, and the first samples again with one quantity of the later samples at a time.
+The draws are random for every value of `draws`.
 """
 
-import functools
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
-import pandas as pd
 from upath import UPath
 
 from jaxnet.config.cells import Cell
@@ -21,26 +18,24 @@ from jaxnet.engine import batch
 from jaxnet.engine.batch import EVERYTHING, Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
+from jaxnet.explore.cells import AnalysisRow, CellTable
 from jaxnet.lanes.jobs import job, recorded
 from jaxnet.lanes.uniforms import Keyed, Later
 from jaxnet.statistics.indices import sobol_indices
-from jaxnet.statistics.recovery import same_thresholds, threshold
+from jaxnet.statistics.recovery import threshold
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.results import COLUMNS
-from jaxnet.store.tables import read_table, write_table
 
 SENSITIVITY_FILE = "sensitivity.csv"
 FAILURES_NAMED = 5  # failed lanes of a cell in a warning
 
 
 def quantities(study: Study, cell: Cell) -> list[str]:
-    """Return the names of the random quantities of a cell."""
     return list(recorded(cell.scenario, Keyed(study.config.seed)).names)
 
 
 def lanes_needed(study: Study, samples: int) -> dict[int, int]:
-    """Return the number of lanes of each cell with random quantities.
+    """Number of lanes of each cell with random quantities.
 
     Raises FolderError if there is no such cell.
     """
@@ -57,38 +52,23 @@ def write_indices(
     machine: Machine = EVERYTHING,
     progress: Steps = no_progress,
 ) -> UPath:
-    """Write `sensitivity.csv` cell by cell; a stored row with as many samples is not computed again."""
-    rows = known_index_rows(study, folder, samples)
-    known, needed = {row["cell"] for row in rows}, lanes_needed(study, samples)
-    done, total = (
-        sum(lanes for cell, lanes in needed.items() if cell in known),
-        sum(needed.values()),
-    )
+    """Write `sensitivity.csv`; a stored row with as many samples is not computed again."""
+    table = CellTable(study, folder, SENSITIVITY_FILE, "samples", samples)
+    needed = lanes_needed(study, samples)
+    done = sum(lanes for cell, lanes in needed.items() if cell in table.known)
 
     def load_done(lanes: int) -> None:
         nonlocal done
         done += lanes
-        progress("lanes", done, total)
+        progress("lanes", done, sum(needed.values()))
 
     for cell in study.cells:
-        if cell.number in needed.keys() - known:
-            names = quantities(study, cell)
-            outcomes = pick_freeze_outcomes(
-                cell, Keyed(study.config.seed), names, samples, machine, load_done
-            )
-            rows += index_rows(cell, names, outcomes, threshold(cell, study.config.recovery))
-            table = pd.DataFrame(rows).sort_values("cell", kind="stable")
-            folder.put(SENSITIVITY_FILE, functools.partial(write_table, table))
-    return folder.path / SENSITIVITY_FILE
-
-
-def known_index_rows(study: Study, folder: Folder, samples: int) -> list[dict[str, object]]:
-    """Return the stored rows with the same number of samples and the same thresholds."""
-    if not (folder.path / SENSITIVITY_FILE).exists():
-        return []
-    needed = COLUMNS[SENSITIVITY_FILE].split()
-    table: Any = read_table(folder.path / SENSITIVITY_FILE, needed=needed)
-    return table[(table["samples"] == samples) & same_thresholds(study, table)].to_dict("records")
+        if cell.number in needed.keys() - table.known:
+            names, keyed = quantities(study, cell), Keyed(study.config.seed)
+            outcomes = pick_freeze_outcomes(cell, keyed, names, samples, machine, load_done)
+            over = threshold(cell, study.config.recovery)
+            table.add(index_rows(cell, names, outcomes, over))
+    return table.path
 
 
 def pick_freeze_outcomes(
@@ -99,7 +79,7 @@ def pick_freeze_outcomes(
     machine: Machine,
     load_done: Callable[[int], None],
 ) -> list[Outcome]:
-    """Return the outcomes of the first samples, the later samples, and the mixed samples per quantity.
+    """Outcomes of the first samples, the later samples, and the mixed samples per quantity.
 
     A mixed sample is a first sample with one quantity of the later sample.
     """
@@ -107,18 +87,16 @@ def pick_freeze_outcomes(
     sources = [keyed, *(Later(keyed, samples, some) for some in later)]
     one = job(cell.scenario, keyed, [0])
     inputs = (job(cell.scenario, source, range(samples)).inputs for source in sources)
-    lanes = samples * len(sources)
-    return list(
-        batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
-    )
+    alike, lanes = (one.network, one.clock, one.plan), samples * len(sources)
+    return list(batch.simulate_each(inputs, lanes, *alike, machine, load_done))
 
 
 def index_rows(
     cell: Cell, names: Sequence[str], outcomes: Sequence[Outcome], over: float
-) -> list[dict[str, object]]:
-    """Return a cell's rows by metric and quantity; a sample with a failed lane is left out.
+) -> list[AnalysisRow]:
+    """Rows of a cell by metric and quantity; a sample with a failed lane is left out.
 
-    `over` is the error above which a lane is unrecovered [m], not-a-number where nothing is unrecovered.
+    `over` is the error above which a lane is unrecovered [m], not-a-number where nothing is.
     """
     status = np.stack([outcome.status for outcome in outcomes])
     ok = (status == Status.ok).all(axis=0)
@@ -145,17 +123,14 @@ def index_rows(
 
 
 def warn_of_failures(cell: Cell, names: Sequence[str], status: np.ndarray) -> None:
-    """Warn of failed lanes in a cell."""
     runs, samples = np.nonzero(status)
-    if len(runs):
-        draws = ["its own draws", "the later draws", *(f"the later {name}" for name in names)]
-        failures = [
-            f"sample {sample} with {draws[run]}: {Status(status[run, sample]).name}"
-            for run, sample in zip(runs[:FAILURES_NAMED], samples[:FAILURES_NAMED], strict=True)
-        ]
-        more = f" and {len(runs) - FAILURES_NAMED} more" if len(runs) > FAILURES_NAMED else ""
-        warnings.warn(
-            f"cell {cell.number}: {len(runs)} lanes failed, whose samples are left out: "
-            f"{', '.join(failures)}{more}",
-            stacklevel=2,
-        )
+    if not len(runs):
+        return
+    draws = ["its own draws", "the later draws", *(f"the later {name}" for name in names)]
+    failures = [
+        f"sample {sample} with {draws[run]}: {Status(status[run, sample]).name}"
+        for run, sample in zip(runs[:FAILURES_NAMED], samples[:FAILURES_NAMED], strict=True)
+    ]
+    more = f" and {len(runs) - FAILURES_NAMED} more" if len(runs) > FAILURES_NAMED else ""
+    told = f"{len(runs)} lanes failed, whose samples are left out: {', '.join(failures)}{more}"
+    warnings.warn(f"cell {cell.number}: {told}", stacklevel=2)

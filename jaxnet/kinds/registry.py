@@ -23,9 +23,15 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.kinds.kind import REFERENCES, Kind, KindError
 from jaxnet.outside import modules, provenance
-from jaxnet.outside.families import FAMILIES, base_of, family_of, is_member
+from jaxnet.outside.families import (
+    FAMILIES,
+    base_of,
+    entry_points,
+    family_of,
+    import_reference,
+    is_member,
+)
 from jaxnet.outside.provenance import KindOrMetric, home_of, name_in
-from jaxnet.outside.references import entry_points, import_reference
 
 RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
 

@@ -1,1 +1,1 @@
-"""Code from outside: modules beside a config or installed, what they are made of, and who is to blame."""
+"""Code from outside: modules beside a config or installed, their contents, their errors."""

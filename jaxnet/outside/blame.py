@@ -1,6 +1,7 @@
 """Errors of kinds from outside, as messages with the file and line where they arose."""
 
 import contextlib
+import traceback
 from collections.abc import Iterator
 
 from jaxnet.outside import modules, provenance
@@ -8,12 +9,12 @@ from jaxnet.outside.modules import KindError
 
 
 def with_place(error: BaseException) -> str:
-    """Return an error's type and the first line of its message after the place where it arose.
+    """Place where an error arose, its type, and the first line of its message.
 
-    The place is the file and line of a syntax error, else of the innermost frame from outside, else of the
-    innermost frame.
+    The place is the file and line of a syntax error, else of the innermost frame from outside, else
+    of the innermost frame.
     """
-    frames, outside = list(traceback_lines(error)), outside_files()
+    frames, outside = traceback_lines(error), outside_files()
     places = [(file, line) for file, line in frames if file in outside] or frames
     told = str(error)
     if isinstance(error, SyntaxError) and error.filename:
@@ -23,34 +24,27 @@ def with_place(error: BaseException) -> str:
     return f"{places[-1][0]}:{places[-1][1]}: {message}" if places else message
 
 
-def traceback_lines(error: BaseException) -> Iterator[tuple[str, int]]:
-    """Yield the file and line of each frame of an error's traceback, outermost first."""
-    frame = error.__traceback__
-    while frame is not None:
-        yield frame.tb_frame.f_code.co_filename, frame.tb_lineno
-        frame = frame.tb_next
+def traceback_lines(error: BaseException) -> list[tuple[str, int]]:
+    frames = traceback.walk_tb(error.__traceback__)
+    return [(frame.f_code.co_filename, line) for frame, line in frames]
 
 
 def outside_files() -> set[str]:
-    """Return all files from which kinds from outside were loaded or imported."""
-    return modules.loaded_files() | {
-        each.file for each in provenance.IMPORTED_SOURCES.values() if each.file
-    }
+    loaded = {str(file) for held in modules.STATES.values() for file in held.sources}
+    return loaded | {each.file for each in provenance.IMPORTED_SOURCES.values() if each.file}
 
 
 def blame(error: BaseException) -> KindError | None:
-    """Return a KindError with the place if an error passed through a file from outside, else None."""
-    outside = outside_files()
-    if isinstance(error, KindError) or not any(
-        file in outside for file, _ in traceback_lines(error)
-    ):
+    """KindError with the place if an error passed through a file from outside, else None."""
+    files = {file for file, _ in traceback_lines(error)}
+    if isinstance(error, KindError) or not files & outside_files():
         return None
     return KindError(with_place(error))
 
 
 @contextlib.contextmanager
 def blaming() -> Iterator[None]:
-    """Turn an error that a kind from outside raises, or its exit, into a KindError with its file and line."""
+    """Turn an error or exit of a kind from outside into a KindError with its file and line."""
     try:
         yield
     except (Exception, SystemExit) as error:

@@ -1,18 +1,25 @@
-"""Families of kinds: kinds that take each other's place under one key of a config."""
+"""Families of kinds, which take each other's place under one key of a config, and whence they come.
+
+Kinds from outside are entry points of installed packages, and `module:attribute` references.
+"""
 
 import functools
 import importlib
-from typing import NamedTuple
+import sys
+from importlib import metadata
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
 
+from jaxnet.outside import modules, provenance
+from jaxnet.outside.blame import with_place
 from jaxnet.outside.modules import KindError
 
 
 class Family(NamedTuple):
     """Where the kinds of a family are found."""
 
-    package: (
-        str  # the folder with one file for each kind of jaxnet; its __init__ defines the base class
-    )
+    package: str  # folder with a file for each kind of jaxnet; its __init__ defines the base class
     base: str
     group: str  # the group of entry points, by which installed packages offer kinds
 
@@ -40,19 +47,57 @@ def add_family(name: str, base: type, group: str) -> None:
 
 @functools.cache
 def base_of(family: str) -> type:
-    """Return the base class of a family."""
     return getattr(importlib.import_module(FAMILIES[family].package), FAMILIES[family].base)
 
 
 def is_member(found: object, family: str) -> bool:
-    """Return whether an object is a class of a family, or an instance of its base class."""
     base = base_of(family)
     return isinstance(found, base) or (isinstance(found, type) and issubclass(found, base))
 
 
 def family_of(given: object) -> str:
-    """Return the family of a class or metric; raise KindError if it has none."""
     for family in FAMILIES:
         if is_member(given, family):
             return family
     raise KindError(f"{getattr(given, '__name__', given)} is of no family")
+
+
+@functools.cache
+def entry_points(family: str) -> list[metadata.EntryPoint]:
+    return list(metadata.entry_points(group=FAMILIES[family].group))
+
+
+def import_reference(reference: str, name: str, folder: Path | None) -> Any:
+    """Object at `module:attribute`; raise KindError, in which `name` stands for the reference.
+
+    The module is looked for in the folder first, then among modules that Python can import.
+    """
+    module, _, attribute = reference.partition(":")
+    try:
+        loaded = import_module(module, folder)
+    except (Exception, SystemExit) as error:  # the code of another author may raise anything
+        if isinstance(error, ModuleNotFoundError) and error.name == module:
+            message = f"{error}; modules beside the config can be imported"
+        else:
+            message = with_place(error)
+        raise KindError(f"{name} cannot be imported: {message}") from error
+    try:
+        return modules.attribute(loaded, attribute)
+    except AttributeError as error:
+        raise KindError(f"{name}: {modules.without_private(str(error))}") from error
+
+
+def import_module(module: str, folder: Path | None) -> ModuleType:
+    """Import a module from its file in a folder, or else from `sys.path`, or else by its name.
+
+    A module of `sys.path` is loaded from its file unless it is installed or part of Python.
+    """
+    by_name = module in sys.modules or module.partition(".")[0] in sys.stdlib_module_names
+    others = [] if by_name else map(Path, filter(None, sys.path))
+    for place in filter(None, (folder, *others)):
+        elsewhere = place != folder and modules.is_installed(module)
+        if modules.file_of(place, module) is not None and not elsewhere:
+            return modules.module_folder(place).load(module)
+    found = importlib.import_module(module)
+    provenance.IMPORTED_SOURCES.setdefault(module, provenance.read_source(module))
+    return found

@@ -1,9 +1,9 @@
 """Modules of kinds from outside, loaded from their files.
 
-Two folders may each have a `kinds.py`, and a notebook may edit a file: a name does not identify a module. A
-file is therefore imported under a private name, `jaxnet_kinds_…`, which stands for its folder and its
-content. The folder is not put on `sys.path`, so a library that looks for an optional module does not find a
-file of the folder.
+Two folders may each have a `kinds.py`, and a notebook may edit a file: a name does not identify a
+module. A file is therefore imported under a private name, `jaxnet_kinds_…`, which stands for its
+folder and its content. The folder is not put on `sys.path`, so a library that looks for an optional
+module does not find a file of the folder.
 """
 
 import ast
@@ -21,14 +21,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib import metadata
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 PREFIX = "jaxnet_kinds_"
 PRIVATE = re.compile(rf"{PREFIX}\w+?\.")
 
 
 class KindError(ValueError):
-    """A kind from outside that cannot be loaded, or that failed. The message names the kind and the place.
+    """A kind from outside that cannot be loaded, or that failed. The message says which, and where.
 
     Examples
     --------
@@ -43,13 +43,12 @@ class KindError(ValueError):
 
 
 class Origin(NamedTuple):
-    """Where another process finds a module: its folder, its name there, and the hashes of its files."""
+    """Where another process finds a module: its folder, its name there, hashes of its files."""
 
     folder: str  # empty: the module is imported by its name
     module: str
-    hashes: tuple[
-        tuple[str, str], ...
-    ] = ()  # SHA-256 of the module and of its neighbours that it imports
+    # SHA-256 of the module and of its neighbours that it imports
+    hashes: tuple[tuple[str, str], ...] = ()
 
 
 class ModuleFolder:
@@ -67,19 +66,16 @@ class ModuleFolder:
         sys.modules[self.name] = package
 
     def read(self, file: Path) -> bytes:
-        """Return the content of a file at its first read."""
         if file not in self.sources:
             self.sources[file] = file.read_bytes()
         return self.sources[file]
 
     def current(self) -> bool:
-        """Return whether no file has changed since it was read."""
-        return all(
-            file.is_file() and file.read_bytes() == held for file, held in self.sources.items()
-        )
+        held = self.sources.items()
+        return all(file.is_file() and file.read_bytes() == content for file, content in held)
 
     def hashes(self, module: str) -> dict[str, str]:
-        """Return the SHA-256 of a module's file and of the neighbours that it imports, by name."""
+        """SHA-256 of a module's file and of the neighbours that it imports, by name."""
         files = closure(self, module)
         return {name: hashlib.sha256(self.read(file)).hexdigest() for name, file in files.items()}
 
@@ -93,7 +89,7 @@ STATES: dict[str, ModuleFolder] = {}  # by private name
 
 
 def module_folder(folder: Path) -> ModuleFolder:
-    """Return the modules of a folder for the present contents of its files."""
+    """The modules of a folder for the present contents of its files."""
     if NeighbourFinder not in sys.meta_path:
         sys.meta_path.insert(0, NeighbourFinder)
     folder = folder.resolve()
@@ -102,7 +98,6 @@ def module_folder(folder: Path) -> ModuleFolder:
 
 
 def file_of(folder: Path, module: str) -> Path | None:
-    """Return the file of a module in a folder, None if there is none."""
     *packages, name = module.split(".")
     if not all(map(str.isidentifier, (*packages, name))) or module.partition(".")[0] == "jaxnet":
         return None
@@ -112,38 +107,28 @@ def file_of(folder: Path, module: str) -> Path | None:
 
 
 def is_package(file: Path) -> bool:
-    """Return whether a module's file makes it a package."""
     return file.name == "__init__.py"
 
 
 def closure(held: ModuleFolder, module: str) -> dict[str, Path]:
-    """Return the files of a module and of all neighbours that it imports, directly or not, by name."""
+    """Files of a module and of all neighbours that it imports, directly or not, by name."""
     found: dict[str, Path] = {}
     ahead = [module]
     held.named.add(module.partition(".")[0])
     while ahead:
         name = ahead.pop()
-        file = file_of(held.folder, name)
-        if (
-            name in found
-            or file is None
-            or (found and not is_neighbour(held, name.partition(".")[0]))
-        ):
+        file = None if name in found else file_of(held.folder, name)
+        if file is None or (found and not is_neighbour(held, name.partition(".")[0])):
             continue
         found[name] = file
-        ahead += parents(name)
+        parts = name.split(".")
+        ahead += [".".join(parts[:end]) for end in range(1, len(parts))]
         ahead += imports_in(held.read(file), name if is_package(file) else name.rpartition(".")[0])
     return dict(sorted(found.items()))
 
 
-def parents(name: str) -> list[str]:
-    """Return the packages that contain a module."""
-    parts = name.split(".")
-    return [".".join(parts[:end]) for end in range(1, len(parts))]
-
-
 def imports_in(source: bytes, package: str) -> Iterator[str]:
-    """Yield the names of all modules that a source may import; a source that is not Python yields none."""
+    """Yield the names that a source may import; a source that is not Python yields none."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):  # the import reports the error
@@ -152,22 +137,18 @@ def imports_in(source: bytes, package: str) -> Iterator[str]:
         if isinstance(node, ast.Import):
             yield from (each.name for each in node.names)
         elif isinstance(node, ast.ImportFrom):
-            above = (
-                package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
-            )
-            base = ".".join([*filter(None, above), *filter(None, [node.module])])
+            parts = package.split(".")
+            above = parts[: len(parts) - node.level + 1] if node.level else []
+            base = ".".join(filter(None, [*above, node.module]))
             yield from (".".join(filter(None, [base, each.name])) for each in node.names)
             yield base
 
 
 class NeighbourFinder:
-    """Import finder for the private names of modules in folders."""
-
     @classmethod
     def find_spec(
         cls, fullname: str, path: object = None, target: object = None
     ) -> ModuleSpec | None:
-        """Return the specification of a module with a private name, None for any other name."""
         state, _, module = fullname.partition(".")
         held = STATES.get(state)
         if held is None or not module:
@@ -188,9 +169,7 @@ class NeighbourFinder:
 
 
 class NeighbourLoader(SourceFileLoader):
-    """Loader that runs the source at its first read and imports neighbours. It neither reads nor writes
-    bytecode.
-    """
+    """Loader that runs the source at its first read, without bytecode, and imports neighbours."""
 
     def exec_module(self, module: types.ModuleType) -> None:
         """Run the module's code; its `import` statements look for neighbours first."""
@@ -224,41 +203,29 @@ def import_beside(
 
 
 def is_neighbour(held: ModuleFolder, top: str) -> bool:
-    """Return whether an import of this name means a file of the folder.
+    """Whether an import of this name means a file of the folder.
 
-    Modules of Python and of installed packages take precedence, except over a name that the config uses.
+    Modules of Python and of installed packages take precedence, except over a name that the config
+    uses.
     """
-    if file_of(held.folder, top) is None and not (
-        top.isidentifier() and (held.folder / top).is_dir()
-    ):
+    folder = top.isidentifier() and (held.folder / top).is_dir()
+    if file_of(held.folder, top) is None and not folder:
         return False
-    return top in held.named or not (
-        top in sys.stdlib_module_names or top == "jaxnet" or is_installed(top)
-    )
+    known = top in sys.stdlib_module_names or top == "jaxnet" or is_installed(top)
+    return top in held.named or not known
 
 
 def without_private(words: str) -> str:
-    """Return a message with private module names replaced by the names in the folders."""
+    """A message with private module names replaced by the names in the folders."""
     return PRIVATE.sub("", words)
 
 
-def loaded_files() -> set[str]:
-    """Return the files of all modules that were loaded from folders."""
-    return {str(file) for held in STATES.values() for file in held.sources}
-
-
 def public_name(module: str) -> str:
-    """Return the name of a module in its folder."""
     return PRIVATE.sub("", module, count=1) if module.startswith(PREFIX) else module
 
 
-def state_of(module: str) -> ModuleFolder | None:
-    """Return the folder of a loaded module, None for a module that was imported by its name."""
-    return STATES.get(module.partition(".")[0])
-
-
 def folder_of(module: str) -> Path | None:
-    """Return the folder from which a module is imported by its name, None if it has no file."""
+    """Folder from which a module is imported by its name, None if it has no file."""
     file = getattr(sys.modules[module], "__file__", None)
     if not file or not Path(file).is_file():
         return None
@@ -266,57 +233,41 @@ def folder_of(module: str) -> Path | None:
 
 
 def is_installed(module: str) -> bool:
-    """Return whether a module belongs to an installed distribution."""
     return version_of(module) is not None
 
 
 @functools.cache
 def version_of(module: str) -> str | None:
-    """Return the version of the distribution of a module, None if it has none."""
     top = module.partition(".")[0]
-    return next((each.version for each in metadata.distributions() if installs(each, top)), None)
-
-
-@runtime_checkable
-class HasMetadata(Protocol):
-    """A distribution of `importlib.metadata`, or of the package that `importlib.metadata` came from."""
-
-    def read_text(self, filename: str) -> str | None:
-        """Return the text of a metadata file, None if there is none."""
-        ...
-
-
-def installs(distribution: HasMetadata, top: str) -> bool:
-    """Return whether a distribution declares or contains a top-level package or module."""
-    if declared := (distribution.read_text("top_level.txt") or "").split():
-        return top in declared
-    files = (distribution.read_text("RECORD") or "").splitlines()
-    return any(file.startswith((f"{top}/", f"{top}.")) for file in files)
+    for each in metadata.distributions():
+        declared = (each.read_text("top_level.txt") or "").split()
+        files = (each.read_text("RECORD") or "").splitlines()
+        inside = any(file.startswith((f"{top}/", f"{top}.")) for file in files)
+        if top in declared if declared else inside:
+            return each.version
+    return None
 
 
 def attribute(module: types.ModuleType, name: str) -> Any:
-    """Return the object at a dotted name in a module; raise AttributeError."""
     return operator.attrgetter(name)(module)
 
 
 @functools.cache
 def load_origin(origin: Origin) -> types.ModuleType:
-    """Return another process's module from a file of the same content; raise KindError if there is none."""
+    """Load another process's module from a file of the same content; raise KindError if none is."""
     if not origin.folder:
         return importlib.import_module(origin.module)
     seen = None
     for folder in map(Path, (origin.folder, *filter(None, sys.path))):
-        if file_of(folder, origin.module) is None:
+        if (file := file_of(folder, origin.module)) is None:
             continue
-        seen = seen or file_of(folder, origin.module)
+        seen = seen or file
         states = [each for each in STATES.values() if each.folder == folder.resolve()]
         for held in (*states, module_folder(folder)):
             if tuple(held.hashes(origin.module).items()) == origin.hashes:
                 return held.load(origin.module)
-    where = f"is another one in process {os.getpid()} ({seen})" if seen else absence_message(origin)
+    process = f"process {os.getpid()}"
+    where = f"is another one in {process} ({seen})"
+    if not seen:
+        where = f"is not found by {process}, neither in {origin.folder} nor among installed modules"
     raise KindError(f"{origin.module} {where}")
-
-
-def absence_message(origin: Origin) -> str:
-    """Return the end of the message about a module that a process does not find."""
-    return f"is not found by process {os.getpid()}, neither in {origin.folder} nor among installed modules"

@@ -1,4 +1,4 @@
-"""XLA's flags, and its persistent cache of programs, separate for each version and type of machine."""
+"""XLA's flags, and its persistent cache of programs for each version and type of machine."""
 
 import hashlib
 import os
@@ -10,8 +10,8 @@ from pathlib import Path
 OF_JAX = 3.2e9  # bytes of addresses: 3.1e9 are too few on two cores, 3.4e9 enough
 OF_CHECKS = 0.7e9  # the same without JAX: with 0.5e9 NumPy's libraries hang
 SHORTEST_COMPILATION = 0.1  # [s], of compilations that are kept
-# - Loops that move no more bytes than that are compiled as one function, not operation by operation.
-# - LLVM takes choices out of loops, which then run in vectors: 1.4 times, trimming, loss, 12 vehicles.
+# - Loops that move no more bytes than that are compiled as one function, not by operation.
+# - LLVM takes choices out of loops, which then run in vectors: 1.4 times, 12 vehicles that trim.
 # - Level 2 compiles 1.3 times as fast as level 3, and its programs are as fast.
 FLAGS = (
     "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=100000000,-enable-nontrivial-unswitch=true"
@@ -22,9 +22,10 @@ FLAGS = (
 def enable() -> None:
     """Turn the cache on in this process and its children, unless JAX has another cache.
 
-    Another cache comes from JAX_COMPILATION_CACHE_DIR or from JAX's config. The function does not import JAX.
-    Existing XLA_FLAGS stay. If JAX has compiled before, the flags come too late, and its programs are slower.
-    Raises MemoryError where `ulimit -v` is so low that JAX would end the process without a word.
+    Another cache comes from JAX_COMPILATION_CACHE_DIR or from JAX's config. The function does not
+    import JAX. Existing XLA_FLAGS stay. If JAX has compiled before, the flags come too late, and
+    its programs are slower. Raises MemoryError where `ulimit -v` is so low that JAX would end the
+    process without a word.
     """
     refuse_low_limit(OF_JAX)
     os.environ.setdefault("XLA_FLAGS", FLAGS)
@@ -54,13 +55,11 @@ def refuse_low_limit(least: float) -> None:
 
     allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
     if allowed != resource.RLIM_INFINITY and allowed < least:
-        raise MemoryError(
-            f"ulimit -v allows {allowed / 1e9:.2g} GB of addresses, {least / 1e9:g} GB are needed"
-        )
+        given, needed = f"{allowed / 1e9:.2g} GB of addresses", f"{least / 1e9:g} GB are needed"
+        raise MemoryError(f"ulimit -v allows {given}, {needed}")
 
 
 def processor() -> str:
-    """Return the name and the features of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

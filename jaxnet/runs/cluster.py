@@ -1,8 +1,9 @@
-"""Shards, or cells to search, on other processes: the workers of a dask scheduler, here or elsewhere.
+"""Shards, or cells to search, on the workers of a dask scheduler, here or elsewhere.
 
-A worker receives a task and one item, writes the item's files itself, and returns a few numbers. It works
-on one item at a time for each of its threads. If a worker dies, other workers repeat its unfinished items.
-If the scheduler or the client dies, unfinished items are lost, and the same command resumes.
+A worker receives a task and one item, writes the item's files itself, and returns a few numbers. It
+works on one item at a time for each of its threads. If a worker dies, other workers repeat its
+unfinished items. If the scheduler or the client dies, unfinished items are lost, and the same
+command resumes.
 """
 
 import asyncio
@@ -79,8 +80,6 @@ class ClusterError(RuntimeError):
 
 
 class Answer(NamedTuple):
-    """Result of a task on a worker, and the warnings of that worker."""
-
     found: Any
     said: list[str]
 
@@ -88,18 +87,14 @@ class Answer(NamedTuple):
 def executor(
     folder: UPath, workers: int | None, address: str | None, cores: int, chunk: int | None
 ) -> "contextlib.AbstractContextManager[Cluster | None]":
-    """Return workers that share these cores, or a scheduler's workers; None without `workers` and `address`.
-
-    Raises ClusterError.
-    """
+    """Workers that share these cores, or those at an address; None without either."""
     if workers is None and address is None:
         return contextlib.nullcontext()
     if workers is not None and address is not None:
         raise ClusterError("give workers or a cluster, not both")
     if folder.protocol == "memory":
-        raise ClusterError(
-            f"{folder} is seen by this process alone: give workers another folder with --out"
-        )
+        told = "is seen by this process alone: give workers another folder with --out"
+        raise ClusterError(f"{folder} {told}")
     if importlib.util.find_spec("distributed") is None:
         raise ClusterError('workers need dask.distributed: pip install "jaxnet-sim[cluster]"')
     if workers is not None:
@@ -108,7 +103,7 @@ def executor(
 
 
 class Cluster:
-    """The workers of a dask cluster. They start in a thread, while this process does other things."""
+    """Workers of a dask cluster. They start in a thread, while this process does other things."""
 
     def __init__(self, connect: Connect, chunk: int | None):
         self.connect, self.chunk = connect, chunk
@@ -127,12 +122,8 @@ class Cluster:
     ) -> "Iterator[Done]":
         """Simulate shards; yield a report on each. Raises ClusterError or FolderError."""
         task = functools.partial(simulate_shard, work, self.chunk)
-        yield from self.deal(
-            task,
-            work.config.scope,
-            work.modules,
-            {f"shard {shard.number}": shard for shard in todo},
-        )
+        items = {f"shard {shard.number}": shard for shard in todo}
+        yield from self.deal(task, work.config.scope, work.modules, items)
 
     def deal(
         self,
@@ -143,25 +134,23 @@ class Cluster:
     ) -> Iterator[Result]:
         """Run the task on each named item; yield the results as they come.
 
-        Workers load the kinds of `scope` from the same files. `modules` are the modules of these kinds.
-        Raises ClusterError, and the errors of the task.
+        Workers load the kinds of `scope` from the same files. `modules` are the modules of these
+        kinds. Raises ClusterError, and the errors of the task.
         """
         if not items:
             return
         if typed := [name for name, made_of in modules.items() if not made_of.file]:
-            raise ClusterError(
-                f"no worker can import {typed[0]}, which has no file: write its kinds into a module"
-            )
+            told = "which has no file: write its kinds into a module"
+            raise ClusterError(f"no worker can import {typed[0]}, {told}")
         try:
             client = self.client.result()
             packed = {name: pickle.dumps(item) for name, item in items.items()}
             work = functools.partial(run_task, pickle.dumps((task, scope)), versions())
             yield from worker_answers(client, work, packed)
         except distributed.KilledWorker as error:
-            raise ClusterError(
-                f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
-                f" out of memory? {KEPT}"
-            ) from error
+            item = str(error.task).split(" of ")[0]
+            told = f"took {error.allowed_failures + 1} workers with it, out of memory? {KEPT}"
+            raise ClusterError(f"{item} {told}") from error
         except (CancelledError, distributed.comm.core.CommClosedError) as error:
             raise ClusterError(f"the scheduler was lost; {KEPT}") from error
 
@@ -169,7 +158,6 @@ class Cluster:
 def worker_answers(
     client: "distributed.Client", task: Callable[[bytes], Answer], items: Mapping[str, bytes]
 ) -> Iterator[Any]:
-    """Yield the workers' results as they come, and repeat each distinct warning once."""
     told, run = set[str](), uuid.uuid4().hex
 
     def tell(said: Iterable[str]) -> None:
@@ -183,9 +171,8 @@ def worker_answers(
     try:
         for _, answer in distributed.as_completed(futures, with_results=True, loop=client.loop):
             if isinstance(answer, ImportError) or "deserialization" in str(answer):
-                raise ClusterError(
-                    f"scheduler and workers need the same jaxnet, and the study's own modules: {answer}"
-                )
+                needed = "the same jaxnet, and the study's own modules"
+                raise ClusterError(f"scheduler and workers need {needed}: {answer}")
             if isinstance(answer, BaseException):
                 raise answer
             tell(answer.said)
@@ -196,17 +183,17 @@ def worker_answers(
 
 @contextlib.contextmanager
 def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
-    """Yield a client of a number of workers, processes of this machine that share its cores."""
     quiet_tracker()
     start_server()
     each = max(1, cores // number)
     settings = {
-        "scheduler.allowed-failures": MOST_LOSSES,
-        "worker.multiprocessing-method": "forkserver",
+        "distributed.scheduler.allowed-failures": MOST_LOSSES,
+        "distributed.worker.multiprocessing-method": "forkserver",
     }
-    start = (
-        functools.partial(  # imports distributed, and with it the defaults that `settings` change
-            distributed.LocalCluster,
+    _ = distributed.LocalCluster  # imports the defaults that `settings` change
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
             n_workers=number,
             threads_per_worker=each,
             memory_limit=None,
@@ -214,11 +201,7 @@ def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
             silence_logs=NO_LOGS,
             preload=__name__,
             env={"NPROC": str(each)},  # threads of XLA
-        )
-    )
-    with (
-        dask.config.set({f"distributed.{key}": value for key, value in settings.items()}),
-        start() as cluster,
+        ) as cluster,
         contextlib.closing(distributed.Client(cluster, set_as_default=False)) as client,
     ):
         yield client
@@ -227,17 +210,16 @@ def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
 def start_server() -> None:
     """Start the process from which workers are forked.
 
-    It imports the workers' modules once, while this process does other things. It does not start JAX,
-    which would not survive a fork.
+    It imports the workers' modules once, while this process does other things. It does not start
+    JAX, which would not survive a fork.
     """
-    multiprocessing.get_context("forkserver").set_forkserver_preload(
-        ["distributed", "jaxnet.runs.shards"]
-    )
+    modules = ["distributed", "jaxnet.runs.shards"]
+    multiprocessing.get_context("forkserver").set_forkserver_preload(modules)
     forkserver.ensure_running()
 
 
 def quiet_tracker() -> None:
-    """Start Python's resource tracker without its warnings about the leftovers of killed workers."""
+    """Start Python's resource tracker without warnings about the leftovers of killed workers."""
     before = os.environ.get("PYTHONWARNINGS")
     os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
     resource_tracker.ensure_running()
@@ -248,7 +230,6 @@ def quiet_tracker() -> None:
 
 @contextlib.contextmanager
 def workers_at(address: str) -> "Iterator[distributed.Client]":
-    """Yield a client of the scheduler at an address."""
     with contextlib.ExitStack() as stack:
         stack.enter_context(distributed.utils.silence_logging_cmgr(NO_LOGS))
         try:
@@ -259,9 +240,8 @@ def workers_at(address: str) -> "Iterator[distributed.Client]":
         refuse_strangers(client)
         client.run(get_ready, wait=False, on_error="ignore")
         if not client.nthreads():
-            warnings.warn(
-                f"the scheduler at {address} has no workers yet: waiting for them", stacklevel=2
-            )
+            told = "has no workers yet: waiting for them"
+            warnings.warn(f"the scheduler at {address} {told}", stacklevel=2)
         yield client
 
 
@@ -270,30 +250,24 @@ def refuse_strangers(client: "distributed.Client") -> None:
 
     The query uses functions of Python alone, since another version of jaxnet may lack ours.
     """
-    theirs: dict[str, Any] = {
-        "jaxnet": client.run(pkgutil.resolve_name, "jaxnet:__version__", on_error="return")
-    }
+    ours: Any = client.run(pkgutil.resolve_name, "jaxnet:__version__", on_error="return")
+    theirs: dict[str, Any] = {"jaxnet": ours}
     theirs |= {name: client.run(metadata.version, name, on_error="return") for name in PACKAGES}
-    for worker in theirs["jaxnet"]:
+    for worker in ours:
         answered = {package: said.get(worker) for package, said in theirs.items()}
-        if not any(
-            each is None or isinstance(each, OSError) for each in answered.values()
-        ):  # it lives
+        if not any(each is None or isinstance(each, OSError) for each in answered.values()):
             refuse_versions(worker, answered, versions())
 
 
 def refuse_versions(worker: str, theirs: Mapping[str, object], ours: Mapping[str, str]) -> None:
-    """Raise ClusterError if a worker's versions are not ours."""
     for package in ("jaxnet", *PACKAGES):
         if theirs[package] != ours[package]:
-            raise ClusterError(
-                f"worker {worker} has {package} {theirs[package]}, this is {ours[package]}:"
-                " the same is needed everywhere"
-            )
+            versions = f"{package} {theirs[package]}, this is {ours[package]}"
+            raise ClusterError(f"worker {worker} has {versions}: the same is needed everywhere")
 
 
 def lost_workers(event: object, run: str) -> Iterator[str]:
-    """Yield the message of a scheduler's event that says that a worker with items of this run was lost."""
+    """Yield the message of an event: that a worker with items of this run was lost."""
     if isinstance(event, dict) and event.get("action") == "remove-worker" and not event["expected"]:
         items = sum(run in str(key) for key in event["processing-tasks"])
         if items:
@@ -303,8 +277,9 @@ def lost_workers(event: object, run: str) -> Iterator[str]:
 def run_task(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
     """Run a task on one item, on a worker; `needed` are the versions of the client.
 
-    `work` holds the task and the scope, which loads the classes of the study's kinds. This function unpacks
-    it: a class that fails to load while dask reads a message would stop the worker for ever.
+    `work` holds the task and the scope, which loads the classes of the study's kinds. This function
+    unpacks it: a class that fails to load while dask reads a message would stop the worker for
+    ever.
     """
     worker = distributed.get_worker()
     with SETTING_UP:
@@ -320,17 +295,15 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
     """Simulate and store a shard on a worker, unless the folder has it."""
     ended = 0
 
-    def see(
-        lanes: int = 0,
-    ) -> None:  # at first, and before anything is written: it may be another's by then
+    def see(lanes: int = 0) -> None:
+        # at first, and before anything is written: the folder may be another's by then
         nonlocal ended
         ended += lanes
         work.folder.look()
         if ended in (0, len(shard.samples)) and work.folder.manifest.get("hash") != work.study:
-            raise FolderError(
-                f"worker {distributed.get_worker().address} does not see this study in {work.folder.path}:"
-                " it must be on storage that all share"
-            )
+            worker = f"worker {distributed.get_worker().address}"
+            told = f"{worker} does not see this study in {work.folder.path}"
+            raise FolderError(f"{told}: it must be on storage that all share")
 
     see()
     done = shards.find_done(work, shard)
@@ -340,7 +313,6 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
 
 
 def drain(said: deque[str]) -> Iterator[str]:
-    """Yield and remove all items; other threads may remove some of them."""
     with contextlib.suppress(IndexError):
         while True:
             yield said.popleft()

@@ -33,38 +33,32 @@ def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> bat
 
 
 def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
-    """Return the greatest distance [m] of each lane from the solution (theorems.md O1 and O2).
+    """Greatest distance [m] of each lane from the solution (theorems.md O1 and O2).
 
     The maximum is over ticks and vehicles. The lanes come from `lanes_at_ticks`. Failed lanes have
     not-a-number.
     """
     outcome = batch.simulate(lanes)
     with jax.enable_x64(True):
-        return np.array(
-            [
-                greatest_distance(
-                    jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), lanes.inputs),
-                    lanes.network.hearing,
-                    float(lanes.clock.interval),
-                    {name: values[n] for name, values in outcome.series.items()},
-                )
-                for n in range(lanes.size)
-            ]
-        )
+        found = []
+        for n in range(lanes.size):
+            one = jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), lanes.inputs)
+            series = {name: values[n] for name, values in outcome.series.items()}
+            interval = float(lanes.clock.interval)
+            found.append(greatest_distance(one, lanes.network.hearing, interval, series))
+    return np.array(found)
 
 
 def greatest_distance(
     one: batch.Inputs, hearing: Hearing, interval: float, series: dict[str, np.ndarray]
 ) -> float:
-    """Return the greatest distance [m] of one lane."""
     lane = one.lane
     times = np.arange(len(series["kept"])) * interval
     signals = [np.stack(signal.jets(lane.vectors, lane.signal.basis(np.asarray(t)))) for t in times]
     navigator = np.stack([np.asarray(lane.navigator.jets(np.asarray(t))) for t in times], axis=-1)
     own = lane.vehicle.output_jets(lane.initial)
-    start = np.stack(
-        [(np.asarray(y) - y_0[:, :1]).T for y, y_0 in zip(own, navigator, strict=False)]
-    )
+    first = [(np.asarray(y) - y_0[:, :1]).T for y, y_0 in zip(own, navigator, strict=False)]
+    start = np.stack(first)
     slots = [np.asarray(each) for each in (hearing.sources, hearing.attacked, hearing.signals)]
     listeners = np.arange(slots[0].shape[1])
 

@@ -1,4 +1,4 @@
-"""The vector field of one lane for any integrator. Vehicles decide at each evaluation, as in the paper."""
+"""The vector field of one lane for any integrator. Vehicles decide at each evaluation."""
 
 from collections.abc import Callable
 
@@ -15,32 +15,28 @@ LaneField = Callable[..., jax.Array]  # of time [s], state (n, m) and an ignored
 
 
 def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array]:
-    """Return the field and the initial state; see `jaxnet.field`."""
     if cell >= len(study.cells):
         raise ValueError(f"the study has cells 0 to {len(study.cells) - 1} (got cell {cell})")
     if jnp.zeros(()).dtype != jnp.float64:
-        raise RuntimeError(
-            "a vector field needs double precision: call jax.config.update('jax_enable_x64', True) first"
-        )
+        told = "call jax.config.update('jax_enable_x64', True) first"
+        raise RuntimeError(f"a vector field needs double precision: {told}")
     scenario = study.cells[cell].scenario
     attack, defence = scenario.attack, scenario.defence
+    no_ticks, fault = "and a vector field knows of no ticks", ""
     if attack.strategic or (defence.decides and (defence.needs_ticks() or defence.draws())):
         kind = (attack if attack.strategic else defence).kind
-        raise ValueError(f"{kind} decides at ticks only, and a vector field knows of no ticks")
-    if attack.periods():
-        raise ValueError("attacked vehicles change at ticks, and a vector field knows of no ticks")
-    if defence.coasts():
-        raise ValueError(
-            f"{defence.kind} has isolated: coast, and a vector field knows of no ticks"
-        )
-    if not scenario.law.solves():
-        raise ValueError(
-            f"the vector field is that of the law solved at every instant (got {scenario.law.kind})"
-        )
-    if not is_ideal(scenario):
-        raise ValueError(
-            "vehicles sense, and messages are lost, at ticks, and a vector field knows of no ticks"
-        )
+        fault = f"{kind} decides at ticks only, {no_ticks}"
+    elif attack.periods():
+        fault = f"attacked vehicles change at ticks, {no_ticks}"
+    elif defence.coasts():
+        fault = f"{defence.kind} has isolated: coast, {no_ticks}"
+    elif not scenario.law.solves():
+        kind = scenario.law.kind
+        fault = f"the vector field is that of the law solved at every instant (got {kind})"
+    elif not is_ideal(scenario):
+        fault = f"vehicles sense, and messages are lost, at ticks, {no_ticks}"
+    if fault:
+        raise ValueError(fault)
     source = source_of(study.config, scenario)
     one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)
@@ -49,8 +45,7 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
 
     @jax.jit
     def derivative(time: ArrayLike, state: ArrayLike, args: object = None) -> jax.Array:
-        return lane_field(
-            jnp.asarray(time, float), jnp.asarray(state, float), followed, network, one.plan
-        )
+        now, state = jnp.asarray(time, float), jnp.asarray(state, float)
+        return lane_field(now, state, followed, network, one.plan)
 
     return derivative, lane.initial

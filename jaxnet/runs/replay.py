@@ -15,8 +15,8 @@ from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics import recovery
-from jaxnet.store import lane_store, layout, rows
-from jaxnet.store.arrays import open_store
+from jaxnet.store import arrays, layout, rows
+from jaxnet.store.arrays import lane_in, open_store
 from jaxnet.store.folder import FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
@@ -40,28 +40,26 @@ def replay(
     lane = job(chosen.scenario, source, [sample], layout.series_of(variables))
     outcome = batch.simulate(lane, machine)
     store = store_of(results, cell, sample, engine)
-    for name, content in lane_store.files_of(variables, chosen, sample, outcome.series).items():
+    for name, content in arrays.lane_files(variables, chosen, sample, outcome.series).items():
         results.folder.put(f"{store}/{name}", lambda file, content=content: file.write(content))
     types = rows.column_types(study.config, study.cells)
     isolation = rows.isolation_columns(study.cells)
-    row = rows.outcome_table(Shard(0, chosen, range(sample, sample + 1)), outcome, types, isolation)
-    return results.folder.path / store, row.to_pandas().iloc[0]
+    one = Shard(0, chosen, range(sample, sample + 1))
+    row = rows.outcome_table(one, outcome, types, isolation).to_pandas().iloc[0]
+    return results.folder.path / store, row
 
 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:
-    """Raise FolderError if a study has no such lane."""
     results.need_run()
     cells = len(results.study.cells)
     samples = results.samples[cell] if cell < cells else max(results.samples)
     if cell >= cells or sample >= samples:
-        raise FolderError(
-            f"{results.place} has cells 0 to {cells - 1} and samples 0 to {samples - 1} (got cell {cell},"
-            f" sample {sample})"
-        )
+        there = f"cells 0 to {cells - 1} and samples 0 to {samples - 1}"
+        raise FolderError(f"{results.place} has {there} (got cell {cell}, sample {sample})")
 
 
 def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, Digraph]:
-    """Return one lane's trajectory and its graph; a lane that no store holds is simulated again."""
+    """Trajectory of a lane and its graph; a lane that no store holds is simulated again."""
     refuse_unknown(results, cell, sample)
     results.need_code()
     lane = stored_trajectory(results, cell, sample)
@@ -75,49 +73,41 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
 
 
 def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:
-    """Return a lane's trajectory by the study's own engine, from a replay or the study's store, or None."""
+    """Trajectory of a lane by the study's own engine, from a replay or the store, or None."""
     path = results.file(store_of(results, cell, sample))
     if (path / "zarr.json").exists():
         return open_store(path, results.sizes).isel(lane=0)
     if not (results.path / "trajectories.zarr").exists():
         return None
-    data = results.trajectories
-    if "lane" not in data.dims:
-        return data.sel(cell=cell, sample=sample) if sample in data["sample"] else None
-    mine = (data["cell"].values == cell) & (data["sample"].values == sample)
-    return data.isel(lane=int(np.flatnonzero(mine)[0])) if mine.any() else None
+    return lane_in(results.trajectories, cell, sample)
 
 
 def store_of(results: Results, cell: int, sample: int, engine: str | None = None) -> str:
-    """Return the name of the store of a replayed lane."""
     own = results.study.cells[cell].scenario.engine.reference()
     other = "" if engine in (None, own) else f"-{engine}"
     return f"replays/cell-{cell}-sample-{sample}{other}.zarr"
 
 
 def worst_of(results: Results) -> list[tuple[int, int]]:
-    """Return cell and sample of the study's worst lanes, those with the greatest judged metric over ā."""
+    """Cell and sample of the study's worst lanes, those with the greatest judged metric over ā."""
     asked = results.study.config.recovery
     if asked is None:
         return []
-    return recovery.worst_lanes(
-        worst_of_cells(results, asked.worst), results.study.cells, asked.worst
-    )
+    lanes = worst_of_cells(results, asked.worst)
+    return recovery.worst_lanes(lanes, results.study.cells, asked.worst)
 
 
 def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
-    """Return the ok lanes of each cell with the greatest judged metric: cell, sample, the metric [m]."""
+    """The ok lanes of each cell with the greatest judged metric: cell, sample, the metric [m]."""
     metric = judged_metric(results.study.cells)
     lanes = results.by_cell("cell", "sample", metric, where=rows.OK)
-    found = [each.nlargest(number, metric) for _, each in lanes]
-    nothing = pd.DataFrame(
-        {"cell": np.empty(0, int), "sample": np.empty(0, int), metric: np.empty(0)}
-    )
-    return pd.concat(found, ignore_index=True) if found else nothing
+    nothing = pd.DataFrame({"cell": [], "sample": []}, dtype=int).assign(**{metric: 0.0})
+    found = (each.nlargest(number, metric) for _, each in lanes)
+    return pd.concat([nothing, *found], ignore_index=True)
 
 
 def with_engine(cell: Cell, engine: str | None) -> Cell:
-    """Return the cell with another engine at its defaults; raise FolderError if the engine refuses it."""
+    """The cell with another engine at its defaults; raise FolderError if the engine refuses it."""
     if engine in (None, cell.scenario.engine.reference()):
         return cell
     chosen = registry.find("engine", str(engine))()

@@ -1,13 +1,14 @@
 """A run: simulate the lanes of a study that its folder lacks.
 
-The executor simulates the shards, in this process (`shards`) or in others (`cluster`). The tables at the end
-need the rows of one cell in memory at a time.
+The executor simulates the shards, in this process (`shards`) or in others (`cluster`). The tables
+at the end need the rows of one cell in memory at a time.
 """
 
 import functools
+import itertools
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config import keys
-from jaxnet.config.cells import Cell, judged_metric, to_plain
+from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
@@ -26,19 +27,17 @@ from jaxnet.runs import shards
 from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
 from jaxnet.statistics import recovery, summary
-from jaxnet.store import arrays, lane_store, layout, rows
+from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import changed_settings
 from jaxnet.store.folder import (
     DERIVED,
     Folder,
     FolderError,
     TakenError,
-    describe_kinds,
     digest,
+    manifest_entries,
     modules_of,
     samples_of_cells,
-    settings_of,
-    versions,
 )
 from jaxnet.store.layout import Shard
 from jaxnet.store.tables import write_table
@@ -47,16 +46,14 @@ ReportTally = Callable[[Tally], None]
 Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
 SEARCHED = ("search.csv", "worst.csv", "worst.yaml", "worst")  # jaxnet search goes on from search/
 CHOSEN_STORE = "trajectories.zarr"
+ChosenLane = tuple[Cell, int]  # a cell and a sample
 
 
 def local_executor(machine: Machine) -> Executor:
-    """Return the executor that simulates shards in this process."""
     return lambda work, todo, load_done: shards.simulate_shards(work, todo, machine, load_done)
 
 
 class Run:
-    """The simulation of one study into one folder, which this process holds."""
-
     def __init__(
         self,
         study: Config,
@@ -68,9 +65,8 @@ class Run:
     ):
         self.began, self.before = time.monotonic(), folder.manifest
         if isinstance(study.samples, int):
-            study = study.model_copy(
-                update={"samples": max(study.samples, self.before.get("samples", 0))}
-            )
+            most = max(study.samples, self.before.get("samples", 0))
+            study = study.model_copy(update={"samples": most})
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
         self.crew = crew or local_executor(machine)
         self.modules = modules_of(study)
@@ -78,7 +74,7 @@ class Run:
         self.progress = progress
 
     def whole(self) -> bool:
-        """Simulate the missing lanes, and write the tables and arrays; return whether lanes were missing."""
+        """Simulate missing lanes, write tables and arrays; return whether lanes were missing."""
         there = samples_of_cells(self.before, len(self.cells))
         looks = [looks_of(self.study.samples, each) for each in there]  # that each cell has ahead
         tally = self.tally(sum(ahead[-1] for ahead in looks))
@@ -99,7 +95,7 @@ class Run:
         return self.finish(samples, simulated)
 
     def need_room(self, lanes: int) -> None:
-        """Raise FolderError if the disk has no room for these lanes, before anything is made of their number.
+        """Raise FolderError if the disk has no room for so many lanes, before anything is made.
 
         Each file of rows counts as a full shard.
         """
@@ -109,33 +105,30 @@ class Run:
     def looks_ahead(
         self, looks: Sequence[list[int]], samples: Sequence[int], tally: Tally
     ) -> Sequence[list[int]]:
-        """Return the looks that each cell has ahead: none where its interval is narrow enough."""
+        """Looks that each cell has ahead: none where its interval is narrow enough."""
         if not isinstance(self.study.samples, keys.Sequential):
             return looks
         until = self.study.samples.until
         halves = recovery.half_intervals(tally.counts, self.cells, samples, until)
-        wide = [
-            number
-            for number, half in enumerate(halves)
-            if half > until.half_width and looks[number]
-        ]
+        over = [half > until.half_width for half in halves]
+        wide = [number for number, ahead in enumerate(looks) if ahead and over[number]]
         if wide:
-            tally.last_look = (
-                f"± {halves[wide].max():.2g}, ± {until.half_width:g} is asked;"
-                f" {len(wide)} of {count(len(self.cells), 'cell')} {'go' if len(wide) > 1 else 'goes'} on"
-            )
+            going = f"{'go' if len(wide) > 1 else 'goes'} on"
+            cells = f"{len(wide)} of {count(len(self.cells), 'cell')} {going}"
+            asked = f"± {halves[wide].max():.2g}, ± {until.half_width:g} is asked"
+            tally.last_look = f"{asked}; {cells}"
         return [ahead if number in wide else [] for number, ahead in enumerate(looks)]
 
     def part(self, number: int, of: int) -> tuple[int, int, int]:
         """Simulate the missing lanes of shards `number`, `number + of`, …
 
-        The method writes rows, and arrays beside them, so that other processes can simulate the other shards.
-        Returns the number of these shards, the number simulated now, and the number of failed lanes.
+        The method writes rows, and arrays beside them, so that other processes can simulate other
+        shards. Returns the number of these shards, the number simulated now, and the number of
+        failed lanes.
         """
         if isinstance(self.study.samples, keys.Sequential):
-            raise FolderError(
-                "a part of the shards needs a number of samples, not a criterion to stop by"
-            )
+            told = "a part of the shards needs a number of samples, not a criterion to stop by"
+            raise FolderError(told)
         samples = [self.study.samples] * len(self.cells)
         self.need_room(sum(samples) // of)
         mine = layout.shards_of(self.cells, samples, self.size)[number::of]
@@ -144,70 +137,59 @@ class Run:
         return len(mine), simulated, tally.failed
 
     def about(self, samples: Sequence[int]) -> dict[str, object]:
-        """Return the manifest's entries on the finished folder; `samples` are the numbers of the cells."""
+        """The manifest's entries on the folder; `samples` are the numbers of the cells."""
         return {
-            "hash": digest(self.study),
+            **manifest_entries(self.study),
             "seed": self.study.seed,
-            "versions": versions(),
-            "kinds": describe_kinds(self.study),
-            "modules": {name: made_of._asdict() for name, made_of in self.modules.items()},
             "device": jax.devices()[0].device_kind,
             "chunk": self.machine.chunk,
             "cells": len(self.cells),
             "samples": max(samples),
             "cell_samples": list(samples) if min(samples) < max(samples) else None,
             "shard_size": self.size,
-            "save": to_plain(self.study.save),
-            "settings": settings_of(self.study),
         }
 
     def begin(self, samples: Sequence[int]) -> None:
-        """Write the manifest's description of the folder before the simulation."""
         about, before = self.about(samples), self.folder.manifest
-        same = all(
-            before.get(entry) == about[entry] for entry in ("save", "samples", "cell_samples")
-        )
+        entries = ("save", "samples", "cell_samples")
+        same = all(before.get(entry) == about[entry] for entry in entries)
         self.folder.write_manifest(**about, finished=same and before["finished"])
 
     def prepare(self, samples: int) -> dict[str, str]:
-        """Make room for these samples in the stores that shards fill; return the stores' identities."""
+        """Make room for these samples in the stores that shards fill; return their identities."""
         identities = {}
         for name, variables in layout.filled_stores(self.cells, self.study.save).items():
+            path = self.folder.path / name
             with self.folder.naming(name):
-                store = arrays.prepare(
-                    self.folder.path / name, variables, self.cells, samples, self.size
-                )
-            identities[name] = arrays.store_identity(store)
+                identities[name] = arrays.prepare(path, variables, self.cells, samples, self.size)
         return identities
 
     def work(self, filled: dict[str, str] | None) -> Assignment:
-        """Return the data that every shard needs."""
         return Assignment(
-            self.folder.absolute(),
-            digest(self.study),
-            self.study,
-            self.size,
-            rows.column_types(self.study, self.cells),
-            rows.isolation_columns(self.cells),
-            layout.filled_stores(self.cells, self.study.save),
-            filled,
-            self.modules,
+            folder=self.folder.absolute(),
+            study=digest(self.study),
+            config=self.study,
+            size=self.size,
+            types=rows.column_types(self.study, self.cells),
+            isolation=rows.isolation_columns(self.cells),
+            stores=layout.filled_stores(self.cells, self.study.save),
+            filled=filled,
+            modules=self.modules,
         )
 
     def tally(self, lanes: int) -> Tally:
-        """Return a tally of this number of lanes, none of them done."""
         return Tally(self.cells, lanes, self.study.recovery is not None)
 
     def simulate(self, wanted: Sequence[Shard], work: Assignment, tally: Tally) -> int:
-        """Simulate and store the missing lanes of these shards; return the number of incomplete shards."""
+        """Simulate the missing lanes of these shards; return the number of incomplete shards."""
         with ThreadPoolExecutor(rows.READERS) as pool:
             found = list(pool.map(lambda shard: shards.find_done(work, shard), wanted))
         missing = [work.missing(shard, done) for shard, done in zip(wanted, found, strict=True)]
         todo = [shard for shard in missing if shard is not None]
-        self.folder.need(
-            layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo))
-        )
-        self.tell(tally, [done for done in found if done is not None])
+        lanes = sum(len(shard.samples) for shard in todo)
+        self.folder.need(layout.disk_bytes(self.study, self.cells, lanes))
+        tally.record(done for done in found if done is not None)
+        self.progress(tally)
         concerned = {shard.cell.number: shard.cell for shard in todo}
         shards.try_kinds(self.study, [*concerned.values()], self.machine, work.series)
         if work.filled is not None and (todo or not self.folder.manifest["finished"]):
@@ -219,16 +201,12 @@ class Run:
 
         try:
             for done in self.crew(work, todo, load_done):
-                self.tell(tally, [done])
+                tally.record([done])
+                self.progress(tally)
         except TakenError as error:
             there = sum(each.lanes for each in tally.shards.values())
             raise TakenError(f"{error}: {there:,} of {tally.total:,} lanes") from error
         return len(todo)
-
-    def tell(self, tally: Tally, found: Sequence[Done]) -> None:
-        """Record finished shards, and report the progress."""
-        tally.record(found)
-        self.progress(tally)
 
     def clear_settings(self) -> None:
         """Remove what was made with other settings than the study's."""
@@ -242,82 +220,72 @@ class Run:
     def clear_derived(
         self, told: str = "made of the rows before", names: Sequence[str] = DERIVED
     ) -> None:
-        """Remove `cells.csv`, and with a warning these files, which are no longer those of the study."""
+        """Remove `cells.csv`, and with a warning those of these files that are there."""
         if taken := [name for name in names if (self.folder.path / name).exists()]:
-            again = "jaxnet report makes it again"
-            warnings.warn(
-                f"{self.folder.path}: removing what was {told}: {', '.join(taken)} ({again})",
-                stacklevel=2,
-            )
+            removed = f"removing what was {told}: {', '.join(taken)} (jaxnet report makes it again)"
+            warnings.warn(f"{self.folder.path}: {removed}", stacklevel=2)
         self.folder.clear((*taken, "cells.csv"))
 
     def finish(self, samples: Sequence[int], simulated: int) -> bool:
-        """Write the chosen trajectories and the tables of all rows; return whether anything was missing."""
+        """Write chosen trajectories and tables of all rows; return whether any were missing."""
         missing = simulated > 0 or not self.folder.manifest["finished"]
         every = layout.shards_of(self.cells, samples, self.size)
         if not isinstance(self.study.save.trajectories, str):
             metric = judged_metric(self.cells)
             lanes = rows.scan_cells(self.folder, every, ("sample", "status", metric))
-            chosen = {
-                number: chosen_samples(self.study.save, each, metric) for number, each in lanes
-            }
+            chosen = [
+                (self.cells[number], sample)
+                for number, each in lanes
+                for sample in chosen_samples(self.study.save, each, metric)
+            ]
             missing = missing or not self.stored(chosen)
             if missing:
                 self.store_chosen(chosen)
         table = summary.summarise(self.folder, every, self.cells, self.study, samples)
         self.folder.put("cells.csv", functools.partial(write_table, table))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
-        for taken in self.folder.path.glob(
-            "lanes/*.npz"
-        ):  # of parts that saved what is not asked for now
+        # of parts that saved what is not asked for now
+        for taken in self.folder.path.glob("lanes/*.npz"):
             self.folder.remove(f"lanes/{taken.name}")
-        self.folder.write_manifest(  # all of it once more: an earlier holder's may have arrived late
+        seconds = self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began
+        # all of it once more: an earlier holder's may have arrived late
+        self.folder.write_manifest(
             **self.about(samples),
             lanes={"total": total, "ok": total - failed, "failed": failed},
-            wall_seconds=round(
-                self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began, 3
-            ),
+            wall_seconds=round(seconds, 3),
             finished=True,
         )
         return missing
 
-    def stored(self, chosen: Mapping[int, Sequence[int]]) -> bool:
-        """Return whether the chosen lanes' trajectories are stored, undamaged."""
-        lanes = [(cell, sample) for cell, samples in chosen.items() for sample in samples]
-        return lane_store.holds(
-            self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells), lanes
-        )
+    def stored(self, chosen: Sequence[ChosenLane]) -> bool:
+        path, variables = self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells)
+        lanes = [(cell.number, sample) for cell, sample in chosen]
+        return arrays.holds_lanes(path, variables, lanes)
 
-    def store_chosen(self, chosen: Mapping[int, Sequence[int]]) -> None:
+    def store_chosen(self, chosen: Sequence[ChosenLane]) -> None:
         """Simulate the chosen lanes again, and write their trajectories into a new store."""
         path, variables = self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells)
-        lanes = [
-            (self.cells[cell], sample) for cell, samples in chosen.items() for sample in samples
-        ]
         if arrays.open_for_writing(path) is not None:
-            warnings.warn(
-                f"{path} holds all lanes, and is replaced by one of those that are chosen",
-                stacklevel=2,
-            )
+            told = "holds all lanes, and is replaced by one of those that are chosen"
+            warnings.warn(f"{path} {told}", stacklevel=2)
         self.folder.remove(CHOSEN_STORE)
         with self.folder.naming(CHOSEN_STORE):
-            store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
+            store = arrays.create_lanes(arrays.store_at(path), variables, self.cells, chosen)
         first = 0
-        for cell, samples in (
-            (self.cells[number], samples) for number, samples in chosen.items() if samples
-        ):
+        for cell, lanes in itertools.groupby(chosen, lambda lane: lane[0]):
+            samples = [sample for _, sample in lanes]
             source = source_of(self.study, cell.scenario)
             one = job(cell.scenario, source, samples, layout.series_of(variables))
             series = batch.simulate(one, self.machine).series
             with self.folder.naming(CHOSEN_STORE):
-                lane_store.write_lanes(store, first, cell, variables, series)
+                arrays.write_lanes(store, first, cell, variables, series)
             first += len(samples)
         with self.folder.naming(CHOSEN_STORE):
-            lane_store.seal(store, path, variables, len(lanes))
+            arrays.seal(store, path, variables, len(chosen))
 
 
 def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:
-    """Return the numbers of samples after which a run tests if a cell has enough; `there` samples exist.
+    """Numbers of samples after which a run tests if a cell has enough; `there` samples exist.
 
     A study with a fixed number of samples has one look.
     """
@@ -327,7 +295,7 @@ def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:
 
 
 def chosen_samples(save: keys.Save, lanes: pd.DataFrame, metric: str) -> list[int]:
-    """Return the samples of one cell whose trajectories the study saves, ascending; the worst by a metric."""
+    """Samples of one cell whose trajectories the study saves, ascending; the worst by a metric."""
     match save.trajectories:
         case keys.Samples(samples=samples):
             return sorted(set(samples))

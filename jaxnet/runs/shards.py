@@ -1,11 +1,11 @@
 """Shards: their simulation into the folder, and the check of stored shards when a run resumes.
 
-A shard holds consecutive samples of one cell. A process, this or another, receives the `Assignment` and the
-shard. It writes the shard's arrays and then its rows, and returns a few numbers. A shard with a row file is
-therefore complete, unless its files were damaged since.
+A shard holds consecutive samples of one cell. A process, this or another, receives the `Assignment`
+and the shard. It writes the shard's arrays and then its rows, and returns a few numbers. A shard
+with a row file is therefore complete, unless its files were damaged since.
 
-Shards that share a compiled program run one after the other without a pause. The lanes of the next shard are
-drawn meanwhile.
+Shards that share a compiled program run one after the other without a pause. The lanes of the next
+shard are drawn meanwhile.
 """
 
 import io
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 Program = tuple[Hashable, ...]  # equal for jobs that can run in one compiled program
 BESIDE_ROWS = "npz"  # of the stamp's checksums that of the file of arrays beside the rows
-STORING = threading.Semaphore(2)  # who hold a shard's arrays in memory at a time
+STORING = threading.Semaphore(2)  # threads that hold a shard's arrays in memory at a time
 
 
 class Assignment(NamedTuple):
@@ -53,51 +53,42 @@ class Assignment(NamedTuple):
     types: dict[str, pa.DataType]  # of the swept keys' columns
     isolation: list[str]  # columns on vehicles that decisions cut off
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
-    filled: (
-        dict[str, str] | None
-    )  # identities of those stores; None: arrays are put beside the rows
+    filled: dict[str, str] | None  # identities of those stores; None: arrays go beside the rows
     modules: dict[str, Provenance]  # that kinds from outside came from
 
     @property
     def variables(self) -> dict[str, Variable]:
-        """Variables that the study saves over time, of all stores."""
-        return {
-            name: each for variables in self.stores.values() for name, each in variables.items()
-        }
+        stores = self.stores.values()
+        return {name: each for variables in stores for name, each in variables.items()}
 
     @property
     def series(self) -> tuple[str, ...]:
-        """Names of the engine's series that the study saves."""
         return layout.series_of(self.variables)
 
     def stamp(self, shard: Shard, checksums: dict[str, int]) -> Stamp:
-        """Return the stamp of the shard's row file."""
         place = shard.cell.number, self.first(shard), self.size
         return Stamp(__version__, self.study, *place, self.filled or {}, checksums)
 
     def first(self, shard: Shard) -> int:
-        """Return the first sample of the shard's file."""
         return shard.samples.start // self.size * self.size
 
+    def chunk(self, shard: Shard) -> tuple[int, int]:
+        """Place of the shard's chunks along cell and sample."""
+        return shard.cell.number, shard.samples.start // self.size
+
     def rows_of(self, shard: Shard) -> int:
-        """Return the number of rows of the shard's complete file."""
         return shard.samples.stop - self.first(shard)
 
     def missing(self, shard: Shard, done: Done | None) -> Shard | None:
-        """Return the shard with its missing samples alone; None if it is complete."""
+        """The shard with its missing samples alone; None if it is complete."""
         first = shard.samples.start if done is None else self.first(shard) + done.sums.lanes
-        return (
-            shard._replace(samples=range(first, shard.samples.stop))
-            if first < shard.samples.stop
-            else None
-        )
+        missing = range(first, shard.samples.stop)
+        return shard._replace(samples=missing) if missing else None
 
     def done(self, shard: Shard, rows: pa.Table) -> Done:
-        """Return the report on a shard with these rows."""
         wanted = rows.select(["status", shard.cell.scenario.judged]).to_pandas()
-        return Done(
-            shard.number, shard.cell.number, sums_of(shard.cell, wanted, self.config.recovery)
-        )
+        sums = sums_of(shard.cell, wanted, self.config.recovery)
+        return Done(shard.number, shard.cell.number, sums)
 
 
 def simulate_shards(
@@ -106,25 +97,23 @@ def simulate_shards(
     machine: Machine,
     load_done: Callable[[int], None] = lambda lanes: None,
 ) -> Iterator[Done]:
-    """Simulate and store shards, after the samples that they have; yield a report on each complete shard.
+    """Simulate shards, after the samples that they have; yield a report on each complete shard.
 
     `load_done` receives the number of lanes of each finished load.
     """
-    stores = {name: arrays.open_for_writing(work.folder.path / name) for name in work.filled or {}}
+    stores = open_stores(work) if work.filled is not None else {}
     for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
-        values = arrays.series_values(
-            work.variables, outcome.series, shard.cell.scenario.vehicle.states
-        )
+        states = shard.cell.scenario.vehicle.states
+        values = arrays.series_values(work.variables, outcome.series, states)
         if work.filled is None:
             checksums = write_beside(work, shard, values)
         else:
             checksums = write_arrays(work, shard, values, stores)
         table = rows.outcome_table(shard, outcome, work.types, work.isolation)
-        stamp = work.stamp(shard, checksums)
         if before := shard.samples.start - work.first(shard):
             there, _ = rows.read_rows(work.folder.path / rows.row_file(shard.number))
             table = pa.concat_tables([there.slice(0, before), table])
-        rows.write_rows(work.folder, shard.number, table, stamp)
+        rows.write_rows(work.folder, shard.number, table, work.stamp(shard, checksums))
         yield work.done(shard, table)
 
 
@@ -133,9 +122,7 @@ def simulate_outcomes(
 ) -> Iterator[tuple[Shard, Outcome]]:
     """Yield each shard and its outcome; shards that fit one program follow each other."""
     some = {shard.cell.number: shard for shard in shards}  # one of each cell
-    sources = {
-        number: source_of(work.config, shard.cell.scenario) for number, shard in some.items()
-    }
+    sources = {cell: source_of(work.config, some[cell].cell.scenario) for cell in some}
 
     def drawn(shard: Shard, samples: Sequence[int]) -> Job:
         return job(shard.cell.scenario, sources[shard.cell.number], samples, work.series)
@@ -148,16 +135,15 @@ def simulate_outcomes(
         one = drawn(alike[0], [0])
         inputs = (drawn(shard, shard.samples).inputs for shard in alike)
         lanes = sum(len(shard.samples) for shard in alike)
-        ends = batch.simulate_each(
-            inputs, lanes, one.network, one.clock, one.plan, machine, load_done
-        )
+        shared = one.network, one.clock, one.plan
+        ends = batch.simulate_each(inputs, lanes, *shared, machine, load_done)
         yield from zip(alike, ends, strict=True)
 
 
 def try_kinds(
     config: Config, cells: Sequence[Cell], machine: Machine, series: tuple[str, ...] = ()
 ) -> None:
-    """Trace a job of each program that has kinds from outside; raise KindError where one breaks its contract.
+    """Trace a job of each program with kinds from outside; raise KindError for a broken contract.
 
     `series` are those that the study saves.
     """
@@ -172,46 +158,39 @@ def try_kinds(
 
 
 def program_of(one: Job) -> Program:
-    """Return what jobs of one program share: types, shapes, the plan, the network and the clock."""
     leaves, structure = jax.tree.flatten(one.inputs)
     shared, kind = jax.tree.flatten((one.network, one.clock))
     values = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
     return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, values
 
 
+Stores = Mapping[str, "zarr.Group"]
+
+
+def open_stores(work: Assignment) -> Stores:
+    found = {name: arrays.open_for_writing(work.folder.path / name) for name in work.stores}
+    return {name: store for name, store in found.items() if store is not None}
+
+
 def write_arrays(
-    work: Assignment,
-    shard: Shard,
-    values: dict[str, np.ndarray],
-    stores: "Mapping[str, zarr.Group | None]",
+    work: Assignment, shard: Shard, values: dict[str, np.ndarray], stores: Stores
 ) -> dict[str, int]:
-    """Write a shard's arrays into the stores; return the checksums of its chunks."""
     samples, checksums = slice(shard.samples.start, shard.samples.stop), {}
     for name, variables in work.stores.items():
-        store = stores[name]
-        assert store is not None
+        mine = {key: values[key] for key in variables}
         with work.folder.naming(name):
-            arrays.write_chunks(
-                store, (shard.cell.number, samples), {key: values[key] for key in variables}
-            )
-        checksums |= arrays.read_checksums(
-            work.folder.path / name, variables, chunk_of(work, shard)
-        )
+            arrays.write_chunks(stores[name], (shard.cell.number, samples), mine)
+        path = work.folder.path / name
+        checksums |= arrays.read_checksums(path, variables, work.chunk(shard))
     return checksums
 
 
-def chunk_of(work: Assignment, shard: Shard) -> tuple[int, int]:
-    """Return the place of a shard's chunks along cell and sample."""
-    return shard.cell.number, shard.samples.start // work.size
-
-
 def name_beside(number: int) -> str:
-    """Return the name of the file that holds a shard's arrays until they are moved into the stores."""
+    """Name of the file that holds a shard's arrays until they are moved into the stores."""
     return rows.row_file(number).replace(".parquet", ".npz")
 
 
 def write_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
-    """Write a shard's arrays to a file beside its rows; return the file's checksum."""
     if not values:
         return {}
     content = io.BytesIO()
@@ -223,7 +202,8 @@ def write_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) 
 def find_done(work: Assignment, shard: Shard) -> Done | None:
     """Report on a shard if its rows and arrays are in the folder, else return None.
 
-    A torn shard is removed with a warning. Arrays in a file beside the rows are moved into the stores.
+    A torn shard is removed with a warning. Arrays in a file beside the rows are moved into the
+    stores.
     """
     path = work.folder.path / rows.row_file(shard.number)
     try:
@@ -232,14 +212,12 @@ def find_done(work: Assignment, shard: Shard) -> Done | None:
             raise TornError("holds lanes of another study or version, or is parted otherwise")
         if table.column_names != rows.column_names(shard.cell, work.isolation):
             raise TornError("has other columns")
-        there = range(
-            work.first(shard), work.first(shard) + min(table.num_rows, work.rows_of(shard))
-        )
+        count = min(table.num_rows, work.rows_of(shard))
+        there = range(work.first(shard), work.first(shard) + count)
         if wrong := rows.wrong_rows(table, shard.cell.number, there):
             raise TornError(wrong)
         table = table.slice(0, work.rows_of(shard))
-        if not has_arrays(work, shard, table, stamp):
-            return None
+        return work.done(shard, table) if has_arrays(work, shard, table, stamp) else None
     except FileNotFoundError:
         return None
     except TornError as error:
@@ -247,47 +225,35 @@ def find_done(work: Assignment, shard: Shard) -> Done | None:
         work.folder.remove(name_beside(shard.number))
         warnings.warn(f"{path}: {error}; its lanes are simulated again", stacklevel=2)
         return None
-    return work.done(shard, table)
 
 
 def has_arrays(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
-    """Return whether the folder has the arrays of a shard with rows; raise TornError if they are damaged."""
+    """Whether the folder has the arrays of a shard with rows; raise TornError if damaged."""
     if work.filled is not None and stamp.filled.items() >= work.filled.items():
-        check_arrays(work, shard, stamp)
+        for name, variables in work.stores.items():
+            path = work.folder.path / name
+            if not arrays.is_intact(path, variables, work.chunk(shard), stamp.checksums):
+                samples = f"samples {shard.samples.start} to {shard.samples.stop - 1}"
+                raise TornError(f"{name} is corrupt at cell {shard.cell.number}, {samples}")
         return True
     if work.stores and table.num_rows < work.rows_of(shard):  # no store to go on in
         return False
-    if work.filled is None:
-        held = stamp.filled.keys() >= work.stores.keys()
-        return held or read_beside(work, shard, stamp).keys() >= work.variables.keys()
-    return move_to_stores(work, shard, table, stamp)
-
-
-def check_arrays(work: Assignment, shard: Shard, stamp: Stamp) -> None:
-    """Raise TornError if the shard's chunks in a store are damaged."""
-    for name, variables in work.stores.items():
-        store = work.folder.path / name
-        if not arrays.is_intact(store, variables, chunk_of(work, shard), stamp.checksums):
-            where = f"cell {shard.cell.number}, samples {shard.samples.start} to {shard.samples.stop - 1}"
-            raise TornError(f"{name} is corrupt at {where}")
-
-
-def move_to_stores(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
-    """Move the arrays beside a shard's rows into the stores; return whether all wanted arrays exist."""
-    count = len(shard.samples)
+    if work.filled is None and stamp.filled.keys() >= work.stores.keys():
+        return True
     with STORING:
-        values = {key: each[:count] for key, each in read_beside(work, shard, stamp).items()}
-        if not values.keys() >= work.variables.keys():
-            return False
-        stores = {name: arrays.open_for_writing(work.folder.path / name) for name in work.stores}
-        checksums = write_arrays(work, shard, values, stores)
+        values = read_beside(work, shard, stamp)
+        if work.filled is None or not values.keys() >= work.variables.keys():
+            return values.keys() >= work.variables.keys()
+        count = len(shard.samples)
+        values = {key: each[:count] for key, each in values.items()}
+        checksums = write_arrays(work, shard, values, open_stores(work))
     rows.write_rows(work.folder, shard.number, table.slice(0, count), work.stamp(shard, checksums))
     work.folder.remove(name_beside(shard.number))
     return True
 
 
 def read_beside(work: Assignment, shard: Shard, stamp: Stamp) -> dict[str, np.ndarray]:
-    """Return the arrays in the file beside a shard's rows, none without a file; raise TornError."""
+    """Arrays in the file beside a shard's rows, none without a file; raise TornError."""
     path = work.folder.path / name_beside(shard.number)
     if BESIDE_ROWS not in stamp.checksums or not path.exists():
         return {}

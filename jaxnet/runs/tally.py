@@ -22,15 +22,13 @@ class Sums(NamedTuple):
 
 
 class Done(NamedTuple):
-    """Report on a shard whose rows are in the folder."""
-
     shard: int
     cell: int
     sums: Sums
 
 
 class Standing(NamedTuple):
-    """State of a cell during a run: the mean of its judged metric [m], and the share of unrecovered lanes.
+    """State of a cell during a run: mean of its judged metric [m], share of unrecovered lanes.
 
     `unrecovered` is not-a-number where no vehicle is attacked or the study has no recovery.
     """
@@ -42,14 +40,14 @@ class Standing(NamedTuple):
 
 
 def sums_of(cell: Cell, rows: pd.DataFrame, asked: Recovery | None) -> Sums:
-    """Sum a cell's rows, by their `status` and judged metric; without a criterion none is unrecovered."""
+    """Sum a cell's rows, by `status` and judged metric; without a criterion all recover."""
     errors = rows[cell.scenario.judged].to_numpy()[rows["status"].to_numpy() == "ok"]
     over = np.count_nonzero(errors > threshold(cell, asked))
     return Sums(len(rows), len(errors), int(over), float(errors.sum()))
 
 
 class Tally:
-    """Counts of lanes, cell by cell. A lane of an unfinished shard counts as done, and in no other sum."""
+    """Counts of lanes by cell. A lane of an unfinished shard counts as done, in no other sum."""
 
     def __init__(self, cells: Sequence[Cell], total: int, recovery: bool):
         self.cells, self.total, self.recovery = cells, total, recovery
@@ -60,22 +58,18 @@ class Tally:
 
     @property
     def done(self) -> int:
-        """Number of finished lanes."""
         return int(self.sums[:, 0].sum()) + self.under_way
 
     @property
     def failed(self) -> int:
-        """Number of failed lanes in finished shards."""
         return int((self.sums[:, 0] - self.sums[:, 1]).sum())
 
     @property
     def counts(self) -> RecoveryCounts:
-        """Numbers of unrecovered lanes and of ok lanes, by cell."""
         return RecoveryCounts(self.sums[:, 2].astype(int), self.sums[:, 1].astype(int))
 
     @property
     def compiling(self) -> bool:
-        """Whether this process is compiling a program."""
         return batch.compiling()
 
     def record(self, found: Iterable[Done]) -> None:
@@ -88,7 +82,6 @@ class Tally:
             self.shards[shard] = sums
 
     def standing(self) -> list[Standing]:
-        """Return the state of each cell that has ok lanes."""
         lanes, ok, over, errors = self.sums.T
         with np.errstate(all="ignore"):
             share = np.where(attacked_mask(self.cells) & self.recovery, over / ok, np.nan)

@@ -3,7 +3,6 @@
 import re
 import warnings
 from collections.abc import Iterator
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from jaxnet.config.cells import judged_metric
 from jaxnet.runs.replay import replay, store_of, worst_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import layout, rows
-from jaxnet.store.arrays import open_store
+from jaxnet.store.arrays import lane_in, lanes_in, open_store
 from jaxnet.store.results import Results
 
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
@@ -23,7 +22,7 @@ MOST_VEHICLES = 300  # of a fleet of which each can be told from the others wher
 
 
 class Watched(NamedTuple):
-    """A lane with a trajectory: the reason to show it, its engine (None: the study's own), and its store."""
+    """A lane with a trajectory: why it is shown, its engine (None: the study's own), its store."""
 
     cell: int
     sample: int
@@ -32,23 +31,18 @@ class Watched(NamedTuple):
     path: UPath
 
     def arrays(self, of: Results) -> xr.Dataset:
-        """Return states, the navigator's path, the attack and the kept weights over time."""
-        data = open_store(self.path, of.sizes)
-        if "lane" not in data.dims:
-            return data.isel(cell=self.cell, sample=self.sample)
-        mine = (data["cell"].values == self.cell) & (data["sample"].values == self.sample)
-        return data.isel(lane=int(np.flatnonzero(mine)[0]))
+        found = lane_in(open_store(self.path, of.sizes), self.cell, self.sample)
+        assert found is not None
+        return found
 
 
 def exemplary(results: Results) -> dict[tuple[int, int], str]:
-    """Return the median and the worst ok lane of up to MOST_REPLAYED cells, spread evenly over the study."""
+    """The median and the worst ok lane of up to MOST_REPLAYED cells, evenly over the study."""
     ended = np.flatnonzero(results.cells["ok"])
     spread = np.linspace(0, len(ended) - 1, min(len(ended), MOST_REPLAYED)).round().astype(int)
     found: dict[tuple[int, int], str] = {}
-    metric = judged_metric(results.study.cells)
-    for cell, lanes in results.by_cell(
-        "sample", metric, where=rows.OK, cells=ended[spread].tolist()
-    ):
+    metric, chosen = judged_metric(results.study.cells), ended[spread].tolist()
+    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=chosen):
         samples = lanes.sort_values(metric, kind="stable")["sample"].tolist()
         found[cell, samples[-1]] = "worst of its cell"
         found.setdefault((cell, samples[(len(samples) - 1) // 2]), "median of its cell")
@@ -58,15 +52,15 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
 def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Simulate the lanes of the report that no store holds; yield each store.
 
-    The nonlinear engine simulates the study's worst lanes, the study's own engine the exemplary ones.
-    Lanes of large fleets are left out, with a warning.
+    The nonlinear engine simulates the study's worst lanes, the study's own engine the exemplary
+    ones. Lanes of large fleets are left out, with a warning.
     """
     cells = results.study.cells
     size = layout.variable_bytes(layout.trajectory_variables(cells), cells)
     vehicles = max(cell.scenario.vehicles for cell in cells)
     if size > MOST_BYTES or vehicles > MOST_VEHICLES:
-        words = f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each, are too large to be put in motion"
-        warnings.warn(f"{results.place}: {words}", stacklevel=2)
+        fleet = f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each"
+        warnings.warn(f"{results.place}: {fleet}, are too large to be put in motion", stacklevel=2)
         return
     wanted = dict.fromkeys(worst_of(results), "nonlinear")
     there = {each[:2] for each in stored_lanes(results)} | set(wanted)
@@ -80,7 +74,6 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
 
 
 def watched(results: Results) -> list[Watched]:
-    """Return all lanes with a trajectory: the study's worst, then replayed, exemplary and other lanes."""
     worst, known = set(worst_of(results)), exemplary(results)
     order = ["worst of the study", "replayed", *dict.fromkeys(known.values()), "stored"]
     found: dict[tuple[int, int, str | None], Watched] = {}
@@ -92,12 +85,9 @@ def watched(results: Results) -> list[Watched]:
 
 
 def replayed_lanes(results: Results) -> Iterator[Watched]:
-    """Yield the lanes in `replays/` that the study has."""
-    places = (
-        folder.glob("replays/cell-*.zarr/zarr.json")
-        for folder in dict.fromkeys((results.folder.path, results.path))
-    )
-    stores = {file.parent.name: file.parent for found in places for file in found}
+    places = dict.fromkeys((results.folder.path, results.path))
+    files = (file for place in places for file in place.glob("replays/cell-*.zarr/zarr.json"))
+    stores = {file.parent.name: file.parent for file in files}
     for path in (stores[name] for name in sorted(stores)):
         named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
         if named is None or int(named[1]) >= len(results.study.cells):
@@ -107,12 +97,8 @@ def replayed_lanes(results: Results) -> Iterator[Watched]:
 
 
 def stored_lanes(results: Results) -> Iterator[Watched]:
-    """Yield the lanes in `trajectories.zarr`."""
     path = results.path / "trajectories.zarr"
     if not path.exists():
         return
-    data = open_store(path, results.sizes)
-    cells, samples = (data[name].values.tolist() for name in ("cell", "sample"))
-    chosen = "lane" in data.dims
-    for cell, sample in zip(cells, samples, strict=True) if chosen else product(cells, samples):
+    for cell, sample in lanes_in(open_store(path, results.sizes)):
         yield Watched(cell, sample, "stored", None, path)

@@ -1,4 +1,4 @@
-"""Which folders accept a study: an empty folder, or one that holds this study, written by this version."""
+"""Which folders accept a study: an empty one, or one that holds this study, of this version."""
 
 import json
 import re
@@ -17,12 +17,11 @@ from jaxnet.store.folder import (
     Folder,
     FolderError,
     Manifest,
-    describe_kinds,
     digest,
+    manifest_entries,
     modules_of,
     settings_of,
     unhashed,
-    versions,
 )
 from jaxnet.version import __version__
 
@@ -31,21 +30,21 @@ LANES = re.compile(r"\..*|\d{5,}\.(parquet|npz)")  # what may be in lanes/
 
 
 def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
-    """Raise FolderError for a folder that holds another study, a study by another version, or foreign files.
+    """Raise FolderError for a folder with another study, one by another version, or foreign files.
 
     With `fresh`, remove earlier results instead, and nothing but results.
     """
     written_by, holds = version_and_hash(folder)
     if fresh:
         folder.clear()
-    elif written_by not in (None, __version__):
-        raise FolderError(
-            f"{folder.path} was written by jaxnet {written_by}, this is {__version__}; {ANOTHER_FOLDER}"
-        )
+        return
+    why = ""
+    if written_by not in (None, __version__):
+        why = f"was written by jaxnet {written_by}, this is {__version__}"
     elif holds not in (None, digest(config)):
-        raise FolderError(
-            f"{folder.path} holds another study{difference(folder, config)}; {ANOTHER_FOLDER}"
-        )
+        why = f"holds another study{difference(folder, config)}"
+    if why:
+        raise FolderError(f"{folder.path} {why}; {ANOTHER_FOLDER}")
 
 
 def claim(folder: Folder, config: Config) -> None:
@@ -55,61 +54,43 @@ def claim(folder: Folder, config: Config) -> None:
     if not manifest or (not manifest["samples"] and changed_settings(manifest, config)):
         folder.clear(DERIVED)
         folder.write_study(config)
-        folder.write_manifest(
-            hash=digest(config),
-            versions=versions(),
-            kinds=describe_kinds(config),
-            modules={name: made._asdict() for name, made in modules_of(config).items()},
-            save=to_plain(config.save),
-            settings=settings_of(config),
-            samples=0,
-            finished=False,
-        )
+        folder.write_manifest(**manifest_entries(config), samples=0, finished=False)
 
 
 def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
-    """Mark a folder as holding files made of the rows that a manifest describes, with a config's settings.
+    """Mark a folder as holding what is made of the rows of a manifest, with a config's settings.
 
-    Raises FolderError if the folder holds files made of other rows or settings, or cannot be written.
+    Raises FolderError if the folder holds files made of other rows or settings, or cannot be
+    written.
     """
     folder.refuse_strange()
     entries = ("hash", "samples", "cell_samples")
-    rows_of: dict[str, object] = {
-        each: manifest[each] for each in entries if manifest.get(each) is not None
-    }
+    rows_of = {each: manifest[each] for each in entries if manifest.get(each) is not None}
     rows_of["jaxnet"] = manifest["versions"]["jaxnet"]
-    file = folder.path / DERIVED_FROM
+    file, now, elsewhere = folder.path / DERIVED_FROM, settings_of(config), ""
     if file.exists():
         with gate.reading(file, "does not tell of which rows it was made"):
             made = dict(json.loads(gate.read_whole(file)))
-        settings = made.pop("settings", settings_of(config))
-        if made != rows_of or settings != settings_of(config):
-            what = "rows" if made != rows_of else "settings"
-            raise FolderError(
-                f"{folder.path} holds what was made of other {what}: give another folder with --out"
-            )
-        return
-    if taken := [name for name in OURS if (folder.path / name).exists()]:
-        raise FolderError(
-            f"{folder.path} holds {taken[0]} of something else: give another folder with --out"
-        )
-    rows_of["settings"] = settings_of(config)
-    folder.put(DERIVED_FROM, lambda file: file.write((json.dumps(rows_of) + "\n").encode()))
+        settings = made.pop("settings", now)
+        if made != rows_of or settings != now:
+            elsewhere = f"what was made of other {'rows' if made != rows_of else 'settings'}"
+    elif taken := [name for name in OURS if (folder.path / name).exists()]:
+        elsewhere = f"{taken[0]} of something else"
+    else:
+        text = json.dumps({**rows_of, "settings": now}) + "\n"
+        folder.put(DERIVED_FROM, lambda file: file.write(text.encode()))
+    if elsewhere:
+        raise FolderError(f"{folder.path} holds {elsewhere}: give another folder with --out")
 
 
 def version_and_hash(folder: Folder) -> tuple[str | None, str | None]:
-    """Return the version and the study hash of the results in a folder, or (None, None).
-
-    Raises FolderError if the folder holds foreign files.
-    """
+    """Version and study hash of the results in a folder, or (None, None); refuse foreign files."""
     if manifest := folder.manifest:
-        if not set(manifest) >= MANIFEST:
+        if not {*manifest} >= MANIFEST:
             raise FolderError(f"{folder.path / 'manifest.json'} is not a manifest of ours")
         return manifest["versions"]["jaxnet"], manifest["hash"]
     names = sorted(path.name for path in folder.path.iterdir()) if folder.path.exists() else []
-    strangers = [
-        name for name in names if not name.startswith(".") and name not in ("study.yaml", "lanes")
-    ]
+    strangers = [name for name in names if name[0] != "." and name not in ("study.yaml", "lanes")]
     if not strangers and "lanes" in names:
         inside = (path.name for path in (folder.path / "lanes").iterdir())
         strangers = [f"lanes/{name}" for name in inside if not LANES.fullmatch(name)]
@@ -120,30 +101,20 @@ def version_and_hash(folder: Folder) -> tuple[str | None, str | None]:
 
 
 def difference(folder: Folder, config: Config) -> str:
-    """Describe the keys in which the folder's study differs from a config; "" if its study is unknown."""
+    """Keys in which the folder's study differs from a config; "" if its study is unknown."""
     if changed := changed_modules(folder, config):
         return f": {changed[0]} was changed since its rows were made"
     file = folder.path / "study.yaml"
     if not file.exists():
         return ""
     theirs, ours = flatten_keys(Document.read(file).data), flatten_keys(to_plain(config))
-    keys = [
-        key
+    apart = [
+        f"{key} is {shorten(str(theirs.get(key)), 100, placeholder=' …')} there"
+        f" and {shorten(str(ours.get(key)), 100, placeholder=' …')} here"
         for key in dict.fromkeys([*theirs, *ours])
         if key.split(".")[0] not in unhashed(config) and theirs.get(key) != ours.get(key)
     ]
-    if not keys:
-        return ": its sweep has another order"
-    apart = (
-        f"{key} is {shorten_setting(theirs.get(key))} there and {shorten_setting(ours.get(key))} here"
-        for key in keys[:3]
-    )
-    return ": " + ", ".join(apart)
-
-
-def shorten_setting(value: object) -> str:
-    """Return a value as text of at most 100 characters."""
-    return shorten(str(value), 100, placeholder=" …")
+    return f": {', '.join(apart[:3]) or 'its sweep has another order'}"
 
 
 def refuse_edited(folder: Folder, config: Config) -> None:
@@ -155,25 +126,22 @@ def refuse_edited(folder: Folder, config: Config) -> None:
     made_of = folder.manifest.get("modules", {}).items()
     modules = {name: (each["sha256"], each.get("version")) for name, each in made_of}
     if written_by == __version__ and holds not in (None, digest(config, modules)):
-        raise FolderError(
-            f"{folder.path}/study.yaml is not the study whose rows the folder holds: it was edited since"
-        )
+        told = "is not the study whose rows the folder holds: it was edited since"
+        raise FolderError(f"{folder.path}/study.yaml {told}")
 
 
 def changed_modules(folder: Folder, config: Config) -> list[str]:
-    """Return the names of the kinds' modules that have changed since the rows were made."""
     theirs, ours = folder.manifest.get("modules", {}), modules_of(config)
     return [name for name in theirs if name in ours and ours[name].sha256 != theirs[name]["sha256"]]
 
 
 def changed_settings(manifest: Manifest, config: Config) -> list[str]:
-    """Return the keys with which the tables of a folder were not made, as far as its manifest tells them."""
+    """Keys with which the tables of a folder were not made, as far as its manifest tells them."""
     made, now = manifest.get("settings"), settings_of(config)
     return [] if made is None else [key for key in EVALUATED if made.get(key) != now[key]]
 
 
 def flatten_keys(value: object, prefix: str = "") -> dict[str, object]:
-    """Return nested mappings as one mapping with dotted keys."""
     if not isinstance(value, dict) or not value:
         return {prefix: value}
     joined = {}

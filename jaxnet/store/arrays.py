@@ -1,18 +1,21 @@
-"""`errors.zarr`, `vehicles.zarr`, `trajectories.zarr`: labelled arrays over (cell, sample, …), for xarray.
+"""Stores of labelled arrays for xarray, over (cell, sample, …), or of chosen lanes over (lane, …).
 
-A chunk belongs to one cell and one shard, so a write replaces whole chunks and touches no other shard. Each
-chunk ends with its checksum. The shard's row file has a copy of the checksum, which reveals a foreign chunk.
+`errors.zarr`, `vehicles.zarr` and `trajectories.zarr` have a chunk for each cell and shard, so a
+write replaces whole chunks and touches no other shard. Each chunk ends with its checksum. The
+shard's row file has a copy of the checksum, which reveals a foreign chunk. In a store of chosen
+lanes, as in `replays/`, each chunk is a lane's, and the attribute `checksums` has the copies.
 
-xarray and zarr are imported at their first use, so that studies without arrays do not wait for them.
+xarray and zarr are imported at their first use, so that studies without arrays do not wait for
+them.
 """
 
 import uuid
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
-import google_crc32c
 import numpy as np
 from upath import UPath
 
@@ -21,8 +24,14 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import sources_of
 from jaxnet.lazy import LazyModule
 from jaxnet.store import gate
-from jaxnet.store.foreign import refuse_foreign
-from jaxnet.store.layout import DIMENSIONS, CellLabel, Variable, cell_variables, coordinates
+from jaxnet.store.layout import (
+    DIMENSIONS,
+    CellLabel,
+    Variable,
+    along_lanes,
+    cell_variables,
+    coordinates,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -32,6 +41,7 @@ if TYPE_CHECKING:
     import zarr.errors
     import zarr.storage
     from zarr.abc.store import Store
+    from zarr.core.buffer import Buffer
 
     from jaxnet.store import chunks
 else:
@@ -39,15 +49,19 @@ else:
     xarray = LazyModule("xarray")
     zarr = LazyModule("zarr")
 
-IDENTITY_KEY = "identity"
-CHECKSUM = 4  # bytes at a chunk's end
+IDENTITY = "identity"  # attribute of a store that shards fill, written last
+CHECKSUMS = "checksums"  # attribute of a store of lanes, written last: by lane and array
 NOBODY = -1  # source of a slot that a cell does not have
+
+Variables = Mapping[str, Variable]
+Values = Mapping[str, np.ndarray]
+ChunkPlace = tuple[int, ...]  # of a chunk along the first dimensions
 
 
 def prepare(
-    path: UPath, variables: Mapping[str, Variable], cells: Sequence[Cell], samples: int, chunk: int
-) -> "zarr.Group":
-    """Open or create the store at a path, with room for this number of samples."""
+    path: UPath, variables: Variables, cells: Sequence[Cell], samples: int, chunk: int
+) -> str:
+    """Open or create a store with room for this number of samples; return its identity."""
     coords = coordinates(cells, samples)
     group = open_for_writing(path, (*variables, "sample"))
     if group is None or not all(
@@ -59,41 +73,36 @@ def prepare(
         if "states" in variables:
             add_shared(group, cell_variables(variables), cells, coords)
         add_labels(group, "cell", swept_labels(cells, cells))
-        group.attrs[IDENTITY_KEY] = uuid.uuid4().hex  # last, so that a store that has one is whole
+        group.attrs[IDENTITY] = uuid.uuid4().hex
     for name in variables:
         array = array_in(group, name)
         array.resize((array.shape[0], samples, *array.shape[2:]))
     array_in(group, "sample").resize((samples,))
     array_in(group, "sample")[:] = coords["sample"]
     consolidate(group)
-    return group
+    return str(group.attrs[IDENTITY])
 
 
 def has_layout(array: "zarr.Array", dims: tuple[str, ...], chunk: int) -> bool:
-    """Return whether an array has these dimensions and this number of samples in a chunk."""
-    known: Any = array.metadata.to_dict()
+    known = cast(dict[str, list[str]], array.metadata.to_dict())
     return tuple(known.get("dimension_names") or ()) == dims and array.chunks[1] == chunk
 
 
 def consolidate(group: "zarr.Group") -> None:
-    """Consolidate the metadata, so that readers find all of it in one file."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
         zarr.consolidate_metadata(group.store)
 
 
 def open_for_writing(
-    path: UPath, names: Sequence[str] = (), mark: str = IDENTITY_KEY
+    path: UPath, names: Sequence[str] = (), mark: str = IDENTITY
 ) -> "zarr.Group | None":
-    """Open the store at a path for writing; None unless it is whole and has these arrays.
-
-    The attribute `mark` is written last, so a store that has it is whole.
-    """
+    """Open a store; None unless it has these arrays and the attribute `mark` of a whole store."""
     try:
-        refuse_foreign(path)
-        group = zarr.open_group(store_at(path), mode="r+", use_consolidated=False, zarr_format=3)
-        for name in names:
-            array_in(group, name)
+        store = chunks.GatedStore(store_at(path), str(path), {}, None)
+        group = zarr.open_group(store, mode="r+", use_consolidated=False, zarr_format=3)
+        if not {*names} <= {*group.array_keys()}:
+            return None
     except (FileNotFoundError, ValueError, KeyError):  # none there, torn, or not of ours
         return None
     return group if mark in group.attrs else None
@@ -107,13 +116,15 @@ def open_store(
     `sizes` are those of dimensions, and `due` tells which chunks are in the store.
     Raises FolderError for a store that is not ours, or where a chunk turns out to be corrupt.
     """
-    promises = refuse_foreign(path, sizes)
+    store = chunks.GatedStore(store_at(path), str(path), sizes or {}, due)
     with gate.reading(path):
-        store: Any = store_at(path)
-        store = zarr.storage.LocalStore(store) if isinstance(store, str) else store
-        store = chunks.GatedStore(store, str(path), promises, due)
-        data = xarray.open_zarr(store, zarr_format=3)
-        labels = [str(name) for name in data.coords if name not in data.xindexes]
+        try:
+            data = xarray.open_zarr(store, zarr_format=3, consolidated=False)
+        except FileNotFoundError:
+            told = "is no store of ours: it has no zarr.json, of version 3 of Zarr"
+            raise gate.FolderError(f"{path} {told}") from None
+        data = data[sorted(map(str, data.data_vars))]  # a folder lists them in any order
+        labels = sorted(str(name) for name in data.coords if name not in data.xindexes)
         if "lane" in data.dims:
             return data.set_xindex(labels, xarray.indexes.PandasMultiIndex)
         for name in labels:
@@ -121,31 +132,34 @@ def open_store(
         return data
 
 
-def store_at(path: UPath) -> "str | Store":
-    """Return what zarr and xarray accept as the place of a store."""
+def lanes_in(data: "xarray.Dataset") -> Iterator[tuple[int, int]]:
+    """Cell and sample of each lane in a store of trajectories."""
+    cells, samples = (data[name].values.tolist() for name in ("cell", "sample"))
+    yield from zip(cells, samples, strict=True) if "lane" in data.dims else product(cells, samples)
+
+
+def lane_in(data: "xarray.Dataset", cell: int, sample: int) -> "xarray.Dataset | None":
+    """A lane in a store of trajectories; None if the store has no such lane."""
+    if "lane" not in data.dims:
+        return data.sel(cell=cell, sample=sample) if sample in data["sample"] else None
+    mine = (data["cell"].values == cell) & (data["sample"].values == sample)
+    return data.isel(lane=int(np.flatnonzero(mine)[0])) if mine.any() else None
+
+
+def store_at(path: UPath) -> "Store":
     if isinstance(path, Path):
-        return str(path)
+        return zarr.storage.LocalStore(str(path))
     return zarr.storage.FsspecStore.from_url(str(path), storage_options=dict(path.storage_options))
 
 
-def store_identity(group: "zarr.Group") -> str:
-    """Return the identity of a store, which differs from that of any earlier store at this path."""
-    return str(group.attrs[IDENTITY_KEY])
-
-
 def array_in(group: "zarr.Group", name: str) -> "zarr.Array":
-    """Return an array of a store."""
-    array: Any = group[name]
-    return array
+    return cast("zarr.Array", group[name])
 
 
 def create_arrays(
-    group: "zarr.Group",
-    variables: Mapping[str, Variable],
-    coords: Mapping[str, np.ndarray],
-    chunks: tuple[int, ...],
+    group: "zarr.Group", variables: Variables, coords: Values, first: tuple[int, ...]
 ) -> None:
-    """Create empty arrays, chunked along their first dimensions, and the coordinates of their dimensions."""
+    """Create empty arrays with chunks of these first sizes, and their coordinates."""
     for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
         add_array(group, dim, (dim,), coords[dim], *DIMENSIONS[dim])
     for name, (dims, dtype, unit, meaning, _) in variables.items():
@@ -153,7 +167,7 @@ def create_arrays(
         array = group.create_array(
             name,
             shape=shape,
-            chunks=(*chunks, *shape[len(chunks) :]),
+            chunks=(*first, *shape[len(first) :]),
             compressors=(zarr.codecs.ZstdCodec(), zarr.codecs.Crc32cCodec()),
             dtype=dtype,
             fill_value=fill_value_of(dtype),
@@ -170,20 +184,15 @@ def add_array(
     unit: str,
     meaning: str,
 ) -> None:
-    """Write a whole array at once, with the attributes `units` and `long_name`."""
-    dtype: Any = str if values.dtype == object else values.dtype
-    array = group.create_array(name, shape=values.shape, dtype=dtype, dimension_names=dims)
+    dtype = str if values.dtype == object else values.dtype
+    array = group.create_array(name, shape=values.shape, dtype=dtype, dimension_names=dims)  # pyright: ignore[reportArgumentType]
     array[...] = values
     array.attrs.update(units=unit, long_name=meaning)
 
 
 def add_shared(
-    group: "zarr.Group",
-    variables: Mapping[str, Variable],
-    cells: Sequence[Cell],
-    coords: Mapping[str, np.ndarray],
+    group: "zarr.Group", variables: Variables, cells: Sequence[Cell], coords: Values
 ) -> None:
-    """Write the arrays that all lanes of a cell share."""
     each = [cell_values(cell, variables, coords["time"]) for cell in cells]
     for name, (dims, dtype, unit, meaning, _) in variables.items():
         shape = [len(coords[dim]) for dim in dims[1:]]
@@ -191,19 +200,15 @@ def add_shared(
         add_array(group, name, dims, whole, unit, meaning)
 
 
-def cell_values(
-    cell: Cell, variables: Mapping[str, Variable], time: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Return the navigator's path [m] of shape (time, 2) and the source heard in each slot, for one cell."""
-    made = {
-        "navigator": lambda: cell.scenario.navigator.jets(time)[0].T,
-        "source": lambda: sources_of(cell.scenario),
-    }
-    return {name: made[name]() for name in variables}
+def cell_values(cell: Cell, variables: Variables, time: np.ndarray) -> dict[str, np.ndarray]:
+    """A cell's path of the navigator [m], of shape (time, 2), and the source heard in each slot."""
+    found = {"navigator": cell.scenario.navigator.jets(time)[0].T}
+    if "source" in variables:
+        found["source"] = sources_of(cell.scenario)
+    return found
 
 
 def swept_labels(cells: Sequence[Cell], along: Sequence[Cell]) -> dict[str, list[CellLabel]]:
-    """Return the values of the swept keys in the cells `along`."""
     return {key: [cell.labels[key] for cell in along] for key in cells[0].labels}
 
 
@@ -212,45 +217,43 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
     names = []
     for key, given in labels.items():
         values = np.array(given)
-        names.append(
-            f"{key}_name" if key in group else key
-        )  # a swept attack beside the signal `attack`
         values = values.astype(object) if values.dtype.kind in "UO" else values
-        told = (
-            DIMENSIONS[key]
-            if key in ("cell", "sample")
-            else (naming.unit(key), naming.key_name(key))
-        )
+        # a swept attack beside the signal `attack`
+        names.append(f"{key}_name" if key in group else key)
+        swept = key not in ("cell", "sample")
+        told = (naming.unit(key), naming.key_name(key)) if swept else DIMENSIONS[key]
         add_array(group, names[-1], (dim,), values, *told)
     group.attrs["coordinates"] = " ".join(names)
 
 
 def series_values(
-    variables: Mapping[str, Variable], series: Mapping[str, np.ndarray], states: Sequence[str]
+    variables: Variables, series: Values, states: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Convert an engine's series to the values of these arrays; `states` are the names of the states."""
+    """Values of these arrays of an engine's series; `states` are the names of the states.
+
+    Headings are in (-π, π].
+    """
     values = {name: series[variable.series] for name, variable in variables.items()}
     if "states" in values and "heading" in states:
-        values["states"] = wrap_headings(values["states"], states.index("heading"))
+        values["states"], heading = values["states"].copy(), states.index("heading")
+        angle = values["states"][..., heading]
+        values["states"][..., heading] = np.pi - np.mod(np.pi - angle, 2 * np.pi)
     return {name: each.astype(variables[name].dtype) for name, each in values.items()}
 
 
-def write_chunks(
-    group: "zarr.Group", place: tuple[int | slice, ...], values: Mapping[str, np.ndarray]
-) -> None:
-    """Write values at a place along the first dimensions, also chunks of fill values alone.
+def write_chunks(group: "zarr.Group", place: tuple[int | slice, ...], values: Values) -> None:
+    """Write values at a place along the first dimensions.
 
-    Chunks are written whole, since an existing chunk may be torn.
+    Chunks are written whole, since an existing chunk may be torn, and also chunks of fill values
+    alone.
     """
     for name, each in values.items():
-        array = array_in(group, name).with_config(
-            {"write_empty_chunks": True}
-        )  # or `intact` would miss them
+        array = array_in(group, name).with_config({"write_empty_chunks": True})
         array[place] = pad_slots(each, array.shape[len(place) :])
 
 
 def pad_slots(values: np.ndarray, shape: Sequence[int]) -> np.ndarray:
-    """Pad values to this shape of their last dimensions: a cell may have fewer slots than its array."""
+    """Pad values to this shape of their last dimensions: a cell may have fewer slots."""
     missing = np.subtract(shape, values.shape[-len(shape) :])
     if not missing.any():
         return values
@@ -259,51 +262,85 @@ def pad_slots(values: np.ndarray, shape: Sequence[int]) -> np.ndarray:
 
 
 def fill_value_of(dtype: np.dtype | str) -> int | float:
-    """Return the fill value of an array of this type."""
     return np.nan if np.issubdtype(dtype, np.floating) else NOBODY
 
 
-def read_checksums(
-    path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]
-) -> dict[str, int]:
-    """Return the stored checksum of the chunk of each array at a place."""
-    found = {}
-    for name, file in chunk_files(path, variables, place):
-        end: Any = file.fs.cat_file(file.path, start=-CHECKSUM)
-        found[name] = int.from_bytes(end, "little")
-    return found
+def read_checksums(path: UPath, variables: Variables, place: ChunkPlace) -> dict[str, int]:
+    return {
+        name: chunks.checksum_of(cast(bytes, file.fs.cat_file(file.path, start=-chunks.CHECKSUM)))
+        for name, file in chunk_files(path, variables, place)
+    }
 
 
 def is_intact(
-    path: UPath,
-    variables: Mapping[str, Variable],
-    place: tuple[int, ...],
-    written: Mapping[str, int],
+    path: UPath, variables: Variables, place: ChunkPlace, written: Mapping[str, int]
 ) -> bool:
-    """Return whether the chunks at a place have the checksums that were recorded when they were written."""
+    """Whether the chunks at a place have the checksums that were recorded at their writing."""
     for name, file in chunk_files(path, variables, place):
         try:
             chunk = file.read_bytes()
         except FileNotFoundError:
             return False
-        if int.from_bytes(chunk[-CHECKSUM:], "little") != written.get(name):
-            return False
-        if google_crc32c.value(chunk[:-CHECKSUM]) != written[name]:
+        if chunks.checksum_of(chunk) != written.get(name) or not chunks.is_summed(chunk):
             return False
     return True
 
 
 def chunk_files(
-    path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]
+    path: UPath, variables: Variables, place: ChunkPlace
 ) -> Iterator[tuple[str, UPath]]:
-    """Yield the name of each array and the file of its chunk at a place along the first dimensions."""
     for name, variable in variables.items():
         whole = (*place, *[0] * (len(variable.dims) - len(place)))
         yield name, path / name / "c" / "/".join(map(str, whole))
 
 
-def wrap_headings(states: np.ndarray, heading: int) -> np.ndarray:
-    """Return states with headings, those of this number, in (-π, π]."""
-    states = states.copy()
-    states[..., heading] = np.pi - np.mod(np.pi - states[..., heading], 2 * np.pi)
-    return states
+def create_lanes(
+    store: "Store", variables: Variables, cells: Sequence[Cell], lanes: Sequence[tuple[Cell, int]]
+) -> "zarr.Group":
+    group = zarr.open_group(store, mode="w")
+    coords = coordinates(cells, 0) | {"lane": np.arange(len(lanes))}
+    create_arrays(group, along_lanes(variables), coords, (1,))
+    place = {"cell": [cell.number for cell, _ in lanes], "sample": [sample for _, sample in lanes]}
+    add_labels(group, "lane", place | swept_labels(cells, [cell for cell, _ in lanes]))
+    return group
+
+
+def write_lanes(
+    group: "zarr.Group", first: int, cell: Cell, variables: Variables, series: Values
+) -> None:
+    """Write lanes of one cell, the first of them at the place `first`."""
+    values = series_values(variables, series, cell.scenario.vehicle.states)
+    count = len(next(iter(values.values())))
+    same = cell_values(cell, cell_variables(variables), np.asarray(array_in(group, "time")[:]))
+    values |= {name: np.broadcast_to(each, (count, *each.shape)) for name, each in same.items()}
+    write_chunks(group, (slice(first, first + count),), values)
+
+
+def seal(group: "zarr.Group", path: UPath, variables: Variables, lanes: int) -> None:
+    """Store the checksums of all lanes, as the last step of writing."""
+    every = along_lanes(variables)
+    group.attrs[CHECKSUMS] = [read_checksums(path, every, (lane,)) for lane in range(lanes)]
+    consolidate(group)
+
+
+def holds_lanes(path: UPath, variables: Variables, lanes: Sequence[tuple[int, int]]) -> bool:
+    """Whether a store holds exactly these lanes (cell, sample), undamaged."""
+    group = open_for_writing(path, ("cell", "sample"), CHECKSUMS)
+    if group is None:
+        return False
+    there = [np.asarray(array_in(group, name)[:]).tolist() for name in ("cell", "sample")]
+    written = cast(list[dict[str, int]], group.attrs[CHECKSUMS])
+    every = along_lanes(variables)
+    return list(zip(*there, strict=True)) == list(lanes) and all(
+        is_intact(path, every, (lane,), each) for lane, each in enumerate(written)
+    )
+
+
+def lane_files(variables: Variables, cell: Cell, sample: int, series: Values) -> dict[str, bytes]:
+    """Files of a store of one lane by name, `zarr.json` last, which makes the store valid."""
+    held: dict[str, Buffer] = {}
+    group = create_lanes(zarr.storage.MemoryStore(held), variables, [cell], [(cell, sample)])
+    write_lanes(group, 0, cell, variables, series)
+    consolidate(group)
+    ordered = sorted(held, key=lambda name: name == "zarr.json")
+    return {name: held[name].to_bytes() for name in ordered}

@@ -1,8 +1,9 @@
-"""The results folder (docs/results-folder.md): its place, its files, and its writers.
+"""The results folder (docs/results-folder.md): its place, its files, its manifest, and its writers.
 
-The folder is on the local disk, or in an object store at any URL that fsspec knows (`s3://bucket/study`,
-`gs://…`). A file is written under a temporary name and then renamed. An object is put whole. A reader
-therefore sees a whole file or none. Before each write, a process checks that it holds the folder (`lock`).
+The folder is on the local disk, or in an object store at any URL that fsspec knows
+(`s3://bucket/study`, `gs://…`). A file is written under a temporary name and then renamed. An
+object is put whole. A reader therefore sees a whole file or none. Before each write, a process
+checks that it holds the folder (`lock`).
 """
 
 import contextlib
@@ -16,9 +17,11 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict, cast
+from typing import Annotated, BinaryIO, NotRequired, cast, get_type_hints
 
 import yaml
+from pydantic import Field, TypeAdapter, ValidationError
+from typing_extensions import TypedDict
 from upath import UPath
 
 from jaxnet.config.cells import to_plain
@@ -30,72 +33,52 @@ from jaxnet.store.gate import FolderError
 from jaxnet.store.looking import describe_outside
 from jaxnet.version import __version__
 
-UNHASHED = ("name", "save", "samples", "recovery", "search", "labels")  # keys that change no row
-EVALUATED = (
-    "name",
-    "recovery",
-    "search",
-    "labels",
-)  # those of them that tables, figures and pages show
-DERIVED = (
-    "fit.csv",
-    "bounds.csv",
-    "violations.csv",
-    "figures",
-    "report.html",
-)  # from rows, made when asked
-OURS = (
-    "study.yaml",
-    "manifest.json",
-    "cells.csv",
-    "sensitivity.csv",
-    "lanes",
-    "errors.zarr",
-    "vehicles.zarr",
-    "trajectories.zarr",
-    "replays",
-    "rare.csv",
-    "search",
-    "search.csv",
-    "worst",
-    "worst.csv",
-    "worst.yaml",
-    *DERIVED,
-)
-DERIVED_FROM = (
-    "made-of.json"  # in a folder beside the results: of which rows it holds what was made
-)
-GATED = frozenset(
-    (*OURS, DERIVED_FROM, ".lock", "results.mat", "csv")
-)  # what jaxnet reads and writes
+# Keys that change no row, and those of them that tables, figures and pages show.
+UNHASHED = ("name", "save", "samples", "recovery", "search", "labels")
+EVALUATED = ("name", "recovery", "search", "labels")
+# Made of the rows when asked.
+DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")
+TABLES = ("cells.csv", "sensitivity.csv", "rare.csv", "search.csv", "worst.csv")
+STORES = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
+
+OWN_FOLDERS = ("lanes", "replays", "search", "worst")
+OURS = ("study.yaml", "manifest.json", *TABLES, *STORES, *OWN_FOLDERS, "worst.yaml", *DERIVED)
+# In a folder beside the results: of which rows it holds what was made.
+DERIVED_FROM = "made-of.json"
+GATED = frozenset((*OURS, DERIVED_FROM, ".lock", "results.mat", "csv"))  # what is read and written
 ANSWER = (
     10  # [s] in which a store must answer at first; later it may take as many tries as it likes
 )
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
+MOST_SHARD = 2**20  # samples of a shard
 
 
 class LaneCounts(TypedDict):
-    """Numbers of lanes in a finished folder."""
-
     total: int
     ok: int
     failed: int
 
 
+class ModuleEntry(TypedDict):
+    file: str
+    sha256: str
+    version: NotRequired[str | None]
+
+
 class Manifest(TypedDict):
-    """Entries of `manifest.json` (docs/results-folder.md). A folder before its first run has none of them."""
+    """Entries of `manifest.json` (docs/results-folder.md). Before a run there is none."""
 
     hash: str  # of the study
-    seed: int
+    seed: Annotated[int, Field(ge=0, le=2**64)]
     versions: dict[str, str]  # by package
     kinds: dict[str, dict[str, object]]  # descriptions of kinds from outside
-    modules: dict[str, dict[str, str]]  # provenance of kinds from outside
+    modules: dict[str, ModuleEntry]  # provenance of kinds from outside
     device: str
-    chunk: int | None  # lanes side by side; None suits the engine
-    cells: int
-    samples: int  # of each cell; where these numbers differ, the greatest
-    cell_samples: list[int] | None  # of each cell where these numbers differ, else None
-    shard_size: int  # samples of a whole shard
+    chunk: Annotated[int, Field(gt=0, le=2**32)] | None  # lanes side by side; None suits the engine
+    cells: Annotated[int, Field(ge=0, le=10**6)]
+    samples: Annotated[int, Field(ge=0, le=2**32)]  # of each cell; where they differ, the greatest
+    cell_samples: list[int] | None  # of each cell where these numbers differ
+    shard_size: Annotated[int, Field(gt=0, le=MOST_SHARD)]  # samples of a whole shard
     save: dict[str, object]
     settings: dict[str, object]  # with which tables, figures and pages are made
     finished: bool
@@ -103,11 +86,43 @@ class Manifest(TypedDict):
     wall_seconds: float
 
 
+ENTRIES = {
+    name: TypeAdapter[object](kind | None)  # pyright: ignore[reportArgumentType]
+    for name, kind in get_type_hints(Manifest, include_extras=True).items()
+}
+MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
+# What that of a finished run has.
+OF_A_RUN = {*ENTRIES} - {"kinds", "modules", "chunk", "settings", "cell_samples"}
+
+
+def wrong_entry(found: object) -> str:
+    """What is wrong with a manifest that jaxnet has not written; "" if nothing is."""
+    if not isinstance(found, dict):
+        return "it is no mapping"
+    for name, kind in ENTRIES.items():
+        try:
+            kind.validate_python(found.get(name), strict=True)
+        except ValidationError as error:
+            fault = error.errors(include_url=False)[0]
+            inner = fault["loc"][: -1 if fault["type"] == "missing" else None]
+            where = ".".join(map(str, (name, *inner)))
+            return f"{where} is {json.dumps(fault['input'])[:60]}"
+    if "jaxnet" not in (found.get("versions") or {"jaxnet": ""}):
+        return f"versions is {json.dumps(found['versions'])[:60]}"
+    if found.get("finished") and (lacking := OF_A_RUN - {*found}):
+        return f"it has no {min(lacking)}"
+    numbers, most = found.get("cell_samples"), found.get("samples") or 0
+    if numbers is not None and (
+        len(numbers) != found.get("cells") or not all(0 < each <= most for each in numbers)
+    ):
+        return f"cell_samples is {json.dumps(numbers)[:60]}"
+    return ""
+
+
 class UnwrittenError(OSError, FolderError):
-    """A file that cannot be written, with the system's error number and a message that names the file."""
+    """A file that cannot be written: the system's error number, a message that names the file."""
 
     def __str__(self) -> str:
-        """Return the message without the error number."""
         return str(self.strerror)
 
 
@@ -116,16 +131,15 @@ class TakenError(FolderError):
 
 
 def unhashed(config: Config) -> tuple[str, ...]:
-    """Return the keys that change no row. The number of samples changes rows only if draws are not random."""
-    return (
-        UNHASHED if config.draws == "random" else tuple(key for key in UNHASHED if key != "samples")
-    )
+    """Keys that change no row. The number of samples changes rows only if draws are not random."""
+    return tuple(key for key in UNHASHED if key != "samples" or config.draws == "random")
 
 
 def digest(config: Config, modules: Mapping[str, tuple[str, str | None]] | None = None) -> str:
-    """Return the hash of all that changes rows: the config, and the modules of kinds from outside.
+    """Hash of all that changes rows: the config, and the modules of kinds from outside.
 
-    `modules` are the hash and the version of each module, by default of the modules as they are now.
+    `modules` are the hash and the version of each module, by default of the modules as they are
+    now.
     """
     data = to_plain(config)
     kept = {key: value for key, value in data.items() if key not in unhashed(config)}
@@ -138,34 +152,48 @@ def digest(config: Config, modules: Mapping[str, tuple[str, str | None]] | None 
 
 
 def settings_of(config: Config) -> dict[str, object]:
-    """Return the keys that change no row, but tables, figures and pages, as JSON data."""
     data = to_plain(config)
     return json.loads(json.dumps({key: data[key] for key in EVALUATED}))
 
 
 def modules_of(config: Config) -> dict[str, Provenance]:
-    """Return the provenance of the kinds from outside that a config names, by module."""
     return provenance(config.scope.named_in(to_plain(config)))
 
 
-def describe_kinds(config: Config) -> dict[str, dict[str, object]]:
-    """Return the manifest's description of the kinds from outside that a config names."""
-    return describe_outside(config.scope.known, config.scope.named_in(to_plain(config)))
-
-
-def samples_of_cells(manifest: Manifest, cells: int) -> list[int]:
-    """Return the number of samples of each of so many cells that a manifest describes; 0 before a run."""
-    return manifest.get("cell_samples") or [manifest.get("samples", 0)] * cells
+def manifest_entries(config: Config) -> dict[str, object]:
+    """Entries of a manifest that a config and the installed packages determine."""
+    return {
+        "hash": digest(config),
+        "versions": versions(),
+        "kinds": describe_outside(config.scope.known, config.scope.named_in(to_plain(config))),
+        "modules": {name: made._asdict() for name, made in modules_of(config).items()},
+        "save": to_plain(config.save),
+        "settings": settings_of(config),
+    }
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the packages on which rows may depend."""
     packages = {package: metadata.version(package) for package in PACKAGES}
     return {"jaxnet": __version__, **packages, "python": platform.python_version()}
 
 
+def samples_of_cells(manifest: Manifest, cells: int) -> list[int]:
+    """Number of samples of each of so many cells that a manifest describes; 0 before a run."""
+    return manifest.get("cell_samples") or [manifest.get("samples", 0)] * cells
+
+
+def config_text(config: Config, name: str) -> str:
+    """A config with every default, as a YAML file of this name: a run accepts it."""
+    data = to_plain(config)
+    ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
+    body = yaml.dump(
+        ordered, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=None, width=100
+    )
+    return f"# jaxnet run {name}\n{body}"
+
+
 def place(path: str | Path | UPath) -> UPath:
-    """Return the path of a folder on the local disk or in an object store; raise FolderError.
+    """Path of a folder on the local disk or in an object store; raise FolderError.
 
     Listings are not cached, since other processes write there too.
     """
@@ -184,7 +212,7 @@ def place(path: str | Path | UPath) -> UPath:
 
 
 def reach(path: UPath) -> None:
-    """Raise FolderError if no store answers at a URL, access is denied, or the bucket does not exist."""
+    """Raise FolderError if no store answers, access is denied, or the bucket does not exist."""
     root = path.parents[-1] if path.parents else path
     patience = {"timeout": ANSWER} if path.fs.async_impl else {}
     try:
@@ -204,11 +232,9 @@ def reach(path: UPath) -> None:
 def put_file(
     root: Path, final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]
 ) -> None:
-    """Write a file under a temporary name, look, and rename it."""
     if not final.parent.resolve().is_relative_to(root.resolve()):
-        raise FolderError(
-            f"{final.parent} is a link out of {root}, and nothing is written through it"
-        )
+        told = f"is a link out of {root}, and nothing is written through it"
+        raise FolderError(f"{final.parent} {told}")
     final.parent.mkdir(parents=True, exist_ok=True)
     temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
     try:
@@ -223,68 +249,6 @@ def put_file(
             temporary.unlink(missing_ok=True)
 
 
-ENTRIES: dict[str, Any] = {  # of a manifest, and their types
-    "hash": str,
-    "seed": int,
-    "versions": {"jaxnet": str},
-    "kinds": dict,
-    "modules": dict,
-    "device": str,
-    "chunk": int,
-    "cells": int,
-    "samples": int,
-    "shard_size": int,
-    "save": dict,
-    "settings": dict,
-    "finished": bool,
-    "lanes": {"total": int, "ok": int, "failed": int},
-    "wall_seconds": float,
-}
-MOST = {"seed": 2**64, "chunk": 2**32, "samples": 2**32, "cells": 10**6, "shard_size": 2**20}
-MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
-OF_A_RUN = {*ENTRIES} - {"kinds", "modules", "chunk", "settings"}  # what that of a finished run has
-
-
-def wrong_entries(found: object) -> Iterator[str]:
-    """Yield what is wrong with a manifest that jaxnet has not written."""
-    if not isinstance(found, dict):
-        yield "it is no mapping"
-        return
-    for name, kind in ENTRIES.items():
-        value: Any = found.get(name)
-        number = value if name in MOST else 0
-        if value is not None and not (has_type(value, kind) and 0 <= number <= MOST.get(name, 0)):
-            yield f"{name} is {json.dumps(value)[:60]}"
-    for name in ("shard_size", "chunk"):
-        if found.get(name) == 0:
-            yield f"{name} is 0"
-    if found.get("finished") and (lacking := OF_A_RUN - {*found}):
-        yield f"it has no {min(lacking)}"
-    if not are_samples(found.get("cell_samples"), found):
-        yield f"cell_samples is {json.dumps(found['cell_samples'])[:60]}"
-    for name, made in found.get("modules", {}).items():
-        if not has_type(made, {"file": str, "sha256": str}):
-            yield f"modules.{name} is {json.dumps(made)[:60]}"
-
-
-def are_samples(numbers: object, manifest: dict[str, Any]) -> bool:
-    """Return whether an entry is None, or the number of samples of each cell, at most `samples`."""
-    if numbers is None:
-        return True
-    if not isinstance(numbers, list) or len(numbers) != manifest.get("cells"):
-        return False
-    return all(type(each) is int and 0 < each <= manifest.get("samples", 0) for each in numbers)
-
-
-def has_type(value: object, kind: type | dict[str, type]) -> bool:
-    """Return whether a value has a type, or is a mapping whose values have these types."""
-    if isinstance(kind, dict):
-        return isinstance(value, dict) and all(
-            has_type(value.get(key), each) for key, each in kind.items()
-        )
-    return type(value) is kind or (kind is float and type(value) is int)
-
-
 class Folder:
     """A results folder, and the locks under which this process or its sender writes there."""
 
@@ -292,20 +256,18 @@ class Folder:
         self.path, self.holds = place(path), holds
 
     def absolute(self) -> "Folder":
-        """Return the folder with an absolute path and these locks, for another process."""
+        """The folder with an absolute path and these locks, for another process."""
         return Folder(self.path.absolute(), self.holds)
 
     def inside(self, name: str) -> "Folder":
-        """Return a folder inside this one, under equal locks."""
         return Folder(self.path / name, self.holds)
 
     def look(self) -> None:
         """Raise TakenError unless this process still has all its locks."""
         for hold in self.holds:
             if why := hold.lost():
-                raise TakenError(
-                    f"{hold.file.parent} {why}: this process writes no more; what it has written stays"
-                )
+                told = "this process writes no more; what it has written stays"
+                raise TakenError(f"{hold.file.parent} {why}: {told}")
 
     @property
     def manifest(self) -> Manifest:
@@ -316,21 +278,19 @@ class Folder:
                 found = json.loads(gate.read_whole(file))
         except (FileNotFoundError, NotADirectoryError):
             return cast(Manifest, {})
-        if wrong := next(wrong_entries(found), ""):
+        if wrong := wrong_entry(found):
             raise FolderError(f"{file}: not a manifest of ours: {wrong}")
         return found
 
     def refuse_strange(self) -> None:
-        """Raise FolderError if a link, a pipe or a device has the place of a file or folder of ours."""
         gate.refuse_strange(self.path, GATED)
 
     def write_manifest(self, **entries: object) -> None:
-        """Change entries of the manifest."""
         text = json.dumps(self.manifest | entries, indent=2) + "\n"
         self.put("manifest.json", lambda file: file.write(text.encode()))
 
     def put(self, name: str, write: Callable[[BinaryIO], object]) -> UPath:
-        """Have `write` write a file, which gets its name once it is whole and on the disk; return its path.
+        """Have `write` write a file, which gets its name once it is whole and on the disk.
 
         Raises TakenError if another process holds the folder by then, and UnwrittenError.
         """
@@ -363,8 +323,8 @@ class Folder:
     def writing(self, alone: bool = True) -> Iterator[None]:
         """Hold the folder, as its only writer or as one of several writers of shards.
 
-        Each write within the context checks the lock. Raises FolderError if another process holds the folder,
-        or the folder cannot be written.
+        Each write within the context checks the lock. Raises FolderError if another process holds
+        the folder, or the folder cannot be written.
         """
         before = self.holds
         self.refuse_strange()
@@ -409,22 +369,40 @@ class Folder:
             target.unlink(missing_ok=True)
 
     def write_study(self, config: Config) -> None:
-        """Write `study.yaml`: the study with every default, which a run accepts as a config."""
-        data = to_plain(config)
-        ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
-        body = yaml.dump(
-            ordered, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=None, width=100
-        )
-        text = f"# jaxnet run study.yaml\n{body}"
+        text = config_text(config, "study.yaml")
         self.put("study.yaml", lambda file: file.write(text.encode()))
 
     def need(self, wanted: int) -> None:
-        """Raise FolderError if the disk has fewer free bytes than `wanted`; object stores have no limit."""
         if not isinstance(self.path, Path):
             return
         free = shutil.disk_usage(self.path).free
         if wanted > free:
-            raise FolderError(
-                f"{self.path} may need {wanted / 2**20:,.0f} MiB, and {free / 2**20:,.0f} MiB are free there:"
-                " save less, take fewer samples, or give another folder with --out"
+            sizes = (
+                f"may need {wanted / 2**20:,.0f} MiB, and {free / 2**20:,.0f} MiB are free there"
             )
+            advice = "save less, take fewer samples, or give another folder with --out"
+            raise FolderError(f"{self.path} {sizes}: {advice}")
+
+
+def find_results(
+    root: str | Path | UPath, entered: set[Path] | None = None
+) -> Iterator[tuple[UPath, Manifest]]:
+    """Yield the results folders at or below a folder, sorted by name, and their manifests.
+
+    The search does not enter a results folder, nor a folder twice, whatever links lead there. The
+    manifest is empty unless jaxnet has written it, as where only parts of a run exist.
+    """
+    folder, entered = Folder(root), set() if entered is None else entered
+    path, manifest = folder.path, cast(Manifest, {})
+    with contextlib.suppress(FolderError):
+        manifest = folder.manifest if {*folder.manifest} >= MANIFEST else manifest
+    if manifest or any(path.glob("lanes/*.parquet")):
+        yield path, manifest
+    elif path.is_dir():
+        if isinstance(path, Path):
+            if (here := path.resolve()) in entered:
+                return
+            entered.add(here)
+        inside = (each for each in path.iterdir() if each.is_dir() and each.name[0] != ".")
+        for each in sorted(inside, key=lambda each: each.name):
+            yield from find_results(each, entered)

@@ -1,8 +1,7 @@
-"""The gate of a results folder, which a stranger may have made: what is read there, and what is not followed.
+"""What is read of a results folder, which a stranger may have made, and what is refused unopened.
 
-Below the folder there are regular files and folders. A link, a pipe or a device is refused before anything
-opens it. A file is read up to a size, and whatever its reader cannot bear is one line with the file's name.
-The folder itself, and the folders above it, may be links.
+Below the folder there are regular files and folders. A link, a pipe or a device is refused before
+anything opens it. The folder itself, and the folders above it, may be links.
 """
 
 import contextlib
@@ -10,7 +9,7 @@ import os
 import stat
 from collections.abc import Container, Iterator
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from upath import UPath
 
@@ -33,7 +32,7 @@ class FolderError(ValueError):
 
 
 def refuse_strange(root: UPath, names: Container[str]) -> None:
-    """Raise FolderError for a link, pipe or device that has one of these names, or is in such a folder."""
+    """Refuse a link, pipe or device that has one of these names, or is in such a folder."""
     if not isinstance(root, Path) or not root.is_dir():
         return
     ahead = [entry for entry in os.scandir(root) if entry.name in names]
@@ -41,12 +40,11 @@ def refuse_strange(root: UPath, names: Container[str]) -> None:
         entry = ahead.pop()
         if entry.is_dir(follow_symlinks=False):
             ahead += os.scandir(entry.path)
-        elif not entry.is_file(follow_symlinks=False):
+        else:
             refuse_irregular(Path(entry.path))
 
 
 def refuse_irregular(file: Path) -> None:
-    """Raise FolderError for a link, a pipe or a device, without opening it."""
     kind = stat.S_IFMT(file.lstat().st_mode)
     if kind not in (stat.S_IFREG, stat.S_IFDIR):
         raise FolderError(
@@ -55,22 +53,21 @@ def refuse_irregular(file: Path) -> None:
 
 
 def read_whole(file: UPath, most: int = MOST_TEXT, fault: str = "cannot be read") -> bytes:
-    """Read a file at once, since another process may replace it.
+    """Content of a regular file of at most `most` bytes, at once: another process may replace it.
 
-    Raises FileNotFoundError, or FolderError for a file that is irregular or has more than `most` bytes.
+    Raises FileNotFoundError or FolderError.
     """
     with reading(file, fault):
         if isinstance(file, Path):
             refuse_irregular(file)
         if (size := file.stat().st_size) > most:
             raise FolderError(f"{file} has {size:,} bytes, and {most:,} at most are due")
-        content: Any = file.fs.cat_file(file.path)
-        return content
+        return cast(bytes, file.fs.cat_file(file.path))
 
 
 @contextlib.contextmanager
 def reading(file: object, fault: str = "cannot be read") -> Iterator[None]:
-    """Raise FolderError with the name of the file for any error of its reader, but for a missing file."""
+    """Turn an error of a file's reader, but for a missing file, into a line that names the file."""
     try:
         yield
     except (FolderError, FileNotFoundError, NotADirectoryError):

@@ -1,4 +1,4 @@
-"""The arrays of a study's folder, and the split of its lanes into shards, all known before a run starts."""
+"""The arrays of a study's folder, and the split of its lanes into shards, known before a run."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -17,7 +17,7 @@ CellLabel = str | int | float  # value of a swept key, as tables and coordinates
 
 
 class Variable(NamedTuple):
-    """An array of a store: its dimensions, type, unit and meaning, and the engine's series that it holds."""
+    """An array of a store, and the engine's series that it holds."""
 
     dims: tuple[str, ...]
     dtype: str
@@ -26,49 +26,32 @@ class Variable(NamedTuple):
     series: str
 
 
-LANE_TIME = ("cell", "sample", "time")
+def error_array(meaning: str, series: str, along: str = "time") -> Variable:
+    return Variable(("cell", "sample", along), "float32", "m", meaning, series)
+
+
+def path_array(dims: str, dtype: str, unit: str, meaning: str, series: str) -> Variable:
+    return Variable(("cell", "sample", "time", *dims.split()), dtype, unit, meaning, series)
+
+
+SPREAD_ARRAY = error_array("max of ‖y_i - y_j‖ over vehicles that are not attacked", "spread")
 ERRORS = {
-    "tracking": Variable(
-        LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - y_0‖", "tracking"
-    ),
-    "disagreement": Variable(
-        LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - Σ w_ij y_j‖", "disagreement"
-    ),
+    "tracking": error_array("mean over vehicles of ‖y_i - y_0‖", "tracking"),
+    "disagreement": error_array("mean over vehicles of ‖y_i - Σ w_ij y_j‖", "disagreement"),
 }
-SPREAD_OVER_TIME = Variable(
-    LANE_TIME, "float32", "m", "max of ‖y_i - y_j‖ over vehicles that are not attacked", "spread"
-)
 VEHICLE_ARRAYS = {
-    "tail_mean": Variable(
-        ("cell", "sample", "vehicle"),
-        "float32",
-        "m",
-        "mean of ‖y_i - y_0‖ over the tail",
-        "vehicle_mean",
-    ),
-    "tail_max": Variable(
-        ("cell", "sample", "vehicle"),
-        "float32",
-        "m",
-        "greatest ‖y_i - y_0‖ over the tail",
-        "vehicle_max",
-    ),
+    "tail_mean": error_array("mean of ‖y_i - y_0‖ over the tail", "vehicle_mean", "vehicle"),
+    "tail_max": error_array("greatest ‖y_i - y_0‖ over the tail", "vehicle_max", "vehicle"),
 }
 TRAJECTORIES = {
-    "states": Variable(
-        (*LANE_TIME, "vehicle", "state"), "float64", "", "states of the vehicles", "state"
+    "states": path_array("vehicle state", "float64", "", "states of the vehicles", "state"),
+    "inputs": path_array(
+        "vehicle input", "float64", "", "control inputs u_i of the vehicles", "inputs"
     ),
-    "inputs": Variable(
-        (*LANE_TIME, "vehicle", "input"),
-        "float64",
-        "",
-        "control inputs u_i of the vehicles",
-        "inputs",
+    "attack": path_array(
+        "vehicle axis", "float64", "m", "signal of each attacked vehicle", "attack"
     ),
-    "attack": Variable(
-        (*LANE_TIME, "vehicle", "axis"), "float64", "m", "signal of each attacked vehicle", "attack"
-    ),
-    "kept": Variable((*LANE_TIME, "slot", "vehicle"), "float32", "1", "weights in force", "kept"),
+    "kept": path_array("slot vehicle", "float32", "1", "weights in force", "kept"),
 }
 NAVIGATOR = Variable(
     ("cell", "time", "axis"), "float64", "m", "position y_0 of the navigator", "navigator"
@@ -90,16 +73,19 @@ DIMENSIONS = {  # unit and meaning of the labels along each dimension
 
 
 def sizes(cells: Sequence[Cell]) -> dict[str, int]:
-    """Return the sizes of the dimensions that have one size in all stores of a study."""
+    """Sizes of the dimensions that have one size in all stores of a study."""
     scenario = cells[0].scenario
-    outputs = round(scenario.horizon / scenario.output_step)
-    states, inputs = len(scenario.vehicle.states), len(scenario.vehicle.inputs)
-    found = {"cell": len(cells), "time": outputs + 1, "vehicle": scenario.vehicles, "axis": 2}
-    return found | {"state": states, "input": inputs}
+    return {
+        "cell": len(cells),
+        "time": round(scenario.horizon / scenario.output_step) + 1,
+        "vehicle": scenario.vehicles,
+        "axis": 2,
+        "state": len(scenario.vehicle.states),
+        "input": len(scenario.vehicle.inputs),
+    }
 
 
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
-    """Return the labels along each dimension."""
     scenario, known = cells[0].scenario, sizes(cells)
     return {
         "cell": np.arange(known["cell"]),
@@ -114,18 +100,17 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
 
 
 def slots_of(cells: Sequence[Cell]) -> int:
-    """Return the largest number of slots of a cell whose defence decides; 0 without such a cell."""
+    """Largest number of slots of a cell whose defence decides; 0 without such a cell."""
     alike = {}
     for scenario in (cell.scenario for cell in cells if cell.scenario.defence.decides):
-        several = (
-            scenario.attack.identities() + scenario.attack.splits() > 1
-        )  # slots of an attacked source
+        # an attacked source may have several slots
+        several = scenario.attack.identities() + scenario.attack.splits() > 1
         alike[id(scenario.topology), several and id(scenario.attack)] = scenario
     return max((len(sources_of(each)) for each in alike.values()), default=0)
 
 
 class Shard(NamedTuple):
-    """Consecutive samples of one cell. More samples in a study leave the numbers of its shards unchanged.
+    """Consecutive samples of one cell. More samples leave the numbers of shards unchanged.
 
     Where the first samples of a shard are stored, `samples` may be the missing ones alone.
     """
@@ -136,7 +121,7 @@ class Shard(NamedTuple):
 
 
 def shards_of(cells: Sequence[Cell], samples: Sequence[int], size: int) -> list[Shard]:
-    """Return all shards of a study: the first samples of every cell, then the next samples of every cell.
+    """All shards of a study: the first samples of every cell, then the next samples of every cell.
 
     `samples` are the numbers of samples of the cells.
     """
@@ -146,25 +131,24 @@ def shards_of(cells: Sequence[Cell], samples: Sequence[int], size: int) -> list[
 
 
 def shard_of(cells: Sequence[Cell], samples: Sequence[int], size: int, number: int) -> Shard:
-    """Return the shard of a number; a shard beyond the samples of its cell has none."""
     cell, held = samples_of_shard(samples, size, number)
     return Shard(number, cells[cell], held)
 
 
 def samples_of_shard(samples: Sequence[int], size: int, number: int) -> tuple[int, range]:
-    """Return the number of a shard's cell, and its samples; `samples` are the numbers of the cells."""
+    """Number of a shard's cell, and its samples; `samples` are the numbers of the cells."""
     block, cell = divmod(number, len(samples))
     return cell, range(block * size, min((block + 1) * size, samples[cell]))
 
 
 def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
-    """Return the number of lanes in a shard: about a second's work, with small saved arrays."""
+    """Number of lanes in a shard: about a second's work, with small saved arrays."""
     most = min(cell.scenario.engine.shard for cell in cells)
     return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, study.save)), 1, most))
 
 
 def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str, Variable]]:
-    """Return the variables of the stores that are filled shard by shard, by store."""
+    """Variables of the stores that are filled shard by shard, by store."""
     stores = {"errors.zarr": error_variables(cells)} if save.errors else {}
     if save.vehicles:
         stores["vehicles.zarr"] = dict(VEHICLE_ARRAYS)
@@ -174,14 +158,13 @@ def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str,
 
 
 def lane_bytes(cells: Sequence[Cell], save: keys.Save) -> int:
-    """Return an upper bound on the bytes of arrays that a lane leaves in the folder."""
-    return sum(
-        variable_bytes(variables, cells) for variables in filled_stores(cells, save).values()
-    )
+    """Upper bound on the bytes of arrays that a lane leaves in the folder."""
+    stores = filled_stores(cells, save).values()
+    return sum(variable_bytes(variables, cells) for variables in stores)
 
 
 def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
-    """Return an upper bound on the bytes on the disk of these lanes and of the chosen trajectories."""
+    """Upper bound on the bytes on the disk of these lanes and of the chosen trajectories."""
     match study.save.trajectories:
         case keys.Samples(samples=samples):
             chosen = len(samples) * len(cells)
@@ -194,40 +177,35 @@ def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
 
 
 def error_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
-    """Return the arrays over time: with the spread where a cell has no navigator, without the error where
-    none has.
-    """
+    """Arrays over time: the spread where a cell has no navigator, no error where none has one."""
     leaderless = [cell.scenario.leaderless for cell in cells]
-    spread = {"spread": SPREAD_OVER_TIME} if any(leaderless) else {}
-    return spread | {
-        name: each for name, each in ERRORS.items() if name != "tracking" or not all(leaderless)
-    }
+    found = {"spread": SPREAD_ARRAY, **ERRORS} if any(leaderless) else dict(ERRORS)
+    if all(leaderless):
+        del found["tracking"]
+    return found
 
 
 def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
-    """Return the arrays of a trajectory; `kept` only where a defence decides.
+    """Arrays of a trajectory; `kept` only where a defence decides.
 
     States and inputs have one unit for each of their labels, separated by commas.
     """
-    decides, vehicle = (
-        any(cell.scenario.defence.decides for cell in cells),
-        cells[0].scenario.vehicle,
-    )
+    vehicle = cells[0].scenario.vehicle
     units = {"states": ", ".join(vehicle.units), "inputs": ", ".join(vehicle.input_units)}
-    return {
+    found = {
         name: variable._replace(unit=units.get(name, variable.unit))
         for name, variable in TRAJECTORIES.items()
-        if decides or name != "kept"
     }
+    if not any(cell.scenario.defence.decides for cell in cells):
+        del found["kept"]
+    return found
 
 
 def series_of(variables: Mapping[str, Variable]) -> tuple[str, ...]:
-    """Return the names of the engine's series that fill these arrays."""
     return tuple(variable.series for variable in variables.values())
 
 
 def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Return the arrays of a store of chosen lanes, with `lane` as the first dimension."""
     every = {**variables, **cell_variables(variables)}
     return {
         name: variable._replace(dims=("lane", *own_dims(variable)))
@@ -236,17 +214,14 @@ def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
 
 
 def cell_variables(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Return the arrays of a trajectory that all lanes of a cell share."""
     return {"navigator": NAVIGATOR} | ({"source": HEARD_SOURCES} if "kept" in variables else {})
 
 
 def own_dims(variable: Variable) -> tuple[str, ...]:
-    """Return the dimensions of an array without those that number the lane."""
     return tuple(dim for dim in variable.dims if dim not in ("cell", "sample", "lane"))
 
 
 def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> int:
-    """Return the bytes of one lane's part of these arrays."""
     coords = coordinates(cells, 1)
     return sum(
         int(np.prod([len(coords[dim]) for dim in own_dims(variable)]))

@@ -1,19 +1,22 @@
 """The lock of a results folder: one writer alone, or several that write shards of their own.
 
-`.lock` names the holder: its process, since when, and a token that no other holder has. On a disk the system
-locks the file, and the lock ends with the holder's process. In an object store the holder rewrites the object
-every `BEAT` seconds; another process may take the folder over when the object stays the same for `SILENCE`.
+`.lock` names the holder: its process, since when, and a token that no other holder has. On a disk
+the system locks the file, and the lock ends with the holder's process. In an object store the
+holder rewrites the object every `BEAT` seconds; another process may take the folder over when the
+object stays the same for `SILENCE`.
 
-A holder reads `.lock` before each write (`Hold.lost`). A holder that finds another token, or no lock, does
-not write again. No signal and no thread takes part in this, so it also works where signals are ignored.
+A holder reads `.lock` before each write (`Hold.lost`). A holder that finds another token, or no
+lock, does not write again. No signal and no thread takes part in this, so it also works where
+signals are ignored.
 
-Between the look and the write another process may take the folder over. Then at most one file of each thread
-of the earlier holder arrives late:
+Between the look and the write another process may take the folder over. Then at most one file of
+each thread of the earlier holder arrives late:
 
 - The file is whole, since a file is renamed and an object is put whole.
 - A shard of the same study has the same rows and arrays, whoever writes it.
 - Tables and the manifest are written once more by the new holder, at its end.
-- Rows of another study (after `--fresh`) carry its hash. `rows.scan_cells` refuses them, a run replaces them.
+- Rows of another study (after `--fresh`) carry its hash: `rows.scan_cells` refuses them, a run
+  replaces them.
 - A chunk of another study differs from the checksum in its shard's rows. A run replaces it.
 """
 
@@ -29,7 +32,7 @@ import uuid
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 from upath import UPath
 
@@ -52,23 +55,22 @@ class Hold(NamedTuple):
     token: str
 
     def lost(self) -> str:
-        """Describe the process that holds the folder instead, and since when; "" while the lock is intact."""
+        """Who holds the folder instead, and since when; "" while the lock is intact."""
         there = read_lock(self.file)
         if self.token.encode() in there if self.token else not there:
             return ""
         if not there:
             return "was removed, or its .lock was"
-        return (
-            f"was taken over by {owner(there)} at {lock_entry(there, 'since', 'an unknown time')}"
-        )
+        since = lock_entry(there, "since", "an unknown time")
+        return f"was taken over by {owner(there)} at {since}"
 
 
 @contextlib.contextmanager
 def hold_folder(folder: UPath, alone: bool = True) -> Iterator[Hold]:
     """Hold the folder as its only writer, or beside other writers of shards.
 
-    Raises HeldError, or OSError where the folder cannot be written. In an object store, a writer of shards
-    takes no lock. A single writer keeps it away, and it keeps no writer away.
+    Raises HeldError, or OSError where the folder cannot be written. In an object store, a writer of
+    shards takes no lock. A single writer keeps it away, and it keeps no writer away.
     """
     file = folder.absolute() / ".lock"
     if isinstance(folder, Path):
@@ -84,14 +86,8 @@ def hold_folder(folder: UPath, alone: bool = True) -> Iterator[Hold]:
         yield Hold(file, "")
 
 
-def this_process() -> str:
-    """Return the description of this process for other processes."""
-    return f"process {os.getpid()} on {platform.node()}"
-
-
 @contextlib.contextmanager
 def hold_file(file: UPath, alone: bool) -> Iterator[Hold]:
-    """Hold a file's system lock, which ends with this process."""
     lock = os.open(str(file), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         try:
@@ -99,12 +95,10 @@ def hold_file(file: UPath, alone: bool) -> Iterator[Hold]:
         except BlockingIOError as error:
             raise HeldError(owner(read_lock(file))) from error
         token = uuid.uuid4().hex if alone else PARTS
-        text = lock_content(
-            holder_entries(token, "" if alone else "parts of a run, the last that began by "), 0
-        )
-        os.pwrite(
-            lock, text, 0
-        )  # over what is there, so that whoever reads meanwhile finds a token
+        role = "" if alone else "parts of a run, the last that began by "
+        text = lock_content(holder_entries(token, role), 0)
+        # over what is there, so that whoever reads meanwhile finds a token
+        os.pwrite(lock, text, 0)
         os.ftruncate(lock, len(text))
         yield Hold(file, token)
     finally:
@@ -113,7 +107,6 @@ def hold_file(file: UPath, alone: bool) -> Iterator[Hold]:
 
 @contextlib.contextmanager
 def hold_object(file: UPath) -> Iterator[Hold]:
-    """Hold an object, and rewrite it every `BEAT` seconds."""
     hold, ended = Hold(file, uuid.uuid4().hex), threading.Event()
     mine = holder_entries(hold.token)
     if not (acquire(file, mine) or (remove_silent(file) and acquire(file, mine))):
@@ -140,22 +133,18 @@ def hold_object(file: UPath) -> Iterator[Hold]:
 
 
 def holder_entries(token: str, role: str = "") -> dict[str, str]:
-    """Return the entries of a lock that describe its holder."""
     since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
-    return {"owner": f"{role}{this_process()}", "since": since, "token": token}
+    process = f"{role}process {os.getpid()} on {platform.node()}"
+    return {"owner": process, "since": since, "token": token}
 
 
 def lock_content(holder: dict[str, str], beat: int) -> bytes:
-    """Return the bytes of a lock. They differ between holders and beats, except for writers of shards."""
+    """Bytes of a lock. They differ between holders and beats, except for writers of shards."""
     return json.dumps(holder | {"beat": beat}).encode() + b"\n"
 
 
 def acquire(file: UPath, mine: dict[str, str]) -> bool:
-    """Take the lock unless it exists; return whether this process took it.
-
-    The function looks first, since some stores ignore exclusive creation.
-    """
-    if file.exists():
+    if file.exists():  # some stores ignore exclusive creation
         return False
     try:
         file.fs.pipe_file(file.path, lock_content(mine, 0), mode="create")
@@ -165,12 +154,10 @@ def acquire(file: UPath, mine: dict[str, str]) -> bool:
 
 
 def remove_silent(file: UPath) -> bool:
-    """Remove the lock if its holder does not change it for `SILENCE`; return whether the lock is gone."""
+    """Remove the lock if its holder does not change it for `SILENCE`; return whether it is gone."""
     before, deadline = read_lock(file), time.monotonic() + SILENCE
-    warnings.warn(
-        f"{file.parent} is held by {owner(before)}: waiting {SILENCE:g} s for a sign of life",
-        stacklevel=2,
-    )
+    told = f"is held by {owner(before)}: waiting {SILENCE:g} s for a sign of life"
+    warnings.warn(f"{file.parent} {told}", stacklevel=2)
     while time.monotonic() < deadline:
         time.sleep(min(1.0, SILENCE / 10))
         if read_lock(file) != before:
@@ -180,22 +167,19 @@ def remove_silent(file: UPath) -> bool:
 
 
 def read_lock(file: UPath) -> bytes:
-    """Return the bytes of the lock; empty without one."""
+    """Bytes of the lock, read at once, since it may be replaced meanwhile; empty without one."""
     most = {"start": 0, "end": MOST_LOCK} if isinstance(file, Path) else {}
     try:
-        content: Any = file.fs.cat_file(file.path, **most)  # at once: it may be replaced meanwhile
-        return content
+        return cast(bytes, file.fs.cat_file(file.path, **most))
     except (FileNotFoundError, NotADirectoryError):
         return b""
 
 
 def owner(held: bytes) -> str:
-    """Return the description of the process that wrote a lock."""
     return lock_entry(held, "owner", "another process")
 
 
 def lock_entry(held: bytes, entry: str, unknown: str) -> str:
-    """Return an entry of a lock, or `unknown`."""
     try:
         return str(json.loads(held.split(b"\n")[0])[entry])  # a longer one may end behind it
     except (ValueError, KeyError, TypeError):

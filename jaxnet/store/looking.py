@@ -1,8 +1,8 @@
 """Kinds of results that are read without running code from the results folder.
 
-A kind from outside is available if this process has loaded its very files, or if it is installed. Any other
-kind gets a stand-in with the kind's keys and the manifest's description. Methods of a stand-in raise
-MissingKindError.
+A kind from outside is available if this process has loaded its very files, or if it is installed.
+Any other kind gets a stand-in with the kind's keys and the manifest's description. Methods of a
+stand-in raise MissingKindError.
 """
 
 import contextlib
@@ -22,39 +22,24 @@ from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.registry import LOADED, METRIC_REFERENCES, Scope
 from jaxnet.outside import modules
 from jaxnet.outside import provenance as source
-from jaxnet.outside.families import FAMILIES, base_of
-from jaxnet.outside.references import entry_points, import_reference
+from jaxnet.outside.families import FAMILIES, base_of, entry_points, import_reference
 
-METRIC = (
-    "name",
-    "unit",
-    "over",
-    "time",
-    "vehicles",
-    "words",
-)  # what is known of a metric besides its code
+# What is known of a metric besides its code.
+METRIC = ("name", "unit", "over", "time", "vehicles", "words")
+# Methods that need the types of keys.
+ASKS = {"drawn", "drawn_keys", "apart", "chosen", "signal", "told", "faults"}
 Found = type[Kind] | Metric  # a kind from outside
 Description = dict[str, object]  # of a kind from outside, in JSON
-ASKS = {
-    "drawn",
-    "drawn_keys",
-    "apart",
-    "chosen",
-    "signal",
-    "told",
-    "faults",
-}  # need the types of keys
-
-
-GIVE_CODE = "give the study's config, beside which it is (--config FILE), or trust the folder's word (--trust)"
 
 
 class MissingKindError(KindError):
-    """A request that needs the code of kinds that are not available; the message says how to give it."""
+    """A request for the code of kinds that is not available; the message says how to give it."""
 
     def __init__(self, names: str):
         super().__init__(
-            f"the code of {names} is needed, and none is run because a results folder names it: {GIVE_CODE}"
+            f"the code of {names} is needed, and none is run because a results folder names it:"
+            " give the study's config, beside which it is (--config FILE), or trust the folder's"
+            " word (--trust)"
         )
 
 
@@ -62,7 +47,7 @@ Fallback = TypeVar("Fallback")
 
 
 def known_or(otherwise: Fallback, ask: Callable[[], Fallback]) -> Fallback:
-    """Return what `ask` finds, or `otherwise` if it needs the code of a missing kind."""
+    """What `ask` finds, or `otherwise` if it needs the code of a missing kind."""
     try:
         return ask()
     except MissingKindError:
@@ -72,8 +57,8 @@ def known_or(otherwise: Fallback, ask: Callable[[], Fallback]) -> Fallback:
 class Looking(Scope):
     """Names of kinds in the results of an earlier run.
 
-    `manifest` belongs to the results, and no module inside the folder `results` is imported. `places` are
-    folders whose modules the user permits.
+    `manifest` belongs to the results, and no module inside the folder `results` is imported.
+    `places` are folders whose modules the user permits.
     """
 
     judges = False
@@ -87,18 +72,17 @@ class Looking(Scope):
 
     @property
     def missing(self) -> list[str]:
-        """Names of the kinds whose code is not available."""
         return sorted({name for _, name in self.stand_ins})
 
     def outside(self, family: str, name: str) -> Found | None:
-        """Return the kind or a stand-in; raise KindError if a permitted module fails."""
+        """The kind or a stand-in; raise KindError if a permitted module fails."""
         for here in (self.loaded, self.placed, self.installed, self.stand_in):
             if (found := here(family, name)) is not None:
                 return found
         return None
 
     def loaded(self, family: str, name: str) -> Found | None:
-        """Return the kind that this process has loaded from files equal to those of the results."""
+        """The kind that this process has loaded from files equal to those of the results."""
         made = self.manifest.get("modules", {})
         for found in reversed(LOADED.get((family, name), [])):
             parts = source.provenance([found])
@@ -107,33 +91,27 @@ class Looking(Scope):
         return None
 
     def placed(self, family: str, name: str) -> Found | None:
-        """Return the kind from a module in one of the user's places."""
         module = name.partition(":")[0]
         held = (place for place in self.places if modules.file_of(place, module) is not None)
         place = next(held, None) if ":" in name else None
         return None if place is None else import_reference(name, name, place)
 
     def installed(self, family: str, name: str) -> Found | None:
-        """Return the kind that an installed package registers, or that its `module:attribute` names."""
+        """The kind of an installed package: of its entry point, or of `module:attribute`."""
         offered = {point.name: point.value for point in entry_points(family)}
         reference = offered.get(name, name if ":" in name else "")
         module = reference.partition(":")[0]
         known = name in offered or modules.is_installed(module)
-        if (
-            not reference
-            or "__main__" in module
-            or not known
-            or self.is_inside(module.partition(".")[0])
-        ):
+        foreign = "__main__" in module or self.is_inside(module.partition(".")[0])
+        if not reference or not known or foreign:
             return None
-        with contextlib.suppress(
-            KindError
-        ):  # of another version of the package: it is shown as a name
+        # A kind of another version of the package is shown as a name.
+        with contextlib.suppress(KindError):
             return import_reference(reference, name, None)
         return None
 
     def is_inside(self, top: str) -> bool:
-        """Return whether an import of this name would find a file inside the results, or nothing."""
+        """Whether an import of this name would find a file inside the results, or nothing."""
         try:
             spec = importlib.util.find_spec(top) if top.isidentifier() else None
         except ValueError:  # of a module without a spec
@@ -144,7 +122,6 @@ class Looking(Scope):
         return any(self.results.resolve() in Path(place).resolve().parents for place in places)
 
     def stand_in(self, family: str, name: str) -> Found:
-        """Return a class or metric in place of a kind without code."""
         key = family, name
         if key not in self.stand_ins:
             told = self.manifest.get("kinds", {}).get(name, {})
@@ -157,41 +134,25 @@ class Looking(Scope):
 def describe_outside(
     known: Mapping[tuple[str, str], source.KindOrMetric], named: Iterable[source.KindOrMetric]
 ) -> dict[str, Description]:
-    """Return the manifest's description of kinds from outside, for readers without their code."""
-    wanted = list(named)
-    return {
-        name: {
-            "family": family,
-            **(of_class(found) if isinstance(found, type) else of_metric(found)),
-        }
-        for (family, name), found in known.items()
-        if any(each is found for each in wanted)
-    }
-
-
-def of_metric(metric: source.MetricLike) -> Description:
-    """Return the fields of a metric without its function."""
-    return {key: getattr(metric, key) for key in METRIC}
+    """The manifest's description of kinds from outside, for readers without their code."""
+    wanted, told = list(named), dict[str, Description]()
+    for (family, name), found in known.items():
+        if any(each is found for each in wanted):
+            own = {key: getattr(found, key, None) for key in METRIC}
+            told[name] = {"family": family, **(of_class(found) if isinstance(found, type) else own)}
+    return told
 
 
 def of_class(cls: type) -> Description:
-    """Describe a class: its base, keys with defaults, constant facts, and overridden methods."""
     base = next(each for each in cls.__mro__ if is_ours(each))
-    keys = {
-        key: field.get_default()
-        for key, field in cls.model_fields.items()
-        if not field.is_required()
-    }
+    fields = cls.model_fields.items()
+    keys = {key: None if field.is_required() else field.get_default() for key, field in fields}
+    facts = {key: getattr(cls, key, None) for key in facts_of(base)}
     return {
         "base": base.__name__,
         "kind": cls.kind,
-        "keys": dict.fromkeys(cls.model_fields)
-        | {key: json_value(each) for key, each in keys.items()},
-        "facts": {
-            key: getattr(cls, key)
-            for key in facts_of(base)
-            if json_value(getattr(cls, key, None)) is not None
-        },
+        "keys": {key: json_value(each) for key, each in keys.items()},
+        "facts": {key: each for key, each in facts.items() if json_value(each) is not None},
         "own": [
             name
             for name in methods_of(base)
@@ -201,25 +162,23 @@ def of_class(cls: type) -> Description:
 
 
 def is_ours(cls: type) -> bool:
-    """Return whether a class is a base of one of jaxnet's families."""
     return cls.__module__ in {family.package for family in FAMILIES.values()}
 
 
 def facts_of(base: type) -> list[str]:
-    """Return the names of a class's class variables."""
     told = (vars(each).get("__annotations__", {}) for each in base.__mro__ if is_ours(each))
     names = (name for each in told for name, kind in each.items() if get_origin(kind) is ClassVar)
     return [name for name in dict.fromkeys(names) if name != "untraced"]
 
 
 def methods_of(base: type) -> list[str]:
-    """Return the public methods of a family's base class, without those of every kind."""
+    """Public methods of a family's base class, without those of every kind."""
     own = {name for each in base.__mro__ if is_ours(each) for name in vars(each)}
     return sorted(name for name in own if name[0] != "_" and callable(getattr(base, name)))
 
 
 def json_value(value: object) -> object:
-    """Return a value as JSON data; None if JSON cannot represent it."""
+    """A value as JSON data; None if JSON cannot represent it."""
     value = value.model_dump() if isinstance(value, BaseModel) else value
     try:
         return json.loads(json.dumps(value))
@@ -228,27 +187,22 @@ def json_value(value: object) -> object:
 
 
 def metric_like(family: str, name: str, told: Description) -> Metric:
-    """Return a metric without its function, from the manifest's description."""
-    texts = {key: told[key] for key in METRIC if isinstance(told.get(key), str)}
-    found = Metric(
-        **{"name": name.rpartition(":")[2], "unit": "", **texts, "of": missing_method(name)}
-    )
+    texts = {"name": name.rpartition(":")[2], "unit": ""}
+    texts |= {key: told[key] for key in METRIC if isinstance(told.get(key), str)}
+    found = Metric(**texts, of=missing_method(name))  # pyright: ignore[reportArgumentType]
     METRIC_REFERENCES[found] = name
     return found
 
 
 def class_like(family: str, name: str, told: Description) -> type[Kind]:
-    """Return a class with the keys and facts of the manifest's description, whose own methods raise."""
     package = importlib.import_module(FAMILIES[family].package)
     base = getattr(package, str(told.get("base")), None)
     if not (isinstance(base, type) and issubclass(base, base_of(family)) and is_ours(base)):
         base, told = base_of(family), {}
     listed = told.get("own")
     own = [key for key in methods_of(base) if not isinstance(listed, list) or key in listed]
-    namespace: dict[str, Any] = {
-        key: missing_method(name) for key in {*own, *ASKS} if hasattr(base, key)
-    }
-    namespace |= facts_like(name, base, told.get("facts"))
+    asks = [key for key in (*own, *ASKS) if hasattr(base, key)]
+    namespace = dict.fromkeys(asks, missing_method(name)) | facts_like(name, base, told)
     namespace |= {
         "__module__": __name__,
         "reference": classmethod(lambda cls: name),
@@ -256,27 +210,27 @@ def class_like(family: str, name: str, told: Description) -> type[Kind]:
     }
     bare: Any = type("StandIn", (base,), namespace)
     found: Any = create_model(
-        "StandIn", __base__=bare, __module__=__name__, **keys_like(base, told.get("keys"))
+        "StandIn", __base__=bare, __module__=__name__, **keys_like(base, told)
     )
     called = told.get("kind")
     found.kind = called if isinstance(called, str) else name.rpartition(":")[2]
     return found
 
 
-def facts_like(name: str, base: type, told: object) -> dict[str, object]:
-    """Return the described facts of a class that have the right type; any other fact raises."""
-    found: dict[str, object] = {}
+def facts_like(name: str, base: type, told: Description) -> dict[str, Any]:
+    """Described facts of a class that have the right type; any other fact raises."""
+    facts, found = told.get("facts"), {}
     for key in facts_of(base):
-        value, known = told.get(key) if isinstance(told, dict) else None, getattr(base, key, ())
+        value, known = facts.get(key) if isinstance(facts, dict) else None, getattr(base, key, ())
         value = tuple(map(str, value)) if isinstance(value, list) else value
         found[key] = value if type(value) is type(known) else property(missing_method(name))
     return found
 
 
-def keys_like(base: type[Kind], told: object) -> dict[str, Any]:
-    """Return the described keys of a class. Keys of its base keep their types, others accept anything."""
-    found: dict[str, Any] = {}
-    for key, default in told.items() if isinstance(told, dict) else ():
+def keys_like(base: type[Kind], told: Description) -> dict[str, Any]:
+    """Described keys of a class. Keys of its base keep their types, others accept anything."""
+    keys, found = told.get("keys"), dict[str, Any]()
+    for key, default in keys.items() if isinstance(keys, dict) else ():
         field = base.model_fields.get(key)
         if field is None and key.isidentifier() and key[0] != "_" and not hasattr(base, key):
             found[key] = (Any, default)
@@ -288,8 +242,6 @@ def keys_like(base: type[Kind], told: object) -> dict[str, Any]:
 
 
 def missing_method(name: str) -> Callable[..., NoReturn]:
-    """Return a method that raises MissingKindError with the name of the kind."""
-
     def ask(*given: object, **more: object) -> NoReturn:
         raise MissingKindError(name)
 

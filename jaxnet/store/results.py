@@ -34,25 +34,15 @@ COLUMNS = {  # that a reader of a table needs
     "bounds.csv": "bound vehicle slope",
     "violations.csv": "cell sample bound tail_max limit command",
     "search.csv": "cell generation phase lanes best generation_best generation_median failed",
-    "worst.csv": "cell found late until greatest magnitude attacked random bound fresh nonlinear lanes",
-    "sensitivity.csv": "cell metric quantity first first_low first_high total total_low total_high threshold",
+    "worst.csv": "cell found late until greatest magnitude attacked random bound fresh nonlinear"
+    " lanes",
+    "sensitivity.csv": "cell metric quantity first first_low first_high total total_low total_high"
+    " threshold",
     "rare.csv": "cell share low high levels lanes failed plain_lanes points threshold",
 }
-TEXTS = {
-    "metric",
-    "model",
-    "parameter",
-    "bound",
-    "vehicle",
-    "command",
-    "attacked",
-    "phase",
-    "quantity",
-}
-ANALYSES = (
-    "sensitivity",
-    "rare",
-)  # what a folder may hold without a run, each with a table of its name
+TEXTS = "metric model parameter bound vehicle command attacked phase quantity"  # columns of text
+# What a folder may hold without a run, each with a table of its name.
+ANALYSES = ("sensitivity", "rare")
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,9 +50,7 @@ class Results:
     """The tables and arrays of a results folder, read at their first use."""
 
     path: UPath
-    out: Folder | None = (
-        None  # where what is made of the rows is written, if not into the folder itself
-    )
+    out: Folder | None = None  # for what is made of the rows; None is the folder itself
     trust: bool = field(default=False, compare=False)
     config: Path | None = field(default=None, compare=False)
 
@@ -86,24 +74,19 @@ class Results:
 
     @cached_property
     def study(self) -> Study:
-        """Study of the run. A kind from outside without its code is known by its name and description."""
+        """Study of the run. A kind from outside without its code has its name and description."""
         local = self.path if isinstance(self.path, Path) else None
-        study = read_study(
-            Document.read(self.path / "study.yaml"),
-            (),
-            Looking(local, self.manifest, self.code_places()),
-        )
-        if not (isinstance(study.config.scope, Looking) and study.config.scope.missing):
-            refuse_edited(Folder(self.path), study.config)
+        scope = Looking(local, self.manifest, self.code_places())
+        study = read_study(Document.read(self.path / "study.yaml"), (), scope)
+        own = Folder(self.path)
+        if not scope.missing:
+            refuse_edited(own, study.config)
         if changed := changed_settings(self.manifest, study.config):
-            raise FolderError(
-                f"{self.path}/study.yaml has another {changed[0]} than the tables beside it were made with:"
-                " jaxnet run makes them again"
-            )
-        for name in changed_modules(Folder(self.path), study.config):
-            warnings.warn(
-                f"{name} was changed since the rows in {self.place} were made", stacklevel=2
-            )
+            told = f"has another {changed[0]} than the tables beside it were made with"
+            raise FolderError(f"{self.path}/study.yaml {told}: jaxnet run makes them again")
+        for name in changed_modules(own, study.config):
+            told = f"{name} was changed since the rows in {self.place} were made"
+            warnings.warn(told, stacklevel=2)
         return study
 
     def code_places(self) -> Iterator[Path]:
@@ -131,9 +114,8 @@ class Results:
     def tell_missing(self, what: str) -> None:
         """Warn that `what` is left out if the code of a kind is not available."""
         if self.missing:
-            warnings.warn(
-                f"{what} left out: {MissingKindError(', '.join(self.missing))}", stacklevel=2
-            )
+            told = f"{what} left out: {MissingKindError(', '.join(self.missing))}"
+            warnings.warn(told, stacklevel=2)
 
     @property
     def analyses(self) -> list[str]:
@@ -148,10 +130,8 @@ class Results:
     def need_run(self) -> None:
         """Raise FolderError if the folder holds analyses and no run."""
         if self.analyses and not self.has_run:
-            raise FolderError(
-                f"{self.place} holds {' and '.join(self.analyses)} and no run: jaxnet run CONFIG --out"
-                f" {self.place} adds one"
-            )
+            told = f"{self.place} holds {' and '.join(self.analyses)} and no run"
+            raise FolderError(f"{told}: jaxnet run CONFIG --out {self.place} adds one")
 
     @cached_property
     def manifest(self) -> Manifest:
@@ -182,7 +162,8 @@ class Results:
     @cached_property
     def lanes(self) -> pd.DataFrame:
         """Table with a row per lane, all in memory; see `by_cell`."""
-        return rows.read_lanes(Folder(self.path), self.shards)
+        every = (lanes for _, lanes in rows.scan_cells(Folder(self.path), self.shards))
+        return pd.concat(every, ignore_index=True)
 
     def by_cell(
         self, *columns: str, where: ds.Expression | None = None, cells: Container[int] | None = None
@@ -223,15 +204,15 @@ class Results:
         Returns
         -------
         tuple[int, pd.DataFrame]
-            The number of failed lanes, and cell, sample and status of the first `most` of them. Where a
-            lane is disconnected, also `cut_off` and `cut_off_at` [s], who was cut off first and when.
+            The number of failed lanes, and cell, sample and status of the first `most` of them.
+            Where a lane is disconnected, also `cut_off` and `cut_off_at` [s]: who was cut off
+            first, and when.
         """
         empty = pd.DataFrame({"cell": [], "sample": [], "status": []})
         if not self.manifest["lanes"]["failed"]:
             return 0, empty
-        failed: Any = pd.concat(
-            [lanes for _, lanes in self.by_cell(where=~rows.OK)], ignore_index=True
-        )
+        every = (lanes for _, lanes in self.by_cell(where=~rows.OK))
+        failed: Any = pd.concat(every, ignore_index=True)
         wanted = ["cell", "sample", "status"]
         if (failed["status"] == "disconnected").any():
             wanted += [name for name in ("cut_off", "cut_off_at") if name in failed]
@@ -256,21 +237,17 @@ class Results:
             A number is not a nonnegative integer.
         """
         cell, sample = whole_number("cell", cell), whole_number("sample", sample)
-        mine = [
-            shard for shard in self.shards if shard.cell.number == cell and sample in shard.samples
-        ]
-        for _, lanes in rows.scan_cells(Folder(self.path), mine):
-            return lanes[lanes["sample"] == sample].iloc[0]
+        where = ds.field("sample") == sample
+        for _, lanes in self.by_cell(where=where, cells=[cell]):
+            return lanes.iloc[0]
         return None
 
     @cached_property
     def samples(self) -> list[int]:
         """Number of samples of each cell: they differ where cells end by a criterion."""
         cells = len(self.study.cells)
-        if self.manifest.get("cells", cells) != cells:
-            told = (
-                f"its manifest tells of {self.manifest['cells']} cells, and its study has {cells}"
-            )
+        if (there := self.manifest.get("cells", cells)) != cells:
+            told = f"its manifest tells of {there} cells, and its study has {cells}"
             raise FolderError(f"{self.place} is not what a run left: {told}")
         return samples_of_cells(self.manifest, cells)
 
@@ -294,40 +271,38 @@ class Results:
         """
         self.need_run()
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
-            raise FolderError(
-                f"{self.place} holds an unfinished run: the command that began it goes on"
-            )
+            told = "holds an unfinished run: the command that began it goes on"
+            raise FolderError(f"{self.place} {told}")
         return self.checked("cells.csv", self.path / "cells.csv")
-
-    def needed(self, name: str) -> list[str]:
-        """Return the columns that a reader of a table needs."""
-        if name != "cells.csv":
-            return COLUMNS[name].split()
-        config = self.study.config
-        own = (metric.name for metric in config.measured()[len(CONTRACT) :])
-        found = [
-            f"{metric}_{each}" for metric in ("tail_mean", "tail_max", *own) for each in STATISTICS
-        ]
-        return ["lanes", "ok", "failed", *found]
 
     def checked(self, name: str, file: UPath) -> pd.DataFrame:
         """Read a table; raise FolderError if a reader's columns, numbers or cells are not there."""
-        needed, cells = self.needed(name), len(self.study.cells)
-        found = read_table(file, sum(self.samples) if self.manifest["finished"] else 0, needed)
-        shares = [
-            each for each in ("unrecovered", "in_hull") if each in found and name == "cells.csv"
-        ]
-        needed += [f"{share}{end}" for share in shares for end in ("", "_low", "_high")]
+        cells = len(self.study.cells)
+        found = read_table(file, sum(self.samples) if self.manifest["finished"] else 0)
+        if name == "cells.csv":
+            own = [metric.name for metric in self.study.config.measured()[len(CONTRACT) :]]
+            metrics = ("tail_mean", "tail_max", *own)
+            needed = ["lanes", "ok", "failed"]
+            needed += [f"{metric}_{each}" for metric in metrics for each in STATISTICS]
+            shares = [each for each in ("unrecovered", "in_hull") if each in found]
+            needed += [f"{share}{end}" for share in shares for end in ("", "_low", "_high")]
+        else:
+            needed = COLUMNS[name].split()
+        wrong = ""
         if missing := [each for each in needed if each not in found]:
-            raise FolderError(f"{file} is not a table of ours (no column {missing[0]})")
-        strange = [
-            each for each in needed if each not in TEXTS and not is_numeric_dtype(found[each])
-        ]
-        if len(found) and strange:
-            raise FolderError(f"{file} is not a table of ours ({strange[0]} holds text)")
-        numbers = found["cell"] if "cell" in needed else range(cells)
-        if not set(numbers) <= set(range(cells)) or (name == "cells.csv" and len(found) != cells):
-            raise FolderError(f"{file} is not a table of ours (the study has {cells} cells)")
+            wrong = f"no column {missing[0]}"
+        elif texts := [
+            each
+            for each in needed
+            if each not in TEXTS.split() and not is_numeric_dtype(found[each])
+        ]:
+            wrong = f"{texts[0]} holds text" if len(found) else ""
+        elif (name == "cells.csv" and len(found) != cells) or (
+            "cell" in needed and not set(found["cell"]) <= set(range(cells))
+        ):
+            wrong = f"the study has {cells} cells"
+        if wrong:
+            raise FolderError(f"{file} is not a table of ours ({wrong})")
         return found
 
     @property
@@ -342,12 +317,12 @@ class Results:
 
     @property
     def violations(self) -> pd.DataFrame:
-        """Table of the lanes above a bound that claims to hold for them; raises FolderError before `fit`."""
+        """Table of the lanes above a bound that holds for them; raises FolderError before `fit`."""
         return self.table("violations.csv")
 
     @property
     def worst(self) -> pd.DataFrame:
-        """Table of the worst choice that a search found in each cell; raises FolderError before a search."""
+        """Table of the worst choice in each cell; raises FolderError before a search."""
         return self.table("worst.csv", "jaxnet search CONFIG makes it")
 
     @property
@@ -396,7 +371,7 @@ class Results:
     def replay_command(
         self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None
     ) -> str:
-        """Return the shell command that simulates one lane again, or Python's call for results in memory.
+        """Return the command that simulates one lane again, or Python's call for results in memory.
 
         Parameters
         ----------
@@ -486,7 +461,7 @@ class Results:
 
 
 class Part(NamedTuple):
-    """Shards of a part of a run: their number, the number simulated now, and the number of failed lanes.
+    """A part of a run.
 
     Attributes
     ----------
@@ -517,7 +492,7 @@ class Part(NamedTuple):
 
 
 def whole_number(name: str, number: SupportsInt) -> int:
-    """Return a cell's or sample's number as an int; raise FolderError unless it is a nonnegative integer."""
+    """Number of a cell or a sample as an int; raise FolderError unless it is 0, 1, ..."""
     found = int(number)
     if found != number or found < 0:
         raise FolderError(f"{name} is a whole number from 0 on (got {number})")
@@ -555,9 +530,8 @@ def open_folder(
         rows.refuse_lost(folder, manifest)
     found = Results(folder.path, None, trust, config)
     if not manifest or not (rows_there or found.analyses):
-        raise FolderError(
-            f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
-        )
+        told = "holds an unfinished run: the command that began it, without --shard, goes on"
+        raise FolderError(f"{path} {told}")
     return found if out is None else written_into(found, out)
 
 

@@ -1,8 +1,10 @@
 """Rows, one a lane: a file `lanes/NNNNN.parquet` a shard, with a stamp that describes the file.
 
-A reader trusts no file. A truncated file, a page's wrong checksum, or lanes of another study are errors.
+A reader trusts no file. A truncated file, a page's wrong checksum, or lanes of another study are
+errors.
 """
 
+import contextlib
 import itertools
 import json
 import re
@@ -16,17 +18,16 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
-from jaxtyping import Float
 from upath import UPath
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Config, Scenario
+from jaxnet.config.keys import Config
 from jaxnet.config.scenario import interval_of
 from jaxnet.config.spacings import multiples
 from jaxnet.lazy import LazyModule
 from jaxnet.store import gate
-from jaxnet.store.folder import MOST, Folder, FolderError, Manifest, samples_of_cells
-from jaxnet.store.layout import CellLabel, Shard, samples_of_shard
+from jaxnet.store.folder import MOST_SHARD, Folder, FolderError, Manifest, samples_of_cells
+from jaxnet.store.layout import Shard, samples_of_shard
 
 if TYPE_CHECKING:
     from jaxnet.engine import status
@@ -35,7 +36,7 @@ else:
     status = LazyModule("jaxnet.engine.status")
 
 STAMP = b"jaxnet.shard"  # in a file's metadata
-MOST_ROWS, MOST_FILE = MOST["shard_size"], 2**28  # of a file, the latter in bytes
+MOST_FILE = 2**28  # bytes of a file
 READERS = 16  # files looked over at a time
 OK: ds.Expression = ds.field("status") == "ok"
 
@@ -57,17 +58,13 @@ class Stamp(NamedTuple):
 
 
 def column_types(study: Config, cells: Sequence[Cell]) -> dict[str, pa.DataType]:
-    """Return the types of the swept keys' columns, equal in every shard."""
-    return {key: column_type(study, key, label) for key, label in cells[0].labels.items()}
-
-
-def column_type(study: Config, key: str, label: CellLabel) -> pa.DataType:
-    """Return the type of a swept key's column."""
-    if isinstance(label, str):
-        return pa.string()
-    given = study.sweep[key]
-    whole = isinstance(given, list) and all(isinstance(value, int) for value in given)
-    return pa.int64() if whole else pa.float64()
+    found = {}
+    for key, label in cells[0].labels.items():
+        given = study.sweep[key]
+        whole = isinstance(given, list) and all(isinstance(value, int) for value in given)
+        number = pa.int64() if whole else pa.float64()
+        found[key] = pa.string() if isinstance(label, str) else number
+    return found
 
 
 ROW_COUNTS = ("steps", "switches", "unheard")
@@ -81,10 +78,10 @@ ISOLATION = {  # columns on vehicles that decisions cut off from the navigator, 
 
 
 def isolation_columns(cells: Sequence[Cell]) -> list[str]:
-    """Return the columns of a study on vehicles that decisions cut off, equal in every shard.
+    """Columns of a study on vehicles that decisions cut off, equal in every shard.
 
-    A study whose defences cannot cut a vehicle off has none. Where they can, the columns tell who and since
-    when; where such vehicles coast, also how many, for how long, and how many stopped.
+    A study whose defences cannot cut a vehicle off has none. Where they can, the columns tell who
+    and since when; where such vehicles coast, also how many, for how long, and how many stopped.
     """
     defences = [cell.scenario.defence for cell in cells if cell.scenario.law.couples()]
     if any(defence.coasts() for defence in defences):
@@ -95,11 +92,8 @@ def isolation_columns(cells: Sequence[Cell]) -> list[str]:
 def outcome_table(
     shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataType], isolation: Sequence[str]
 ) -> pa.Table:
-    """Return the rows of a shard's lanes, with columns in the documented order.
-
-    `isolation` are the study's columns on vehicles that decisions cut off.
-    """
-    count = len(shard.samples)
+    """Rows of a shard's lanes; `isolation` are the study's columns on vehicles that are cut off."""
+    count, scenario = len(shard.samples), shard.cell.scenario
     columns: dict[str, pa.Array | np.ndarray | list[str]] = {
         "cell": np.full(count, shard.cell.number, dtype=np.int64),
         "sample": np.array(shard.samples, dtype=np.int64),
@@ -107,44 +101,32 @@ def outcome_table(
     for key, label in shard.cell.labels.items():
         columns[key] = pa.array([label] * count, type=types[key])
     columns["status"] = [status.Status(code).name for code in outcome.status]
-    columns |= {
-        metric.name: outcome.metrics[metric.name] for metric in shard.cell.scenario.measured()
-    }
+    columns |= {metric.name: outcome.metrics[metric.name] for metric in scenario.measured()}
     columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
     columns |= {name: pa.array(outcome.cut_off[name], type=ISOLATION[name]) for name in isolation}
-    if isolation:
-        columns["cut_off_at"] = tick_times(shard.cell.scenario, outcome.cut_off["cut_off_at"])
+    if isolation:  # times as multiples of the tick, rounded once
+        times, tick = outcome.cut_off["cut_off_at"].copy(), interval_of(scenario)
+        known = np.isfinite(times)
+        times[known] = multiples(tick, np.rint(times[known] / tick).astype(int).tolist())
+        columns["cut_off_at"] = times
     return pa.table(columns)
 
 
-def tick_times(
-    scenario: Scenario, times: Float[np.ndarray, " lanes"]
-) -> Float[np.ndarray, " lanes"]:
-    """Return times of the engine [s] as multiples of the tick, rounded once."""
-    known, found, tick = np.isfinite(times), times.copy(), interval_of(scenario)
-    found[known] = multiples(tick, np.rint(times[known] / tick).astype(int).tolist())
-    return found
-
-
 def column_names(cell: Cell, isolation: Sequence[str]) -> list[str]:
-    """Return the names of a row file's columns, in order."""
     metrics = [metric.name for metric in cell.scenario.measured()]
     return ["cell", "sample", *cell.labels, "status", *metrics, *ROW_COUNTS, *isolation]
 
 
 def row_file(number: int) -> str:
-    """Return the name of a shard's row file."""
     return f"lanes/{number:05d}.parquet"
 
 
 def shard_number(name: str) -> int | None:
-    """Return the number of the shard of a row file; None for any other file."""
     found = re.fullmatch(r"(\d{5,12})\.parquet", name)
     return int(found[1]) if found else None
 
 
 def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
-    """Write a shard's rows with their stamp."""
     stamped = rows.replace_schema_metadata({STAMP: json.dumps(stamp._asdict())})
     folder.put(
         row_file(number),
@@ -179,29 +161,28 @@ def read_columns(path: UPath, columns: Sequence[str] | None = None) -> pa.Table:
 
 
 def strange_file(metadata: pq.FileMetaData, schema: pa.Schema) -> str:
-    """Return what is wrong with a row file, before its rows are decompressed; "" if nothing is."""
-    bytes_of = sum(
-        metadata.row_group(number).total_byte_size for number in range(metadata.num_row_groups)
-    )
-    if metadata.num_rows > MOST_ROWS or bytes_of > MOST_FILE:
-        return f"it has {metadata.num_rows:,} rows in {bytes_of:,} bytes"
+    """What is wrong with a row file, before its rows are decompressed; "" if nothing is."""
+    groups = map(metadata.row_group, range(metadata.num_row_groups))
+    size = sum(group.total_byte_size for group in groups)
+    if metadata.num_rows > MOST_SHARD or size > MOST_FILE:
+        return f"it has {metadata.num_rows:,} rows in {size:,} bytes"
     return strange_columns(schema)
 
 
 def refuse_lost(folder: Folder, manifest: Manifest) -> None:
-    """Raise FolderError unless the folder of a finished run has the rows that its manifest promises.
+    """Raise FolderError unless a finished run's folder has the rows that its manifest promises.
 
-    Each sample of each cell stands once, in the file of its shard. Further samples of the cell do not count:
-    a part of a run with more samples may have added them.
+    Each sample of each cell stands once, in the file of its shard. Further samples of the cell do
+    not count: a part of a run with more samples may have added them.
     """
     samples, size = samples_of_cells(manifest, manifest["cells"]), manifest["shard_size"]
     numbers = range(-(-max(samples, default=0) // size) * len(samples))
-    due = ((number, *samples_of_shard(samples, size, number)) for number in numbers)
-    there = {path.name for path in folder.path.glob("lanes/*")}
-    parts: list[tuple[int, int, range]] = []
+    there = {f"lanes/{path.name}" for path in folder.path.glob("lanes/*")}
 
-    def lost(part: tuple[int, int, range]) -> str:
-        number, cell, wanted = part
+    def lost(number: int) -> str:
+        cell, wanted = samples_of_shard(samples, size, number)
+        if not wanted:
+            return ""
         try:
             rows = read_columns(folder.path / row_file(number), ("cell", "sample"))
             foreign = is_foreign(rows.schema.metadata, manifest["hash"])
@@ -210,18 +191,16 @@ def refuse_lost(folder: Folder, manifest: Manifest) -> None:
             why = "is missing"
         except TornError as error:
             why = f"is {error}"
-        return (
-            why and f"{row_file(number)} (cell {cell}, samples {wanted[0]} to {wanted[-1]}) {why}"
-        )
+        samples_told = f"samples {wanted[0]} to {wanted[-1]}"
+        return why and f"{row_file(number)} (cell {cell}, {samples_told}) {why}"
 
-    for part in (part for part in due if part[-1]):
-        parts.append(part)
-        if (
-            Path(row_file(part[0])).name not in there
-        ):  # a manifest may promise more than any folder holds
-            break
+    looked = []
+    for number in numbers:
+        looked.append(number)
+        if row_file(number) not in there and samples_of_shard(samples, size, number)[1]:
+            break  # a manifest may promise more than any folder holds
     with ThreadPoolExecutor(READERS) as pool:
-        found = list(filter(None, pool.map(lost, parts)))
+        found = list(filter(None, pool.map(lost, looked)))
     if found:
         more = f" and {len(found) - 3} more files" if len(found) > 3 else ""
         told = f"{folder.path} lacks rows of its run: {'; '.join(found[:3])}{more}"
@@ -229,7 +208,7 @@ def refuse_lost(folder: Folder, manifest: Manifest) -> None:
 
 
 def wrong_rows(rows: pa.Table, cell: int, wanted: range) -> str:
-    """Return what is wrong with a shard's rows if they lack a sample of the cell or have one twice; or ""."""
+    """What is wrong with a shard's rows if they lack a sample or have one twice; or ""."""
     samples = rows["sample"].to_numpy()
     if (rows["cell"].to_numpy() != cell).any():
         return "holds rows of another cell"
@@ -239,10 +218,8 @@ def wrong_rows(rows: pa.Table, cell: int, wanted: range) -> str:
     return "" if np.array_equal(samples, wanted) else "lost samples, or has some twice"
 
 
-TEXT_TYPES = {
-    pa.string(),
-    pa.large_string(),
-}  # the latter if other programs have written a file again
+# the latter if other programs have written a file again
+TEXT_TYPES = {pa.string(), pa.large_string()}
 NUMBER_TYPES = {pa.int64(), pa.float64()}
 COLUMN_TYPES = {
     "cell": {pa.int64()},
@@ -253,7 +230,6 @@ COLUMN_TYPES = {
 
 
 def strange_columns(schema: pa.Schema) -> str:
-    """Return what is wrong with the columns of a row file; "" if nothing is."""
     for name in COLUMN_TYPES:
         if name not in schema.names:
             return f"it has no column {name}"
@@ -264,12 +240,9 @@ def strange_columns(schema: pa.Schema) -> str:
 
 
 def any_stamp(folder: Folder) -> Stamp | None:
-    """Return the stamp of any readable row file; None without one."""
     for path in sorted(folder.path.glob("lanes/[0-9]*.parquet")):
-        try:
+        with contextlib.suppress(TornError):
             return read_rows(path)[1]
-        except TornError:
-            continue
     return None
 
 
@@ -281,9 +254,9 @@ def scan_cells(
 ) -> Iterator[tuple[int, pd.DataFrame]]:
     """Yield cell by cell the number of the cell and its rows, sorted by sample.
 
-    `columns` and `where` select columns and rows. The scan reads the files once, with the rows of one cell in
-    memory. It omits cells without rows, and samples beyond those of the shards.
-    Raises FolderError if a file cannot be read or holds lanes of another study than the manifest.
+    `columns` and `where` select columns and rows. The scan reads the files once, with the rows of
+    one cell in memory. It omits cells without rows, and samples beyond those of the shards. Raises
+    FolderError if a file cannot be read or holds lanes of another study than the manifest.
     """
     if not shards:
         return
@@ -293,48 +266,34 @@ def scan_cells(
     within = ds.field("sample") < max(shard.samples.stop for shard in shards)
     options = ds.ParquetFragmentScanOptions(page_checksum_verification=True, pre_buffer=True)
     form = ds.ParquetFileFormat(default_fragment_scan_options=options)
+    study = folder.manifest.get("hash")
+
+    def checked(found: ds.TaggedRecordBatch) -> pa.RecordBatch:
+        if study is not None and is_foreign(found.fragment.metadata.metadata, study):
+            told = "holds lanes of another study; jaxnet run replaces them"
+            raise FolderError(f"{found.fragment.path} {told}")
+        return found.record_batch
+
     try:
         data = ds.dataset(files, filesystem=folder.path.fs, format=form)
         if strange := strange_columns(data.schema):
             raise FolderError(f"{folder.path}/lanes holds no rows of ours: {strange}")
-        study = folder.manifest.get("hash")
-        data_of_ours = data.replace_schema(
-            data.schema.remove_metadata()
-        )  # pandas would heed its own there
-        scanner = data_of_ours.scanner(
-            columns=wanted, filter=within if where is None else within & where
-        )
-        found = (checked_batch(study, each) for each in scanner.scan_batches())
-        batches = (batch for batch in found if batch.num_rows)
+        # pandas would heed its own metadata there
+        bare = data.replace_schema(data.schema.remove_metadata())
+        scanner = bare.scanner(columns=wanted, filter=within if where is None else within & where)
+        batches = (batch for batch in map(checked, scanner.scan_batches()) if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
             yield cell, pa.Table.from_batches(mine).to_pandas()
+    except FolderError:
+        raise
     except (pa.ArrowException, OSError, ValueError) as error:
-        if isinstance(error, FolderError):
-            raise
-        reason = str(error).splitlines()[0]
-        raise FolderError(
-            f"{folder.path}/lanes: {reason}; jaxnet run simulates again what is torn"
-        ) from error
-
-
-def checked_batch(study: str | None, found: ds.TaggedRecordBatch) -> pa.RecordBatch:
-    """Return the rows of a scanned batch; raise FolderError if their file belongs to another study."""
-    if study is not None and is_foreign(found.fragment.metadata.metadata, study):
-        raise FolderError(
-            f"{found.fragment.path} holds lanes of another study; jaxnet run replaces them"
-        )
-    return found.record_batch
+        reason = f"{str(error).splitlines()[0]}; jaxnet run simulates again what is torn"
+        raise FolderError(f"{folder.path}/lanes: {reason}") from error
 
 
 def is_foreign(metadata: Mapping[bytes, bytes] | None, study: str) -> bool:
-    """Return whether a row file has the stamp of another study than that of this hash."""
     stamp = (metadata or {}).get(STAMP)
     try:
         return stamp is not None and json.loads(stamp)["study"] != study
     except (ValueError, KeyError, TypeError, RecursionError):
         return True
-
-
-def read_lanes(folder: Folder, shards: Sequence[Shard]) -> pd.DataFrame:
-    """Return all rows of these shards, sorted by cell and sample."""
-    return pd.concat([rows for _, rows in scan_cells(folder, shards)], ignore_index=True)

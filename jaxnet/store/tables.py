@@ -1,13 +1,13 @@
 """Tables as CSV files, for spreadsheets and for reading again.
 
-A spreadsheet computes text that begins with `=`, `+`, `-` or `@`. Such text is written with an apostrophe
-before it, and read without it. A number is no text.
+A spreadsheet computes text that begins with `=`, `+`, `-` or `@`. Such text is written with an
+apostrophe before it, and read without it. A number is no text.
 """
 
 import io
 import re
-from collections.abc import Mapping, Sequence
-from typing import IO, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import IO
 
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
@@ -21,13 +21,11 @@ ROW_TEXT = 2**12  # bytes of a lane in a table, at most
 
 
 def csv_text(table: pd.DataFrame) -> str:
-    """Return a table as CSV."""
-    return changed_text(table, guard_text).to_csv(index=False)
+    return with_texts(table, guard_text).to_csv(index=False)
 
 
 def write_table(table: pd.DataFrame, file: IO[bytes] | io.BytesIO) -> None:
-    """Write a table into a binary file as CSV."""
-    changed_text(table, guard_text).to_csv(file, index=False)
+    with_texts(table, guard_text).to_csv(file, index=False)
 
 
 def read_table(
@@ -44,11 +42,10 @@ def read_table(
         found = pd.read_csv(io.BytesIO(content), dtype=types, keep_default_na=False, na_values=[""])  # pyright: ignore
     if missing := [name for name in needed if name not in found]:
         raise FolderError(f"{path} {fault} (no column {missing[0]})")
-    return changed_text(found, bare_text)
+    return with_texts(found, bare_text)
 
 
-def changed_text(table: pd.DataFrame, change: Any) -> pd.DataFrame:
-    """Return a table whose titles and texts are changed."""
+def with_texts(table: pd.DataFrame, change: Callable[[str], str]) -> pd.DataFrame:
     found = table.rename(columns=lambda name: change(name) if isinstance(name, str) else name)
     for place, name in enumerate(found):
         column = found.iloc[:, place]
@@ -61,7 +58,7 @@ def changed_text(table: pd.DataFrame, change: Any) -> pd.DataFrame:
 
 
 def guard_text(text: str) -> str:
-    """Return text that no spreadsheet computes."""
+    """Text that no spreadsheet computes."""
     if not FORMULA.match(text):
         return text
     try:
@@ -72,5 +69,4 @@ def guard_text(text: str) -> str:
 
 
 def bare_text(text: str) -> str:
-    """Return text without the apostrophe that guards it."""
     return text[1:] if text.startswith("'") and FORMULA.match(text) else text

@@ -1,4 +1,4 @@
-"""The worst choice is found where it is known, is what its study of its own gives, and is found again."""
+"""The worst choice is found where it is known, is what its study of its own gives."""
 
 import contextlib
 import itertools
@@ -18,16 +18,14 @@ from jaxnet.api import studies, writing
 from jaxnet.config.document import ConfigError
 from jaxnet.config.keys import Scenario
 from jaxnet.engine.batch import Machine
-from jaxnet.explore import late, search, worst
+from jaxnet.explore import search, worst
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.search import Finalist, Trials, search_box
+from jaxnet.explore.search import Finalist, Trials, late_time, search_box
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs import cluster
 from jaxnet.store.folder import TakenError
-from jaxnet.view.page.sections import search_section
 from jaxnet.view.text.worst import search_text as text_of
-from jaxnet.view.text.worst import worst_rows
 from tests import systems
 
 MANY = Machine(devices=1, chunk=64)  # a generation at once
@@ -49,9 +47,16 @@ def box_of(given):
     return Box(scenario, source, drawn)
 
 
-@pytest.mark.parametrize("case", ["constant, ring", "spoof, ring", "replaces, ring"])
+LONG = pytest.mark.long
+CASES = (
+    "constant, ring",
+    *(pytest.param(f"{each}, ring", marks=LONG) for each in ("spoof", "replaces")),
+)
+
+
+@pytest.mark.parametrize("case", CASES)
 def test_the_worst_is_found_where_it_is_known(case):
-    """To 1 %: all directions the same, of constant attacks, of spoofs, and of attacks that replace."""
+    """To 1 %: all directions the same, of constant attacks, of spoofs."""
     topology, attack, over, exact = KNOWN[case]
     keys = {"topology": topology, "attack": attack, "defence": "none", "horizon": 20.0, "tail": 1.0}
     trials = Trials(box_of(experiment.study_of(over, 1, 4000, 2, **keys)), 2, largest, MANY)
@@ -61,8 +66,9 @@ def test_the_worst_is_found_where_it_is_known(case):
     assert 0.99 * exact < trials.best / 10 < 1.001 * exact
 
 
+@pytest.mark.long
 def test_sets_of_vehicles_are_all_tried():
-    """Of six vehicles on a ring, the best pair is the one that the exact solution of all pairs has."""
+    """Of six vehicles on a ring, the best pair is that of the exact solution of all pairs."""
     given = study(
         {"attack.vehicles": {"choose": 2}}, budget=200, vehicles=6, attack=experiment.IN_PHASE
     )
@@ -99,6 +105,7 @@ def test_a_point_is_the_lane_that_is_drawn_there():
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.long
 def test_choices_of_which_a_lane_fails_count_less():
     """They are counted, and what is found is the best of the others."""
     given = study({"attack.direction": "each"})
@@ -113,8 +120,9 @@ def test_choices_of_which_a_lane_fails_count_less():
     assert last.best > 25
 
 
+@pytest.mark.long
 def test_larger_budgets_have_more_populations(monkeypatch):
-    """So many that none has more generations than it is to have; a batch then has work for all cores."""
+    """So many that none has more generations than it is to have."""
     monkeypatch.setattr(search, "MOST_GENERATIONS", 20)
     monkeypatch.setattr(
         Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None]
@@ -130,18 +138,6 @@ def test_larger_budgets_have_more_populations(monkeypatch):
     assert many <= 21
     assert large == pytest.approx(10 * small, rel=0.1)
     assert best == pytest.approx(-8 * 0.2**2, abs=1e-4)  # eight are not attacked, and stay at 0.5
-
-
-@pytest.mark.parametrize(("budget", "kept"), [(2_000, 200), (20_000, 320)])
-def test_polishing_is_kept_little_of_a_large_budget(budget, kept, monkeypatch):
-    """A tenth, or ten steps: a step tries two choices a number, of four, and 24 along the slope."""
-    monkeypatch.setattr(search, "MOST_STEPS", 10)
-    monkeypatch.setattr(
-        Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None]
-    )
-    trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
-    lanes = [each.lanes for each in search_box(trials, budget, 0) if each.phase == "search"]
-    assert lanes[-1] <= budget - kept < 2 * lanes[-1] - lanes[-2]
 
 
 OVER = {"attack.phase": "each", "attack.frequency": [0.2, 2.0]}
@@ -183,27 +179,6 @@ def test_the_worst_is_a_study_of_its_own(whole):
     )
 
 
-def test_the_table_and_the_page_tell_what_is_left_late(whole):
-    """Beside what was found, and when."""
-    results, _ = whole
-    table, page = text_of(results), str(search_section(results))
-    assert "late: at 40 s" in table
-    assert "the same choice at 40 s" in page
-    for left in results.worst["late"]:
-        assert f" {left / 10:.4g} " in table
-        assert f">{left / 10:.4g}<" in page
-
-
-@pytest.mark.parametrize("sizes", [[10.0, np.nan], [0.0, 10.0]])
-def test_errors_are_in_metres_unless_every_cell_has_a_size(whole, sizes, monkeypatch):
-    """A column has one unit: ā of one cell is drawn, or 0."""
-    results, _ = whole
-    changed = results.worst.assign(magnitude=sizes)
-    monkeypatch.setattr(type(results), "worst", changed)
-    assert "the worst tail_max [m]; late" in text_of(results)
-    np.testing.assert_array_equal(worst_rows(results)["found"], changed["found"])
-
-
 def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     """It ends as one that nobody disturbed, and does nothing twice."""
     results, given = whole
@@ -229,6 +204,8 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     assert again.worst.equals(results.worst)
     assert again.searched.equals(results.searched)
     assert len(simulated) == len(results.searched)
+    monkeypatch.setattr(worst.CellSearch, "verify", lambda *_: pytest.fail("again"))
+    list(writing.write_search(again))  # what has ended is kept
 
 
 @pytest.mark.parametrize("when", ["again from other starts", "tail_max"])
@@ -290,15 +267,7 @@ def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
     assert again.searched.equals(results.searched)
 
 
-def test_a_cell_that_has_ended_is_not_tried_from_other_starts_again(whole, monkeypatch):
-    """What was found there is kept with the search."""
-    results, _ = whole
-    monkeypatch.setattr(worst.CellSearch, "verify", lambda *_: pytest.fail("again"))
-    before = results.worst
-    list(writing.write_search(results))
-    assert results.worst.equals(before)
-
-
+@pytest.mark.long
 def test_a_cell_in_which_all_lanes_fail_is_told(tmp_path):
     """With no number, and ā drawn for each lane has none either."""
     keys = {"defence": "w_msr", "topology": "path", "tick": 0.1}
@@ -312,8 +281,9 @@ def test_a_cell_in_which_all_lanes_fail_is_told(tmp_path):
     assert row["failed"] >= row["lanes"]
 
 
+@pytest.mark.long
 def test_the_worst_attack_that_is_not_seen(tmp_path, monkeypatch):
-    """A constant bias as great as 2 % of alarms allow, 0.6213 deviations by the χ² law; none if half of all
+    """A constant bias as great as 2 % of alarms allow, 0.6213 deviations by the χ² law.
     honest words raise one.
     """
     monkeypatch.setattr(worst, "FRESH", 48)
@@ -333,7 +303,7 @@ def test_the_worst_attack_that_is_not_seen(tmp_path, monkeypatch):
     found = jaxnet.simulate(results.path / "worst" / "0.yaml", progress=False).lanes.iloc[0]
     row, nothing = results.worst.to_dict("records")
     assert found["tail_mean"] == row["found"]
-    # The share rises with the bias in steps of a word. Of as many lanes of this start none has more.
+    # The share rises with the bias in steps of a word.
     words, share = 2 * 3 * 401, found["alarms"]
     assert 0.02 - 3 / words < share <= 0.02
     width = 2.576 * np.sqrt(0.02 * 0.98 / words)
@@ -360,11 +330,12 @@ def smooth(x):
     return 35 * x**4 - 84 * x**5 + 70 * x**6 - 20 * x**7
 
 
+@pytest.mark.long
 def test_what_persists_is_told_apart_from_what_is_transient(tmp_path, monkeypatch):
-    """The choice is the finalist that is greatest at 1,000 s, where those greatest at 20 s are 0 again.
+    """The choice is the finalist that is greatest at 1,000 s.
 
-    A signal in phase on the untrimmed ring comes to 90/29 of itself, at any time (theorems.md O2). This one
-    begins to fall at 900 s, and falls as long as it rises.
+    A signal in phase on the untrimmed ring comes to 90/29 of itself, at any time (theorems.md O2).
+    This one begins to fall at 900 s, and falls as long as it rises.
     """
     monkeypatch.setattr(worst, "FRESH", 8)
     attack = {
@@ -412,19 +383,10 @@ def test_the_choice_is_the_finalist_that_is_worst_at_the_late_time(
     trials.finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)][
         1:
     ]
-    monkeypatch.setattr(late, "late_means", lambda *_: np.array(after))
-    choice = late.choose_finalist(trials, 1000.0, largest, systems.FEW)
+    monkeypatch.setattr(Trials, "late_means", lambda *_: np.array(after))
+    choice = trials.choose_finalist(1000.0)
     assert (choice.point[0], choice.found, choice.until) == (chosen, found[chosen], 1000.0)
     np.testing.assert_equal(choice.late, after[chosen])
-
-
-def test_a_search_until_the_horizon_looks_no_further(monkeypatch):
-    """The choice is then the greatest at the horizon, of 20 s."""
-    trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
-    trials.best, trials.finalists = 3.0, [Finalist(2.0, trials.point)]
-    monkeypatch.setattr(late, "late_means", lambda *_: pytest.fail("a lane"))
-    for until in (10.0, 20.0):
-        assert late.choose_finalist(trials, until, largest, systems.FEW)[1:] == (3.0, 3.0, 20.0)
 
 
 @pytest.mark.parametrize(
@@ -440,4 +402,4 @@ def test_a_search_until_the_horizon_looks_no_further(monkeypatch):
 def test_the_late_time_is_an_output_time(horizon, step, until, time):
     """The first one that is not before `until`, nor before the horizon."""
     scenario = Scenario(horizon=horizon, output_step=step, tail=0.0)
-    assert late.late_time(scenario, until) == pytest.approx(time, rel=1e-12)
+    assert late_time(scenario, until) == pytest.approx(time, rel=1e-12)

@@ -62,6 +62,7 @@ def ishigami(seen):
 ISHIGAMI = Metric("ishigami", "", ishigami, "run", "mean", "mean")
 
 
+@pytest.mark.long
 def test_ishigamis_indices_come_out_of_lanes(tmp_path):
     """As Ishigami and Homma (1990) have them; a heading that is drawn too does not matter."""
     heading = QUICK["initial"] | {"heading": {"uniform": [0, 1]}}
@@ -90,6 +91,7 @@ def test_the_formula_is_scipys():
     np.testing.assert_allclose(found, [known.first_order, known.total_order], rtol=1e-12)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_indices_as_often_as_they_say():
     """Of a + 2 b, whose parts are 1/5 and 4/5: in 200 trials about 95 % of the time."""
     held = []

@@ -1,4 +1,4 @@
-"""`jaxnet.field`: one lane for whoever integrates (beside the engines: tests/engine/test_stacked.py)."""
+"""`jaxnet.field`: one lane for whoever integrates; tests/engine/test_stacked.py has the engines."""
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ def test_the_example_ends_where_the_exact_solution_does():
 
 
 def test_the_field_is_of_the_lane_and_moves_as_its_vehicles_do():
-    """`ẋ = v cos θ`, `ẏ = v sin θ`, `θ̇ = ω`, `v̇ = F`; the start is that of the sample and cell."""
+    """`ẋ = v cos θ`, `ẏ = v sin θ`, `θ̇ = ω`, `v̇ = F`."""
     study = jaxnet.load({**RING, "sweep": {"initial.speed": [0.3, 0.4]}})
     field, start = jaxnet.field(study, sample=2, cell=1)
     assert (start.shape, start.dtype) == ((6, 4), jnp.float64)
@@ -32,7 +32,7 @@ def test_the_field_is_of_the_lane_and_moves_as_its_vehicles_do():
 
 
 def test_what_has_no_field_is_refused():
-    """No such cell, rules that need ticks, and single precision, each in words that say what to do."""
+    """No such cell, rules that need ticks, single precision: each in words that say what to do."""
     with pytest.raises(ValueError, match="cells 0 to 0"):
         jaxnet.field(RING, cell=1)
     with pytest.raises(ValueError, match="sample is a whole number"):

@@ -1,4 +1,4 @@
-"""A run that is killed at any moment loses nothing: the same command completes it as if it had not been."""
+"""A run that is killed at any moment loses nothing: the same command completes it."""
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ STUDY = kill.STUDY | {
 }
 
 
+@pytest.mark.long
 def test_a_run_killed_twice_ends_as_one_left_alone(tmp_path):
     """No table is ever torn or a shard written twice, and the results are equal to the last bit."""
     config, whole, broken = kill.written(STUDY, tmp_path), tmp_path / "whole", tmp_path / "broken"

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,7 +22,6 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
-from jaxnet.config.document import ConfigError
 from jaxnet.config.scenario import situation_of
 from jaxnet.model.graph import dense
 from jaxnet.runs.replay import replay
@@ -47,17 +45,22 @@ STUDY = {
     "save": {"errors": True, "trajectories": "all"},
 }
 COLUMNS = [
-    *("cell", "sample", "topology", "attack.magnitude", "status", "tail_mean", "tail_max"),
-    *(
-        "tail_disagreement",
-        "peak_error",
-        "min_speed",
-        "peak_turn_rate",
-        "steps",
-        "switches",
-        "unheard",
-    ),
-    *("cut_off", "cut_off_at"),
+    "cell",
+    "sample",
+    "topology",
+    "attack.magnitude",
+    "status",
+    "tail_mean",
+    "tail_max",
+    "tail_disagreement",
+    "peak_error",
+    "min_speed",
+    "peak_turn_rate",
+    "steps",
+    "switches",
+    "unheard",
+    "cut_off",
+    "cut_off_at",
 ]
 
 
@@ -96,8 +99,9 @@ for words in json.loads(sys.argv[1]):
 """
 
 
+@pytest.mark.long
 def test_optimised_programs_make_the_same_rows(config, results, tmp_path):
-    """As users compile them, unlike the tests; a lane replayed with all saved is the same to the last bit."""
+    """As users compile them, unlike the tests; a lane replayed is the same to the last bit."""
     commands = []
     for engine in ("exact", "nonlinear"):
         words = [
@@ -214,23 +218,6 @@ def test_more_samples_extend_a_folder(config, results, tmp_path):
     assert not np.isnan(more.errors["tracking"].values).any()
 
 
-def test_a_missing_shard_is_made_again_as_it_was(config, results, tmp_path):
-    """A run that was cut short goes on, and only what is missing is simulated."""
-    shutil.copytree(results.path, tmp_path / "cut")
-    (tmp_path / "cut" / "lanes" / "00002.parquet").unlink()
-    kept = (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns
-    told = []
-    (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").touch()
-    again = jaxnet.run(
-        jaxnet.load(config), tmp_path / "cut", progress=lambda *now: told.append(now)
-    )
-    assert told[0] == (9, 12, 0)
-    assert told[-1] == (12, 12, 0)
-    pd.testing.assert_frame_equal(again.lanes, results.lanes, check_exact=True)
-    assert not (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").exists()
-    assert (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns == kept
-
-
 def test_another_study_is_refused_and_loses_nothing(config, results, tmp_path):
     """The message names the key that differs; `fresh` replaces."""
     shutil.copytree(results.path, tmp_path / "taken")
@@ -239,6 +226,9 @@ def test_another_study_is_refused_and_loses_nothing(config, results, tmp_path):
         FolderError, match=r"gain is \[1.0, 3.0, 3.0\] there and \[6.0, 11.0, 6.0\] here"
     ):
         jaxnet.run(other, tmp_path / "taken")
+    swapped = dict(reversed(STUDY["sweep"].items()))
+    with pytest.raises(FolderError, match="another order"):  # which numbers the cells
+        jaxnet.run(jaxnet.load(config, {"sweep": swapped}), tmp_path / "taken")
     kept = jaxnet.open(tmp_path / "taken")
     pd.testing.assert_frame_equal(kept.lanes, results.lanes, check_exact=True)
     replaced = jaxnet.run(other, tmp_path / "taken", fresh=True)
@@ -251,6 +241,11 @@ def test_a_folder_by_another_version_or_of_something_else_is_refused(config, res
     Folder(tmp_path / "old").write_manifest(versions={"jaxnet": "0.0.1"})
     with pytest.raises(FolderError, match=r"written by jaxnet 0\.0\.1"):
         jaxnet.run(jaxnet.load(config), tmp_path / "old")
+    (tmp_path / "mine" / "figures").mkdir(parents=True)
+    (tmp_path / "mine" / "figures" / "photo.png").touch()
+    with pytest.raises(FolderError, match="holds figures"):
+        jaxnet.run(jaxnet.load(config), tmp_path / "mine", fresh=True)
+    assert (tmp_path / "mine" / "figures" / "photo.png").exists()
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter1.tex").touch()
     (tmp_path / "thesis" / ".notes.1").touch()
@@ -260,22 +255,6 @@ def test_a_folder_by_another_version_or_of_something_else_is_refused(config, res
     assert (tmp_path / "thesis" / ".notes.1").exists()
     with pytest.raises(FolderError, match="not a results folder"):
         jaxnet.open(tmp_path / "thesis")
-
-
-def test_the_order_of_a_sweep_is_part_of_the_study(config, results, tmp_path):
-    """It numbers the cells."""
-    swapped = dict(reversed(STUDY["sweep"].items()))
-    with pytest.raises(FolderError, match="another order"):
-        jaxnet.run(jaxnet.load(config, {"sweep": swapped}), results.path)
-
-
-def test_fresh_removes_results_and_nothing_else(config, tmp_path):
-    """Not a folder of the same name that no run has made."""
-    (tmp_path / "mine" / "figures").mkdir(parents=True)
-    (tmp_path / "mine" / "figures" / "photo.png").touch()
-    with pytest.raises(FolderError, match="holds figures"):
-        jaxnet.run(jaxnet.load(config), tmp_path / "mine", fresh=True)
-    assert (tmp_path / "mine" / "figures" / "photo.png").exists()
 
 
 def test_swept_attacks_stand_beside_their_signals(config, tmp_path):
@@ -301,15 +280,8 @@ def test_a_file_is_no_results_folder(config, tmp_path):
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_one_writer_at_a_time(config, tmp_path):
-    """The second is told who the first is."""
-    folder = Folder(tmp_path / "busy")
-    with folder.writing(), pytest.raises(FolderError, match=f"process {os.getpid()} on"):
-        jaxnet.run(jaxnet.load(config), tmp_path / "busy")
-
-
 def test_chosen_trajectories(config, tmp_path):
-    """The worst lane of each cell, or named samples, are equal to the whole's, and nothing else is there."""
+    """The worst lane of each cell, or named samples, equal the whole's; nothing else is there."""
     keys = {"sweep.topology": ["cyclic"]}
     whole = jaxnet.run(jaxnet.load(config, keys), tmp_path / "all")
     worst = whole.lanes.groupby("cell")["tail_mean"].idxmax()
@@ -366,46 +338,8 @@ def test_whom_vehicles_retain_is_told_of_cells_that_hear_through_more_or_less_sl
         assert ((one["source"] < 0).all("vehicle").values == [False, star, star]).all()
 
 
-def test_there_is_room_for_the_slots_of_every_cell(tmp_path):
-    """Where identities of attacked sources take slots, and more of them in a later cell."""
-    given = systems.study(
-        engine="exact",
-        horizon=1.0,
-        tail=0.5,
-        samples=1,
-        attack={"sybils": 3},
-        sweep={"attack.vehicles": [[2], [2, 4], [7]]},
-        save={"trajectories": "all"},
-    )
-    data = jaxnet.run(given, tmp_path / "out").trajectories
-    assert data.sizes["slot"] == 1 + 4 + 4
-    np.testing.assert_allclose(data["kept"].sum("slot").values, 1.0, atol=1e-6)
-    heard = (data["source"] == 2).drop_sel(vehicle=2)  # who has slots over stands in them itself
-    assert heard.sum(("slot", "vehicle")).values.tolist() == [8, 8, 2]
-
-
-def test_a_store_of_another_layout_is_made_anew(tmp_path):
-    """As by an earlier version: its lanes are simulated again."""
-    keys = {"engine": "exact", "topology": "star", "horizon": 1.0, "tail": 0.5, "samples": 2}
-    study = systems.study(**keys, save={"trajectories": "all"})
-    whole = jaxnet.run(study, tmp_path / "out").trajectories.load()
-    metadata = tmp_path / "out" / "trajectories.zarr" / "kept" / "zarr.json"
-    metadata.write_text(metadata.read_text().replace('"slot"', '"other"'))
-    assert jaxnet.run(study, tmp_path / "out").trajectories.equals(whole)
-
-
-@pytest.mark.parametrize("topology", ["cyclic", "path", {"kind": "lattice", "neighbours": 4}])
-def test_a_trajectory_grows_with_the_fleet_and_no_faster(topology):
-    """Who retains whom included."""
-    sizes = []
-    for vehicles in (20, 2000):
-        cells = systems.study(topology=topology, vehicles=vehicles).cells
-        sizes.append(layout.variable_bytes(layout.trajectory_variables(cells), cells))
-    assert sizes[1] == 100 * sizes[0]
-
-
 def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):
-    """Two in each other's place, one with a bit changed, one gone; where all is well nothing is written."""
+    """Two swapped, one with a bit changed, one gone; where all is well nothing is written."""
     given = {"engine": "exact", "horizon": 2.0, "tail": 1.0, "topology": "star"}
     study = systems.study(samples=3, save={"trajectories": {"samples": [0, 2]}}, **given)
     whole = jaxnet.run(study, tmp_path / "out").trajectories.load()
@@ -442,24 +376,6 @@ def test_saving_more_later_keeps_the_rows(config, tmp_path):
     assert not np.isnan(fuller.errors["tracking"].values).any()
 
 
-def test_what_is_saved_may_change_at_any_time(config, tmp_path):
-    """All trajectories, then the worst alone, then all again, cut short in between: none is missing."""
-    keys = {"sweep.topology": ["cyclic"], "sweep.attack.magnitude": [5.5]}
-    out = tmp_path / "changing"
-    first = jaxnet.run(jaxnet.load(config, keys), out).trajectories["states"].values
-    with pytest.warns(UserWarning, match=r"trajectories\.zarr holds all lanes, and is replaced"):
-        worst = jaxnet.run(jaxnet.load(config, {**keys, "save.trajectories": {"worst": 1}}), out)
-    assert worst.trajectories.sizes["lane"] == 1
-
-    def stop(done: int, total: int, failed: int) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        jaxnet.run(jaxnet.load(config, keys), out, progress=stop)
-    again = jaxnet.run(jaxnet.load(config, keys), out).trajectories["states"].values
-    np.testing.assert_array_equal(again, first)
-
-
 def test_a_failed_lane_keeps_its_row(config, tmp_path):
     """With its status, NaN metrics, NaN arrays from where it failed, and is counted.
 
@@ -483,12 +399,7 @@ def test_a_failed_lane_keeps_its_row(config, tmp_path):
     assert not np.isnan(results.errors["tracking"].values[0, failed["sample"], 0]).any()
 
 
-def test_overrides_of_a_swept_key_are_refused(config):
-    """They would change nothing, silently."""
-    with pytest.raises(ConfigError, match=r"sweep\.attack\.magnitude"):
-        jaxnet.load(config, ["attack.magnitude=3"])
-
-
+@pytest.mark.long
 def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
     """Status 130; the same command then completes the study as if nothing had happened."""
     overrides = [
@@ -497,16 +408,8 @@ def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
         "sweep={attack.magnitude: {linspace: [1, 12, 6]}}",
         "horizon=10",
     ]
-    command = [
-        sys.executable,
-        "-m",
-        "jaxnet",
-        "run",
-        str(config),
-        *overrides,
-        "--out",
-        str(tmp_path / "out"),
-    ]
+    words = ["run", str(config), *overrides, "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "jaxnet", *words]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("out/lanes/*.parquet")) and time.monotonic() < deadline:
@@ -524,13 +427,8 @@ def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
     assert kept == stamps
 
 
-def test_arrays_open_without_a_warning(results):
-    """By xarray alone, without this package."""
-    assert set(xr.open_zarr(results.path / "errors.zarr").data_vars) == {"tracking", "disagreement"}
-
-
 def test_numbers_and_distributions_swept_together(tmp_path):
-    """A column of one type, rows that stay when samples are added, and a stored study with the same cells."""
+    """A column of one type, rows that stay when samples are added, a study with the same cells."""
     given = {
         "engine": "exact",
         "horizon": 2.0,
@@ -619,20 +517,3 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     np.testing.assert_allclose(
         paths, results.trajectories["states"].values[1, 2, :, :, :2], atol=1e-5
     )
-
-
-@pytest.mark.filterwarnings(
-    "ignore:Consolidated metadata"
-)  # warnings are caught by one thread at a time
-def test_two_replays_of_one_lane_at_once(results, tmp_path):
-    """Neither stops the other, and whoever reads meanwhile finds the store whole."""
-    shutil.copytree(results.path, tmp_path / "copy")
-    copy = jaxnet.open(tmp_path / "copy")
-    path, _ = replay(copy, 1, 2)
-    whole = xr.open_zarr(path).load()
-    with ThreadPoolExecutor() as pool:
-        replays = [pool.submit(replay, copy, 1, 2) for _ in range(6)]
-        while not all(one.done() for one in replays):
-            assert xr.open_zarr(path).identical(whole)
-    assert {one.result()[0] for one in replays} == {path}
-    assert xr.open_zarr(path).identical(whole)

@@ -1,4 +1,4 @@
-"""Runs in the background of a script, where Ctrl-C is ignored: taken over, terminated, disks that fail."""
+"""Runs in the background, where Ctrl-C is ignored: taken over, terminated, disks that fail."""
 
 import errno
 import json
@@ -9,54 +9,21 @@ import sys
 import time
 from pathlib import Path
 
-import pandas as pd
 import pytest
-import yaml
 from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
 from jaxnet.store import lock
 from jaxnet.store.results import Results
+from tests.runs.conftest import STUDY
 
 pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
-STUDY = {
-    "name": "long",
-    "samples": 500,
-    "horizon": 5.0,
-    "tail": 1.0,
-    "topology": "star",
-    "defence": "none",
-    "engine": "exact",
-    "sweep": {"attack.magnitude": {"linspace": [0, 10, 12]}},
-    "save": {"errors": True},
-}
 SHARDS = 12
 IGNORED = 'trap "" INT; exec "$@"'  # as a shell without job control starts what ends in &
 WAIT = 120  # [s]
-
-
-@pytest.fixture(scope="module")
-def config(tmp_path_factory) -> Path:
-    """The study's file."""
-    path = tmp_path_factory.mktemp("config") / "long.yaml"
-    path.write_text(yaml.safe_dump(STUDY, sort_keys=False))
-    return path
-
-
-@pytest.fixture(scope="module")
-def whole(config, tmp_path_factory) -> Results:
-    """Its results, undisturbed."""
-    return jaxnet.run(jaxnet.load(config), tmp_path_factory.mktemp("whole") / "out")
-
-
-def assert_same(results: Results, whole: Results) -> None:
-    """Rows, arrays and tables are equal to the last bit, and nothing torn is left."""
-    pd.testing.assert_frame_equal(results.lanes, whole.lanes, check_exact=True)
-    assert results.errors.load().drop_attrs().identical(whole.errors.load().drop_attrs())
-    assert (results.path / "cells.csv").read_bytes() == (whole.path / "cells.csv").read_bytes()
-    assert {path.name for path in results.path.rglob(".*")} == {".lock"}
+MORE = 500  # samples of a run that is interrupted
 
 
 def done(out: Path) -> dict[Path, int]:
@@ -64,9 +31,9 @@ def done(out: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in out.glob("lanes/*.parquet")}
 
 
-def started(config: Path, out: Path, *words: str) -> subprocess.Popen[str]:
+def started(config: Path, out: Path) -> subprocess.Popen[str]:
     """A run that ignores Ctrl-C, when its first shards are there."""
-    run = [sys.executable, "-m", "jaxnet", "run", str(config), *words, "--out", str(out)]
+    run = [sys.executable, "-m", "jaxnet", "run", str(config), f"samples={MORE}", "--out", str(out)]
     process = subprocess.Popen(
         ["sh", "-c", IGNORED, "sh", *run],
         stdout=subprocess.DEVNULL,
@@ -79,14 +46,15 @@ def started(config: Path, out: Path, *words: str) -> subprocess.Popen[str]:
     return process
 
 
-def test_a_run_in_the_background_that_is_taken_over_stops(config, whole, tmp_path):
+@pytest.mark.long
+def test_a_run_in_the_background_that_is_taken_over_stops(parted, assert_begins, tmp_path):
     """Before its next write, while another simulates what is missing; no shard is written twice."""
     out = tmp_path / "out"
-    first = started(config, out)
+    first = started(parted, out)
     (tmp_path / "lock").write_bytes(lock.lock_content(lock.holder_entries("another"), 0))
     (tmp_path / "lock").rename(out / ".lock")
     there = done(out)
-    results = jaxnet.run(jaxnet.load(config), out)
+    results = jaxnet.run(jaxnet.load(parted, {"samples": MORE}), out)
     _, said = first.communicate(timeout=WAIT)
     assert first.returncode == 2, said
     (line,) = (line for line in said.splitlines() if "taken over" in line)
@@ -95,30 +63,25 @@ def test_a_run_in_the_background_that_is_taken_over_stops(config, whole, tmp_pat
     assert "Traceback" not in said
     assert 0 < len(there) < SHARDS
     assert there.items() <= done(out).items()
-    assert_same(results, whole)
+    assert_begins(results.lanes)
 
 
-def test_a_run_in_the_background_is_terminated(config, whole, tmp_path):
+@pytest.mark.long
+def test_a_run_in_the_background_is_terminated(parted, assert_begins, tmp_path):
     """With status 143 and a word; the same command goes on as if nothing had happened."""
     out = tmp_path / "out"
-    process = started(config, out)
+    process = started(parted, out)
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate(timeout=WAIT)
     assert process.returncode == 143, said
     assert said.splitlines()[-1] == "terminated; what is finished is kept, the same command goes on"
     there = done(out)
     assert 0 < len(there) < SHARDS
-    assert_same(jaxnet.run(jaxnet.load(config), out), whole)
+    assert_begins(jaxnet.run(jaxnet.load(parted, {"samples": MORE}), out).lanes)
     assert there.items() <= done(out).items()
 
 
-SMALL = {
-    **STUDY,
-    "name": "small",
-    "samples": 2,
-    "horizon": 2.0,
-    "sweep": {"attack.magnitude": [1, 5.5]},
-}
+SMALL = STUDY | {"samples": 2, "horizon": 2.0, "sweep": {"attack.magnitude": [1, 5.5]}}
 FILES = ["study.yaml", "manifest.json", "lanes/00000.parquet", "lanes/00001.parquet", "cells.csv"]
 KEPT = "what is finished is kept, the same command goes on or give another place with --out"
 
@@ -144,18 +107,17 @@ def failing(real, error: int, after: int):
     return function
 
 
-@pytest.mark.parametrize(
-    ("file", "error"),
-    list(
-        zip(
-            FILES,
-            [errno.EACCES, errno.ENOSPC, errno.EROFS, errno.ENOSPC, errno.EACCES],
-            strict=True,
-        )
-    ),
-)
+ERRORS = [errno.EACCES, errno.ENOSPC, errno.EROFS, errno.ENOSPC, errno.EACCES]
+
+
+def assert_equal(results: Results, whole: Results) -> None:
+    assert results.lanes.equals(whole.lanes)
+    assert results.errors.load().drop_attrs().identical(whole.errors.load().drop_attrs())
+
+
+@pytest.mark.parametrize(("file", "error"), list(zip(FILES, ERRORS, strict=True)))
 def test_a_disk_that_fails_in_the_middle_loses_nothing(small, tmp_path, monkeypatch, file, error):
-    """Full, or read-only, as this file is written: one line says so, and the same command goes on."""
+    """Full, or read-only, as a file is written: one line says so, and the same command goes on."""
     config, whole = small
     out = tmp_path / "out"
     command = ["run", config, "--out", str(out)]
@@ -172,7 +134,7 @@ def test_a_disk_that_fails_in_the_middle_loses_nothing(small, tmp_path, monkeypa
     assert len(there) == max(0, FILES[:4].index(file) - 2 if file in FILES[:4] else 2)
     assert CliRunner().invoke(main, command).exit_code == 0
     assert there.items() <= done(out).items()
-    assert_same(jaxnet.open(out), whole)
+    assert_equal(jaxnet.open(out), whole)
 
 
 @pytest.mark.parametrize("after", [0, 24])
@@ -192,4 +154,4 @@ def test_a_disk_that_fails_within_arrays_loses_nothing(small, tmp_path, monkeypa
     *_, last = ended.stderr.splitlines()
     assert last in [f"{store}No space left on device; {KEPT}" for store in stores]
     assert CliRunner().invoke(main, command).exit_code == 0
-    assert_same(jaxnet.open(tmp_path / "out"), whole)
+    assert_equal(jaxnet.open(tmp_path / "out"), whole)

@@ -1,4 +1,4 @@
-"""A finished folder that lost something, or that a stranger made: told in a line; nothing outside changes."""
+"""A finished folder that lost something, or that a stranger made: told in a line."""
 
 import json
 import os
@@ -90,10 +90,11 @@ def lost(folder: Path, how: str) -> None:
     ],
 )
 def test_a_finished_folder_that_lost_rows_says_which(how, words, made, folder):
-    """Whoever opens it; a run simulates them again, to the last bit. An unfinished run opens as it is."""
+    """Whoever opens it; a run simulates them again, to the last bit."""
     whole = jaxnet.open(made).lanes
     lost(folder, how)
-    line = f"{folder} lacks rows of its run: {ROWS} (cell 0, samples 0 to 3) {words}; jaxnet run simulates them"
+    place = f"{ROWS} (cell 0, samples 0 to 3) {words}"
+    line = f"{folder} lacks rows of its run: {place}; jaxnet run simulates them"
     for command in (["show", folder], ["export", folder, "--csv"], ["compare", made, folder]):
         assert told(*command).startswith(line), command
     with pytest.raises(FolderError, match="lacks rows of its run"):
@@ -115,19 +116,7 @@ def test_an_unfinished_run_and_rows_of_a_part_open(made, folder):
     assert "holds an unfinished run" in told("show", folder)
 
 
-PLACES = [
-    *(
-        ".lock",
-        "study.yaml",
-        "manifest.json",
-        "cells.csv",
-        ROWS,
-        CHUNK,
-        "errors.zarr/zarr.json",
-        "fit.csv",
-    ),
-    *("figures", "replays", "worst", "csv", "lanes", "errors.zarr", "errors.zarr/tracking"),
-]
+PLACES = (".lock", "study.yaml", ROWS, CHUNK, "figures", "lanes", "errors.zarr")
 
 
 @pytest.mark.parametrize("name", PLACES)
@@ -150,7 +139,7 @@ def test_only_files_and_folders_of_its_own_are_in_a_folder(what, name, folder, t
 
 
 def test_a_link_to_the_folder_is_followed(folder, tmp_path):
-    """To it, or above it: the user says where it is. One that leads in a circle is not gone round."""
+    """To it, or above it: the user says where it is."""
     (tmp_path / "here").symlink_to(folder)
     (tmp_path / "up").symlink_to(tmp_path)
     for path in (tmp_path / "here", tmp_path / "up" / "small", tmp_path / "up" / "here"):
@@ -171,7 +160,7 @@ def test_a_link_to_the_folder_is_followed(folder, tmp_path):
         ("cells.csv", "cells.csv has 1,099,511,627,776 bytes"),
         ("study.yaml", "study.yaml"),
         (ROWS, "00000.parquet has 1,099,511,627,776 bytes"),
-        ("errors.zarr/zarr.json", "errors.zarr/zarr.json has 1,099,511,627,776 bytes"),
+        ("errors.zarr/zarr.json", "errors.zarr/zarr.json has over 16,777,216 bytes"),
         (CHUNK, f"{CHUNK} is corrupt"),
         ("errors.zarr/time/c/0", "errors.zarr/time/c/0 is corrupt (it has more than 1,112 bytes)"),
     ],
@@ -203,7 +192,7 @@ def chunk_of(content: bytes) -> bytes:
     ids=["a bomb", "short", "empty", "rotten", "rotten with its checksum", "gone"],
 )
 def test_a_chunk_is_what_its_store_promises(content, folder):
-    """Told with its name where it is larger, shorter, rotten or gone, though zarr would fill or fail."""
+    """Told with its name where it is larger, shorter, rotten or gone."""
     if content is None:
         (folder / CHUNK).unlink()
     else:
@@ -259,7 +248,7 @@ def test_what_was_tampered_with_is_told(name, old, new, words, folder):
 
 
 def test_what_was_made_with_other_settings_goes(folder, tmp_path):
-    """Another τ removes figures, page and fits, and says so; beside the folder another place is asked for."""
+    """Another τ removes figures, page and fits, and says so."""
     for command in (
         ["figure", folder, "vehicles"],
         ["fit", folder],

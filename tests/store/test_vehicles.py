@@ -64,7 +64,7 @@ def test_the_table_counts_the_lanes_in_which_a_vehicle_is_off(results):
 
 
 def test_figure_and_page_show_who_tracks(results):
-    """A panel per cell with five medians, one of them of an attacked vehicle; a table on the page."""
+    """A panel per cell with five medians, one of them of an attacked vehicle."""
     figure = results.plot.vehicles()
     for panel in figure.axes:
         points = [line for line in panel.lines if line.get_marker() in ("o", "s")]

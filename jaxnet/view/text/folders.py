@@ -3,8 +3,7 @@
 import pandas as pd
 from upath import UPath
 
-from jaxnet.store import search
-from jaxnet.store.folder import Manifest, samples_of_cells
+from jaxnet.store.folder import Manifest, find_results, samples_of_cells
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import table_text
 
@@ -14,7 +13,7 @@ def folders_text(root: str) -> str:
 
     The path stands last and in full, so that it can be copied.
     """
-    found = list(search.find_results(root))
+    found = list(find_results(root))
     if not found:
         return ""
     table = table_text(

@@ -1,13 +1,75 @@
-"""CSV files of trajectories hold what the arrays hold, and every array tells its unit."""
+"""Results for other programs hold the same numbers: MATLAB's file, CSV of trajectories, units."""
+
+import re
 
 import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from scipy import io
 
 import jaxnet
 from jaxnet import FolderError
 from jaxnet.cli import main
+from jaxnet.store import export
+from tests import systems
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """Two cells with text and numbers swept, everything saved."""
+    study = systems.study(
+        engine="exact",
+        samples=2,
+        horizon=1.0,
+        tail=0.5,
+        sweep={"attack": ["none", "rotating"], "gain": [[1, 3, 3]]},
+        save={"errors": True, "trajectories": "all"},
+    )
+    return jaxnet.run(study, tmp_path_factory.mktemp("mat") / "out")
+
+
+def test_the_numbers_are_the_same(swept, tmp_path):
+    """Rows, cells, what is swept, errors and trajectories, to the last bit."""
+    path = swept.export()
+    assert path == swept.path / "results.mat"
+    held = io.loadmat(path, simplify_cells=True)
+    for name in ("tail_mean", "tail_max", "sample", "steps"):
+        np.testing.assert_array_equal(held["lanes"][name], swept.lanes[name])
+    assert held["lanes"]["status"].tolist() == swept.lanes["status"].tolist()
+    np.testing.assert_array_equal(
+        held["cells"]["tail_mean_median"], swept.cells["tail_mean_median"]
+    )
+    assert held["swept"]["attack"].tolist() == ["none", "rotating"]
+    np.testing.assert_array_equal(held["errors"]["tracking"], swept.errors["tracking"])
+    for name in ("states", "navigator", "attack", "kept", "source"):
+        np.testing.assert_array_equal(held["trajectories"][name], swept.trajectories[name])
+    dims = held["trajectories"]["dims"]["states"].tolist()
+    assert dims == ["cell", "sample", "time", "vehicle", "state"]
+    assert held["trajectories"]["attack_name"].tolist() == ["none", "rotating"]
+    other = swept.export(tmp_path / "mine.mat")
+    assert io.loadmat(other)["__header__"]
+
+
+def test_a_variable_that_is_too_large_is_refused(swept, monkeypatch):
+    """Before anything is written."""
+    monkeypatch.setattr(export, "MOST_VARIABLE_BYTES", 1000)
+    (swept.path / "results.mat").unlink(missing_ok=True)
+    with pytest.raises(FolderError, match=r"mat: \w+\.zarr has"):
+        swept.export()
+    assert not (swept.path / "results.mat").exists()
+    with pytest.raises(FolderError, match=r"ends in \.mat"):
+        swept.export("x.csv")
+
+
+def test_names_are_what_matlab_takes():
+    """And none is another's."""
+    given = ["attack.magnitude", "attack_magnitude", "end", "2nd", "_x", "a" * 70, "a" * 71, "für"]
+    found = list(export.valid_names(dict.fromkeys(given)))
+    assert found[:3] == ["attack_magnitude", "attack_magnitude_", "x_end"]
+    assert len(set(found)) == len(given)
+    assert all(re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", name) for name in found)
+
 
 KEYS = {
     "vehicle": "car",

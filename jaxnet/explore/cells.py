@@ -1,0 +1,39 @@
+"""A table that an analysis writes cell by cell: what it holds of a cell is not computed again."""
+
+import functools
+from typing import Any
+
+import pandas as pd
+from upath import UPath
+
+from jaxnet.config.study import Study
+from jaxnet.statistics.recovery import same_thresholds
+from jaxnet.store.folder import Folder
+from jaxnet.store.results import COLUMNS
+from jaxnet.store.tables import read_table, write_table
+
+AnalysisRow = dict[str, Any]  # of a table, by its columns
+
+
+class CellTable:
+    """The rows of a table with the same thresholds and the same number of lanes.
+
+    `effort` is the column of that number.
+    """
+
+    def __init__(self, study: Study, folder: Folder, name: str, effort: str, lanes: int):
+        self.folder, self.name, self.rows = folder, name, list[AnalysisRow]()
+        if self.path.exists():
+            table: Any = read_table(self.path, needed=COLUMNS[name].split())
+            same = (table[effort] == lanes) & same_thresholds(study, table)
+            self.rows = table[same].to_dict("records")
+        self.known = {row["cell"] for row in self.rows}
+
+    @property
+    def path(self) -> UPath:
+        return self.folder.path / self.name
+
+    def add(self, rows: list[AnalysisRow]) -> None:
+        self.rows += rows
+        table = pd.DataFrame(self.rows).sort_values("cell", kind="stable")
+        self.folder.put(self.name, functools.partial(write_table, table))
