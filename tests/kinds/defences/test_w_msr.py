@@ -15,9 +15,9 @@ from tests import systems
 def retained(own, values, candidates, f):
     """Which values of one vehicle on one axis it retains, by LeBlanc et al. (2013), section IV.A.
 
-    "If there are less than F values strictly larger than its own, the node removes all values that are
-    strictly larger than its own. Otherwise, it removes precisely the largest F values in the sorted list"; so
-    for the smaller ones. Of equal ones those that come first.
+    "If there are less than F values strictly larger than its own, the node removes all values that
+    are strictly larger than its own. Otherwise, it removes precisely the largest F values in the
+    sorted list"; so for the smaller ones. Of equal ones those that come first.
     """
     keep = [True] * len(values)
     for side in (1, -1):
