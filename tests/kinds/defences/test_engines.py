@@ -97,6 +97,7 @@ def test_one_rule_alone_promises_anything(name):
     assert safe(lying(name)) == [name == "trusted_only"] * 6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("defence", "holds"),
     [

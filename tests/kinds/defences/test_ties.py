@@ -36,6 +36,7 @@ def a_bit_off(one, seed):
     return one._replace(inputs=one.inputs._replace(lane=lane))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("defence", DEFENCES, ids=str)
 def test_the_last_bit_moves_nobody(defence):
     """Four attackers tell the navigator's path with an offset of one size; two starts differ by

@@ -61,14 +61,3 @@ def test_no_bound_is_told():
     assert "so no bound is told" in " ".join(check.check_text(study).split())
     rows = pd.DataFrame({"cell": [0], "sample": [0], "status": ["ok"], "tail_max": [1e9]})
     assert limits.violations_table(systems.results_of(study, rows)).empty
-
-
-def test_numbers_compile_nothing_anew(compiled):
-    """Magnitudes, weights and gains; F is a choice."""
-    small = {"engine": "exact", "defence": "w_msr", "horizon": 2.0, "tail": 1.0}
-    systems.simulate(systems.lanes(systems.study(**small), 2, ()))
-    assert compiled
-    compiled.clear()
-    other = {"gain": [2, 4, 4], "attack": {"magnitude": 1.0}, "topology": {"navigator_weight": 0.3}}
-    systems.simulate(systems.lanes(systems.study(**small, **other), 2, ()))
-    assert not compiled
