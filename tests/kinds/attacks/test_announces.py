@@ -1,4 +1,6 @@
-"""What a liar announces, where the defence judges by announcements (theorems.md O11, assumption B1)."""
+"""What a liar announces, where the defence judges by announcements (theorems.md O11, assumption
+B1).
+"""
 
 import jax
 import jax.numpy as jnp
@@ -90,7 +92,7 @@ def test_certificates_that_rest_on_what_a_liar_announces_say_so():
 
 
 def test_announcements_are_overheard_with_noise_but_the_navigators():
-    """Standard deviation as asked on each axis, independent of the noise on positions; 0 stays 0."""
+    """Standard deviation as asked on each axis, independent of noise on positions; 0 stays 0."""
     study = ring("consistent", noise=2.0)
     defence = systems.lanes(study, 1, ()).inputs.lane.defence
     drawn = type(defence).filled(

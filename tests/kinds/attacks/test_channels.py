@@ -1,4 +1,6 @@
-"""What each link carries under each attack, on either channel: trajectories against a plain program."""
+"""What each link carries under each attack, on either channel: trajectories against a plain
+program.
+"""
 
 import numpy as np
 import pytest
@@ -41,13 +43,14 @@ def lie(kind, source, lane, navigator, t):
     if kind == "freeze":
         first = navigator(0.0)[0] if source == 0 else lane.initial[:2, source - 1]
         return np.stack([first, np.zeros(2), np.zeros(2)]) - navigator(t)[:3]
-    # A constant in all four orders does what a greater one does that is a path's position (theorems.md O10).
+    # A constant in all four orders does what a greater one does that is a path's position
+    # (theorems.md O10).
     factor = (1.0 + lane.gain.sum()) / lane.gain[0] if kind == "spoof" else 1.0
     return np.array([[factor * SIZE, 0.0], [0.0, 0.0], [0.0, 0.0]])
 
 
 def plain(kind, lane, links, navigator):
-    """`choose` of `march`: the weights, and what the links carry; greedy attackers choose at ticks."""
+    """`choose` of `march`: the weights, and what links carry; greedy attackers choose at ticks."""
     angles = 2 * np.pi * np.arange(8) / 8
     directions = SIZE * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     share = np.where(links, lane.weights, 0.0).sum(axis=1)

@@ -12,7 +12,7 @@ CLOCK = {"horizon": 4.0, "tail": 1.0, "tick": 0.1}
 
 
 def constant_response(gain, rho, start, times):
-    """Position of E with `E^(r) + … + k1 Ė + k0 E = ρ` from these jets, by the matrix exponential."""
+    """E with `E^(r) + … + k1 Ė + k0 E = ρ` from these jets, by the matrix exponential."""
     order = len(gain)
     system = np.zeros((order + 1, order + 1))  # the last state is the constant 1
     system[: order - 1, 1:order] = np.eye(order - 1)

@@ -1,4 +1,6 @@
-"""Numbers that attacked vehicles have each for itself, listed or drawn: exact answers, the bound of each."""
+"""Numbers that attacked vehicles have each for itself, listed or drawn: exact answers, the bound of
+each.
+"""
 
 import jax
 import numpy as np

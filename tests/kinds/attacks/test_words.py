@@ -1,4 +1,6 @@
-"""What replaces a word: a path of some time ago, a last word that is held; exact answers of both engines."""
+"""What replaces a word: a path of some time ago, a last word that is held; exact answers of both
+engines.
+"""
 
 import numpy as np
 
@@ -8,7 +10,7 @@ ATTACKED = [2, 5, 8, 11]
 
 
 def test_a_frozen_message_is_the_first_one():
-    """It carries the output of its source at t = 0, which for `look_ahead` is not the axle's place."""
+    """It carries the output of its source at t = 0, for `look_ahead` not the axle's place."""
     one = systems.lanes(
         systems.study(attack="freeze", vehicle={"kind": "look_ahead", "ahead": 0.5}), 2
     )
@@ -24,7 +26,9 @@ def test_a_frozen_message_is_the_first_one():
 
 
 def test_the_freeform_attack_is_what_its_coefficients_say():
-    """A circle is the rotating attack, of any size; and a multisine is one with coefficients of its own."""
+    """A circle is the rotating attack, of any size; and a multisine is one with coefficients of its
+    own.
+    """
     keys = {"magnitude": 3.0, "vehicles": [2, 5]}
     circle = {
         "kind": "freeform",

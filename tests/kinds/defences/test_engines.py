@@ -55,7 +55,8 @@ REMEMBERING = {"trust", "trusted_trim"}  # the latter in both engines: tests/eng
 @pytest.mark.long
 @pytest.mark.parametrize("defence", [EachItsOwn(), "trust"], ids=["each its own", "trust"])
 def test_both_engines_agree_on_every_rule(defence):
-    """Positions to 1e-6 m and weights in force to 1e-8; each hears five and one of seven transmits falsely.
+    """Positions to 1e-6 m and weights in force to 1e-8; each hears five and one of seven transmits
+    falsely.
 
     In one fleet each vehicle has another rule, in the other all remember. Messages are lost.
     """
@@ -77,7 +78,7 @@ def test_both_engines_agree_on_every_rule(defence):
 
 
 def lying(defence):
-    """One tells where he is and lies about how he moves, which rules that judge positions let pass."""
+    """One lies about how he moves, not where he is: rules that judge positions let him pass."""
     attack = {"kind": "spoof", "vehicles": [2], "orders": [1, 2, 3], "magnitude": 10.0}
     return systems.study(
         **GRAPH, attack=attack, defence=defence, engine="exact", horizon=60.0, tail=1.0
@@ -96,6 +97,7 @@ def test_one_rule_alone_promises_anything(name):
     assert safe(lying(name)) == [name == "trusted_only"] * 6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("defence", "holds"),
     [

@@ -1,4 +1,4 @@
-"""Noise in what is judged: how often it has the wrong one dropped, and that it is the lane's own."""
+"""Noise in what is judged: how often it has the wrong one dropped."""
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,9 @@ NOISY = {"noise": jnp.full(LANES, NOISE), "key": KEY, "drop_trusted": False}
 
 
 def dropped(rule, places, shared=()):
-    """How often sources at these places on a line are dropped by a vehicle at 0 that trusts the first."""
+    """How often sources at these places on a line are dropped by a vehicle at 0 that trusts the
+    first.
+    """
     weights = jnp.ones((len(places), 1, LANES))
     trusted = jnp.arange(len(places))[:, None] == 0
     position = jnp.stack(
@@ -47,8 +49,9 @@ def test_w_msr_drops_the_wrong_one_by_the_normal_law(apart):
 def test_trimming_drops_the_wrong_one_by_rices_law(apart):
     """Half of the time each of two that are where the trusted one is; else as lengths compare.
 
-    With x₁, x₂ and t as judged, `|x₁ - t|² > |x₂ - t|²` is `u·v > 0` of the independent u = x₁ - x₂ and
-    v = x₁ + x₂ - 2t, and that `|a| > |b|` of the independent a, b = v/√3 ± u, of standard deviation 2σ.
+    With x₁, x₂ and t as judged, `|x₁ - t|² > |x₂ - t|²` is `u·v > 0` of the independent u = x₁ - x₂
+    and v = x₁ + x₂ - 2t, and that `|a| > |b|` of the independent a, b = v/√3 ± u, of standard
+    deviation 2σ.
     """
     keys = {"tolerance": jnp.zeros(LANES), "score": "position", "filter": None, **NOISY}
     shared = Trimming(jnp.ones(1, int), jnp.zeros((1, 1), int))

@@ -1,4 +1,4 @@
-"""Rules that weigh what is received, each against plain loops on random neighbourhoods with ties."""
+"""Rules that weigh what is received, against plain loops on neighbourhoods with ties."""
 
 import math
 import statistics
@@ -24,7 +24,9 @@ TICKS = 3
 
 
 class Around:
-    """What one vehicle has before it: its own position, those received with weights, and whom it trusts."""
+    """What one vehicle has before it: its own position, those received with weights, and whom it
+    trusts.
+    """
 
     def __init__(self, own, received, weights, trusted):
         self.own, self.weights, self.trusted = tuple(own), list(weights), list(trusted)
@@ -74,7 +76,9 @@ def geometric_median(around, smoothing=0.5, rounds=4):
 
 
 def coordinate_median(around):
-    """By axis: who is at the lower or upper median of a list with each value 4w times, and the trusted."""
+    """By axis: who is at the lower or upper median of a list with each value 4w times, and the
+    trusted.
+    """
     by_axis = []
     for axis in (0, 1):
         value = [y[axis] for y in around.received]
@@ -175,7 +179,9 @@ def test_trust_is_earned_tick_by_tick():
     ],
 )
 def test_trusted_sources_can_be_judged_as_others_are(kind, keys):
-    """With `drop_trusted` it is the rule of who trusts nobody, and another than the one that spares them."""
+    """With `drop_trusted` it is the rule of who trusts nobody, and another than the one that spares
+    them.
+    """
     own, received, weights, trusted = neighbourhoods(2)
 
     def decided(trusted, drop):
@@ -189,9 +195,11 @@ def test_trusted_sources_can_be_judged_as_others_are(kind, keys):
 
 
 def test_random_trust_errs_as_often_as_coins_do():
-    """Of 60,000 links after each tick, the honest and the attacked ones, against the binomial distribution.
+    """Of 60,000 links after each tick, the honest and the attacked ones, against the binomial
+    distribution.
 
-    A source is retained while half of its observations or more speak for it; Hoeffding's bound holds.
+    A source is retained while half of its observations or more speak for it; Hoeffding's bound
+    holds.
     """
     lanes, ticks, accuracy = 15_000, 12, 0.7
     attacked = np.zeros((4, 1, lanes), bool)

@@ -1,4 +1,6 @@
-"""Liars who are equally far off: whom vehicles retain does not depend on the last bit of any number."""
+"""Liars who are equally far off: whom vehicles retain does not depend on the last bit of any
+number.
+"""
 
 import jax
 import numpy as np
@@ -19,7 +21,9 @@ LANES = 24
 
 
 def a_bit_off(one, seed):
-    """The lanes with each number of the start and the attack the next one above or below, or the same."""
+    """The lanes with each number of the start and the attack the next one above or below, or the
+    same.
+    """
     rng, lane = np.random.default_rng(seed), one.inputs.lane
 
     def moved(number):
@@ -32,9 +36,12 @@ def a_bit_off(one, seed):
     return one._replace(inputs=one.inputs._replace(lane=lane))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("defence", DEFENCES, ids=str)
 def test_the_last_bit_moves_nobody(defence):
-    """Four attackers tell the navigator's path with an offset of one size; two starts differ by rounding."""
+    """Four attackers tell the navigator's path with an offset of one size; two starts differ by
+    rounding.
+    """
     attack = {
         "kind": "bias" if defence == "coordinate_median" else "rotating",
         "threat": "replaces",
@@ -53,7 +60,9 @@ def test_the_last_bit_moves_nobody(defence):
 
 @pytest.mark.parametrize("defence", ["trusted_trim", "ms_norm"])
 def test_of_equal_ones_the_lower_number_is_dropped(defence):
-    """At t = 0, by whoever hears two of four liars who are all as far from the navigator, whom it trusts."""
+    """At t = 0, by whoever hears two of four liars who are all as far from the navigator, whom it
+    trusts.
+    """
     attack = {"kind": "rotating", "threat": "replaces", "magnitude": 1e3}
     initial = {"position": 0.0}
     study = systems.study(defence=defence, attack=attack, initial=initial, **KEYS)

@@ -15,9 +15,9 @@ from tests import systems
 def retained(own, values, candidates, f):
     """Which values of one vehicle on one axis it retains, by LeBlanc et al. (2013), section IV.A.
 
-    "If there are less than F values strictly larger than its own, the node removes all values that are
-    strictly larger than its own. Otherwise, it removes precisely the largest F values in the sorted list"; so
-    for the smaller ones. Of equal ones those that come first.
+    "If there are less than F values strictly larger than its own, the node removes all values that
+    are strictly larger than its own. Otherwise, it removes precisely the largest F values in the
+    sorted list"; so for the smaller ones. Of equal ones those that come first.
     """
     keep = [True] * len(values)
     for side in (1, -1):
@@ -61,14 +61,3 @@ def test_no_bound_is_told():
     assert "so no bound is told" in " ".join(check.check_text(study).split())
     rows = pd.DataFrame({"cell": [0], "sample": [0], "status": ["ok"], "tail_max": [1e9]})
     assert limits.violations_table(systems.results_of(study, rows)).empty
-
-
-def test_numbers_compile_nothing_anew(compiled):
-    """Magnitudes, weights and gains; F is a choice."""
-    small = {"engine": "exact", "defence": "w_msr", "horizon": 2.0, "tail": 1.0}
-    systems.simulate(systems.lanes(systems.study(**small), 2, ()))
-    assert compiled
-    compiled.clear()
-    other = {"gain": [2, 4, 4], "attack": {"magnitude": 1.0}, "topology": {"navigator_weight": 0.3}}
-    systems.simulate(systems.lanes(systems.study(**small, **other), 2, ()))
-    assert not compiled

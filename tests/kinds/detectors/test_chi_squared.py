@@ -33,7 +33,9 @@ class Always(Detector):
 
 
 class Parity(Detector):
-    """An alarm where a residual has an odd number of bits that are 1: another bit changes the alarm."""
+    """An alarm where a residual has an odd number of bits that are 1: another bit changes the
+    alarm.
+    """
 
     def alarms(self, words, memory):
         bits = jax.lax.bitcast_convert_type(words.residuals, jnp.uint64)
@@ -67,7 +69,9 @@ def test_a_constant_bias_is_seen_as_published(size, seen):
 
 
 def test_all_noisy_orders_count_together_and_sensors_too():
-    """Position and velocity: χ² of four degrees. A source's own errors add to the variance of its words."""
+    """Position and velocity: χ² of four degrees. A source's own errors add to the variance of its
+    words.
+    """
     noise, sensing = {"position": 0.03, "velocity": 0.2}, {"position": 0.04}
     keys = {"channel": {"noise": noise}, "sensing": sensing}
     _, honest = shares(**keys, **SILENT)
@@ -83,7 +87,9 @@ def test_all_noisy_orders_count_together_and_sensors_too():
 
 
 def test_outliers_raise_alarms():
-    """A word is whitened by its total variance V = σ² (1 + p (f² - 1)); of outliers most raise an alarm."""
+    """A word is whitened by its total variance V = σ² (1 + p (f² - 1)); of outliers most raise an
+    alarm.
+    """
     noise = {"position": SIGMA, "outliers": 0.1, "outlier_factor": 4.0}
     _, honest = shares(channel={"noise": noise}, **SILENT)
     inside_of = np.exp(-9.210340 / 2 * (1 + 0.1 * 15))
@@ -121,7 +127,9 @@ def test_a_vehicle_that_moves_as_it_tells_is_covert():
 
 
 def test_only_words_that_arrive_are_judged():
-    """Every word that arrives alarms; where all are lost there is no share, nor without attacked links."""
+    """Every word that arrives alarms; where all are lost there is no share, nor without attacked
+    links.
+    """
     loss = {"kind": "bernoulli", "probability": 0.4}
     keys = {
         "channel": KEYS["channel"] | {"loss": loss, "missing": "hold"},

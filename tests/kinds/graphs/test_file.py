@@ -1,4 +1,4 @@
-"""Graphs from files: read as they were written, stored in the study, and refused with their line."""
+"""Graphs from files: read as written, stored in the study, and refused with their line."""
 
 import pickle
 import re
@@ -19,7 +19,8 @@ from jaxnet.store.folder import digest
 from tests.matrices import matrix_of
 
 EDGES = [(1, 0, 1.0), (2, 1, 0.1 + 0.2), (2, 0, 1e-9), (3, 2, 7.0)]
-STUDY = "name: mine\nsamples: 2\nvehicles: 3\nattack: {vehicles: [2]}\nengine: exact\nhorizon: 1.0\ntail: 0.5\n"
+STUDY = "name: mine\nsamples: 2\nvehicles: 3\nattack: {vehicles: [2]}\nengine: exact\n"
+STUDY += "horizon: 1.0\ntail: 0.5\n"
 SIZELESS = STUDY.replace("vehicles: 3\n", "").replace("attack: {vehicles: [2]}", "attack: none")
 
 
@@ -44,7 +45,7 @@ def network_of(weights):
 
 
 def test_a_csv_is_the_edges_that_it_lists(tmp_path):
-    """As of the kind `edges`; a weight that is left out is 1, blanks and empty lines do not count."""
+    """As of the kind `edges`; a missing weight is 1, blanks and empty lines do not count."""
     edges = jaxnet.load(
         {"topology": {"kind": "edges", "edges": EDGES}, "vehicles": 3, "attack": "none"}
     )
@@ -54,7 +55,9 @@ def test_a_csv_is_the_edges_that_it_lists(tmp_path):
 
 
 def test_a_graph_written_as_graphml_is_read_back(tmp_path):
-    """Bit for bit with its weights; one without direction both ways, without weights with equal ones."""
+    """Bit for bit with its weights; one without direction both ways, without weights with equal
+    ones.
+    """
     given = matrix_of(
         ErdosRenyi(probability=0.5, navigator={"share": 0.5}, weighting="metropolis"), 3
     )
@@ -67,7 +70,9 @@ def test_a_graph_written_as_graphml_is_read_back(tmp_path):
 
 
 def test_the_study_holds_what_the_file_held(tmp_path):
-    """A stored study needs no file; with another file it is another study, and its folder refuses that."""
+    """A stored study needs no file; with another file it is another study, and its folder refuses
+    that.
+    """
     file = written(tmp_path)
     results = jaxnet.run(file, out=tmp_path / "out")
     first = jaxnet.load(file)
@@ -86,7 +91,7 @@ def test_the_study_holds_what_the_file_held(tmp_path):
 
 
 def test_files_are_found_from_the_config_and_swept_as_kinds(tmp_path, monkeypatch):
-    """Two configs may call different files by one name, and none is taken from the current folder."""
+    """Two configs may call two files by one name, and none is taken from the current folder."""
     (tmp_path / "elsewhere").mkdir()
     written(tmp_path / "elsewhere", "1,0\n2,0\n3,0\n")
     monkeypatch.chdir(tmp_path / "elsewhere")
@@ -467,7 +472,9 @@ ALONE |= {"attack": "none", "defence": "none", "engine": "exact"}
     ids=["square", "laplacian", "a0 | A", "graph", "named", "directed", "network"],
 )
 def test_without_a_navigator_every_node_is_a_vehicle(given, weights, tmp_path):
-    """Eight vehicles from an object, and from a file of the same network, also where networks take turns."""
+    """Eight vehicles from an object, and from a file of the same network, also where networks take
+    turns.
+    """
     if isinstance(given, np.ndarray):
         np.savetxt(tmp_path / "ring.csv", given, fmt="%g", delimiter=",")
     elif isinstance(given, nx.Graph):

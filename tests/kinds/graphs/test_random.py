@@ -50,7 +50,7 @@ def test_a_link_of_a_small_world_is_rewired_with_the_probability():
 
 
 def test_graphs_that_the_navigator_reaches_are_as_likely_as_they_are_among_them():
-    """Vehicle 1 of 3 hears it, others are heard with probability ½: all such graphs equally often."""
+    """Vehicle 1 of 3 hears it, others with probability ½: all such graphs equally often."""
     graph = ErdosRenyi(probability=0.5, navigator=[1])
     random = np.random.default_rng(5)
     found = Counter(graphs.dense(graph.connected(3, random)).tobytes() for _ in range(1500))

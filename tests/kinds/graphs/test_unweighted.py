@@ -1,4 +1,6 @@
-"""Graphs of a pattern: links against networkx, spectra, who hears the navigator, the rules of weights."""
+"""Graphs of a pattern: links against networkx, spectra, who hears the navigator, the rules of
+weights.
+"""
 
 import networkx as nx
 import numpy as np
@@ -64,7 +66,7 @@ def test_offsets_need_not_be_mutual():
     ]
 
 
-# --- who hears the navigator -----------------------------------------------------------------------
+# --- who hears the navigator ----------------------------------------------------------------------
 
 
 def test_a_share_is_drawn_by_the_seed_whatever_the_pattern():
@@ -89,11 +91,13 @@ def test_who_hears_no_vehicle_hears_the_navigator_alone():
     np.testing.assert_array_equal(weights[:, 0], np.where(alone, 1.0, 0.1))
 
 
-# --- the rule of weights ---------------------------------------------------------------------------
+# --- the rule of weights --------------------------------------------------------------------------
 
 
 def test_metropolis_weights_by_hand():
-    """On a grid of 2 × 3 vehicles 2 and 5 have three neighbours, so `1/(1 + 3)`; 1 and 4 two, `1/(1 + 2)`."""
+    """On a grid of 2 × 3 vehicles 2 and 5 have three neighbours, so `1/(1 + 3)`; 1 and 4 two, `1/(1
+    + 2)`.
+    """
     weights = matrix_of(Grid(rows=2, columns=3, weighting="metropolis"), 6)
     np.testing.assert_allclose(weights[0], [0.1, 0, 0.9 * 3 / 7, 0, 0.9 * 4 / 7, 0, 0], rtol=1e-15)
     np.testing.assert_allclose(weights[1], [0.1, 0.3, 0, 0.3, 0, 0.3, 0], rtol=1e-15)
@@ -101,7 +105,9 @@ def test_metropolis_weights_by_hand():
 
 @pytest.mark.parametrize("weighting", ["uniform", "metropolis"])
 def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
-    """The lane's graph is the one with this weight; who does not hear the navigator stays as it was."""
+    """The lane's graph is the one with this weight; who does not hear the navigator stays as it
+    was.
+    """
     keys = {"rows": 2, "columns": 3, "navigator": [1, 6], "weighting": weighting}
     drawn = {"kind": "grid", **keys, "navigator_weight": {"uniform": [0.2, 0.8]}}
     given = systems.study(topology=drawn, vehicles=6, engine="exact", attack="none")
@@ -114,7 +120,7 @@ def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
         np.testing.assert_allclose(weights, matrix_of(expected, 6), rtol=1e-14)
 
 
-# --- what there is no graph of ---------------------------------------------------------------------
+# --- what there is no graph of --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

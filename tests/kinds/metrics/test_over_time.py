@@ -68,7 +68,7 @@ NEVER = Metric("never", "s", never, "run", "last", "max", undefined="infinite")
 
 
 def test_a_number_that_is_none_is_no_metric_of_an_ok_lane():
-    """The lane has a status of its own; what may be infinite is so in an ok lane, and in the cell."""
+    """The lane has a status of its own; what may be infinite is so in an ok lane and its cell."""
     keys = {"vehicles": 1, "topology": "star", "attack": "none", "engine": "exact", "horizon": 0.2}
     keys |= {
         "tail": 0.1,

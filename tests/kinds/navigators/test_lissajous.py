@@ -1,4 +1,6 @@
-"""The Lissajous figure: its derivatives against autodiff, its slowest moment against dense sampling."""
+"""The Lissajous figure: its derivatives against autodiff, its slowest moment against dense
+sampling.
+"""
 
 import jax
 import jax.numpy as jnp

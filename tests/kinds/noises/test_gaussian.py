@@ -1,4 +1,4 @@
-"""Errors of words and correlated errors of sensors: covariances, check, and engines path by path."""
+"""Errors of words and correlated errors of sensors: covariances, and engines path by path."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from jaxnet.theory import noise
 from tests import systems
 from tests.engine.test_exactness import navigator_at
 
-# Variance of E over s² g at gain (1, 3, 3) and a tick of 0.05 s, white and with a correlation time of 1 s.
+# Variance of E over s² g at gain (1, 3, 3) and a tick of 0.05 s, white and correlated over 1 s.
 WHITE, CORRELATED = 0.00937435, 0.312565
 SIZES = {"position": 0.1, "velocity": 0.05, "acceleration": 0.02}
 DRIVE = 0.1**2 + (3 * 0.05) ** 2 + (3 * 0.02) ** 2  # s² = Σ k_k² σ_k²
@@ -17,7 +17,7 @@ QUIET = {"attack": "none", "defence": "none", "horizon": 20.0, "output_step": 20
 
 
 def covariance(topology, of):
-    """Of the vehicles' errors over s²: of links L⁻¹ diag(Σ w²) L⁻ᵀ, of transmitters (L⁻¹A)(L⁻¹A)ᵀ."""
+    """Of the errors over s²: of links L⁻¹ diag(Σ w²) L⁻ᵀ, of transmitters (L⁻¹A)(L⁻¹A)ᵀ."""
     ahead, behind = np.eye(12, k=1), np.eye(12, k=-1)
     if topology == "path":
         weights, navigator = behind, np.eye(12)[0]
@@ -63,7 +63,9 @@ OUTLIERS = {"outliers": 0.05, "outlier_factor": 6.0}
 
 @pytest.mark.long
 def test_engines_draw_the_same_errors():
-    """Path by path to 1e-5 m, with outliers, errors of jerks and held readings, where lost words are held."""
+    """Path by path to 1e-5 m, with outliers, errors of jerks and held readings, where lost words
+    are held.
+    """
     loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
     noise = {**SIZES, "correlation": 0.3, "jerk": 0.1, **OUTLIERS}
     keys = {
@@ -87,7 +89,9 @@ def test_engines_draw_the_same_errors():
 
 @pytest.mark.long
 def test_the_highest_derivative_of_single_integrators_is_their_velocity():
-    """Its errors drive as those of `k0 y` do: variance `(1 - e^(-h))² / (1 - e^(-2h))` of both together."""
+    """Its errors drive as those of `k0 y` do: variance `(1 - e^(-h))² / (1 - e^(-2h))` of both
+    together.
+    """
     noise = {"position": 0.3, "jerk": 0.4, "velocity": 7.0}  # a velocity of order 1 is `jerk` alone
     keys = QUIET | {
         "engine": "exact",
@@ -111,7 +115,9 @@ def test_vehicles_under_the_local_law_tell_no_jerk():
 
 
 def test_variances_are_those_of_the_discrete_lyapunov_equation():
-    """At ticks of 0.05 and 0.1 s, of a lower order too: order 1 has `h² / (1 - e^(-2h))` of held noise."""
+    """At ticks of 0.05 and 0.1 s, of a lower order too: order 1 has `h² / (1 - e^(-2h))` of held
+    noise.
+    """
     assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.1) - 0.0187448) < 1e-7
     assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.05) - WHITE) < 1e-8
     assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.05, 1.0) - CORRELATED) < 1e-6

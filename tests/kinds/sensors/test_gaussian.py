@@ -21,7 +21,9 @@ def drive_variance(sizes):
 
 
 def test_the_variance_of_the_error_is_that_of_the_theory():
-    """Inside its 99 % interval. Vehicles tell what they sense, so that their errors are independent."""
+    """Inside its 99 % interval. Vehicles tell what they sense, so that their errors are
+    independent.
+    """
     study = systems.study(sensing=SIZES, horizon=20.0, output_step=20.0, **QUIET)
     outcome = systems.simulate(systems.lanes(study, 200))
     positions = outcome.series["state"][:, -1, :, :2]
@@ -34,22 +36,10 @@ def test_the_variance_of_the_error_is_that_of_the_theory():
     assert np.abs(correlations[np.triu_indices(24, 1)]).max() < 0.35
 
 
-def test_a_lane_is_the_same_alone_and_among_others():
-    """To the last bit; the noise is drawn for each lane by itself."""
-    study = systems.study(
-        sensing={"position": {"uniform": [0.0, 0.2]}},
-        horizon=2.0,
-        tail=1.0,
-        engine="exact",
-        defence="none",
-    )
-    few, many = (systems.simulate(systems.lanes(study, number)) for number in (2, 6))
-    np.testing.assert_array_equal(few.series["state"], many.series["state"][:2])
-    assert np.abs(many.series["state"][0] - many.series["state"][1]).max() > 0.0
-
-
 def test_readings_that_drop_out_leave_vehicles_ahead():
-    """Behind a navigator at v a reading is old by h d / (1 - d) on average: mean E = v h d / (1 - d)."""
+    """Behind a navigator at v a reading is old by h d / (1 - d) on average: mean E = v h d / (1 -
+    d).
+    """
     navigator = Powers(x=[0.0, 10.0], y=[0.0])
     keys = QUIET | {"navigator": navigator, "tick": 0.1, "horizon": 20.0, "output_step": 10.0}
     one = systems.lanes(systems.study(sensing={"dropout": 0.5}, **keys), 100)
