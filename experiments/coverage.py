@@ -19,6 +19,7 @@ from scipy import special
 from jaxnet.engine.cores import cores
 from jaxnet.runs.cache import enable
 from jaxnet.statistics import fits as fit
+from jaxnet.statistics.regression import Errors
 
 SPREADS = {"samples alike at all magnitudes": (0.8, 0.05), "both": (0.5, 0.5), "lanes": (0.05, 0.8)}
 
@@ -48,12 +49,9 @@ def coverage(
 
     def covers(repeat: int) -> np.ndarray:
         errors = synthetic(np.random.default_rng([seed, repeat]), spread, magnitudes, samples)
-        drawn = fit.bootstrap(errors.ranked(), counts, ("proportional",))
-        ends = [
-            fit.percentile_interval(drawn[quantile]["proportional"])
-            for quantile in fit.FITTED_QUANTILES
-        ]
-        low, high = np.array(ends)[..., 0].T
+        quantiles = list(fit.FITTED_QUANTILES)
+        drawn = [fit.drawn_slopes(errors, each, quantiles) for each in counts]
+        low, high = fit.percentile_interval(np.concatenate(drawn))
         return (low <= slopes) & (slopes <= high)
 
     with ThreadPoolExecutor(cores()) as pool:
@@ -62,11 +60,11 @@ def coverage(
 
 def synthetic(
     random: np.random.Generator, spread: tuple[float, float], magnitudes: int, samples: int
-) -> fit.Errors:
+) -> Errors:
     """One study: standard deviations of log w, the sample's, and log e, the lane's."""
     x = np.geomspace(0.1, 100, magnitudes)
     shared, own = random.normal(size=samples), random.normal(size=(magnitudes, samples))
-    return fit.Errors(x, x[:, None] * np.exp(spread[0] * shared + spread[1] * own))
+    return Errors(x, x[:, None] * np.exp(spread[0] * shared + spread[1] * own))
 
 
 def true_slopes(spread: tuple[float, float]) -> np.ndarray:

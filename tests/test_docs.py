@@ -14,7 +14,6 @@ import tomllib
 from pathlib import Path
 
 import click
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -23,7 +22,6 @@ from jaxnet.cli import main
 from jaxnet.config.schema import schema_text
 from jaxnet.runs import watched
 from jaxnet.statistics import fits
-from jaxnet.statistics.families import MODELS
 from jaxnet.view.figures import every
 
 ROOT = Path(__file__).parents[1]
@@ -125,15 +123,7 @@ class Skimmer(Reader):
 
 @pytest.fixture
 def reader(tmp_path, monkeypatch):
-    """A reader in an empty folder. What takes long and is tested elsewhere is left out: fits, figures, and
-    lanes that the page shows.
-    """
-
-    def ones(ranked, counts, quantiles, models, effort):
-        one = {model: np.ones((len(counts), len(MODELS[model]))) for model in models}
-        return dict.fromkeys((None, *quantiles), one)
-
-    monkeypatch.setattr(fits, "estimates", ones)
+    """A reader in an empty folder, without figures and lanes of the page, which are tested elsewhere."""
     monkeypatch.setattr(fits, "RESAMPLES", 2)
     monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
     monkeypatch.setattr(watched, "replay_watched", lambda *_, **__: iter(()))

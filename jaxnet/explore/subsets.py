@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import stats
 
-from jaxnet.statistics.recovery import CONFIDENCE
+from jaxnet.statistics.intervals import CONFIDENCE
 
 PART = 0.1  # share of the points that start chains
 CHAIN = round(1 / PART)  # points of a chain, the first included

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Config, Scenario
+from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import BOUNDS, broken_premise, outputs_of, situation_of, sources_of
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
@@ -26,7 +26,6 @@ from jaxnet.model.graph import Digraph
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
 from jaxnet.statistics.reach import scenario_gain
-from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
@@ -173,34 +172,6 @@ def limits_of(
         with np.errstate(over="ignore"):  # no error exceeds an infinite limit
             transient = np.einsum("tk,kin->tin", flow, np.linalg.norm(free, axis=1))
         found[name] = error_limit(scenario, bound, magnitudes(scenario, draw), transient)
-    return found
-
-
-def ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
-    """Return the greatest tail_mean and tail_max [m] that theory allows in some lanes of a cell.
-
-    Both are the least of the valid bounds, transient included. They are infinite or not-a-number if theory
-    says nothing, and infinite if the code of a kind is missing.
-    """
-    unknown = {"tail_mean": np.inf, "tail_max": np.inf}
-    return known_or(unknown, lambda: known_ceilings(config, cell, samples))
-
-
-def known_ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
-    """Return the ceilings of a cell; raises MissingKindError if the code of a kind is missing."""
-    scenario = cell.scenario
-    if scenario_gain(scenario) is None:
-        return {"tail_mean": np.inf, "tail_max": np.inf}
-    source, times = source_of(config, scenario), tail_of(scenario)
-    at_once = max(1, MOST_LIMITS // (len(times) * scenario.vehicles))
-    found = {"tail_mean": 0.0, "tail_max": 0.0}
-    for first in range(0, len(samples), at_once):
-        limits = limits_of(scenario, source, samples[first : first + at_once], times)
-        least = functools.reduce(np.fmin, limits.values())
-        lanes = {"tail_mean": least.mean(axis=(0, 1)), "tail_max": least.max(axis=(0, 1))}
-        found = {
-            metric: float(np.maximum(most, lanes[metric].max())) for metric, most in found.items()
-        }
     return found
 
 

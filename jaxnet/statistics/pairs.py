@@ -3,8 +3,8 @@
 The same seed and sample give the same draw. So the difference of two lanes of a sample is the difference of
 their studies, and its mean varies far less than the means themselves. The share unrecovered changes only by
 the lanes that are unrecovered in one study alone. If both directions were equally likely, the number in one
-direction would be binomial with p = 1/2: McNemar's exact test. All intervals are those of `means`; for the
-share a lane counts -1, 0 or 1. The interval of the share excludes 0 exactly where McNemar's p is below 0.05.
+direction would be binomial with p = 1/2: McNemar's exact test. Intervals are those of `intervals`; that of
+the share leaves out 0 exactly where McNemar's p is below 0.05.
 """
 
 import functools
@@ -19,17 +19,18 @@ from scipy import special
 from jaxnet.config.cells import Cell, is_leaderless, to_plain
 from jaxnet.config.keys import Recovery
 from jaxnet.kinds.metrics import AGREEMENT
-from jaxnet.statistics import means
 from jaxnet.statistics.curves import canonical_value
-from jaxnet.statistics.limits import ceilings
-from jaxnet.statistics.recovery import CONFIDENCE, threshold
+from jaxnet.statistics.intervals import CONFIDENCE, paired_share_interval
+from jaxnet.statistics.recovery import threshold
 from jaxnet.statistics.summary import SUMMARISED, independent_units, metric_statistics
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 SIDES = ("_A", "_B")
-DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"}  # by name in `metric_statistics`
+DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"} | {
+    name: name for name in ("median", "median_low", "median_high")
+}  # by name in `metric_statistics`
 CellPair = tuple[Cell, Cell]
 
 
@@ -213,13 +214,9 @@ def comparison_row(
     ok: Any = lanes[lanes["ok"]]
     row = cell_numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
     drawn = independent_units(studies[0].study.config, ok["sample"].to_numpy())
-    a, b = (
-        ceilings(each.study.config, cell, ok["sample"].tolist())
-        for each, cell in zip(studies, pair, strict=True)
-    )
     for metric in compared_metrics(*studies):
         apart = (ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float)
-        found = metric_statistics(apart, (-a.get(metric, np.inf), b.get(metric, np.inf)), drawn)
+        found = metric_statistics(apart, drawn)
         row |= {f"{metric}_{name}": found[of] for name, of in DIFFERENCE.items()}
     if ok[["unrecovered_A", "unrecovered_B"]].isna().to_numpy().any() or not len(ok):
         return row | dict.fromkeys(Shift._fields, np.nan)
@@ -243,7 +240,7 @@ def share_shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) ->
     saved, lost, count = int((a & ~b).sum()), int((b & ~a).sum()), len(a)
     changed = saved + lost
     p = min(1.0, 2 * special.bdtr(min(saved, lost), changed, 0.5)) if changed else 1.0
-    low, high = means.mean_interval(b.astype(float) - a, -1.0, 1.0, CONFIDENCE)
+    low, high = paired_share_interval(lost, saved, count, CONFIDENCE)
     return Shift(saved, lost, (lost - saved) / count, low, high, float(p))
 
 

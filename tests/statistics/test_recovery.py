@@ -10,9 +10,8 @@ from scipy import stats
 import jaxnet
 from experiments import stopping
 from jaxnet.config import keys as config
-from jaxnet.config.keys import Recovery
 from jaxnet.engine.methods.exact import Exact
-from jaxnet.statistics import recovery
+from jaxnet.statistics import intervals, recovery, shares
 from jaxnet.store.folder import Folder, FolderError
 from tests import systems
 
@@ -34,19 +33,6 @@ def keys(**more):
     }
 
 
-@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.999])
-def test_the_interval_is_the_exact_one(confidence):
-    """As SciPy's binomial test gives it, for every count of small numbers of trials."""
-    for trials in (1, 2, 7, 30):
-        successes = np.arange(trials + 1)
-        low, high = recovery.clopper_pearson(successes, np.full(trials + 1, trials), confidence)
-        for k in successes:
-            exact = stats.binomtest(int(k), trials).proportion_ci(confidence, method="exact")
-            assert (low[k], high[k]) == (pytest.approx(exact.low), pytest.approx(exact.high))
-    low, high = recovery.clopper_pearson(np.zeros(1, int), np.zeros(1, int), confidence)
-    assert (low[0], high[0]) == (0.0, 1.0)
-
-
 def test_all_looks_together_err_no_more_than_one_may():
     """The errors of the first n looks sum to what is allowed, but for the n-th part."""
     errors = [1 - recovery.confidence_at(look, 0.95) for look in range(1, 1000)]
@@ -55,25 +41,16 @@ def test_all_looks_together_err_no_more_than_one_may():
 
 
 def test_counts():
-    """By hand: over τ ā, failed lanes in neither number, no share where nobody is attacked."""
-    cells = jaxnet.load({"sweep": {"attack.magnitude": [0, 2]}}).cells
-    rows = pd.DataFrame(
-        {
-            "cell": [0, 1, 1, 1, 1],
-            "sample": [0, 0, 1, 2, 3],
-            "status": ["ok", "ok", "ok", "ok", "singular"],
-            "tail_mean": [1.0, 0.021, 0.02, 0.5, np.nan],
-        }
-    )
-    ok, counts = rows[rows["status"] == "ok"], recovery.zero_counts(cells)
-    for number, errors in ok.groupby("cell")["tail_mean"]:
-        counts.add(cells[number], errors.to_numpy(), Recovery(tau=0.01))
-    assert (counts.unrecovered.tolist(), counts.ended.tolist()) == ([0, 2], [1, 3])
-    table = recovery.unrecovered_columns(counts, cells, 0.95)
-    assert table.loc[0].isna().all()
-    assert table["unrecovered"][1] == pytest.approx(2 / 3)
-    assert recovery.worst_lanes(ok, cells, 2) == [(1, 2), (1, 0)]
-    assert recovery.worst_lanes(ok, cells, 9) == [(1, 2), (1, 0), (1, 1)]
+    """By hand: over τ ā, and no share where nobody is attacked."""
+    study = jaxnet.load({"sweep": {"attack.magnitude": [0, 2]}, "recovery": {"tau": 0.01}})
+    lanes = pd.DataFrame({"tail_mean": [0.021, 0.02, 0.5]})
+    unrecovered = shares.LANE_SHARES["unrecovered"]
+    assert unrecovered.which(study.config, study.cells[0], lanes) is None
+    counted = unrecovered.which(study.config, study.cells[1], lanes)
+    assert counted.tolist() == [True, False, True]
+    found = shares.share_columns(unrecovered, counted, 0.95)
+    assert found["unrecovered"] == pytest.approx(2 / 3)
+    assert np.isnan([*shares.share_columns(unrecovered, counted[:0], 0.95).values()]).all()
 
 
 def test_the_table_has_the_shares(tmp_path):
@@ -221,7 +198,7 @@ def test_the_last_interval_of_a_run_covers(share):
             if widest(failed, ended) <= half_width:
                 break
         confidence = recovery.confidence_of(config.Sequential(until=criterion), ended)
-        low, high = recovery.clopper_pearson(np.array([failed]), np.array([ended]), confidence)
+        low, high = intervals.clopper_pearson(np.array([failed]), np.array([ended]), confidence)
         held += bool(low[0] <= share <= high[0])
     assert held >= 0.95 * 1000
 
@@ -269,7 +246,7 @@ def test_one_half_width_is_half_a_width():
     """What the criterion is on: half the interval's width, at the fifth look with 1,000 samples."""
     cells = jaxnet.load({}).cells
     counts = recovery.RecoveryCounts(np.array([50]), np.array([1000]))
-    low, high = recovery.clopper_pearson(*counts, recovery.confidence_at(5, 0.95))
+    low, high = intervals.clopper_pearson(*counts, recovery.confidence_at(5, 0.95))
     half = float(high[0] - low[0]) / 2
     halves = recovery.half_intervals(counts, cells, [1000], config.Criterion(half_width=0.1))
     assert halves == pytest.approx([half])

@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 from upath import UPath
 
 from jaxnet.statistics import tiles
-from jaxnet.statistics.recovery import clopper_pearson
+from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.tiles import NO_CELL, tiling
 from jaxnet.store.results import Results
 from jaxnet.view.figures import every, heat, style

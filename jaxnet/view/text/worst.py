@@ -1,14 +1,13 @@
 """Output of `jaxnet search`: the worst choice found in each cell, beside random lanes and bounds."""
 
-from textwrap import fill
-
 import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless
 from jaxnet.statistics.recovery import criterion_words
 from jaxnet.store.results import Results
-from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_text, terminal_width
+from jaxnet.view.text.printer import fitted_text
+from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
 SEARCH_DROP_ORDER = (
     ("lanes",),
@@ -22,13 +21,12 @@ SEARCH_DROP_ORDER = (
 def search_text(results: Results) -> str:
     """Return a table with a line for each cell."""
     labels = list(results.study.cells[0].labels)
-    shown, left_out, is_cut = fit_terminal(
-        worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER
-    )
+    text, left_out = fitted_text(worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER)
     head = f"the worst {maximised_text(results)}; late: at {late_times(results)}; fresh: from other starts"
-    tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
-    notes = [fill(each, terminal_width()) for each in (starts_text(results), *limit_lines(results))]
-    return "\n".join(filter(None, [head, table_text(shown), *notes, tail]))
+    notes = [filled(each) for each in (starts_text(results), *limit_lines(results))]
+    return "\n".join(
+        [head, text, *notes, *left_out_note(left_out, str(results.path / "worst.csv"))]
+    )
 
 
 def starts_text(results: Results) -> str:
@@ -107,16 +105,12 @@ def worst_rows(results: Results) -> pd.DataFrame:
     """
     found, labels = results.worst, list(results.study.cells[0].labels)
     size = found["magnitude"] if is_per_size(results) else 1.0
+    titles = {"found": "found", "late": "late", "greatest": "greatest", "random": "random lanes"}
+    titles |= {"bound": "bound", "ratio": "bound / found"}
+    titles |= {"fresh": "fresh mean", "fresh_low": "fresh least 5 %", "nonlinear": "nonlinear"}
+    ratio = found["bound"] / found["found"]
     per = {
-        "found": found["found"] / size,
-        "late": found["late"] / size,
-        "greatest": found["greatest"] / size,
-        "random lanes": found["random"] / size,
-        "bound": found["bound"] / size,
-        "bound / found": found["bound"] / found["found"],
-        "fresh mean": found["fresh"] / size,
-        "fresh least 5 %": found["fresh_low"] / size,
-        "nonlinear": found["nonlinear"] / size,
+        title: ratio if name == "ratio" else found[name] / size for name, title in titles.items()
     }
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
         per = {name: values for name, values in per.items() if "bound" not in name}
