@@ -289,5 +289,5 @@ def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
                 [line.get_data()[name == "search"] for line in panel.get_lines()]
             )
             assert np.isfinite(np.log(heights)).all()
-    under_way = every.search.bounds_figure(rows.head(1), results.study.cells, "spread", 3.5)
+    under_way = every.analyses.bounds_figure(rows.head(1), results.study.cells, "spread", 3.5)
     assert any("1 of 2 cells are drawn" in words.get_text() for words in under_way.findobj(Text))

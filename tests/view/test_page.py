@@ -21,7 +21,7 @@ from jaxnet.statistics.bands import all_bands
 from jaxnet.statistics.quantities import quantity_of
 from jaxnet.store.results import Results
 from jaxnet.view import page
-from jaxnet.view.figures import bands, every, style, ultimate
+from jaxnet.view.figures import every, spreads, style, ultimate
 from jaxnet.view.page import findings, plots, sections, trajectories
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
@@ -371,7 +371,7 @@ def test_figures_for_paper_show_the_same(folder):
     heights = [line.get_ydata().tolist() for line in star.lines]
     assert heights[:4] == [[7.25, 72.5], [12, 120], [40, 400], [3.5, 35]]
     assert heights[-1] == results.cells["tail_max_max"][1:3].tolist()
-    over_time = bands.bands_figure(results.study.cells, all_bands(results))
+    over_time = spreads.bands_figure(results.study.cells, all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]
     assert [text.get_text() for text in over_time.legends[0].get_texts()][:3] == [
         "no attack",
