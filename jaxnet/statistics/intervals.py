@@ -11,7 +11,7 @@ import functools
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import special, stats
+from scipy import special
 
 CONFIDENCE = 0.95
 LEAST_LANES, LANES_PER_SKEWNESS = 28, 25  # of the rule for means
@@ -65,9 +65,11 @@ def quantile_interval(values: Values, quantile: float, confidence: float) -> End
 @functools.lru_cache
 def quantile_ranks(count: int, quantile: float, confidence: float) -> tuple[int, int]:
     """Ranks from 0 of the order statistics at both ends; -1 and `count` if there is none."""
-    tail = (1.0 - confidence) / 2
-    low, high = stats.binom.ppf([tail, 1.0 - tail], count, quantile).astype(int).tolist()
-    return low - 1, high
+    tails = np.array([(1.0 - confidence) / 2, (1.0 + confidence) / 2])
+    first = np.ceil(special.bdtrik(tails, count, quantile))  # may be one too great
+    before = np.maximum(first - 1, 0)
+    low, high = np.where(special.bdtr(before, count, quantile) >= tails, before, first)
+    return int(low) - 1, int(high)
 
 
 def mean_interval(

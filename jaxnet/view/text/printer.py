@@ -12,7 +12,7 @@ from rich.table import Table
 from jaxnet.view.text.width import GREATEST_WIDTH, four_digits, terminal_width
 
 LEAST_TITLE = 9  # letters of a line of a title
-LEAST_LABEL = 12  # letters that a label is wrapped to, at least
+LEAST_LABEL = 20  # letters that a label is wrapped to, at least
 GAP = 2  # letters between columns
 NUMBER = re.compile(r"-?(\d|inf|nan).*|-|")
 

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.study import Study
-from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.model.wording import count
 from jaxnet.view.text.printer import fitted_text
 from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
+INDICES_FILE = "sensitivity.csv"
 INTERVAL_SUFFIXES = ("", "_low", "_high")
 SENSITIVITY_LEGEND = (
     "parts of the variance over the lanes, with 95 % intervals. first: of the quantity alone; total: with its"
@@ -57,9 +57,7 @@ def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
     text, left_out = fitted_text(rows.head(MOST_ROWS), labels, [["left out"]])
     lines = [f"{metric}:", text]
     if len(rows) > MOST_ROWS:
-        lines.append(f"… {len(rows) - MOST_ROWS} more lines in {SENSITIVITY_FILE}")
+        lines.append(f"… {len(rows) - MOST_ROWS} more lines in {INDICES_FILE}")
     if "left out" in rows:
         lines.append(f"left out: samples of which a lane failed, of {table['samples'].iloc[0]:,}")
-    return "\n".join(
-        [*lines, filled(SENSITIVITY_LEGEND), *left_out_note(left_out, SENSITIVITY_FILE)]
-    )
+    return "\n".join([*lines, filled(SENSITIVITY_LEGEND), *left_out_note(left_out, INDICES_FILE)])

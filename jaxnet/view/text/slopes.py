@@ -8,7 +8,6 @@ import pandas as pd
 
 from jaxnet.config.naming import quantity, value_alone
 from jaxnet.statistics.curves import (
-    METRIC_NAMES,
     NO_SLOPE,
     Curve,
     curves,
@@ -20,6 +19,7 @@ from jaxnet.statistics.groups import Group
 from jaxnet.statistics.intervals import below_greatest
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.regression import ENVELOPE
+from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
 from jaxnet.view.columns import without_rounding
 from jaxnet.view.text.printer import Narrowing, fitted_text
@@ -64,7 +64,7 @@ def slopes_text(results: Results) -> str:
     fits, found = stored_table(results, "fit"), curves(results)
     rows = []
     for curve in found:
-        for metric in METRIC_NAMES:
+        for metric in SUMMARISED:
             slopes = {
                 name: slope_interval_text(curve.fit(metric, quantile))
                 for name, quantile in SLOPE_QUANTILES.items()
@@ -74,7 +74,7 @@ def slopes_text(results: Results) -> str:
             rows.append({**curve.group.labels, **told})
     title = "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p"
     lines = [group_table(title, pd.DataFrame(rows), found[0].group, SLOPES_DROP_ORDER, "fit.csv")]
-    if any(curve.is_flat(metric) for curve in found for metric in METRIC_NAMES):
+    if any(curve.is_flat(metric) for curve in found for metric in SUMMARISED):
         lines.append(filled(NO_SLOPE))
     told = fits.rows["model"].eq("proportional") & fits.rows["quantile"].ne(ENVELOPE)
     ends: Any = fits.rows.loc[told & fits.rows["estimate"].notna(), ["low", "high"]]
@@ -82,7 +82,7 @@ def slopes_text(results: Results) -> str:
         lines.append(filled(NO_CURVE_INTERVAL))
     alone = results.study.config.draws == "random"
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
-    if draws and any(curve.fit(metric, ENVELOPE) for curve in found for metric in METRIC_NAMES):
+    if draws and any(curve.fit(metric, ENVELOPE) for curve in found for metric in SUMMARISED):
         words = (
             f"envelope: with 95 % confidence at least {below_greatest(draws):.2%} of all draws stay"
             f" below it at every ā simulated ({draws} draws)"

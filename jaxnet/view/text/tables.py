@@ -97,8 +97,8 @@ def asked_columns(
 
 
 def label_titles(shown: Sequence[Column]) -> list[str]:
-    """Titles of the columns of swept keys."""
-    return [each.title for each in shown if each.key is not None]
+    """Titles of the columns of swept keys whose values are text."""
+    return [each.title for each in shown if each.key is not None and not each.numeric]
 
 
 def narrow_table(shown: Sequence[Column]) -> tuple[pd.DataFrame, list[str], list[str]]:
@@ -110,7 +110,8 @@ def narrow_table(shown: Sequence[Column]) -> tuple[pd.DataFrame, list[str], list
     quantities = [each for each in shown if each.key is None and each.name != "cell"]
     first = 0 if any(each.across for each in shown) else 1
     bare = {each.title: each.texts(intervals=False) for each in quantities[first:] if each.ends}
-    drops = [[each.title] for each in reversed(quantities[1:])]
+    numbers = [each for each in shown if each.key is not None and each.numeric]
+    drops = [[each.title] for each in [*reversed(quantities[1:]), *reversed(numbers)]]
     whole = pd.DataFrame({each.title: each.texts() for each in shown})
     narrow = fit_columns(whole, label_titles(shown), [bare, *drops])
     lost = [title for title, texts in bare.items() if title in narrow and [*narrow[title]] == texts]
