@@ -178,7 +178,9 @@ def test_no_two_looks_share_their_part_of_the_error():
         assert sum(parts) <= 0.05
 
 
-@pytest.mark.parametrize("share", [0.001, 0.03, 0.5])
+@pytest.mark.parametrize(
+    "share", [0.03, *(pytest.param(p, marks=pytest.mark.long) for p in (0.001, 0.5))]
+)
 def test_the_last_interval_of_a_run_covers(share):
     """1,000 runs, one after the other as `Run` does it, on lanes that fail with a known probability."""
     random, half_width = np.random.default_rng(1), 0.3 * share if share < 0.5 else 0.02
@@ -233,6 +235,7 @@ def test_a_shard_that_is_there_in_part_is_gone_on_with(tmp_path, monkeypatch):
     assert grown.trajectories.equals(whole.trajectories)
 
 
+@pytest.mark.long
 def test_intervals_for_one_look_do_not_survive_many():
     """Of 1,000 runs, every interval that is looked at on the way has to hold."""
     honest, naive = (
@@ -240,13 +243,3 @@ def test_intervals_for_one_look_do_not_survive_many():
     )
     assert min(honest.last, honest.every) >= 0.95
     assert naive.every < 0.9
-
-
-def test_one_half_width_is_half_a_width():
-    """What the criterion is on: half the interval's width, at the fifth look with 1,000 samples."""
-    cells = jaxnet.load({}).cells
-    counts = recovery.RecoveryCounts(np.array([50]), np.array([1000]))
-    low, high = intervals.clopper_pearson(*counts, recovery.confidence_at(5, 0.95))
-    half = float(high[0] - low[0]) / 2
-    halves = recovery.half_intervals(counts, cells, [1000], config.Criterion(half_width=0.1))
-    assert halves == pytest.approx([half])

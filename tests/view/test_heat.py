@@ -116,7 +116,7 @@ def test_numbers_stand_along_kinds_down(sweep, row, column):
 
 def test_only_all_lanes_are_100_per_cent():
     """And only none are 0; what is told of a share is within a twentieth of what it is nearer to."""
-    for lanes in (7, 40, 5000):
+    for lanes in (7, 400):
         for count in range(lanes + 1):
             share = 100 * Fraction(count, lanes)
             words = tiles.tile_text("unrecovered", float(share))
@@ -128,19 +128,12 @@ def test_only_all_lanes_are_100_per_cent():
 @pytest.mark.parametrize(
     ("share", "few", "many"),
     [
-        *(
-            (36.5, "37", "36.5"),
-            (36.499999999999996, "37", "36.5"),
-            (29.5, "30", "29.5"),
-            (62.5, "63", "62.5"),
-            (63.5, "64", "63.5"),
-        ),
-        *(
-            (0.0, "0", "0"),
-            (100.0, "100", "100"),
-            (99.75, "99.75", "99.75"),
-            (99.998, "99.998", "99.998"),
-        ),
+        (36.5, "37", "36.5"),
+        (36.499999999999996, "37", "36.5"),
+        (63.5, "64", "63.5"),
+        (0.0, "0", "0"),
+        (100.0, "100", "100"),
+        (99.998, "99.998", "99.998"),
     ],
 )
 def test_a_tile_agrees_with_the_table(share, few, many):
@@ -149,7 +142,7 @@ def test_a_tile_agrees_with_the_table(share, few, many):
     assert tiles.tile_text("unrecovered", share, whole=True) == many
 
 
-@pytest.mark.parametrize("lanes", [7, 40, 5000])
+@pytest.mark.parametrize("lanes", [7, 400])
 def test_a_rounded_interval_holds_the_exact_one(lanes):
     """And is not much wider."""
     count = np.arange(lanes + 1)
@@ -260,15 +253,14 @@ def test_words_stay_within_their_tiles():
     sweep = {"defence": SWEEP["defence"], "attack.frequency": [0.1, 0.2, 0.4, 0.8, 1.6]}
     results = made(study_of(sweep))
     results.cells["tail_max_max"] = np.geomspace(1e-7, 30, 15)
-    for metric in ("unrecovered", "worst"):
-        for column in ("one", "two"):
-            panel = drawn(results, metric, column=column).axes[0]
-            width = panel.get_window_extent().width / 5
-            height = panel.get_window_extent().height / 3
-            for text in panel.texts:
-                box = text.get_window_extent()
-                assert box.width < width
-                assert box.height < height
+    for metric, column in (("unrecovered", "one"), ("worst", "two")):
+        panel = drawn(results, metric, column=column).axes[0]
+        width = panel.get_window_extent().width / 5
+        height = panel.get_window_extent().height / 3
+        for text in panel.texts:
+            box = text.get_window_extent()
+            assert box.width < width
+            assert box.height < height
 
 
 def test_errors_are_per_size_on_a_log_scale():
@@ -283,6 +275,7 @@ def test_errors_are_per_size_on_a_log_scale():
     assert mesh.get_clim() == pytest.approx((1e-4, 10))
 
 
+@pytest.mark.long
 def test_more_panels_than_a_page_has_room_for():
     """The first, with their numbers; the figure is no taller than a page and says what is left out."""
     graphs = [{"kind": "cyclic", "label": f"graph {n}"} for n in range(30)]
