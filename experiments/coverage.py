@@ -1,13 +1,14 @@
 """Do the fits' 95 % intervals cover 95 %?
 
-Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, with w lognormal and the sample's
-own at all magnitudes, as its draw is in each cell, and e lognormal from lane to lane. The logarithm of y/x is
-normal with the variance of both, which gives the slopes that quantile regression looks for:
-the median and the 0.95 quantile of y/x. Counts over many such studies how often the bootstrap's interval
-holds the slope. A thousand studies tell a share of 94 % to ± 1.5 % alone. The slope of least squares is a
-mean, and experiments/means.py measures its interval.
+Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, with w lognormal and the
+sample's own at all magnitudes, as its draw is in each cell, and e lognormal from lane to lane. The
+logarithm of y/x is normal with the variance of both, which gives the slopes that quantile
+regression looks for: the median and the 0.95 quantile of y/x. Counts over many such studies how
+often the bootstrap's interval holds the slope. A thousand studies tell a share of 94 % to ± 1.5 %
+alone. The slope of least squares is a mean, and experiments/means.py measures its interval.
 
-Run it with `python experiments/coverage.py`, or with `--repeats 200`; two thousand take some ten minutes.
+Run it with `python experiments/coverage.py`, or with `--repeats 200`; two thousand take some ten
+minutes.
 """
 
 from concurrent.futures import ThreadPoolExecutor

@@ -1,9 +1,10 @@
 """How often is the interval of a mean shown, and how often is it then wrong?
 
-Numbers of fifteen distributions: near to normal, skewed, with heavy tails, and with zeros. A mean of n
-numbers of skewness G has Student's 95 % interval where n ≥ 28 + 25 G² (`statistics/intervals.py`). For
-each n stand, in percent: how often the interval is shown, how often it then holds the mean, and how often
-it is shown and wrong. The last is what a reader of tables meets; it is about 5 or less.
+Numbers of fifteen distributions: near to normal, skewed, with heavy tails, and with zeros. A mean
+of n numbers of skewness G has Student's 95 % interval where n ≥ 28 + 25 G²
+(`statistics/intervals.py`). For each n stand, in percent: how often the interval is shown, how
+often it then holds the mean, and how often it is shown and wrong. The last is what a reader of
+tables meets; it is about 5 or less.
 
 Run it with `python experiments/means.py`.
 """

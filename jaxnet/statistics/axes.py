@@ -26,7 +26,6 @@ class Axes(NamedTuple):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """All keys of the axes."""
         return (*filter(None, (self.x, self.hue)), *self.panel)
 
 
@@ -94,7 +93,6 @@ def choose_axes(
 
 
 def numeric(values: Iterable[Label]) -> bool:
-    """Whether all values of a swept key are numbers."""
     return all(isinstance(value, int | float) for value in values)
 
 

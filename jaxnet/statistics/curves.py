@@ -1,6 +1,7 @@
 """Data of the figures and the page: δ̂(ā) with bounds and fits, and the share unrecovered.
 
-`jaxnet fit` writes `bounds.csv` and `fit.csv`. Without these files the data has no bounds and no fits.
+`jaxnet fit` writes `bounds.csv` and `fit.csv`. Without these files the data has no bounds and no
+fits.
 """
 
 from collections import Counter
@@ -55,7 +56,6 @@ class Curve(NamedTuple):
         return self.cells.index.to_numpy(dtype=float)
 
     def spread(self, metric: str, *names: str) -> list[Float[np.ndarray, " cells"]]:
-        """Statistics of a metric over lanes, by ascending ā [m]."""
         return [self.cells[f"{metric}_{name}"].to_numpy(dtype=float) for name in names]
 
     def shares(self) -> list[Float[np.ndarray, " cells"]]:
@@ -89,7 +89,6 @@ class Curve(NamedTuple):
         return None if found is None or np.isnan(found[0]) else found
 
     def is_flat(self, metric: str) -> bool:
-        """Whether a fit found no slope."""
         return (metric, None) in self.fits and self.fit(metric) is None
 
 
@@ -114,7 +113,6 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
 
 
 def bound_slopes(table: pd.DataFrame) -> dict[tuple[str, str], float]:
-    """Slopes of `bounds.csv` by bound and vehicle."""
     found: Any = table.itertuples()
     return {(row.bound, row.vehicle): float(row.slope) for row in found}
 
@@ -152,7 +150,6 @@ class GroupTable:
             self.places.setdefault(values, []).append(place)
 
     def of(self, labels: Mapping[str, Label]) -> pd.DataFrame:
-        """Rows whose swept keys have these values."""
         wanted = tuple(canonical_value(labels[key]) for key in self.keys)
         return self.rows.iloc[self.places.get(wanted, [])]
 
@@ -211,7 +208,6 @@ def unrecovered_shares(results: Results) -> pd.DataFrame:
 
 
 def failed_kinds(results: Results) -> dict[int, Counter[str]]:
-    """Number of failed lanes by kind of failure, for each cell with failed lanes."""
     if not results.manifest["lanes"]["failed"]:
         return {}
     found = results.by_cell("status", where=~rows.OK)
@@ -229,7 +225,6 @@ def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:
 
 
 def magnitude_words(cell: Cell) -> str:
-    """ā of a cell in words."""
     amount, sizes = configured_magnitude(cell), cell.scenario.attack.by_order()
     if sizes is not None and amount:
         return f"ā = ({orders_in_words(sizes)})"

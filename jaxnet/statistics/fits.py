@@ -13,7 +13,8 @@ Intervals resample samples, not rows: sample s is the same random draw in every 
   curves at a quantile have none either.
 - Sobol's sequences have no bootstrap: their points are not independent and the sequences are few.
 
-A transient is as large at every ā. Its errors have a mean and an interval, but no slope: `has_slope`.
+A transient is as large at every ā. Its errors have a mean and an interval, but no slope:
+`has_slope`.
 """
 
 from collections.abc import Iterator
@@ -47,7 +48,10 @@ from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
-NO_ULTIMATE_ERROR = "without a navigator there is no error to fit and no bound: `jaxnet figure curve` draws the spread"
+NO_ULTIMATE_ERROR = (
+    "without a navigator there is no error to fit and no bound: `jaxnet figure curve` draws the"
+    " spread"
+)
 FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
 FITTED_QUANTILES = (0.5, 0.95)
 RESAMPLES = 1000
@@ -58,14 +62,18 @@ FEWEST, FEWEST_BEYOND = 50, 10  # draws that make up the variance of a mean; dra
 EXACT_FIT = 1e-9  # of the errors, or of ā: smaller residuals are transient or rounding, not scatter
 LEAST_RESIDUAL = 1e-12  # smaller errors per ā are rounding
 DECISIVE = 6.0  # of AICc: a model is 20 times as likely, exp(6/2)
-NO_CURVE_INTERVAL = "no interval: too few draws for their skewness, too few of them off, or too few beyond the quantile"
+NO_CURVE_INTERVAL = (
+    "no interval: too few draws for their skewness, too few of them off, or too few beyond the"
+    " quantile"
+)
 
 DrawCounts = Int[np.ndarray, "n samples"]  # how often each resample draws each sample
 FitRow = dict[str, object]
 
 
 def fit_table(results: Results, progress: Steps = no_progress) -> pd.DataFrame:
-    """Return `fit.csv`: a row per group, metric, model, quantile (none: least squares) and parameter.
+    """Return `fit.csv`: a row per group, metric, model, quantile (none: least squares) and
+    parameter.
 
     Models with more parameters than a group has magnitudes are left out. Raises FolderError if no
     cell has an attack with ā > 0 that is fixed or swept.
@@ -95,13 +103,13 @@ def fitted_groups(results: Results) -> list[Group]:
     groups = [group for group in attacked_groups(results.study.cells) if group.attacked]
     if not groups:
         raise FolderError(
-            f"{results.place}: no cell has an attack with ā > 0 that is fixed or swept, nothing to fit"
+            f"{results.place}: no cell has an attack with ā > 0 that is fixed or swept,"
+            " nothing to fit"
         )
     return groups
 
 
 def read_errors(results: Results, cells: dict[int, float], metric: str) -> Errors:
-    """Errors of the lanes of some cells, given with their magnitudes."""
     place = {cell: row for row, cell in enumerate(cells)}
     y = np.full((len(cells), results.manifest["samples"]), np.nan)
     for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=cells):
@@ -166,7 +174,6 @@ def curve_intervals(errors: Errors) -> dict[tuple[float | None, str], np.ndarray
 
 
 def drawn_slopes(errors: Errors, counts: DrawCounts, quantiles: list[float]) -> np.ndarray:
-    """Quantiles of the errors per ā of each resample."""
     ratios, finite = errors.ratios, np.isfinite(errors.y)
     order = np.argsort(ratios[finite])
     reached = np.cumsum(counts[:, np.nonzero(finite)[1][order]], axis=1, dtype=np.int32)
@@ -184,9 +191,9 @@ def has_slope(errors: Errors) -> bool:
     """Whether s·ā may describe the errors.
 
     It does not if a constant is decisively better by AICc and the errors do not rise with ā. The
-    second condition keeps the slope of a rise that weights 1/x² hide behind a transient. Errors rise
-    if the samples' mean slope over log ā is two standard errors above 0, or if one sample rises three
-    times as steeply as any falls.
+    second condition keeps the slope of a rise that weights 1/x² hide behind a transient. Errors
+    rise if the samples' mean slope over log ā is two standard errors above 0, or if one sample
+    rises three times as steeply as any falls.
     """
     ratios = errors.ratios
     straight = aicc(errors, "proportional", np.array([np.nanmean(ratios)]))
@@ -219,9 +226,9 @@ def bootstrap_suffices(errors: Errors, quantile: float | None) -> bool:
     """Whether there are enough draws for a bootstrap; with fewer its interval covers too little.
 
     At a quantile, FEWEST_BEYOND draws must lie beyond it. For least squares, n over the kurtosis of
-    the draws' mean errors per ā estimates the number of draws that make up the variance. This number
-    is small if few draws have large errors. If all errors are rounding, nothing is known of large
-    errors.
+    the draws' mean errors per ā estimates the number of draws that make up the variance. This
+    number is small if few draws have large errors. If all errors are rounding, nothing is known of
+    large errors.
     """
     ratios = errors.ratios
     finite = np.isfinite(ratios)
@@ -247,8 +254,8 @@ def percentile_interval(drawn: np.ndarray) -> np.ndarray:
 def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
     """Akaike's criterion with its small-sample correction, for (y − f)/x.
 
-    The criterion is not-a-number if (y − f)/x is rounding. It is `n log(RSS/n) + 2k + 2k(k + 1)/(n −
-    k − 1)`, where k includes the variance (Hurvich and Tsai 1989).
+    The criterion is not-a-number if (y − f)/x is rounding. It is `n log(RSS/n) + 2k + 2k(k + 1)/(n
+    − k − 1)`, where k includes the variance (Hurvich and Tsai 1989).
     """
     ratios = errors.ratios
     finite, k = np.isfinite(ratios), len(parameters) + 1

@@ -1,10 +1,10 @@
 """Intervals: of a share, of a quantile, of a mean.
 
 - A share has the exact binomial interval of Clopper and Pearson (1934).
-- A quantile has the exact interval of order statistics, which holds for every distribution (David and
-  Nagaraja, Order Statistics, 2003, section 7.1).
-- A mean has Student's interval where n ≥ 28 + 25 G², G being the sample's skewness (Sugden, Smith and
-  Jones, 2000). Elsewhere it has none: no interval of a mean holds for all distributions.
+- A quantile has the exact interval of order statistics, which holds for every distribution (David
+  and Nagaraja, Order Statistics, 2003, section 7.1).
+- A mean has Student's interval where n ≥ 28 + 25 G², G being the sample's skewness (Sugden, Smith
+  and Jones, 2000). Elsewhere it has none: no interval of a mean holds for all distributions.
 """
 
 import functools
@@ -111,7 +111,9 @@ def are_alike(values: Values) -> bool:
 
 
 def student_interval(sums: Values, counts: Values, confidence: float) -> Ends:
-    """Student's interval of the mean of all numbers, from independent sums of `counts` numbers each."""
+    """Student's interval of the mean of all numbers, from independent sums of `counts` numbers
+    each.
+    """
     units, size = len(sums), np.abs(sums).max()
     mean = (sums / size).sum() / counts.sum()
     squares = np.square(sums / size - mean * counts).sum() * units / (units - 1)
@@ -122,8 +124,9 @@ def student_interval(sums: Values, counts: Values, confidence: float) -> Ends:
 def paired_share_interval(up: int, down: int, pairs: int, confidence: float) -> Ends:
     """Interval of the difference of two shares over pairs, `up` and `down` of which changed sides.
 
-    The difference is ψ (2π - 1): ψ is the share of pairs that changed, π the share of these that went up.
-    Both have their exact interval. The interval leaves out 0 exactly where McNemar's exact test does.
+    The difference is ψ (2π - 1): ψ is the share of pairs that changed, π the share of these that
+    went up. Both have their exact interval. The interval leaves out 0 exactly where McNemar's exact
+    test does.
     """
     changed = up + down
     low, high = clopper_pearson(np.array([up, changed]), np.array([changed, pairs]), confidence)

@@ -2,10 +2,10 @@
 
 The same seed and sample give the same draw. So the difference of two lanes of a sample is the
 difference of their studies, and its mean varies far less than the means themselves. The share
-unrecovered changes only by the lanes that are unrecovered in one study alone. If both directions were
-equally likely, the number in one direction would be binomial with p = 1/2: McNemar's exact test.
-Intervals are those of `intervals`; that of the share leaves out 0 exactly where McNemar's p is below
-0.05.
+unrecovered changes only by the lanes that are unrecovered in one study alone. If both directions
+were equally likely, the number in one direction would be binomial with p = 1/2: McNemar's exact
+test. Intervals are those of `intervals`; that of the share leaves out 0 exactly where McNemar's p
+is below 0.05.
 """
 
 import functools
@@ -57,9 +57,8 @@ class Comparison(NamedTuple):
     --------
     >>> import jaxnet
     >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 2}
-    >>> weak, strong = (
-    ...     jaxnet.simulate(keys | {"attack": {"magnitude": size}}, progress=False) for size in (1, 10)
-    ... )
+    >>> attacks = [{"magnitude": 1}, {"magnitude": 10}]
+    >>> weak, strong = (jaxnet.simulate(keys | {"attack": a}, progress=False) for a in attacks)
     >>> jaxnet.compare(weak, strong).settings["key"].to_list()
     ['attack.magnitude']
     """
@@ -149,14 +148,14 @@ def by_values(
             more = ", ".join(key for key in cell.labels if key not in common)
             raise FolderError(
                 f"sweep: {more} is swept in {results.place} and not in {other.place}, so several"
-                " cells of one would stand against one of the other: sweep it in both, or in neither"
+                " cells of one would stand against one of the other: sweep it in both, or in"
+                " neither"
             )
         found[values] = cell
     return found
 
 
 def swept_values_text(results: Results, key: str) -> str:
-    """Values of a swept key, separated by commas."""
     return ", ".join(dict.fromkeys(str(cell.labels[key]) for cell in results.study.cells))
 
 
@@ -175,8 +174,8 @@ def mark_unrecovered(
 ) -> pd.DataFrame:
     """The lanes with `ok`, whether both lanes ended, and whether each lane is unrecovered.
 
-    `unrecovered` is not-a-number without a criterion or an attack, and where ā is unknown because an
-    attack's code is missing.
+    `unrecovered` is not-a-number without a criterion or an attack, and where ā is unknown because
+    an attack's code is missing.
     """
     levels = [
         known_or(np.nan, functools.partial(threshold, cell, asked))
@@ -193,7 +192,6 @@ def mark_unrecovered(
 def comparison_row(
     pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results]
 ) -> Mapping[str, object]:
-    """Comparison of a pair of cells as a row."""
     ok: Any = lanes[lanes["ok"]]
     row = cell_numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
     units = independent_units(studies[0].study.config, ok["sample"].to_numpy())
@@ -219,7 +217,6 @@ class Shift(NamedTuple):
 
 
 def share_shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) -> Shift:
-    """Shift between the lanes unrecovered in A and those unrecovered in B."""
     saved, lost, count = int((a & ~b).sum()), int((b & ~a).sum()), len(a)
     changed = saved + lost
     p = min(1.0, 2 * special.bdtr(min(saved, lost), changed, 0.5)) if changed else 1.0
@@ -228,7 +225,6 @@ def share_shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) ->
 
 
 def cell_numbers(pair: CellPair) -> dict[str, int]:
-    """Numbers of both cells, or one number if they are equal."""
     a, b = (cell.number for cell in pair)
     return {"cell": a} if a == b else {"cell": a, "cell_B": b}
 
@@ -236,7 +232,6 @@ def cell_numbers(pair: CellPair) -> dict[str, int]:
 def lane_table(
     pairs: Sequence[CellPair], lanes: Sequence[pd.DataFrame], columns: list[str]
 ) -> pd.DataFrame:
-    """A table of these lanes of each pair, with the cells' numbers and swept values."""
     found = [
         pd.DataFrame(
             {
@@ -264,7 +259,6 @@ def differing_settings(first: Results, second: Results) -> pd.DataFrame:
 
 
 def by_dotted_key(data: Mapping[str, object], before: str = "") -> dict[str, str]:
-    """The values as text, by dotted key."""
     found: dict[str, str] = {}
     for key, value in data.items():
         if isinstance(value, Mapping) and value:
@@ -275,7 +269,6 @@ def by_dotted_key(data: Mapping[str, object], before: str = "") -> dict[str, str
 
 
 def unpaired_cells(first: Results, second: Results, pairs: Sequence[CellPair]) -> list[str]:
-    """Names of the cells of either study that are in no pair."""
     found = []
     for side, results in enumerate((first, second)):
         paired = {pair[side].number for pair in pairs}

@@ -64,7 +64,6 @@ class Quantity(NamedTuple):
 
     @property
     def known(self) -> Float[np.ndarray, " known"]:
-        """The values that are known."""
         return self.values["value"].dropna().to_numpy(dtype=float)
 
     @property
@@ -105,7 +104,6 @@ class Quantity(NamedTuple):
 
     @property
     def axis(self) -> str:
-        """Label of an axis."""
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
 
@@ -189,7 +187,6 @@ def metric_and_statistic(study: Config, name: str) -> tuple[Metric, str]:
 
 
 def failed_shares(table: pd.DataFrame) -> pd.DataFrame:
-    """Share of failed lanes with its interval [%]."""
     failed, lanes = table["failed"].to_numpy(), table["lanes"].to_numpy()
     columns = failed / lanes, *clopper_pearson(failed, lanes, CONFIDENCE)
     return 100 * pd.DataFrame(dict(zip(VALUE_COLUMNS, columns, strict=True)), index=table.index)

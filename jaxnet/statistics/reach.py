@@ -13,8 +13,8 @@ from jaxnet.theory.spread import AttackGain
 def scenario_gain(scenario: Scenario) -> AttackGain | None:
     """Return the gains γ of a scenario's network, by which bounds multiply ā.
 
-    None without the premises of BOUNDS. If the attacked vehicles are drawn, the gains are those of an attack
-    on all vehicles.
+    None without the premises of BOUNDS. If the attacked vehicles are drawn, the gains are those of
+    an attack on all vehicles.
     """
     if broken_premise(scenario, BOUNDS):
         return None

@@ -1,12 +1,13 @@
-"""How often the defence fails: the share of lanes whose mean error stays above τ ā (theorems.md O6).
+"""How often the defence fails: the share of lanes whose mean error stays above τ ā (theorems.md
+O6).
 
 Without a navigator, the spread counts in place of the mean error: such lanes end without agreement.
 
-In a sequential study, lanes are added until the exact interval of the share is narrow enough, so the
-interval is computed repeatedly, once per look. Look i comes after 256 · 1.5^(i - 1) samples and has
-the error α / (i (i + 1)). These errors sum to α. With probability 1 - α all intervals therefore hold
-at once, wherever the study stops. Looks lie ever further apart, because a look after few new lanes
-costs a part of the error and adds little information.
+In a sequential study, lanes are added until the exact interval of the share is narrow enough, so
+the interval is computed repeatedly, once per look. Look i comes after 256 · 1.5^(i - 1) samples and
+has the error α / (i (i + 1)). These errors sum to α. With probability 1 - α all intervals therefore
+hold at once, wherever the study stops. Looks lie ever further apart, because a look after few new
+lanes costs a part of the error and adds little information.
 """
 
 import itertools
@@ -48,7 +49,6 @@ def threshold(cell: Cell, asked: Recovery | None) -> float:
 
 
 def criterion_words(asked: Recovery, cells: Sequence[Cell]) -> str:
-    """Say when a lane is unrecovered."""
     size = "ā" if asked.of == "magnitude" else "of the amplitude in force"
     judged = {cell.scenario.judged for cell in cells}
     what = "spread" if is_leaderless(cells) else "mean error"
@@ -86,7 +86,6 @@ def samples_at(look: int) -> int:
 
 
 def look_of(samples: int) -> int:
-    """First look with at least this number of samples."""
     return next(look for look in itertools.count(1) if samples_at(look) >= samples)
 
 
@@ -124,7 +123,8 @@ def confidence_told(samples: int | Sequential) -> float:
 def half_intervals(
     counts: RecoveryCounts, cells: Sequence[Cell], samples: Sequence[int], criterion: Criterion
 ) -> Float[np.ndarray, " cells"]:
-    """Half of each cell's interval, for the study's stopping rule; `samples` are those of the cells.
+    """Half of each cell's interval, for the study's stopping rule; `samples` are those of the
+    cells.
 
     The half is 0 for a cell without an attack or without a lane that ended.
     """

@@ -39,7 +39,6 @@ class Errors(NamedTuple):
 
     @property
     def ratios(self) -> Float[np.ndarray, "j samples"]:
-        """Errors per ā."""
         return self.y / self.x[:, None]
 
     @property
@@ -205,7 +204,6 @@ class BentCurve(NamedTuple):
 
 
 def pairs_apart(values: np.ndarray) -> np.ndarray:
-    """Differences of all pairs of magnitudes, along the last axis."""
     first, second = np.triu_indices(values.shape[-1], 1)
     return values[..., first] - values[..., second]
 
@@ -232,7 +230,6 @@ def power_through(x: np.ndarray, u: PerFit) -> PerFit:
 
 
 def power_read(x: np.ndarray, shape: Shapes, scale: Shapes) -> tuple[Shapes, Shapes]:
-    """Parameters c and p."""
     centre, width = log_range(x)
     return scale * np.exp(shape / width * centre), 1 - shape / width
 

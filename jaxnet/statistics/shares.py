@@ -1,6 +1,7 @@
 """Shares of lanes in `cells.csv`, tables and figures: one declaration each.
 
-- `unrecovered`: the tail error, or without a navigator the spread, stays above τ ā (theorems.md O6).
+- `unrecovered`: the tail error, or without a navigator the spread, stays above τ ā (theorems.md
+  O6).
 - `in_hull`: no vehicle leaves the hull of the starts, attacked vehicles aside. The metric `outside`
   is at most the accuracy of the engine, 1e-8 m for the exact engine and 1e-5 m for others.
 """
@@ -38,7 +39,6 @@ def count_unrecovered(study: Config, cell: Cell, ok: pd.DataFrame) -> Counted:
 
 
 def unrecovered_note(study: Config, cells: Sequence[Cell]) -> str:
-    """Criterion of a recovery, and by how much attacks are below ā."""
     if study.recovery is None:
         return ""
     reduced = amplitude_note(cells) if study.recovery.of == "magnitude" else ""
@@ -53,10 +53,9 @@ def count_in_hull(study: Config, cell: Cell, ok: pd.DataFrame) -> Counted:
 
 
 def hull_note(study: Config, cells: Sequence[Cell]) -> str:
-    """Define which lanes are in the hull."""
     tolerance = max(cell.scenario.engine.accuracy for cell in cells)
-    who = "no vehicle that is not attacked"
-    return f"in the hull (in_hull): {who} leaves the convex hull of their starts by over {tolerance:g} m"
+    who = "no vehicle that is not attacked leaves the convex hull of their starts"
+    return f"in the hull (in_hull): {who} by over {tolerance:g} m"
 
 
 LANE_SHARES = {
@@ -69,7 +68,6 @@ LANE_SHARES = {
 
 
 def shares_of(study: Config, cells: Sequence[Cell]) -> list[Share]:
-    """Shares that a study of these cells tells."""
     asked = {
         "in_hull": any(cell.scenario.leaderless for cell in cells),
         "unrecovered": study.recovery is not None,
@@ -88,5 +86,4 @@ def share_columns(share: Share, counted: Counted, confidence: float) -> dict[str
 
 
 def share_names(name: str) -> list[str]:
-    """Columns of a share in `cells.csv`."""
     return [name, f"{name}_low", f"{name}_high"]

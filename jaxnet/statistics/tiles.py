@@ -84,7 +84,6 @@ def blank_reason(cell: Cell, ok: int) -> str:
 
 
 def blank_reasons(found: pd.DataFrame, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
-    """Say why some of these tiles have no number."""
     some = found["blank"].where(found[metric].isna()).reindex(numbers.ravel())
     reasons = filter(None, some.dropna().unique())
     return [*reasons, *["not run"] * bool((numbers == NO_CELL).any())]

@@ -16,8 +16,8 @@ VEHICLE_COLUMNS = ["cell", "vehicle", "lanes", "low", "median", "q95", "greatest
 def vehicle_table(results: Results, cells: Sequence[Cell]) -> pd.DataFrame:
     """Return a row for each cell and vehicle: quantiles of its mean errors over the ok lanes [m].
 
-    `low` is the 5 % quantile. `unrecovered` is the share of lanes [%] in which the error exceeds the
-    threshold of a recovery, not-a-number without one. Cells without an ok lane have no rows.
+    `low` is the 5 % quantile. `unrecovered` is the share of lanes [%] in which the error exceeds
+    the threshold of a recovery, not-a-number without one. Cells without an ok lane have no rows.
     """
     errors, found = results.vehicles["tail_mean"], []
     for cell in cells:

@@ -153,12 +153,10 @@ def is_rounding(value: float, size: float) -> bool:
 
 
 def without_rounding(value: float, size: float) -> float:
-    """An error, or 0 if it is rounding."""
     return 0.0 if is_rounding(value, size) else value
 
 
 def is_unknown(value: Any) -> bool:
-    """Whether a value is not-a-number."""
     return isinstance(value, float) and math.isnan(value)
 
 
@@ -256,7 +254,6 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
 
 
 def across_column(column: Column, key: Column, value: Any) -> Column:
-    """Copy of the column of a quantity, titled by one value of the key across."""
     above = column.latex if is_kind(key.name) else f"{column.latex} by {key.latex}"
     return column._replace(
         name=f"{key.name}={value}:{column.name}",
@@ -296,7 +293,6 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
 
 
 def key_column(key: str, labels: Iterable[Any]) -> Column:
-    """Column of a swept key."""
     name = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
     words = latex_title(name or key_name(key).translate(LATEX_ESCAPES), unit(key))
     return Column(key, quantity(key), words, list(labels), key=key)
@@ -336,7 +332,6 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
 def interval_ends(
     rows: pd.DataFrame, low: str, high: str
 ) -> tuple[list[float], list[float]] | None:
-    """Both ends of the intervals, None if no end is known."""
     if not {low, high} <= {*rows} or not all(is_numeric_dtype(rows[end]) for end in (low, high)):
         return None  # a folder of an earlier version
     known = rows[[low, high]].notna().to_numpy().any()
@@ -353,7 +348,6 @@ def alike_cells(rows: pd.DataFrame, metric: str) -> list[bool]:
 
 
 def latex_title(words: str, of: str) -> str:
-    """A title in LaTeX with its unit."""
     return f"{words} [{UNITS.get(of, of.translate(LATEX_ESCAPES))}]" if of else words
 
 

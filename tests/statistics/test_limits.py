@@ -19,7 +19,9 @@ EDGES = [[1, 0, 1], [2, 0, 1], [2, 1, 3], [3, 2, 1], [3, 4, 2], [4, 3, 1], [4, 1
 
 
 def test_the_table_has_a_block_for_each_group():
-    """Cells that differ in ā alone share one; the static slopes of the star are its attacked vehicles."""
+    """Cells that differ in ā alone share one; the static slopes of the star are its attacked
+    vehicles.
+    """
     study = jaxnet.load({"sweep": {"topology": ["star", "cyclic"], "attack.magnitude": [1, 2]}})
     slopes = slopes_table(study.cells)
     assert slopes.columns.tolist() == ["topology", "bound", "vehicle", "slope"]
@@ -65,8 +67,8 @@ def results_of(study, **columns):
 def test_a_lane_over_its_bound_is_found(engine):
     """In the star, after 60 s, a constant attack of 3 m has taken its listeners 3 m off, not more.
 
-    Over that static is violated, over 2 √2 · 3 = 8.5 m the bound of one frequency, over 24 m the peak gain; a
-    failed lane violates nothing.
+    Over that static is violated, over 2 √2 · 3 = 8.5 m the bound of one frequency, over 24 m the
+    peak gain; a failed lane violates nothing.
     """
     keys = {
         "topology": "star",
@@ -95,7 +97,9 @@ def test_a_lane_over_its_bound_is_found(engine):
 
 @pytest.mark.parametrize("magnitude", [{"uniform": [0, 3]}], ids=["drawn"])
 def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
-    """The same table as of all lanes' starts; errors below bounds, above their limits, and in between."""
+    """The same table as of all lanes' starts; errors below bounds, above their limits, and in
+    between.
+    """
     attack = {"kind": "rotating", "magnitude": magnitude}
     study = systems.study(
         samples=200, engine="exact", topology="star", attack=attack, horizon=12, tail=1
@@ -145,7 +149,9 @@ class Swelling(Rotating):
 
 
 def test_what_has_one_frequency_is_held_against_less():
-    """On the ring that trims 2 √2 · 2.475 ā = 35.0 m: not several frequencies, nor a position alone."""
+    """On the ring that trims 2 √2 · 2.475 ā = 35.0 m: not several frequencies, nor a position
+    alone.
+    """
     attacks = [
         "rotating",
         "sinusoid",

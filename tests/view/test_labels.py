@@ -51,8 +51,8 @@ def test_latex_typesets_labels_as_they_are(results):
     """Every special character is escaped, in titles as in values, and no comment ends early."""
     text = formats.in_format(summary_columns(results), "latex", ["one\ntwo"])
     assert (
-        r"share\_a of 5 \% \$\textbackslash{}bar\{a\$ \textbackslash{}input\{x\}\textbackslash{}x1b [m]"
-        in text
+        r"share\_a of 5 \% \$\textbackslash{}bar\{a\$ "
+        r"\textbackslash{}input\{x\}\textbackslash{}x1b [m]" in text
     )
     assert r"\textbackslash{}x1b[31mred" in text
     assert "% one two\n" in text

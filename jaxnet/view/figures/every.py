@@ -93,8 +93,8 @@ def draw_curve(
     `x` and `hue` are swept keys: across, and told apart by colour. None chooses: numbers across,
     kinds in colours. `panel` is the swept key or keys with a panel for each value; None takes all
     keys that are left. `y` is `unrecovered`, `failed`, `in_hull`, a metric (its median over lanes),
-    or METRIC_STATISTIC with a statistic of mean, median, q05, q95 and max; None takes what the study
-    asks for. As in `results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")`.
+    or METRIC_STATISTIC with a statistic of mean, median, q05, q95 and max; None takes what the
+    study asks for. As in `results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")`.
     """
     chosen = choose_axes(cells, **axes)
     found = quantity_of(results, cells, y or asked_quantity(results.study.config))
@@ -174,7 +174,6 @@ def parts_of_variance(unrecovered: bool) -> Callable[..., Figure]:
 
 
 def has_store(results: Results, name: str) -> bool:
-    """Whether the folder holds a Zarr store of this name."""
     return (results.path / f"{name}.zarr").exists()
 
 
@@ -212,12 +211,10 @@ class Plots:
     results
         Results of a finished run.
 
-    Notes
-    -----
-    Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or "two",
-    the figure's width in columns of a journal. `note=False` leaves out the small line at the top, for
-    a paper whose caption says it. `curve` and the heat maps take `x`, `hue` and `panel`, swept keys;
-    `curve` takes `y` too. Each method returns a matplotlib figure.
+    Notes ----- Each method takes `where`, the wanted value or values of swept keys, and `column`,
+    "one" or "two", the figure's width in columns of a journal. `note=False` leaves out the small
+    line at the top, for a paper whose caption says it. `curve` and the heat maps take `x`, `hue`
+    and `panel`, swept keys; `curve` takes `y` too. Each method returns a matplotlib figure.
 
     Raises
     ------

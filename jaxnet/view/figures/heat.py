@@ -44,7 +44,6 @@ HATCHED_STYLE: dict[str, Any] = {
 
 
 def metric_label(metric: str, cells: Sequence[Cell]) -> str:
-    """A metric of these cells in words, with its unit."""
     if metric == "unrecovered":
         return f"lanes {share_name(cells)} [%]"
     return (

@@ -67,7 +67,6 @@ def log_axis(panel: Axes, letter: str, ends: tuple[float, float] | None = None) 
 
 
 def escape_dollars(words: str) -> str:
-    """Escape dollar signs, so that matplotlib reads no formula."""
     return words.replace("$", r"\$")
 
 
@@ -125,7 +124,6 @@ def distinct_titles(drawn: Figure, labels: Sequence[Labels]) -> list[str]:
 
 
 def panels_across(width: float) -> int:
-    """Greatest number of panels in a row for a width [in]."""
     return max(1, round(PANELS_PER_ROW * width / style.FIGURE_WIDTH))
 
 
@@ -198,7 +196,7 @@ def rows_fitting(labels: Sequence[Labels], width: float, most: int) -> int:
 
 
 def named_rows(labels: Sequence[Labels], width: float, words: str) -> tuple[Figure, Axes]:
-    """Return a figure with one panel that has a named row per label, from the top down."""
+    """Figure with one panel that has a named row per label, from the top down."""
     names, heights = row_heights(labels, width)
     drawn = Figure(figsize=(width, heights.max() * len(labels) + 1.0))
     distinct_titles(drawn, labels)  # writes what all share

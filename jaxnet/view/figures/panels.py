@@ -1,4 +1,6 @@
-"""The paper's figure: a row per attack, with trajectories of each topology and all errors over time."""
+"""The paper's figure: a row per attack, with trajectories of each topology and all errors over
+time.
+"""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
@@ -44,7 +46,8 @@ def panels_figure(
     trajectories: bool,
     errors: bool,
 ) -> Figure:
-    """Draw a row for each combination of swept keys other than topology; errors stand last in a row.
+    """Draw a row for each combination of swept keys other than topology; errors stand last in a
+    row.
 
     Only the first MOST_A_SIDE rows and topologies are drawn. In a narrow figure a row takes several
     lines.
@@ -125,14 +128,12 @@ def rows_of_cells(cells: Sequence[Cell]) -> list[list[Cell]]:
 
 
 def topology_name(cell: Cell) -> str:
-    """The name of a cell's topology."""
     return str(
         cell.labels.get("topology", cell.scenario.topology.label or cell.scenario.topology.kind)
     )
 
 
 def figure_name(cell: Cell) -> str:
-    """The name of a cell's topology as text for matplotlib."""
     return multiples.escape_dollars(topology_name(cell))
 
 
@@ -235,7 +236,6 @@ def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Link
 
 
 def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
-    """Legend entries for the paths."""
     scenarios = [cell.scenario for row in rows for cell in row]
     fleets = [scenario.vehicles for scenario in scenarios]
     attacks = [scenario.attack for scenario in scenarios]
@@ -269,7 +269,9 @@ def draw_errors(
     title: str,
     key: bool,
 ) -> None:
-    """Draw ẽ, or the spread, above ε̃ on log axes, as a median over lanes with a band from 5 to 95 %."""
+    """Draw ẽ, or the spread, above ε̃ on log axes, as a median over lanes with a band from 5 to 95
+    %.
+    """
     inner = place.subgridspec(2, 1, hspace=0.0)
     upper: Axes | None = None
     for number, variable in enumerate((variable_over_time(cells), "disagreement")):

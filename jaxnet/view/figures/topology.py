@@ -79,7 +79,6 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
 
 
 def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
-    """Return, for each graph, the cell with the most attacked links."""
     graphs: dict[str, list[Cell]] = {}
     for cell in cells:
         graphs.setdefault(topology_name(cell), []).append(cell)
@@ -105,7 +104,6 @@ def node_spacing(graph: Digraph, size: float) -> float:
 
 
 def node_diameter(graph: Digraph, size: float) -> float:
-    """The diameter of a node [pt] in a panel of this size [pt]."""
     return min(NODE_DIAMETER, 0.8 * node_spacing(graph, size))
 
 
@@ -176,8 +174,8 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
 def source_positions(graph: Digraph) -> np.ndarray:
     """Positions of navigator and vehicles in the drawing, on a circle or a serpentine.
 
-    The navigator stands in the centre where a third of the vehicles hear it, or nobody does. Many vehicles
-    alternate between two circles, which leaves space for the links between neighbours.
+    The navigator stands in the centre where a third of the vehicles hear it, or nobody does. Many
+    vehicles alternate between two circles, which leaves space for the links between neighbours.
     """
     m = graph.vehicles
     informed = int((graph.heard & (graph.sources == 0)).sum())
@@ -241,7 +239,6 @@ def graph_caption(cell: Cell) -> str:
 
 
 def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
-    """Write the weights beside their links."""
     weights = graph.pairs()
     for i, j in labelled_links(graph):
         middle = 0.5 * (places[i + 1] + places[j])
@@ -257,8 +254,8 @@ def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
 def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: float) -> None:
     """Draw a node of a diameter [pt]; its number is written where the diameter permits.
 
-    The navigator is a dark square. Attacked vehicles have the attack's colour. Both are large enough
-    for a number.
+    The navigator is a dark square. Attacked vehicles have the attack's colour. Both are large
+    enough for a number.
     """
     if source == 0 or lies:
         across = max(across, LEAST_NUMBERED_NODE)
@@ -295,7 +292,6 @@ def is_upper(y: float) -> bool:
 
 
 def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
-    """Legend entries for the nodes, links and densities in the figure."""
     large = [cell for cell, network in shown if too_large(network.graph)]
     small = [each for each in shown if not too_large(each[1].graph)]
     handles: list[Line2D | Patch] = []

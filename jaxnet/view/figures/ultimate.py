@@ -63,7 +63,6 @@ def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
 
 
 def ultimate_legend(shown: Sequence[Curve], metric: str, floor: float) -> list[Line2D]:
-    """Legend entries for the bounds and marks in the figure."""
     present = {bound for curve in shown for bound in curve.limits(metric)}
     handles = [
         Line2D([], [], marker="o", label="median of lanes", **MEDIAN_STYLE),

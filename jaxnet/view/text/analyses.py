@@ -11,7 +11,6 @@ from jaxnet.view.text.worst import search_text
 
 
 def analyses_text(results: Results) -> str:
-    """Return the tables of all analyses in a folder, as their commands print them."""
     found = [search_text(results)] if results.file("worst.csv").exists() else []
     if "sensitivity" in results.analyses:
         metric = judged_metric(results.study.cells)
@@ -22,5 +21,4 @@ def analyses_text(results: Results) -> str:
 
 
 def rare_text(table: pd.DataFrame) -> str:
-    """Return the shares of rare failures with their intervals, a line per cell."""
     return table_text(table.drop(columns=["points", "threshold"]).head(MOST_ROWS))

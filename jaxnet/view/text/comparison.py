@@ -47,18 +47,20 @@ COMPARISON_DROP_ORDER = (
     ),
 )
 ERROR_LEGEND = (
-    "tail mean, tail max: the metrics tail_mean and tail_max, median and mean of the paired differences;"
-    " low, high: their 95 % intervals. A mean has none where few lanes are as skewed as these."
+    "tail mean, tail max: the metrics tail_mean and tail_max, median and mean of the paired"
+    " differences; low, high: their 95 % intervals. A mean has none where few lanes are as skewed as these."
 )
 AGREEMENT_LEGEND = (
-    "spread: greatest distance of two vehicles that are not attacked, over the tail; outside: greatest way of"
-    " such a vehicle out of the hull of their starts; unrecovered: without agreement."
+    "spread: greatest distance of two vehicles that are not attacked, over the tail; outside:"
+    " greatest way of such a vehicle out of the hull of their starts; unrecovered: without agreement."
 )
-SHARE_LEGEND = "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many either way."
+SHARE_LEGEND = (
+    "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many"
+    " either way."
+)
 
 
 def comparison_legend(found: Comparison) -> str:
-    """Explain the columns."""
     measured = AGREEMENT_LEGEND if "spread_difference" in found.cells else ERROR_LEGEND
     return f"All differences are B - A, of the same draws. {measured} {SHARE_LEGEND}"
 
@@ -74,7 +76,6 @@ def comparison_rows(found: Comparison) -> pd.DataFrame:
 
 
 def comparison_text(found: Comparison) -> str:
-    """Return the whole comparison for a terminal."""
     table = comparison_rows(found)
     errors = length_columns(table)
     table[errors] = table[errors].where(~(table[errors].abs() < ROUNDING_DIFFERENCE), 0.0)
@@ -95,7 +96,6 @@ def comparison_text(found: Comparison) -> str:
 
 
 def settings_lines(found: Comparison) -> list[str]:
-    """Both folders, and a line per key in which their studies differ."""
     a, b = found.folders
     keys: Any = found.settings.itertuples()
     told = [f"  {row.key}: {shorten(row.A, 60)} in A, {shorten(row.B, 60)} in B" for row in keys]
@@ -106,7 +106,6 @@ def settings_lines(found: Comparison) -> list[str]:
 
 
 def changes_text(found: Comparison) -> str:
-    """The lanes that recover in one study only."""
     lines = []
     for words, in_a in (("saved", True), ("lost", False)):
         lanes: Any = found.changed[found.changed["unrecovered_A"].astype(bool) == in_a].itertuples()
@@ -116,7 +115,6 @@ def changes_text(found: Comparison) -> str:
 
 
 def failed_lanes_text(found: Comparison) -> str:
-    """The failed lanes, which no difference includes."""
     lanes: Any = found.failed.itertuples()
     named = [
         f"cell {lane.cell} sample {lane.sample} ({lane.status_A} in A, {lane.status_B} in B)"
@@ -126,6 +124,5 @@ def failed_lanes_text(found: Comparison) -> str:
 
 
 def first_names(named: list[str]) -> str:
-    """The first names, and the number of further ones."""
     more = len(named) - MOST_NAMED_LANES
     return ", ".join(named[:MOST_NAMED_LANES]) + (f" and {more} more" if more > 0 else "")

@@ -11,7 +11,7 @@ from jaxnet.view.columns import LATEX_ESCAPES, Column, as_frame, split_constant
 
 
 def in_format(columns: Sequence[Column], name: str, notes: Sequence[str] = ()) -> str:
-    """Return a table in the named format; LaTeX has the notes as comments."""
+    """Table in the named format; LaTeX has the notes as comments."""
     if name == "csv":
         return csv_text(as_frame(columns)).rstrip("\n")
     if name == "markdown":
@@ -21,7 +21,6 @@ def in_format(columns: Sequence[Column], name: str, notes: Sequence[str] = ()) -
 
 
 def columns_of(table: pd.DataFrame) -> list[Column]:
-    """The columns of a table that has no intervals."""
     values = {str(name): table[name].tolist() for name in table}
     return [
         Column(name, name, name.translate(LATEX_ESCAPES), each) for name, each in values.items()
@@ -29,7 +28,7 @@ def columns_of(table: pd.DataFrame) -> list[Column]:
 
 
 def markdown(columns: Sequence[Column]) -> str:
-    """Return a table as Markdown, for GitHub, pandoc and notebooks."""
+    """Table as Markdown, for GitHub, pandoc and notebooks."""
     rule = ["---:" if each.numeric else "---" for each in columns]
     rows = zip(*(each.texts() for each in columns), strict=True)
     lines = ([each.title for each in columns], rule, *rows)
@@ -38,7 +37,8 @@ def markdown(columns: Sequence[Column]) -> str:
 
 
 def latex(columns: Sequence[Column]) -> str:
-    r"""Return a LaTeX `tabular` of the package booktabs; what is the same in all cells is a comment.
+    r"""Return a LaTeX `tabular` of the package booktabs; what is the same in all cells is a
+    comment.
 
     A value of a swept key stands once where rows below it repeat it, and `\addlinespace` parts the
     groups of the first key.

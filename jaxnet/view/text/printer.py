@@ -21,7 +21,6 @@ Narrowing = Sequence[str] | Mapping[str, Sequence[str]]
 
 
 def shown(value: object) -> str:
-    """A value as tables show it."""
     if not isinstance(value, float):
         return str(value)
     return "-" if value != value else four_digits(value)
@@ -30,7 +29,7 @@ def shown(value: object) -> str:
 def table_text(
     table: pd.DataFrame, labels: Sequence[str] = (), width: int = 2 * GREATEST_WIDTH
 ) -> str:
-    """Return a table as text of this width; the columns of `labels` are wrapped to fit."""
+    """Table as text of this width; the columns of `labels` are wrapped to fit."""
     drawn = Table(box=None, padding=(0, GAP, 0, 0), pad_edge=False, header_style="")
     columns = texts_of(table)
     titles = [title_lines(name, texts) for name, texts in columns.items()]
@@ -51,7 +50,6 @@ def table_text(
 
 
 def texts_of(table: pd.DataFrame) -> dict[str, list[str]]:
-    """Texts of each column by its title."""
     return {
         str(name): [shown(value) for value in table.iloc[:, place].tolist()]
         for place, name in enumerate(table)
@@ -76,7 +74,7 @@ def least_width(table: pd.DataFrame, labels: Sequence[str]) -> int:
 def fit_columns(
     table: pd.DataFrame, labels: Sequence[str], steps: Sequence[Narrowing]
 ) -> pd.DataFrame:
-    """Return a table that fits the terminal: take the steps in turn, then drop labels from the last on."""
+    """Table that fits the terminal: take the steps in turn, then drop labels from the last on."""
     for step in [*steps, *([label] for label in reversed(labels))]:
         if least_width(table, labels) <= terminal_width():
             break
@@ -90,7 +88,7 @@ def fit_columns(
 def fitted_text(
     table: pd.DataFrame, labels: Sequence[str], steps: Sequence[Narrowing]
 ) -> tuple[str, list[str]]:
-    """Return a table that fits the terminal as text, and the titles of the columns left out."""
+    """Table that fits the terminal as text, and the titles of the columns left out."""
     narrow = fit_columns(table, labels, steps)
     left_out = [str(name) for name in table if name not in narrow]
     return table_text(narrow, labels, terminal_width()), left_out

@@ -35,9 +35,9 @@ ShowTally = Callable[["Tally"], None]
 def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
     """Yield a function that takes the tally of a run and reports its progress.
 
-    A function `progress` receives the numbers of lanes done, in all and failed. None means a live bar
-    on a terminal or in a notebook, else no report. True means a line each half minute where no bar is
-    possible. False means no report.
+    A function `progress` receives the numbers of lanes done, in all and failed. None means a live
+    bar on a terminal or in a notebook, else no report. True means a line each half minute where no
+    bar is possible. False means no report.
     """
     if callable(progress):
         yield lambda tally: progress(tally.done, tally.total, tally.failed)
@@ -169,7 +169,6 @@ class Speed:
         self.rate = 0.0
 
     def note(self, done: int) -> None:
-        """Record the number of lanes done at this moment."""
         now = time.monotonic()
         if self.start is None:
             self.start = (now, done)
@@ -183,7 +182,6 @@ class Speed:
         return f"{self.rate:.3g} lanes/s" if self.rate else "first lanes under way"
 
     def left(self, lanes: int) -> str:
-        """The time for the remaining lanes, as h:mm:ss."""
         if not self.rate:
             return "unknown time"
         seconds = round(lanes / self.rate)

@@ -14,13 +14,12 @@ from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 INDICES_FILE = "sensitivity.csv"
 INTERVAL_SUFFIXES = ("", "_low", "_high")
 SENSITIVITY_LEGEND = (
-    "parts of the variance over the lanes, with 95 % intervals. first: of the quantity alone; total: with its"
-    " interactions. A dash: nothing varies. No interval: few lanes make up the variance."
+    "parts of the variance over the lanes, with 95 % intervals. first: of the quantity alone;"
+    " total: with its interactions. A dash: nothing varies. No interval: few lanes make up the variance."
 )
 
 
 def plan_text(lanes: Mapping[int, int], samples: int) -> str:
-    """Return the number of lanes to simulate."""
     cells, most = count(len(lanes), "cell"), max(lanes.values()) // samples - 2
     return (
         f"{count(sum(lanes.values()), 'lane')}: in {cells} {samples:,} for each quantity drawn,"
@@ -36,7 +35,6 @@ def in_hundredths(estimate: float, low: float, high: float) -> str:
 
 
 def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
-    """Return the indices of one metric, a line per cell and quantity."""
     chosen: Any = table[table["metric"] == metric]
     labels = list(study.cells[0].labels)
     swept = [study.cells[number].labels for number in chosen["cell"]]

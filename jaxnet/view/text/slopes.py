@@ -51,7 +51,6 @@ BOUNDS_DROP_ORDER = tuple(
 
 
 def fit_text(results: Results) -> str:
-    """Return fits, bounds and violations, as far as they are stored."""
     parts = [slopes_text(results)]
     parts += [conservatism_text(results)] if (results.path / "bounds.csv").exists() else []
     parts += [violations_text(results)] if (results.path / "violations.csv").exists() else []
@@ -60,7 +59,7 @@ def fit_text(results: Results) -> str:
 
 
 def slopes_text(results: Results) -> str:
-    """Return the slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p."""
+    """Slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p."""
     fits, found = stored_table(results, "fit"), curves(results)
     rows = []
     for curve in found:
@@ -94,7 +93,7 @@ def slopes_text(results: Results) -> str:
 def group_table(
     title: str, table: pd.DataFrame, group: Group, steps: Sequence[Narrowing], file: str
 ) -> str:
-    """Return a titled table of groups, no wider than a terminal; swept values read as in `show`."""
+    """Titled table of groups, no wider than a terminal; swept values read as in `show`."""
     names = {key: quantity(key) for key in group.labels}
     worded = {
         key: [value_alone(key, each) if isinstance(each, str) else each for each in table[key]]
@@ -134,7 +133,6 @@ def bound_ratios(results: Results) -> pd.DataFrame:
 
 
 def group_ratios(curve: Curve) -> dict[str, float]:
-    """The worst error per ā of a group, and the ratio of each bound to it."""
     over = curve.worst if curve.worst > LEAST_UNRECOVERED else np.nan
     return {"worst error / ā": without_rounding(curve.worst, 1.0)} | {
         name: curve.slope(*bound) / over for name, bound in BOUND_COLUMNS.items()
@@ -142,14 +140,12 @@ def group_ratios(curve: Curve) -> dict[str, float]:
 
 
 def conservatism_text(results: Results) -> str:
-    """Return the ratios of bounds to the worst error found, as a table."""
     title = "each bound over the worst error found, of the worst vehicle or of the whole fleet"
     group = curves(results)[0].group
     return group_table(title, bound_ratios(results), group, BOUNDS_DROP_ORDER, "bounds.csv")
 
 
 def violations_text(results: Results) -> str:
-    """Return the lanes above a bound that claims to hold for them."""
     found: Any = results.violations
     lines = [
         f"VIOLATION: {lane_title(results, row)}:\n"

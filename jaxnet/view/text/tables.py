@@ -97,7 +97,6 @@ def asked_columns(
 
 
 def label_titles(shown: Sequence[Column]) -> list[str]:
-    """Titles of the columns of swept keys whose values are text."""
     return [each.title for each in shown if each.key is not None and not each.numeric]
 
 
@@ -142,7 +141,6 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
-    """A note for each kind of interval that is shown."""
     sure = f"{100 * confidence_told(config.samples):g} %"
     exact = "exact binomial " if config.draws == "random" else "binomial "
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
@@ -190,7 +188,6 @@ def missing_lines(results: Results, shown: Sequence[Column]) -> list[str]:
 
 
 def setting_note(results: Results) -> str:
-    """Samples, horizon and tail of a study, for a table that leaves the folder."""
     study = results.study
     samples = f"{count_between(results.samples, 'lane')} a cell"
     horizons = sorted({cell.scenario.horizon for cell in study.cells})
@@ -200,7 +197,6 @@ def setting_note(results: Results) -> str:
 
 
 def caveat_lines(cells: Sequence[Cell]) -> list[str]:
-    """Notes on attacks that depart from the paper, with their cells."""
     found: dict[str, list[int]] = {}
     for cell in cells:
         words = known_or("of which no code is here", cell.scenario.attack.caveat)
@@ -209,7 +205,6 @@ def caveat_lines(cells: Sequence[Cell]) -> list[str]:
 
 
 def summary_html(results: Results) -> str:
-    """Return the summary for a notebook, or the reason that there is none."""
     try:
         shown, constant = columns.split_constant(columns.summary_columns(results))
     except FolderError as error:
@@ -223,7 +218,6 @@ def summary_html(results: Results) -> str:
 
 
 def written_text(results: Results) -> str:
-    """Return the numbers of lanes, and the files that a run wrote."""
     lanes = results.manifest["lanes"]
     stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
     names = ["cells.csv", "lanes/", *(name for name in stores if (results.path / name).exists())]
@@ -234,19 +228,16 @@ def written_text(results: Results) -> str:
 
 
 def nothing_to_do_text(results: Results) -> str:
-    """Return the message of a run that found all lanes stored."""
     lanes = results.manifest["lanes"]
     words = f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
     return words + stop_reason(results)
 
 
 def next_command(results: Results) -> str:
-    """Return the command that follows a run."""
     return f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
 
 
 def part_text(run: Part) -> str:
-    """Return the result of one part of a run that was split by --shard."""
     if run.simulated:
         there = run.shards - run.simulated
         words = f"{run.simulated} shards simulated, {there} were there; {run.failed} lanes failed;"
@@ -277,7 +268,7 @@ def stop_reason(results: Results) -> str:
 
 
 def failures_text(results: Results) -> str:
-    """Return the failed lanes with the commands that replay them; empty if there are none."""
+    """Failed lanes with the commands that replay them; empty if there are none."""
     many, failed = results.failed(MOST_FAILURES)
     rows: Any = failed.itertuples()
     lines = []
@@ -294,13 +285,12 @@ def failures_text(results: Results) -> str:
 
 
 def lane_title(results: Results, row: LaneRow) -> str:
-    """Cell and sample of a lane, short enough for a line with a word or two more."""
     title = cell_title(results.study.cells[row.cell], terminal_width() - 40)
     return f"{title}, sample {row.sample}"
 
 
 def lane_text(results: Results, row: pd.Series) -> str:
-    """Return the row of a lane, and whether the stored row equals it."""
+    """Row of a lane, and whether the stored row equals it."""
     stored = results.row(*map(int, row.loc[["cell", "sample"]].tolist()))
     room = terminal_width() - 4 - max(map(len, row.index))
     lines = row.map(lambda value: cut_text(value, room)).to_string()

@@ -18,7 +18,6 @@ def terminal_width() -> int:
 
 
 def filled(words: str) -> str:
-    """Wrap words to the width of the terminal."""
     return fill(words, terminal_width())
 
 
@@ -38,11 +37,9 @@ def cell_title(cell: Cell, room: int) -> str:
 
 
 def four_digits(value: float) -> str:
-    """A number to four significant digits."""
     return f"{value:.4g}"
 
 
 def left_out_note(left_out: Sequence[str], file: str) -> list[str]:
-    """Note below a table that lacks columns."""
     between = "; " if any("," in each for each in left_out) else ", "
     return [filled(f"left out: {between.join(left_out)}; all are in {file}")] * bool(left_out)
