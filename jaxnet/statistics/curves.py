@@ -72,7 +72,7 @@ class Curve(NamedTuple):
         return self.bounds.get((bound, vehicle), np.nan)
 
     def limits(self, metric: str) -> dict[str, float]:
-        """Finite bounds per ā on a metric: on `tail_mean` the mean over vehicles, else the worst."""
+        """Finite bounds per ā: on `tail_mean` of the mean over vehicles, else of the worst."""
         found = {}
         for bound in BOUND_NAMES:
             slopes = [self.slope(bound, "worst")]

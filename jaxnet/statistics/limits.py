@@ -245,7 +245,7 @@ def transient_factors(
 
 
 def initial_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
-    """E and the attackers' signals at t = 0, with derivatives below the order r: (r, 2, m, lanes)."""
+    """E and the attackers' signals at t = 0, derivatives below the order r: (r, 2, m, lanes)."""
     with jax.enable_x64(True):  # kinds may use JAX
         vehicle = scenario.vehicle.drawn(draw, "vehicle")
         start, navigator = (

@@ -62,7 +62,7 @@ def share_name(cells: Sequence[Cell]) -> str:
 
 
 def share_definition(asked: Recovery, cells: Sequence[Cell]) -> str:
-    """Define the share unrecovered: its name, its name in files if that differs, and its criterion."""
+    """Define the share unrecovered: its name, in files too if that differs, and its criterion."""
     also = " (unrecovered)" if is_leaderless(cells) else ""
     return f"{share_name(cells)}{also}: {criterion_words(asked, cells)}"
 

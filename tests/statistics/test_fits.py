@@ -143,7 +143,7 @@ def test_neighbours_that_share_a_mean_change_little(monkeypatch):
 
 
 def test_samples_are_resampled_and_not_rows():
-    """Where all magnitudes share a sample's draw, there are only as many observations as samples."""
+    """Where all magnitudes share a sample's draw, observations are as many as samples."""
     shared = 1 + 0.3 * np.random.default_rng(0).normal(size=1000)
     rows = [*fit.fit_rows(Errors(X, X[:, None] * shared))]
     width = 2 * 1.96 * shared.std() / np.sqrt(1000)
@@ -252,7 +252,7 @@ def test_where_is_no_slope_no_quantile_has_one():
 
 
 def test_extreme_errors_are_fitted_without_complaint():
-    """Recovered fleets at 1e-28 beside lost ones, zeros, a magnitude without a lane, and any size."""
+    """Recovered fleets at 1e-28 beside lost ones, zeros, and a magnitude without a lane."""
     random = np.random.default_rng(0)
     y = X[:, None] * np.where(random.random((len(X), S)) < 0.8, 1e-28, 2.0)
     y *= random.random((len(X), S))
@@ -308,6 +308,6 @@ def test_fewer_magnitudes_fewer_models():
 
 
 def test_intervals_cover():
-    """The slope of 200 known studies: 93 % of them, less three binomial deviations, which is 88 %."""
+    """The slope of 200 known studies: 93 %, less three binomial deviations, is 88 %."""
     covered = coverage.coverage(200, coverage.SPREADS["both"], magnitudes=4)
     assert np.all(covered >= 0.93 - 3 * np.sqrt(0.93 * 0.07 / 200)), covered

@@ -31,7 +31,7 @@ def test_the_interval_of_a_share_is_the_exact_one(confidence):
 @pytest.mark.parametrize("quantile", [0.05, 0.5, 0.95])
 @pytest.mark.parametrize("lanes", [5, 30, 400])
 def test_the_interval_of_a_quantile_is_the_narrowest_that_holds(quantile, lanes):
-    """u_(k) is a beta number: the end misses at most 2.5 %, the next order statistic inwards more."""
+    """u_(k) is a beta number: an end misses at most 2.5 %, the next inwards more."""
     low, high = intervals.quantile_interval(np.arange(1.0, lanes + 1), quantile, 0.95)
     if not np.isnan(low):
         assert stats.beta.sf(quantile, low, lanes - low + 1) <= 0.025
@@ -43,7 +43,7 @@ def test_the_interval_of_a_quantile_is_the_narrowest_that_holds(quantile, lanes)
 
 
 def test_the_median_of_ten_by_hand():
-    """P(at most one of ten below the median) = 11/1024 < 0.025 < 56/1024: the second and the ninth."""
+    """P(at most one of ten is below) = 11/1024 < 0.025 < 56/1024: the second and the ninth."""
     assert intervals.quantile_interval(np.arange(1.0, 11.0), 0.5, 0.95) == (2.0, 9.0)
 
 

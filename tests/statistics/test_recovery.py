@@ -71,7 +71,7 @@ def test_the_table_has_the_shares(tmp_path):
 
 
 def test_the_worst_lanes_are_of_all_groups():
-    """The worst for its ā of each group first, the greater ratio before; then the second of each."""
+    """The worst per ā of each group first, the greater before; then the second of each."""
     cells = jaxnet.load(
         {"sweep": {"topology": ["star", "path"], "attack.magnitude": [1, 10]}}
     ).cells

@@ -110,7 +110,7 @@ def test_a_violation_is_named_with_its_command(folder, monkeypatch):
 
 
 def test_what_was_derived_from_rows_goes_when_rows_are_added(folder):
-    """Fits of eight samples are not left beside the rows of nine; a run that adds none leaves them."""
+    """Fits of eight samples do not stay beside the rows of nine."""
     invoke("fit", folder)
     jaxnet.run(systems.study(samples=8, **KEYS), folder)
     assert (folder / "fit.csv").exists()

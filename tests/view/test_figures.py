@@ -1,4 +1,4 @@
-"""Figures say what they show: axes with units, a legend, every cell drawn, nothing over the edge."""
+"""Figures say what they show: axes with units, a legend, every cell, nothing over the edge."""
 
 import itertools
 from typing import Any
@@ -266,7 +266,7 @@ def test_figures_are_as_wide_as_columns_and_no_taller_than_a_page(results, name,
 
 
 def test_chosen_cells_are_what_is_drawn(results):
-    """What all rows share stands above them; a choice is told by the file's name, and no other's."""
+    """What all rows share stands above them; a choice is told by the file's name."""
     figure = results.plot.tails(where={"topology": "cyclic"})
     named = [
         label.get_text().replace("\N{NO-BREAK SPACE}", " ")

@@ -35,7 +35,7 @@ def study_of(sweep, **keys):
 
 
 def made(study, failed=(), **columns) -> Results:
-    """Results of 40 lanes a cell, as many unrecovered as the cell's number, but those that failed."""
+    """Results of 40 lanes a cell, as many unrecovered as the cell's number."""
     cells = study.cells
     lost = {cell: Counter(kinds) for cell, kinds in dict(failed).items()}
     ok = np.array([40 - lost.get(n, Counter()).total() for n in range(len(cells))])
@@ -68,7 +68,7 @@ def plain(words: str) -> str:
 
 
 def test_every_cell_stands_where_its_values_say():
-    """Frequencies rise to the right, defences stand as the study has them, the others make panels."""
+    """Frequencies rise to the right, defences stand in order, the others make panels."""
     cells = study_of(SWEEP).cells
     found = tiling(cells)
     assert found is not None
@@ -117,7 +117,7 @@ def test_numbers_stand_along_kinds_down(sweep, row, column):
 
 
 def test_only_all_lanes_are_100_per_cent():
-    """And only none are 0; what is told of a share is within a twentieth of what it is nearer to."""
+    """And only none are 0; a share is told to a twentieth of what it is nearer to."""
     for lanes in (7, 400):
         for count in range(lanes + 1):
             share = 100 * Fraction(count, lanes)
@@ -281,7 +281,7 @@ def test_errors_are_per_size_on_a_log_scale():
 
 @pytest.mark.long
 def test_more_panels_than_a_page_has_room_for():
-    """The first, with their numbers; the figure is no taller than a page and says what is left out."""
+    """The figure is no taller than a page and says what is left out."""
     graphs = [{"kind": "cyclic", "label": f"graph {n}"} for n in range(30)]
     sweep = {
         "topology": graphs,

@@ -72,7 +72,7 @@ def test_no_control_character_reaches_a_table_or_a_terminal(results):
 
 
 def test_a_spreadsheet_computes_no_label(results):
-    """Its text has an apostrophe in every CSV file; Python reads it without; fits find their cells."""
+    """Its text has an apostrophe in CSV files; Python reads it without; fits find their cells."""
     assert f"\n1,'{FORMULA}," in (results.path / "cells.csv").read_text()
     assert f",'{FORMULA}," in formats.in_format(summary_columns(results), "csv")
     assert results.cells["defence"].unique().tolist() == [FORMULA, SHOWN]

@@ -31,7 +31,7 @@ def made(cells):
 @pytest.mark.parametrize(("cells", "width"), [(1, 3.5), (30, 3.5), (6, 7.16)])
 @mpl.rc_context(style.PRINT_STYLE)
 def test_the_figure_has_what_the_table_says(cells, width):
-    """Each panel the cell's numbers, beside the names of the quantities; what has no room is told."""
+    """Each panel the cell's numbers beside the quantities; what has no room is told."""
     study, table = made(cells)
     drawn = analyses.sensitivity_figure(table, study.cells, width)
     drawn.canvas.draw()

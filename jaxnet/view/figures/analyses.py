@@ -33,7 +33,7 @@ INDEX_OFFSETS = {"first": -0.16, "total": 0.16}  # of a row's middle
 
 
 def least_drawn(drawn: Figure, values: np.ndarray) -> float:
-    """Least value that is drawn; what is far below the greatest stands there, and a note says so."""
+    """Least value that is drawn; what is far below the greatest stands there with a note."""
     known = np.nan_to_num(values, nan=0.0, posinf=0.0)
     least = max(LOG_FLOOR, float(known.max(initial=0.0)) / AXIS_RANGE)
     if (values < least).any():
@@ -69,7 +69,7 @@ def course_figure(found: Sequence[Course], there: int, words: str, width: float)
 
 
 def bounds_figure(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) -> Figure:
-    """Draw a row per cell of the table: random lanes, the choice found, its late value, the bound."""
+    """Draw a row per cell of the table: random lanes, the choice found, late too, the bound."""
     there, cells = len(cells), [cell for cell in cells if cell.number in set(table["cell"])]
     labels = [cell.labels for cell in cells]
     shown = multiples.rows_fitting(labels, width, MOST_PANELS)

@@ -1,4 +1,4 @@
-"""Heat maps over two swept keys: a panel for each choice of the other keys, one scale of colours."""
+"""Heat maps over two swept keys: a panel per choice of the other keys, one scale of colours."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -75,7 +75,7 @@ def colour_scale(metric: str, values: pd.Series) -> Normalize:
 def heat_figure(
     results: Results, tiles: Tiling, metric: str, width: float = style.FIGURE_WIDTH
 ) -> Figure:
-    """Draw tiles at the largest size that fits all panels; omit intervals, then panels, for space."""
+    """Draw tiles at the largest size that fits; omit intervals, then panels, for space."""
     letters = multiples.LETTERS_PER_INCH * width / 3
     names = [multiples.wrapped(value_alone(tiles.row, each), letters) for each in tiles.rows]
     lines = [name.split("\n") for name in names]

@@ -116,7 +116,7 @@ def shared_labels(labels: Sequence[Labels]) -> Labels:
 
 
 def distinct_titles(drawn: Figure, labels: Sequence[Labels]) -> list[str]:
-    """A title for each panel or row from the labels that differ; a note has those that all share."""
+    """A title for each panel or row of the labels that differ; a note has the others."""
     common = shared_labels(labels)
     if common:
         write_note(drawn, f"all with {escape_dollars(labels_title(common))}")

@@ -97,7 +97,7 @@ def graphs_per_row(graphs: Sequence[Digraph], width: float) -> int:
 
 
 def node_spacing(graph: Digraph, size: float) -> float:
-    """The distance from the last node to its nearest neighbour [pt] in a panel of this size [pt]."""
+    """Distance from the last node to its nearest neighbour [pt] in a panel of a size [pt]."""
     places = source_positions(graph)
     extent = np.ptp(places, axis=0).max() + 2 * GRAPH_MARGIN
     return float(np.hypot(*(places[:-1] - places[-1]).T).min() / extent * size)
@@ -271,7 +271,7 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
 
 
 def write_name(panel: Axes, name: str, x: float, y: float, across: float) -> None:
-    """Write the name of a vehicle above or below its node of a diameter [pt], away from the centre."""
+    """Write the name of a vehicle beside its node of a diameter [pt], away from the centre."""
     side, anchor = (1, "bottom") if is_upper(y) else (-1, "top")
     panel.annotate(
         multiples.escape_dollars(shorten(name, MOST_NAME, placeholder="…")),

@@ -11,48 +11,40 @@ from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
 MOST_NAMED_LANES = 20  # lanes of a kind
 ROUNDING_DIFFERENCE = 1e-9  # [m] what two errors may differ by in arithmetic alone
-COMPARED = {
-    "tail_mean": "tail mean",
-    "tail_max": "tail max",
-    "spread": "spread",
-    "outside": "outside",
-}
+COMPARED = {"tail_mean": "mean", "tail_max": "max", "spread": "spread", "outside": "outside"}
 COMPARISON_COLUMNS = {
     f"{metric}_{name}": f"{words} {told}"
     for metric, words in COMPARED.items()
-    for name, told in (
-        ("median", "median [m]"),
-        ("median_low", "median low"),
-        ("median_high", "median high"),
-        ("difference", "mean [m]"),
-        ("low", "low"),
-        ("high", "high"),
-    )
+    for name, told in {
+        "median": "median [m]",
+        "median_low": "median low",
+        "median_high": "median high",
+        "difference": "[m]",
+        "low": "low",
+        "high": "high",
+    }.items()
 } | {"unrecovered_low": "share low", "unrecovered_high": "share high"}
 COUNT_COLUMNS = ("cell", "cell_B", "pairs", "failed", "saved", "lost", "unrecovered", "p")
+MAIN, OTHER = ("mean", "spread"), ("max", "outside")  # what is shown to the last, and to the first
 COMPARISON_DROP_ORDER = (
-    ("failed",),
-    *((f"{COMPARED[each]} {end}" for end in ("low", "high")) for each in COMPARED),
-    *(
-        (f"{COMPARED[each]} median {end}" for end in ("low", "high"))
-        for each in ("tail_max", "outside")
-    ),
-    ("tail max mean [m]", "outside mean [m]"),
-    ("share low", "share high"),
-    ("tail max median [m]", "outside median [m]"),
-    *(("p",), ("pairs",), ("unrecovered",), ("tail mean mean [m]", "spread mean [m]")),
-    *(
-        (f"{COMPARED[each]} median {end}" for end in ("low", "high"))
-        for each in ("tail_mean", "spread")
-    ),
+    ["failed"],
+    [f"{words} {end}" for words in (*MAIN, *OTHER) for end in ("low", "high")],
+    [f"{words} median {end}" for words in OTHER for end in ("low", "high")],
+    [f"{words} [m]" for words in OTHER],
+    ["share low", "share high"],
+    [f"{words} median [m]" for words in OTHER],
+    *(["p"], ["pairs"], ["unrecovered"]),
+    [f"{words} [m]" for words in MAIN],
+    [f"{words} median {end}" for words in MAIN for end in ("low", "high")],
 )
 ERROR_LEGEND = (
-    "tail mean, tail max: the metrics tail_mean and tail_max, median and mean of the paired"
-    " differences; low, high: their 95 % intervals. A mean has none where few lanes are as skewed as these."
+    "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median; low,"
+    " high: 95 % intervals. A mean has none where few lanes are as skewed as these."
 )
 AGREEMENT_LEGEND = (
     "spread: greatest distance of two vehicles that are not attacked, over the tail; outside:"
-    " greatest way of such a vehicle out of the hull of their starts; unrecovered: without agreement."
+    " greatest way of such a vehicle out of the hull of their starts; unrecovered: without"
+    " agreement."
 )
 SHARE_LEGEND = (
     "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many"
@@ -80,8 +72,7 @@ def comparison_text(found: Comparison) -> str:
     errors = length_columns(table)
     table[errors] = table[errors].where(~(table[errors].abs() < ROUNDING_DIFFERENCE), 0.0)
     labels = [name for name in table if name not in {*COMPARISON_COLUMNS.values(), *COUNT_COLUMNS}]
-    steps = [[*each] for each in COMPARISON_DROP_ORDER]
-    text, left_out = fitted_text(table.head(MOST_ROWS), labels, steps)
+    text, left_out = fitted_text(table.head(MOST_ROWS), labels, COMPARISON_DROP_ORDER)
     lines = [text, "", filled(comparison_legend(found))]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more pairs of cells in differences.csv")

@@ -54,7 +54,7 @@ def latex(columns: Sequence[Column]) -> str:
 
 
 def spanning_titles(shown: Sequence[Column]) -> list[str]:
-    """The line of titles above the columns of one quantity each, with its rules; none without any."""
+    """Line of titles above the columns of one quantity each, with its rules."""
     if not any(each.across for each in shown):
         return []
     entries, rules, place = [], [], 1

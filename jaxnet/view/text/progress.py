@@ -138,7 +138,7 @@ def print_regularly(line: Callable[[], str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def report_steps() -> Iterator[Steps]:
-    """Yield a function that reports the steps of work other than a run; a terminal keeps no trace."""
+    """Yield a function that reports steps of work; a terminal keeps no trace."""
     if not sys.stderr.isatty():
         now = [""]
 

@@ -15,7 +15,8 @@ INDICES_FILE = "sensitivity.csv"
 INTERVAL_SUFFIXES = ("", "_low", "_high")
 SENSITIVITY_LEGEND = (
     "parts of the variance over the lanes, with 95 % intervals. first: of the quantity alone;"
-    " total: with its interactions. A dash: nothing varies. No interval: few lanes make up the variance."
+    " total: with its interactions. A dash: nothing varies. No interval: few lanes make up"
+    " the variance."
 )
 
 

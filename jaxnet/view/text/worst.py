@@ -1,4 +1,4 @@
-"""Output of `jaxnet search`: the worst choice found in each cell, beside random lanes and bounds."""
+"""Output of `jaxnet search`: the worst choice in each cell, beside random lanes and bounds."""
 
 import numpy as np
 import pandas as pd
