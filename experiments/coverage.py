@@ -1,13 +1,14 @@
 """Do the fits' 95 % intervals cover 95 %?
 
-Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, with w lognormal and the sample's
-own at all magnitudes, as its draw is in each cell, and e lognormal from lane to lane. The logarithm of y/x is
-normal with the variance of both, which gives the slopes that quantile regression looks for:
-the median and the 0.95 quantile of y/x. Counts over many such studies how often the bootstrap's interval
-holds the slope. A thousand studies tell a share of 94 % to ± 1.5 % alone. The slope of least squares is a
-mean, and experiments/means.py measures its interval.
+Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, with w lognormal and the
+sample's own at all magnitudes, as its draw is in each cell, and e lognormal from lane to lane. The
+logarithm of y/x is normal with the variance of both, which gives the slopes that quantile
+regression looks for: the median and the 0.95 quantile of y/x. Counts over many such studies how
+often the bootstrap's interval holds the slope. A thousand studies tell a share of 94 % to ± 1.5 %
+alone. The slope of least squares is a mean, and experiments/means.py measures its interval.
 
-Run it with `python experiments/coverage.py`, or with `--repeats 200`; two thousand take some ten minutes.
+Run it with `python experiments/coverage.py`, or with `--repeats 200`; two thousand take some ten
+minutes.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -19,6 +20,7 @@ from scipy import special
 from jaxnet.engine.cores import cores
 from jaxnet.runs.cache import enable
 from jaxnet.statistics import fits as fit
+from jaxnet.statistics.regression import Errors
 
 SPREADS = {"samples alike at all magnitudes": (0.8, 0.05), "both": (0.5, 0.5), "lanes": (0.05, 0.8)}
 
@@ -48,12 +50,9 @@ def coverage(
 
     def covers(repeat: int) -> np.ndarray:
         errors = synthetic(np.random.default_rng([seed, repeat]), spread, magnitudes, samples)
-        drawn = fit.bootstrap(errors.ranked(), counts, ("proportional",))
-        ends = [
-            fit.percentile_interval(drawn[quantile]["proportional"])
-            for quantile in fit.FITTED_QUANTILES
-        ]
-        low, high = np.array(ends)[..., 0].T
+        quantiles = list(fit.FITTED_QUANTILES)
+        drawn = [fit.drawn_slopes(errors, each, quantiles) for each in counts]
+        low, high = fit.percentile_interval(np.concatenate(drawn))
         return (low <= slopes) & (slopes <= high)
 
     with ThreadPoolExecutor(cores()) as pool:
@@ -62,11 +61,11 @@ def coverage(
 
 def synthetic(
     random: np.random.Generator, spread: tuple[float, float], magnitudes: int, samples: int
-) -> fit.Errors:
+) -> Errors:
     """One study: standard deviations of log w, the sample's, and log e, the lane's."""
     x = np.geomspace(0.1, 100, magnitudes)
     shared, own = random.normal(size=samples), random.normal(size=(magnitudes, samples))
-    return fit.Errors(x, x[:, None] * np.exp(spread[0] * shared + spread[1] * own))
+    return Errors(x, x[:, None] * np.exp(spread[0] * shared + spread[1] * own))
 
 
 def true_slopes(spread: tuple[float, float]) -> np.ndarray:

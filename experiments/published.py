@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 import jaxnet
-from jaxnet.statistics.recovery import CONFIDENCE, clopper_pearson
+from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.store.results import Results
 
 LIARS = "attack.vehicles"

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import click
 import numpy as np
 
-from jaxnet.statistics import recovery
+from jaxnet.statistics import intervals, recovery
 
 CONFIDENCE = 0.95
 LOOKS = 16  # at most, 112,000 lanes
@@ -41,11 +41,11 @@ def coverage(share: float, repeats: int, at: Callable[[int, float], float]) -> C
     random = np.random.default_rng(0)
     lanes = np.array([recovery.samples_at(look) for look in range(1, LOOKS + 1)])
     failures = random.binomial(np.diff(lanes, prepend=0), share, (repeats, LOOKS)).cumsum(axis=1)
-    intervals = [
-        recovery.clopper_pearson(failures[:, n], np.full(repeats, lanes[n]), at(n + 1, CONFIDENCE))
+    told = [
+        intervals.clopper_pearson(failures[:, n], np.full(repeats, lanes[n]), at(n + 1, CONFIDENCE))
         for n in range(LOOKS)
     ]
-    low, high = (np.stack(ends, axis=1) for ends in zip(*intervals, strict=True))
+    low, high = (np.stack(ends, axis=1) for ends in zip(*told, strict=True))
     enough = high - low <= 2 * RELATIVE * share
     last = np.where(enough.any(axis=1), enough.argmax(axis=1), LOOKS - 1)
     holds = (low <= share) & (share <= high)

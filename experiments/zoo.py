@@ -22,7 +22,7 @@ import numpy as np
 
 import jaxnet
 from jaxnet.runs.cache import enable
-from jaxnet.statistics.recovery import CONFIDENCE, clopper_pearson
+from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.store.results import Results
 
 CONFIG = Path(__file__).parents[1] / "configs" / "zoo.yaml"

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from jaxnet.statistics import recovery
+from jaxnet.statistics import intervals
 from jaxnet.view.figures import multiples
 
 WRONG = {
-    "shapes that differ": lambda: recovery.clopper_pearson(
+    "shapes that differ": lambda: intervals.clopper_pearson(
         np.array([1, 2]), np.array([3, 4, 5]), 0.95
     ),
-    "numbers of another type": lambda: recovery.clopper_pearson(
+    "numbers of another type": lambda: intervals.clopper_pearson(
         np.array([1.5]), np.array([3]), 0.95
     ),
-    "no array": lambda: recovery.clopper_pearson([1], [3], 0.95),
+    "no array": lambda: intervals.clopper_pearson([1], [3], 0.95),
     "text": lambda: multiples.panels_across("7.16"),
 }
 

@@ -11,7 +11,6 @@ import tomllib
 from pathlib import Path
 
 import click
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -20,7 +19,6 @@ from jaxnet.cli import main
 from jaxnet.config.schema import schema_text
 from jaxnet.runs import watched
 from jaxnet.statistics import fits
-from jaxnet.statistics.families import MODELS
 from jaxnet.view.figures import every
 
 ROOT = Path(__file__).parents[1]
@@ -111,13 +109,7 @@ class Skimmer(Reader):
 
 @pytest.fixture
 def home(tmp_path, monkeypatch):
-    """An empty folder. Fits, figures and replayed lanes, which other tests have, are left out."""
-
-    def ones(ranked, counts, quantiles, models, effort):
-        one = {model: np.ones((len(counts), len(MODELS[model]))) for model in models}
-        return dict.fromkeys((None, *quantiles), one)
-
-    monkeypatch.setattr(fits, "estimates", ones)
+    """An empty folder. Figures and replayed lanes, which other tests have, are left out."""
     monkeypatch.setattr(fits, "RESAMPLES", 2)
     monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
     monkeypatch.setattr(watched, "replay_watched", lambda *_, **__: iter(()))

@@ -14,7 +14,8 @@ MOST_CELLS = 3_000  # whose amplitudes are worked out
 
 
 def amplitude_in_force(scenario: Scenario) -> float:
-    """Return the amplitude of `known_amplitude` [m]; not-a-number also where the attack's code is missing.
+    """Return the amplitude of `known_amplitude` [m]; not-a-number also where the attack's code is
+    missing.
 
     Examples
     --------
@@ -27,7 +28,7 @@ def amplitude_in_force(scenario: Scenario) -> float:
 
 
 def reduced_amplitudes(cells: Sequence[Cell]) -> dict[int, float]:
-    """Return the amplitude in force [m] of the cells in which it is below ā; of too many cells none."""
+    """Amplitude in force [m] of the cells in which it is below ā; of too many cells none."""
     if len(cells) > MOST_CELLS:
         return {}
     found = {cell.number: amplitude_in_force(cell.scenario) for cell in cells}
@@ -39,16 +40,17 @@ def reduced_amplitudes(cells: Sequence[Cell]) -> dict[int, float]:
 
 
 def magnitude_of(cell: Cell) -> float:
-    """Return ā of a cell [m]; not-a-number where ā is drawn or not known."""
+    """Ā of a cell [m]; not-a-number where ā is drawn or not known."""
     amount = known_or(np.nan, lambda: cell.scenario.attack.amplitude())
     return float(amount) if isinstance(amount, int | float) else np.nan
 
 
 def amplitude_note(cells: Sequence[Cell]) -> str:
-    """Return what has to be said where τ ā is compared with errors of a smaller attack, "" if nowhere."""
+    """What has to be said where τ ā is compared with errors of a smaller attack, "" if nowhere."""
     reduced = reduced_amplitudes(cells)
     if not reduced:
         return ""
     sizes = {cell.number: magnitude_of(cell) for cell in cells}
     least = min(reduced[number] / sizes[number] for number in reduced)
-    return f"ā bounds the attack's derivatives too: a position is shifted by less, {least:.2g} ā at least"
+    shifted = f"a position is shifted by less, {least:.2g} ā at least"
+    return f"ā bounds the attack's derivatives too: {shifted}"

@@ -16,8 +16,6 @@ MOST_HUES = 12
 MOST_CHOSEN_HUES = 6  # for a hue that the user does not name
 SPREAD_OF_A_LOG_AXIS = 8.0  # least ratio of the ends of a geometric sequence
 
-ARGUMENTS = ("x", "hue", "panel")
-
 
 class Axes(NamedTuple):
     """The swept keys of a figure: one on x, one told apart by colour, the others by panel."""
@@ -28,7 +26,6 @@ class Axes(NamedTuple):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """All keys of the axes."""
         return (*filter(None, (self.x, self.hue)), *self.panel)
 
 
@@ -47,8 +44,8 @@ def choose_axes(
         Cells to draw.
     x, hue, panel
         Swept keys; None lets this function choose. The key of most numbers comes on x, the last if
-        several have as many. Kinds come first in colours. All keys that are left come into panels, after
-        those named.
+        several have as many. Kinds come first in colours. All keys that are left come into panels,
+        after those named.
     most_hues
         Greatest number of values of a hue.
 
@@ -63,54 +60,44 @@ def choose_axes(
         A key is not swept or is named twice, or a hue has too many values.
     """
     values = swept_values_of(cells)
-    panels = (
-        None if panel is None else tuple(k for each in as_texts(panel) for k in each.split(","))
-    )
-    for argument, named in zip(ARGUMENTS, (x, hue, panels), strict=True):
-        for key in as_texts(named):
+    given = [panel] if isinstance(panel, str) else list(panel or ())
+    panels = [key for each in given for key in each.split(",")]
+    named = {"x": [x] if x else [], "hue": [hue] if hue else [], "panel": panels}
+    for argument, keys in named.items():
+        for key in keys:
             if key not in values:
                 known = ", ".join(values) or "no keys"
                 raise FolderError(f"{argument}: {key} is not swept (swept are {known})")
-    named = [*filter(None, (x, hue)), *(panels or ())]
-    if twice := [key for key in named if named.count(key) > 1]:
+    taken = [key for keys in named.values() for key in keys]
+    if twice := [key for key in taken if taken.count(key) > 1]:
         raise FolderError(f"{twice[0]} is named twice among x, hue and panel")
-    varied = [key for key, each in values.items() if len(each) > 1]
-    free = [key for key in varied if key not in named]
+    free = [key for key, each in values.items() if len(each) > 1 and key not in taken]
     if x is None:
         numbers = [key for key in free if numeric(values[key])]
         x = max(numbers[::-1] or free, key=lambda key: len(values[key]), default=None)
         free = [key for key in free if key != x]
     if hue is None:
         few = [key for key in free if len(values[key]) <= MOST_CHOSEN_HUES]
-        if not few and most_hues > MOST_HUES:
-            few = free
+        few = few or (free if most_hues > MOST_HUES else [])
         hue = max(few, key=lambda key: (is_kind(key), len(values[key])), default=None)
         free = [key for key in free if key != hue]
     elif len(values[hue]) > most_hues:
         raise FolderError(
-            f"hue: {hue} has {len(values[hue])} values, and {most_hues} can be told apart: put it on x, or"
-            f" choose values with where"
+            f"hue: {hue} has {len(values[hue])} values, and {most_hues} can be told apart: put it"
+            f" on x, or choose values with where"
         )
     full = {str(key): key for key in values}  # keys with their names
-    panels = (*(panels or ()), *free)
-    panels += tuple(key for key in values if key not in (x, hue, *panels))  # of one value each
-    return Axes(x and full[x], hue and full[hue], tuple(full[key] for key in panels))
-
-
-def as_texts(given: str | Iterable[str] | None) -> tuple[str, ...]:
-    """Return no text, one text or several as a tuple."""
-    if given is None:
-        return ()
-    return (given,) if isinstance(given, str) else tuple(given)
+    panels = list(dict.fromkeys([*panels, *free, *values]))  # those of one value last
+    rest = tuple(full[key] for key in panels if key not in (x, hue))
+    return Axes(x and full[x], hue and full[hue], rest)
 
 
 def numeric(values: Iterable[Label]) -> bool:
-    """Return whether all values of a swept key are numbers."""
     return all(isinstance(value, int | float) for value in values)
 
 
 def on_a_scale(values: Iterable[Label]) -> bool:
-    """Return whether all values are numbers for which an axis has room; other values are names."""
+    """Whether all values are numbers for which an axis has room; other values are names."""
     return all(
         isinstance(value, int | float)
         and (value == 0 or 1 / GREATEST_SHOWN <= abs(value) <= GREATEST_SHOWN)
@@ -119,7 +106,7 @@ def on_a_scale(values: Iterable[Label]) -> bool:
 
 
 def ordered_values(cells: Sequence[Cell], key: str | None) -> list[Label]:
-    """Return the values of a key in these cells: numbers rise, other values keep the study's order."""
+    """Values of a key in these cells: numbers rise, other values keep the study's order."""
     if key is None:
         return []
     values = list(dict.fromkeys(cell.labels[key] for cell in cells))
@@ -127,31 +114,27 @@ def ordered_values(cells: Sequence[Cell], key: str | None) -> list[Label]:
 
 
 def geometric(values: Sequence[Label]) -> bool:
-    """Return whether positive numbers lie more evenly on a log axis, and over most of a decade."""
+    """Whether positive numbers lie more evenly on a log axis, and over most of a decade."""
     steps = np.unique(np.array(values, float))
-    if len(steps) < 3:
-        return len(steps) == 2 and bool(
-            steps[0] > 0 and steps[1] / steps[0] >= SPREAD_OF_A_LOG_AXIS
-        )
-    if steps[0] <= 0 or steps[-1] / steps[0] < SPREAD_OF_A_LOG_AXIS:
+    if len(steps) < 2 or steps[0] <= 0 or steps[-1] / steps[0] < SPREAD_OF_A_LOG_AXIS:
         return False
 
     def unevenness(places: np.ndarray) -> float:
         gaps = np.diff(places)
         return float(gaps.std() / gaps.mean())
 
-    return unevenness(np.log(steps)) < unevenness(steps)
+    return len(steps) == 2 or unevenness(np.log(steps)) < unevenness(steps)
 
 
 def by_hue(cells: Sequence[Cell], axes: Axes, hues: Sequence[Label]) -> list[list[Cell]]:
-    """Return the cells of each value of the hue; all cells in one list without a hue."""
+    """Cells of each value of the hue; all cells in one list without a hue."""
     if axes.hue is None:
         return [list(cells)]
     return [[cell for cell in cells if cell.labels[axes.hue] == hue] for hue in hues]
 
 
 def panels_of(cells: Sequence[Cell], axes: Axes) -> list[tuple[dict[str, Label], list[Cell]]]:
-    """Return the labels and the cells of each panel, the values of the first panel key slowest."""
+    """Labels and cells of each panel, the values of the first panel key slowest."""
     orders = [ordered_values(cells, key) for key in axes.panel]
     groups: dict[tuple[Label, ...], list[Cell]] = {}
     for cell in cells:

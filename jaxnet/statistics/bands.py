@@ -1,4 +1,6 @@
-"""Bands of ẽ(t): quantiles of the mean error of the fleet over lanes; of the spread without a navigator."""
+"""Bands of ẽ(t): quantiles of the mean error of the fleet over lanes; of the spread without a
+navigator.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -29,7 +31,8 @@ class Band(NamedTuple):
 
 
 def error_band(stored: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
-    """Return the 5 % quantile, median, 95 % quantile and maximum over samples; None if no lane is ok.
+    """Return the 5 % quantile, median, 95 % quantile and maximum over samples; None if no lane is
+    ok.
 
     The band has at most `most` instants.
     """
@@ -64,12 +67,11 @@ def error_bands(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
 
 
 def variable_over_time(cells: Sequence[Cell]) -> str:
-    """Return the array of `errors.zarr` that tells how these cells fare: the spread without a navigator."""
+    """Array of `errors.zarr` that tells how these cells fare: the spread without a navigator."""
     return "spread" if is_leaderless(cells) else "tracking"
 
 
 def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
-    """Return the ends of a log axis for bands [m]."""
     low = min(float(each.low.min()) for each in found.values())
     return decades(
         max(LOG_FLOOR, low),
@@ -78,7 +80,7 @@ def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
 
 
 def scenes(cells: Sequence[Cell]) -> list[Group]:
-    """Return groups of cells that differ only in ā, fixed or drawn, in the study's order."""
+    """Groups of cells that differ only in ā, fixed or drawn, in the study's order."""
     members: dict[tuple[tuple[str, Label], ...], list[Cell]] = {}
     for cell in cells:
         members.setdefault(tuple(labels_without_magnitude(cell).items()), []).append(cell)

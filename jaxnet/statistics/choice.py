@@ -42,22 +42,19 @@ def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
 
 
 def shown_values(key: str, values: Sequence[Label]) -> list[str]:
-    """Return swept values as tables show them, with plain spaces."""
     return [plain_spaces(value_alone(key, value)) for value in values]
 
 
 def as_list(values: object) -> list[object]:
-    """Return one value or several values as a list."""
     return list(values) if isinstance(values, list | tuple) else [values]
 
 
 def plain_spaces(words: str) -> str:
-    """Return words with plain spaces for those that do not break."""
     return words.replace(NO_BREAK, " ")
 
 
 def matching_labels(cells: Sequence[Cell], key: str, value: object) -> set[Label]:
-    """Return the labels of a swept key that a wanted value means."""
+    """Labels of a swept key that a wanted value means."""
     first = {cell.labels[key]: cell for cell in reversed(cells)}  # the first cell of each label
     named = next(
         each for each in cells[0].labels if each == key
@@ -83,7 +80,7 @@ def matches_label(key: str, value: object, label: Label) -> bool:
 
 
 def matches_config(cell: Cell, key: str, value: object) -> bool:
-    """Return whether a value is what the config gives the cell, as YAML or as a mapping."""
+    """Whether a value is what the config gives the cell, as YAML or as a mapping."""
     try:
         given = yaml.safe_load(value) if isinstance(value, str) else value
     except yaml.YAMLError:

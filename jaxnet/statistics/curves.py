@@ -1,12 +1,12 @@
 """Data of the figures and the page: δ̂(ā) with bounds and fits, and the share unrecovered.
 
-`jaxnet fit` writes `bounds.csv` and `fit.csv`. Without these files the data has no bounds and no fits.
+`jaxnet fit` writes `bounds.csv` and `fit.csv`. Without these files the data has no bounds and no
+fits.
 """
 
-import functools
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import Number, is_drawn
 from jaxnet.model.wording import orders_in_words
 from jaxnet.statistics.groups import Group, Label, attacked_groups, labels_without_magnitude
+from jaxnet.statistics.recovery import attack_size
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.store.tables import read_table
@@ -27,7 +28,6 @@ LEAST_SHARE_SHOWN = 1e-3  # of the least ā, the bottom of a log axis; smaller e
 SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
 NO_SLOPE = "no slope: errors do not rise with ā, and a constant fits them better than s·ā"
-
 BOUND_NAMES = {
     "static": "static",
     "peak_gain": "peak gain",
@@ -36,6 +36,7 @@ BOUND_NAMES = {
     "lyapunov_corrected": "Lyapunov, corrected",
     "lyapunov_printed": "Lyapunov, as printed",
 }
+Fit = tuple[float, float, float]  # slope s and the ends of its interval
 
 
 class Curve(NamedTuple):
@@ -47,9 +48,7 @@ class Curve(NamedTuple):
     group: Group
     cells: pd.DataFrame
     bounds: Mapping[tuple[str, str], float]  # slope by bound and vehicle (1 to m, worst, fleet)
-    fits: Mapping[
-        tuple[str, float | None], tuple[float, float, float]
-    ]  # s, low, high by metric and quantile
+    fits: Mapping[tuple[str, float | None], Fit]  # by metric and quantile (None: least squares)
 
     @property
     def sizes(self) -> Float[np.ndarray, " cells"]:
@@ -57,11 +56,10 @@ class Curve(NamedTuple):
         return self.cells.index.to_numpy(dtype=float)
 
     def spread(self, metric: str, *names: str) -> list[Float[np.ndarray, " cells"]]:
-        """Return statistics of a metric over lanes, by ascending ā [m]."""
         return [self.cells[f"{metric}_{name}"].to_numpy(dtype=float) for name in names]
 
     def shares(self) -> list[Float[np.ndarray, " cells"]]:
-        """Return the share unrecovered and both ends of its interval, by ascending ā [%]."""
+        """Share unrecovered and both ends of its interval, by ascending ā [%]."""
         return [100 * self.cells[name].to_numpy(dtype=float) for name in SHARE_COLUMNS]
 
     @property
@@ -70,37 +68,27 @@ class Curve(NamedTuple):
         return float(np.fmax.reduce(self.spread("tail_max", "max")[0] / self.sizes))
 
     def slope(self, bound: str, vehicle: str) -> float:
-        """Return a bound per ā; not-a-number where the bound says nothing."""
+        """A bound per ā; not-a-number where the bound says nothing."""
         return self.bounds.get((bound, vehicle), np.nan)
 
     def limits(self, metric: str) -> dict[str, float]:
-        """Return the finite bounds per ā on a metric.
+        """Finite bounds per ā: on `tail_mean` of the mean over vehicles, else of the worst."""
+        found = {}
+        for bound in BOUND_NAMES:
+            slopes = [self.slope(bound, "worst")]
+            if metric == "tail_mean":
+                each = self.bounds.items()
+                slopes = [s for (name, of), s in each if name == bound and of.isdigit()]
+            if slopes and np.isfinite(slopes).all():
+                found[bound] = float(np.mean(slopes))
+        return found
 
-        The bound on `tail_mean` is the mean over vehicles. The bound on every other metric is that of the
-        worst vehicle.
-        """
-        slopes = {
-            bound: self.mean_slope(bound) if metric == "tail_mean" else self.slope(bound, "worst")
-            for bound in BOUND_NAMES
-        }
-        return {bound: slope for bound, slope in slopes.items() if np.isfinite(slope)}
-
-    def mean_slope(self, bound: str) -> float:
-        """Return the mean of a bound over vehicles, per ā; not-a-number if the bound has no slopes."""
-        each = [
-            slope
-            for (name, vehicle), slope in self.bounds.items()
-            if name == bound and vehicle.isdigit()
-        ]
-        return float(np.mean(each)) if each else np.nan
-
-    def fit(self, metric: str, quantile: float | None = None) -> tuple[float, float, float] | None:
-        """Return the slope s of the proportional model and its ends by least squares or at a quantile."""
+    def fit(self, metric: str, quantile: float | None = None) -> Fit | None:
+        """Slope s of the proportional model and its ends by least squares or at a quantile."""
         found = self.fits.get((metric, quantile))
         return None if found is None or np.isnan(found[0]) else found
 
     def is_flat(self, metric: str) -> bool:
-        """Return whether a fit found no slope."""
         return (metric, None) in self.fits and self.fit(metric) is None
 
 
@@ -109,123 +97,101 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
 
     `of` restricts the groups to some cells. Raises FolderError for an unfinished run.
     """
-    cells, bounds, fits = (
-        results.cells,
-        stored_table(results, "bounds"),
-        stored_table(results, "fit"),
-    )
-    found = []
-    for group in attacked_groups(results.study.cells if of is None else of):
-        if not group.attacked:
-            continue
-        rows = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
-        lines = (
+    cells = results.cells
+    bounds, fits = stored_table(results, "bounds"), stored_table(results, "fit")
+    groups = attacked_groups(results.study.cells if of is None else of)
+    return [
+        Curve(
+            group,
+            cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values())),
             bound_slopes(bounds.of(group.labels)),
             proportional_slopes(fits.of(group.labels)),
         )
-        found.append(Curve(group, rows, *lines))
-    return found
+        for group in groups
+        if group.attacked
+    ]
 
 
-def bound_slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
-    """Return the slopes of `bounds.csv` by bound and vehicle."""
-    return {
-        (bound, vehicle): float(slope)
-        for bound, vehicle, slope in zip(rows["bound"], rows["vehicle"], rows["slope"], strict=True)
-    }
+def bound_slopes(table: pd.DataFrame) -> dict[tuple[str, str], float]:
+    found: Any = table.itertuples()
+    return {(row.bound, row.vehicle): float(row.slope) for row in found}
 
 
-def proportional_slopes(
-    rows: pd.DataFrame,
-) -> dict[tuple[str, float | None], tuple[float, float, float]]:
-    """Return the slopes s of `fit.csv` with intervals, by metric and quantile (None: least squares).
-
-    They are not-a-number where there is no slope.
-    """
-    proportional: Any = rows[(rows["model"] == "proportional") & (rows["parameter"] == "s")]
+def proportional_slopes(table: pd.DataFrame) -> dict[tuple[str, float | None], Fit]:
+    """Slopes s of `fit.csv` with intervals; not-a-number where there is no slope."""
+    found: Any = table[
+        (table["model"] == "proportional") & (table["parameter"] == "s")
+    ].itertuples()
     return {
         (row.metric, None if np.isnan(row.quantile) else row.quantile): (
             row.estimate,
             row.low,
             row.high,
         )
-        for row in proportional.itertuples()
+        for row in found
     }
 
 
-STORED_COLUMNS = {
-    "bounds": ("bound", "vehicle", "slope"),
-    "fit": ("metric", "model", "quantile", "parameter", "estimate", "low", "high"),
+STORED_COLUMNS: dict[str, dict[str, Any]] = {
+    "bounds": {"bound": str, "vehicle": str, "slope": float},
+    "fit": {"metric": str, "model": str, "parameter": str}
+    | {"quantile": float, "estimate": float, "low": float, "high": float},
 }
-CURVE_COLUMN_TYPES: Any = dict.fromkeys(
-    ("bound", "vehicle", "metric", "model", "parameter"), str
-) | dict.fromkeys(("slope", "quantile", "estimate", "low", "high"), float)
 
 
 class GroupTable:
     """A table with rows of each group of cells that differ in ā alone."""
 
-    def __init__(self, rows: pd.DataFrame, keys: Iterable[str]):
+    def __init__(self, rows: pd.DataFrame, keys: Sequence[str]):
         self.rows, self.keys = rows, list(keys)
-        texts = [list(map(functools.cache(canonical_value), rows[key])) for key in keys]
+        texts = [[canonical_value(value) for value in rows[key].tolist()] for key in keys]
         self.places: dict[tuple[str, ...], list[int]] = {}
         for place, values in enumerate(zip(*texts, strict=True) if texts else [()] * len(rows)):
             self.places.setdefault(values, []).append(place)
 
     def of(self, labels: Mapping[str, Label]) -> pd.DataFrame:
-        """Return the rows whose swept keys have these values."""
-        return self.rows.iloc[
-            self.places.get(tuple(canonical_value(labels[key]) for key in self.keys), [])
-        ]
+        wanted = tuple(canonical_value(labels[key]) for key in self.keys)
+        return self.rows.iloc[self.places.get(wanted, [])]
 
 
 def stored_table(results: Results, name: str) -> GroupTable:
-    """Return a table stored beside `cells.csv`, without rows if there is no file; blanks are not-a-number."""
+    """A table stored beside `cells.csv`, without rows if there is no file."""
     file, keys = results.file(f"{name}.csv"), [*labels_without_magnitude(results.study.cells[0])]
+    types = STORED_COLUMNS[name]
     if not file.exists():
-        empty = pd.DataFrame(columns=[*keys, *STORED_COLUMNS[name]])
-        return GroupTable(
-            empty.astype({key: CURVE_COLUMN_TYPES[key] for key in STORED_COLUMNS[name]}), keys
-        )
-    return GroupTable(read_table(file, 0, [*keys, *STORED_COLUMNS[name]], CURVE_COLUMN_TYPES), keys)
+        return GroupTable(pd.DataFrame(columns=[*keys, *types]).astype(types), keys)
+    return GroupTable(read_table(file, 0, [*keys, *types], types), keys)
 
 
-def canonical_value(value: object) -> str:
-    """Return a text that is equal for equal swept values.
-
-    The numbers 1 and 1.0 and the text "1" of a CSV file have equal texts.
-    """
+def canonical_value(value: Any) -> str:
+    """A text that is equal for equal swept values, as 1, 1.0 and the text "1" of a CSV file are."""
     try:
-        return repr(float(cast(Any, value)))
-    except ValueError:
+        return repr(float(value))
+    except (TypeError, ValueError):
         return str(value)
 
 
 def axis_ends(found: Sequence[Curve], metric: str) -> tuple[float, float]:
-    """Return the ends of a log axis for a metric [m], which leaves out negligible errors."""
+    """Ends of a log axis for a metric [m], which leaves out negligible errors."""
     low, high = [], []
     for curve in found:
-        most = curve.sizes.max()
         low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
-        high += [
-            *curve.spread(metric, "max")[0],
-            *(most * s for s in curve.limits(metric).values()),
-        ]
+        bounds = (curve.sizes.max() * s for s in curve.limits(metric).values())
+        high += [*curve.spread(metric, "max")[0], *bounds]
     least = LEAST_SHARE_SHOWN * min(curve.sizes.min() for curve in found)
-    return decades(
-        max(least, min(low, default=least)), max(filter(np.isfinite, high), default=least)
-    )
+    most = max(filter(np.isfinite, high), default=least)
+    return decades(max(least, min(low, default=least)), most)
 
 
 def decades(low: float, high: float) -> tuple[float, float]:
-    """Return the powers of ten around a range, within the greatest range of an axis."""
+    """Powers of ten around a range, within the greatest range of an axis."""
     low, high = np.clip([low, high], 1 / GREATEST_SHOWN, GREATEST_SHOWN)
     first, last = np.floor(np.log10(low)), np.ceil(np.log10(high))
     return float(10.0**first), float(10.0 ** max(last, first + 1))
 
 
 def no_magnitudes(found: Sequence[Curve]) -> str:
-    """Return a sentence that says why there is no axis for ā, or an empty text if there is one."""
+    """Say why there is no axis for ā; empty if there is one."""
     if not any(len(curve.cells) > 1 for curve in found):
         return "No two cells differ in ā > 0 alone: there is no δ̂(ā) to draw."
     sizes = np.concatenate([curve.sizes for curve in found])
@@ -236,20 +202,12 @@ def no_magnitudes(found: Sequence[Curve]) -> str:
     return ""
 
 
-def unrecovered_shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
-    """Return the share unrecovered and the ends of its interval, by number of the cell.
-
-    Cells without a share are left out. `of` restricts the table to some cells.
-    """
-    cells: Any = results.cells
-    if not set(SHARE_COLUMNS) <= set(cells):
-        return pd.DataFrame(columns=SHARE_COLUMNS)
-    wanted = slice(None) if of is None else [cell.number for cell in of]
-    return cells[SHARE_COLUMNS].iloc[wanted].dropna()
+def unrecovered_shares(results: Results) -> pd.DataFrame:
+    """Share unrecovered and the ends of its interval, by number of the cell, where there is one."""
+    return results.cells.reindex(columns=SHARE_COLUMNS).dropna()
 
 
 def failed_kinds(results: Results) -> dict[int, Counter[str]]:
-    """Return the number of failed lanes by kind of failure, for each cell with failed lanes."""
     if not results.manifest["lanes"]["failed"]:
         return {}
     found = results.by_cell("status", where=~rows.OK)
@@ -257,18 +215,16 @@ def failed_kinds(results: Results) -> dict[int, Counter[str]]:
 
 
 def configured_magnitude(cell: Cell) -> Number:
-    """Return ā as in the config; 0 without an attack."""
+    """ā as in the config; 0 without an attack."""
     return cell.scenario.attack.amplitude()
 
 
 def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:
-    """Return ā of each cell [m]; not-a-number without an attack and where ā is drawn."""
-    sizes = [configured_magnitude(cell) for cell in results.study.cells]
-    return np.array([np.nan if is_drawn(size) or size <= 0 else size for size in sizes], float)
+    """ā of each cell [m]; not-a-number without an attack and where ā is drawn."""
+    return np.array([attack_size(cell) for cell in results.study.cells])
 
 
 def magnitude_words(cell: Cell) -> str:
-    """Return ā of a cell in words."""
     amount, sizes = configured_magnitude(cell), cell.scenario.attack.by_order()
     if sizes is not None and amount:
         return f"ā = ({orders_in_words(sizes)})"

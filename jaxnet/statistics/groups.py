@@ -18,21 +18,19 @@ class Group(NamedTuple):
 
     @property
     def attacked(self) -> dict[int, float]:
-        """Magnitude ā of the cells with ā > 0, by number of the cell."""
         return {cell.number: magnitude(cell) for cell in self.cells if magnitude(cell) > 0}
 
     def __str__(self) -> str:
-        """Return the group's name for tables and messages."""
         return ", ".join(f"{key}={value}" for key, value in self.labels.items()) or "all cells"
 
 
 def swept_values_of(cells: Sequence[Cell]) -> dict[str, list[Label]]:
-    """Return the swept keys with the values that these cells have, in the cells' order."""
+    """Swept keys with the values that these cells have, in the cells' order."""
     return {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in cells[0].labels}
 
 
 def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
-    """Return the groups of the attacked cells whose ā is not drawn."""
+    """Groups of the attacked cells whose ā is not drawn."""
     members: dict[tuple[tuple[str, Label], ...], list[Cell]] = {}
     for cell in cells:
         attack = cell.scenario.attack
@@ -45,7 +43,7 @@ def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
 
 
 def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
-    """Return the labels of a cell without its ā; a label that is no number, as of a list, stays."""
+    """Labels of a cell without its ā; a label that is no number, as of a list, stays."""
     return {
         key: label
         for key, label in cell.labels.items()
@@ -54,5 +52,4 @@ def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
 
 
 def magnitude(cell: Cell) -> float:
-    """Return ā of an attacked cell whose ā is not drawn."""
     return cell.scenario.attack.amplitude()

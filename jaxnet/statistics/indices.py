@@ -1,10 +1,10 @@
 """Sobol's indices: the part of a variance that each group of random numbers contributes.
 
-`first_i = mean(b (ab_i - a)) / var` and `total_i = mean((a - ab_i)²) / (2 var)` (Saltelli and others, 2010).
-The values a and b are from independent draws. The values ab_i are from the draws of a, but with group i from
-the draws of b. SciPy has these estimators for numbers of rows that are a power of two. A failed lane breaks
-that condition. Intervals are bootstrap intervals as in `fits`. They are blank if few rows make up the
-variance.
+`first_i = mean(b (ab_i - a)) / var` and `total_i = mean((a - ab_i)²) / (2 var)` (Saltelli and
+others, 2010). The values a and b are from independent draws. The values ab_i are from the draws of
+a, but with group i from the draws of b. SciPy has these estimators for numbers of rows that are a
+power of two. A failed lane breaks that condition. Intervals are bootstrap intervals as in `fits`.
+They are blank if few rows make up the variance.
 """
 
 from typing import NamedTuple
@@ -35,8 +35,8 @@ def sobol_indices(
 ) -> Indices:
     """Return the indices from values at the draws a, b and ab_i.
 
-    Indices are not-a-number for few rows and for constant values. Ends of intervals are also not-a-number if
-    few rows make up the variance.
+    Indices are not-a-number for few rows and for constant values. Ends of intervals are also
+    not-a-number if few rows make up the variance.
     """
     if len(a) < FEWEST_ROWS or not np.ptp([a, b]) > LEAST_VARIATION * max(1.0, np.abs(a).max()):
         return Indices(*np.full((3, 2, len(mixed)), np.nan))
@@ -69,6 +69,6 @@ def sobol_indices(
 
 
 def effective_rows(values: Float[np.ndarray, " n"]) -> float:
-    """Return the number of values, with mean 0, that make up their variance: n over the kurtosis."""
+    """Number of values, with mean 0, that make up their variance: n over the kurtosis."""
     squares = np.square(values / np.abs(values).max())
     return float(squares.sum() ** 2 / np.square(squares).sum())

@@ -1,8 +1,9 @@
 """Theory applied to a study's cells: the bounds as a table, and the lanes that violate a bound.
 
-`‖E_i(t)‖ ≤ slope_i ā + Σ_k |expm(A_c t)_{0k}| ‖F_i^(k)‖` at every time. F_i^(k) is E_i^(k)(0) - G_i^(k)(0)
-for the static bound, where G = L⁻¹ d. It is E_i^(k)(0) for the peak gain and the harmonic bound
-(theorems.md O5). The other sound bounds are never below the peak gain and need no check.
+`‖E_i(t)‖ ≤ slope_i ā + Σ_k |expm(A_c t)_{0k}| ‖F_i^(k)‖` at every time. F_i^(k) is E_i^(k)(0) -
+G_i^(k)(0) for the static bound, where G = L⁻¹ d. It is E_i^(k)(0) for the peak gain and the
+harmonic bound (theorems.md O5). The other sound bounds are never below the peak gain and need no
+check.
 """
 
 import functools
@@ -16,7 +17,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Config, Scenario
+from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import BOUNDS, broken_premise, outputs_of, situation_of, sources_of
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
@@ -25,7 +26,6 @@ from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
-from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
@@ -59,9 +59,9 @@ Response = Callable[
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
     """Return the slopes per ā of every bound for each group of attacked cells.
 
-    A bound has a slope for each vehicle, for the worst vehicle and for the fleet. Slopes are blank where
-    lanes have bounds of their own, because weights or gains are drawn. They are also blank where nothing is
-    known of the retained neighbours, and where the law holds a jerk.
+    A bound has a slope for each vehicle, for the worst vehicle and for the fleet. Slopes are blank
+    where lanes have bounds of their own, because weights or gains are drawn. They are also blank
+    where nothing is known of the retained neighbours, and where the law holds a jerk.
     """
     blocks = []
     for group in attacked_groups(cells):
@@ -80,7 +80,7 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
 
 
 def bounds_of(scenario: Scenario) -> dict[str, Bound]:
-    """Return the bounds of a scenario by name; not-a-number where the attack gain is unknown."""
+    """Bounds of a scenario by name; not-a-number where the attack gain is unknown."""
     reach = scenario_gain(scenario)
     if reach is None:
         return bounds.unknown_bounds(scenario.vehicles)
@@ -88,7 +88,7 @@ def bounds_of(scenario: Scenario) -> dict[str, Bound]:
 
 
 def unchecked_cells(cells: Sequence[Cell]) -> dict[str, list[int]]:
-    """Return the numbers of the attacked cells that `violations_table` leaves out, by reason."""
+    """Numbers of the attacked cells that `violations_table` leaves out, by reason."""
     found: dict[str, list[int]] = {}
     for cell in cells:
         scenario = cell.scenario
@@ -98,20 +98,21 @@ def unchecked_cells(cells: Sequence[Cell]) -> dict[str, list[int]]:
 
 
 def unchecked_words(cells: Sequence[Cell]) -> str:
-    """Return the cells for which no bound is known, with the reasons; "" if there are none."""
+    """Cells for which no bound is known, with the reasons; "" if there are none."""
     return "; ".join(
         f"{cells_named(numbers)}: {why}" for why, numbers in unchecked_cells(cells).items()
     )
 
 
 def violations_table(results: Results) -> pd.DataFrame:
-    """Return the ok lanes whose tail_max exceeds a valid bound, each with the command that replays the lane.
+    """Return the ok lanes whose tail_max exceeds a valid bound, each with the command that replays
+    the lane.
 
-    The limit is the greatest over vehicles and the tail's output times. It includes 1e-9 of itself and the
-    engine's `accuracy`; tolerances coarser than the defaults may exceed that. The static bound is checked
-    where retained neighbours cannot change, the peak gain where it is finite. The harmonic bound is checked
-    for attacks of one frequency. Cells with drawn weights or gains, and cells with unknown retained
-    neighbours, are left out. A failed lane has no tail_max.
+    The limit is the greatest over vehicles and the tail's output times. It includes 1e-9 of itself
+    and the engine's `accuracy`; tolerances coarser than the defaults may exceed that. The static
+    bound is checked where retained neighbours cannot change, the peak gain where it is finite. The
+    harmonic bound is checked for attacks of one frequency. Cells with drawn weights or gains, and
+    cells with unknown retained neighbours, are left out. A failed lane has no tail_max.
     """
     found = []
     attacked = {
@@ -132,7 +133,7 @@ def violations_table(results: Results) -> pd.DataFrame:
 def suspect_lanes(
     scenario: Scenario, source: Source, rows: pd.DataFrame
 ) -> Bool[np.ndarray, " lanes"]:
-    """Return the lanes that exceed a bound without its transient; no other lane can violate the bound."""
+    """Lanes that exceed a bound without its transient; no other lane can violate the bound."""
     magnitude = magnitudes(scenario, Draw(source, rows["sample"].tolist(), scenario.vehicles))
     errors = rows["tail_max"].to_numpy()
     least = [
@@ -145,7 +146,6 @@ def suspect_lanes(
 def excesses(
     results: Results, cell: Cell, source: Source, rows: pd.DataFrame
 ) -> Iterator[Violation]:
-    """Yield the rows of the violations' table for some lanes of one cell."""
     scenario, samples, errors = cell.scenario, rows["sample"].tolist(), rows["tail_max"].to_numpy()
     for bound, limits in limits_of(scenario, source, samples, tail_of(scenario)).items():
         limit = limits.max(axis=(0, 1))
@@ -155,7 +155,7 @@ def excesses(
 
 
 def tail_of(scenario: Scenario) -> Float[np.ndarray, " times"]:
-    """Return the output times [s] of the tail, both ends included."""
+    """Output times [s] of the tail, both ends included."""
     last, tail = outputs_of(scenario), round(scenario.tail / scenario.output_step)
     return np.arange(last - tail, last + 1) * scenario.output_step
 
@@ -163,7 +163,7 @@ def tail_of(scenario: Scenario) -> Float[np.ndarray, " times"]:
 def limits_of(
     scenario: Scenario, source: Source, samples: Sequence[int], times: Float[np.ndarray, " times"]
 ) -> dict[str, Limits]:
-    """Return each valid bound's limit of ‖y_i - y_0‖ [m], with its transient and allowances."""
+    """Each valid bound's limit of ‖y_i - y_0‖ [m], with its transient and allowances."""
     draw = Draw(source, samples, scenario.vehicles)
     error, attack = initial_errors(scenario, draw)
     flow = transient_factors(tuple(scenario.gain), tuple(times.tolist()))
@@ -176,36 +176,7 @@ def limits_of(
     return found
 
 
-def ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
-    """Return the greatest tail_mean and tail_max [m] that theory allows in some lanes of a cell.
-
-    Both are the least of the valid bounds, transient included. They are infinite or not-a-number if theory
-    says nothing, and infinite if the code of a kind is missing.
-    """
-    unknown = {"tail_mean": np.inf, "tail_max": np.inf}
-    return known_or(unknown, lambda: known_ceilings(config, cell, samples))
-
-
-def known_ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
-    """Return the ceilings of a cell; raises MissingKindError if the code of a kind is missing."""
-    scenario = cell.scenario
-    if scenario_gain(scenario) is None:
-        return {"tail_mean": np.inf, "tail_max": np.inf}
-    source, times = source_of(config, scenario), tail_of(scenario)
-    at_once = max(1, MOST_LIMITS // (len(times) * scenario.vehicles))
-    found = {"tail_mean": 0.0, "tail_max": 0.0}
-    for first in range(0, len(samples), at_once):
-        limits = limits_of(scenario, source, samples[first : first + at_once], times)
-        least = functools.reduce(np.fmin, limits.values())
-        lanes = {"tail_mean": least.mean(axis=(0, 1)), "tail_max": least.max(axis=(0, 1))}
-        found = {
-            metric: float(np.maximum(most, lanes[metric].max())) for metric, most in found.items()
-        }
-    return found
-
-
 def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
-    """Return ā [m] of attacked lanes."""
     return draw.one(scenario.attack.amplitude(), "attack.magnitude")
 
 
@@ -232,15 +203,14 @@ def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
 
 
 def zero_response(attack: np.ndarray) -> float:
-    """Return the response of 0."""
     return 0.0
 
 
 def forced_response(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
     """Return the function `G = L⁻¹ d`.
 
-    `word` is the graph of the links that transmit their source's signal. `added` is the graph of attacked
-    links.
+    `word` is the graph of the links that transmit their source's signal. `added` is the graph of
+    attacked links.
     """
     solve, sources = graph.solver(word), sources_of(scenario)
     signals, weights = signals_of(scenario, sources), hearing.by_slot(added, added.weights, sources)
@@ -275,7 +245,7 @@ def transient_factors(
 
 
 def initial_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
-    """Return E and the attackers' signals at t = 0, with derivatives below the order r: (r, 2, m, lanes)."""
+    """E and the attackers' signals at t = 0, derivatives below the order r: (r, 2, m, lanes)."""
     with jax.enable_x64(True):  # kinds may use JAX
         vehicle = scenario.vehicle.drawn(draw, "vehicle")
         start, navigator = (

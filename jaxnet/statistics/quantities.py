@@ -1,38 +1,34 @@
 """A quantity of lanes for each cell, with its interval: a share, or a statistic of a metric.
 
-Shares have the exact interval of Clopper and Pearson, quantiles the exact interval of order statistics, which
-holds for every distribution (David and Nagaraja, Order Statistics, 2003, section 7.1). The interval of a mean
-is that of `cells.csv`; it needs a bound on every lane, and is blank without one.
+Figures and the page draw a `Quantity`. `intervals` says which intervals there are.
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
-from scipy import stats
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
 from jaxnet.kinds.metrics import DETECTION, Metric
 from jaxnet.model.wording import count
-from jaxnet.statistics.amplitude import amplitude_note
-from jaxnet.statistics.curves import LOG_FLOOR, decades, unrecovered_shares
-from jaxnet.statistics.hull import HULL_COLUMNS, HULL_WORDS, hull_definition, hull_share
-from jaxnet.statistics.recovery import (
+from jaxnet.statistics.curves import LOG_FLOOR, decades
+from jaxnet.statistics.intervals import (
     CONFIDENCE,
+    UNKNOWN,
     clopper_pearson,
-    confidence_told,
-    share_definition,
-    share_name,
+    mean_interval,
+    quantile_interval,
 )
-from jaxnet.statistics.summary import UNBOUNDED, independent_units, metric_statistics, ranges_of
+from jaxnet.statistics.recovery import confidence_told
+from jaxnet.statistics.shares import LANE_SHARES, share_names, shares_of
+from jaxnet.statistics.summary import QUANTILES, independent_units, quantile_of
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
-Statistic = Literal["median", "mean", "q05", "q95", "max"]
 STATISTIC_WORDS = {
     "median": "median of lanes",
     "mean": "mean of lanes",
@@ -47,7 +43,7 @@ AGREEMENT_NOTES = {
     "spread": f"{SPREAD_WORDS}, over the tail",
     "outside": "outside: greatest way of such a vehicle out of the convex hull of their starts",
 }
-QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
+VALUE_COLUMNS = ["value", "low", "high"]
 
 
 class Quantity(NamedTuple):
@@ -68,13 +64,11 @@ class Quantity(NamedTuple):
 
     @property
     def known(self) -> Float[np.ndarray, " known"]:
-        """The values that are known."""
-        values = self.values["value"].to_numpy(dtype=float)
-        return values[~np.isnan(values)]
+        return self.values["value"].dropna().to_numpy(dtype=float)
 
     @property
     def log(self) -> bool:
-        """Whether values belong on a log axis: a metric without negative values over more than a decade."""
+        """Whether values belong on a log axis: none is negative, and they span over a decade."""
         if self.share or not self.known.size:
             return False
         least, greatest = self.known.min(), self.known.max()
@@ -90,13 +84,11 @@ class Quantity(NamedTuple):
         """Ends of an axis that holds all values and intervals."""
         if self.share:
             return 0.0, 100.0
-        known = self.values[["value", "low", "high"]].to_numpy(dtype=float)
+        known = self.values[VALUE_COLUMNS].to_numpy(dtype=float)
         known = known[np.isfinite(known)]
         if self.log:
             return decades(max(self.floor, known.min()), known.max())
-        if (
-            self.unit == "m" and np.abs(known).max() < LOG_FLOOR
-        ):  # rounding needs no scale of its own
+        if self.unit == "m" and np.abs(known).max() < LOG_FLOOR:  # rounding needs no own scale
             return 0.0, 1.0
         return min(0.0, float(known.min())), float(known.max())
 
@@ -112,13 +104,11 @@ class Quantity(NamedTuple):
 
     @property
     def axis(self) -> str:
-        """Label of an axis."""
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
 
 def asked_quantity(study: Config) -> str:
-    """Return the quantity that a study asks for: lanes unrecovered, its first own metric, or the tail's mean
-    error.
+    """The quantity that a study asks for: a recovery, its first own metric, or the mean tail error.
 
     Shares of alarms, which every study with a detector has, are not asked for.
     """
@@ -129,7 +119,7 @@ def asked_quantity(study: Config) -> str:
 
 
 def known_quantities(study: Config) -> list[str]:
-    """Return the names of quantities; a metric's name may end in a statistic."""
+    """Names of quantities; a metric's name may end in a statistic."""
     shares = ["failed"] if study.recovery is None else ["unrecovered", "failed"]
     shares += ["in_hull"] * study.leaderless
     return [*shares, *(metric.name for metric in study.measured())]
@@ -159,116 +149,63 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         The name is unknown.
     """
     study = results.study.config
-    confidence = confidence_told(study.samples)
-    if name == "unrecovered" and study.recovery is not None:
-        shares = unrecovered_shares(results, cells).reindex([cell.number for cell in cells])
-        found: Any = 100 * shares.astype(float)
-        table = found.set_axis(["value", "low", "high"], axis=1)
-        reduced = amplitude_note(cells) if study.recovery.of == "magnitude" else ""
-        note = "; ".join(filter(None, [share_definition(study.recovery, cells), reduced]))
-        told = Quantity(name, f"lanes {share_name(cells)}", "%", True, confidence, table, note)
-        return told._replace(lanes=lanes_of_each(results, table, "ok"))
-    if name == "failed":
-        table = failed_table(results, cells)
-        told = Quantity(name, "lanes failed", "%", True, CONFIDENCE, table)
-        return told._replace(lanes=lanes_of_each(results, table, "lanes"))
-    if name == "in_hull" and any(cell.scenario.leaderless for cell in cells):
-        table = hull_table(results, cells, confidence)
-        told = Quantity(
-            name, f"lanes {HULL_WORDS}", "%", True, confidence, table, hull_definition(cells)
-        )
-        return told._replace(lanes=lanes_of_each(results, table, "ok"))
-    metric, statistic = metric_and_statistic(study, name)
-    words = f"{metric.words or metric.name.replace('_', ' ')}, {STATISTIC_WORDS[statistic]}"
-    if metric.over == "tail":
-        words = f"{words.partition(',')[0]} over the tail,{words.partition(',')[2]}"
-    table = statistic_table(results, cells, metric, statistic)
-    note = AGREEMENT_NOTES.get(metric.name, "") if is_leaderless(cells) else ""
-    told = Quantity(name, words, metric.column_unit, False, CONFIDENCE, table, note)
-    return told._replace(lanes=lanes_of_each(results, table, "ok"))
+    table: pd.DataFrame = results.cells.loc[[cell.number for cell in cells]]
+    of = "ok"
+    if name in (share.name for share in shares_of(study, cells)):
+        share = LANE_SHARES[name]
+        values = 100 * table.reindex(columns=share_names(name)).astype(float)
+        values = values.set_axis(VALUE_COLUMNS, axis=1)
+        words, sure = f"lanes {share.words(cells)}", confidence_told(study.samples)
+        found = Quantity(name, words, "%", True, sure, values, share.note(study, cells))
+    elif name == "failed":
+        of, values = "lanes", failed_shares(table)
+        found = Quantity(name, "lanes failed", "%", True, CONFIDENCE, values)
+    else:
+        metric, statistic = metric_and_statistic(study, name)
+        values = statistic_table(results, cells, metric, statistic)
+        note = AGREEMENT_NOTES.get(metric.name, "") if is_leaderless(cells) else ""
+        words = f"{metric.words or metric.name.replace('_', ' ')}, {STATISTIC_WORDS[statistic]}"
+        if metric.over == "tail":
+            words = words.replace(",", " over the tail,", 1)
+        found = Quantity(name, words, metric.column_unit, False, CONFIDENCE, values, note)
+    lanes = set(table.loc[values["value"].dropna().index, of].tolist())
+    return found._replace(lanes=int(lanes.pop()) if len(lanes) == 1 else 0)
 
 
-def lanes_of_each(results: Results, table: pd.DataFrame, which: str) -> int:
-    """Return the number of lanes behind each known value, 0 if the numbers differ."""
-    known = table["value"].dropna().index.tolist()
-    counts = set(results.cells.loc[known, which].tolist())
-    return int(counts.pop()) if len(counts) == 1 else 0
-
-
-def metric_and_statistic(study: Config, name: str) -> tuple[Metric, Statistic]:
-    """Return the metric and the statistic of a name; raise FolderError if the study has no such metric."""
+def metric_and_statistic(study: Config, name: str) -> tuple[Metric, str]:
+    """Metric and statistic of a name; raises FolderError if the study has no such metric."""
     metrics = {metric.name: metric for metric in study.measured()}
     if name in metrics:
         return metrics[name], "median"
     stem, _, statistic = name.rpartition("_")
-    if stem in metrics and statistic in get_args(Statistic):
-        return metrics[stem], statistic  # pyright: ignore[reportReturnType]
+    if stem in metrics and statistic in STATISTIC_WORDS:
+        return metrics[stem], statistic
     raise FolderError(
-        f"y: must be one of {', '.join(known_quantities(study))}, or a metric with _median, _mean, _q05, _q95"
-        f" or _max (got {name})"
+        f"y: must be one of {', '.join(known_quantities(study))}, or a metric with _median, _mean,"
+        f" _q05, _q95 or _max (got {name})"
     )
 
 
-def hull_table(results: Results, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
-    """Return the share of lanes in the hull with its interval [%]."""
-    wanted = {cell.number: cell for cell in cells}
-    found = {
-        number: hull_share(wanted[number], lanes["outside"].to_numpy(dtype=float), confidence)
-        for number, lanes in results.by_cell("outside", where=rows.OK, cells=wanted)
-    }
-    table = pd.DataFrame.from_dict(found, orient="index", columns=HULL_COLUMNS, dtype=float)
-    return 100 * table.set_axis(["value", "low", "high"], axis=1)
-
-
-def failed_table(results: Results, cells: Sequence[Cell]) -> pd.DataFrame:
-    """Return the share of failed lanes with its interval [%]."""
-    table: Any = results.cells.loc[[cell.number for cell in cells]]
+def failed_shares(table: pd.DataFrame) -> pd.DataFrame:
     failed, lanes = table["failed"].to_numpy(), table["lanes"].to_numpy()
-    low, high = clopper_pearson(failed, lanes, CONFIDENCE)
-    shares = {"value": failed / lanes, "low": low, "high": high}
-    return 100 * pd.DataFrame(shares, index=table.index)
+    columns = failed / lanes, *clopper_pearson(failed, lanes, CONFIDENCE)
+    return 100 * pd.DataFrame(dict(zip(VALUE_COLUMNS, columns, strict=True)), index=table.index)
 
 
 def statistic_table(
-    results: Results, cells: Sequence[Cell], metric: Metric, statistic: Statistic
+    results: Results, cells: Sequence[Cell], metric: Metric, statistic: str
 ) -> pd.DataFrame:
-    """Return a statistic of a metric over the lanes that ended, with its interval."""
-    study, found = results.study.config, {}
-    wanted = {cell.number: cell for cell in cells}
+    """A statistic of a metric over the lanes that ended, with its interval, from the rows."""
+    found, wanted = {}, {cell.number for cell in cells}
     for number, lanes in results.by_cell("sample", metric.name, where=rows.OK, cells=wanted):
-        values, samples = lanes[metric.name].to_numpy(dtype=float), lanes["sample"].to_numpy()
-        units = independent_units(study, samples)
-        if statistic in QUANTILES:
-            ends = (np.nan, np.nan)
-            if units is None:
-                ends = quantile_interval(values, QUANTILES[statistic], CONFIDENCE)
-            found[number] = (np.quantile(values, QUANTILES[statistic]), *ends)
-        elif statistic == "mean":
-            within = ranges_of(study, wanted[number], samples.tolist()).get(metric.name, UNBOUNDED)
-            told = metric_statistics(values, within, units)
-            found[number] = told["mean"], told["low"], told["high"]
+        values = lanes[metric.name].to_numpy(dtype=float)
+        units = independent_units(results.study.config, lanes["sample"].to_numpy())
+        if statistic == "mean":
+            found[number] = values.mean(), *mean_interval(values, CONFIDENCE, units)
+        elif statistic == "max":
+            found[number] = values.max(), *UNKNOWN
         else:
-            found[number] = values.max(), np.nan, np.nan
-    return pd.DataFrame.from_dict(
-        found, orient="index", columns=["value", "low", "high"], dtype=float
-    )
-
-
-def quantile_interval(
-    values: Float[np.ndarray, " n"], quantile: float, confidence: float
-) -> tuple[float, float]:
-    """Return an interval of a quantile from independent values, for every distribution.
-
-    The ends are order statistics. An end is not-a-number if there are too few values for it.
-
-    Examples
-    --------
-    >>> quantile_interval(np.arange(10.0), 0.5, 0.95)
-    (1.0, 8.0)
-    """
-    ordered, tail = np.sort(values), (1.0 - confidence) / 2
-    low, high = stats.binom.ppf([tail, 1.0 - tail], len(ordered), quantile).astype(int)
-    return (
-        float(ordered[low - 1]) if low >= 1 else np.nan,
-        float(ordered[high]) if high < len(ordered) else np.nan,
-    )
+            at = QUANTILES[statistic]
+            ends = UNKNOWN if units is not None else quantile_interval(values, at, CONFIDENCE)
+            found[number] = quantile_of(values, at), *ends
+    return pd.DataFrame.from_dict(found, orient="index", columns=VALUE_COLUMNS, dtype=float)

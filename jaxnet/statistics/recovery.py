@@ -1,22 +1,22 @@
-"""How often the defence fails: the share of lanes whose mean error stays above τ ā (theorems.md O6).
+"""How often the defence fails: the share of lanes whose mean error stays above τ ā (theorems.md
+O6).
 
-Where there is no navigator, the spread counts in place of the mean error: such lanes end without agreement.
+Without a navigator, the spread counts in place of the mean error: such lanes end without agreement.
 
-A fixed number of lanes has the exact binomial interval of Clopper and Pearson (1934). In a sequential study,
-lanes are added until the interval is narrow enough, so the interval is computed repeatedly, once per look.
-Look i comes after 256 · 1.5^(i - 1) samples and has the error α / (i (i + 1)). These errors sum to α. With
-probability 1 - α all intervals therefore hold at once, wherever the study stops. Looks lie ever further
-apart, because a look after few new lanes costs a part of the error and adds little information.
+In a sequential study, lanes are added until the exact interval of the share is narrow enough, so
+the interval is computed repeatedly, once per look. Look i comes after 256 · 1.5^(i - 1) samples and
+has the error α / (i (i + 1)). These errors sum to α. With probability 1 - α all intervals therefore
+hold at once, wherever the study stops. Looks lie ever further apart, because a look after few new
+lanes costs a part of the error and adds little information.
 """
 
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
-from scipy import special
 
 from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
@@ -25,8 +25,8 @@ from jaxnet.config.naming import NO_BREAK
 from jaxnet.config.study import Study
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.groups import labels_without_magnitude
+from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 
-CONFIDENCE = 0.95
 FIRST_LOOK = 256  # samples of a cell
 
 
@@ -36,19 +36,9 @@ class RecoveryCounts(NamedTuple):
     unrecovered: Int[np.ndarray, " cells"]
     ended: Int[np.ndarray, " cells"]
 
-    def add(self, cell: Cell, judged: Float[np.ndarray, " lanes"], asked: Recovery) -> None:
-        """Count a cell's ok lanes by their mean error or spread [m]."""
-        self.unrecovered[cell.number] += np.count_nonzero(judged > threshold(cell, asked))
-        self.ended[cell.number] += len(judged)
-
-
-def zero_counts(cells: Sequence[Cell]) -> RecoveryCounts:
-    """Return counts of 0 for each cell."""
-    return RecoveryCounts(np.zeros(len(cells), int), np.zeros(len(cells), int))
-
 
 def threshold(cell: Cell, asked: Recovery | None) -> float:
-    """Return the mean error or spread above which a lane of the cell is unrecovered [m].
+    """Mean error or spread above which a lane of the cell is unrecovered [m].
 
     The threshold is not-a-number without an attack, and if a study does not ask for recovery.
     """
@@ -59,7 +49,6 @@ def threshold(cell: Cell, asked: Recovery | None) -> float:
 
 
 def criterion_words(asked: Recovery, cells: Sequence[Cell]) -> str:
-    """Return in words when a lane is unrecovered."""
     size = "ā" if asked.of == "magnitude" else "of the amplitude in force"
     judged = {cell.scenario.judged for cell in cells}
     what = "spread" if is_leaderless(cells) else "mean error"
@@ -68,66 +57,43 @@ def criterion_words(asked: Recovery, cells: Sequence[Cell]) -> str:
 
 
 def share_name(cells: Sequence[Cell]) -> str:
-    """Return the name of the share unrecovered: without a navigator, lanes end without agreement."""
+    """Name the share unrecovered: without a navigator, lanes end without agreement."""
     return "without agreement" if is_leaderless(cells) else "unrecovered"
 
 
 def share_definition(asked: Recovery, cells: Sequence[Cell]) -> str:
-    """Return the name of the share unrecovered, its name in files if that differs, and its criterion."""
+    """Define the share unrecovered: its name, in files too if that differs, and its criterion."""
     also = " (unrecovered)" if is_leaderless(cells) else ""
     return f"{share_name(cells)}{also}: {criterion_words(asked, cells)}"
 
 
 def same_thresholds(study: Study, table: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
-    """Return which rows of a stored table were made with the thresholds of their cells."""
+    """Which rows of a stored table were made with the thresholds of their cells."""
     wanted = [threshold(study.cells[number], study.config.recovery) for number in table["cell"]]
     made = table["threshold"] if "threshold" in table else np.full(len(table), -1.0)
     return np.isclose(wanted, made, rtol=1e-12, atol=0.0, equal_nan=True)
 
 
 def attack_size(cell: Cell) -> float:
-    """Return ā of the cell [m]; not-a-number without an attack, or if ā is drawn."""
+    """Magnitude ā of the cell [m]; not-a-number without an attack, or if ā is drawn."""
     amplitude = cell.scenario.attack.amplitude()
     return float(amplitude) if not is_drawn(amplitude) and amplitude > 0 else np.nan
 
 
-def clopper_pearson(
-    successes: Int[np.ndarray, "*n"],
-    trials: Int[np.ndarray, "*n"],
-    confidence: float | Float[np.ndarray, "*n"],
-) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-    """Return both ends of the exact interval of a share; 0 and 1 without a trial."""
-    tail = (1.0 - confidence) / 2
-    with np.errstate(invalid="ignore"):
-        low = special.betaincinv(successes, trials - successes + 1.0, tail)
-        high = special.betaincinv(successes + 1.0, trials - successes, 1.0 - tail)
-    return np.where(successes == 0, 0.0, low), np.where(successes == trials, 1.0, high)
-
-
-def below_greatest(draws: int) -> float:
-    """Return the share of all draws that, with 95 % confidence, stay below the greatest of n draws.
-
-    The share is 0.05^(1/n), about 1 - 3/n (an order statistic; Wilks, 1941). For the envelope s·ā the draws
-    are samples, because cells share them: the envelope is the greatest of the samples' independent maxima.
-    """
-    return float((1 - CONFIDENCE) ** (1 / draws))
-
-
 def samples_at(look: int) -> int:
-    """Return the samples of a cell at a look, from 1: 256, then half as many more each time, rounded up."""
+    """Samples of a cell at a look, from 1: 256, then half as many more each time, rounded up."""
     return -(-FIRST_LOOK * 3 ** (look - 1) // 2 ** (look - 1))
 
 
 def look_of(samples: int) -> int:
-    """Return the first look with at least this number of samples."""
     return next(look for look in itertools.count(1) if samples_at(look) >= samples)
 
 
 def looks(there: int, at_most: int) -> Iterator[int]:
     """Yield the samples of a cell at which to look, `there` samples first.
 
-    No two numbers belong to one look, even over runs that each allow more samples. So the errors of all looks
-    sum to the allowed error at most.
+    No two numbers belong to one look, even over runs that each allow more samples. So the errors of
+    all looks sum to the allowed error at most.
     """
     if there:
         yield there
@@ -138,26 +104,27 @@ def looks(there: int, at_most: int) -> Iterator[int]:
 
 
 def confidence_at(look: int, confidence: float) -> float:
-    """Return the confidence of one look, so that all looks hold at once with `confidence`."""
+    """Confidence of one look, so that all looks hold at once with `confidence`."""
     return 1.0 - (1.0 - confidence) / (look * (look + 1))
 
 
 def confidence_of(asked: int | Sequential, samples: int) -> float:
-    """Return the confidence at which intervals are computed: 95 %, or that of the last look."""
+    """Confidence at which intervals are computed: 95 %, or that of the last look."""
     if not isinstance(asked, Sequential):
         return CONFIDENCE
     return confidence_at(look_of(samples), asked.until.confidence)
 
 
 def confidence_told(samples: int | Sequential) -> float:
-    """Return the confidence of the intervals in `cells.csv`, which holds over all looks."""
+    """Confidence of the intervals in `cells.csv`, which holds over all looks."""
     return samples.until.confidence if isinstance(samples, Sequential) else CONFIDENCE
 
 
 def half_intervals(
     counts: RecoveryCounts, cells: Sequence[Cell], samples: Sequence[int], criterion: Criterion
 ) -> Float[np.ndarray, " cells"]:
-    """Return half of each cell's interval, for the study's stopping rule; `samples` are those of the cells.
+    """Half of each cell's interval, for the study's stopping rule; `samples` are those of the
+    cells.
 
     The half is 0 for a cell without an attack or without a lane that ended.
     """
@@ -167,42 +134,22 @@ def half_intervals(
 
 
 def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
-    """Return which cells have an attack with a known ā."""
+    """Which cells have an attack with a known ā."""
     return np.array([attack_size(cell) > 0 for cell in cells])
 
 
-def unrecovered_columns(
-    counts: RecoveryCounts, cells: Sequence[Cell], confidence: float | Float[np.ndarray, " cells"]
-) -> pd.DataFrame:
-    """Return columns of `cells.csv`; not-a-number without an attack or without a lane that ended."""
-    low, high = clopper_pearson(*counts, confidence)
-    counted = attacked_mask(cells) & (counts.ended > 0)
-    share = counts.unrecovered / np.maximum(counts.ended, 1)
-    columns = {"unrecovered": share, "unrecovered_low": low, "unrecovered_high": high}
-    return pd.DataFrame(
-        {name: np.where(counted, values, np.nan) for name, values in columns.items()}
-    )
-
-
 def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
-    """Return cell and sample of the ok lanes with the greatest judged metric per ā.
+    """Cell and sample of the ok lanes with the greatest judged metric per ā.
 
-    The list takes the worst lane of each group of cells that differ only in ā, then the second of each group,
-    and so on. Otherwise one group would often fill the list with similar lanes.
+    The list takes the worst lane of each group of cells that differ only in ā, then the second of
+    each group, and so on. Otherwise one group would often fill the list with similar lanes.
     """
-    scale = np.array([attack_size(cell) for cell in cells])
+    sizes = np.array([attack_size(cell) for cell in cells])
     groups = np.array([str(labels_without_magnitude(cell)) for cell in cells])
-    lanes = pd.DataFrame(
-        {
-            "cell": rows["cell"],
-            "sample": rows["sample"],
-            "ratio": rows[judged_metric(cells)] / scale[rows["cell"]],
-            "group": groups[rows["cell"]],
-        }
-    ).dropna()
-    lanes = lanes.sort_values("ratio", ascending=False, kind="stable")
+    lanes = rows[["cell", "sample"]].assign(
+        ratio=rows[judged_metric(cells)] / sizes[rows["cell"]], group=groups[rows["cell"]]
+    )
+    lanes = lanes.dropna().sort_values("ratio", ascending=False, kind="stable")
     lanes["place"] = lanes.groupby("group").cumcount()
-    chosen: Any = lanes.sort_values(
-        ["place", "ratio"], ascending=[True, False], kind="stable"
-    ).head(number)
+    chosen = lanes.sort_values("place", kind="stable").head(number)
     return list(zip(chosen["cell"].tolist(), chosen["sample"].tolist(), strict=True))

@@ -1,340 +1,244 @@
-"""Regression of errors on magnitudes: least squares, quantile regression (pinball loss), and the envelope.
+"""Curves of errors over magnitudes: least squares, quantile regression, and the envelope.
 
-Each estimator minimises Σ_j G_j(u_j) over the curves u of `families`. G_j collects the errors per ā,
-r_js = y_js/x_j, at magnitude x_j, each with its sample's weight n_s:
+A model f(x) of the errors is fitted as u(x) = f(x)/x to the errors per ā, r = y/x:
 
-    least squares  G_j(u) = Σ_s n_s (r_js − u)²/2            of y with weights 1/x²
-    pinball        G_j(u) = Σ_s n_s ρ_q(r_js − u)            of y with weights 1/x; ρ_q(r) = r (q − 1[r < 0])
-    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js   the limit of pinball as q → 1: its "quantile 1"
+    least squares  Σ (r − u)²/2           of y with weights 1/x²
+    quantile q     Σ ρ_q(r − u)           of y with weights 1/x; ρ_q(r) = r (q − 1[r < 0])
+    envelope       Σ u where u ≥ r        the limit of q → 1: its "quantile 1"
 
-For many lanes, neighbours in the order of r_js share their mean weight, one bin at a time. At the edges of
-bins this leaves Σ_{r ≤ u} n_s unchanged. Inside a bin of w lanes the error is at most √w/2 (standard
-deviation). Resamples scatter by √(q (1 − q)) times the root of the number of lanes. Least squares use the
-samples' own weights.
-
-A loss gives the best scale for a given shape, and a line search finds the shape. The search interval contains
-all minima. G_j falls down to its own minimiser m_j and rises from there, and two curves of a family cross
-once. Consider a curve with more bend than all curves through two of the points (x_j, m_j). Less bend about
-the crossing lowers the loss at every magnitude.
+Every model is u = offset + scale·growth, bent by a number called shape. For a given shape the best
+scale is known. The best shape is looked for on a grid between curves through two magnitudes each,
+and then by golden section.
 """
 
-import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import lax
-from jaxtyping import Array, Float, Int, Shaped
+from jaxtyping import Float, Int
 
-from jaxnet.statistics.families import CURVE_FAMILIES, CurveFamily, Number, PerMagnitude
+MODELS = {"proportional": ("s",), "affine": ("b", "s"), "power": ("c", "p")}
+ENVELOPE = 1.0
+STEEPEST = 100.0  # greatest |shape| of a power: far beyond data, and without overflow
+GRID = np.linspace(0, 1, 33)  # of the shapes through pairs of magnitudes
+GOLDEN, SECTIONS = (np.sqrt(5) - 1) / 2, 64
+MOST_BINS = 4096  # of one magnitude; with more lanes, neighbours share their mean
 
-Index = Int[Array, ""]
-Ranks = Int[Array, " j"]
-Bracket = tuple[Number, Number, Ranks, Ranks]  # of a scale, with the ranks of both curves
-
-STRIDES = 64  # of the grid from the least candidate shape to the greatest
-
-
-class Effort(NamedTuple):
-    """Precision of the search for a minimum."""
-
-    stride: Index | int  # STRIDES between shapes of the first grid; there may be several minima
-    shapes: Index | int  # halvings of the best shape's bracket
-    scales: Index | int  # halvings of the best scale's bracket, for each shape
+PerFit = Float[np.ndarray, "n j"]  # a row per fit, a column per magnitude
+Shapes = Float[np.ndarray, " n"]
+FitLoss = Callable[
+    [PerFit, PerFit], tuple[Shapes, Shapes]
+]  # best scale and its loss, of offset and growth
 
 
-class Data(NamedTuple):
-    """Errors per ā by magnitude, ascending, in bins of lanes; infinite where there is no ok lane."""
+class Errors(NamedTuple):
+    """Errors [m] at magnitudes x > 0, by sample; not-a-number where a lane failed."""
 
-    x: Float[Any, " j"]
-    ratios: Float[Any, "j bins lanes"]
-    sums: Float[Any, "j bins lanes+1"]  # cumulative sums of each bin's ratios
+    x: Float[np.ndarray, " j"]
+    y: Float[np.ndarray, "j samples"]
 
+    @property
+    def ratios(self) -> Float[np.ndarray, "j samples"]:
+        return self.y / self.x[:, None]
 
-class Best(NamedTuple):
-    """The best scale for some offset and growth."""
-
-    scale: Number
-    loss: Number
-    pull: PerMagnitude  # a multiple of the subgradients G_j' with Σ_j G_j'·growth_j = 0
-
-
-class FitLoss(NamedTuple):
-    """The loss Σ_j G_j(u_j) to be minimised."""
-
-    weights: PerMagnitude
-    least: PerMagnitude  # minimisers m_j of the G_j
-    best: Callable[[PerMagnitude, PerMagnitude], Best]  # of offset and growth
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Models with at most as many parameters as there are magnitudes."""
+        known = np.isfinite(self.y).any(axis=1).sum()
+        return tuple(model for model, names in MODELS.items() if len(names) <= known)
 
 
-def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> FitLoss:
-    """Return the loss of least squares from weights and means.
-
-    The constant Σ_s n_s (r_js − m_j)² is left out.
-    """
-
-    def best(offset: PerMagnitude, growth: PerMagnitude) -> Best:
-        scale = jnp.sum(weights * growth * (means - offset)) / jnp.sum(weights * growth**2)
-        residual = offset + scale * growth - means
-        return Best(scale, jnp.sum(weights * residual**2) / 2, weights * residual)
-
-    return FitLoss(weights, means, best)
-
-
-class Cumulative(NamedTuple):
-    """Cumulative weights of the ratios in ascending order, by magnitude; bins have a mean weight per lane."""
-
-    data: Data
-    mean: Float[Array, "j bins"]
-    weight: Float[Array, "j edges"]  # [:, k] is the sum of the first k bins
-    ratio: Float[Array, "j edges"]  # weighted ratios likewise
-
-    def last_bin(self, rank: Ranks) -> Ranks:
-        """Return the bin after the first `rank` ratios."""
-        return jnp.minimum(rank // self.data.ratios.shape[2], self.mean.shape[1] - 1)
-
-    def weight_of(self, rank: Ranks) -> PerMagnitude:
-        """Return the weight of the first `rank` ratios."""
-        last, width = self.last_bin(rank), self.data.ratios.shape[2]
-        inside = (rank - last * width).astype(float)
-        return take_column(self.weight, last) + take_column(self.mean, last) * inside
-
-    def ratio_of(self, rank: Ranks) -> PerMagnitude:
-        """Return the weighted sum of the first `rank` ratios."""
-        last = self.last_bin(rank)
-        inside = take_column(
-            flatten_bins(self.data.sums), rank + last
-        )  # a bin has one more sum than lanes
-        return take_column(self.ratio, last) + take_column(self.mean, last) * inside
-
-    def rank_at(self, wanted: PerMagnitude) -> Ranks:
-        """Return the index of the first ratio at which the cumulative weight reaches `wanted`."""
-        lanes = jnp.sum(jnp.isfinite(self.data.ratios), axis=2)
-        last = jnp.sum(self.weight[:, 1:] < wanted[:, None], axis=1)
-        last = jnp.minimum(last, self.mean.shape[1] - 1)
-        missing = wanted - take_column(self.weight, last)
-        further = jnp.ceil(
-            missing / jnp.where(missing > 0, take_column(self.mean, last), 1.0)
-        ).astype(int)
-        first = last * self.data.ratios.shape[2]
-        return first + jnp.clip(further, 1, jnp.maximum(take_column(lanes, last), 1)) - 1
+def model_value(model: str, x: Float[np.ndarray, " n"], parameters: object) -> np.ndarray:
+    """Evaluate a model by name: s x, b + s x, c x^p, or a constant."""
+    first, second = (*np.atleast_1d(np.asarray(parameters, float)), 0.0)[:2]
+    match model:
+        case "power":
+            return first * x**second
+        case "affine":
+            return first + second * x
+        case "constant":
+            return np.full_like(x, first)
+    return first * x
 
 
-def cumulate(data: Data, bins: Float[Array, "j bins"]) -> Cumulative:
-    """Return the cumulative weights for weights of bins."""
-    lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
-    mean = bins / jnp.maximum(lanes, 1).astype(float)
-    weight, ratio = (
-        jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0)))
-        for each in (bins, mean * data.sums[:, :, -1])
-    )
-    return Cumulative(data, mean, weight, ratio)
+def least_squares(errors: Errors, counts: Int[np.ndarray, "n samples"]) -> dict[str, np.ndarray]:
+    """Parameters of all models by least squares, for each row of the samples' counts."""
+    ratios, finite = errors.ratios, np.isfinite(errors.y)
+    weights = counts @ finite.T.astype(float)
+    with np.errstate(invalid="ignore"):  # a magnitude without a lane
+        means = (counts @ np.where(finite, ratios, 0.0).T) / weights
+    means = np.where(weights > 0, means, 0.0)
+
+    def loss(offset: PerFit, growth: PerFit) -> tuple[Shapes, Shapes]:
+        squares = (weights * growth**2).sum(axis=1)
+        scale = ((means - offset) * weights * growth).sum(axis=1) / squares
+        apart = offset + scale[:, None] * growth - means
+        return scale, (weights * apart**2).sum(axis=1)
+
+    found = fitted(errors, loss, np.where(weights > 0, means, np.nan))
+    if "affine" in found:
+        found["affine"] = straight_line(errors.x, means, weights)
+    return found
 
 
-def pinball_loss(
-    data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int
-) -> FitLoss:
-    """Return the loss of quantile regression.
-
-    The best scale is a weighted quantile of (r_js − offset_j)/growth_j. The loss is `Σ_s n_s ρ_q(r_js − u) =
-    q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js`. The first term is left out: with a
-    few large errors it would swamp the differences between many small ones. The envelope is a convex program
-    in (b, s) and (log c, p).
-    """
-    ratios, cumulative = flatten_bins(data.ratios), cumulate(data, bins)
-    weights = cumulative.weight[:, -1]
-    wanted = quantile * weights
-    first = cumulative.rank_at(wanted)
-    least = take_column(ratios, first)
-
-    def best(offset: PerMagnitude, growth: PerMagnitude) -> Best:
-        own = (least - offset) / growth
-
-        def rank_of(scale: Number) -> Ranks:
-            return ranks(ratios, offset + scale * growth)
-
-        def halve(_: Index, bracket: Bracket) -> Bracket:
-            low, high, under, over = bracket
-            between = (own > low) & (own < high) & (weights > 0)
-            scale = jnp.mean(own, where=between | ~between.any())
-            scale = jnp.where(between.any(), scale, (low + high) / 2)
-            rank = rank_of(scale)
-            short = jnp.sum(growth * (cumulative.weight_of(rank) - wanted)) < 0
-            return (
-                jnp.where(short, scale, low),
-                jnp.where(short, high, scale),
-                jnp.where(short, rank, under),
-                jnp.where(short, over, rank),
-            )
-
-        known = weights > 0
-        low, high = (
-            jnp.min(own, initial=jnp.inf, where=known),
-            jnp.max(own, initial=-jnp.inf, where=known),
+def straight_line(x: Float[np.ndarray, " j"], means: PerFit, weights: PerFit) -> np.ndarray:
+    """Parameters b and s of u = s + b/x by the normal equations."""
+    steps, total = x.min() / x, weights.sum(axis=1)
+    centre, level = (weights @ steps) / total, (weights * means).sum(axis=1) / total
+    apart = steps - centre[:, None]
+    with np.errstate(invalid="ignore"):  # lanes at one magnitude alone
+        rise = (weights * apart * (means - level[:, None])).sum(axis=1) / (weights * apart**2).sum(
+            axis=1
         )
-        begin = low, high, jnp.minimum(rank_of(low), first), jnp.maximum(rank_of(high), first + 1)
-        low, high, under, over = lax.fori_loop(0, halvings, halve, begin)
-        falling, rising = (cumulative.weight_of(rank) - wanted for rank in (under, over))
-        rising = jnp.where(quantile < 1, rising, weights)
-        short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
-        share = jnp.where(short > 0, long / short, 0.0)  # of falling that balances rising
-        scale = jnp.where(quantile < 1, low + (high - low) / (1 + share), high)
-        u = offset + scale * growth
-        loss = jnp.where(quantile < 1, u * falling - cumulative.ratio_of(under), u * weights)
-        return Best(scale, jnp.sum(loss), rising + share * falling)
-
-    return FitLoss(weights, least, best)
+    return np.stack([rise * x.min(), level - rise * centre], axis=1)
 
 
-def flatten_bins(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
-    """Return the ratios of each magnitude without bins."""
-    return bins.reshape(len(bins), -1)
+def quantile_regression(errors: Errors, quantile: float) -> dict[str, np.ndarray]:
+    """Parameters of all models at a quantile below 1, or of the envelope."""
+    binned = [neighbours(np.sort(row[np.isfinite(row)])) for row in errors.ratios]
+    place = np.repeat(np.arange(len(binned)), [len(means) for means, _ in binned])
+    ratios, weights = (np.concatenate(each) for each in zip(*binned, strict=True))
+    total = np.bincount(place, weights, len(binned))
+    least = [quantile_at(means, counts, quantile) for means, counts in binned]
+
+    def pinball(offset: PerFit, growth: PerFit) -> tuple[Shapes, Shapes]:
+        steep = growth[0, place]
+        scales = (ratios - offset[0, place]) / steep
+        scale = quantile_at(scales, weights * steep, quantile)
+        curve = offset + scale * growth
+        below = scales <= scale
+        # Without q Σ r: beside few large errors it would swamp differences between small ones.
+        loss = (weights * (curve[0, place] - ratios))[below].sum() - quantile * (
+            total * curve
+        ).sum()
+        return np.array([scale]), np.array([loss])
+
+    def envelope(offset: PerFit, growth: PerFit) -> tuple[Shapes, Shapes]:
+        known = total > 0
+        scale = ((np.array(least) - offset) / growth)[:, known].max(axis=1)
+        return scale, (total * (offset + scale[:, None] * growth)).sum(axis=1)
+
+    loss = envelope if quantile == ENVELOPE else pinball
+    return fitted(errors, loss, np.where(total > 0, least, np.nan)[None])
 
 
-def ranks(ratios: Float[Array, "j s"], u: PerMagnitude) -> Ranks:
-    """Return the number of ratios of each magnitude that are at most u, by bisection."""
-    width = ratios.shape[1]
-    bits = width.bit_length()
-
-    def step(number: Index, rank: Ranks) -> Ranks:
-        further = rank + (1 << (bits - 1 - number))
-        reached = take_column(ratios, jnp.minimum(further, width) - 1) <= u
-        return jnp.where((further <= width) & reached, further, rank)
-
-    return lax.fori_loop(0, bits, step, jnp.zeros(u.shape, int))
+def neighbours(ordered: Float[np.ndarray, " n"]) -> tuple[np.ndarray, np.ndarray]:
+    """Means of neighbours in an order, and how many lanes each stands for."""
+    if len(ordered) <= MOST_BINS:
+        return ordered, np.ones(len(ordered))
+    starts = np.linspace(0, len(ordered), MOST_BINS, endpoint=False).astype(int)
+    counts = np.diff(starts, append=len(ordered)).astype(float)
+    return np.add.reduceat(ordered, starts) / counts, counts
 
 
-def take_column(table: Shaped[Array, "j n"], column: Ranks) -> Shaped[Array, " j"]:
-    """Return one column of each row."""
-    return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
+def quantile_at(values: np.ndarray, weights: np.ndarray, quantile: float) -> float:
+    """The least value at which the share of the weights reaches a quantile; 0 without a value."""
+    if not len(values):
+        return 0.0
+    order = np.argsort(values, kind="stable")  # which is fast where rows are in order already
+    reached = np.cumsum(weights[order])
+    first = np.searchsorted(reached, quantile * reached[-1] * (1 - 1e-15))
+    return float(values[order[min(first, len(values) - 1)]])
 
 
-class ShapeSearch(NamedTuple):
-    """A bracket of the best shape, the least loss of the grid, and the last evaluation."""
+@np.errstate(over="ignore", invalid="ignore")  # of the greatest numbers
+def fitted(errors: Errors, loss: FitLoss, minimisers: PerFit) -> dict[str, np.ndarray]:
+    """Parameters of the errors' models that minimise a loss, a row per fit.
 
-    low: Number
-    high: Number
-    loss: Number
-    shape: Number
-    scale: Number
-
-
-def fit_curves(
-    x: PerMagnitude, loss: FitLoss, effort: Effort, models: tuple[str, ...]
-) -> dict[str, Float[Array, " parameters"]]:
-    """Return the parameters of the best curve of some models."""
-    straight = loss.best(jnp.zeros_like(x), jnp.ones_like(x)).scale
-    curves = [CURVE_FAMILIES[model] for model in models if model in CURVE_FAMILIES]
-    if not curves:
-        return {"proportional": straight[None]}
-    found = jax.vmap(lambda kind: search_shape(curves, kind, x, loss, effort))(
-        jnp.arange(len(curves))
-    )
-    ends = zip(curves, found.shape, found.scale, strict=True)
-    read = [jnp.stack(curve.read(x, shape, scale)) for curve, shape, scale in ends]
-    return dict(zip(models, [straight[None], *read], strict=True))
-
-
-def search_shape(
-    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: FitLoss, effort: Effort
-) -> ShapeSearch:
-    """Return the best shape and its bracket.
-
-    The search takes the lowest shape of a grid and bisects between its neighbours by the sign of the slope.
-    If all slopes point to an end of the bracket, that end is the result.
+    `minimisers` are the best u of each magnitude alone, not-a-number without a lane.
     """
-    every = candidate_shapes(curves, kind, x, loss)
-    on_grid = jnp.arange(STRIDES + 1) % effort.stride == 0
-    first = STRIDES // effort.stride - 1
-    last = first + effort.shapes
+    x, ones = errors.x, np.ones_like(minimisers)
+    straight, _ = loss(0 * ones, ones)
+    found = {"proportional": straight[:, None]}
+    for model in errors.models[1:]:
+        curve = BENT_CURVES[model]
 
-    def step(number: Index, search: ShapeSearch) -> ShapeSearch:
-        in_row = number < first
-        middle = (search.low + search.high) / 2
-        end = jnp.where(search.low == every[0], every[0], middle)
-        end = jnp.where(search.high == every[-1], every[-1], end)
-        in_turn = every[jnp.minimum((number + 1) * effort.stride, STRIDES)]
-        shape = jnp.where(in_row, in_turn, jnp.where(number < last, middle, end))
-        best, slope = evaluate_shape(curves, kind, x, loss, shape)
-        lowest = in_row & (best.loss < search.loss)
-        below = jnp.max(every, initial=every[0], where=on_grid & (every < shape))
-        above = jnp.min(every, initial=every[-1], where=on_grid & (every > shape))
-        return ShapeSearch(
-            jnp.where(lowest, below, jnp.where(in_row | (slope > 0), search.low, shape)),
-            jnp.where(lowest, above, jnp.where(in_row | (slope < 0), search.high, shape)),
-            jnp.where(lowest, best.loss, search.loss),
-            shape,
-            best.scale,
+        def bent(shape: Shapes, curve: "BentCurve" = curve) -> tuple[PerFit, PerFit]:
+            return curve.bent(x, shape[:, None])
+
+        shape = least_shape(lambda shape: loss(*bent(shape))[1], curve.candidates(x, minimisers))
+        scale, _ = loss(*bent(shape))
+        found[model] = np.stack(curve.read(x, shape, scale), axis=1)
+    return found
+
+
+def least_shape(loss: Callable[[Shapes], Shapes], shapes: Float[np.ndarray, "n grid"]) -> Shapes:
+    """The shape of the least loss on a grid, refined by golden section between its neighbours."""
+    rows, last = np.arange(len(shapes)), shapes.shape[1] - 1
+    best = np.stack([loss(each) for each in shapes.T]).argmin(axis=0)
+    low = shapes[rows, np.maximum(best - 1, 0)]
+    high = shapes[rows, np.minimum(best + 1, last)]
+    left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    at_left, at_right = loss(left), loss(right)
+    for _ in range(SECTIONS):
+        leftwards = at_left < at_right
+        low, high = np.where(leftwards, low, left), np.where(leftwards, right, high)
+        inner = np.where(leftwards, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
+        at_inner = loss(inner)
+        left, right = np.where(leftwards, inner, right), np.where(leftwards, left, inner)
+        at_left, at_right = (
+            np.where(leftwards, at_inner, at_right),
+            np.where(leftwards, at_left, at_inner),
         )
-
-    begin = ShapeSearch(every[0], every[-1], jnp.full_like(every[0], jnp.inf), every[0], every[0])
-    return lax.fori_loop(0, last + 1, step, begin)
+    return (low + high) / 2
 
 
-def candidate_shapes(
-    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: FitLoss
-) -> Float[Array, " shapes"]:
-    """Return STRIDES + 1 quantiles of the shapes of curves through two minimisers; 0 if there are none.
+class BentCurve(NamedTuple):
+    """A curve of curves u(x) = offset + scale·growth by their shape."""
 
-    Quantiles are robust: shapes from two close magnitudes scatter a thousand times more than the others.
-    """
-    pairs = np.triu_indices(len(x), 1)
-    known = jnp.all(loss.weights[jnp.stack(pairs)] > 0, axis=0)
-    through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)[pairs]
-    greatest = jnp.max(through, initial=-jnp.inf, where=known)
-    ascending = jnp.sort(jnp.where(known, through, greatest))
-    last = jnp.maximum(jnp.sum(known) - 1, 0).astype(float)
-    quantiles = jnp.interp(
-        last * jnp.linspace(0, 1, STRIDES + 1), jnp.arange(len(ascending), dtype=float), ascending
-    )
-    return jnp.where(known.any(), quantiles, 0.0)
+    bent: Callable[[np.ndarray, np.ndarray], tuple[PerFit, PerFit]]  # offset and growth
+    through: Callable[[np.ndarray, PerFit], PerFit]  # shapes of the curves through pairs of points
+    read: Callable[[np.ndarray, Shapes, Shapes], tuple[Shapes, Shapes]]  # parameters
 
-
-def evaluate_shape(
-    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: FitLoss, shape: Number
-) -> tuple[Best, Number]:
-    """Return the best scale for a shape, and a multiple of the derivative of its loss in the shape."""
-
-    def bent(shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
-        return lax.switch(kind, [curve.bent for curve in curves], x, shape)
-
-    (offset, growth), (offset_bends, growth_bends) = jax.jvp(
-        bent, (shape,), (jnp.ones_like(shape),)
-    )
-    best = loss.best(offset, growth)
-    return best, jnp.sum(best.pull * (offset_bends + best.scale * growth_bends))
+    def candidates(self, x: np.ndarray, minimisers: PerFit) -> Float[np.ndarray, "n grid"]:
+        """Shapes of curves through two magnitudes, evenly by rank; 0 if there are none."""
+        with np.errstate(all="ignore"):
+            ordered = np.sort(self.through(x, minimisers), axis=1)  # not-a-number last
+        known = np.isfinite(ordered).sum(axis=1)
+        ranks = GRID * np.maximum(known - 1, 0)[:, None]
+        below = ranks.astype(int)
+        above = np.minimum(below + 1, np.maximum(known - 1, 0)[:, None])
+        rows = np.arange(len(ordered))[:, None]
+        low, high = ordered[rows, below], ordered[rows, above]
+        return np.where(known[:, None] > 0, low + (ranks - below) * (high - low), 0.0)
 
 
-@functools.partial(jax.jit, static_argnames="models")
-def least_squares(
-    x: PerMagnitude,
-    weights: Float[Array, "n j"],
-    means: Float[Array, "n j"],
-    effort: Effort,
-    models: tuple[str, ...],
-) -> dict[str, Float[Array, "n parameters"]]:
-    """Return the parameters of some models by least squares, per row of weights and weighted means.
-
-    The proportional model is the first.
-    """
-    return jax.vmap(lambda *row: fit_curves(x, squared_loss(*row), effort, models))(weights, means)
+def pairs_apart(values: np.ndarray) -> np.ndarray:
+    first, second = np.triu_indices(values.shape[-1], 1)
+    return values[..., first] - values[..., second]
 
 
-@functools.partial(jax.jit, static_argnames="models")
-def quantile_regression(
-    data: Data,
-    bins: Float[Array, "n j bins"],
-    quantiles: Float[Array, " q"],
-    effort: Effort,
-    models: tuple[str, ...],
-) -> dict[str, Float[Array, "q n parameters"]]:
-    """Return the parameters of some models at quantiles up to 1, per row of bin weights."""
+def log_range(x: np.ndarray) -> tuple[float, float]:
+    """Centre and width of the range of log x; the width is 1 if all x are equal."""
+    low, high = np.log(x.min()), np.log(x.max())
+    return (low + high) / 2, (high - low) or 1.0
 
-    def one(
-        quantile: Number, bins: Float[Array, "j bins"]
-    ) -> dict[str, Float[Array, " parameters"]]:
-        return fit_curves(data.x, pinball_loss(data, bins, quantile, effort.scales), effort, models)
 
-    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(quantiles, bins)
+def power_bent(x: np.ndarray, shape: np.ndarray) -> tuple[PerFit, PerFit]:
+    """Offset and growth of u ∝ x^(p − 1); growth is 1 at the geometric centre of x."""
+    centre, width = log_range(x)
+    growth = np.exp(-shape * (np.log(x) - centre) / width)
+    return np.zeros_like(growth), growth
+
+
+def power_through(x: np.ndarray, u: PerFit) -> PerFit:
+    """Shapes of the powers through pairs of points; 0 (proportional) where both errors are 0."""
+    shapes = -log_range(x)[1] * pairs_apart(np.log(u)) / pairs_apart(np.log(x))
+    zeros = pairs_apart((u == 0).astype(float)) == 0
+    shapes = np.where(np.isnan(shapes) & zeros & np.isfinite(pairs_apart(u)), 0.0, shapes)
+    return np.clip(shapes, -STEEPEST, STEEPEST)
+
+
+def power_read(x: np.ndarray, shape: Shapes, scale: Shapes) -> tuple[Shapes, Shapes]:
+    centre, width = log_range(x)
+    return scale * np.exp(shape / width * centre), 1 - shape / width
+
+
+BENT_CURVES = {
+    "affine": BentCurve(  # u = s + b/x, whose shape is b
+        lambda x, shape: (shape / x, np.ones_like(shape / x)),
+        lambda x, u: pairs_apart(u) / pairs_apart(1 / x),
+        lambda x, shape, scale: (shape, scale),
+    ),
+    "power": BentCurve(power_bent, power_through, power_read),
+}

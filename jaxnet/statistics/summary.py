@@ -5,24 +5,24 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
-from jaxnet.kinds.metrics import CONTRACT, DETECTION
-from jaxnet.statistics import means, recovery
-from jaxnet.statistics.hull import hull_share
-from jaxnet.statistics.limits import ceilings
-from jaxnet.statistics.recovery import CONFIDENCE
+from jaxnet.kinds.metrics import CONTRACT
+from jaxnet.statistics.intervals import CONFIDENCE, UNKNOWN, mean_interval, quantile_interval
+from jaxnet.statistics.recovery import confidence_of
+from jaxnet.statistics.shares import share_columns, shares_of
 from jaxnet.store import rows
 from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard
 
-SUMMARISED = ("tail_mean", "tail_max")  # norms, so not negative
-NO_MEAN_INTERVAL = "no interval of a mean holds without a bound on every lane: an end is missing where theory gives none"
-
-MetricRange = tuple[float, float]  # least and greatest of a metric
-UNBOUNDED = -np.inf, np.inf
+SUMMARISED = ("tail_mean", "tail_max")
+QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
+COLUMNS_OF_METRIC = (
+    *("mean", "low", "high", "median", "median_low", "median_high"),
+    *("q05", "q95", "max"),
+)
 
 
 def summarise(
@@ -32,89 +32,75 @@ def summarise(
     study: Config,
     samples: Sequence[int],
 ) -> pd.DataFrame:
-    """Return `cells.csv`: swept keys, lanes, ok, failed, and statistics of the tail errors over ok lanes.
+    """Return `cells.csv`: swept keys, numbers of lanes, statistics of metrics, and shares.
 
-    With `recovery` the table also has the share unrecovered, and without a navigator the share of lanes in
-    the hull. `samples` are the numbers of samples of the cells.
+    Statistics and shares are over the lanes that ended. `samples` are the numbers of samples of
+    the cells.
     """
-    table, counts, metrics = [], recovery.zero_counts(cells), summarised_metrics(study)
-    sure = np.array([recovery.confidence_of(study.samples, each) for each in samples])
+    table, metrics, shares = [], summarised_metrics(study), shares_of(study, cells)
     for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
-        row = {
-            **cells[number].labels,
-            "lanes": len(lanes),
-            "ok": len(ok),
-            "failed": len(lanes) - len(ok),
-        }
-        ranges = ranges_of(study, cells[number], ok["sample"].tolist())
-        drawn = independent_units(study, ok["sample"].to_numpy())
+        counts = {"lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
+        row = cells[number].labels | counts
+        sure = confidence_of(study.samples, samples[number])
+        units = independent_units(study, ok["sample"].to_numpy())
         for metric in metrics:
-            within = ranges.get(metric, UNBOUNDED)
-            found = metric_statistics(ok[metric].to_numpy(), within, drawn, float(sure[number]))
+            found = metric_statistics(ok[metric].to_numpy(), units, sure)
             row |= {f"{metric}_{name}": value for name, value in found.items()}
-        if any(cell.scenario.leaderless for cell in cells):
-            row |= hull_share(cells[number], ok["outside"].to_numpy(), float(sure[number]))
+        for share in shares:
+            row |= share_columns(share, share.which(study, cells[number], ok), sure)
         table.append(row)
-        if study.recovery is not None:
-            counts.add(cells[number], ok[cells[number].scenario.judged].to_numpy(), study.recovery)
-    cells_table = pd.DataFrame(table)
-    if study.recovery is None:
-        return cells_table
-    return cells_table.join(recovery.unrecovered_columns(counts, cells, sure))
-
-
-def ranges_of(study: Config, cell: Cell, samples: Sequence[int]) -> dict[str, MetricRange]:
-    """Return the range of the tail errors [m] and of the shares of alarms in some lanes of a cell.
-
-    The range of an error is from 0 to the greatest error that theory allows.
-    """
-    errors = {metric: (0.0, most) for metric, most in ceilings(study, cell, samples).items()}
-    return errors | dict.fromkeys(DETECTION, (0.0, 1.0))
+    return pd.DataFrame(table)
 
 
 def summarised_metrics(study: Config) -> list[str]:
-    """Return the metrics of tables: the tail errors, and the study's metrics beyond the contract."""
+    """Metrics of tables: the tail errors, and the study's metrics beyond the contract."""
     return [*SUMMARISED, *(metric.name for metric in study.measured()[len(CONTRACT) :])]
 
 
 def independent_units(
     study: Config, samples: Int[np.ndarray, " lanes"]
 ) -> Int[np.ndarray, " lanes"] | None:
-    """Return the number of each sample's independent sequence; None if the samples are independent."""
+    """Number of each sample's scrambled sequence; None if the samples are independent."""
     if study.draws == "random" or not isinstance(study.samples, int):
         return None
     return samples // (study.samples // RANDOMISATIONS)
 
 
 def interval_basis(study: Config) -> str:
-    """Return the units over which intervals of means are computed, in words."""
+    """Name the independent numbers over which intervals of means are computed."""
     return (
         "lanes" if study.draws == "random" else f"the means of {RANDOMISATIONS} scrambled sequences"
     )
 
 
 def metric_statistics(
-    values: np.ndarray,
-    within: MetricRange,
+    values: Float[np.ndarray, " lanes"],
     units: Int[np.ndarray, " lanes"] | None = None,
     confidence: float = CONFIDENCE,
 ) -> dict[str, float]:
-    """Return mean, interval of the mean, median, quantiles and maximum; not-a-number without a lane.
+    """Statistics of a metric over lanes, by the ends of their columns' names in `cells.csv`.
 
-    The interval uses the range `within`: an end with an infinite bound is not-a-number. Lanes of one unit
-    depend on each other; the `units` are independent.
+    Lanes of one unit depend on each other; the `units` are independent. Numbers that are not known
+    are not-a-number.
     """
     if not len(values):
-        return dict.fromkeys(("mean", "low", "high", "median", "q05", "q95", "max"), np.nan)
-    sums, counts = values, None
-    with np.errstate(invalid="ignore"):  # infinite values
-        if units is not None:
-            _, number, counts = np.unique(units, return_inverse=True, return_counts=True)
-            sums, counts = np.bincount(number, values), counts.astype(float)
-        low, high = means.mean_interval(sums, *within, confidence, counts)
-        at = [0.05, 0.5, 0.95]
-        between, above = np.quantile(values, at), np.quantile(values, at, method="higher")
-        q05, median, q95 = np.where(np.isnan(between), above, between)  # inf - inf, and 0 inf
-    ends = {"mean": values.mean(), "low": low, "high": high}
-    return ends | {"median": median, "q05": q05, "q95": q95, "max": values.max()}
+        return dict.fromkeys(COLUMNS_OF_METRIC, np.nan)
+    mean = float(values.mean()), *mean_interval(values, confidence, units)
+    median = quantile_of(values, 0.5), *median_ends(values, units, confidence)
+    rest = quantile_of(values, 0.05), quantile_of(values, 0.95), float(values.max())
+    return dict(zip(COLUMNS_OF_METRIC, (*mean, *median, *rest), strict=True))
+
+
+def median_ends(
+    values: Float[np.ndarray, " lanes"], units: object, confidence: float
+) -> tuple[float, float]:
+    """Interval of the median; lanes that depend on each other have none."""
+    return UNKNOWN if units is not None else quantile_interval(values, 0.5, confidence)
+
+
+def quantile_of(values: Float[np.ndarray, " lanes"], quantile: float) -> float:
+    """Quantile of values that may be infinite: between two of them the higher one counts."""
+    with np.errstate(invalid="ignore"):  # inf - inf, and 0 inf
+        between = float(np.quantile(values, quantile))
+    return between if between == between else float(np.quantile(values, quantile, method="higher"))

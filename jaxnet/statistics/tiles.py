@@ -14,12 +14,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import count_between, counted
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
-from jaxnet.statistics.curves import (
-    SHARE_COLUMNS,
-    cell_magnitudes,
-    configured_magnitude,
-    failed_kinds,
-)
+from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kinds
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.recovery import confidence_told, share_definition
 from jaxnet.store.results import Results
@@ -43,69 +38,59 @@ class Tiling(NamedTuple):
 
 
 def tiling(cells: Sequence[Cell], axes: Axes | None = None) -> Tiling | None:
-    """Return the tiling of cells by two swept keys; None without a second key of two values.
+    """Lay cells out by two swept keys; None without a second key of two values.
 
     `axes` has the columns as x, the rows as hue.
     """
     axes = axes or choose_axes(cells, most_hues=len(cells))
     if axes.x is None or axes.hue is None:
         return None
-    column, row = axes.x, axes.hue
-    columns, rows = ordered_values(cells, column), ordered_values(cells, row)
+    columns, rows = ordered_values(cells, axes.x), ordered_values(cells, axes.hue)
     rows = rows[::-1] if numeric(rows) else rows  # numbers rise upwards, as on an axis
     groups = panels_of(cells, axes)
     numbers = np.full((len(groups), len(rows), len(columns)), NO_CELL)
     for place, (_, mine) in enumerate(groups):
         for cell in mine:
-            numbers[place, rows.index(cell.labels[row]), columns.index(cell.labels[column])] = (
-                cell.number
-            )
-    return Tiling(column, row, columns, rows, [labels for labels, _ in groups], numbers)
+            at = rows.index(cell.labels[axes.hue]), columns.index(cell.labels[axes.x])
+            numbers[place][at] = cell.number
+    return Tiling(axes.x, axes.hue, columns, rows, [labels for labels, _ in groups], numbers)
 
 
 def tile_table(results: Results) -> pd.DataFrame:
-    """Return the share unrecovered with its interval [%], and the worst tail error per ā, by cell.
+    """Share unrecovered with its interval [%], and the worst tail error per ā, by cell.
 
-    Without a navigator the greatest spread [m] stands in place of the error per ā.
-
-    Further columns are the interval as text, the numbers of ok and failed lanes, and the reason for a tile
-    without numbers.
+    Without a navigator the greatest spread [m] stands in place of the error per ā. Further columns
+    are the interval as text, the numbers of ok and failed lanes, and the reason for a tile without
+    numbers.
     """
     cells: Any = results.cells
-    found = pd.DataFrame(
-        {name: 100 * cells.get(name, np.nan) for name in SHARE_COLUMNS}, index=cells.index
-    )
+    found = 100 * cells.reindex(columns=SHARE_COLUMNS).astype(float)
     alone = is_leaderless(results.study.cells)
-    found["worst"] = (
-        cells["spread_max"] if alone else cells["tail_max_max"] / cell_magnitudes(results)
-    )
-    found[["ok", "failed"]] = cells[["ok", "failed"]]
+    per_size = cells["spread_max"] if alone else cells["tail_max_max"] / cell_magnitudes(results)
+    found = found.assign(worst=per_size, ok=cells["ok"], failed=cells["failed"])
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
     found["interval"] = [interval_text(low, high) if low < high else "" for low, high in ends]
-    found["blank"] = [
-        blank_reason(cell, ok) for cell, ok in zip(results.study.cells, cells["ok"], strict=True)
-    ]
+    pairs = zip(results.study.cells, cells["ok"], strict=True)
+    found["blank"] = [blank_reason(cell, ok) for cell, ok in pairs]
     return found
 
 
 def blank_reason(cell: Cell, ok: int) -> str:
-    """Return why a cell has no share and no number per ā, or an empty text if it has them."""
-    size = configured_magnitude(cell)
+    """Say why a cell has no share and no number per ā; empty if it has them."""
+    size = cell.scenario.attack.amplitude()
     if is_drawn(size):
         return "ā is drawn"
     return "no attack" if size <= 0 else "" if ok else "no lane ended"
 
 
 def blank_reasons(found: pd.DataFrame, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
-    """Return why some of these tiles have no number."""
-    reasons = [
-        *found["blank"].where(found[metric].isna()).reindex(numbers.ravel()).dropna().unique()
-    ]
-    return [*filter(None, reasons), *(["not run"] if (numbers == NO_CELL).any() else [])]
+    some = found["blank"].where(found[metric].isna()).reindex(numbers.ravel())
+    reasons = filter(None, some.dropna().unique())
+    return [*reasons, *["not run"] * bool((numbers == NO_CELL).any())]
 
 
 def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
-    """Return notes below a heat map: lanes per tile, width of the intervals, and failed lanes."""
+    """Notes below a heat map: lanes per tile, width of the intervals, and failed lanes."""
     cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), tile_table(results)
     known: Any = found[found.index.isin(cells) & found[metric].notna()]
     words = [f"{count_between(known['ok'].astype(int).tolist(), 'lane')} a tile"]
@@ -122,42 +107,39 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
 
 
 def tile_text(metric: str, value: float, whole: bool = False) -> str:
-    """Return a value with few digits, halves rounded up; a `whole` share has the four digits of tables.
+    """A value with few digits, halves rounded up; a `whole` share has the four digits of tables.
 
-    A share over 50 % has two digits of its distance from 100 %, so that only a share of all lanes reads 100
-    %.
+    A share over 50 % has two digits of its distance from 100 %, so that only a share of all lanes
+    reads 100 %.
     """
-    if metric == "unrecovered":
-        told = f"{value:.4g}"
-        if whole and (told != "100" or value == 100):
-            return told
-        return (
-            two_digits(value)
-            if value <= 50
-            else plain_text(100 - Decimal(two_digits(100 - value, False)))
-        )
-    if value >= 0.1:
+    if metric != "unrecovered":
+        if value >= 0.1:
+            return two_digits(value)
+        return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")
+    told = f"{value:.4g}"
+    if whole and (told != "100" or value == 100):
+        return told
+    if value <= 50:
         return two_digits(value)
-    return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")
+    return plain_text(100 - Decimal(two_digits(100 - value, ROUND_HALF_DOWN)))
 
 
-def two_digits(value: float, halves_up: bool = True) -> str:
-    """Return a number with two significant digits, halves rounded up or down, as a reader rounds them."""
+def two_digits(value: float, way: str = ROUND_HALF_UP) -> str:
+    """A number with two significant digits, halves rounded as a reader rounds them."""
     given = Decimal(f"{value:.9g}")  # 36.5 where a float is 36.499999999999996
     if not given:
         return "0"
-    way = ROUND_HALF_UP if halves_up else ROUND_HALF_DOWN
     return plain_text(given.quantize(Decimal(1).scaleb(given.adjusted() - 1), way))
 
 
 def plain_text(value: Decimal) -> str:
-    """Return a number without an exponent and without zeros at its end."""
+    """A number without an exponent and without zeros at its end."""
     text = f"{value:f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def interval_text(low: float, high: float) -> str:
-    """Return an interval to two digits of its width, rounded outwards."""
+    """An interval to two digits of its width, rounded outwards."""
     places = max(0, 1 - math.floor(math.log10(high - low)))
     ends = math.floor(low * 10**places), math.ceil(high * 10**places)
     return "–".join(f"{end / 10**places:g}" for end in ends)

@@ -19,8 +19,8 @@ from jaxnet.store.tables import write_table
 def write_ultimate_error(results: Results, progress: Steps = no_progress) -> Iterator[UPath]:
     """Write `bounds.csv`, `violations.csv` and `fit.csv`, and yield each file when it is written.
 
-    `fit.csv` takes longest. A table that needs the code of a missing kind is left out. Raises FolderError for
-    an unfinished run, and if no ā is fixed or swept.
+    `fit.csv` takes longest. A table that needs the code of a missing kind is left out. Raises
+    FolderError for an unfinished run, and if no ā is fixed or swept.
     """
     fit.fitted_groups(results)
     _ = results.cells
@@ -37,7 +37,7 @@ def write_ultimate_error(results: Results, progress: Steps = no_progress) -> Ite
 
 
 def has_fixed_magnitude(results: Results) -> bool:
-    """Return whether lanes follow a navigator, attacked with an ā > 0 that is fixed or swept."""
+    """Whether lanes follow a navigator, attacked with an ā > 0 that is fixed or swept."""
     return not is_leaderless(results.study.cells) and any(
         group.attacked for group in attacked_groups(results.study.cells)
     )

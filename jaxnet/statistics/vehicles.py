@@ -16,23 +16,18 @@ VEHICLE_COLUMNS = ["cell", "vehicle", "lanes", "low", "median", "q95", "greatest
 def vehicle_table(results: Results, cells: Sequence[Cell]) -> pd.DataFrame:
     """Return a row for each cell and vehicle: quantiles of its mean errors over the ok lanes [m].
 
-    `low` is the 5 % quantile. `unrecovered` is the share of lanes [%] in which the error exceeds the
-    threshold of a recovery, not-a-number without one. Cells without an ok lane have no rows.
+    `low` is the 5 % quantile. `unrecovered` is the share of lanes [%] in which the error exceeds
+    the threshold of a recovery, not-a-number without one. Cells without an ok lane have no rows.
     """
-    errors, found = results.vehicles["tail_mean"], [pd.DataFrame(columns=VEHICLE_COLUMNS)]
+    errors, found = results.vehicles["tail_mean"], []
     for cell in cells:
         values = errors.isel(cell=cell.number).values.astype(float)
         values = np.minimum(values[~np.isnan(values).any(axis=1)], GREATEST_SHOWN)
         if not len(values):
             continue
         limit = threshold(cell, results.study.config.recovery)
-        off = (
-            np.full(values.shape[1], np.nan)
-            if np.isnan(limit)
-            else 100 * (values > limit).mean(axis=0)
-        )
-        low, median, high, greatest = np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0)
-        numbers = np.arange(1, values.shape[1] + 1)
-        columns = [cell.number, numbers, len(values), low, median, high, greatest, off]
+        off = 100 * (values > limit).mean(axis=0) if limit == limit else np.nan
+        quantiles = np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0)
+        columns = [cell.number, np.arange(1, values.shape[1] + 1), len(values), *quantiles, off]
         found.append(pd.DataFrame(dict(zip(VEHICLE_COLUMNS, columns, strict=True))))
-    return pd.concat(found[1:] or found, ignore_index=True)
+    return pd.concat(found or [pd.DataFrame(columns=VEHICLE_COLUMNS)], ignore_index=True)

@@ -11,7 +11,7 @@ from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.signal import Harmonic
 from jaxnet.statistics import limits as bounds
-from jaxnet.statistics.limits import limits_of, slopes_table, tail_of, violations_table
+from jaxnet.statistics.limits import limits_of, slopes_table, violations_table
 from tests import reference, systems
 
 GAIN = [2.0, 4.0, 2.5]
@@ -19,7 +19,9 @@ EDGES = [[1, 0, 1], [2, 0, 1], [2, 1, 3], [3, 2, 1], [3, 4, 2], [4, 3, 1], [4, 1
 
 
 def test_the_table_has_a_block_for_each_group():
-    """Cells that differ in ā alone share one; the static slopes of the star are its attacked vehicles."""
+    """Cells that differ in ā alone share one; the static slopes of the star are its attacked
+    vehicles.
+    """
     study = jaxnet.load({"sweep": {"topology": ["star", "cyclic"], "attack.magnitude": [1, 2]}})
     slopes = slopes_table(study.cells)
     assert slopes.columns.tolist() == ["topology", "bound", "vehicle", "slope"]
@@ -65,8 +67,8 @@ def results_of(study, **columns):
 def test_a_lane_over_its_bound_is_found(engine):
     """In the star, after 60 s, a constant attack of 3 m has taken its listeners 3 m off, not more.
 
-    Over that static is violated, over 2 √2 · 3 = 8.5 m the bound of one frequency, over 24 m the peak gain; a
-    failed lane violates nothing.
+    Over that static is violated, over 2 √2 · 3 = 8.5 m the bound of one frequency, over 24 m the
+    peak gain; a failed lane violates nothing.
     """
     keys = {
         "topology": "star",
@@ -93,9 +95,11 @@ def test_a_lane_over_its_bound_is_found(engine):
     assert found["command"][0] == "jaxnet replay nowhere --cell 0 --sample 3"
 
 
-@pytest.mark.parametrize("magnitude", [3, {"uniform": [0, 3]}], ids=["fixed", "drawn"])
+@pytest.mark.parametrize("magnitude", [{"uniform": [0, 3]}], ids=["drawn"])
 def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
-    """The same table as of all lanes' starts; errors below bounds, above their limits, and in between."""
+    """The same table as of all lanes' starts; errors below bounds, above their limits, and in
+    between.
+    """
     attack = {"kind": "rotating", "magnitude": magnitude}
     study = systems.study(
         samples=200, engine="exact", topology="star", attack=attack, horizon=12, tail=1
@@ -110,12 +114,6 @@ def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
         study.cells[0].scenario, Keyed(0), pd.DataFrame({"sample": range(200), "tail_max": errors})
     ).sum()
     assert 0 < every["sample"].nunique() < suspected < 200
-
-
-def test_the_tail_s_output_times_count():
-    """Both ends; a transient that was there before them does not excuse a lane."""
-    (cell,) = systems.study(horizon=2, tail=1, output_step=0.5, attack="bias").cells
-    assert tail_of(cell.scenario).tolist() == [1.0, 1.5, 2.0]
 
 
 def test_nothing_said_of_a_vehicle_cut_off():
@@ -151,7 +149,9 @@ class Swelling(Rotating):
 
 
 def test_what_has_one_frequency_is_held_against_less():
-    """On the ring that trims 2 √2 · 2.475 ā = 35.0 m: not several frequencies, nor a position alone."""
+    """On the ring that trims 2 √2 · 2.475 ā = 35.0 m: not several frequencies, nor a position
+    alone.
+    """
     attacks = [
         "rotating",
         "sinusoid",

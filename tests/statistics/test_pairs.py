@@ -60,7 +60,9 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
             apart = [mine[1][s][metric] - mine[0][s][metric] for s in common]
             mean = math.fsum(apart) / 10
             assert row[f"{metric}_difference"] == pytest.approx(mean, rel=1e-9)
-            assert row[f"{metric}_low"] < mean < row[f"{metric}_high"]
+            assert np.isnan(row[f"{metric}_low"])  # ten pairs are too few
+            assert row[f"{metric}_median"] == pytest.approx(np.median(apart))
+            assert row[f"{metric}_median_low"] == sorted(apart)[1]
         limit = 0.3 * row["attack.magnitude"]
         bad = [[lanes[s]["tail_mean"] > limit for s in common] for lanes in mine]
         saved = sum(x and not y for x, y in zip(*bad, strict=True))
@@ -86,12 +88,11 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
 
 
 def test_a_study_differs_from_itself_by_nothing(without):
-    """Exactly, and nobody changed sides; intervals hold 0, for unseen lanes might differ."""
+    """Exactly, and nobody changed sides."""
     found = jaxnet.compare(without, without)
     for metric in ("tail_mean", "tail_max"):
         assert (found.cells[f"{metric}_difference"] == 0).all()
-        assert (found.cells[f"{metric}_low"] < 0).all()
-        assert (found.cells[f"{metric}_high"] > 0).all()
+        assert (found.cells[[f"{metric}_median_low", f"{metric}_median_high"]] == 0).all(axis=None)
     assert (found.cells[["saved", "lost", "unrecovered"]] == 0).all(axis=None)
     assert (found.cells["p"] == 1).all()
     assert found.changed.empty
@@ -113,17 +114,6 @@ def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
     named = pairs.lane_table([pair], [judged[~judged["ok"]]], ["sample", "status_A", "status_B"])
     said = comparison.comparison_text(whole._replace(failed=named))
     assert "failed: 1 lanes: cell 0 sample 3 (ok in A, max_steps in B)" in said
-
-
-def test_the_interval_of_a_difference_of_shares_holds_as_often_as_it_says():
-    """Of paired outcomes drawn with a known difference, also where all who change sides go one way."""
-    random = np.random.default_rng(0)
-    for chances in ([0.7, 0.3, 0.0, 0.0], [0.6, 0.1, 0.25, 0.05], [0.9, 0.02, 0.06, 0.02]):
-        true = chances[2] - chances[1]
-        draws = random.choice(4, (400, 40), p=chances)
-        found = [pairs.share_shift(np.isin(each, (1, 3)), np.isin(each, (2, 3))) for each in draws]
-        held = np.mean([each.unrecovered_low <= true <= each.unrecovered_high for each in found])
-        assert held >= 0.95 - 0.025, (chances, held)
 
 
 def test_the_interval_leaves_out_no_change_where_mcnemars_test_does():

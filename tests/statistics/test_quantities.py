@@ -2,37 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import jaxnet
 from jaxnet.statistics.quantities import (
     asked_quantity,
     known_quantities,
-    quantile_interval,
     quantity_of,
 )
 from jaxnet.store.folder import FolderError
-
-
-@pytest.mark.parametrize("quantile", [0.05, 0.5, 0.95])
-@pytest.mark.parametrize("lanes", [5, 30, 400])
-def test_the_interval_of_a_quantile_holds_as_often_as_it_says(quantile, lanes):
-    """By the distribution of order statistics: u_(k) is a beta number, and no distribution is left out.
-
-    P(x_(l) ≤ x_q ≤ x_(u)) = P(u_(l) ≤ q) - P(u_(u) < q), by the incomplete beta function. The interval is the
-    narrowest of its kind: the next order statistic inwards misses a tail.
-    """
-    low, high = quantile_interval(np.arange(1.0, lanes + 1), quantile, 0.95)
-    if not np.isnan(low):
-        assert stats.beta.sf(quantile, low, lanes - low + 1) <= 0.025  # P(x_q < x_(l))
-        assert stats.beta.sf(quantile, low + 1, lanes - low) > 0.025
-    else:
-        assert stats.beta.sf(quantile, 1, lanes) > 0.025
-    if not np.isnan(high):
-        assert stats.beta.cdf(quantile, high, lanes - high + 1) <= 0.025
-        assert stats.beta.cdf(quantile, high - 1, lanes - high + 2) > 0.025
-    else:
-        assert stats.beta.cdf(quantile, lanes, 1) > 0.025
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,6 @@
-"""The share of lanes that the defence does not save: its exact interval, and stopping when it is narrow."""
+"""The share of lanes that the defence does not save: its exact interval, and stopping when it is
+narrow.
+"""
 
 import functools
 
@@ -10,9 +12,8 @@ from scipy import stats
 import jaxnet
 from experiments import stopping
 from jaxnet.config import keys as config
-from jaxnet.config.keys import Recovery
 from jaxnet.engine.methods.exact import Exact
-from jaxnet.statistics import recovery
+from jaxnet.statistics import intervals, recovery, shares
 from jaxnet.store.folder import Folder, FolderError
 from tests import systems
 
@@ -34,19 +35,6 @@ def keys(**more):
     }
 
 
-@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.999])
-def test_the_interval_is_the_exact_one(confidence):
-    """As SciPy's binomial test gives it, for every count of small numbers of trials."""
-    for trials in (1, 2, 7, 30):
-        successes = np.arange(trials + 1)
-        low, high = recovery.clopper_pearson(successes, np.full(trials + 1, trials), confidence)
-        for k in successes:
-            exact = stats.binomtest(int(k), trials).proportion_ci(confidence, method="exact")
-            assert (low[k], high[k]) == (pytest.approx(exact.low), pytest.approx(exact.high))
-    low, high = recovery.clopper_pearson(np.zeros(1, int), np.zeros(1, int), confidence)
-    assert (low[0], high[0]) == (0.0, 1.0)
-
-
 def test_all_looks_together_err_no_more_than_one_may():
     """The errors of the first n looks sum to what is allowed, but for the n-th part."""
     errors = [1 - recovery.confidence_at(look, 0.95) for look in range(1, 1000)]
@@ -55,29 +43,22 @@ def test_all_looks_together_err_no_more_than_one_may():
 
 
 def test_counts():
-    """By hand: over τ ā, failed lanes in neither number, no share where nobody is attacked."""
-    cells = jaxnet.load({"sweep": {"attack.magnitude": [0, 2]}}).cells
-    rows = pd.DataFrame(
-        {
-            "cell": [0, 1, 1, 1, 1],
-            "sample": [0, 0, 1, 2, 3],
-            "status": ["ok", "ok", "ok", "ok", "singular"],
-            "tail_mean": [1.0, 0.021, 0.02, 0.5, np.nan],
-        }
-    )
-    ok, counts = rows[rows["status"] == "ok"], recovery.zero_counts(cells)
-    for number, errors in ok.groupby("cell")["tail_mean"]:
-        counts.add(cells[number], errors.to_numpy(), Recovery(tau=0.01))
-    assert (counts.unrecovered.tolist(), counts.ended.tolist()) == ([0, 2], [1, 3])
-    table = recovery.unrecovered_columns(counts, cells, 0.95)
-    assert table.loc[0].isna().all()
-    assert table["unrecovered"][1] == pytest.approx(2 / 3)
-    assert recovery.worst_lanes(ok, cells, 2) == [(1, 2), (1, 0)]
-    assert recovery.worst_lanes(ok, cells, 9) == [(1, 2), (1, 0), (1, 1)]
+    """By hand: over τ ā, and no share where nobody is attacked."""
+    study = jaxnet.load({"sweep": {"attack.magnitude": [0, 2]}, "recovery": {"tau": 0.01}})
+    lanes = pd.DataFrame({"tail_mean": [0.021, 0.02, 0.5]})
+    unrecovered = shares.LANE_SHARES["unrecovered"]
+    assert unrecovered.which(study.config, study.cells[0], lanes) is None
+    counted = unrecovered.which(study.config, study.cells[1], lanes)
+    assert counted.tolist() == [True, False, True]
+    found = shares.share_columns(unrecovered, counted, 0.95)
+    assert found["unrecovered"] == pytest.approx(2 / 3)
+    assert np.isnan([*shares.share_columns(unrecovered, counted[:0], 0.95).values()]).all()
 
 
 def test_the_table_has_the_shares(tmp_path):
-    """Counted from the rows, with the exact interval; nothing for the cell in which nobody is attacked."""
+    """Counted from the rows, with the exact interval; nothing for the cell in which nobody is
+    attacked.
+    """
     results = jaxnet.run(systems.study(samples=40, **keys()), tmp_path / "out")
     rows, cells = results.lanes, results.cells
     over = rows[rows["tail_mean"] > rows["attack.magnitude"]].groupby("cell").size()
@@ -90,7 +71,7 @@ def test_the_table_has_the_shares(tmp_path):
 
 
 def test_the_worst_lanes_are_of_all_groups():
-    """The worst for its ā of each group first, the greater ratio before; then the second of each."""
+    """The worst per ā of each group first, the greater before; then the second of each."""
     cells = jaxnet.load(
         {"sweep": {"topology": ["star", "path"], "attack.magnitude": [1, 10]}}
     ).cells
@@ -184,7 +165,9 @@ def test_a_run_cut_off_in_the_midst_of_a_look_ends_like_any_other(tmp_path, smal
 
 
 def test_no_two_looks_share_their_part_of_the_error():
-    """Whatever runs follow each other in a folder, each allowing more: parts sum to the error at most."""
+    """Whatever runs follow each other in a folder, each allowing more: parts sum to the error at
+    most.
+    """
     assert list(recovery.looks(0, 2000)) == [256, 384, 576, 864, 1296, 1944, 2000]
     assert list(recovery.looks(384, 800)) == [384, 576, 800]
     assert list(recovery.looks(0, 100)) == [100]
@@ -201,9 +184,13 @@ def test_no_two_looks_share_their_part_of_the_error():
         assert sum(parts) <= 0.05
 
 
-@pytest.mark.parametrize("share", [0.001, 0.03, 0.5])
+@pytest.mark.parametrize(
+    "share", [0.03, *(pytest.param(p, marks=pytest.mark.long) for p in (0.001, 0.5))]
+)
 def test_the_last_interval_of_a_run_covers(share):
-    """1,000 runs, one after the other as `Run` does it, on lanes that fail with a known probability."""
+    """1,000 runs, one after the other as `Run` does it, on lanes that fail with a known
+    probability.
+    """
     random, half_width = np.random.default_rng(1), 0.3 * share if share < 0.5 else 0.02
     cells, held = jaxnet.load({}).cells, 0
     criterion = config.Criterion(half_width=half_width)
@@ -221,13 +208,15 @@ def test_the_last_interval_of_a_run_covers(share):
             if widest(failed, ended) <= half_width:
                 break
         confidence = recovery.confidence_of(config.Sequential(until=criterion), ended)
-        low, high = recovery.clopper_pearson(np.array([failed]), np.array([ended]), confidence)
+        low, high = intervals.clopper_pearson(np.array([failed]), np.array([ended]), confidence)
         held += bool(low[0] <= share <= high[0])
     assert held >= 0.95 * 1000
 
 
 def test_an_easy_case_is_done_at_the_first_look(tmp_path):
-    """256 lanes, none of which recovers, in one file; and the interval is told with the first look's part."""
+    """256 lanes, none of which recovers, in one file; and the interval is told with the first
+    look's part.
+    """
     given = systems.study(samples=until(0.03), **{**keys(), "sweep": {}, "recovery": {"tau": 1e-9}})
     results = jaxnet.run(given, tmp_path / "out")
     assert results.manifest["samples"] == 256
@@ -236,7 +225,9 @@ def test_an_easy_case_is_done_at_the_first_look(tmp_path):
 
 
 def test_a_shard_that_is_there_in_part_is_gone_on_with(tmp_path, monkeypatch):
-    """Rows and arrays are those of a run that had all samples at once; only what is missing is simulated."""
+    """Rows and arrays are those of a run that had all samples at once; only what is missing is
+    simulated.
+    """
     monkeypatch.setattr(Exact, "shard", 8)
     given = {**keys(), "save": {"errors": True, "trajectories": "all"}}
     told = []
@@ -256,6 +247,7 @@ def test_a_shard_that_is_there_in_part_is_gone_on_with(tmp_path, monkeypatch):
     assert grown.trajectories.equals(whole.trajectories)
 
 
+@pytest.mark.long
 def test_intervals_for_one_look_do_not_survive_many():
     """Of 1,000 runs, every interval that is looked at on the way has to hold."""
     honest, naive = (
@@ -263,13 +255,3 @@ def test_intervals_for_one_look_do_not_survive_many():
     )
     assert min(honest.last, honest.every) >= 0.95
     assert naive.every < 0.9
-
-
-def test_one_half_width_is_half_a_width():
-    """What the criterion is on: half the interval's width, at the fifth look with 1,000 samples."""
-    cells = jaxnet.load({}).cells
-    counts = recovery.RecoveryCounts(np.array([50]), np.array([1000]))
-    low, high = recovery.clopper_pearson(*counts, recovery.confidence_at(5, 0.95))
-    half = float(high[0] - low[0]) / 2
-    halves = recovery.half_intervals(counts, cells, [1000], config.Criterion(half_width=0.1))
-    assert halves == pytest.approx([half])

@@ -59,7 +59,9 @@ def invoke(*words):
 
 
 def test_the_constant_attack_costs_what_is_known_exactly(folder):
-    """Slopes 1 and 3.1034 of the greatest error, equal to the static bound; nobody is above any bound."""
+    """Slopes 1 and 3.1034 of the greatest error, equal to the static bound; nobody is above any
+    bound.
+    """
     text = invoke("fit", folder)
     assert "no lane is above a bound" in text
     results = jaxnet.open(folder)
@@ -108,7 +110,7 @@ def test_a_violation_is_named_with_its_command(folder, monkeypatch):
 
 
 def test_what_was_derived_from_rows_goes_when_rows_are_added(folder):
-    """Fits of eight samples are not left beside the rows of nine; a run that adds none leaves them."""
+    """Fits of eight samples do not stay beside the rows of nine."""
     invoke("fit", folder)
     jaxnet.run(systems.study(samples=8, **KEYS), folder)
     assert (folder / "fit.csv").exists()
@@ -136,7 +138,9 @@ def test_a_study_without_an_attack_has_no_fit(tmp_path):
 
 
 def test_magnitudes_that_no_axis_has_room_for_are_said(tmp_path):
-    """From 1e-300 to 1e300 m: curves and a page, and a sentence in place of δ̂(ā); the tails are drawn."""
+    """From 1e-300 to 1e300 m: curves and a page, and a sentence in place of δ̂(ā); the tails are
+    drawn.
+    """
     keys = {"vehicles": 4, "horizon": 3.0, "attack": {"kind": "rotating", "vehicles": [2]}}
     sweep = {"attack.magnitude": [1e-300, 1e300]}
     study = systems.study(**KEYS | keys | {"sweep": sweep, "recovery": None, "samples": 2})

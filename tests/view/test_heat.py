@@ -1,4 +1,6 @@
-"""Heat maps: every cell where its values say, numbers that do not flatter, colours that all can read."""
+"""Heat maps: every cell where its values say, numbers that do not flatter, colours that all can
+read.
+"""
 
 from collections import Counter
 from fractions import Fraction
@@ -11,7 +13,7 @@ from matplotlib.colors import to_rgb
 from upath import UPath
 
 from jaxnet.statistics import tiles
-from jaxnet.statistics.recovery import clopper_pearson
+from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.tiles import NO_CELL, tiling
 from jaxnet.store.results import Results
 from jaxnet.view.figures import every, heat, style
@@ -33,7 +35,7 @@ def study_of(sweep, **keys):
 
 
 def made(study, failed=(), **columns) -> Results:
-    """Results of 40 lanes a cell, as many unrecovered as the cell's number, but those that failed."""
+    """Results of 40 lanes a cell, as many unrecovered as the cell's number."""
     cells = study.cells
     lost = {cell: Counter(kinds) for cell, kinds in dict(failed).items()}
     ok = np.array([40 - lost.get(n, Counter()).total() for n in range(len(cells))])
@@ -66,7 +68,7 @@ def plain(words: str) -> str:
 
 
 def test_every_cell_stands_where_its_values_say():
-    """Frequencies rise to the right, defences stand as the study has them, the others make panels."""
+    """Frequencies rise to the right, defences stand in order, the others make panels."""
     cells = study_of(SWEEP).cells
     found = tiling(cells)
     assert found is not None
@@ -115,8 +117,8 @@ def test_numbers_stand_along_kinds_down(sweep, row, column):
 
 
 def test_only_all_lanes_are_100_per_cent():
-    """And only none are 0; what is told of a share is within a twentieth of what it is nearer to."""
-    for lanes in (7, 40, 5000):
+    """And only none are 0; a share is told to a twentieth of what it is nearer to."""
+    for lanes in (7, 400):
         for count in range(lanes + 1):
             share = 100 * Fraction(count, lanes)
             words = tiles.tile_text("unrecovered", float(share))
@@ -128,19 +130,12 @@ def test_only_all_lanes_are_100_per_cent():
 @pytest.mark.parametrize(
     ("share", "few", "many"),
     [
-        *(
-            (36.5, "37", "36.5"),
-            (36.499999999999996, "37", "36.5"),
-            (29.5, "30", "29.5"),
-            (62.5, "63", "62.5"),
-            (63.5, "64", "63.5"),
-        ),
-        *(
-            (0.0, "0", "0"),
-            (100.0, "100", "100"),
-            (99.75, "99.75", "99.75"),
-            (99.998, "99.998", "99.998"),
-        ),
+        (36.5, "37", "36.5"),
+        (36.499999999999996, "37", "36.5"),
+        (63.5, "64", "63.5"),
+        (0.0, "0", "0"),
+        (100.0, "100", "100"),
+        (99.998, "99.998", "99.998"),
     ],
 )
 def test_a_tile_agrees_with_the_table(share, few, many):
@@ -149,7 +144,7 @@ def test_a_tile_agrees_with_the_table(share, few, many):
     assert tiles.tile_text("unrecovered", share, whole=True) == many
 
 
-@pytest.mark.parametrize("lanes", [7, 40, 5000])
+@pytest.mark.parametrize("lanes", [7, 400])
 def test_a_rounded_interval_holds_the_exact_one(lanes):
     """And is not much wider."""
     count = np.arange(lanes + 1)
@@ -207,7 +202,9 @@ def tile_words(panel) -> dict[tuple[int, int], list[str]]:
 
 
 def test_a_tile_tells_its_cells_share_and_interval():
-    """Of 40 lanes; without an attack it is hatched; failed lanes are a star and a note, and in no share."""
+    """Of 40 lanes; without an attack it is hatched; failed lanes are a star and a note, and in no
+    share.
+    """
     results = made(study_of(SWEEP), failed={7: ["disconnected"] * 2, 18: ["nonfinite"] * 40})
     figure = drawn(results)
     panels = [panel for panel in figure.axes if panel.get_title()]
@@ -260,15 +257,14 @@ def test_words_stay_within_their_tiles():
     sweep = {"defence": SWEEP["defence"], "attack.frequency": [0.1, 0.2, 0.4, 0.8, 1.6]}
     results = made(study_of(sweep))
     results.cells["tail_max_max"] = np.geomspace(1e-7, 30, 15)
-    for metric in ("unrecovered", "worst"):
-        for column in ("one", "two"):
-            panel = drawn(results, metric, column=column).axes[0]
-            width = panel.get_window_extent().width / 5
-            height = panel.get_window_extent().height / 3
-            for text in panel.texts:
-                box = text.get_window_extent()
-                assert box.width < width
-                assert box.height < height
+    for metric, column in (("unrecovered", "one"), ("worst", "two")):
+        panel = drawn(results, metric, column=column).axes[0]
+        width = panel.get_window_extent().width / 5
+        height = panel.get_window_extent().height / 3
+        for text in panel.texts:
+            box = text.get_window_extent()
+            assert box.width < width
+            assert box.height < height
 
 
 def test_errors_are_per_size_on_a_log_scale():
@@ -283,8 +279,9 @@ def test_errors_are_per_size_on_a_log_scale():
     assert mesh.get_clim() == pytest.approx((1e-4, 10))
 
 
+@pytest.mark.long
 def test_more_panels_than_a_page_has_room_for():
-    """The first, with their numbers; the figure is no taller than a page and says what is left out."""
+    """The figure is no taller than a page and says what is left out."""
     graphs = [{"kind": "cyclic", "label": f"graph {n}"} for n in range(30)]
     sweep = {
         "topology": graphs,
@@ -325,7 +322,9 @@ def test_where_nothing_suits_it_says_why(sweep, where, remedy):
 
 
 def test_the_page_has_the_numbers_of_the_cells():
-    """All to the last digit, with places on the scale; words as in the figure; what failed by its kind."""
+    """All to the last digit, with places on the scale; words as in the figure; what failed by its
+    kind.
+    """
     results = made(study_of(SWEEP), failed={7: ["disconnected"] * 2})
     given = plots.tiles_data(results, tiling(results.study.cells))
     share = 100 * results.cells["unrecovered"]

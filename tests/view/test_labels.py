@@ -51,8 +51,8 @@ def test_latex_typesets_labels_as_they_are(results):
     """Every special character is escaped, in titles as in values, and no comment ends early."""
     text = formats.in_format(summary_columns(results), "latex", ["one\ntwo"])
     assert (
-        r"share\_a of 5 \% \$\textbackslash{}bar\{a\$ \textbackslash{}input\{x\}\textbackslash{}x1b [m]"
-        in text
+        r"share\_a of 5 \% \$\textbackslash{}bar\{a\$ "
+        r"\textbackslash{}input\{x\}\textbackslash{}x1b [m]" in text
     )
     assert r"\textbackslash{}x1b[31mred" in text
     assert "% one two\n" in text
@@ -72,9 +72,9 @@ def test_no_control_character_reaches_a_table_or_a_terminal(results):
 
 
 def test_a_spreadsheet_computes_no_label(results):
-    """Its text has an apostrophe in every CSV file; Python reads it without; fits find their cells."""
+    """Its text has an apostrophe in CSV files; Python reads it without; fits find their cells."""
     assert f"\n1,'{FORMULA}," in (results.path / "cells.csv").read_text()
-    assert f",'{FORMULA}," in formats.csv(summary_columns(results))
+    assert f",'{FORMULA}," in formats.in_format(summary_columns(results), "csv")
     assert results.cells["defence"].unique().tolist() == [FORMULA, SHOWN]
 
 

@@ -62,7 +62,7 @@ def other(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def spreads(results):
-    """The greatest distance of vehicles other than the liar by cell, sample and time, one pair at a time."""
+    """Greatest distance of vehicles other than the liar by cell, sample and time."""
     places = np.delete(results.trajectories["states"].values, 1, axis=3)
     pairs_of = itertools.combinations(range(places.shape[3]), 2)
     return np.max(
@@ -71,7 +71,7 @@ def spreads(results):
 
 
 def test_rows_arrays_and_cells_hold_the_spread(results, spreads):
-    """Over time and over the tail; a lane is without agreement if its spread over the tail is over τ ā."""
+    """Over time and the tail; a lane is without agreement if its spread is over τ ā."""
     assert set(results.errors.data_vars) == {"spread", "disagreement"}
     np.testing.assert_allclose(results.errors["spread"].values, spreads, rtol=1e-6, atol=1e-12)
     tail = spreads[:, :, -6:].max(axis=2)
@@ -151,7 +151,7 @@ def words_of(figure):
     "name", ["curve", "tails", "bands", "panels", "heat", "heat_worst", "topologies"]
 )
 def test_a_figure_says_nothing_of_errors(results, name):
-    """Neither on an axis nor in a legend or note; the spread, or the share without agreement, is named."""
+    """Neither on an axis nor in a legend or note."""
     words = words_of(getattr(every.Plots(results), name)())
     assert not OF_A_NAVIGATOR.search(words)
     if name != "topologies":
@@ -206,7 +206,7 @@ def test_a_comparison_is_of_spreads(results, other):
 
 
 def test_check_knows_the_stability_of_a_fleet_whose_liar_is_drawn():
-    """A complete graph of five has the eigenvalues 1 and -1/4: at k0 = 4/5/tick all agree in one step."""
+    """A complete graph of five has eigenvalues 1 and -1/4: k0 = 4/5/tick agrees in one step."""
     drawn = {"kind": "bias", "threat": "replaces", "vehicles": {"random": 1}}
     text = " ".join(
         check.check_text(jaxnet.load(KEYS | {"attack": drawn, "topology": "complete"})).split()
@@ -289,5 +289,5 @@ def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
                 [line.get_data()[name == "search"] for line in panel.get_lines()]
             )
             assert np.isfinite(np.log(heights)).all()
-    under_way = every.search.bounds_figure(rows.head(1), results.study.cells, "spread", 3.5)
+    under_way = every.analyses.bounds_figure(rows.head(1), results.study.cells, "spread", 3.5)
     assert any("1 of 2 cells are drawn" in words.get_text() for words in under_way.findobj(Text))

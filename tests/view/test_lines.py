@@ -79,9 +79,17 @@ SIZES = {
 }
 
 
-@pytest.mark.parametrize("share", [True, False])
-@pytest.mark.parametrize("column", COLUMN_WIDTHS)
-@pytest.mark.parametrize("cells", SIZES)
+@pytest.mark.parametrize(
+    ("cells", "column", "share"),
+    [
+        (next(iter(SIZES)), "one", True),
+        (max(SIZES), "two", False),
+        *(
+            pytest.param(*each, marks=pytest.mark.long)
+            for each in itertools.product(SIZES, COLUMN_WIDTHS, [True, False])
+        ),
+    ],
+)
 def test_no_label_touches_another(cells, column, share):
     """Titles, ticks, labels, legend and notes of all panels, in both widths, within the page."""
     found = study_cells(**SIZES[cells])

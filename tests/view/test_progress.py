@@ -12,7 +12,7 @@ import jaxnet
 from jaxnet.config.keys import Recovery
 from jaxnet.engine import batch
 from jaxnet.runs.tally import Done, Sums, Tally, sums_of
-from jaxnet.view.text import progress, standing
+from jaxnet.view.text import progress
 from tests import systems
 
 
@@ -114,18 +114,20 @@ def test_a_tally_has_the_mean_of_all_rows_however_they_came():
 
 
 def test_the_lines_below_a_bar_fit_and_name_the_worst_cells():
-    """Eight of thirty, with labels too long for a line; fewer in a low terminal, none in a lower one."""
+    """Eight of thirty, with labels too long for a line; fewer in a low terminal, none in a lower
+    one.
+    """
     label = {"kind": "cyclic", "label": "a ring whose name is as long as forty letters"}
     sweep = {"topology": [label], "attack.magnitude": list(range(1, 31)), "gain": [[1, 3, 3]]}
     tally = Tally(systems.study(sweep=sweep).cells, 300, recovery=True)
     tally.record(Done(n, n, Sums(10, 10, n % 10, 1e3 * n)) for n in range(30))
-    lines = [str(line) for line in standing.standing_lines(tally, 80, 24)]
+    lines = [str(line) for line in progress.standing_lines(tally, 80, 24)]
     assert max(map(len, lines)) <= 80
     told = [int(line.split(":")[0].removeprefix("cell ")) for line in lines[1:-1]]
     assert told == sorted(sorted(range(30), key=lambda n: (n % 10, n))[-8:])
     assert lines[-1] == "of 30 cells those with the greatest shares unrecovered"
-    assert len(list(standing.standing_lines(tally, 80, 7))) == 4
-    assert not list(standing.standing_lines(tally, 80, 4))
+    assert len(list(progress.standing_lines(tally, 80, 7))) == 4
+    assert not list(progress.standing_lines(tally, 80, 4))
 
 
 def test_a_bar_shows_cells_while_it_goes_and_not_after(monkeypatch):

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxnet.view.figures import sensitivity, style
+from jaxnet.view.figures import analyses, style
 from jaxnet.view.text import sensitivity as words
 from tests import systems
 
@@ -13,33 +13,27 @@ NAMES = ["initial.position", "initial.heading", "initial.speed", "attack.phase",
 
 
 def made(cells):
-    """A study of so many cells, and a table with indices that tell the cell and quantity they are of."""
+    """A study of so many cells, and a table with indices that tell the cell and quantity they are
+    of.
+    """
     study = systems.study(sweep={"attack.magnitude": list(range(1, cells + 1))})
     rows = []
     for cell in range(cells):
         for number, name in enumerate(NAMES):
             first, total = 0.1 * number + 0.001 * cell, 0.2 * number
-            rows.append(
-                {
-                    "cell": cell,
-                    "metric": "tail_mean",
-                    "quantity": name,
-                    "samples": 64,
-                    "left_out": cell == 1,
-                }
-            )
+            rows.append({"cell": cell, "metric": "tail_mean", "quantity": name, "samples": 64})
+            rows[-1]["left_out"] = cell == 1
             rows[-1] |= {"first": first, "first_low": first - 0.1, "first_high": first + 0.2}
             rows[-1] |= {"total": total, "total_low": total - 0.1, "total_high": total + 0.2}
     return study, pd.DataFrame(rows)
 
 
-@pytest.mark.parametrize("cells", [1, 6, 30])
-@pytest.mark.parametrize("width", [3.5, 7.16])
+@pytest.mark.parametrize(("cells", "width"), [(1, 3.5), (30, 3.5), (6, 7.16)])
 @mpl.rc_context(style.PRINT_STYLE)
 def test_the_figure_has_what_the_table_says(cells, width):
-    """Each panel the cell's numbers, beside the names of the quantities; what has no room is told."""
+    """Each panel the cell's numbers beside the quantities; what has no room is told."""
     study, table = made(cells)
-    drawn = sensitivity.sensitivity_figure(table, study.cells, width)
+    drawn = analyses.sensitivity_figure(table, study.cells, width)
     drawn.canvas.draw()
     panels = [panel for panel in drawn.axes if panel.containers]
     assert [tick.get_text() for tick in panels[0].get_yticklabels()] == NAMES

@@ -1,10 +1,9 @@
 """All figures of a results folder, by name, written as PNG and PDF."""
 
-import functools
 import hashlib
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import matplotlib as mpl
 import pandas as pd
@@ -28,48 +27,180 @@ from jaxnet.store.results import Results
 from jaxnet.view.figures import (
     COLUMN_WIDTHS,
     FIGURE_NAMES,
-    bands,
+    analyses,
     heat,
     lines,
     multiples,
     panels,
-    search,
-    sensitivity,
+    spreads,
     style,
-    tails,
     topology,
     ultimate,
-    vehicles,
 )
 from jaxnet.view.figures.style import Figure
 from jaxnet.view.text import worst
 
 NO_SHARE = "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'"
 NO_ERROR = "attacked lane that ended", "an attack of a fixed magnitude"
+TWO_KEYS = (
+    "two swept keys with two values each among these cells",
+    "a sweep of two values at least of two keys, such as defence and attack.frequency",
+)
 NO_AXES: Mapping[str, object] = {}
 LONGEST_FILE_NAME = 100  # letters of a file's name
-
-Drawing = TypeVar("Drawing", bound=Callable[..., Figure])
-
-
-def styled(draw: Drawing) -> Drawing:
-    """Draw, and later save, a figure in the style of its `Plots`; without `note` its notes go."""
-
-    @functools.wraps(draw)
-    def drawn(self: "Plots", *given: object, note: bool = True, **named: object) -> Figure:
-        with mpl.rc_context(self.style):
-            made = draw(self, *given, **named)
-        if not note:
-            multiples.drop_note(made)
-        multiples.show_unparsed(made)
-        made.style = self.style
-        return made
-
-    return drawn  # pyright: ignore[reportReturnType]
 
 
 class LackingError(FolderError):
     """A results folder lacks the data of a figure; the message says how to produce the data."""
+
+
+def lacking_error(results: Results, what: str, remedy: str) -> LackingError:
+    """The error that names the lacking data and the remedy."""
+    return LackingError(f"{results.place} has no {what}: run the study with {remedy}")
+
+
+def draw_panels(results: Results, cells: Sequence[Cell], width: float) -> Figure:
+    """Draw the paper's figure: trajectories of each topology, and the errors over time."""
+    there = {name: has_store(results, name) for name in ("trajectories", "errors")}
+    if not any(there.values()):
+        remedy = "save.errors=true or save.trajectories=all"
+        raise lacking_error(results, "errors.zarr or trajectories.zarr", remedy)
+    return panels.panels_figure(results, cells, width, **there)
+
+
+def draw_bands(results: Results, cells: Sequence[Cell], width: float) -> Figure:
+    """Draw the error, or the spread, over time: median, 5 to 95 % and maximum over the lanes."""
+    if not has_store(results, "errors"):
+        raise lacking_error(results, "errors.zarr", "save.errors=true")
+    return spreads.bands_figure(cells, all_bands(results, cells), width)
+
+
+def draw_vehicles(results: Results, cells: Sequence[Cell], width: float) -> Figure:
+    """Draw the mean error of each vehicle over the tail: median, 5 to 95 % and maximum."""
+    if not has_store(results, "vehicles"):
+        raise lacking_error(results, "vehicles.zarr", "save.vehicles=true")
+    found = vehicle_table(results, cells)
+    if found.empty:
+        raise LackingError(f"{results.place}: no lane of these cells came to its end")
+    return spreads.vehicles_figure(found, cells, results.study.config.recovery, width)
+
+
+def draw_curve(
+    results: Results, cells: Sequence[Cell], width: float, y: str | None = None, **axes: Any
+) -> Figure:
+    """Draw a quantity of lanes with its interval against a swept key.
+
+    `x` and `hue` are swept keys: across, and told apart by colour. None chooses: numbers across,
+    kinds in colours. `panel` is the swept key or keys with a panel for each value; None takes all
+    keys that are left. `y` is `unrecovered`, `failed`, `in_hull`, a metric (its median over lanes),
+    or METRIC_STATISTIC with a statistic of mean, median, q05, q95 and max; None takes what the
+    study asks for. As in `results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")`.
+    """
+    chosen = choose_axes(cells, **axes)
+    found = quantity_of(results, cells, y or asked_quantity(results.study.config))
+    if not found.known.size:
+        raise lacking_error(results, *(NO_SHARE if found.name == "unrecovered" else NO_ERROR))
+    return lines.curve_figure(found, chosen, cells, width)
+
+
+def over_two_keys(metric: str) -> Callable[..., Figure]:
+    """Function that draws a heat map of a metric over two swept keys."""
+
+    def draw(results: Results, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
+        tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
+        if tiles is None:
+            raise lacking_error(results, *TWO_KEYS)
+        if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
+            raise lacking_error(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
+        return heat.heat_figure(results, tiles, metric, width)
+
+    return draw
+
+
+def against_magnitude(metric: str) -> Callable[..., Figure]:
+    """Function that draws a tail metric against the attack magnitude ā."""
+
+    def draw(results: Results, cells: Sequence[Cell], width: float) -> Figure:
+        if is_leaderless(cells):
+            raise LackingError(f"{results.place}: {NO_ULTIMATE_ERROR}")
+        found = curves(results, cells)
+        if reason := no_magnitudes(found):
+            remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
+            words = f"{reason.removesuffix('.')}: run the study with {remedy}"
+            raise LackingError(f"{results.place}: {words}")
+        return ultimate.ultimate_figure(found, metric, width)
+
+    return draw
+
+
+def draw_search(results: Results, cells: Sequence[Cell], width: float) -> Figure:
+    """Draw the best value against the number of lanes, for a search and for random lanes."""
+    refuse_unsearched(results, cells)
+    shown = cells[: multiples.panels_fitting([cell.labels for cell in cells], width)]
+    courses, words = list(search_courses(results, shown)), worst.metric_with_unit(results)
+    return analyses.course_figure(courses, len(cells), words, width)
+
+
+def draw_search_worst(results: Results, cells: Sequence[Cell], width: float) -> Figure:
+    """Draw a row per cell: the worst choice found, the worst of random lanes, and the bound."""
+    refuse_unsearched(results, cells)
+    words = f"worst {worst.maximised_text(results)}"
+    return analyses.bounds_figure(worst.worst_rows(results), cells, words, width)
+
+
+def refuse_unsearched(results: Results, cells: Sequence[Cell]) -> None:
+    """Raise LackingError if the folder holds no results of a search of any of these cells."""
+    if results.study.config.search is None or not (results.path / "worst.csv").exists():
+        raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
+    if not set(results.worst["cell"]) & {cell.number for cell in cells}:
+        words = "no search of these cells has ended: jaxnet search goes on"
+        raise LackingError(f"{results.place}: {words}")
+
+
+def parts_of_variance(unrecovered: bool) -> Callable[..., Figure]:
+    """Function that draws Sobol's indices of the judged metric, or of lanes unrecovered."""
+
+    def draw(results: Results, cells: Sequence[Cell], width: float) -> Figure:
+        metric = "unrecovered" if unrecovered else judged_metric(results.study.cells)
+        there = results.file(SENSITIVITY_FILE).exists()
+        table: Any = results.sensitivity if there else pd.DataFrame({"metric": [], "cell": []})
+        wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
+        if not wanted.any():
+            words = f"{SENSITIVITY_FILE} of {metric} in these cells: jaxnet sensitivity makes it"
+            raise LackingError(f"{results.place} has no {words}")
+        return analyses.sensitivity_figure(table[wanted], cells, width)
+
+    return draw
+
+
+def has_store(results: Results, name: str) -> bool:
+    return (results.path / f"{name}.zarr").exists()
+
+
+def plot(draw: Callable[..., Figure], words: str = "") -> Callable[..., Figure]:
+    """Method of `Plots` that selects cells and draws them in its style, without `note` no notes."""
+
+    def drawn(
+        self: "Plots",
+        where: Where | None = None,
+        column: str = "two",
+        *,
+        note: bool = True,
+        **axes: Any,
+    ) -> Figure:
+        if column not in COLUMN_WIDTHS:
+            raise FolderError(f"column: {' or '.join(COLUMN_WIDTHS)} (got {column})")
+        cells = select_cells(self.results.study.cells, where or {})
+        with mpl.rc_context(self.style):
+            made = draw(self.results, cells, COLUMN_WIDTHS[column], **axes)
+        if not note:
+            made.suptitle("").set_in_layout(False)
+        multiples.show_unparsed(made)
+        made.style = self.style
+        return made
+
+    drawn.__doc__ = words or draw.__doc__
+    return drawn
 
 
 class Plots:
@@ -80,11 +211,10 @@ class Plots:
     results
         Results of a finished run.
 
-    Notes
-    -----
-    Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or "two", the
-    figure's width in columns of a journal. `note=False` leaves out the small line at the top, for a paper
-    whose caption says it. Each method returns a matplotlib figure.
+    Notes ----- Each method takes `where`, the wanted value or values of swept keys, and `column`,
+    "one" or "two", the figure's width in columns of a journal. `note=False` leaves out the small
+    line at the top, for a paper whose caption says it. `curve` and the heat maps take `x`, `hue`
+    and `panel`, swept keys; `curve` takes `y` too. Each method returns a matplotlib figure.
 
     Raises
     ------
@@ -97,256 +227,43 @@ class Plots:
 
     @property
     def plain(self) -> "Plots":
-        """The same figures in the style that matplotlib has: of `matplotlibrc`, or `plt.style.use`."""
+        """The same figures in matplotlib's own style: of `matplotlibrc`, or `plt.style.use`."""
         return Plots(self.results, style.LAYOUT)
 
-    @styled
-    def topologies(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw each graph with its weights and attacked links."""
-        return topology.topology_figure(*cells_and_width(self.results, where, column))
-
-    @styled
-    def tails(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw the mean error, or the spread, over the tail: a dot per lane, a row per cell."""
-        return tails.tails_figure(self.results, *cells_and_width(self.results, where, column))
-
-    @styled
-    def panels(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw the paper's figure: trajectories of each topology, and the errors over time."""
-        there = {name: has_store(self.results, name) for name in ("trajectories", "errors")}
-        if not any(there.values()):
-            raise lacking_error(
-                self.results,
-                "errors.zarr or trajectories.zarr",
-                "save.errors=true or save.trajectories=all",
-            )
-        return panels.panels_figure(
-            self.results, *cells_and_width(self.results, where, column), **there
-        )
-
-    @styled
-    def bands(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw the error, or the spread, over time: median, 5 to 95 % and maximum over the lanes."""
-        if not has_store(self.results, "errors"):
-            raise lacking_error(self.results, "errors.zarr", "save.errors=true")
-        cells, width = cells_and_width(self.results, where, column)
-        return bands.bands_figure(cells, all_bands(self.results, cells), width)
-
-    @styled
-    def vehicles(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw the mean error of each vehicle over the tail: median, 5 to 95 % and maximum over the lanes."""
-        if not has_store(self.results, "vehicles"):
-            raise lacking_error(self.results, "vehicles.zarr", "save.vehicles=true")
-        cells, width = cells_and_width(self.results, where, column)
-        found = vehicle_table(self.results, cells)
-        if found.empty:
-            raise LackingError(f"{self.results.place}: no lane of these cells came to its end")
-        return vehicles.vehicles_figure(found, cells, self.results.study.config.recovery, width)
-
-    @styled
-    def curve(
-        self,
-        where: Where | None = None,
-        column: str = "two",
-        x: str | None = None,
-        y: str | None = None,
-        hue: str | None = None,
-        panel: str | Sequence[str] | None = None,
-        *,
-        note: bool = True,
-    ) -> Figure:
-        """Draw a quantity of lanes with its interval against a swept key.
-
-        Parameters
-        ----------
-        where
-            The wanted value or values of swept keys.
-        column
-            "one" or "two", the figure's width in columns of a journal.
-        x, hue
-            Swept keys: across, and told apart by colour. None chooses: numbers across, kinds in colours.
-        panel
-            The swept key or keys with a panel for each value; None takes all keys that are left.
-        y
-            `unrecovered`, `failed`, `in_hull`, a metric (its median over lanes), or METRIC_STATISTIC with a
-            statistic of mean, median, q05, q95 and max. None takes what the study asks for.
-        note
-            Whether the small line at the top stands there: definition, lanes a point, intervals.
-
-        Raises
-        ------
-        FolderError
-            A key is not swept, two cells would have one place, or `y` is unknown.
-
-        Examples
-        --------
-        >>> figure = results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")
-        """
-        cells, width = cells_and_width(self.results, where, column)
-        axes = choose_axes(cells, x, hue, panel)
-        found = quantity_of(self.results, cells, y or asked_quantity(self.results.study.config))
-        if not found.known.size:
-            raise lacking_error(
-                self.results, *(NO_SHARE if found.name == "unrecovered" else NO_ERROR)
-            )
-        return lines.curve_figure(found, axes, cells, width)
-
-    @styled
-    def heat(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True, **axes: Any
-    ) -> Figure:
-        """Draw a heat map of the share of lanes that do not recover: `x` across, `hue` down, `panel`."""
-        cells, width = cells_and_width(self.results, where, column)
-        return over_two_keys(self.results, "unrecovered", cells, width, **axes)
-
-    @styled
-    def heat_worst(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True, **axes: Any
-    ) -> Figure:
-        """Draw a heat map of the greatest tail error of any vehicle in any lane, per ā, as `heat` does.
-
-        Without a navigator it is the greatest spread [m].
-        """
-        cells, width = cells_and_width(self.results, where, column)
-        return over_two_keys(self.results, "worst", cells, width, **axes)
-
-    @styled
-    def ultimate(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw the greatest tail error against ā, with stored bounds and fits."""
-        return against_magnitude(
-            self.results, "tail_max", *cells_and_width(self.results, where, column)
-        )
-
-    @styled
-    def ultimate_mean(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw the mean tail error against ā, with stored bounds and fits."""
-        return against_magnitude(
-            self.results, "tail_mean", *cells_and_width(self.results, where, column)
-        )
-
-    @styled
-    def search(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw the best value against the number of lanes, for a search and for random lanes."""
-        cells, width = cells_and_width(self.results, where, column)
-        refuse_unsearched(self.results, cells)
-        words = worst.metric_with_unit(self.results)
-        shown = cells[: multiples.panels_fitting([cell.labels for cell in cells], width)]
-        return search.course_figure(
-            list(search_courses(self.results, shown)), len(cells), words, width
-        )
-
-    @styled
-    def search_worst(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw a row per cell: the worst choice found, the worst of random lanes, and the bound."""
-        cells, width = cells_and_width(self.results, where, column)
-        refuse_unsearched(self.results, cells)
-        words = f"worst {worst.maximised_text(self.results)}"
-        return search.bounds_figure(worst.worst_rows(self.results), cells, words, width)
-
-    @styled
-    def sensitivity(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw Sobol's indices of the mean tail error, or of the spread, a panel per cell."""
-        metric = judged_metric(self.results.study.cells)
-        return parts_of_variance(
-            self.results, metric, *cells_and_width(self.results, where, column)
-        )
-
-    @styled
-    def sensitivity_unrecovered(
-        self, where: Where | None = None, column: str = "two", *, note: bool = True
-    ) -> Figure:
-        """Draw Sobol's indices of the event that a lane does not recover."""
-        return parts_of_variance(
-            self.results, "unrecovered", *cells_and_width(self.results, where, column)
-        )
-
-
-def refuse_unsearched(results: Results, cells: Sequence[Cell]) -> None:
-    """Raise LackingError if the folder holds no results of a search of any of these cells."""
-    if results.study.config.search is None or not (results.path / "worst.csv").exists():
-        raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
-    if not set(results.worst["cell"]) & {cell.number for cell in cells}:
-        raise LackingError(
-            f"{results.place}: no search of these cells has ended: jaxnet search goes on"
-        )
-
-
-def cells_and_width(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:
-    """Return the selected cells and the figure's width [in]; raise FolderError for an unknown column."""
-    if column not in COLUMN_WIDTHS:
-        raise FolderError(f"column: {' or '.join(COLUMN_WIDTHS)} (got {column})")
-    return select_cells(results.study.cells, where or {}), COLUMN_WIDTHS[column]
-
-
-def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
-    """Draw a tail metric against the attack magnitude ā."""
-    if is_leaderless(cells):
-        raise LackingError(f"{results.place}: {NO_ULTIMATE_ERROR}")
-    found = curves(results, cells)
-    if reason := no_magnitudes(found):
-        remedy = (
-            "run the study with an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
-        )
-        raise LackingError(f"{results.place}: {reason.removesuffix('.')}: {remedy}")
-    return ultimate.ultimate_figure(found, metric, width)
-
-
-def over_two_keys(
-    results: Results, metric: str, cells: Sequence[Cell], width: float, **axes: Any
-) -> Figure:
-    """Draw a heat map of a metric over two swept keys."""
-    tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
-    if tiles is None:
-        remedy = "a sweep of two values at least of two keys, such as defence and attack.frequency"
-        raise lacking_error(
-            results, "two swept keys with two values each among these cells", remedy
-        )
-    if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
-        raise lacking_error(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
-    return heat.heat_figure(results, tiles, metric, width)
-
-
-def parts_of_variance(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
-    """Draw Sobol's indices of a metric."""
-    there = results.file(SENSITIVITY_FILE).exists()
-    table: Any = results.sensitivity if there else pd.DataFrame({"metric": [], "cell": []})
-    wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
-    if not wanted.any():
-        raise LackingError(
-            f"{results.place} has no {SENSITIVITY_FILE} of {metric} in these cells:"
-            " jaxnet sensitivity makes it"
-        )
-    return sensitivity.sensitivity_figure(table[wanted], cells, width)
-
-
-def has_store(results: Results, name: str) -> bool:
-    """Return whether the folder holds a Zarr store of this name."""
-    return (results.path / f"{name}.zarr").exists()
-
-
-def lacking_error(results: Results, what: str, remedy: str) -> LackingError:
-    """Return the error that names the lacking data and the remedy."""
-    return LackingError(f"{results.place} has no {what}: run the study with {remedy}")
+    topologies = plot(
+        lambda results, cells, width: topology.topology_figure(cells, width),
+        "Draw each graph with its weights and attacked links.",
+    )
+    tails = plot(
+        spreads.tails_figure, "Draw the mean error, or the spread: a dot per lane, a row per cell."
+    )
+    panels = plot(draw_panels)
+    bands = plot(draw_bands)
+    vehicles = plot(draw_vehicles)
+    curve = plot(draw_curve)
+    heat = plot(
+        over_two_keys("unrecovered"), "Draw a heat map of the share of lanes that do not recover."
+    )
+    heat_worst = plot(
+        over_two_keys("worst"),
+        "Draw a heat map of the greatest tail error per ā; without a navigator, of the spread [m].",
+    )
+    ultimate = plot(
+        against_magnitude("tail_max"),
+        "Draw the greatest tail error against ā, with stored bounds and fits.",
+    )
+    ultimate_mean = plot(
+        against_magnitude("tail_mean"),
+        "Draw the mean tail error against ā, with stored bounds and fits.",
+    )
+    search = plot(draw_search)
+    search_worst = plot(draw_search_worst)
+    sensitivity = plot(
+        parts_of_variance(False), "Draw Sobol's indices of the mean tail error, or of the spread."
+    )
+    sensitivity_unrecovered = plot(
+        parts_of_variance(True), "Draw Sobol's indices of the event that a lane does not recover."
+    )
 
 
 def draw_figures(
@@ -370,24 +287,18 @@ def file_name(
     plain: bool = False,
     note: bool = True,
 ) -> str:
-    """Return the file name of a figure, without extension; what was chosen is part of it."""
-    chosen = [*axes.items(), *where.items()]
-    words = [f"{key}={value}" for key, values in chosen for value in as_list(values)]
-    told = "-".join(
-        [
-            name,
-            *words,
-            *["one-column"] * (column == "one"),
-            *["plain"] * plain,
-            *["no-note"] * (not note),
-        ]
-    )
+    """File name of a figure, without extension; what was chosen is part of it."""
+    words = [
+        f"{key}={value}"
+        for key, values in (*axes.items(), *where.items())
+        for value in as_list(values)
+    ]
+    words += ["one-column"] * (column == "one") + ["plain"] * plain + ["no-note"] * (not note)
+    told = "-".join([name, *words])
     safe = re.sub(r"[^\w.=-]+", "_", told)
     if safe == told and len(told) <= LONGEST_FILE_NAME:
         return told
-    digest = hashlib.sha256(told.encode()).hexdigest()[
-        :6
-    ]  # other names may be cut to the same letters
+    digest = hashlib.sha256(told.encode()).hexdigest()[:6]  # other names may be cut to the same
     return f"{safe[:LONGEST_FILE_NAME]}-{digest}"
 
 

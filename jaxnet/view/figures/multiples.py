@@ -1,4 +1,7 @@
-"""Small multiples: a panel per group of cells on common axes; the first swept key chooses the row."""
+"""Shared axes: small multiples, named rows, ticks, notes, legends.
+
+Small multiples are a panel per group of cells on common axes; the first swept key chooses the row.
+"""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -32,7 +35,7 @@ LETTERS_PER_PANEL = 18  # of a line along a panel's height
 
 
 def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
-    """Return the number of panels in a row; panels that share the first swept value stay together."""
+    """Panels in a row; panels that share the first swept value stay together."""
     firsts = [next(iter(each.values()), None) for each in labels]
     run = firsts.count(firsts[0])
     return run if 2 <= run <= most and len(firsts) % run == 0 else min(len(firsts), most)
@@ -53,9 +56,23 @@ def log_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def log_axis(panel: Axes, letter: str, ends: tuple[float, float] | None = None) -> None:
+    """Make an axis of a panel, x or y, a log axis with its ticks."""
+    panel.set(**{f"{letter}scale": "log"})
+    if ends is None:
+        panel.autoscale_view()
+    else:
+        panel.set(**{f"{letter}lim": ends})
+    log_ticks(panel.xaxis if letter == "x" else panel.yaxis)
+
+
 def escape_dollars(words: str) -> str:
-    """Escape dollar signs, so that matplotlib reads no formula."""
     return words.replace("$", r"\$")
+
+
+def wrapped(words: str, letters: float) -> str:
+    """Wrap words to lines of so many letters; dollar signs are no formula."""
+    return textwrap.fill(escape_dollars(words), max(1, int(letters)))
 
 
 def show_unparsed(drawn: Figure) -> None:
@@ -80,55 +97,42 @@ def write_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> N
 def write_note(drawn: Figure, words: str) -> None:
     """Append a note to the small line above all panels."""
     told = "; ".join(filter(None, [drawn.get_suptitle().replace("\n", " "), words]))
-    wrapped = textwrap.fill(told, int(1.1 * LETTERS_PER_INCH * drawn.get_figwidth()))
-    drawn.suptitle(wrapped, x=0.01, ha="left", fontsize=7)
+    lines = textwrap.fill(told, int(1.1 * LETTERS_PER_INCH * drawn.get_figwidth()))
+    drawn.suptitle(lines, x=0.01, ha="left", fontsize=7)
 
 
-def drop_note(drawn: Figure) -> None:
-    """Take the small line above all panels away, and its room."""
-    drawn.suptitle("").set_in_layout(False)
+def write_legend(drawn: Figure, handles: Sequence[Any], most: int, **look: Any) -> None:
+    """Write a legend below the panels, of `most` columns where the figure is as wide as a page."""
+    columns = max(2, round(most * drawn.get_figwidth() / style.FIGURE_WIDTH))
+    look = {"ncols": columns, "handlelength": 2.6} | look
+    drawn.legend(handles=handles, loc="outside lower center", **look)
 
 
 def shared_labels(labels: Sequence[Labels]) -> Labels:
-    """Return the labels that all panels share; a single panel shares none."""
+    """Labels that all panels share; a single panel shares none."""
     if len(labels) < 2:
         return {}
-    return {
-        key: value for key, value in labels[0].items() if all(value == each[key] for each in labels)
-    }
+    return {k: v for k, v in labels[0].items() if all(v == each[k] for each in labels)}
 
 
-def distinct_titles(labels: Sequence[Labels]) -> list[str]:
-    """Return a title for each panel from the labels that differ between panels."""
+def distinct_titles(drawn: Figure, labels: Sequence[Labels]) -> list[str]:
+    """A title for each panel or row of the labels that differ; a note has the others."""
     common = shared_labels(labels)
-    return [
-        labels_title({key: value for key, value in each.items() if key not in common})
-        for each in labels
-    ]
-
-
-def write_shared_labels(drawn: Figure, labels: Sequence[Labels]) -> None:
-    """Write the labels that all panels or rows share, if there are several."""
-    if common := shared_labels(labels):
+    if common:
         write_note(drawn, f"all with {escape_dollars(labels_title(common))}")
+    return [labels_title({k: v for k, v in each.items() if k not in common}) for each in labels]
 
 
 def panels_across(width: float) -> int:
-    """Return the greatest number of panels in a row for a width [in]."""
     return max(1, round(PANELS_PER_ROW * width / style.FIGURE_WIDTH))
 
 
 def panels_fitting(
     labels: Sequence[Labels], width: float, height: float = PANEL_HEIGHT, most: int | None = None
 ) -> int:
-    """Return how many panels fit a page, in whole rows of at most `most` panels."""
+    """How many panels fit a page, in whole rows of at most `most` panels."""
     rows = int((style.GREATEST_HEIGHT - AXIS_ROOM) / height)
     return min(len(labels), MOST_PANELS, rows * panel_columns(labels, most or panels_across(width)))
-
-
-def legend_columns(width: float, most: int) -> int:
-    """Return the number of legend columns for a width [in]; `most` is for two columns of a journal."""
-    return max(2, round(most * width / style.FIGURE_WIDTH))
 
 
 def panel_grid(
@@ -147,11 +151,11 @@ def panel_grid(
     across = panel_columns(labels, most or panels_across(width))
     rows = -(-len(labels) // across)
     drawn = Figure(figsize=(width, height * rows + AXIS_ROOM))
-    write_shared_labels(drawn, labels)
+    titles = distinct_titles(drawn, labels)
     grid = drawn.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel().tolist()
-    letters = int(TITLE_LETTERS_PER_INCH * (width - margin - LABEL_ROOM) / across)
-    for panel, named in zip(grid, distinct_titles(labels), strict=False):
-        panel.set_title(textwrap.fill(escape_dollars(named), letters), pad=3, fontsize=7.5)
+    letters = TITLE_LETTERS_PER_INCH * (width - margin - LABEL_ROOM) / across
+    for panel, named in zip(grid, titles, strict=False):
+        panel.set_title(wrapped(named, letters), pad=3, fontsize=7.5)
         panel.grid(True, color="0.92", linewidth=0.5)
         panel.set_axisbelow(True)
     for number, panel in enumerate(grid[len(labels) :], len(labels)):
@@ -162,7 +166,7 @@ def panel_grid(
     for panel in grid[::across]:
         panel.set_ylabel(beside)
     more = (larger - 1) * LABEL_ROOM + LINE_HEIGHT * larger * beside.count("\n") * (larger > 1)
-    fitting = int((letters - TITLE_LETTERS_PER_INCH * more / across) / larger)
+    fitting = int((int(letters) - TITLE_LETTERS_PER_INCH * more / across) / larger)
     below = textwrap.fill(x, max(1, fitting))
     for panel in grid[max(0, len(labels) - across) : len(labels)]:
         panel.set_xlabel(below)
@@ -170,46 +174,35 @@ def panel_grid(
 
 
 def type_scale(setting: str) -> float:
-    """Return how much larger the type of a setting of matplotlib is now than in the style for print."""
+    """How much larger the type of a setting of matplotlib is now than in the style for print."""
     now: Any = mpl.rcParams
-    return float(
-        FontProperties(size=now[setting]).get_size_in_points() / style.PRINT_STYLE[setting]
-    )
+    points = FontProperties(size=now[setting]).get_size_in_points()
+    return float(points / style.PRINT_STYLE[setting])
 
 
 def row_heights(labels: Sequence[Labels], width: float) -> tuple[list[str], np.ndarray]:
-    """Return row names, wrapped to about a third of the width, and the height of each row [in]."""
-    names = [
-        textwrap.fill(escape_dollars(name), int(LETTERS_PER_INCH * width / 2.8))
-        for name in distinct_titles(labels)
-    ]
-    return names, np.array(
-        [max(ROW_HEIGHT, LINE_HEIGHT * (1 + name.count("\n"))) for name in names]
-    )
+    """Row names, wrapped to about a third of the width, and the height of each row [in]."""
+    titles = distinct_titles(Figure(), labels)
+    names = [wrapped(name, LETTERS_PER_INCH * width / 2.8) for name in titles]
+    heights = [max(ROW_HEIGHT, LINE_HEIGHT * (1 + name.count("\n"))) for name in names]
+    return names, np.array(heights)
 
 
 def rows_fitting(labels: Sequence[Labels], width: float, most: int) -> int:
-    """Return how many of the first `most` rows fit a page."""
-    heights = np.maximum.accumulate(
-        row_heights(labels[:most], width)[1]
-    )  # all are as high as the highest
-    return int(
-        np.count_nonzero(heights * np.arange(1, len(heights) + 1) <= style.GREATEST_HEIGHT - 1.0)
-    )
+    """How many of the first `most` rows fit a page; all are as high as the highest."""
+    heights = np.maximum.accumulate(row_heights(labels[:most], width)[1])
+    whole = heights * np.arange(1, len(heights) + 1)
+    return int(np.count_nonzero(whole <= style.GREATEST_HEIGHT - 1.0))
 
 
-def named_rows(labels: Sequence[Labels], width: float) -> tuple[Figure, Axes]:
-    """Return a figure with one panel that has a named row per label, from the top down."""
+def named_rows(labels: Sequence[Labels], width: float, words: str) -> tuple[Figure, Axes]:
+    """Figure with one panel that has a named row per label, from the top down."""
     names, heights = row_heights(labels, width)
     drawn = Figure(figsize=(width, heights.max() * len(labels) + 1.0))
-    write_shared_labels(drawn, labels)
+    distinct_titles(drawn, labels)  # writes what all share
     panel = drawn.add_subplot()
     panel.set_yticks(range(len(names)) if any(names) else [], names if any(names) else [])
     panel.set_ylim(len(names) - 0.4, -0.6)
     panel.grid(True, axis="x", color="0.9", linewidth=0.5)
+    panel.set_xlabel(textwrap.fill(words, int(0.6 * LETTERS_PER_INCH * width)))
     return drawn, panel
-
-
-def axis_name(words: str, width: float) -> str:
-    """Return the label of a wide axis, wrapped to most of the width [in]."""
-    return textwrap.fill(words, int(0.6 * LETTERS_PER_INCH * width))

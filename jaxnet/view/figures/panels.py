@@ -1,4 +1,6 @@
-"""The paper's figure: a row per attack, with trajectories of each topology and all errors over time."""
+"""The paper's figure: a row per attack, with trajectories of each topology and all errors over
+time.
+"""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
@@ -44,58 +46,51 @@ def panels_figure(
     trajectories: bool,
     errors: bool,
 ) -> Figure:
-    """Draw a row for each combination of swept keys other than topology; errors stand last in a row.
+    """Draw a row for each combination of swept keys other than topology; errors stand last in a
+    row.
 
-    Only the first MOST_A_SIDE rows and topologies are drawn. In a narrow figure a row takes several lines.
+    Only the first MOST_A_SIDE rows and topologies are drawn. In a narrow figure a row takes several
+    lines.
     """
     whole, narrow = rows_of_cells(cells), width < style.FIGURE_WIDTH
-    most = min(MOST_A_SIDE, max(map(len, whole))) if trajectories else 0
-    places, widths = places_of_row(most, errors, narrow)
+    planes = min(MOST_A_SIDE, max(map(len, whole))) if trajectories else 0
+    places, widths = places_of_row(planes, errors, narrow)
     lines = 1 + places[-1][0]
     fitting = int((style.GREATEST_HEIGHT - PANELS_LEGEND_HEIGHT) / (ROW_HEIGHT * lines))
     rows = [row[:MOST_A_SIDE] for row in whole[: min(MOST_A_SIDE, max(1, fitting))]]
     drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + PANELS_LEGEND_HEIGHT))
     grid = GridSpec(lines * len(rows), len(widths), figure=drawn, width_ratios=widths)
-    spots = [
-        [grid[lines * row + line, column] for line, column in places] for row in range(len(rows))
-    ]
+    letters = iter(map(chr, range(ord("a"), ord("z"))))
+    paths = results.trajectories if trajectories else None
+    lanes = {} if paths is None else {c.number: first_lane(paths, c) for row in rows for c in row}
+    reach = farthest_coordinate(lane for lane in lanes.values() if lane is not None)
+    for number, row in enumerate(rows):
+        spots = [grid[lines * number + line, column] for line, column in places]
+        if trajectories:
+            titles = [f"({next(letters)})" for _ in range(planes)]
+            draw_trajectories(drawn, spots, titles, row, lanes, reach)
+        if errors:
+            words = "spread" if is_leaderless(cells) else "errors"
+            if not trajectories:
+                words = textwrap.fill(row_caption(row[0]), TITLE_LETTERS)
+            title, key = f"({next(letters)}) {words}", number == 0 and not narrow
+            draw_errors(drawn, spots[-1], row, results.errors, title, key=key)
     if trajectories:
-        data = results.trajectories
-        lanes = {cell.number: first_lane(data, cell) for row in rows for cell in row}
-        reach = farthest_coordinate(lane for lane in lanes.values() if lane is not None)
-        for number, row in enumerate(rows):
-            draw_trajectories(drawn, spots[number], number * len(places), row, lanes, reach)
-    if errors:
-        for number, row in enumerate(rows):
-            words = (
-                ("spread" if is_leaderless(cells) else "errors")
-                if trajectories
-                else textwrap.fill(row_caption(row[0]), TITLE_LETTERS)
-            )
-            title = f"({chr(ord('a') + (number + 1) * len(places) - 1)}) {words}"
-            draw_errors(
-                drawn, spots[number][-1], row, results.errors, title, key=number == 0 and not narrow
-            )
-    if trajectories:
-        ncols = multiples.legend_columns(width, 6)
         handles = panels_legend(rows) + (error_keys(rows[0]) if errors and narrow else [])
-        drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.2)
+        multiples.write_legend(drawn, handles, 6, handlelength=2.2)
     if errors and is_leaderless(cells):
         multiples.write_note(drawn, SPREAD_WORDS)
     stores = {"trajectories.zarr": trajectories, "errors.zarr": errors}
-    multiples.write_left_out(
-        drawn,
-        (len(rows), len(whole), "rows"),
-        (max(map(len, rows)), max(map(len, whole)), "topologies"),
-        where=" and ".join(store for store, there in stores.items() if there),
-    )
+    where = " and ".join(store for store, there in stores.items() if there)
+    most = max(map(len, rows)), max(map(len, whole)), "topologies"
+    multiples.write_left_out(drawn, (len(rows), len(whole), "rows"), most, where=where)
     return drawn
 
 
 def places_of_row(
     planes: int, errors: bool, narrow: bool
 ) -> tuple[list[tuple[int, int | slice]], list[float]]:
-    """Return line and column of each panel of a row, the errors last, and the column widths."""
+    """Line and column of each panel of a row, the errors last, and the column widths."""
     places: list[tuple[int, int | slice]]
     if not narrow:
         places = [(0, column) for column in range(planes + errors)]
@@ -107,7 +102,7 @@ def places_of_row(
 
 
 def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
-    """Return the first stored lane of a cell that has a valid start, or None."""
+    """The first stored lane of a cell that has a valid start, or None."""
     paths = data[["states", "navigator", "attack"]]
     if "lane" in data.dims:
         mine, along = paths.isel(lane=data["cell"] == cell.number), "lane"
@@ -118,38 +113,32 @@ def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
 
 
 def farthest_coordinate(lanes: Iterable[xr.Dataset]) -> float:
-    """Return the greatest coordinate of any vehicle or navigator, rounded up [m]."""
+    """The greatest coordinate of any vehicle or navigator, rounded up [m]."""
     paths = (lane[name].values[..., :2] for lane in lanes for name in ("states", "navigator"))
     return float(np.ceil(1.04 * max((np.nanmax(np.abs(path)) for path in paths), default=1.0)))
 
 
 def rows_of_cells(cells: Sequence[Cell]) -> list[list[Cell]]:
-    """Group cells into rows; cells of a row differ only in their topology."""
+    """Cells in rows; cells of a row differ only in their topology."""
     rows: dict[tuple[Label, ...], list[Cell]] = {}
     for cell in cells:
-        rows.setdefault(row_key(cell), []).append(cell)
+        others = tuple(value for key, value in cell.labels.items() if key != "topology")
+        rows.setdefault(others, []).append(cell)
     return list(rows.values())
 
 
-def row_key(cell: Cell) -> tuple[Label, ...]:
-    """Return the swept values of a cell other than its topology."""
-    return tuple(value for key, value in cell.labels.items() if key != "topology")
-
-
 def topology_name(cell: Cell) -> str:
-    """Return the name of a cell's topology."""
     return str(
         cell.labels.get("topology", cell.scenario.topology.label or cell.scenario.topology.kind)
     )
 
 
 def figure_name(cell: Cell) -> str:
-    """Return the name of a cell's topology as text for matplotlib."""
     return multiples.escape_dollars(topology_name(cell))
 
 
 def row_caption(cell: Cell) -> str:
-    """Return a short description of a row: attack, magnitude and other swept values."""
+    """A short description of a row: attack, magnitude and other swept values."""
     attack = cell.scenario.attack
     words = [magnitude_words(cell).replace(" ", NO_BREAK)]
     if attack.amplitude() != 0:
@@ -162,7 +151,7 @@ def row_caption(cell: Cell) -> str:
 def draw_trajectories(
     drawn: Figure,
     spots: Sequence[SubplotSpec],
-    letters: int,
+    titles: Sequence[str],
     cells: Sequence[Cell],
     lanes: Mapping[int, xr.Dataset | None],
     reach: float,
@@ -171,7 +160,7 @@ def draw_trajectories(
     for number, (cell, spot) in enumerate(zip(cells, spots, strict=False)):
         panel = drawn.add_subplot(spot)
         draw_plane(panel, cell, lanes[cell.number])
-        panel.set_title(f"({chr(ord('a') + letters + number)}) {figure_name(cell)}", pad=3)
+        panel.set_title(f"{titles[number]} {figure_name(cell)}", pad=3)
         panel.set_xlabel("x [m]")
         if number == 0:
             panel.set_ylabel(f"{textwrap.fill(row_caption(cell), ROW_LETTERS)}\ny [m]")
@@ -179,9 +168,7 @@ def draw_trajectories(
             panel.set_ylabel("y [m]")
         else:
             panel.tick_params(labelleft=False)
-        panel.set_xlim(-reach, reach)
-        panel.set_ylim(-reach, reach)
-        panel.set_aspect("equal")
+        panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
         panel.locator_params(nbins=5)
 
 
@@ -221,7 +208,7 @@ ATTACKED_PATH: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyl
 
 
 def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
-    """Return the attacked vehicles, from 1, or none if the magnitude is 0.
+    """The attacked vehicles, from 1, or none if the magnitude is 0.
 
     A vehicle drawn at random counts as attacked if `lane` holds a nonzero attack signal for it.
     """
@@ -234,7 +221,7 @@ def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
 def fleet_centre(
     places: Float[np.ndarray, "times m 2"], attacked: Sequence[int]
 ) -> Float[np.ndarray, "times 2"]:
-    """Return the mean place of the vehicles that are not attacked [m], of all where all are; attacked ones
+    """The mean place of the vehicles that are not attacked [m], of all where all are; attacked ones
     count from 1.
     """
     honest = np.delete(places, np.array(attacked, int) - 1, axis=1)
@@ -242,33 +229,33 @@ def fleet_centre(
 
 
 def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Links:
-    """Return the links on which these vehicles are attacked: own transmissions or the navigator's."""
+    """The links on which these vehicles are attacked: own transmissions or the navigator's."""
     sources, listeners = graph.sources, np.arange(1, graph.vehicles + 1)[:, None]
     links = cell.scenario.attack.attacked_links(graph)
     return links & np.isin(np.where(sources, sources, listeners), attacked)
 
 
 def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
-    """Return legend entries for the paths."""
-    fleets = [cell.scenario.vehicles for row in rows for cell in row]
-    has_navigator = any(cell.scenario.navigator.present for row in rows for cell in row)
-    handles = [
-        *[Line2D([], [], **NAVIGATOR_PATH, label="navigator")] * has_navigator,
-        *[Line2D([], [], **HONEST_PATH, label="vehicle")] * (min(fleets) <= MOST_APART),
-        *[Line2D([], [], color="0.6", linewidth=2.0, label="vehicles")]
-        * (max(fleets) > MOST_APART),
-    ]
-    attacks = [cell.scenario.attack for row in rows for cell in row]
-    if any(attack.number() and attack.amplitude() != 0 for attack in attacks):
-        handles.append(Line2D([], [], **ATTACKED_PATH, label="attacked vehicle"))
-    look = {"color": "0.3", "linestyle": "", "markersize": 3}
-    handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="start", **look))
-    handles.append(Line2D([], [], marker="s", label="end", **look))
-    return handles
+    scenarios = [cell.scenario for row in rows for cell in row]
+    fleets = [scenario.vehicles for scenario in scenarios]
+    attacks = [scenario.attack for scenario in scenarios]
+    end: dict[str, Any] = {"color": "0.3", "linestyle": "", "markersize": 3}
+    entries = {
+        "navigator": (NAVIGATOR_PATH, any(each.navigator.present for each in scenarios)),
+        "vehicle": (HONEST_PATH, min(fleets) <= MOST_APART),
+        "vehicles": ({"color": "0.6", "linewidth": 2.0}, max(fleets) > MOST_APART),
+        "attacked vehicle": (
+            ATTACKED_PATH,
+            any(a.number() and a.amplitude() != 0 for a in attacks),
+        ),
+        "start": (end | {"marker": "o", "markerfacecolor": "white"}, True),
+        "end": (end | {"marker": "s"}, True),
+    }
+    return [Line2D([], [], **look, label=name) for name, (look, shown) in entries.items() if shown]
 
 
 def error_keys(cells: Sequence[Cell]) -> list[Line2D]:
-    """Return legend entries for the errors or spreads, for panels too small for a legend."""
+    """Legend entries for the errors or spreads, for panels too small for a legend."""
     pairs = zip(cells, style.SERIES_STYLES, strict=False)
     word = "spread" if is_leaderless(cells) else "error"
     return [Line2D([], [], **look, label=f"{word}, {figure_name(cell)}") for cell, look in pairs]
@@ -282,7 +269,9 @@ def draw_errors(
     title: str,
     key: bool,
 ) -> None:
-    """Draw ẽ, or the spread, above ε̃ on log axes, as a median over lanes with a band from 5 to 95 %."""
+    """Draw ẽ, or the spread, above ε̃ on log axes, as a median over lanes with a band from 5 to 95
+    %.
+    """
     inner = place.subgridspec(2, 1, hspace=0.0)
     upper: Axes | None = None
     for number, variable in enumerate((variable_over_time(cells), "disagreement")):

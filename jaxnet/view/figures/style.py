@@ -1,4 +1,6 @@
-"""Style of all figures: type for a two-column journal, colours that survive grey and colour blindness."""
+"""Style of all figures: type for a two-column journal, colours that survive grey and colour
+blindness.
+"""
 
 import io
 from os import PathLike
@@ -76,12 +78,10 @@ class Figure(figure.Figure):
         transparent: bool | None = None,
         **options: object,
     ) -> None:
-        """Write the figure in its style."""
         with mpl.rc_context(self.style):
             super().savefig(fname, transparent=transparent, **options)
 
     def _repr_png_(self) -> bytes:
-        """Return the PNG that a notebook displays."""
         content = io.BytesIO()
         self.savefig(content, format="png", dpi=self.dpi)
         return content.getvalue()

@@ -3,9 +3,11 @@
 import math
 from collections.abc import Collection, Container, Sequence
 from textwrap import shorten
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba_array
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
@@ -13,7 +15,8 @@ from matplotlib.patheffects import withStroke
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.model.graph import Digraph
-from jaxnet.view.figures import adjacency, multiples, style
+from jaxnet.runs.watched import MOST_VEHICLES
+from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.panels import attacked_vehicles, topology_name
 from jaxnet.view.figures.style import Figure
 
@@ -32,10 +35,20 @@ NODE_IN_WAY = 0.08  # of a link's length: a node so near its middle is in the wa
 MOST_NAME = 16  # characters of a vehicle's name
 MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
 
+MATRIX_BINS = 60  # of listeners, and of sources
+STRIP_WIDTH = 0.05  # of the matrix's width, that the navigator's column takes
+LINK_GREYS = (0.75, 0.15)  # of one link in a bin, and of as many as any bin has
+STRIP_GAP = 0.04  # of the width, from the navigator's column to the matrix
+
 OTHER_LINK = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
 TRUSTED_LINK = {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"}
 ATTACKED_LINK = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
-LINK_STYLES = {
+ARROW: dict[str, Any] = {
+    "arrowstyle": "-|>,head_length=3.2,head_width=1.5",
+    "mutation_scale": 1,
+    "zorder": 1,
+}
+LINK_STYLES: dict[str, dict[str, Any]] = {
     "trusted link": TRUSTED_LINK,
     "attacked link": ATTACKED_LINK,
     "other link": OTHER_LINK,
@@ -57,8 +70,7 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     drawn = Figure(figsize=(width, size * rows + TOPOLOGY_LEGEND_HEIGHT))
     for number, (cell, network) in enumerate(shown):
         draw_graph(drawn.add_subplot(rows, columns, number + 1), cell, network, 72 * size)
-    handles, ncols = topology_legend(shown), multiples.legend_columns(width, 5)
-    drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.4)
+    multiples.write_legend(drawn, topology_legend(shown), 5, handlelength=2.4)
     words = omitted_labels(graphs, 72 * size)
     if words:
         multiples.write_note(drawn, f"There is no room for {' and '.join(words)}")
@@ -67,46 +79,37 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
 
 
 def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
-    """Return, for each graph, the cell with the most attacked links."""
-    graphs: dict[str, Cell] = {}
+    graphs: dict[str, list[Cell]] = {}
     for cell in cells:
-        known = graphs.get(topology_name(cell))
-        if known is None or most_attack(cell) > most_attack(known):
-            graphs[topology_name(cell)] = cell
-    return list(graphs.values())
+        graphs.setdefault(topology_name(cell), []).append(cell)
 
+    def most_attack(cell: Cell) -> tuple[int, int]:
+        return attacked_links(cell), cell.scenario.attack.number()
 
-def most_attack(cell: Cell) -> tuple[int, int]:
-    """Return the numbers of attacked links and of attacked vehicles."""
-    return attacked_links(cell), cell.scenario.attack.number()
+    return [max(each, key=most_attack) for each in graphs.values()]
 
 
 def graphs_per_row(graphs: Sequence[Digraph], width: float) -> int:
-    """Return the number of graphs in a row that keeps WANTED_SPACING between nodes."""
-    wanted = [
-        WANTED_SPACING / node_spacing(graph, 1.0)
-        for graph in graphs
-        if not adjacency.too_large(graph)
-    ]
+    """The number of graphs in a row that keeps WANTED_SPACING between nodes."""
+    wanted = [WANTED_SPACING / node_spacing(graph, 1.0) for graph in graphs if not too_large(graph)]
     most = MOST_IN_ROW if len(wanted) == len(graphs) else MATRICES_IN_ROW
     return max(1, min(most, int(72 * width / max(wanted, default=1.0))))
 
 
 def node_spacing(graph: Digraph, size: float) -> float:
-    """Return the distance from the last node to its nearest neighbour [pt] in a panel of this size [pt]."""
+    """Distance from the last node to its nearest neighbour [pt] in a panel of a size [pt]."""
     places = source_positions(graph)
     extent = np.ptp(places, axis=0).max() + 2 * GRAPH_MARGIN
     return float(np.hypot(*(places[:-1] - places[-1]).T).min() / extent * size)
 
 
 def node_diameter(graph: Digraph, size: float) -> float:
-    """Return the diameter of a node [pt] in a panel of this size [pt]."""
     return min(NODE_DIAMETER, 0.8 * node_spacing(graph, size))
 
 
 def omitted_labels(graphs: Sequence[Digraph], size: float) -> list[str]:
-    """Return descriptions of the labels that do not fit panels of this size [pt]."""
-    words, graphs = [], [graph for graph in graphs if not adjacency.too_large(graph)]
+    """Descriptions of the labels that do not fit panels of this size [pt]."""
+    words, graphs = [], [graph for graph in graphs if not too_large(graph)]
     if any(node_diameter(graph, size) < LEAST_NUMBERED_NODE for graph in graphs):
         words.append("the numbers of vehicles that are not attacked")
     if any(graph.heard.any() and not labelled_links(graph) for graph in graphs):
@@ -115,12 +118,12 @@ def omitted_labels(graphs: Sequence[Digraph], size: float) -> list[str]:
 
 
 def attacked_links(cell: Cell) -> int:
-    """Return the number of attacked links; 0 if the attack has magnitude 0."""
+    """The number of attacked links; 0 if the attack has magnitude 0."""
     return int(situation_of(cell.scenario).attacked.sum()) if attacked_vehicles(cell) else 0
 
 
 def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
-    """Return the legend's name of each link (vehicle from 0, source)."""
+    """The legend's name of each link (vehicle from 0, source)."""
     attacked, decides = attacked_vehicles(cell), cell.scenario.defence.decides
     links = network.graph.edges()
     either = zip(network.attacked[links].tolist(), network.trusted[links].tolist(), strict=True)
@@ -140,8 +143,8 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
     A large graph is drawn as a density of links.
     """
     panel.set_title(graph_title(cell, network.graph), pad=2)
-    if adjacency.too_large(network.graph):
-        adjacency.draw_adjacency(panel, network, attacked_vehicles(cell))
+    if too_large(network.graph):
+        draw_adjacency(panel, network, attacked_vehicles(cell))
         return
     places = source_positions(network.graph)
     attacked = attacked_vehicles(cell)
@@ -149,7 +152,12 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
     names = link_names(cell, network)
     for (i, j), called in names.items():
         bend = 0.16 if is_bent(i, j, names, places) else 0.0
-        draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINK_STYLES[called])
+        rim: dict[str, Any] = {
+            "shrinkA": across / 2 + 0.5,
+            "shrinkB": across / 2 + 0.5,
+        }  # [pt] of a node
+        ends, look = (tuple(places[j]), tuple(places[i + 1])), rim | LINK_STYLES[called] | ARROW
+        panel.add_patch(FancyArrowPatch(*ends, connectionstyle=f"arc3,rad={bend}", **look))
     if network.graph.vehicles <= MOST_ON_CIRCLE or not weight_classes(network.graph):
         label_weights(panel, network.graph, places)
     first = 0 if cell.scenario.navigator.present else 1
@@ -164,10 +172,10 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
 
 
 def source_positions(graph: Digraph) -> np.ndarray:
-    """Return positions of navigator and vehicles in the drawing, on a circle or a serpentine.
+    """Positions of navigator and vehicles in the drawing, on a circle or a serpentine.
 
-    The navigator stands in the centre where a third of the vehicles hear it, or nobody does. Many vehicles
-    alternate between two circles, which leaves space for the links between neighbours.
+    The navigator stands in the centre where a third of the vehicles hear it, or nobody does. Many
+    vehicles alternate between two circles, which leaves space for the links between neighbours.
     """
     m = graph.vehicles
     informed = int((graph.heard & (graph.sources == 0)).sum())
@@ -186,7 +194,7 @@ def source_positions(graph: Digraph) -> np.ndarray:
 def is_bent(
     listener: int, source: int, links: Container[tuple[int, int]], places: np.ndarray
 ) -> bool:
-    """Return whether the arrow of a link is bent: there is a link back, or a node stands in the way.
+    """Whether the arrow of a link is bent: there is a link back, or a node stands in the way.
 
     Listeners count from 0, places and sources from the navigator.
     """
@@ -197,31 +205,8 @@ def is_bent(
     return blocked or (source - 1, listener + 1) in links
 
 
-def draw_link(
-    panel: Axes,
-    source: np.ndarray,
-    listener: np.ndarray,
-    bend: float,
-    rim: float,
-    look: dict[str, object],
-) -> None:
-    """Draw an arrow that ends at the rim of the listener's node; `rim` is the node's radius [pt]."""
-    arrow = FancyArrowPatch(
-        tuple(source),
-        tuple(listener),
-        connectionstyle=f"arc3,rad={bend}",
-        arrowstyle="-|>,head_length=3.2,head_width=1.5",
-        shrinkA=rim,
-        shrinkB=rim,
-        mutation_scale=1,
-        zorder=1,
-        **look,  # pyright: ignore[reportArgumentType]
-    )
-    panel.add_patch(arrow)
-
-
 def weight_classes(graph: Digraph) -> dict[tuple[bool, float], tuple[int, int]]:
-    """Return the distinct weights with an example link each, if they are few; else nothing."""
+    """The distinct weights with an example link each, if they are few; else nothing."""
     classes: dict[tuple[bool, float], tuple[int, int]] = {}
     weights = graph.pairs()
     for (i, j), weight in weights.items():
@@ -230,13 +215,13 @@ def weight_classes(graph: Digraph) -> dict[tuple[bool, float], tuple[int, int]]:
 
 
 def labelled_links(graph: Digraph) -> list[tuple[int, int]]:
-    """Return the links that get a weight label: all, or one per weight, or none of too many."""
+    """The links that get a weight label: all, or one per weight, or none of too many."""
     links = list(graph.pairs())
     return list(weight_classes(graph).values()) or (links if len(links) <= MOST_WEIGHTS else [])
 
 
 def graph_title(cell: Cell, graph: Digraph) -> str:
-    """Return the title of a graph; the title of a large graph includes the weights that recur."""
+    """The title of a graph; the title of a large graph includes the weights that recur."""
     words = [
         f"{weight:.3g} from {'0' if navigator else 'vehicles'}"
         for navigator, weight in weight_classes(graph)
@@ -247,14 +232,13 @@ def graph_title(cell: Cell, graph: Digraph) -> str:
 
 
 def graph_caption(cell: Cell) -> str:
-    """Return the name of a graph, and the number of attacked vehicles where they are random."""
+    """The name of a graph, and the number of attacked vehicles where they are random."""
     attack = cell.scenario.attack
     unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
     return topology_name(cell) + (f", attacked: {attack.whom()}" if unmarked else "")
 
 
 def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
-    """Write the weights beside their links."""
     weights = graph.pairs()
     for i, j in labelled_links(graph):
         middle = 0.5 * (places[i + 1] + places[j])
@@ -270,88 +254,96 @@ def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
 def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: float) -> None:
     """Draw a node of a diameter [pt]; its number is written where the diameter permits.
 
-    The navigator is a dark square. Attacked vehicles have the attack's colour. Both are large enough for
-    a number.
+    The navigator is a dark square. Attacked vehicles have the attack's colour. Both are large
+    enough for a number.
     """
     if source == 0 or lies:
         across = max(across, LEAST_NUMBERED_NODE)
-    marker, face, text = ("s", "0.15", "white") if source == 0 else ("o", "white", "black")
-    edge = style.RED if lies else "0.15"
-    width = 1.6 if lies else 0.8
-    panel.plot(
-        x,
-        y,
-        marker,
-        markersize=across,
-        markerfacecolor=face,
-        markeredgecolor=edge,
-        markeredgewidth=width,
-        zorder=2.5 if lies else 2,
-    )
+    marker, face, ink = ("s", "0.15", "white") if source == 0 else ("o", "white", "black")
+    look: dict[str, Any] = {"markersize": across, "markerfacecolor": face}
+    look |= {"markeredgecolor": style.RED if lies else "0.15"}
+    look |= {"markeredgewidth": 1.6 if lies else 0.8, "zorder": 2.5 if lies else 2}
+    panel.plot(x, y, marker, **look)
     if across >= LEAST_NUMBERED_NODE:
-        panel.text(
-            x,
-            y,
-            str(source),
-            fontsize=max(LEAST_TEXT_SIZE, 0.6 * across),
-            ha="center",
-            va="center",
-            color=text,
-            zorder=3,
-        )
+        size = max(LEAST_TEXT_SIZE, 0.6 * across)
+        written: dict[str, Any] = {"ha": "center", "va": "center", "color": ink, "zorder": 3}
+        panel.text(x, y, str(source), fontsize=size, **written)
 
 
 def write_name(panel: Axes, name: str, x: float, y: float, across: float) -> None:
-    """Write the name of a vehicle above or below its node of a diameter [pt], away from the centre."""
-    text = multiples.escape_dollars(shorten(name, MOST_NAME, placeholder="…"))
-    outline = [withStroke(linewidth=2.0, foreground="white")]
+    """Write the name of a vehicle beside its node of a diameter [pt], away from the centre."""
     side, anchor = (1, "bottom") if is_upper(y) else (-1, "top")
-    place = {
-        "xytext": (0, side * (across / 2 + 1)),
-        "textcoords": "offset points",
-        "ha": "center",
-        "va": anchor,
-    }
-    panel.annotate(text, (x, y), fontsize=LEAST_TEXT_SIZE, zorder=5, path_effects=outline, **place)
+    panel.annotate(
+        multiples.escape_dollars(shorten(name, MOST_NAME, placeholder="…")),
+        (x, y),
+        xytext=(0, side * (across / 2 + 1)),
+        textcoords="offset points",
+        ha="center",
+        va=anchor,
+        fontsize=LEAST_TEXT_SIZE,
+        zorder=5,
+        path_effects=[withStroke(linewidth=2.0, foreground="white")],
+    )
 
 
 def is_upper(y: float) -> bool:
-    """Return whether a node stands in the upper half of a circle, where names stand above their nodes."""
+    """Whether a node stands in the upper half of a circle, where names stand above their nodes."""
     return y > 0.1
 
 
 def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
-    """Return legend entries for the nodes, links and densities in the figure."""
-    large = [each for each in shown if adjacency.too_large(each[1].graph)]
-    keys = (
-        adjacency.adjacency_legend(any(attacked_vehicles(cell) for cell, _ in large))
-        if large
-        else []
-    )
-    return node_legend([each for each in shown if not adjacency.too_large(each[1].graph)]) + keys
-
-
-def node_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
-    """Return legend entries for graphs that are drawn node by node."""
-    if not shown:
-        return []
-    node = {"linestyle": "", "markersize": 7}
+    large = [cell for cell, network in shown if too_large(network.graph)]
+    small = [each for each in shown if not too_large(each[1].graph)]
     handles: list[Line2D | Patch] = []
-    if any(cell.scenario.navigator.present for cell, _ in shown):
+    node: dict[str, Any] = {"linestyle": "", "markersize": 7}
+    rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
+    if any(cell.scenario.navigator.present for cell, _ in small):
         handles.append(Line2D([], [], marker="s", color="0.15", label="navigator", **node))
-    if any(attacked_vehicles(cell) for cell, _ in shown):
-        rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
-        handles.append(
-            Line2D([], [], marker="o", color="white", label="attacked vehicle", **rim, **node)
-        )
-    present = {called for cell, network in shown for called in link_names(cell, network).values()}
+    if any(attacked_vehicles(cell) for cell, _ in small):
+        look = node | rim | {"marker": "o", "color": "white"}
+        handles.append(Line2D([], [], label="attacked vehicle", **look))
+    present = {called for cell, network in small for called in link_names(cell, network).values()}
+    plain = {"other link": link_word([cell for cell, _ in small], present)} if small else {}
     looks = [(called, look) for called, look in LINK_STYLES.items() if called in present]
-    plain = {"other link": link_word([cell for cell, _ in shown], present)}
-    return handles + [
-        Line2D([], [], **look, label=plain.get(called, called)) for called, look in looks
-    ]
+    handles += [Line2D([], [], **look, label=plain.get(called, called)) for called, look in looks]
+    if large:
+        handles.append(Patch(color=str(LINK_GREYS[1]), label="links, darker where more"))
+        handles.append(Patch(color=style.BLUE, label="who hears the navigator"))
+    if any(attacked_vehicles(cell) for cell in large):
+        look: dict[str, Any] = {"linestyle": "", "marker": "v", "color": style.RED}
+        handles.append(Line2D([], [], label="attacked vehicles", markersize=4, **look))
+    return handles
 
 
 def link_word(cells: Sequence[Cell], present: Collection[str]) -> str:
-    """Return what a legend calls links that are neither trusted nor attacked, beside the links present."""
+    """What a legend calls links that are neither trusted nor attacked, beside the links present."""
     return "link" if is_leaderless(cells) or len(present) == 1 else "other link"
+
+
+def too_large(graph: Digraph) -> bool:
+    """Whether a graph has too many vehicles to draw one by one."""
+    return graph.vehicles > MOST_VEHICLES
+
+
+def draw_adjacency(panel: Axes, network: Situation, attacked: list[int]) -> None:
+    """Draw listeners against sources, the navigator's column apart, and mark attacked sources."""
+    graph = network.graph
+    m, (listeners, slots) = graph.vehicles, graph.edges()
+    sources = graph.sources[listeners, slots]
+    edges = np.linspace(0.5, m + 0.5, MATRIX_BINS + 1)
+    links, _, _ = np.histogram2d(listeners + 1, sources, bins=(edges, edges))
+    heard, _ = np.histogram(listeners[sources == 0] + 1, bins=edges)
+    shade = np.where(links > 0, np.interp(links, (0, max(1, links.max())), LINK_GREYS), 1.0)
+    look: dict[str, Any] = {"interpolation": "nearest", "cmap": "gray", "vmin": 0, "vmax": 1}
+    panel.imshow(shade, extent=(0.5, m + 0.5, m + 0.5, 0.5), **look)
+    share = heard / np.histogram(np.arange(1, m + 1), bins=edges)[0]
+    left, opaque = -(STRIP_GAP + STRIP_WIDTH) * m, np.where(share > 0, 0.25 + 0.75 * share, 0.0)
+    strip = np.stack([to_rgba_array(style.BLUE, alpha) for alpha in opaque])
+    panel.imshow(
+        strip, extent=(left, left + STRIP_WIDTH * m, m + 0.5, 0.5), interpolation="nearest"
+    )
+    panel.plot(
+        attacked, np.full(len(attacked), -0.03 * m), "v", color=style.RED, markersize=3, zorder=3
+    )
+    panel.set(xlim=(left, m + 0.5), ylim=(m + 0.5, -0.06 * m), xlabel="source", ylabel="listener")
+    panel.locator_params(nbins=4)

@@ -29,47 +29,32 @@ def ultimate_figure(
 ) -> Figure:
     """Draw a panel per group with quantiles over lanes, bounds and the fitted line."""
     shown = found[: multiples.panels_fitting([curve.group.labels for curve in found], width)]
-    low, high = axis_ends(found, metric)
-    word = "greatest" if metric == "tail_max" else "mean"
+    ends = axis_ends(found, metric)
+    words = f"{'greatest' if metric == 'tail_max' else 'mean'} tail error [m]"
     labels = [curve.group.labels for curve in shown]
-    drawn, panels = multiples.panel_grid(
-        labels, "attack magnitude ā [m]", f"{word} tail error [m]", width
-    )
+    drawn, panels = multiples.panel_grid(labels, "attack magnitude ā [m]", words, width)
     for panel, curve in zip(panels, shown, strict=True):
-        draw_bounds(panel, curve, metric)
-        draw_lanes(panel, curve, metric, low)
-    panels[0].set(xscale="log", yscale="log", ylim=(low, high))
+        for bound, slope in curve.limits(metric).items():
+            panel.plot(curve.sizes, slope * curve.sizes, **BOUND_STYLE[bound])
+        if fitted := curve.fit(metric):
+            panel.plot(curve.sizes, fitted[0] * curve.sizes, **FIT_STYLE, zorder=1)
+        draw_lanes(panel, curve, metric, ends[0])
+    panels[0].set(xscale="log", yscale="log", ylim=ends)
     panels[0].autoscale_view(scaley=False)
     multiples.log_ticks(panels[0].xaxis)
     multiples.log_ticks(panels[0].yaxis)
-    drawn.legend(
-        handles=ultimate_legend(shown, metric, low),
-        loc="outside lower center",
-        ncols=multiples.legend_columns(width, 4),
-        handlelength=2.6,
-    )
+    multiples.write_legend(drawn, ultimate_legend(shown, metric, ends[0]), 4)
     if any(curve.is_flat(metric) for curve in shown):
         multiples.write_note(drawn, NO_SLOPE)
     multiples.write_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 
 
-def draw_bounds(panel: Axes, curve: Curve, metric: str) -> None:
-    """Draw bounds and the least-squares fit as lines through the origin."""
-    sizes = curve.sizes
-    for bound, slope in curve.limits(metric).items():
-        panel.plot(sizes, slope * sizes, **BOUND_STYLE[bound])
-    fitted = curve.fit(metric)
-    if fitted is not None:
-        panel.plot(sizes, fitted[0] * sizes, **FIT_STYLE, zorder=1)
-
-
 def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
     """Draw median, 5 to 95 % and maximum; a triangle marks a median below the axis."""
     sizes = curve.sizes
-    low, median, high, greatest = (
-        np.maximum(floor, values) for values in curve.spread(metric, "q05", "median", "q95", "max")
-    )
+    spread = curve.spread(metric, "q05", "median", "q95", "max")
+    low, median, high, greatest = (np.maximum(floor, values) for values in spread)
     panel.vlines(sizes, low, high, color=style.BLACK, linewidth=0.9)
     for marker, chosen in (("o", median > floor), ("v", median <= floor)):
         if chosen.any():
@@ -78,7 +63,6 @@ def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
 
 
 def ultimate_legend(shown: Sequence[Curve], metric: str, floor: float) -> list[Line2D]:
-    """Return legend entries for the bounds and marks in the figure."""
     present = {bound for curve in shown for bound in curve.limits(metric)}
     handles = [
         Line2D([], [], marker="o", label="median of lanes", **MEDIAN_STYLE),
@@ -89,8 +73,5 @@ def ultimate_legend(shown: Sequence[Curve], metric: str, floor: float) -> list[L
         handles.append(Line2D([], [], marker="v", label="median below the axis", **MEDIAN_STYLE))
     if any(curve.fit(metric) for curve in shown):
         handles.append(Line2D([], [], label="least squares s·ā", **FIT_STYLE))
-    return handles + [
-        Line2D([], [], label=f"{BOUND_NAMES[bound]}", **look)
-        for bound, look in BOUND_STYLE.items()
-        if bound in present
-    ]
+    bounds = [(name, look) for name, look in BOUND_STYLE.items() if name in present]
+    return handles + [Line2D([], [], label=BOUND_NAMES[name], **look) for name, look in bounds]

@@ -29,7 +29,6 @@ UNSOUND_BOUND = (
 )
 
 AFTER_TRANSIENT = "; the bound holds once the transient is over"
-NO_UPPER_END = "no upper end is known, for theory bounds not every lane"
 MOST_COMPARED = 8  # values of a swept kind in one sentence
 
 
@@ -281,11 +280,6 @@ def certainty_sentence(results: Results) -> str:
     if metric == "spread":
         return f"{samples}. {where} spread is {mean} m, over {lanes}."
     if np.isnan(worst["tail_mean_high"]):
-        least = (
-            ""
-            if np.isnan(worst["tail_mean_low"])
-            else f" (at least {low} m with 97.5 % confidence)"
-        )
-        return f"{samples}. {where} is {mean} m{least}, over {lanes}; {NO_UPPER_END}."
+        return f"{samples}. {where} is {mean} m, over {lanes}."
     sure = 100 * recovery.confidence_told(results.study.config.samples)
     return f"{samples}. {where} is {mean} m ({sure:g} % interval {low} to {high} m), over {lanes}."

@@ -9,7 +9,6 @@ import numpy as np
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.model.wording import count
-from jaxnet.view.figures.adjacency import too_large
 from jaxnet.view.figures.panels import attacked_vehicles
 from jaxnet.view.figures.topology import (
     MOST_NAME,
@@ -20,6 +19,7 @@ from jaxnet.view.figures.topology import (
     link_word,
     most_attacked,
     source_positions,
+    too_large,
 )
 
 MOST_DRAWN = 6

@@ -1,75 +1,82 @@
-"""Output of `jaxnet compare`: settings, differences, and lanes whose recovery differs between two studies."""
+"""Output of `jaxnet compare`: settings, differences, and lanes whose recovery differs."""
 
-from textwrap import fill, shorten
+from textwrap import shorten
 from typing import Any
 
 import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
-from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_notes, table_text, terminal_width
+from jaxnet.view.text.printer import fitted_text
+from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
 MOST_NAMED_LANES = 20  # lanes of a kind
 ROUNDING_DIFFERENCE = 1e-9  # [m] what two errors may differ by in arithmetic alone
+COMPARED = {"tail_mean": "mean", "tail_max": "max", "spread": "spread", "outside": "outside"}
 COMPARISON_COLUMNS = {
-    "tail_mean_difference": "mean [m]",
-    "tail_mean_low": "mean low",
-    "tail_mean_high": "mean high",
-    "tail_max_difference": "max [m]",
-    "tail_max_low": "max low",
-    "tail_max_high": "max high",
-    "spread_difference": "spread [m]",
-    "outside_difference": "outside [m]",
-    "unrecovered": "unrecovered",
-    "unrecovered_low": "share low",
-    "unrecovered_high": "share high",
-    "p": "p",
-}
-COUNT_COLUMNS = ("cell", "cell_B", "pairs", "failed", "saved", "lost")
+    f"{metric}_{name}": f"{words} {told}"
+    for metric, words in COMPARED.items()
+    for name, told in {
+        "median": "median [m]",
+        "median_low": "median low",
+        "median_high": "median high",
+        "difference": "[m]",
+        "low": "low",
+        "high": "high",
+    }.items()
+} | {"unrecovered_low": "share low", "unrecovered_high": "share high"}
+COUNT_COLUMNS = ("cell", "cell_B", "pairs", "failed", "saved", "lost", "unrecovered", "p")
+MAIN, OTHER = ("mean", "spread"), ("max", "outside")  # what is shown to the last, and to the first
 COMPARISON_DROP_ORDER = (
-    *(("failed",), ("max low", "max high"), ("share low", "share high"), ("max [m]",)),
-    *(("p",), ("pairs",), ("unrecovered",), ("mean low", "mean high")),
+    ["failed"],
+    [f"{words} {end}" for words in (*MAIN, *OTHER) for end in ("low", "high")],
+    [f"{words} median {end}" for words in OTHER for end in ("low", "high")],
+    [f"{words} [m]" for words in OTHER],
+    ["share low", "share high"],
+    [f"{words} median [m]" for words in OTHER],
+    *(["p"], ["pairs"], ["unrecovered"]),
+    [f"{words} [m]" for words in MAIN],
+    [f"{words} median {end}" for words in MAIN for end in ("low", "high")],
 )
 ERROR_LEGEND = (
-    "mean, max: tail_mean and tail_max; low, high: 95 % intervals of means of paired differences; an end is"
-    " blank where theory does not bound the errors."
+    "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median; low,"
+    " high: 95 % intervals. A mean has none where few lanes are as skewed as these."
 )
 AGREEMENT_LEGEND = (
-    "spread: greatest distance of two vehicles that are not attacked, over the tail; outside: greatest way of"
-    " such a vehicle out of the hull of their starts; unrecovered: without agreement."
+    "spread: greatest distance of two vehicles that are not attacked, over the tail; outside:"
+    " greatest way of such a vehicle out of the hull of their starts; unrecovered: without"
+    " agreement."
 )
-SHARE_LEGEND = "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many either way."
+SHARE_LEGEND = (
+    "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many"
+    " either way."
+)
 
 
 def comparison_legend(found: Comparison) -> str:
-    """Return the meaning of the columns."""
     measured = AGREEMENT_LEGEND if "spread_difference" in found.cells else ERROR_LEGEND
     return f"All differences are B - A, of the same draws. {measured} {SHARE_LEGEND}"
 
 
 def length_columns(table: pd.DataFrame) -> list[str]:
-    """Return the columns with differences of lengths, in which rounding is no difference."""
-    return [
-        name for name in map(str, table) if name.startswith(("mean", "max", "spread", "outside"))
-    ]
+    """Columns with differences of lengths, in which rounding is no difference."""
+    return [name for name in map(str, table) if name.startswith(tuple(COMPARED.values()))]
 
 
 def comparison_rows(found: Comparison) -> pd.DataFrame:
-    """Return a row per pair of cells with readable column names, without empty columns."""
-    table = found.cells.rename(columns=COMPARISON_COLUMNS)
-    return table.dropna(axis="columns", how="all")
+    """A row per pair of cells with readable column names, without empty columns."""
+    return found.cells.rename(columns=COMPARISON_COLUMNS).dropna(axis="columns", how="all")
 
 
 def comparison_text(found: Comparison) -> str:
-    """Return the whole comparison for a terminal."""
     table = comparison_rows(found)
     errors = length_columns(table)
-    table[errors] = table[errors].where(table[errors].abs() >= ROUNDING_DIFFERENCE, 0.0)
+    table[errors] = table[errors].where(~(table[errors].abs() < ROUNDING_DIFFERENCE), 0.0)
     labels = [name for name in table if name not in {*COMPARISON_COLUMNS.values(), *COUNT_COLUMNS}]
-    shown, left_out, is_cut = fit_terminal(table.head(MOST_ROWS), labels, COMPARISON_DROP_ORDER)
-    lines = [table_text(shown), "", fill(comparison_legend(found), terminal_width())]
+    text, left_out = fitted_text(table.head(MOST_ROWS), labels, COMPARISON_DROP_ORDER)
+    lines = [text, "", filled(comparison_legend(found))]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more pairs of cells in differences.csv")
-    lines += table_notes(left_out, is_cut, "differences.csv")
+    lines += left_out_note(left_out, "differences.csv")
     parts = [
         "\n".join(settings_lines(found)),
         "\n".join(lines),
@@ -80,7 +87,6 @@ def comparison_text(found: Comparison) -> str:
 
 
 def settings_lines(found: Comparison) -> list[str]:
-    """Return both folders, and a line per key in which their studies differ."""
     a, b = found.folders
     keys: Any = found.settings.itertuples()
     told = [f"  {row.key}: {shorten(row.A, 60)} in A, {shorten(row.B, 60)} in B" for row in keys]
@@ -91,32 +97,23 @@ def settings_lines(found: Comparison) -> list[str]:
 
 
 def changes_text(found: Comparison) -> str:
-    """Return the lanes that recover in one study only."""
-    lanes: Any = found.changed.itertuples()
-    both = {True: [], False: []}
-    for lane in lanes:
-        both[bool(lane.unrecovered_A)].append(f"cell {lane.cell} sample {lane.sample}")
-    words = {True: "saved", False: "lost"}
-    return "\n".join(
-        fill(f"{words[way]}: {len(named)} lanes: {first_names(named)}", terminal_width())
-        for way, named in both.items()
-        if named
-    )
+    lines = []
+    for words, in_a in (("saved", True), ("lost", False)):
+        lanes: Any = found.changed[found.changed["unrecovered_A"].astype(bool) == in_a].itertuples()
+        named = [f"cell {lane.cell} sample {lane.sample}" for lane in lanes]
+        lines += [filled(f"{words}: {len(named)} lanes: {first_names(named)}")] * bool(named)
+    return "\n".join(lines)
 
 
 def failed_lanes_text(found: Comparison) -> str:
-    """Return the failed lanes, which no difference includes."""
     lanes: Any = found.failed.itertuples()
     named = [
         f"cell {lane.cell} sample {lane.sample} ({lane.status_A} in A, {lane.status_B} in B)"
         for lane in lanes
     ]
-    return (
-        fill(f"failed: {len(named)} lanes: {first_names(named)}", terminal_width()) if named else ""
-    )
+    return filled(f"failed: {len(named)} lanes: {first_names(named)}") if named else ""
 
 
 def first_names(named: list[str]) -> str:
-    """Return the first names, and the number of further ones."""
     more = len(named) - MOST_NAMED_LANES
     return ", ".join(named[:MOST_NAMED_LANES]) + (f" and {more} more" if more > 0 else "")

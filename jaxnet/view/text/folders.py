@@ -5,7 +5,7 @@ from upath import UPath
 
 from jaxnet.store.folder import Manifest, find_results, samples_of_cells
 from jaxnet.store.results import Results
-from jaxnet.view.text.width import table_text
+from jaxnet.view.text.printer import table_text
 
 
 def folders_text(root: str) -> str:
@@ -16,31 +16,28 @@ def folders_text(root: str) -> str:
     found = list(find_results(root))
     if not found:
         return ""
-    table = table_text(
-        pd.DataFrame([folder_row(path, manifest) for path, manifest in found])
-    ).splitlines()
+    rows = pd.DataFrame([folder_row(path, manifest) for path, manifest in found])
     paths = ["results", *(str(path) for path, _ in found)]
-    return "\n".join(f"{line}  {path}" for line, path in zip(table, paths, strict=True))
+    lines = zip(table_text(rows).splitlines(), paths, strict=True)
+    width = max(len(line) for line in table_text(rows).splitlines())
+    return "\n".join(f"{line:{width}}  {path}" for line, path in lines)
 
 
 def folder_row(path: UPath, manifest: Manifest) -> dict[str, object]:
-    """Return the table row of a folder; a dash marks an unknown number."""
-    cells = manifest.get("cells")
-    finished = manifest.get("finished", False)
+    """The table row of a folder; a dash marks an unknown number."""
+    cells, finished = manifest.get("cells"), manifest.get("finished", False)
     held = Results(path)
     analyses = "" if held.has_run else ", ".join(held.analyses)
     lanes = manifest["lanes"] if finished else {"ok": "-", "failed": "-"}
+    written = "-"
+    if manifest:
+        file = path / "manifest.json"
+        written = f"{file.fs.modified(file.path).astimezone():%Y-%m-%d %H:%M}"
     return {
         "cells": cells or "-",
         "lanes": sum(samples_of_cells(manifest, cells)) if cells else "-",
         "ok": lanes["ok"],
         "failed": lanes["failed"],
         "": "finished" if finished else analyses or "unfinished",
-        "written": last_written(path) if manifest else "-",
+        "written": written,
     }
-
-
-def last_written(path: UPath) -> str:
-    """Return the local time of the last write."""
-    file = path / "manifest.json"
-    return f"{file.fs.modified(file.path).astimezone():%Y-%m-%d %H:%M}"  # object stores tell it as a time

@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import pandas as pd
 
@@ -11,27 +11,24 @@ from jaxnet.view.columns import LATEX_ESCAPES, Column, as_frame, split_constant
 
 
 def in_format(columns: Sequence[Column], name: str, notes: Sequence[str] = ()) -> str:
-    """Return a table in the named format; LaTeX has the notes as comments."""
-    first, *lines = FORMAT_WRITERS[name](columns).rstrip("\n").split("\n")
-    comments = [f"% {' '.join(each.split())}" for each in notes] if name == "latex" else []
-    return "\n".join([first, *comments, *lines])
+    """Table in the named format; LaTeX has the notes as comments."""
+    if name == "csv":
+        return csv_text(as_frame(columns)).rstrip("\n")
+    if name == "markdown":
+        return markdown(columns)
+    first, *lines = latex(columns).split("\n")
+    return "\n".join([first, *(f"% {' '.join(each.split())}" for each in notes), *lines])
 
 
 def columns_of(table: pd.DataFrame) -> list[Column]:
-    """Return the columns of a table that has no intervals."""
     values = {str(name): table[name].tolist() for name in table}
     return [
         Column(name, name, name.translate(LATEX_ESCAPES), each) for name, each in values.items()
     ]
 
 
-def csv(columns: Sequence[Column]) -> str:
-    """Return a table as CSV, with all digits."""
-    return csv_text(as_frame(columns))
-
-
 def markdown(columns: Sequence[Column]) -> str:
-    """Return a table as Markdown, for GitHub, pandoc and notebooks."""
+    """Table as Markdown, for GitHub, pandoc and notebooks."""
     rule = ["---:" if each.numeric else "---" for each in columns]
     rows = zip(*(each.texts() for each in columns), strict=True)
     lines = ([each.title for each in columns], rule, *rows)
@@ -40,10 +37,11 @@ def markdown(columns: Sequence[Column]) -> str:
 
 
 def latex(columns: Sequence[Column]) -> str:
-    r"""Return a LaTeX `tabular` of the package booktabs; what is the same in all cells is a comment.
+    r"""Return a LaTeX `tabular` of the package booktabs; what is the same in all cells is a
+    comment.
 
-    A value of a swept key stands once where rows below it repeat it, and `\addlinespace` parts the groups of
-    the first key.
+    A value of a swept key stands once where rows below it repeat it, and `\addlinespace` parts the
+    groups of the first key.
     """
     shown, constant = split_constant(columns)
     shown = [each for each in shown if each.name != "cell"] or shown
@@ -56,14 +54,12 @@ def latex(columns: Sequence[Column]) -> str:
 
 
 def spanning_titles(shown: Sequence[Column]) -> list[str]:
-    """Return the line of titles above the columns of one quantity each, with its rules; none without any."""
-    runs = [
-        (title, len(list(run))) for title, run in itertools.groupby(each.across for each in shown)
-    ]
-    if len(runs) == 1 and not runs[0][0]:
+    """Line of titles above the columns of one quantity each, with its rules."""
+    if not any(each.across for each in shown):
         return []
     entries, rules, place = [], [], 1
-    for title, width in runs:
+    for title, run in itertools.groupby(each.across for each in shown):
+        width = len(list(run))
         entries += [rf"\multicolumn{{{width}}}{{c}}{{{title}}}"] if title else [""] * width
         rules += [rf"\cmidrule(lr){{{place}-{place + width - 1}}}"] if title else []
         place += width
@@ -71,13 +67,13 @@ def spanning_titles(shown: Sequence[Column]) -> list[str]:
 
 
 def tabular_line(entries: Sequence[str]) -> str:
-    """Return a line of a table, whose start no command before it takes for its option."""
+    """A line of a table, whose start no command before it takes for its option."""
     line = " & ".join(entries)
     return f"{'{}' * line.startswith(('[', '*'))}{line} \\\\"
 
 
 def grouped_rows(shown: Sequence[Column]) -> list[str]:
-    """Return the rows; all swept keys but the last have their values once, the first has space between."""
+    """The rows; all swept keys but the last have their values once, the first has space between."""
     texts = [
         [latex_number(text) if each.numeric else latex_text(text) for text in each.texts()]
         for each in shown
@@ -96,23 +92,16 @@ def grouped_rows(shown: Sequence[Column]) -> list[str]:
 
 
 def latex_number(text: str) -> str:
-    """Return a number with its interval in LaTeX: a dash for what is not known, minus signs as such."""
+    """A number with its interval in LaTeX: a dash for what is not known, minus signs as such."""
     dashed = re.sub(r"(?<!\w)-(?!\d)", "--", text)
     return latex_text(dashed, minus="$-$")
 
 
 def latex_text(text: str, minus: str = "-") -> str:
-    """Return a value in LaTeX; powers of ten are typeset. `minus` stands before negative numbers."""
+    """A value in LaTeX; powers of ten are typeset. `minus` stands before negative numbers."""
     signed = re.sub(r"(?<![\w-])-(?=\d)", lambda _: minus, text.translate(LATEX_ESCAPES))
     return re.sub(
         r"(\d)e([-+]?)0*(\d+)",
         lambda found: rf"{found[1]}$\cdot10^{{{found[2].strip('+')}{found[3]}}}$",
         signed,
     )
-
-
-FORMAT_WRITERS: dict[str, Callable[[Sequence[Column]], str]] = {
-    "csv": csv,
-    "markdown": markdown,
-    "latex": latex,
-}

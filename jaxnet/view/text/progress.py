@@ -8,17 +8,24 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from jaxnet.config.cells import is_leaderless
+from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.steps import Steps
-from jaxnet.view.text import standing
+from jaxnet.view.text.width import cell_title, four_digits
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress, ProgressColumn
+    from rich.text import Text
 
     from jaxnet.runs.tally import Tally
 
 HEARTBEAT = 30.0  # [s]
 REFRESH = 2.0  # [1/s], for a notebook may keep every picture of the bar
+MOST_LINES = 8  # of cells below the bar
+OTHER_LINES = 5  # that are no cell's: the bar, the head, two notes, the one that the cursor is in
 
 ReportLanes = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
 ShowTally = Callable[["Tally"], None]
@@ -28,26 +35,20 @@ ShowTally = Callable[["Tally"], None]
 def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
     """Yield a function that takes the tally of a run and reports its progress.
 
-    A function `progress` receives the numbers of lanes done, in all and failed. None means a live bar on a
-    terminal or in a notebook, else no report. True means a line each half minute where no bar is possible.
-    False means no report.
+    A function `progress` receives the numbers of lanes done, in all and failed. None means a live
+    bar on a terminal or in a notebook, else no report. True means a line each half minute where no
+    bar is possible. False means no report.
     """
     if callable(progress):
         yield lambda tally: progress(tally.done, tally.total, tally.failed)
-    elif progress is not False and has_viewer():
-        with report_by_bar() as report:
-            yield report
-    elif progress:
-        with report_by_lines() as report:
-            yield report
-    else:
-        yield lambda tally: None
-
-
-def has_viewer() -> bool:
-    """Return whether stderr belongs to a terminal or a notebook."""
+        return
     ipython = "IPython" in sys.modules and sys.modules["IPython"].get_ipython() is not None
-    return sys.stderr.isatty() or ipython
+    bar = progress is not False and (sys.stderr.isatty() or ipython)
+    if not bar and not progress:
+        yield lambda tally: None
+        return
+    with report_by_bar() if bar else report_by_lines() as report:
+        yield report
 
 
 @contextlib.contextmanager
@@ -55,22 +56,16 @@ def report_by_bar() -> Iterator[ShowTally]:
     """Yield a function that updates a live bar, with the cells' results so far below it."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-    columns = [
-        TextColumn("lanes"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[speed]}"),
-        TextColumn("{task.fields[failed]} failed"),
-        TimeRemainingColumn(),
-    ]
+    fields = [TextColumn("{task.fields[speed]}"), TextColumn("{task.fields[failed]} failed")]
+    bar = [TextColumn("lanes"), BarColumn(), MofNCompleteColumn()]
     speed, now = Speed(), list["Tally"]()
 
     def below() -> "Iterable[RenderableType]":
         if now:
             live.update(task, speed=speed.words(now[0]))
-            yield from standing.standing_lines(now[0], live.console.width, live.console.height)
+            yield from standing_lines(now[0], live.console.width, live.console.height)
 
-    live = live_bar(columns, below)
+    live = live_bar([*bar, *fields, TimeRemainingColumn()], below)
     task = live.add_task("lanes", total=None, speed="", failed=0)
 
     def report(tally: "Tally") -> None:
@@ -86,23 +81,18 @@ def report_by_bar() -> Iterator[ShowTally]:
 def live_bar(
     columns: Iterable["ProgressColumn"], below: Callable[[], "Iterable[RenderableType]"]
 ) -> "Progress":
-    """Return a bar of these columns, drawn twice a second, with the output of `below` under it."""
+    """A bar of these columns, drawn twice a second, with the output of `below` under it."""
     from rich.console import Console
     from rich.progress import Progress
 
     class Live(Progress):
-        """With more than bars."""
-
         def get_renderables(self) -> "Iterable[RenderableType]":
-            """Yield the bar, then the lines below it; `below` runs first, as it may change the bar."""
-            beneath = list(below())
+            beneath = list(below())  # first, as it may change the bar
             yield from super().get_renderables()
             yield from beneath
 
     console = Console(stderr=True)
-    if console.is_jupyter and not importlib.util.find_spec(
-        "ipywidgets"
-    ):  # which rich would ask for
+    if console.is_jupyter and not importlib.util.find_spec("ipywidgets"):  # which rich asks for
         console = Console(stderr=True, force_jupyter=False, force_terminal=True)
     return Live(*columns, console=console, refresh_per_second=REFRESH)
 
@@ -119,11 +109,9 @@ def report_by_lines() -> Iterator[ShowTally]:
     def line() -> str:
         if not now:
             return ""
-        tally = now[0]
-        left = f"{speed.left(tally.aim - tally.done)} left"
-        return "  ".join(
-            [f"{tally.done}/{tally.aim} lanes", speed.words(tally), f"{tally.failed} failed", left]
-        )
+        done, aim, failed = now[0].done, now[0].aim, now[0].failed
+        words = f"{done}/{aim} lanes", speed.words(now[0]), f"{failed} failed"
+        return "  ".join([*words, f"{speed.left(aim - done)} left"])
 
     with print_regularly(line):
         yield report
@@ -150,7 +138,7 @@ def print_regularly(line: Callable[[], str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def report_steps() -> Iterator[Steps]:
-    """Yield a function that reports the steps of work other than a run; a terminal keeps no trace."""
+    """Yield a function that reports steps of work; a terminal keeps no trace."""
     if not sys.stderr.isatty():
         now = [""]
 
@@ -181,7 +169,6 @@ class Speed:
         self.rate = 0.0
 
     def note(self, done: int) -> None:
-        """Record the number of lanes done at this moment."""
         now = time.monotonic()
         if self.start is None:
             self.start = (now, done)
@@ -189,14 +176,46 @@ class Speed:
             self.rate = (done - self.start[1]) / (now - self.start[0])
 
     def words(self, tally: "Tally") -> str:
-        """Return the speed, or the present stage if no lane is done."""
+        """The speed, or the present stage if no lane is done."""
         if tally.compiling:
             return "compiling"
         return f"{self.rate:.3g} lanes/s" if self.rate else "first lanes under way"
 
     def left(self, lanes: int) -> str:
-        """Return the time for the remaining lanes, as h:mm:ss."""
         if not self.rate:
             return "unknown time"
         seconds = round(lanes / self.rate)
         return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | Text]":
+    """Yield a header, a line for each of the worst cells, and notes, as the height permits.
+
+    Nothing is yielded before the first lanes end, or in a terminal of a few lines.
+    """
+    found, room = tally.standing(), min(MOST_LINES, height - OTHER_LINES)
+    if not found or room < 1:
+        return
+    from rich.text import Text
+
+    asked = any(np.isfinite(each.unrecovered) for each in found)
+    mean = "spread [m]" if is_leaderless(tally.cells) else "tail mean [m]"
+    heads = ["lanes", mean, share_name(tally.cells)][: 3 if asked else 2]
+    found.sort(key=lambda each: (-np.nan_to_num(each.unrecovered, nan=-1.0), -each.mean))
+    worst = sorted(found[:room])
+    rows = [heads]
+    for each in worst:
+        share = f"{each.unrecovered:.3g}" if np.isfinite(each.unrecovered) else "-"
+        rows.append([f"{each.lanes:,}", four_digits(each.mean), share][: len(heads)])
+    columns = [2 + max(map(len, column)) for column in zip(*rows, strict=True)]
+    left = width - sum(columns)
+    names = ["so far", *(cell_title(tally.cells[each.cell], left) for each in worst)]
+    longest = max(map(len, names))
+    for name, words in zip(names, rows, strict=True):
+        numbers = "".join(f"{word:>{wide}}" for word, wide in zip(words, columns, strict=True))
+        yield Text(f"{name:<{longest}}{numbers}", no_wrap=True)
+    if len(tally.cells) > room:
+        by = f"shares {share_name(tally.cells)}" if asked else "means"
+        yield f"of {len(tally.cells)} cells those with the greatest {by}"
+    if tally.last_look:
+        yield Text(f"widest interval: {tally.last_look}", no_wrap=True)

@@ -3,7 +3,6 @@
 import shlex
 from collections.abc import Sequence
 from html import escape
-from textwrap import fill
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -15,23 +14,23 @@ from jaxnet.model.wording import cells_named, count, count_between
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
-from jaxnet.statistics.hull import hull_definition
+from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.summary import NO_MEAN_INTERVAL, interval_basis
+from jaxnet.statistics.shares import LANE_SHARES, hull_note
+from jaxnet.statistics.summary import interval_basis
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
 from jaxnet.view import columns
-from jaxnet.view.columns import SHARE_NAMES, Column
+from jaxnet.view.columns import Column, is_unknown
+from jaxnet.view.text.printer import fit_columns, table_text
 from jaxnet.view.text.width import (
-    LABEL_LENGTHS,
     MOST_ROWS,
-    Lettered,
     cell_title,
     cut_text,
-    lettered_text,
-    table_notes,
+    filled,
+    left_out_note,
     terminal_width,
 )
 
@@ -70,26 +69,26 @@ def summary_text(
     asked = asked_columns(results, names, where, sort, pivot)
     whole = columns.pivoted(asked, pivot) if pivot else asked
     varied, constant = columns.split_constant(whole)
-    fitting, text, is_cut = fit_columns(varied, most)
-    lines, rows = [text], len(whole[0].values)
-    shown = [each for each in asked if each.key is None] if pivot else fitting
-    if not any(each.ends for each in fitting):
-        shown = [each._replace(ends=None) for each in shown]
-    if most is not None and rows > most:
-        lines.append(
-            f"… {rows - most} more rows: `show --all` has all, `show --where KEY=VALUE` some"
-        )
-        shown = shown if pivot else [first_rows(each, most) for each in shown]
-    lines += [
-        fill(each, terminal_width()) for each in [constant, *summary_notes(results, shown)] if each
+    rows = len(whole[0].values)
+    few = range(rows if most is None else min(most, rows))
+    table, left_out, bare = narrow_table([each.at(few) for each in varied])
+    shown = asked if pivot else [each.at(few) for each in varied if each.title in table]
+    plain = {each.title for each in shown} if pivot and bare else {*bare}
+    shown = [
+        each._replace(ends=None, alike=None) if each.title in plain else each for each in shown
     ]
-    return "\n".join([*lines, *table_notes(left_out_titles(varied, fitting), is_cut, "cells.csv")])
+    lines = [table_text(table, label_titles(varied), terminal_width())]
+    if len(few) < rows:
+        hint = "`show --all` has all, `show --where KEY=VALUE` some"
+        lines.append(f"… {rows - len(few)} more rows: {hint}")
+    notes = filter(None, [constant, *summary_notes(results, shown)])
+    return "\n".join([*lines, *map(filled, notes), *left_out_note(left_out, "cells.csv")])
 
 
 def asked_columns(
     results: Results, names: Sequence[str], where: Where | None, sort: str | None, pivot: str | None
 ) -> list[Column]:
-    """Return the columns of the summary; without names, a pivoted one has the first quantity alone."""
+    """Columns of the summary; without names, a pivoted one has the first quantity alone."""
     found = columns.summary_columns(results, names, where, sort)
     if pivot is None or names:
         return found
@@ -97,142 +96,98 @@ def asked_columns(
     return [each for each in found if each.name not in quantities[1:]]
 
 
-def first_rows(column: Column, most: int) -> Column:
-    """Return the first rows of a column."""
-    ends = column.ends and (column.ends[0][:most], column.ends[1][:most])
-    return column._replace(
-        values=column.values[:most], ends=ends, sizes=column.sizes and column.sizes[:most]
-    )
+def label_titles(shown: Sequence[Column]) -> list[str]:
+    return [each.title for each in shown if each.key is not None and not each.numeric]
 
 
-def left_out_titles(varied: Sequence[Column], shown: Sequence[Column]) -> list[str]:
-    """Return the titles of the columns that are not shown, and of those shown without their intervals."""
-    there = {each.name: each for each in shown}
-    bare = [
-        each.title
-        for each in varied
-        if each.ends and each.name in there and not there[each.name].ends
-    ]
-    lost = [each.title for each in varied if each.name not in there]
-    which = (
-        "all intervals"
-        if not any(each.ends for each in shown)
-        else f"intervals of {', '.join(bare)}"
-    )
-    return [*[which] * bool(bare), *lost]
+def narrow_table(shown: Sequence[Column]) -> tuple[pd.DataFrame, list[str], list[str]]:
+    """Return the table that fits the terminal, what is left out, and the titles without intervals.
 
-
-def fit_columns(whole: Sequence[Column], most: int | None) -> tuple[list[Column], str, bool]:
-    """Return the columns that fit the terminal, as text, and whether labels were cut.
-
-    Beside the number of the cell and the labels, the first quantity keeps its interval. The others lose
-    theirs, then the last columns go; pivoted quantities lose theirs together. Then long labels lose their
-    ends. Finally label columns go, from the last on.
+    The first quantity keeps its interval. The others lose theirs, then the last columns go; pivoted
+    quantities lose theirs together. Finally columns of labels go, from the last on.
     """
-    numbered = whole[0].name == "cell"
-    first = numbered + sum(each.key is not None for each in whole)
-    kept = list(whole)
-    shown = [lettered(each, most) for each in kept]
-    if text_width(shown) > terminal_width():
-        intervals = first + (not any(each.across for each in whole))
-        kept = [
-            each if place < intervals else each._replace(ends=None)
-            for place, each in enumerate(kept)
-        ]
-        shown = [lettered(each, most) for each in kept]
-    while text_width(shown) > terminal_width() and len(shown) > first + 1:
-        del kept[-1], shown[-1]
-    is_cut = False
-    for room in LABEL_LENGTHS:
-        if text_width(shown) > terminal_width():
-            is_cut = True
-            shown[numbered:first] = [cut_column(each, room) for each in shown[numbered:first]]
-    while text_width(shown) > terminal_width() and first > 1:
-        first -= 1
-        del kept[first], shown[first]
-    return kept, lettered_text(shown), is_cut
-
-
-def lettered(column: Column, most: int | None) -> Lettered:
-    """Return the first rows of a column of the summary as text."""
-    return Lettered(column.title, column.texts()[:most], column.numeric)
-
-
-def cut_column(column: Lettered, room: int) -> Lettered:
-    """Return a column whose title and values have at most so many letters."""
-    return column._replace(
-        title=cut_text(column.title, room), values=[cut_text(text, room) for text in column.values]
-    )
-
-
-def text_width(shown: Sequence[Lettered]) -> int:
-    """Return the width of a table in letters."""
-    return max(map(len, lettered_text(shown).splitlines()))
+    quantities = [each for each in shown if each.key is None and each.name != "cell"]
+    first = 0 if any(each.across for each in shown) else 1
+    bare = {each.title: each.texts(intervals=False) for each in quantities[first:] if each.ends}
+    numbers = [each for each in shown if each.key is not None and each.numeric]
+    drops = [[each.title] for each in [*reversed(quantities[1:]), *reversed(numbers)]]
+    whole = pd.DataFrame({each.title: each.texts() for each in shown})
+    narrow = fit_columns(whole, label_titles(shown), [bare, *drops])
+    lost = [title for title, texts in bare.items() if title in narrow and [*narrow[title]] == texts]
+    every = not any(each.ends and each.title in narrow and each.title not in lost for each in shown)
+    which = "all intervals" if every else f"intervals of {', '.join(lost)}"
+    left_out = [str(title) for title in whole if title not in narrow]
+    return narrow, [which] * bool(lost) + left_out, lost
 
 
 def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
-    """Return what the columns leave open: which intervals they have, and what the greatest lane says."""
+    """What the columns leave open: which intervals they have, and what the greatest lane says."""
     config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
-    notes = [*interval_lines(config, shown), *missing_end_lines(shown)]
+    notes = [*interval_lines(config, shown), *missing_lines(results, shown)]
     if "unrecovered" in names and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
     if is_leaderless(cells):
-        told = {name.rpartition("_")[0] for name in names}
+        told = {name.split("_")[0] for name in names}
         notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in told]
-        notes += [hull_definition(cells)] if "in_hull" in names else []
+        notes += [hull_note(config, cells)] if "in_hull" in names else []
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
-    if names & {"tail_max_max", "spread_max"}:
-        notes += greatest_lines(results)
+    ended = [each for each in results.cells["ok"].tolist() if each]
+    if names & {"tail_max_max", "spread_max"} and ended and config.draws == "random":
+        share = 1 - below_greatest(min(ended))
+        words = f"with 95 % confidence at most {share:.2%} of all lanes of a cell are over it"
+        notes.append(f"worst is the greatest of the lanes simulated: {words}")
     return notes + caveat_lines(cells)
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
-    """Return a note on the intervals of shares, and one on those of means, where these are shown."""
     sure = f"{100 * confidence_told(config.samples):g} %"
-    ended = [
-        (each.title.partition(" [")[0], each.name in SHARE_NAMES) for each in shown if each.ends
-    ]
-    shares, means = (
-        [title for title, share in ended if share is wanted] for wanted in (True, False)
-    )
     exact = "exact binomial " if config.draws == "random" else "binomial "
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
-    of = ", ".join(shares)
-    told = [f"[low, high] of {of}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(
-        shares
-    )
-    basis = f"{sure} intervals of a mean over {interval_basis(config)}{at_once}"
-    return told + [f"[low, high] of {', '.join(means)}: {basis}"] * bool(means)
-
-
-def greatest_lines(results: Results) -> list[str]:
-    """Return a note on the confidence of the observed maximum, if lanes are independent."""
-    ended = [count for count in results.cells["ok"].tolist() if count]
-    if not ended or results.study.config.draws != "random":
-        return []
-    share = 1 - recovery.below_greatest(min(ended))
-    words = f"worst is the greatest of the lanes simulated: with 95 % confidence at most {share:.2%} of all"
-    return [f"{words} lanes of a cell are over it"]
-
-
-def missing_end_lines(shown: Sequence[Column]) -> list[str]:
-    """Return a note on cells whose mean has no complete interval, if the table shows such a mean."""
-    numbers = next((each.values for each in shown if each.name == "cell"), [])
-    where = {
-        number
-        for each in shown
-        if each.ends and each.name not in SHARE_NAMES
-        for number, value, *ends in zip(numbers, each.values, *each.ends, strict=True)
-        if not np.isnan(value) and np.isnan(ends).any()
+    kinds = {
+        "share": f"{exact}{sure} intervals (Clopper and Pearson)",
+        "median": f"{sure} intervals of order statistics",
+        "mean": f"{sure} intervals of a mean over {interval_basis(config)} (Student)",
     }
-    if not where:
-        return []
-    return [f"{NO_MEAN_INTERVAL}: {cells_named(sorted(where))}"]
+    found: dict[str, list[str]] = {}
+    for each in shown:
+        if each.ends:
+            kind = "share" if each.name in LANE_SHARES else each.name.rpartition("_")[2]
+            found.setdefault(kind, []).append(each.title.partition(" [")[0])
+    return [
+        f"[low, high] of {', '.join(found[kind])}: {words}{at_once}"
+        for kind, words in kinds.items()
+        if kind in found
+    ]
+
+
+def missing_lines(results: Results, shown: Sequence[Column]) -> list[str]:
+    """Notes on cells whose lanes all agree, and on those whose mean has no interval."""
+    numbers = next((each.values for each in shown if each.name == "cell"), [])
+    alike, without = set[int](), set[int]()
+    for each in shown:
+        same = each.alike or [False] * len(numbers)
+        alike |= {number for number, agree in zip(numbers, same, strict=True) if agree}
+        if each.name.endswith("_mean") and each.alike:
+            low = each.ends[0] if each.ends else [np.nan] * len(numbers)
+            lanes = zip(numbers, each.values, low, same, strict=True)
+            without |= {
+                number
+                for number, value, end, agree in lanes
+                if is_unknown(end) and not is_unknown(value) and not agree
+            }
+    notes = [f"{NO_MEAN_INTERVAL}: {cells_named(sorted(without))}"] * bool(without)
+    if alike and results.study.config.draws == "random":
+        fewest = min(results.cells["ok"].iloc[sorted(alike)].tolist())
+        share = 1 - below_greatest(fewest)
+        words = (
+            f"all lanes of {cells_named(sorted(alike))} agree ({count(fewest, 'lane')} at least)"
+        )
+        notes.append(f"alike: {words}; with 95 % confidence at most {share:.2%} of all do not")
+    return notes
 
 
 def setting_note(results: Results) -> str:
-    """Return samples, horizon and tail of a study, for a table that leaves the folder."""
     study = results.study
     samples = f"{count_between(results.samples, 'lane')} a cell"
     horizons = sorted({cell.scenario.horizon for cell in study.cells})
@@ -242,7 +197,6 @@ def setting_note(results: Results) -> str:
 
 
 def caveat_lines(cells: Sequence[Cell]) -> list[str]:
-    """Return notes on attacks that depart from the paper, with their cells."""
     found: dict[str, list[int]] = {}
     for cell in cells:
         words = known_or("of which no code is here", cell.scenario.attack.caveat)
@@ -251,7 +205,6 @@ def caveat_lines(cells: Sequence[Cell]) -> list[str]:
 
 
 def summary_html(results: Results) -> str:
-    """Return the summary for a notebook, or the reason that there is none."""
     try:
         shown, constant = columns.split_constant(columns.summary_columns(results))
     except FolderError as error:
@@ -259,40 +212,32 @@ def summary_html(results: Results) -> str:
     lanes = results.manifest["lanes"]
     name = "" if results.in_memory else f"{results.path}: "
     head = f"{name}{lanes['ok']:,} of {lanes['total']:,} lanes ok, {lanes['failed']:,} failed"
-    table = pd.DataFrame({each.title: each.texts() for each in shown}).to_html(
-        index=False, max_rows=MOST_ROWS, border=0
-    )
-    return f"<p>{escape(head)}</p>{table}" + (f"<p>{escape(constant)}</p>" if constant else "")
+    table = pd.DataFrame({each.title: each.texts() for each in shown})
+    html = table.to_html(index=False, max_rows=MOST_ROWS, border=0)
+    return f"<p>{escape(head)}</p>{html}" + (f"<p>{escape(constant)}</p>" if constant else "")
 
 
 def written_text(results: Results) -> str:
-    """Return the numbers of lanes, and the files that a run wrote."""
     lanes = results.manifest["lanes"]
-    names = ["cells.csv", "lanes/"]
     stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
-    names += [name for name in stores if (results.path / name).exists()]
+    names = ["cells.csv", "lanes/", *(name for name in stores if (results.path / name).exists())]
     return (
         f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
-        f" wrote {results.path}: {', '.join(names)}" + stop_reason(results)
+        f" wrote {results.path}: {', '.join(names)}{stop_reason(results)}"
     )
 
 
 def nothing_to_do_text(results: Results) -> str:
-    """Return the message of a run that found all lanes stored."""
     lanes = results.manifest["lanes"]
-    return (
-        f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
-        + stop_reason(results)
-    )
+    words = f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
+    return words + stop_reason(results)
 
 
 def next_command(results: Results) -> str:
-    """Return the command that follows a run."""
     return f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
 
 
 def part_text(run: Part) -> str:
-    """Return the result of one part of a run that was split by --shard."""
     if run.simulated:
         there = run.shards - run.simulated
         words = f"{run.simulated} shards simulated, {there} were there; {run.failed} lanes failed;"
@@ -303,7 +248,7 @@ def part_text(run: Part) -> str:
 
 
 def stop_reason(results: Results) -> str:
-    """Return why a run with a sequential number of samples stopped; empty for another run."""
+    """Say why a run with a sequential number of samples stopped; empty for another run."""
     samples = results.study.config.samples
     if not isinstance(samples, Sequential):
         return ""
@@ -319,52 +264,38 @@ def stop_reason(results: Results) -> str:
         )
         share = recovery.share_name(results.study.cells)
         words += f"the widest interval of the share {share} is ± {halves.max():.2g}, {why}"
-    return f"\n{fill(words, terminal_width())}"
+    return f"\n{filled(words)}"
 
 
 def failures_text(results: Results) -> str:
-    """Return the failed lanes with the commands that replay them; empty if there are none."""
-    count, failed = results.failed(MOST_FAILURES)
+    """Failed lanes with the commands that replay them; empty if there are none."""
+    many, failed = results.failed(MOST_FAILURES)
     rows: Any = failed.itertuples()
-    lines = [
-        f"failed: {lane_title(results, row)}: {row.status}"
-        f"{cut_off_words(getattr(row, 'cut_off', 0), getattr(row, 'cut_off_at', 0.0))}\n"
-        f"  {results.replay_command(row.cell, row.sample)}"
-        for row in rows
-    ]
-    if count > MOST_FAILURES:
-        lines.append(f"… {count - MOST_FAILURES} more; see the column status in lanes/")
-    lines += [
-        f"{status}: {FAILURE_REASONS[status]}"
-        for status in failed["status"].unique()
-        if status in FAILURE_REASONS
-    ]
+    lines = []
+    for row in rows:
+        vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
+        since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
+        lines.append(f"failed: {lane_title(results, row)}: {row.status}{since}")
+        lines.append(f"  {results.replay_command(row.cell, row.sample)}")
+    if many > MOST_FAILURES:
+        lines.append(f"… {many - MOST_FAILURES} more; see the column status in lanes/")
+    kinds = failed["status"].unique()
+    lines += [f"{kind}: {FAILURE_REASONS[kind]}" for kind in kinds if kind in FAILURE_REASONS]
     return "\n".join(lines)
 
 
-def cut_off_words(vehicle: int, since: float) -> str:
-    """Return which vehicle was cut off first, and when; "" for number 0, which is none."""
-    return f", vehicle {vehicle} since {since:g} s" if vehicle else ""
-
-
 def lane_title(results: Results, row: LaneRow) -> str:
-    """Return cell and sample of a lane, short enough for a line with a word or two more."""
-    return (
-        f"{cell_title(results.study.cells[row.cell], terminal_width() - 40)}, sample {row.sample}"
-    )
+    title = cell_title(results.study.cells[row.cell], terminal_width() - 40)
+    return f"{title}, sample {row.sample}"
 
 
 def lane_text(results: Results, row: pd.Series) -> str:
-    """Return the row of a lane, and whether the stored row equals it."""
-    cell, sample = map(int, row.loc[["cell", "sample"]].tolist())
-    stored = results.row(cell, sample)
-    lines = row.map(
-        lambda value: cut_text(value, terminal_width() - 4 - max(map(len, row.index)))
-    ).to_string()
+    """Row of a lane, and whether the stored row equals it."""
+    stored = results.row(*map(int, row.loc[["cell", "sample"]].tolist()))
+    room = terminal_width() - 4 - max(map(len, row.index))
+    lines = row.map(lambda value: cut_text(value, room)).to_string()
     if stored is None:
         return f"{lines}\nno such row is stored"
     apart = stored.compare(row, result_names=("stored", "replayed"))
-    verdict = (
-        "the same as the stored row" if apart.empty else f"DIFFERS from the stored row:\n{apart}"
-    )
-    return f"{lines}\n{verdict}"
+    differs = f"DIFFERS from the stored row:\n{apart}"
+    return f"{lines}\n{'the same as the stored row' if apart.empty else differs}"

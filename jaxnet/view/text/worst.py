@@ -1,6 +1,4 @@
-"""Output of `jaxnet search`: the worst choice found in each cell, beside random lanes and bounds."""
-
-from textwrap import fill
+"""Output of `jaxnet search`: the worst choice in each cell, beside random lanes and bounds."""
 
 import numpy as np
 import pandas as pd
@@ -8,7 +6,8 @@ import pandas as pd
 from jaxnet.config.cells import is_leaderless
 from jaxnet.statistics.recovery import criterion_words
 from jaxnet.store.results import Results
-from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_text, terminal_width
+from jaxnet.view.text.printer import fitted_text
+from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
 SEARCH_DROP_ORDER = (
     ("lanes",),
@@ -20,32 +19,31 @@ SEARCH_DROP_ORDER = (
 
 
 def search_text(results: Results) -> str:
-    """Return a table with a line for each cell."""
     labels = list(results.study.cells[0].labels)
-    shown, left_out, is_cut = fit_terminal(
-        worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER
+    text, left_out = fitted_text(worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER)
+    late = f"late: at {late_times(results)}; fresh: from other starts"
+    head = f"the worst {maximised_text(results)}; {late}"
+    notes = [filled(each) for each in (starts_text(results), *limit_lines(results))]
+    return "\n".join(
+        [head, text, *notes, *left_out_note(left_out, str(results.path / "worst.csv"))]
     )
-    head = f"the worst {maximised_text(results)}; late: at {late_times(results)}; fresh: from other starts"
-    tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
-    notes = [fill(each, terminal_width()) for each in (starts_text(results), *limit_lines(results))]
-    return "\n".join(filter(None, [head, table_text(shown), *notes, tail]))
 
 
 def starts_text(results: Results) -> str:
-    """Return from how many starts a choice is tried, beside those of random lanes."""
+    """From how many starts a choice is tried, beside those of random lanes."""
     asked = results.study.config.search
     assert asked is not None
     same = (
         "the same start" if asked.starts == 1 else f"the same {asked.starts:,} starts, their mean"
     )
     return (
-        f"found: every choice from {same}; random lanes: each a choice and a start of its own, the greatest"
-        " lane; so random lanes may be above what was found, from a worse start"
+        f"found: every choice from {same}; random lanes: each a choice and a start of its"
+        " own, the greatest lane; so random lanes may be above what was found, from a worse start"
     )
 
 
 def limit_lines(results: Results) -> list[str]:
-    """Return the limits of `subject_to`, how many further starts fulfil them, and where no choice does."""
+    """Limits of `subject_to`, how many further starts fulfil them, and where no choice does."""
     asked = results.study.config.search
     assert asked is not None
     if not asked.subject_to:
@@ -65,25 +63,22 @@ def limit_lines(results: Results) -> list[str]:
 
 
 def late_times(results: Results) -> str:
-    """Return the times until which the late runs of the choices last."""
     times = results.worst["until"]
     return " or ".join(f"{time:g} s" for time in sorted(set(times)))
 
 
 def maximised_text(results: Results) -> str:
-    """Return the maximised metric and its scale."""
     words = metric_with_unit(results)
     return words.replace(" [m]", ", per ā") if is_per_size(results) else words
 
 
 def is_per_size(results: Results) -> bool:
-    """Return whether lengths are told per ā: every cell follows a navigator and has a known ā > 0."""
+    """Whether lengths are told per ā: every cell follows a navigator and has a known ā > 0."""
     sized = (results.worst["magnitude"] > 0).all()
     return metric_unit(results) == "m" and not is_leaderless(results.study.cells) and bool(sized)
 
 
 def metric_with_unit(results: Results) -> str:
-    """Return the maximised metric, with its unit if it has one."""
     asked = results.study.config.search
     assert asked is not None
     told = f"{asked.maximise} [{metric_unit(results)}]".removesuffix(" []")
@@ -92,7 +87,6 @@ def metric_with_unit(results: Results) -> str:
 
 
 def metric_unit(results: Results) -> str:
-    """Return the unit of the maximised metric; empty for a share."""
     config = results.study.config
     assert config.search is not None
     return {each.name: each.column_unit for each in config.measured()}.get(
@@ -107,16 +101,12 @@ def worst_rows(results: Results) -> pd.DataFrame:
     """
     found, labels = results.worst, list(results.study.cells[0].labels)
     size = found["magnitude"] if is_per_size(results) else 1.0
+    titles = {"found": "found", "late": "late", "greatest": "greatest", "random": "random lanes"}
+    titles |= {"bound": "bound", "ratio": "bound / found"}
+    titles |= {"fresh": "fresh mean", "fresh_low": "fresh least 5 %", "nonlinear": "nonlinear"}
+    ratio = found["bound"] / found["found"]
     per = {
-        "found": found["found"] / size,
-        "late": found["late"] / size,
-        "greatest": found["greatest"] / size,
-        "random lanes": found["random"] / size,
-        "bound": found["bound"] / size,
-        "bound / found": found["bound"] / found["found"],
-        "fresh mean": found["fresh"] / size,
-        "fresh least 5 %": found["fresh_low"] / size,
-        "nonlinear": found["nonlinear"] / size,
+        title: ratio if name == "ratio" else found[name] / size for name, title in titles.items()
     }
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
         per = {name: values for name, values in per.items() if "bound" not in name}

@@ -7,6 +7,7 @@ import pytest
 import jaxnet
 from jaxnet.engine.metrics import all_defined
 from jaxnet.kinds.metrics import Metric
+from jaxnet.statistics.summary import metric_statistics
 from tests import systems
 
 KEYS = {"horizon": 2.0, "tail": 0.5, "output_step": 0.1, "defence": "none"}
@@ -91,6 +92,12 @@ def test_what_a_metric_may_be_it_declares(undefined, told):
     """A number, infinite or none; a metric that declares nothing is a number."""
     metric = Metric("any", "", never, undefined=undefined)
     assert all_defined([metric], {"any": jnp.array([2.0, jnp.inf, jnp.nan])}).tolist() == told
+
+
+def test_a_quantile_of_infinite_values_is_one_of_them():
+    """No number is between the last finite one and infinity."""
+    found = metric_statistics(np.array([1.0, 2.0, np.inf]))
+    assert (found["median"], found["q95"], found["mean"]) == (2.0, np.inf, np.inf)
 
 
 def test_the_column_of_an_integral_has_seconds_in_its_unit():
