@@ -1,4 +1,6 @@
-"""Folders of `sensitivity` and `rare`, in which no run of the study is: shown, drawn, reported and opened."""
+"""Folders of `sensitivity` and `rare`, in which no run of the study is: shown, drawn, reported and
+opened.
+"""
 
 import re
 
@@ -76,7 +78,7 @@ def test_the_page_and_the_figure_need_no_run(shelf, tmp_path):
 
 
 def test_python_opens_them(shelf):
-    """With tables and a repr that say what is there; what needs lanes names the command that makes them."""
+    """With tables and a repr that say what is there."""
     sens, rare, both = (jaxnet.open(shelf / name) for name in ("sens", "rare", "both"))
     assert repr(sens) == f"Results({str(shelf / 'sens')!r}, sensitivity)"
     assert repr(both) == f"Results({str(shelf / 'both')!r})"

@@ -1,4 +1,6 @@
-"""Results of a stranger: looked at without running what they name, and whatever they hold told in a line."""
+"""Results of a stranger: looked at without running what they name, and whatever they hold told in
+a line.
+"""
 
 import io
 import json
@@ -72,7 +74,7 @@ sweep:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A stranger's results, beside whose study lies a module that leaves a marker when it is run."""
+    """A stranger's results, beside whose study lies a module that leaves a marker when run."""
     home = tmp_path_factory.mktemp("stranger")
     (home / "their_kinds.py").write_text(KINDS)
     (home / "study.yaml").write_text(STUDY)
@@ -134,7 +136,7 @@ def test_looking_needs_no_code(results, tmp_path, monkeypatch):
 
 
 def test_what_needs_code_says_what_brings_it(results):
-    """A replay, a film and a figure of networks, in one line each; the report leaves them out and says so."""
+    """A replay, a film and a figure of networks."""
     for words in (["replay", "."], ["animate", "."]):
         line = one_line(*words, "--cell", 0, "--sample", 0)
         assert line.startswith("the code of their_kinds:Line, their_kinds:Mine, their_kinds:Rule,")
@@ -163,7 +165,7 @@ def test_the_page_is_made_without_code(results, monkeypatch):
 
 
 def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch):
-    """From there a lane is simulated again as it was; the folder's own module only if it is trusted."""
+    """From there a lane is simulated again as it was."""
     home = made.parent / "home"
     home.mkdir(exist_ok=True)
     shutil.copy(made.parent / "kept.py", home / "their_kinds.py")
@@ -192,7 +194,9 @@ def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch)
     ],
 )
 def test_whatever_a_study_names_is_a_name(named, results):
-    """Modules beside it, of Python, at a path: shown, not imported, also where nothing is said of them."""
+    """Modules beside it, of Python, at a path: shown, not imported, also where nothing is said of
+    them.
+    """
     study = yaml.safe_load(Path("study.yaml").read_text())
     study["attack"] = {"kind": named, "vehicles": [2]}
     Path("study.yaml").write_text(yaml.dump(study))
@@ -407,7 +411,9 @@ HTML = '</script><script>alert(1)</script>"><img src=x onerror=alert(1)>'
 
 
 def test_nothing_of_results_becomes_html(results, tmp_path, monkeypatch):
-    """Labels, the words of kinds, statuses, metrics, versions and the folder's name, on both pages."""
+    """Labels, the words of kinds, statuses, metrics, versions and the folder's name, on both
+    pages.
+    """
     from jaxnet.view import page
 
     study = yaml.safe_load(Path("study.yaml").read_text())
