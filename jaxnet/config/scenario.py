@@ -1,4 +1,4 @@
-"""A scenario on the host: its graph and links as NumPy arrays, its times, and premises of theorems."""
+"""A scenario on the host: its graph and links as NumPy arrays, times, premises of theorems."""
 
 import itertools
 import math
@@ -17,11 +17,11 @@ MOST_DRAWN_SETS = 1_000  # sets of attacked vehicles that are tried one by one, 
 
 
 class Situation(NamedTuple):
-    """The graph of a scenario, its attacked and trusted links, and the sources that may be retained (None:
-    unknown).
+    """The graph of a scenario, attacked and trusted links, sources that may be retained.
 
-    If weights are drawn, the graph has their medians. All lanes of a cell share a situation unless each lane
-    draws its own graph.
+    `retained` is None if these are not known.
+    If weights are drawn, the graph has their medians. All lanes of a cell share a situation unless
+    each lane draws its own graph.
     """
 
     graph: Digraph
@@ -40,7 +40,7 @@ def situation_of(scenario: Scenario) -> Situation:
 
 
 def scenario_graph(scenario: Scenario) -> Digraph:
-    """Return the graph of a scenario, with rows that sum to 1; without a navigator, without its links."""
+    """Return the graph, with rows that sum to 1; without a navigator, without its links."""
     graph = scenario.topology.normalised_rows(scenario.vehicles)
     return graph if scenario.navigator.present else normalised(without_navigator(graph))
 
@@ -57,9 +57,7 @@ def without_navigator(graph: Digraph) -> Digraph:
 
 
 def is_ideal(scenario: Scenario) -> bool:
-    """Return whether the theory's premises hold: exact sensors, one network, and every message arrives at
-    once.
-    """
+    """Whether sensors are exact, there is one network, and every message arrives at once."""
     one_network = len(scenario.topology.turns()) == 1
     channel = scenario.channel.loss.perfect() and scenario.channel.noise.exact()
     channel = channel and not scenario.channel.rounded
@@ -69,9 +67,9 @@ def is_ideal(scenario: Scenario) -> bool:
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
     """Return the safe vehicles, by reason, of this graph if these links are attacked.
 
-    A sybil is one more attacked source, and hears the navigator alone. A reason that needs consistent
-    announcements is left out if attacked links announce otherwise. No reason is known without the premises
-    of MOTION. A vehicle that moves as it tells is not safe.
+    A sybil is one more attacked source, and hears the navigator alone. A reason that needs
+    consistent announcements is left out if attacked links announce otherwise. No reason is known
+    without the premises of MOTION. A vehicle that moves as it tells is not safe.
     """
     if broken_premise(scenario, MOTION):
         return []
@@ -104,7 +102,7 @@ def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
 
 
 def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
-    """Return the attacked links for each set of vehicles that a lane may draw, None for too many sets.
+    """Return the attacked links for each set of vehicles that a lane may draw, None for many.
 
     Where vehicles are listed or nobody is attacked, there is one set.
     """
@@ -137,16 +135,14 @@ def safe_in_all(scenario: Scenario, graph: Digraph, draws: Sequence[Links]) -> l
 
 
 def short_reason(reason: Safe) -> str:
-    """Return a reason without its numbers, which differ from one set of attacked links to another."""
+    """Return a reason without its numbers, which differ between sets of attacked links."""
     return reason.why.partition(",")[0]
 
 
 def with_sybils(
     graph: Digraph, attacked: Links, trusted: Links, more: int
 ) -> tuple[Digraph, np.ndarray, np.ndarray]:
-    """Return the graph and its attacked and trusted links with `more` additional vehicles for each attacked
-    source.
-    """
+    """Return graph, attacked and trusted links with `more` vehicles for each attacked source."""
     listeners, slots = graph.edges()
     sources, lies = graph.sources[listeners, slots], attacked[listeners, slots]
     liars, number = np.unique(sources[lies], return_inverse=True)
@@ -166,7 +162,7 @@ def with_sybils(
 
 
 def differs_by_lane(scenario: Scenario) -> bool:
-    """Return whether lanes have graphs, weights or gains of their own, and therefore bounds of their own."""
+    """Whether lanes have graphs, weights or gains, and therefore bounds, of their own."""
     return scenario.topology.differs() or scenario.draws_gain
 
 
@@ -178,7 +174,7 @@ class Premise(NamedTuple):
 
 
 def settles(scenario: Scenario) -> bool:
-    """Return whether errors die away with the gains in use: one gain, weights that stay, or no cycle."""
+    """Whether errors die away with the gains in use: one gain, weights that stay, or no cycle."""
     if scenario.own_gains is None:
         return True
     graph, _, _, kept = situation_of(scenario)
@@ -244,8 +240,8 @@ def broken_premise(scenario: Scenario, needed: Sequence[str]) -> str:
 
 
 def has_ticks(scenario: Scenario) -> bool:
-    """Return whether anything happens at ticks: a decision, other attacked vehicles, a sum of effects, a held
-    jerk, noise, a loss.
+    """Whether anything happens at ticks: a decision, other attacked vehicles, a sum of effects, a
+    held jerk, noise, a loss.
     """
     attack = scenario.attack
     decides = scenario.defence.decides or attack.strategic or bool(attack.periods())
