@@ -47,8 +47,8 @@ with_shapes = jaxtyping.jaxtyped
 def checked(function=None, *, typechecker):
     """Decorate a function or class so that annotations hold, for less than jaxtyping's own decorator takes.
 
-    jaxtyping's decorator binds the arguments and checks them twice, in every call. Shapes need the binding
-    alone, and functions without arrays need neither. Names in quotes are left to jaxtyping.
+    jaxtyping's decorator binds the arguments and checks them twice, in every call. Shapes need the
+    binding alone, and functions without arrays need neither. Names in quotes are left to jaxtyping.
     """
     if function is None:
         return functools.partial(checked, typechecker=typechecker)

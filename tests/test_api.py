@@ -1,4 +1,6 @@
-"""What a script or a notebook does: studies from what it holds, results and all that can be made of them."""
+"""What a script or a notebook does: studies from what it holds, results and all that can be made
+of them.
+"""
 
 import doctest
 import gc
@@ -60,7 +62,7 @@ def in_process(code: str, **environment: str) -> str:
     return subprocess.check_output([sys.executable, "-c", code], text=True, env=kept | environment)
 
 
-# --- what there is ---------------------------------------------------------------------------------
+# --- what there is --------------------------------------------------------------------------------
 
 
 def test_the_package_says_what_there_is():
@@ -108,7 +110,8 @@ def test_the_page_of_the_interface_has_every_public_name():
 def test_loading_imports_nothing_that_simulates_or_reads():
     """A script or the command's `--help` starts at once."""
     code = (
-        "import sys, jaxnet; dir(jaxnet); print([n for n in ('numpy', 'pydantic') if n in sys.modules])\n"
+        "import sys, jaxnet; dir(jaxnet)\n"
+        "print([n for n in ('numpy', 'pydantic') if n in sys.modules])\n"
         "try: jaxnet.load({'horizn': 1})\n"
         "except jaxnet.ConfigError: jaxnet.load({})\n"
         "print([n for n in ('jax', 'pandas', 'zarr', 'matplotlib') if n in sys.modules])"
@@ -116,7 +119,7 @@ def test_loading_imports_nothing_that_simulates_or_reads():
     assert in_process(code) == "[]\n[]\n"
 
 
-# --- a study out of what a script holds ------------------------------------------------------------
+# --- a study out of what a script holds -----------------------------------------------------------
 
 
 def test_a_mapping_is_read_like_a_file(tmp_path):
@@ -233,7 +236,7 @@ def test_a_study_is_shown_in_few_words():
     assert len(html) < 500
 
 
-# --- runs ------------------------------------------------------------------------------------------
+# --- runs -----------------------------------------------------------------------------------------
 
 
 def test_a_run_takes_a_path_a_mapping_or_a_study(results, tmp_path):
@@ -292,7 +295,8 @@ def test_python_keeps_compiled_programs_as_the_command_does(tmp_path):
     assert list(tmp_path.glob("jaxnet/xla/*/*-cache"))
     code = (
         "import jax; jax.config.update('jax_compilation_cache_dir', '/mine')\n"
-        "from jaxnet.runs.cache import enable; enable(); print(jax.config.jax_compilation_cache_dir)"
+        "from jaxnet.runs.cache import enable; enable()\n"
+        "print(jax.config.jax_compilation_cache_dir)"
     )
     assert in_process(code, XDG_CACHE_HOME=str(tmp_path)) == "/mine\n"
 
@@ -307,7 +311,7 @@ def test_flags_of_xla_that_are_set_stand(monkeypatch):
     assert "small_while_loop" in os.environ["XLA_FLAGS"]
 
 
-# --- results ---------------------------------------------------------------------------------------
+# --- results --------------------------------------------------------------------------------------
 
 
 def test_a_lane_is_replayed_by_the_numbers_that_a_table_holds(results):
@@ -360,7 +364,7 @@ def test_results_are_fitted_and_reported(results, monkeypatch):
 
 
 def test_run_and_search_take_the_same_arguments():
-    """By name, order and default, in Python; options of the command line too, but for parts of a run."""
+    """By name, order and default."""
     run, search = (
         inspect.signature(each).parameters.values() for each in (jaxnet.run, jaxnet.search)
     )
@@ -372,7 +376,7 @@ def test_run_and_search_take_the_same_arguments():
 
 
 def test_fits_and_replays_are_written_where_they_are_asked_for(tmp_path, monkeypatch):
-    """Into `out`, with the values that are returned; nothing is added to the results' own folder."""
+    """Into `out`, with the values that are returned."""
     monkeypatch.setattr(fits, "RESAMPLES", 2)
     results = jaxnet.run(KEYS, tmp_path / "results", progress=False)
     before = sorted(results.path.rglob("*"))

@@ -242,7 +242,8 @@ def test_a_script_gives_so_many_values(monkeypatch):
 
 WORDS = """0 ¦ -0.0 ¦ -1 ¦ 1e309 ¦ -1e308 ¦ .inf ¦ .nan ¦ 9223372036854775808 ¦ 1e-320 ¦ null ¦ true
  ¦ '' ¦ [] ¦ {} ¦ [[[]]] ¦ &a [*a] ¦ {uniform: [0, 1]} ¦ {each: 1} ¦ ٣ ¦ "\\0" ¦ {<<: {a: 1}}
- ¦ {linspace: [0, 1, 3]} ¦ !!str 1 ¦ {share: 0.5} ¦ {1: 2} ¦ none ¦ [1, 0, 1] ¦ {random: 3} ¦ '\\ud800'
+ ¦ {linspace: [0, 1, 3]} ¦ !!str 1 ¦ {share: 0.5} ¦ {1: 2} ¦ none ¦ [1, 0, 1] ¦ {random: 3}
+ ¦ '\\ud800'
  ¦ \t ¦ star ¦ rotating ¦ {kind: file, path: /dev/null}""".replace("\n", "").split(" ¦ ")
 WORDS += ["9" * 400, "0x" + "f" * 99]
 SEEDS = [
@@ -351,7 +352,8 @@ def test_yaml_is_read_as_version_1_2(text: str, key: str, value: Any, tmp_path: 
         "gain: [8.9, 3, 3]",
         "gain: [{uniform: [0.1, 8.9]}, {choice: [3, 4]}, {normal: [3, 0]}]",
         "topology: {navigator_weight: {uniform: [1e-9, 0.999]}}",
-        "vehicles: 1\nattack: none\ntopology: {kind: edges, edges: [[1, 0, {uniform: [1e-9, 1e9]}]]}",
+        "vehicles: 1\nattack: none\n"
+        "topology: {kind: edges, edges: [[1, 0, {uniform: [1e-9, 1e9]}]]}",
         "engine: {rtol: {uniform: [1e-9, 0.999]}, atol: {normal: [1e-9, 0]}}",
         "defence: {tolerance: {uniform: [0, 1]}}",
         "seed: 9223372036854775807",
@@ -410,7 +412,8 @@ def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
         (
             "sweep: {topology: [star, cyclic], attack.magnitude: [0, 5]}",
             [],
-            "topology='star', attack.magnitude=0; topology='star', attack.magnitude=5; topology='cyclic', attack.magnitude=0; topology='cyclic', attack.magnitude=5",
+            "topology='star', attack.magnitude=0; topology='star', attack.magnitude=5;"
+            " topology='cyclic', attack.magnitude=0; topology='cyclic', attack.magnitude=5",
         ),
         (
             "sweep: {attack: [bias, sinusoid], attack.direction: [1.5]}",
@@ -433,12 +436,15 @@ def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
             "defence='weak'; defence='trusted_trim(theta=2)'",
         ),
         (
-            "vehicles: 2\nattack: none\nsweep:\n  topology:\n    - {kind: edges, edges: [[1, 0, 1], [2, 0, 1]], label: fan}\n    - {kind: edges, edges: [[1, 0, 1], [2, 1, 1]], label: line}\n    - path",
+            "vehicles: 2\nattack: none\nsweep:\n  topology:\n"
+            "    - {kind: edges, edges: [[1, 0, 1], [2, 0, 1]], label: fan}\n"
+            "    - {kind: edges, edges: [[1, 0, 1], [2, 1, 1]], label: line}\n    - path",
             [],
             "topology='fan'; topology='line'; topology='path'",
         ),
         (
-            "vehicles: 1\nattack: none\nsweep: {topology: [star, {kind: edges, edges: [[1, 0, 1]]}]}",
+            "vehicles: 1\nattack: none\n"
+            "sweep: {topology: [star, {kind: edges, edges: [[1, 0, 1]]}]}",
             [],
             "topology='star'; topology='edges'",
         ),
@@ -455,10 +461,12 @@ def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
         (
             "sweep: {attack.magnitude: [0, 0.5, {uniform: [0, 1]}]}",
             [],
-            "attack.magnitude='0'; attack.magnitude='0.5'; attack.magnitude='{\"uniform\": [0, 1]}'",
+            "attack.magnitude='0'; attack.magnitude='0.5';"
+            " attack.magnitude='{\"uniform\": [0, 1]}'",
         ),
         (
-            "sweep: {topology.navigator_weight: [{uniform: [0.1, 0.2]}], attack.phase.uniform: [[0, 1]]}",
+            "sweep: {topology.navigator_weight: [{uniform: [0.1, 0.2]}],"
+            " attack.phase.uniform: [[0, 1]]}",
             [],
             "topology.navigator_weight='{\"uniform\": [0.1, 0.2]}', attack.phase.uniform='[0, 1]'",
         ),

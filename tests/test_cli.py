@@ -102,7 +102,8 @@ def test_a_terminal_without_our_characters_shows_others(config):
 
 def test_looking_and_checking_never_import_jax(config):
     """Nor numpy, for the commands' help."""
-    code = "import sys, jaxnet.cli; print(any(name in sys.modules for name in ('jax', 'numpy', 'pydantic')))"
+    heavy = "('jax', 'numpy', 'pydantic')"
+    code = f"import sys, jaxnet.cli; print(any(name in sys.modules for name in {heavy}))"
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "False\n"
     code = (
         "import sys; from jaxnet.cli import main\n"
@@ -144,7 +145,9 @@ def swept(config):
 
 
 def test_the_summary_is_shown_in_other_formats(swept):
-    """CSV gives the numbers of cells.csv back, Markdown and LaTeX four digits of each and safe labels."""
+    """CSV gives the numbers of cells.csv back, Markdown and LaTeX four digits of each and safe
+    labels.
+    """
     cells = jaxnet.open(swept).cells
     table = pd.read_csv(io.StringIO(jaxnet_does("show", swept, "--format", "csv").stdout))
     assert table["tail_mean_mean"].tolist() == cells["tail_mean_mean"].tolist()
@@ -174,7 +177,7 @@ def test_a_key_is_put_across(swept):
 
 
 def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
-    """Nothing is simulated, the same is printed, and it is said; not where only the tables were missing."""
+    """Nothing is simulated, the same is printed."""
     out, done = finished
     stamps = [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())]
     again = jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out)
@@ -191,7 +194,7 @@ def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
 
 
 def test_results_are_listed_wherever_they_are_below(finished, config, tmp_path):
-    """Finished ones, one that an interrupt left, parts alone; nothing of what is no results folder."""
+    """Finished ones, one that an interrupt left, parts alone."""
     here, part = tmp_path / "results", tmp_path / "results" / "more" / "part"
     shutil.copytree(finished[0], here / "small")
     shutil.copytree(finished[0], here / "more" / "cut")
@@ -228,7 +231,9 @@ def test_replay_gives_the_stored_row_again(finished):
 
 
 def test_one_figure_is_drawn_by_name(finished, tmp_path):
-    """As PNG and PDF; a name that is none, and one that the folder has no data for, are the user's errors."""
+    """As PNG and PDF; a name that is none, and one that the folder has no data for, are the user's
+    errors.
+    """
     shutil.copytree(finished[0], tmp_path / "copy", ignore=shutil.ignore_patterns("figures"))
     done = jaxnet_does("figure", tmp_path / "copy", "bands")
     assert done.exit_code == 0, done.stderr
@@ -315,7 +320,7 @@ def test_an_error_that_nobody_foresaw_ends_in_a_line(config, tmp_path, monkeypat
 
 
 def test_init_writes_a_config_that_check_accepts(tmp_path, monkeypatch):
-    """It says what the defaults are; it replaces no file, and writes none of a name that no study has."""
+    """It says what the defaults are."""
     monkeypatch.chdir(tmp_path)
     done = jaxnet_does("init", "mine.yaml")
     assert (done.exit_code, done.stderr) == (0, "wrote mine.yaml\nnext: jaxnet check mine.yaml\n")

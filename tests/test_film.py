@@ -42,7 +42,7 @@ def film(results, cell):
 
 @pytest.mark.parametrize("cell", range(4))
 def test_a_film_shows_the_lane(results, cell):
-    """The errors are those stored, headings the states', weights the graph's; links are kept or dropped."""
+    """The errors are those stored, headings the states', weights the graph's."""
     shown, lane = film(results, cell)
     tracking = results.errors["tracking"].values[cell, 0]
     np.testing.assert_allclose(shown.errors.mean(axis=1), tracking, rtol=1e-6)
@@ -64,7 +64,7 @@ def links(shown):
 
 @pytest.mark.parametrize("cell", range(4))
 def test_what_is_told_falsely_is_off_by_the_attack(results, cell):
-    """By the bound ā at most: from the vehicle itself where an attack adds, from the navigator elsewhere."""
+    """By the bound ā at most."""
     shown, lane = film(results, cell)
     liars = [1, 4, 7, 10]
     star_or_replaces = cell != 2

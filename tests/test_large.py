@@ -1,4 +1,4 @@
-"""A study of 6,000 vehicles is checked, and its lanes are drawn, without an array of their square."""
+"""A study of 6,000 vehicles is checked, and lanes are drawn, without an array of their square."""
 
 import json
 import os
@@ -31,7 +31,7 @@ print(json.dumps(peak_of(json.loads(sys.argv[2]))))
 
 @pytest.mark.long
 def test_memory_grows_with_links_and_not_with_the_square_of_vehicles():
-    """At its peak, of Python and NumPy together, it is less than a byte for each pair of vehicles."""
+    """At its peak, Python and NumPy together, it is under a byte for each pair of vehicles."""
     lattice = {"kind": "lattice", "weighting": "metropolis", "navigator": {"share": 0.5}}
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     words = [sys.executable, "-c", PROGRAM, str(VEHICLES), json.dumps(lattice)]

@@ -139,7 +139,8 @@ def test_a_class_handed_over_is_refused_once_its_file_has_changed(tmp_path, monk
     """Its rows would be told to be of the new file; imported again, it is taken."""
     monkeypatch.syspath_prepend(tmp_path)
     file = tmp_path / "handed_kinds.py"
-    text = "from jaxnet.kinds.attacks.bias import Bias\n\n\nclass Handed(Bias):\n    number = lambda self: 1\n"
+    text = "from jaxnet.kinds.attacks.bias import Bias\n\n\n"
+    text += "class Handed(Bias):\n    number = lambda self: 1\n"
     file.write_text(text)
     import handed_kinds  # pyright: ignore[reportMissingImports]
 
@@ -228,7 +229,8 @@ def test_packages_and_relative_imports_are_found(tmp_path):
         "import own_package.one\nfrom . import one\n"
         "from own_package import one as same\nfrom .one import ONE\n"
         "from jaxnet.kinds.attacks.bias import Bias\n\n\n"
-        "class Mine(Bias):\n    def found(self):\n        return own_package.one is one is same, ONE\n"
+        "class Mine(Bias):\n"
+        "    def found(self):\n        return own_package.one is one is same, ONE\n"
     )
     (tmp_path / "study.yaml").write_text(
         "name: one\nvehicles: 3\nattack: {kind: 'own_package.kinds:Mine', vehicles: [2]}\n"

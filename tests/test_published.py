@@ -1,4 +1,6 @@
-"""Studies of others, repeated: configs in configs/published/ give what was published (docs/published.md)."""
+"""Studies of others, repeated: configs in configs/published/ give what was published
+(docs/published.md).
+"""
 
 from pathlib import Path
 
@@ -71,7 +73,7 @@ def test_a_config_says_its_command_source_claim_and_page(path):
 
 
 def test_w_msr_agrees_inside_the_range_whoever_lies(simulated):
-    """LeBlanc et al., 2013, Fig. 6: the network is (2, 2)-robust. Each of the 14 lies in some of 64 lanes."""
+    """LeBlanc et al., 2013, Fig. 6: (2, 2)-robust; each of the 14 lies in some of 64 lanes."""
     keys = {"sweep": {}, "attack.vehicles": {"random": 1}, "horizon": 200.0, "output_step": 200.0}
     results = simulated("leblanc_2013", 64, **keys)
     heard = links(results.study.config.topology.model_dump())
@@ -96,7 +98,8 @@ def ends_apart(heard, liar, steps):
 
 
 def test_a_laman_network_splits_as_published_and_a_triangular_one_does_not(simulated):
-    """Saldaña et al., 2016, Fig. 6: 52.5376 and 62.9368 are the ends that the published program gives.
+    """Saldaña et al., 2016, Fig. 6: 52.5376 and 62.9368 are the ends that the published program
+    gives.
 
     Vehicle 4 lies. The Laman network is 1-robust alone, the others are (2, 2)-robust.
     """
@@ -114,7 +117,9 @@ def test_a_laman_network_splits_as_published_and_a_triangular_one_does_not(simul
 
 
 def test_a_robust_union_agrees_whichever_two_lie(simulated):
-    """Ten agents: with the union that is not (3, 3)-robust some pairs of liars keep the others apart."""
+    """Ten agents: with the union that is not (3, 3)-robust some pairs of liars keep the others
+    apart.
+    """
     robust, other = (pairs(links(each), 10) for each in swept("jia_union", "topology"))
     assert robust[2] >= 3 > other[2]
     keys = {"attack.vehicles": {"random": 2}, "horizon": 400.0, "output_step": 400.0}

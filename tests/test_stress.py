@@ -1,4 +1,6 @@
-"""The stress script: no bound is broken by 2,000 lanes of random cells, and it would tell if one were."""
+"""The stress script: no bound is broken by 2,000 lanes of random cells, and it would tell if one
+were.
+"""
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
 @pytest.mark.long
 def test_no_lane_is_over_a_bound_that_holds_for_it():
-    """Eight cells; static is attained, or nearly, and so held against what would break a smaller one."""
+    """Eight cells; static is attained, or nearly, and so held against what would break a smaller
+    one.
+    """
     held, failed = stress.stress(8, seed=0)
     assert held["peak_gain"].lanes >= 1500
     assert held["static"].lanes >= 500
@@ -35,7 +39,7 @@ def test_a_bound_that_does_not_hold_is_told(monkeypatch):
 
 
 def test_cells_share_two_programs():
-    """Whatever is drawn, each hears as many sources, and where anybody trims one trusts all that it hears."""
+    """Whatever is drawn, each hears as many sources."""
     rng = np.random.default_rng(0)
     scenarios = [jaxnet.load(stress.keys(rng)).cells[0].scenario for _ in range(20)]
     networks = [job(scenario, Keyed(0), [0]).network for scenario in scenarios]

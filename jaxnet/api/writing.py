@@ -132,7 +132,9 @@ def write_report(
     """
     enable()
     if results.analyses and not results.has_run:
-        yield from write_analyses(results, told)
+        with results.folder.writing():
+            yield from figures.draw_figures(results, SENSITIVITY, told)
+            yield page.write_page(results)
         return
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
@@ -145,13 +147,6 @@ def write_report(
         if replayed and not results.missing:
             yield from watched.replay_watched(results, told)
         yield from figures.draw_figures(results, told=told)
-        yield page.write_page(results)
-
-
-def write_analyses(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
-    """Write the figures and the page of a folder that holds analyses and no run."""
-    with results.folder.writing():
-        yield from figures.draw_figures(results, SENSITIVITY, told)
         yield page.write_page(results)
 
 

@@ -15,7 +15,7 @@ from jaxnet.model.wording import ranges
 
 DEFAULTS = Scenario()
 LinkWeights = dict[tuple[int, int], float]  # weights by listener, from 0, and source
-OF_ERRORS = ("outliers", "outlier_factor", "correlation", "of")
+KEYS_OF_ERRORS = ("outliers", "outlier_factor", "correlation", "of")
 PERIODS = ("topology.every", "topology.at", "channel.loss.period", "channel.loss.length")
 
 
@@ -28,7 +28,7 @@ def rules(s: Scenario) -> Iterator[tuple[str, bool, str]]:
     yield "channel.missing", lossless, "no message is lost: give channel.loss"
     for at, errors in {"channel.noise": s.channel.noise, "sensing": s.sensing}.items():
         exact = not any(getattr(errors, order, 0) for order in (*JET_ORDERS, HIGHEST))
-        for key in OF_ERRORS:
+        for key in KEYS_OF_ERRORS:
             why = "there are no errors: give a standard deviation, as position"
             yield f"{at}.{key}", exact, why
     for key in ("attack.announces", "defence.first_announcement"):

@@ -1,4 +1,4 @@
-"""Cells of a sweep: what they share is validated once, and twice as many cells take twice as long."""
+"""Cells of a sweep: what they share is validated once, and time grows with their number."""
 
 import time
 

@@ -104,7 +104,7 @@ def test_nonsense_in_what_is_replaced_is_refused(keys, says):
 
 
 def test_a_small_fleet_has_attacked_vehicles_of_its_own():
-    """Of 2, 5, 8, 11 those that exist, or 1; cell by cell, and again where the study is read again."""
+    """Of 2, 5, 8, 11 those that exist, or 1."""
 
     def attacked(study):
         return [cell.scenario.attack.targets() for cell in study.cells]

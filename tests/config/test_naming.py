@@ -52,7 +52,7 @@ def test_values_have_no_json_and_few_digits(key, value, words):
 
 
 def test_a_number_of_vehicles_does_not_read_as_a_vehicle():
-    """Cells of tables and entries of legends are short: so many are drawn; a list names vehicles."""
+    """Cells of tables and entries of legends are short."""
     assert value_alone("attack.vehicles", '{"random": 1}') == "1 drawn"
     assert value_alone("attack.vehicles", "[1]") == "1"
 

@@ -54,7 +54,7 @@ def test_a_spacing_and_a_list_share_their_cells():
 
 
 def test_multiples_are_what_a_reader_writes():
-    """`k` steps of 0.01 are the doubles that 0.00, 0.01, … print as; products of doubles differ in 129."""
+    """`k` steps of 0.01 are the doubles that 0.00, 0.01, … print as."""
     times = multiples(0.01, range(1001))
     assert times == [float(f"{k // 100}.{k % 100:02d}") for k in range(1001)]
     assert sum(k * 0.01 != time for k, time in enumerate(times)) == 129
