@@ -432,8 +432,9 @@ def tile_words(results: Results, metric: str, row: Any, failed: Mapping[int, str
 
 def networks_html(cells: Sequence[Cell]) -> str:
     """The figure of the networks as SVG, in the colours of the style sheet."""
+    look: style.Style = {**style.PRINT_STYLE, "svg.fonttype": "none"}
     content = io.BytesIO()
-    with rc_context({"svg.fonttype": "none"}):
+    with rc_context(look):
         topology_figure(cells).savefig(content, format="svg")
     drawn = re.sub(r"<(metadata|style).*?</\1>", "", content.getvalue().decode(), flags=re.DOTALL)
     drawn = drawn[drawn.index("<svg") :].replace("<svg", '<svg role="img" aria-label="networks"', 1)
