@@ -78,7 +78,8 @@ function placesOf(lane) {
     const place = lane.attacked.indexOf(source);
     return place < 0 || lane.falsified[place] === 0 ? [null, null] : lane.told(n, place);
   };
-  const row = (n) => (source) => [lane.time[n], source, ...lane.place(n, source), ...told(n, source)];
+  const row = (n) => (source) =>
+    [lane.time[n], source, ...lane.place(n, source), ...told(n, source)];
   const header = ["time", "vehicle", "x", "y", "told_x", "told_y"];
   return [header, ...lane.frames.flatMap((n) => sources.map(row(n)))];
 }
@@ -142,14 +143,19 @@ function showLanes(stage) {
     if (chooser.selectedOptions[0].disabled) chooser.value = offered[0].value;
     choose();
   };
-  const toCursor = (figure) => Object.assign(figure.layout.shapes[0], { x0: lane.time[frame()], x1: lane.time[frame()] });
-  Object.assign(plane, { finish: (figure) => fill(figure, lane, frame(), around()), rows: () => placesOf(lane) });
+  const toCursor = ({ layout: { shapes: [cursor] } }) => {
+    cursor.x0 = cursor.x1 = lane.time[frame()];
+  };
+  plane.finish = (figure) => fill(figure, lane, frame(), around());
+  plane.rows = () => placesOf(lane);
   Object.assign(errors, { figure: () => JSON.stringify(lane.errors), finish: toCursor });
   Object.assign(raster, { figure: () => JSON.stringify(lane.raster), rows: () => linksOf(lane) });
   raster.finish = (figure) => {
     const [trace] = figure.data;
-    trace.text = lane.links.map(([listener, source], link) =>
-      lane.frames.map((n) => `${lane.names[listener]} hears ${lane.names[source]}: ${FATES[lane.fate(n, link)]}`));
+    trace.text = lane.links.map(([listener, source], link) => {
+      const hears = `${lane.names[listener]} hears ${lane.names[source]}`;
+      return lane.frames.map((n) => `${hears}: ${FATES[lane.fate(n, link)]}`);
+    });
     trace.x = Array.from(lane.time);
     toCursor(figure);
   };

@@ -3,13 +3,14 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const all = (selector, within = document) => [...within.querySelectorAll(selector)];
 
-// The choice: one value of each swept key, or all. It stands in the address, so that it can be sent.
+// The choice: one value of each swept key, or all. It stands in the address, to be sent.
 const selects = all(".filter select");
 let shown = []; // whether each cell is chosen
 
 function choose() {
   const wanted = selects.map(({ selectedIndex }) => selectedIndex - 1); // -1 for all
-  const fits = (places) => selects.every(({ dataset }, n) => wanted[n] < 0 || places[dataset.key] == wanted[n]);
+  const fits = (places) =>
+    selects.every(({ dataset }, n) => wanted[n] < 0 || places[dataset.key] === wanted[n]);
   shown = data.cells.map(fits);
   for (const each of all("[data-cells]")) {
     const other = !each.dataset.cells.split(" ").some((cell) => shown[cell]);

@@ -54,7 +54,7 @@ function figureOf(place) {
     if (time) trace.x = time;
     if (figure.floor) trace.y = numbers(trace.y).map((y) => Math.max(figure.floor, y));
     if (trace.texttemplate && place.clientWidth < 60 * trace.z[0].length)
-      trace.text = trace.text.map((row) => row.map((words) => words.split("<br>")[0])); // no intervals
+      trace.text = trace.text.map((row) => row.map((words) => words.split("<br>")[0]));
     if (hidden.includes(trace.name)) trace.visible = false;
   }
   place.finish(figure);
@@ -143,7 +143,8 @@ document.addEventListener("click", ({ target }) => {
   }
   for (const menu of all(".menu[open]"))
     if (!menu.contains(target) || target.dataset.keep) menu.open = false;
-  if (target.dataset.keep) keep(target.closest(".panel").querySelector(".plot"), target.dataset.keep);
+  const { keep: format } = target.dataset;
+  if (format) keep(target.closest(".panel").querySelector(".plot"), format);
 });
 document.addEventListener("keydown", ({ key, target }) => {
   const menu = key === "Escape" && target.closest(".menu[open]");
