@@ -14,7 +14,7 @@ from jaxnet.runs.replay import stored_trajectory, trajectory_of
 from jaxnet.runs.watched import watched
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.view.figures.panels import attacked_vehicles
-from jaxnet.view.page import networks, trajectories
+from jaxnet.view.page import trajectories
 from jaxnet.view.page.trajectories import headings
 from jaxnet.view.text import check
 from tests import systems
@@ -160,7 +160,6 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.attacked]]
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
-    assert "attacked: 2 drawn for each lane" in networks.networks_html(study.cells)
     assert "rotating on 2 drawn for each lane in what they transmit" in check.check_text(study)
 
 

@@ -24,8 +24,7 @@ from jaxnet.view.figures import (
     style,
     topology,
 )
-from jaxnet.view.page import networks
-from jaxnet.view.page.plots import bands_data
+from jaxnet.view.page.drawings import bands_html
 from tests import systems
 
 
@@ -169,9 +168,7 @@ def test_one_lane_is_a_line_and_no_band(results):
         assert (len(drawn.axes[0].collections), len(drawn.axes[0].lines)) == (
             (1, 2) if many else (0, 1)
         )
-        assert [panel["lanes"] for panel in bands_data(cells, found)["panels"]] == [
-            2 if many else 1
-        ]
+        assert ("one lane" in bands_html(found, "ẽ [m]", cells)) == (not many)
 
 
 def test_bands_say_what_they_leave_out(many, results):
@@ -310,9 +307,6 @@ def test_a_large_fleet_is_shown_by_its_matrix():
         assert image.get_extent() == [0.5, m + 0.5, m + 0.5, 0.5]
         assert set(np.flatnonzero(strip.get_array()[:, 0, 3])) == hears
         assert panel.lines[0].get_xdata().tolist() == [2, 700]
-    assert "densities of links" in networks.networks_html(study.cells)
-    small = systems.study(vehicles=12)
-    assert "densities" not in networks.networks_html(small.cells)
 
 
 def test_a_dollar_in_a_label_is_a_dollar():

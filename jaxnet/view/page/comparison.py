@@ -8,8 +8,7 @@ import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
 from jaxnet.view import page
-from jaxnet.view.page.elements import sortable_table
-from jaxnet.view.page.sections import Section
+from jaxnet.view.page.elements import Section, sortable_table
 from jaxnet.view.text import comparison
 
 MOST_CHANGED = 1000  # lanes that the page lists
@@ -19,42 +18,33 @@ def comparison_page(found: Comparison) -> str:
     """Return the comparison as an HTML page."""
     a, b = (escape(PurePath(folder).name) for folder in found.folders)
     lead = f"B is {b}, A is {a}. {escape(comparison.comparison_legend(found))}"
+    rows = comparison.comparison_rows(found)
+    lengths = dict.fromkeys(comparison.length_columns(rows), np.ones(len(rows)))
+    changed = lanes_table(found.changed, "No lane changed sides.")
+    failed = lanes_table(found.failed, "No lane failed in either study.")
     shown = [
         Section("differ", "What differs", settings_table(found)),
-        Section("differences", "Differences, B − A", differences_table(found)),
-        Section(
-            "changed",
-            "Lanes that changed sides",
-            lanes_table(found.changed, "No lane changed sides."),
-        ),
-        Section(
-            "failed", "Failed lanes", lanes_table(found.failed, "No lane failed in either study.")
-        ),
+        Section("differences", "Differences, B − A", sortable_table(rows, lengths)),
+        Section("changed", "Lanes that changed sides", changed),
+        Section("failed", "Failed lanes", failed),
     ]
     return page.page_html(f"{b} against {a}", lead, shown)
 
 
 def settings_table(found: Comparison) -> str:
-    """Return a table of the keys that differ, and the cells that have no counterpart."""
-    body = (
-        sortable_table(found.settings) if len(found.settings) else "<p>They are the same study.</p>"
-    )
+    """The keys that differ, and the cells that have no counterpart."""
+    same = "<p>They are the same study.</p>"
+    body = sortable_table(found.settings) if len(found.settings) else same
     if found.alone:
-        body += f"<p>Not compared, for the other has none like it: {escape('; '.join(found.alone))}.</p>"
+        alone = escape("; ".join(found.alone))
+        body += f"<p>Not compared, for the other has none like it: {alone}.</p>"
     return body
 
 
-def differences_table(found: Comparison) -> str:
-    """Return the table of pairs of cells; differences below rounding are marked."""
-    table = comparison.comparison_rows(found)
-    lengths = comparison.length_columns(table)
-    return sortable_table(table, scales=dict.fromkeys(lengths, np.ones(len(table))))
-
-
 def lanes_table(lanes: pd.DataFrame, none: str) -> str:
-    """Return a table of the first MOST_CHANGED lanes, or the text `none` if there is no lane."""
+    """The first MOST_CHANGED lanes, or the text `none`."""
     if lanes.empty:
         return f"<p>{none}</p>"
-    more = len(lanes) - MOST_CHANGED
-    note = f"<p>The first {MOST_CHANGED:,} of {len(lanes):,}.</p>" if more > 0 else ""
+    more = len(lanes) > MOST_CHANGED
+    note = f"<p>The first {MOST_CHANGED:,} of {len(lanes):,}.</p>" if more else ""
     return note + sortable_table(lanes.head(MOST_CHANGED))

@@ -1,7 +1,10 @@
-"""Elements of the page: sortable tables, formatted numbers, text that unfolds."""
+"""Elements of the page as HTML: sections, tables that sort, plots with their keys, the filter."""
 
+import base64
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -9,59 +12,238 @@ import pandas as pd
 from jaxnet.view.columns import is_rounding
 from jaxnet.view.text.width import four_digits
 
+LARGEST_SINGLE = np.finfo(np.float32).max
+NUMBER_CLASS = ' class="number"'
+MENU_WORDS = {
+    "png": "Save as PNG",
+    "svg": "Save as SVG",
+    "csv": "Save data as CSV",
+    "zoom": "Reset zoom",
+}
+MENU_ITEMS = "".join(
+    f'<button type="button" data-keep="{name}">{words}</button>'
+    for name, words in MENU_WORDS.items()
+)
+PAGER = (
+    '<div class="controls pager" hidden><output></output><button type="button">Previous</button>'
+    '<button type="button">Next</button></div>'
+)
+# Symbols of plotly as SVG paths, in the middle of a swatch of 34 by 14.
+SYMBOL_PATHS = {
+    "circle": "M13 7a4 4 0 1 0 8 0a4 4 0 1 0-8 0",
+    "square": "M13 3H21V11H13z",
+    "triangle-up": "M17 2L22 11H12z",
+    "triangle-down": "M12 3H22L17 12z",
+    "cross": "M15.5 2h3v3.5H22v3h-3.5V12h-3V8.5H12v-3h3.5z",
+    "x": "M13 2l4 4 4-4 1 1-4 4 4 4-1 1-4-4-4 4-1-1 4-4-4-4z",
+    "star": "M17 1l1.8 3.9 4.2.5-3.1 2.9.8 4.2-3.7-2.1-3.7 2.1.8-4.2L11 5.4l4.2-.5z",
+    "diamond": "M17 2l5 5-5 5-5-5z",
+    "line-ew": "M12 7H22",
+}
+
+
+class Section(NamedTuple):
+    """A section of the page: HTML below a title."""
+
+    id: str
+    title: str
+    body: str
+
+    def __str__(self) -> str:
+        return f'<section id="{self.id}"><h2>{self.title}</h2>\n{self.body}</section>'
+
+
+class Panel(NamedTuple):
+    """A plot about some cells: a figure for plotly, and columns that are saved as CSV.
+
+    Colours are names of the style sheet, such as `--blue`. A column is an array, the number of the
+    trace whose y it is, or "x". `extra`: x of all traces, and the `floor` of their y.
+    """
+
+    title: str
+    cells: Sequence[int] | None
+    traces: list[dict[str, Any]]
+    layout: dict[str, Any]
+    columns: dict[str, Any] = {}  # noqa: RUF012 (never changed)
+    extra: dict[str, Any] = {}  # noqa: RUF012
+
+    @property
+    def figure(self) -> dict[str, Any]:
+        named = {"data": self.traces, "layout": self.layout, "columns": self.columns}
+        return named | self.extra
+
+
+def plain(text: str) -> str:
+    """Text that plotly, too, shows as it is: no markup, no formula."""
+    return escape(text).replace("$", "&#36;")
+
+
+def packed(values: np.ndarray, kind: str = "f4") -> dict[str, str]:
+    """Pack an array as plotly does, in base64; clipped to single precision if it is of floats."""
+    if kind == "f4":
+        values = np.clip(values, -LARGEST_SINGLE, LARGEST_SINGLE)
+    content = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
+    found = {"dtype": kind, "bdata": base64.b64encode(content).decode()}
+    return found | ({"shape": ",".join(map(str, values.shape))} if values.ndim > 1 else {})
+
+
+def script_json(data: object, marks: str = "") -> str:
+    """Data as a script element; not-a-number and infinities, which JSON does not have, are null."""
+
+    def finite(array: Any) -> Any:
+        known = np.asarray(array)
+        if known.dtype.kind == "f":
+            known = np.where(np.isfinite(known), known.astype(object), np.array(None))
+        return known.tolist()
+
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=finite)
+    text = text.replace("<", "\\u003c")
+    return f'<script type="application/json"{marks}>{text}</script>'
+
+
+def about(cells: Iterable[int] | None) -> str:
+    """The attribute by which the page's filter shows an element, if any of its cells is chosen."""
+    return "" if cells is None else f' data-cells="{" ".join(map(str, cells))}"'
+
+
+def panel_html(panel: Panel, look: str = "", height: int = 0) -> str:
+    title = escape(panel.title)
+    style = f' style="height: {height}px"' if height else ""
+    heading = f"<h3>{title}</h3>" if title else ""
+    return (
+        f'<div class="panel"{about(panel.cells)}><div class="head">{heading}'
+        f'<details class="menu"><summary aria-label="Keep the plot {title}">⋯</summary>'
+        f"<div>{MENU_ITEMS}</div></details></div>"
+        f'<div class="plot {look}" role="img" aria-label="{title or "all cells"}"{style}></div>'
+        f"{script_json(panel.figure)}</div>"
+    )
+
+
+def panels_html(
+    panels: Sequence[Panel], columns: int, height: int = 0, above: str = "", kind: str = ""
+) -> str:
+    """Small multiples with a key and a pager, at most so many in a row; a `kind` has a style."""
+    key = key_html(trace for panel in panels for trace in panel.traces)
+    drawn = "".join(panel_html(panel, height=height) for panel in panels)
+    grid = f'<div class="grid" style="--columns: {columns}">{drawn}</div>'
+    return f'<div class="view {kind}">{above}{key}{PAGER}{grid}<output class="told"></output></div>'
+
+
+def key_html(traces: Iterable[Mapping[str, Any]]) -> str:
+    """The key of these traces; a click on an entry hides the traces of its name."""
+    named: dict[str, Mapping[str, Any]] = {}
+    for trace in traces:
+        if trace.get("showlegend", True) and trace.get("name"):
+            named.setdefault(trace["name"], trace)
+    if not named:
+        return ""
+    entries = "".join(
+        f'<li><button type="button" aria-pressed="true" title="click to hide or show"'
+        f' data-name="{name}">{swatch(trace)}{name}</button></li>'
+        for name, trace in named.items()
+    )
+    return f'<ul class="key">{entries}</ul>'
+
+
+def swatch(trace: Mapping[str, Any]) -> str:
+    """A sample of a trace's line, area and marker as SVG."""
+    line, marker, mode = trace.get("line", {}), trace.get("marker", {}), trace.get("mode", "")
+    parts = []
+    if "fillcolor" in trace:
+        parts.append(f'<path d="M0 2H34V12H0z" fill="{painted(trace["fillcolor"])}"/>')
+    elif "lines" in mode:
+        dashes = line.get("dash", "solid").replace("solid", "none").replace("px", "")
+        parts.append(
+            f'<path d="M0 7H34" fill="none" stroke="{painted(line["color"])}"'
+            f' stroke-width="{line.get("width", 1.6)}" stroke-dasharray="{dashes}"/>'
+        )
+    if "markers" in mode:
+        symbol, colour = marker["symbol"], painted(marker["color"])
+        symbol = symbol if isinstance(symbol, str) else symbol[0]
+        rim = painted(marker.get("line", {}).get("color", marker["color"]))
+        wide = 1.6 if "open" in symbol or "line" in marker else 0
+        fill = "none" if "open" in symbol else colour
+        path = SYMBOL_PATHS[symbol.removesuffix("-open")]
+        parts.append(f'<path d="{path}" fill="{fill}" stroke="{rim}" stroke-width="{wide}"/>')
+    return f'<svg viewBox="0 0 34 14" aria-hidden="true">{"".join(parts)}</svg>'
+
+
+def painted(colour: str) -> str:
+    return f"var({colour})" if colour.startswith("--") else colour
+
+
+def views_html(views: Mapping[str, str]) -> str:
+    """Several views of a section, of which a menu shows one."""
+    first, *others = views.values()
+    if not others:
+        return first
+    options = "".join(f"<option>{escape(name)}</option>" for name in views)
+    hidden = "".join(each.replace("<div ", "<div hidden ", 1) for each in others)
+    menu = f'<label>Show the <select class="views">{options}</select></label>'
+    return f'<div class="controls">{menu}</div>{first}{hidden}'
+
+
+def filter_html(keys: Mapping[str, tuple[str, Sequence[str]]]) -> str:
+    """The choice of cells: a menu for each swept key with several values."""
+    menus = [
+        f'<label>{escape(name)} <select name="{escape(key)}" data-key="{place}">'
+        f'<option value="">all</option>'
+        + "".join(f'<option value="{escape(each)}">{escape(each)}</option>' for each in values)
+        + "</select></label>"
+        for place, (key, (name, values)) in enumerate(keys.items())
+        if len(values) > 1
+    ]
+    if not menus:
+        return ""
+    every = '<button type="button">All cells</button>'
+    controls = f'<div class="controls">{"".join(menus)}{every}</div>'
+    return f'<details class="filter"><summary>All cells</summary>{controls}</details>'
+
 
 def folded_text(name: str, text: str) -> str:
-    """Return text that unfolds on a click, as HTML."""
+    """Text that unfolds on a click."""
     return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
 
 
 def sortable_table(
     rows: pd.DataFrame,
-    cells: Iterable[Sequence[int]] | None = None,
     scales: Mapping[str, np.ndarray] | None = None,
     intervals: Mapping[str, Sequence[str]] | None = None,
+    cells: Iterable[Iterable[int]] | None = None,
 ) -> str:
-    """Return rows as a sortable HTML table: numbers to four digits, exact values for the sort.
+    """Rows as a sortable HTML table: numbers to four digits, exact values for the sort.
 
-    `cells` lists the cells of each row, for the page's filter. Columns named in `scales` hold errors. Errors
-    below rounding, relative to the row's scale, are marked. `intervals` stand beside the values of a column.
+    The page's filter looks at the column "cell", or at the `cells` of each row. Columns named in
+    `scales` hold errors; those below rounding, relative to the row's scale, are marked. `intervals`
+    stand beside the values of a column.
     """
-    scales, intervals = scales or {}, intervals or {}
-    numeric = [dtype.kind in "iuf" for dtype in rows.dtypes]
-    heads = "".join(
-        f'<th scope="col" aria-sort="none"{NUMBER_CLASS if number else ""}>'
-        f'<button type="button">{escape(str(name))}</button></th>'
-        for name, number in zip(rows.columns, numeric, strict=True)
-    )
-    by_column = [
-        [
-            number_cell(value, scale, interval) if number else f"<td>{escape(str(value))}</td>"
-            for value, scale, interval in zip(
-                rows.iloc[:, n].tolist(),
-                scales.get(rows.columns[n], np.zeros(len(rows))),
-                intervals.get(rows.columns[n], [""] * len(rows)),
-                strict=False,
-            )
-        ]
-        for n, number in enumerate(numeric)
-    ]
-    lines = "\n".join(
-        f'<tr data-cells="{" ".join(map(str, about))}">{"".join(line)}</tr>'
-        for about, *line in zip(
-            [()] * len(rows) if cells is None else cells, *by_column, strict=True
+    heads, columns, nothing = [], [], [""] * len(rows)
+    for name, values in rows.items():
+        number = values.dtype.kind in "iuf"
+        heads.append(
+            f'<th scope="col" aria-sort="none"{NUMBER_CLASS if number else ""}>'
+            f'<button type="button">{escape(str(name))}</button></th>'
         )
+        texts = [f"<td>{escape(str(value))}</td>" for value in values]
+        if number:
+            sizes = (scales or {}).get(str(name), np.zeros(len(rows)))
+            beside = (intervals or {}).get(str(name), nothing)
+            texts = list(map(number_cell, values.tolist(), sizes, beside))
+        columns.append(texts)
+    if cells is None and "cell" in rows:
+        cells = ([cell] for cell in rows["cell"])
+    marks = nothing if cells is None else map(about, cells)
+    lines = "\n".join(
+        f"<tr{mark}>{''.join(line)}</tr>" for mark, *line in zip(marks, *columns, strict=True)
     )
     return (
-        f'<div class="box" tabindex="0"><table><thead><tr>{heads}</tr></thead>'
+        f'<div class="box" tabindex="0"><table><thead><tr>{"".join(heads)}</tr></thead>'
         f"<tbody>{lines}</tbody></table></div>"
     )
 
 
-NUMBER_CLASS = ' class="number"'
-
-
 def number_cell(value: float | int, scale: float = 0.0, interval: str = "") -> str:
-    """Return a number as a table cell: a dash for NaN, "0 (rounding)" below rounding, then its interval."""
+    """A number as a table cell, then its interval: a dash for not-a-number."""
     if np.isnan(value):
         return f"<td{NUMBER_CLASS}>–</td>"
     if np.isinf(value):
@@ -72,7 +254,7 @@ def number_cell(value: float | int, scale: float = 0.0, interval: str = "") -> s
 
 
 def error_text(value: float, scale: float = 1.0) -> str:
-    """Return an error, or an error per ā with scale 1; below rounding "0 (rounding)".
+    """An error, or an error per ā with scale 1; below rounding "0 (rounding)".
 
     An unknown scale counts as 1 m. A scale of 0 switches the test for rounding off.
     """

@@ -1,4 +1,4 @@
-"""Findings about a results folder, in sentences: extreme errors, failures, recovery, bounds, certainty."""
+"""Findings about a results folder, in sentences."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,7 +11,6 @@ import pandas as pd
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import is_kind, key_name, labels_title, value_name
 from jaxnet.model.wording import count, count_between, counted
-from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     Curve,
@@ -19,41 +18,38 @@ from jaxnet.statistics.curves import (
     failed_kinds,
     unrecovered_shares,
 )
+from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.page.elements import error_text
 from jaxnet.view.text.width import four_digits
 
-UNSOUND_BOUND = (
-    "lyapunov_printed"  # it is false in general (theorems.md O5), so it is no bound to be tight
-)
-
-AFTER_TRANSIENT = "; the bound holds once the transient is over"
+UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MOST_COMPARED = 8  # values of a swept kind in one sentence
 
 
 def finding_sentences(results: Results, found: Sequence[Curve], fit: str) -> list[str]:
-    """Return each finding as HTML; `fit` is the command that computes the bounds."""
+    """Each finding as HTML; `fit` is the command that computes the bounds."""
     alone = is_leaderless(results.study.cells)
-    return [
-        *unrecovered_sentences(results),
+    sentences = [
+        unrecovered_sentence(results),
         extremes_sentence(results),
-        *(outside_sentences(results) if alone else []),
+        outside_sentence(results) if alone else "",
         *kinds_sentences(results),
         failures_sentence(results),
-        *([] if alone else [bounds_sentence(results, found, fit)]),
+        "" if alone else bounds_sentence(results, found, fit),
         certainty_sentence(results),
     ]
+    return [each for each in sentences if each]
 
 
 def errors_per_size(results: Results) -> tuple[pd.Series, str]:
-    """Return mean tail errors by cell and their unit: per ā, or in metres if no ā is known.
+    """Mean tail errors by cell and their unit: per ā, or in metres if no ā is known.
 
     Without a navigator they are mean spreads in metres.
     """
-    cells: Any = results.cells
     metric = judged_metric(results.study.cells)
-    errors = pd.Series(cells[f"{metric}_mean"].to_numpy(dtype=float))
+    errors: Any = pd.Series(results.cells[f"{metric}_mean"].to_numpy(dtype=float))
     known = cell_magnitudes(results)
     if np.isnan(known).all() or metric == "spread":
         return errors.dropna(), "m"
@@ -61,7 +57,7 @@ def errors_per_size(results: Results) -> tuple[pd.Series, str]:
 
 
 def where_words(results: Results, numbers: Sequence[int]) -> str:
-    """Return the swept values of the first cell, and the number of further cells."""
+    """The swept values of the first cell, and the number of further cells."""
     labels = results.study.cells[numbers[0]].labels
     if not labels:
         return "over all lanes"
@@ -71,92 +67,85 @@ def where_words(results: Results, numbers: Sequence[int]) -> str:
     return f"with {escape(labels_title(labels))} (cell {numbers[0]}){more}"
 
 
-def extremes_sentence(results: Results) -> str:
-    """State the cells with the least and the greatest error."""
-    errors, unit = errors_per_size(results)
-    if errors.empty:
-        ended = results.manifest["lanes"]["ok"]
-        none = f"No lane came to its end: there is no {judged_word(results)}."
-        return "No attacked lane came to its end." if ended else none
-    asked = len(results.study.cells) if unit == "m" else int(np.sum(cell_magnitudes(results) > 0))
-    attacked = "attacked " if unit == "ā" else ""
-    left = asked - len(errors)
-    without = f" {count(left, f'{attacked}cell')} without a lane that ended." if left else ""
-    errors = (
-        errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2) if unit == "m" else errors
-    )
-    least, most = (f"<b>{error_text(end)} {unit}</b>" for end in (errors.min(), errors.max()))
-    head = f"The mean {judged_word(results)} over the tail"
-    if least == most:  # as they are printed
-        return f"{head} is {most} {where_words(results, errors.index.tolist())}.{without}"
-    best, worst = (
-        where_words(results, errors.index[errors == end].tolist())
-        for end in (errors.min(), errors.max())
-    )
-    return f"{head} ranges from {least} {best} to {most} {worst}.{without}"
+def at_ends(results: Results, values: pd.Series, words: Any) -> list[str]:
+    """The least and the greatest value in words, each with its cells; one if they read alike."""
+    ends = {}
+    for end in (values.min(), values.max()):
+        numbers = [int(cell) for cell in values.index[values == end]]
+        ends.setdefault(words(end, numbers[0]), numbers)
+    everywhere = [int(cell) for cell in values.index]
+    if len(ends) == 1:
+        ends = dict.fromkeys(ends, everywhere)
+    return [f"{told} {where_words(results, numbers)}" for told, numbers in ends.items()]
 
 
 def judged_word(results: Results) -> str:
-    """Return the word for what lanes are judged by."""
+    """The word for what lanes are judged by."""
     return "spread" if is_leaderless(results.study.cells) else "error"
 
 
-def outside_sentences(results: Results) -> list[str]:
-    """State how far vehicles left the hull of their starts, in a study without a navigator."""
-    cells: Any = results.cells
-    ways: Any = pd.Series(cells["outside_max"].to_numpy(dtype=float)).dropna()
+def extremes_sentence(results: Results) -> str:
+    """The cells with the least and the greatest error."""
+    errors, unit = errors_per_size(results)
+    word = judged_word(results)
+    if errors.empty:
+        none = f"No lane came to its end: there is no {word}."
+        return "No attacked lane came to its end." if results.manifest["lanes"]["ok"] else none
+    per_size = unit == "ā"
+    asked = int(np.sum(cell_magnitudes(results) > 0)) if per_size else len(results.study.cells)
+    left = count(asked - len(errors), "attacked cell" if per_size else "cell")
+    without = f" {left} without a lane that ended." if len(errors) < asked else ""
+    if not per_size:
+        errors = errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2)
+    ends = at_ends(results, errors, lambda end, _: f"<b>{error_text(end)} {unit}</b>")
+    span = f"ranges from {' to '.join(ends)}" if len(ends) > 1 else f"is {ends[0]}"
+    return f"The mean {word} over the tail {span}.{without}"
+
+
+def outside_sentence(results: Results) -> str:
+    """How far vehicles left the hull of their starts, in a study without a navigator."""
+    ways: Any = pd.Series(results.cells["outside_max"].to_numpy(dtype=float)).dropna()
+    left, whom = ways[ways >= ROUNDING_ERROR], "vehicle that is not attacked"
     if ways.empty:
-        return []
-    left = ways[ways >= ROUNDING_ERROR]
-    whom = "vehicle that is not attacked"
+        return ""
     if left.empty:
-        return [f"No {whom} left the convex hull of their starts, in any lane."]
-    far = f"<b>{error_text(ways.max())} m</b> {where_words(results, ways.index[ways == ways.max()].tolist())}"
-    inside = (
-        f"; in {count(len(ways) - len(left), 'cell')} none left it" if len(left) < len(ways) else ""
+        return f"No {whom} left the convex hull of their starts, in any lane."
+    where = where_words(results, ways.index[ways == ways.max()].tolist())
+    stayed = count(len(ways) - len(left), "cell")
+    inside = f"; in {stayed} none left it" if len(left) < len(ways) else ""
+    return (
+        f"The greatest way of a {whom} out of the convex hull of their starts is"
+        f" <b>{error_text(ways.max())} m</b> {where}{inside}."
     )
-    return [
-        f"The greatest way of a {whom} out of the convex hull of their starts is {far}{inside}."
-    ]
 
 
 def kinds_sentences(results: Results) -> list[str]:
-    """Compare the values of each swept kind, setting by setting of the other swept keys."""
-    compared, unit = compared_values(results)
-    share = f"Lanes {recovery.share_name(results.study.cells)}"
-    what = share if unit == "%" else f"Mean {judged_word(results)} over the tail"
-    keys = list(results.study.cells[0].labels)
-    swept = pd.DataFrame(
-        [results.study.cells[n].labels for n in compared.index], compared.index, keys
-    )
-    swept = swept.map(str)
-    return [
-        kind_sentence(key, compared, swept, unit, what)
-        for key in keys
-        if is_kind(key) and len({*swept[key]}) > 1
-    ]
+    """Compare the values of each swept kind, setting by setting of the other swept keys.
 
-
-def compared_values(results: Results) -> tuple[pd.DataFrame, str]:
-    """Return what cells are compared by, with its ends, and its unit.
-
-    The share unrecovered with its interval, else the mean tail error with three digits.
+    Cells are compared by the share unrecovered with its interval where shares differ, else by the
+    mean tail error with three digits.
     """
-    shares = 100 * unrecovered_shares(results).astype(float)
-    if results.study.config.recovery is not None and len({*shares["unrecovered"]}) > 1:
-        return shares.set_axis(["value", "low", "high"], axis=1), "%"
-    errors, unit = errors_per_size(results)
-    printed = errors.map(lambda error: float(f"{error:.3g}"))
-    return pd.DataFrame({"value": errors, "low": printed, "high": printed}), unit
+    compared, unit = 100 * unrecovered_shares(results).astype(float), "%"
+    compared.columns = ["value", "low", "high"]
+    what = f"Lanes {share_name(results.study.cells)}"
+    if results.study.config.recovery is None or len({*compared["value"]}) < 2:
+        errors, unit = errors_per_size(results)
+        printed = errors.map(lambda error: float(f"{error:.3g}"))
+        compared = pd.DataFrame({"value": errors, "low": printed, "high": printed})
+        what = f"Mean {judged_word(results)} over the tail"
+    labels = [results.study.cells[n].labels for n in compared.index]
+    swept = pd.DataFrame(labels, compared.index, list(results.study.cells[0].labels)).map(str)
+    kinds = [key for key in swept if is_kind(key) and len({*swept[key]}) > 1]
+    return [kind_sentence(str(key), compared, swept, unit, what) for key in kinds]
 
 
 def kind_sentence(
     key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str, what: str
 ) -> str:
-    """Compare the values of one swept kind: the range, and the number of settings where a value is least.
+    """Compare the values of one swept kind: the range, and in how many settings a value is least.
 
-    A setting is a combination of the other swept keys. A value is least where its interval begins no later
-    than another ends, that of each other value.
+    A setting is a combination of the other swept keys. A value is least where its interval begins
+    no later than that of each other value ends.
     """
     others = [swept[other] for other in swept if other != key]
     settings = compared.groupby(others if others else np.zeros(len(compared)))
@@ -164,122 +153,100 @@ def kind_sentence(
     rows = []
     for label, numbers in compared.groupby(swept[key], sort=False).groups.items():
         some: Any = compared.loc[numbers, "value"]
-        rows.append(
-            (
-                -int(least[numbers].sum()),
-                some.mean(),
-                value_name(key, label),
-                some.min(),
-                some.max(),
-            )
-        )
-    words = [
-        f"{escape(name)} {range_words(low, high, unit)}" + f", least in {-many}" * bool(others)
-        for many, _, name, low, high in sorted(rows, key=lambda row: row[:2])[:MOST_COMPARED]
-    ]
-    told = "; ".join(words + [count(len(rows) - len(words), "other")] * (len(rows) > len(words)))
+        ends = dict.fromkeys(error_text(end) for end in (some.min(), some.max()))
+        words = f"{escape(value_name(key, label))} <b>{' to '.join(ends)} {unit}</b>"
+        many = int(least[numbers].sum())
+        rows.append((-many, some.mean(), words + f", least in {many}" * bool(others)))
+    told = [words for *_, words in sorted(rows, key=lambda row: row[:2])[:MOST_COMPARED]]
+    if len(rows) > len(told):
+        told.append(count(len(rows) - len(told), "other"))
     over = f" over {count(settings.ngroups, 'setting')}, least within intervals" if others else ""
-    return f"{what} by {escape(key_name(key))}{over}: {told}."
-
-
-def range_words(low: float, high: float, unit: str) -> str:
-    """Return a range in words; one number if both ends are printed alike."""
-    ends = list(dict.fromkeys(error_text(end) for end in (low, high)))
-    return f"<b>{' to '.join(ends)} {unit}</b>"
+    return f"{what} by {escape(key_name(key))}{over}: {'; '.join(told)}."
 
 
 def failures_sentence(results: Results) -> str:
-    """State the number of failed lanes, by the kind of failure."""
+    """The number of failed lanes, by the kind of failure."""
     lanes = results.manifest["lanes"]
     if not lanes["failed"]:
         return f"All {count(lanes['total'], 'lane')} came to their end; none failed."
-    kinds = sum(failed_kinds(results).values(), Counter())
-    return f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {escape(counted(kinds))}."
+    kinds = escape(counted(sum(failed_kinds(results).values(), Counter())))
+    return f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}."
 
 
-def unrecovered_sentences(results: Results) -> list[str]:
-    """State the least and the greatest share of lanes unrecovered, if the study asks for it."""
+def unrecovered_sentence(results: Results) -> str:
+    """The least and the greatest share of lanes unrecovered, if the study asks for it."""
     found, asked = unrecovered_shares(results), results.study.config.recovery
+    cells, confidence = results.study.cells, confidence_told(results.study.config.samples)
     if found.empty:
-        name = recovery.share_name(results.study.cells)
-        return [] if asked is None else [f"No share {name}: no attacked lane came to its end."]
-    confidence = 100 * recovery.confidence_told(results.study.config.samples)
-    above = "" if asked is None else f" ({recovery.criterion_words(asked, results.study.cells)})"
+        none = f"No share {share_name(cells)}: no attacked lane came to its end."
+        return "" if asked is None else none
+
+    def words(share: float, cell: int) -> str:
+        low, high = (four_digits(100 * end) for end in found.loc[cell].iloc[1:])
+        interval = f"{100 * confidence:g} % interval {low} to {high} %"
+        return f"<b>{four_digits(100 * share)} %</b> ({interval})"
+
     share: Any = found["unrecovered"]
-
-    def at(end: float) -> str:
-        numbers = [int(cell) for cell in share.index[share == end]]
-        _, low, high = 100 * found.loc[numbers[0]]
-        interval = f"{confidence:g} % interval {four_digits(low)} to {four_digits(high)} %"
-        return f"<b>{four_digits(100 * end)} %</b> ({interval}) {where_words(results, numbers)}"
-
-    head = f"Lanes {recovery.share_name(results.study.cells)}{above}"
-    if share.min() == share.max():
-        return [f"{head}: {at(share.max())}."]
-    return [f"{head}: from {at(share.min())} to {at(share.max())}."]
+    ends = at_ends(results, share, words)
+    above = "" if asked is None else f" ({criterion_words(asked, cells)})"
+    span = f"from {' to '.join(ends)}" if len(ends) > 1 else ends[0]
+    return f"Lanes {share_name(cells)}{above}: {span}."
 
 
 def bounds_sentence(results: Results, found: Sequence[Curve], fit: str) -> str:
-    """State the least ratio of a bound to the worst error found."""
+    """The least ratio of a bound to the worst error found."""
     if not found:
-        return "Bounds of theory: none to compare with, for no cell has an attack of a fixed magnitude."
+        none = "none to compare with, for no cell has an attack of a fixed magnitude"
+        return f"Bounds of theory: {none}."
     if not results.file("bounds.csv").exists():
         return f"Bounds are not fitted yet: <code>{fit}</code>"
-    over, of_rounding = [], 0
+    over = []
+    of_rounding = sum(curve.worst < ROUNDING_ERROR for curve in found)
     for curve in found:
-        limits = {name: s for name, s in curve.limits("tail_max").items() if name != UNSOUND_BOUND}
-        if limits and curve.worst >= ROUNDING_ERROR:
-            name = min(limits, key=lambda each: limits[each])
-            over.append((limits[name] / curve.worst, name, limits[name], curve))
-        of_rounding += curve.worst < ROUNDING_ERROR
+        sound = [each for each in curve.limits("tail_max").items() if each[0] != UNSOUND_BOUND]
+        if sound and curve.worst >= ROUNDING_ERROR:
+            name, slope = min(sound, key=lambda each: each[1])
+            over.append((slope / curve.worst, name, slope, curve))
     words = []
     if over:
         ratio, name, slope, curve = min(over, key=lambda each: each[0])
         where = f" with {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
+        after = "; the bound holds once the transient is over" if ratio < 1 else ""
         words.append(
-            f"The tightest bound, {BOUND_NAMES[name]}, is <b>{four_digits(ratio)} times</b> the worst error"
-            f" found: {four_digits(slope)} ā over {four_digits(curve.worst)} ā{where}"
-            f"{AFTER_TRANSIENT if ratio < 1 else ''}."
+            f"The tightest bound, {BOUND_NAMES[name]}, is <b>{four_digits(ratio)} times</b> the"
+            f" worst error found: {four_digits(slope)} ā over"
+            f" {four_digits(curve.worst)} ā{where}{after}."
         )
+    groups = f"{count(len(found), 'group')} of cells"
     if of_rounding:
         words.append(f"In {count(of_rounding, 'group')} of cells the worst error is 0 (rounding).")
     if silent := len(found) - len(over) - of_rounding:
-        words.append(
-            f"No bound of theory applies to {silent} of {count(len(found), 'group')} of cells."
-        )
-    return " ".join([*words, *(violated_sentences(results) if over or of_rounding else [])])
-
-
-def violated_sentences(results: Results) -> list[str]:
-    """State the number of lanes above a bound, if the bounds were checked."""
-    if not results.file("violations.csv").exists():
-        return []
-    many = len(results.violations[["cell", "sample"]].drop_duplicates())
-    return [
-        f"<b>{count(many, 'lane')}</b> above a bound that claims to hold: see Violations."
-        if many
-        else "No lane is above a bound that claims to hold for it."
-    ]
+        words.append(f"No bound of theory applies to {silent} of {groups}.")
+    if (over or of_rounding) and results.file("violations.csv").exists():
+        many = len(results.violations[["cell", "sample"]].drop_duplicates())
+        told = f"<b>{count(many, 'lane')}</b> above a bound that claims to hold: see Violations."
+        words.append(told if many else "No lane is above a bound that claims to hold for it.")
+    return " ".join(words)
 
 
 def certainty_sentence(results: Results) -> str:
-    """State the number of lanes of a cell, and the interval of the greatest mean."""
-    samples = f"Each cell has {count_between(results.samples, 'lane')}"
-    cells: Any = results.cells
+    """The number of lanes of a cell, and the interval of the greatest mean."""
+    samples = f"Each cell has {count_between(results.samples, 'lane')}."
     metric = judged_metric(results.study.cells)
-    means: Any = cells[f"{metric}_mean"].dropna()  # in metres: the greatest per ā is another
+    means: Any = results.cells[
+        f"{metric}_mean"
+    ].dropna()  # in metres: the greatest per ā is another
     if means.empty:
-        return f"{samples}."
-    place = means.idxmax()
-    worst, scale = cells.iloc[place], float(cell_magnitudes(results)[place])
-    mean, low, high = (
-        error_text(float(worst[f"{metric}_{name}"]), scale) for name in ("mean", "low", "high")
-    )
+        return samples
+    place = int(means.idxmax())
+    worst: Any = results.cells.iloc[place]
+    scale, ends = float(cell_magnitudes(results)[place]), ("mean", "low", "high")
+    mean, low, high = (error_text(float(worst[f"{metric}_{end}"]), scale) for end in ends)
     where, of = ("The greatest mean", f" of cell {place}") if len(means) > 1 else ("The mean", "")
-    lanes = f"{count(int(worst['ok']), 'ok lane')}{of}"
+    lanes = f"over {count(int(worst['ok']), 'ok lane')}{of}"
     if metric == "spread":
-        return f"{samples}. {where} spread is {mean} m, over {lanes}."
+        return f"{samples} {where} spread is {mean} m, {lanes}."
     if np.isnan(worst["tail_mean_high"]):
-        return f"{samples}. {where} is {mean} m, over {lanes}."
-    sure = 100 * recovery.confidence_told(results.study.config.samples)
-    return f"{samples}. {where} is {mean} m ({sure:g} % interval {low} to {high} m), over {lanes}."
+        return f"{samples} {where} is {mean} m, {lanes}."
+    sure = 100 * confidence_told(results.study.config.samples)
+    return f"{samples} {where} is {mean} m ({sure:g} % interval {low} to {high} m), {lanes}."
