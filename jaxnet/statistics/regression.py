@@ -187,7 +187,9 @@ class BentCurve(NamedTuple):
     """A curve of curves u(x) = offset + scale·growth by their shape."""
 
     bent: Callable[[np.ndarray, np.ndarray], tuple[PerFit, PerFit]]  # offset and growth
-    through: Callable[[np.ndarray, PerFit], np.ndarray]  # shapes of the curves through pairs of points
+    through: Callable[
+        [np.ndarray, PerFit], np.ndarray
+    ]  # shapes of the curves through pairs of points
     read: Callable[[np.ndarray, Shapes, Shapes], tuple[Shapes, Shapes]]  # parameters
 
     def candidates(self, x: np.ndarray, minimisers: PerFit) -> Float[np.ndarray, "n grid"]:
