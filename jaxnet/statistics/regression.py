@@ -187,7 +187,9 @@ class BentCurve(NamedTuple):
     """A curve of curves u(x) = offset + scale·growth by their shape."""
 
     bent: Callable[[np.ndarray, np.ndarray], tuple[PerFit, PerFit]]  # offset and growth
-    through: Callable[[np.ndarray, PerFit], PerFit]  # shapes of the curves through pairs of points
+    through: Callable[
+        [np.ndarray, PerFit], np.ndarray
+    ]  # shapes of the curves through pairs of points
     read: Callable[[np.ndarray, Shapes, Shapes], tuple[Shapes, Shapes]]  # parameters
 
     def candidates(self, x: np.ndarray, minimisers: PerFit) -> Float[np.ndarray, "n grid"]:
@@ -221,7 +223,7 @@ def power_bent(x: np.ndarray, shape: np.ndarray) -> tuple[PerFit, PerFit]:
     return np.zeros_like(growth), growth
 
 
-def power_through(x: np.ndarray, u: PerFit) -> PerFit:
+def power_through(x: np.ndarray, u: PerFit) -> np.ndarray:
     """Shapes of the powers through pairs of points; 0 (proportional) where both errors are 0."""
     shapes = -log_range(x)[1] * pairs_apart(np.log(u)) / pairs_apart(np.log(x))
     zeros = pairs_apart((u == 0).astype(float)) == 0
