@@ -220,9 +220,9 @@ def world_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield a fault where a law or gain does not know what words become on their way."""
     channel, networks = scenario.channel, len(scenario.topology.turns())
     exact = channel.noise.exact() and not channel.rounded
-    if scenario.law.linearised and not (exact and networks == 1):
+    if not scenario.law.takes_any_message() and not (exact and networks == 1):
         yield Fault(("law", "channel"), "linearised knows no noise of words, and one network")
-    if scenario.law.local and channel.noise.errs_in_highest():
+    if not scenario.law.couples() and channel.noise.errs_in_highest():
         told = f"vehicles do not tell their highest derivative under law: {scenario.law.kind}"
         yield Fault(("channel.noise.jerk", "law"), told)
     plain = exact and not channel.late and channel.missing == "drop"
@@ -246,12 +246,12 @@ def old_word_faults(scenario: Scenario) -> Iterator[Fault]:
         if given
     )
     keys = tuple(f"channel.{key}" for key in keys)
-    if law.linearised:
+    if not law.takes_any_message():
         yield Fault((*keys, "law"), f"{law.kind} knows live words alone: give another law")
     elif law.exchanges() > 1:
         told = "a law by exchanges makes one at a tick where words are late or stand in: give law.rounds: 1"
         yield Fault((*keys, "law.rounds"), f"{told} (got {law.exchanges()})")
-    if law.local and channel.late and channel.extrapolate == "jerk":
+    if not law.couples() and channel.late and channel.extrapolate == "jerk":
         told = "neighbours tell no highest derivative under a local law: give none or jets"
         yield Fault(("channel.extrapolate", "law"), told)
 
@@ -284,7 +284,7 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
 def fastest_motion(scenario: Scenario) -> float:
     """Return the rate of a vehicle's own motion [1/s]: that of the law, times the strongest row above 1."""
     factors = [1.0]
-    for each in scenario.topology.turns() if scenario.law.local else ():
+    for each in scenario.topology.turns() if not scenario.law.couples() else ():
         rows = scenario_graph(scenario.model_copy(update={"topology": each})).weights.T[None]
         strength = each.strength(rows, scenario.navigator.present)
         factors += (
@@ -295,8 +295,7 @@ def fastest_motion(scenario: Scenario) -> float:
 
 def tells_motion(scenario: Scenario) -> bool:
     """Return whether late words are power series of the vehicles' motion over a tick."""
-    law = scenario.law
-    return not law.holds and (law.local or scenario.channel.extrapolate != "none")
+    return scenario.law.tells_motion(scenario.channel.extrapolate != "none")
 
 
 def detector_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -405,7 +404,7 @@ def matrix_faults(scenario: Scenario, matrices: np.ndarray) -> Iterator[Fault]:
     coasts = scenario.defence.coasts() or not scenario.channel.loss.perfect()
     alone = coasts or not scenario.sensing.exact() or not scenario.attack.consistent()
     alone = alone or len(scenario.topology.turns()) > 1
-    if scenario.law.solved and scenario.engine.by_functions and alone:
+    if scenario.law.solves() and scenario.engine.by_functions and alone:
         message = f"the {scenario.engine.kind} engine takes gains by axis only in one network, without errors"
         more = "of sensors, losses, isolated: coast, and attacks of some orders alone"
         yield Fault(("gain", "engine"), f"{message} {more}")
@@ -416,7 +415,7 @@ def own_gain_faults(scenario: Scenario, given: int) -> Iterator[Fault]:
     if given != scenario.vehicles:
         message = f"must be {scenario.vehicles}, one for each vehicle (got {given})"
         yield Fault(("gain.vehicles", "vehicles"), message)
-    if not scenario.law.solved or scenario.law.linearised:
+    if not scenario.law.solves():
         yield Fault(("gain", "law"), "gains of each vehicle need law: exact")
     if scenario.engine.by_functions:
         message = (

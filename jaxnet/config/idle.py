@@ -75,7 +75,7 @@ RULES = (
     IdleRule(("defence.first_announcement",), lambda s: not s.defence.announcing(), ANNOUNCED),
     IdleRule(
         ("defence.isolated",),
-        lambda s: s.law.local,
+        lambda s: not s.law.couples(),
         "under a local law no vehicle has a drive to keep",
     ),
     IdleRule(

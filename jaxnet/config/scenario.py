@@ -204,8 +204,10 @@ PREMISES = {
         lambda one: one.attack.identities() == 1, "attacked vehicles have several identities"
     ),
     "by law": Premise(lambda one: not one.attack.as_told(), "attacked vehicles move as they tell"),
-    "not held": Premise(lambda one: not one.law.holds, "the law holds the jerk between ticks"),
-    "solved": Premise(lambda one: one.law.solved, "the law is {one.law.kind}"),
+    "not held": Premise(
+        lambda one: not one.law.needs_ticks(), "the law holds the jerk between ticks"
+    ),
+    "solved": Premise(lambda one: one.law.solves(), "the law is {one.law.kind}"),
     "flat": Premise(
         lambda one: one.vehicle.flat, "{one.vehicle.kind} may not move as the law asks"
     ),
@@ -249,7 +251,7 @@ def has_ticks(scenario: Scenario) -> bool:
     """
     attack = scenario.attack
     decides = scenario.defence.decides or attack.strategic or bool(attack.periods())
-    holds = not scenario.law.solved or not attack.consistent()
+    holds = not scenario.law.solves() or not attack.consistent()
     return (decides or holds or not is_ideal(scenario)) and scenario.tick > 0
 
 

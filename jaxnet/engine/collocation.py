@@ -165,7 +165,7 @@ class Collocation(Following[CollocationState]):
         """Return whether the jerk of vehicles changes at every tick."""
         lane = self.lane
         changing = lane.sensor is not None or not lane.exact_words or lane.delay is not None
-        return lane.law.holds or changing
+        return lane.law.needs_ticks() or changing
 
     def hold(
         self, state: CollocationState, decided: DecisionState, at: Tick
@@ -181,7 +181,7 @@ class Collocation(Following[CollocationState]):
         ) -> tuple[FollowedLaw, LaneFlags]:
             followed, cut_off = carry
             part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
-            if lane.law.holds:
+            if lane.law.needs_ticks():
                 given = (
                     followed.jerk,
                     state.signals,
@@ -286,7 +286,7 @@ class Collocation(Following[CollocationState]):
         now = jax.tree.map(lambda leaf: leaf[: gauss.STAGES], known)
         between = jax.tree.map(lambda leaf: leaf[gauss.STAGES :], known)
         coasted = gauss.coasted(task.jets, times[: gauss.STAGES])
-        gain = jnp.zeros_like(lane.gain) if lane.law.holds else lane.gain
+        gain = jnp.zeros_like(lane.gain) if lane.law.needs_ticks() else lane.gain
         equations = gauss.linear(gain, length)
         sizes = tuple(jnp.abs(jet) for jet in task.jets)
 

@@ -57,7 +57,7 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         """Return the law followed before the first tick, needed for its shapes alone."""
         lane, network, plan = self.lane, self.network, self.plan
         decided = tick.before_first(lane, network, plan)
-        if lane.law.holds:
+        if lane.law.needs_ticks():
             return FollowedLaw(
                 tick.drive(lane, decided, plan).weights,
                 None,
@@ -96,7 +96,7 @@ def follow_weights(
     needs the response.
     """
     drive = tick.drive(lane, decided, plan)
-    if lane.law.local:
+    if not lane.law.couples():
         everybody = jnp.ones(lane.attack_scale.shape, bool)
         vectors = control.drive_vectors(lane.gain, drive.vectors)
         vectors = response(vectors, FollowedLaw(drive.weights, None, None, None), network)
@@ -105,7 +105,7 @@ def follow_weights(
         ), everybody
     factors, residual = network.solver.factorise(network.hearing, drive.weights)
     followed = FollowedLaw(drive.weights, factors, None, None, known=drive.known)
-    if guesses or lane.law.linearised:
+    if guesses or lane.law.way() == "linearised":
         vectors = control.drive_vectors(lane.gain, drive.vectors)
         followed = followed._replace(response=response(vectors, followed, network))
     if drive.known is None:
@@ -158,7 +158,7 @@ def law_jerk(
     evaluated, not solved. With gains of each vehicle the law is `-P_i(ε_i) = -P(ε_i) - (P_i - P)(ε_i)`.
     """
     vectors = tick.attack_vectors(lane, decided)
-    if lane.law.local:
+    if not lane.law.couples():
         rest = followed.strength, followed.known
         drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, *rest)
         return tick.followed_demand(lane, network, drive, own, now.navigator, now.basis, now.time)

@@ -102,7 +102,7 @@ class Integration(Following[IntegrationState]):
                 lambda leaf: picked(leaf, few), (lane, state.signals, decided, self.numbers)
             )
             states = picked(state.state, few)
-            if lane.law.holds:
+            if lane.law.needs_ticks():
                 new, connected = exchanged(
                     part,
                     network,
@@ -129,7 +129,7 @@ class Integration(Following[IntegrationState]):
                 put(cut_off, few, ~connected),
             )
 
-        flagged = at.here if lane.law.holds or lane.sensor is not None else at.anew
+        flagged = at.here if lane.law.needs_ticks() or lane.sensor is not None else at.anew
         carry = state.followed, state.slope, state.step, jnp.zeros_like(at.here)
         at_once = factorised_at_once(lane.initial.shape[1])
         followed, slope, step, cut_off = for_each(flagged, at_once, some, carry)
@@ -208,14 +208,14 @@ def rates_by_law(
 
     With `Plan.in_field` vehicles decide at each evaluation, without memory.
     """
-    if lane.law.holds:
+    if lane.law.needs_ticks():
         return lane.vehicle.motion(states, lane.vehicle.inputs_for(states, followed.jerk))
     if plan.in_field:
         before = tick.before_first(lane, network, plan)
         errors = plane.relative(lane.vehicle.output_jets(states), now.navigator)
         chosen = tick.decide(lane, network, plan, before, errors, now.basis, now.time)
         followed, _ = follow_weights(lane, network, chosen, plan, network.solver.starts)
-    if lane.law.linearised:
+    if lane.law.way() == "linearised":
         return lane.vehicle.motion(states, linearised_inputs(lane, followed, decided, now, states))
     own = tick.sensed(lane.vehicle.output_jets(states), decided.noise)
     jerk = law_jerk(lane, network, followed, decided, now, own, followed.guess(lane, now, own))

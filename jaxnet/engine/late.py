@@ -171,7 +171,7 @@ def ages(history: History) -> Int[Array, "d 1 1 1"]:
 
 def word_degrees(lane: Lane) -> int:
     """Return the number of coefficients of a word: one where a law holds a derivative between ticks."""
-    return 1 if lane.law.holds else DEGREES
+    return 1 if lane.law.needs_ticks() else DEGREES
 
 
 def common_gains(lane: Lane, plan: Plan) -> Float[Array, "derivatives lanes"] | None:
@@ -179,7 +179,7 @@ def common_gains(lane: Lane, plan: Plan) -> Float[Array, "derivatives lanes"] | 
 
     Sources then tell one sum.
     """
-    if lane.law.local:
+    if not lane.law.couples():
         return None
     if plan.extrapolate == "none":
         return word_gains(lane.gain, None, plan.extrapolate)
@@ -323,7 +323,7 @@ def sent_words(
     each = [arrival.carried(order, on_links) for order in told]
     if len(each) > 1:
         each = [weighed(*both) for both in zip(each, gains, strict=True)]
-    if lane.law.local:
+    if not lane.law.couples():
         each[-1] = jnp.where((hearing.sources == 0)[None, None, ..., None], each[-1], 0.0)
     words = sum(each[1:], each[0])
     if rounding is None:
@@ -360,7 +360,7 @@ def false_word(
         ticks = None if entry is None else depth(history) - entry
         gains = word_gains(lane.gain, delay.seconds(ticks, lane.interval), plan.extrapolate)
         each = each * gains[:, None, None]
-    if lane.law.local:
+    if not lane.law.couples():
         leads = jnp.asarray(hearing.sources)[slot, listener] == 0
         each = each.at[-1].multiply(jnp.where(leads, 1.0, 0.0))
     return each.sum(axis=0)
@@ -385,7 +385,7 @@ def remember(
 
     `told` are y, ẏ, …, y^(r) as vehicles tell them from now on, or their words alone.
     """
-    points = np.zeros(1) if lane.law.holds else POINTS
+    points = np.zeros(1) if lane.law.needs_ticks() else POINTS
     instants = time[None] + jnp.asarray(points)[:, None] * lane.interval[None]
     gains = common_gains(lane, plan)
 
@@ -398,7 +398,7 @@ def remember(
         return *(control.feedback(gains, each)[None] for each in (path, functions)), drive
 
     parts = xla.materialised(lambda: jax.vmap(functions_at)(instants))
-    if not lane.law.holds:
+    if not lane.law.needs_ticks():
         parts = map(coefficients, parts)
     path, functions, drive = parts
     functions = functions.swapaxes(0, 1)

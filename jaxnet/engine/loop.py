@@ -64,7 +64,7 @@ class Batch(NamedTuple):
         lane = self.lane
         noisy = lane.sensor is not None or lane.lossy or not lane.exact_words
         changing = lane.periods is not None
-        return self.plan.choosing or changing or noisy or not lane.law.solved
+        return self.plan.choosing or changing or noisy or not lane.law.solves()
 
 
 class Motion(ABC, Generic[MotionState]):
@@ -206,7 +206,7 @@ def will_stop(
     if coasting is None or coasting.stopped is None:
         return decided
     highest = last
-    if not lane.law.holds:
+    if not lane.law.needs_ticks():
         highest = coasting.drive - control.feedback(lane.gain, tick.sensed(own, decided.noise))
     among = coasting.cut_off & ~coasting.stopped.vehicles & here[None]
     soon, states = stopping.rest_within_tick(lane, (*own, highest), among, clock.interval)
@@ -265,7 +265,7 @@ def isolated(
     `failing` are the lanes that fail for it, in which the vehicles are sought only now.
     """
     lane, network, plan = batch.lane, batch.network, batch.plan
-    if lane.law.local or not plan.decides:
+    if not lane.law.couples() or not plan.decides:
         return None
     if tick.coasts(lane) and decided.coasting is not None:
         return decided.coasting.cut_off & here[None]

@@ -59,7 +59,7 @@ def rest_within_tick(
 
     `jets` are y and its r derivatives now.
     """
-    gain = jnp.zeros_like(lane.gain) if lane.law.holds else lane.gain
+    gain = jnp.zeros_like(lane.gain) if lane.law.needs_ticks() else lane.gain
     rate, shape = jnp.maximum(1.0, control.norms(gain).sum(axis=0)), among.shape
     whole = jnp.concatenate([jnp.zeros_like(gain[:1]), gain])  # of y^(r+1), without the constant z
 

@@ -361,7 +361,7 @@ def first_coasting(lane: Lane) -> Coasting | None:
 
 def coasts(lane: Lane) -> bool:
     """Return whether vehicles that decisions cut off keep their drive; under a local law they have none."""
-    return lane.defence.coasts() and not lane.law.local
+    return lane.defence.coasts() and lane.law.couples()
 
 
 def decide(
@@ -435,12 +435,12 @@ def send(
         relative = tell(sensed(errors, state.noise)[:order])
         jets = SentJets(relative, lane.path(time)[:order], basis[:order])
     own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
-    if lane.law.holds:
+    if lane.law.needs_ticks():
         highest = jnp.zeros_like(own[0]) if held is None else held
         told = tuple(jet[:, None] for jet in (*sensed(own, state.noise), highest))
-    elif lane.law.local or plan.extrapolate != "none":
+    elif not lane.law.couples() or plan.extrapolate != "none":
         strength = None
-        if lane.law.local:
+        if not lane.law.couples():
             assert known.share is not None
             strength, given = (known.share > 0).astype(float), row_strength(lane, state, plan)
             strength = strength if given is None else strength * given
@@ -461,7 +461,7 @@ def held_derivative(
     lane: Lane, before: DecisionState, errors: Jets, time: Instants, drive: PerAxis | None
 ) -> PerAxis | None:
     """Return the r-th derivative that vehicles hold until now and tell, None under a law without one."""
-    if lane.law.local or not lane.law.holds or drive is None:
+    if not lane.law.couples() or not lane.law.needs_ticks() or drive is None:
         return None
     own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
     return drive - control.feedback(lane.gain, sensed(own, before.noise))
@@ -618,11 +618,13 @@ def listen(
     if last is None or now is None or last.words is None:
         return now
     speaking, heard = (
-        (state, now.arrived | (time <= 0)[None, None]) if lane.law.holds else (before, last.arrived)
+        (state, now.arrived | (time <= 0)[None, None])
+        if lane.law.needs_ticks()
+        else (before, last.arrived)
     )
     words, gain = last.words, lane.gain
     signals = signal.jets(attack_vectors(lane, speaking), basis)
-    if plan.missing == "hold" and lane.law.solved and drive is not None:
+    if plan.missing == "hold" and lane.law.solves() and drive is not None:
         sources = jnp.concatenate([control.driven(gain, lane.path(time))[:, None], drive], axis=1)
         fresh = network.hearing.received(sources, control.driven(gain, signals))
         if before.link_errors is not None:
@@ -749,7 +751,7 @@ def keep_drive(
         if usable is not None:
             heard = heard & usable[None]
         nobody = ~heard.any(axis=1)
-        if lane.law.local:
+        if not lane.law.couples():
             return before._replace(vehicles=nobody.all(axis=0))
         alone = nobody | off[None]
         keeps = (alone | ~network.hearing.reached(heard, alone)).any(axis=0)
@@ -872,7 +874,7 @@ def known_now(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -
 
     `live` are the weights of the words that arrive.
     """
-    reception, coasting = state.reception, None if lane.law.local else state.coasting
+    reception, coasting = state.reception, None if not lane.law.couples() else state.coasting
     if reception is None or reception.words is None:
         if coasting is None and state.link_noise is None:
             return None
@@ -890,7 +892,7 @@ def constant_drive(
     lane: Lane, state: DecisionState, heard: AxisWeights, degrees: int
 ) -> KnownDrive:
     """Return what kept drives, and errors of the words with weights `heard`, add until the next tick."""
-    coasting, reception = None if lane.law.local else state.coasting, state.reception
+    coasting, reception = None if not lane.law.couples() else state.coasting, state.reception
     share, drive = None, jnp.zeros((2, *heard.shape[2:]))
     if coasting is not None:
         share = jnp.broadcast_to(coasting.vehicles[None].astype(float), heard[:, 0].shape)
@@ -1041,7 +1043,7 @@ def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWe
     if not plan.decides:
         return links[None]
     weights = retained.in_force(links, state.decision)
-    if not lane.law.local:
+    if lane.law.couples():
         return weights
     believed = retained.support(state.decision).reshape(weights.shape) & (links > 0)[None]
     return jnp.where(believed.any(axis=1, keepdims=True), weights, 0.0)
@@ -1066,7 +1068,7 @@ def disconnected(lane: Lane, network: Network, state: DecisionState, plan: Plan)
     No lane fails where such vehicles coast, or under a local law, which has a solution all the same, or where
     networks take turns.
     """
-    if lane.law.local or coasts(lane) or lane.turns is not None:
+    if not lane.law.couples() or coasts(lane) or lane.turns is not None:
         return jnp.zeros(lane.attack_scale.shape, bool)
     return cut_off(lane, network, state, plan).any(axis=0)
 
@@ -1137,13 +1139,13 @@ def exchange(
     hears nobody still holds.
     """
     own, weights = sensed(own, drive.noise), drive.weights
-    if lane.law.local:
+    if not lane.law.couples():
         demand = followed_demand(lane, network, drive, own, told.navigator, told.basis, told.time)
     else:
         attack = signal.combined(control.drive_vectors(lane.gain, drive.vectors), told.functions)
         demand = control.demand(own, told.path, attack, network.hearing, weights, lane.gain)
         demand = demand if drive.known is None else demand + drive.known.drive[:, 0]
-    if drive.coasting is not None and not lane.law.local:
+    if drive.coasting is not None and lane.law.couples():
         demand = jnp.where(drive.coasting.vehicles[None], last, demand)
         if drive.coasting.stopped is not None:
             demand = jnp.where(drive.coasting.stopped.vehicles[None], 0.0, demand)

@@ -185,7 +185,9 @@ def weights_of(
 
 def strength_of(scenario: Scenario, weights: Any, graph: Graph) -> RowStrength | None:
     """Return the strength of the rows of each lane with these weights, None where it does not act."""
-    return graph.strength(weights, scenario.navigator.present) if scenario.law.local else None
+    return (
+        graph.strength(weights, scenario.navigator.present) if not scenario.law.couples() else None
+    )
 
 
 def turns_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Turns | None:

@@ -84,7 +84,7 @@ class Lane(NamedTuple):
     @property
     def singular(self) -> bool:
         """Return whether the law is singular where `vehicle.margin` is 0."""
-        return bool(self.vehicle.singular) and not self.law.linearised
+        return bool(self.vehicle.singular) and self.law.singular_at_rest()
 
     def basis(self, time: Numbers) -> Basis:
         """Return the attacks' functions at times [s], with derivatives up to the vehicles' order at least."""

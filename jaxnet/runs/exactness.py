@@ -19,7 +19,7 @@ from jaxnet.theory import exact
 def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
     """Return lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
     attack = scenario.attack
-    known = scenario.tick > 0 and attack.consistent() and scenario.law.solved
+    known = scenario.tick > 0 and attack.consistent() and scenario.law.solves()
     if not known or attack.strategic or attack.replaces() or attack.periods():
         raise ValueError(
             "the exact solution is known of decisions at ticks, attacks that add a given path, and the law"

@@ -33,7 +33,7 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
         raise ValueError(
             f"{defence.kind} has isolated: coast, and a vector field knows of no ticks"
         )
-    if not scenario.law.solved:
+    if not scenario.law.solves():
         raise ValueError(
             f"the vector field is that of the law solved at every instant (got {scenario.law.kind})"
         )

@@ -86,7 +86,7 @@ def isolation_columns(cells: Sequence[Cell]) -> list[str]:
     A study whose defences cannot cut a vehicle off has none. Where they can, the columns tell who and since
     when; where such vehicles coast, also how many, for how long, and how many stopped.
     """
-    defences = [cell.scenario.defence for cell in cells if not cell.scenario.law.local]
+    defences = [cell.scenario.defence for cell in cells if cell.scenario.law.couples()]
     if any(defence.coasts() for defence in defences):
         return list(ISOLATION)
     return ["cut_off", "cut_off_at"] if any(defence.decides for defence in defences) else []

@@ -78,10 +78,10 @@ class Engine(Kind):
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault of a law, vehicle or tick that the engine cannot simulate."""
-        if scenario.law.holds and not self.holds:
+        if scenario.law.needs_ticks() and not self.holds:
             message = f"the {self.kind} engine cannot hold a jerk from tick to tick, as {scenario.law.kind} does"
             yield Fault(("engine", "law"), message)
-        if scenario.law.linearised and not self.linearises:
+        if scenario.law.way() == "linearised" and not self.linearises:
             message = (
                 f"the {self.kind} engine moves vehicles by the law's exact linearisation, which"
             )

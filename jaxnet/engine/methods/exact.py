@@ -67,8 +67,5 @@ class Exact(Engine):
         """Advance all lanes in lockstep by `engine.propagation`, or by `engine.local`."""
         from jaxnet.engine import local, loop, propagation
 
-        law = queue.lane.law
-        motion = (
-            propagation.Held if law.holds else propagation.Solved if law.solved else local.Local
-        )
-        return loop.in_lockstep(motion, queue, network, clock, plan)
+        ways = {"held": propagation.Held, "solved": propagation.Solved, "local": local.Local}
+        return loop.in_lockstep(ways[queue.lane.law.way()], queue, network, clock, plan)

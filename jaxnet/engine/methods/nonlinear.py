@@ -62,7 +62,7 @@ class Nonlinear(Engine):
             self.solver != "gauss"
             or in_field
             or scenario.vehicle.internal
-            or scenario.law.linearised
+            or scenario.law.way() == "linearised"
         )
         return "nothing" if states else "state"
 
@@ -86,7 +86,9 @@ class Nonlinear(Engine):
 
         (solver,) = plan.options
         lane = queue.lane
-        if solver == "gauss" and (plan.in_field or lane.vehicle.internal or lane.law.linearised):
+        if solver == "gauss" and (
+            plan.in_field or lane.vehicle.internal or lane.law.way() == "linearised"
+        ):
             plan = plan._replace(options=("dopri5",))
         motion = collocation.Collocation if plan.options == ("gauss",) else integration.Integration
         return loop.from_queue(motion, queue, count, network, clock, plan)

@@ -165,7 +165,7 @@ class ByDiffrax(Motion[StackedState]):
         self, state: StackedState, decided: DecisionState, at: Tick
     ) -> tuple[StackedState, LaneFlags]:
         """Return the state unchanged, and the lanes in which a vehicle is cut off and does not coast."""
-        if self.lane.law.local or tick.coasts(self.lane) or self.lane.turns is not None:
+        if not self.lane.law.couples() or tick.coasts(self.lane) or self.lane.turns is not None:
             return state, jnp.zeros_like(at.here)
         weights = tick.weights_without_loss(self.lane, decided, self.plan)
         reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(
@@ -332,7 +332,7 @@ def lane_field(
         each: Float[Array, "slots m"], strength: Float[Array, " m"], share: Float[Array, " m"]
     ) -> Float[Array, "2 m"]:
         graph, highest, error = jets_of_law(own, navigator, attack, each, network.hearing)
-        if alone.law.local:
+        if not alone.law.couples():
             highest = jets_of_navigator(navigator, attack, each, network.hearing, len(own))
             silent = (each == 0).all(axis=0) & (share == 0)
             error = jnp.where(silent[None, None], 0.0, error)
@@ -340,7 +340,7 @@ def lane_field(
             highest = highest + known.at(time)
         if lane.gain_apart is not None:
             highest = highest - (lane.gain_apart[:, None] * error).sum(axis=0)
-        if alone.law.local:
+        if not alone.law.couples():
             graph, highest, error = (
                 jnp.zeros_like(graph),
                 strength[None] * highest,

@@ -186,7 +186,7 @@ class Graph(Kind):
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if there is a navigator that does not reach every vehicle: L is singular then."""
-        if not scenario.law.local and (self.own_weight or not self.normalises()):
+        if scenario.law.couples() and (self.own_weight or not self.normalises()):
             key = "own_weight" if self.own_weight else "normalised"
             yield Fault((f"topology.{key}", "law"), f"{key} acts under law: local alone")
         if not scenario.navigator.present:

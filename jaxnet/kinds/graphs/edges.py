@@ -174,7 +174,7 @@ def edge_faults(
                 (key, "topology.edges", "vehicles"),
                 f"i is 1 to {vehicles} and j 0 to {vehicles} (got [{listener}, {source}])",
             )
-        elif listener == source and not scenario.law.local:
+        elif listener == source and scenario.law.couples():
             yield Fault(
                 (key, "topology.edges"), f"{listener} hears itself, which law: local alone allows"
             )

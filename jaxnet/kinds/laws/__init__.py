@@ -1,7 +1,7 @@
 """Laws: how vehicles find the jerk q = y‴ that solves `L q = b` (theorems.md O2b, O12)."""
 
 from collections.abc import Callable, Iterator
-from typing import ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -9,25 +9,17 @@ from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import VehicleVectors
 
+Way = Literal["solved", "held", "local", "linearised"]
+
 
 class Law(Kind):
     """A way to solve `L q = b`, which couples all vehicles. A subclass holds q from tick to tick; it gives
     `exchange`.
     """
 
-    claims: ClassVar[frozenset[str]] = frozenset({"left", "jacobi", "demanded"})
+    claims: ClassVar[frozenset[str]] = frozenset({"left", "iterates", "gives_demand"})
     holds: ClassVar[bool] = True  # whether vehicles hold q from tick to tick
     local: ClassVar[bool] = False  # whether neighbours tell no highest derivative, as q = y‴
-    linearised: ClassVar[bool] = False  # whether inputs are linear in the error of the state
-    jacobi: ClassVar[bool] = (
-        False  # whether it is Jacobi's iteration, for which a sufficient number of rounds is known
-    )
-    demanded: ClassVar[bool] = False  # whether q is the demand itself, of which stability is known
-
-    @property
-    def solved(self) -> bool:
-        """Return whether the law is solved for all vehicles together at every instant, as the theory asks."""
-        return not (self.holds or self.local or self.linearised)
 
     def exchange(
         self,
@@ -65,9 +57,57 @@ class Law(Kind):
         """Return how often neighbours tell each other q at a tick."""
         return 1
 
+    def way(self) -> Way:
+        """Return how vehicles follow the law between ticks.
+
+        `solved`: for all vehicles together at every instant, as the theory asks. `held`: by the q of
+        the last tick. `local`: at every instant, each vehicle alone. `linearised`: by inputs that are
+        linear in the error of the state.
+        """
+        return "held" if self.holds else "local" if self.local else "solved"
+
+    def needs_ticks(self) -> bool:
+        """Return whether vehicles hold q from tick to tick."""
+        return self.way() == "held"
+
+    def solves(self) -> bool:
+        """Return whether the law is solved for all vehicles at every instant, as the theory asks."""
+        return self.way() == "solved"
+
+    def couples(self) -> bool:
+        """Return whether a vehicle's q depends on those of its neighbours, which tell them.
+
+        Such a law needs a navigator and has no solution for vehicles that are cut off, which may keep
+        their drive. It does not depend on the strength of a row of weights.
+        """
+        return not self.local
+
+    def takes_any_message(self) -> bool:
+        """Return whether messages may be lost, late or err."""
+        return True
+
+    def tells_motion(self, extrapolated: bool) -> bool:
+        """Return whether late messages are power series of the vehicles' motion over a tick."""
+        return not self.holds and (self.local or extrapolated)
+
+    def iterates(self) -> bool:
+        """Return whether it is Jacobi's iteration, of which a sufficient number of rounds is known."""
+        return False
+
+    def gives_demand(self) -> bool:
+        """Return whether q is the demand itself, of which stability is known."""
+        return False
+
+    def own_gain(self, gain: Any) -> Any:
+        """Return the gains by which a vehicle's own jets move it between ticks: 0 where it holds q."""
+        return 0.0 * gain if self.needs_ticks() else gain
+
+    def singular_at_rest(self) -> bool:
+        """Return whether the inputs are those of `ψ⁻¹`, undefined where ψ is singular."""
+        return True
+
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if the law holds the jerk and the scenario has no ticks."""
-        if self.holds and scenario.tick == 0:
-            yield Fault(
-                ("law", "tick"), f"{self.kind} holds the jerk from tick to tick: give a tick"
-            )
+        if self.needs_ticks() and scenario.tick == 0:
+            told = f"{self.kind} holds the jerk from tick to tick: give a tick"
+            yield Fault(("law", "tick"), told)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from jaxnet.kinds.kind import Fault
-from jaxnet.kinds.laws import Law
+from jaxnet.kinds.laws import Law, Way
 from jaxnet.kinds.protocols import ScenarioView
 
 
@@ -25,7 +25,15 @@ class LinearisedLaw(Law):
 
     kind = "linearised"
     holds: ClassVar[bool] = False
-    linearised: ClassVar[bool] = True
+
+    def way(self) -> Way:
+        return "linearised"
+
+    def takes_any_message(self) -> bool:
+        return False
+
+    def singular_at_rest(self) -> bool:
+        return False
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault where vehicles may keep a drive, or where the navigator's state is unknown."""

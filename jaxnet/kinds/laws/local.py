@@ -23,7 +23,6 @@ class LocalLaw(Law):
 
     kind = "local"
     local: ClassVar[bool] = True
-    demanded: ClassVar[bool] = True
 
     hold: bool = Field(
         default=True,
@@ -43,3 +42,6 @@ class LocalLaw(Law):
     ) -> VehicleVectors:
         """Return the demand: nothing is exchanged."""
         return demand
+
+    def gives_demand(self) -> bool:
+        return True

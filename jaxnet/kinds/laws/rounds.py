@@ -1,7 +1,7 @@
 """The law solved by rounds of exchanges with neighbours."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -26,7 +26,6 @@ class Rounds(Law):
     """
 
     kind = "rounds"
-    jacobi: ClassVar[bool] = True
 
     rounds: int = Field(
         default=1, ge=1, le=10_000, description="exchanges with the neighbours at each tick"
@@ -51,8 +50,10 @@ class Rounds(Law):
         return jax.lax.fori_loop(0, self.rounds.max(), once, last)  # pyright: ignore[reportAttributeAccessIssue]
 
     def exchanges(self) -> int:
-        """Return the rounds."""
         return self.rounds
+
+    def iterates(self) -> bool:
+        return True
 
     def left(self, eigenvalues: np.ndarray) -> np.ndarray | None:
         """Return λ^r, the factor after r rounds."""

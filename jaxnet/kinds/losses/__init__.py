@@ -78,6 +78,6 @@ class Loss(DrawsAtTicks):
         if scenario.defence.announcing():
             message = "a defence by announcements needs every message: give loss: none, or another defence"
             yield Fault(("channel.loss", "defence"), message)
-        if scenario.law.linearised:
+        if not scenario.law.takes_any_message():
             message = f"under {scenario.law.kind} a vehicle has no drive to keep: give loss: none"
             yield Fault(("channel.loss", "law"), message)

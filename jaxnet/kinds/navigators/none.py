@@ -28,7 +28,7 @@ class NoNavigator(Navigator):
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault unless the law is local: L is singular without a navigator."""
-        if not scenario.law.local:
+        if scenario.law.couples():
             yield Fault(
                 ("navigator", "law"), "without a navigator the law has no solution: give law: local"
             )

@@ -57,7 +57,9 @@ def setting_rows(study: Study) -> dict[str, str]:
         "attacked signals": among(attacked_words),
         "magnitude ā": among(size_words) + size_unit(cells) if shows_magnitude(study) else "none",
         "defence": kinds("defence", lambda cell: cell.scenario.defence),
-        "law": kinds("law", lambda cell: cell.scenario.law, lambda cell: cell.scenario.law.solved),
+        "law": kinds(
+            "law", lambda cell: cell.scenario.law, lambda cell: cell.scenario.law.solves()
+        ),
         "sensor errors": kinds(
             "sensing",
             lambda cell: cell.scenario.sensing,

@@ -188,7 +188,7 @@ def guarantees(cells: Sequence[Cell]) -> str:
     rows |= {
         f"law {cell.scenario.law.kind}": NO_GUARANTEE
         for cell in cells
-        if not cell.scenario.law.solved
+        if not cell.scenario.law.solves()
     }
     moving = [
         each.scenario for each in cells if not broken_premise(each.scenario, ("leader", *MOTION))
@@ -262,7 +262,7 @@ class NetworkKeys:
             attack.announcement().model_dump_json(),
         )
         moving: tuple[Hashable, ...] = law.model_dump_json(), scenario.vehicle.reference()
-        if not law.solved or scenario.defence.announcing() or scenario.own_gains is not None:
+        if not law.solves() or scenario.defence.announcing() or scenario.own_gains is not None:
             moving += scenario.tick, repr(scenario.gain), attack.fastest(), attack.harmonic()
         world = tuple(world_lines(scenario).items())
         return shared, attacked, threat, scenario.horizon, moving, world
@@ -350,7 +350,7 @@ def promise_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[s
     """Return lines on who is safe, or why nothing is known of it."""
     if not is_ideal(scenario):
         return {**world_lines(scenario), "safe": NOT_IDEAL}
-    if not scenario.law.solved:
+    if not scenario.law.solves():
         return held_lines(scenario, known)
     broken = broken_premise(scenario, MOTION)
     return (
@@ -424,7 +424,7 @@ def lost_text(scenario: Scenario) -> str:
         return ""
     if (
         lost is None
-        or not scenario.law.holds
+        or not scenario.law.needs_ticks()
         or scenario.defence.decides
         or scenario.gain_matrices is not None
     ):
@@ -480,7 +480,7 @@ def late_text(scenario: Scenario) -> str:
     if is_drawn(scenario.channel.delay) or not scenario.vehicle.flat:
         return ""
     weights, told = dense(scenario_graph(scenario)), scenario.channel.extrapolate
-    if not scenario.law.solved:
+    if not scenario.law.solves():
         return late_law_text(scenario, weights)
     if told == "none":
         ends = delay.lags(weights, scenario.channel.delay)
@@ -501,10 +501,10 @@ def late_law_text(scenario: Scenario, weights: np.ndarray) -> str:
     """Return the stability of a law that holds a derivative and hears late words, "" where not known."""
     law, lateness, told = scenario.law, scenario.channel.delay, scenario.channel.extrapolate
     rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
-    strength = scenario.topology.strength(rows, leads) if law.local else None
+    strength = scenario.topology.strength(rows, leads) if not law.couples() else None
     known = (
-        law.holds
-        and (law.demanded or law.jacobi)
+        law.needs_ticks()
+        and (law.gives_demand() or law.iterates())
         and strength is None
         and scenario.gain_matrices is None
     )
@@ -514,7 +514,7 @@ def late_law_text(scenario: Scenario, weights: np.ndarray) -> str:
     if not leads:  # an eigenvalue of 1 belongs to agreement
         along = along[np.abs(along - 1) > 1e-9]
     word, late = (
-        delay.word_factors(gain, lateness, told, law.local),
+        delay.word_factors(gain, lateness, told, not law.couples()),
         round(lateness / scenario.tick),
     )
     grown = rounds.late_growth(along, gain, word, scenario.tick, late)
@@ -609,7 +609,7 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     )  # other vehicles are replaced elsewhere, or later
     honest = ~(known.attacked & (scenario.attack.replaces() and not drawn))
     weights = dense((known.graph if fixed is None else fixed).only(honest))
-    if law.local:
+    if not law.couples():
         weights = followed_weights(scenario, known.graph, fixed, weights)
     along = rounds.eigenvalues(weights)
     if not scenario.navigator.present:  # an eigenvalue of 1 belongs to agreement
@@ -617,10 +617,10 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     left = law.left(along)
     if scenario.gain_matrices is not None:
         return f"{law.kind}: nothing is known of its stability where gains differ by axis"
-    if left is None and not law.demanded:
+    if left is None and not law.gives_demand():
         return f"{law.kind}: nothing is known of its stability"
     gain = np.array([median(each) for each in scenario.gain])
-    if not law.holds:
+    if not law.needs_ticks():
         rate = rounds.local_rate(along, gain)
         line = f"{'stable' if rate < 0 else 'UNSTABLE'}, deviations behave as exp({rate:.4f} t) at last"
         return line + RETAINED * (fixed is None)
@@ -628,7 +628,7 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
         rounds.local_growth(along, gain, tick) if left is None else rounds.growth(left, gain, tick)
     )
     line = f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s"
-    if law.jacobi:
+    if law.iterates():
         line += f"; {rounds_text(rounds.least_rounds(weights, gain, tick))}"
     line += "; that is without the attack, which replaces what vehicles send" * drawn
     return line + RETAINED * (fixed is None)
@@ -895,7 +895,7 @@ def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
     if weights:
         lines["weights"] = f"drawn in {cells_named(weights)}; what is said is of their medians"
     if gain:
-        held = not cells[0].scenario.law.solved
+        held = not cells[0].scenario.law.solves()
         told = "what is said is of their medians" if held else "stable whatever is drawn"
         lines["gain"] = f"drawn in {cells_named(gain)}; {told}"
     return lines
