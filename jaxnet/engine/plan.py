@@ -35,7 +35,7 @@ class Plan(NamedTuple):
 
     @property
     def choosing(self) -> bool:
-        """Return whether vehicles or attackers choose anything at ticks."""
+        """Whether vehicles or attackers choose anything at ticks."""
         return self.decides or self.strategic
 
 
@@ -48,11 +48,11 @@ class Clock(NamedTuple):
     tail_outputs: Int[Array, ""]  # number of the last output times, which stand for t → ∞
 
     def at(self, number: Int[Array, "*numbers"]) -> Float[Array, "*numbers"]:
-        """Return the times [s] of the ticks with these numbers."""
+        """The times [s] of the ticks with these numbers."""
         return number.astype(float) * self.interval
 
     def in_tail(self, output: Int[Array, "*numbers"]) -> Bool[Array, "*numbers"]:
-        """Return whether these output times stand for t → ∞."""
+        """Whether these output times stand for t → ∞."""
         return output > self.outputs - self.tail_outputs
 
 

@@ -13,8 +13,8 @@ Way = Literal["solved", "held", "local", "linearised"]
 
 
 class Law(Kind):
-    """A way to solve `L q = b`, which couples all vehicles. A subclass holds q from tick to tick; it gives
-    `exchange`.
+    """A way to solve `L q = b`, which couples all vehicles. A subclass holds q from tick to tick;
+    it gives `exchange`.
     """
 
     claims: ClassVar[frozenset[str]] = frozenset({"left", "iterates", "gives_demand"})
@@ -45,11 +45,11 @@ class Law(Kind):
         raise KindError(f"{self.kind}: a law gives exchange(self, last, demand, heard)")
 
     def left(self, eigenvalues: np.ndarray) -> np.ndarray | None:
-        """Return the factor by which an exchange multiplies q - L⁻¹b along eigenvectors of A with these
-        eigenvalues.
+        """Return the factor by which an exchange multiplies q - L⁻¹b along eigenvectors of A with
+        these eigenvalues.
 
-        None, the default, means that the factor is not known; `jaxnet check` then reports nothing on
-        stability.
+        None, the default, means that the factor is not known; `jaxnet check` then reports nothing
+        on stability.
         """
         return None
 
@@ -60,9 +60,9 @@ class Law(Kind):
     def way(self) -> Way:
         """Return how vehicles follow the law between ticks.
 
-        `solved`: for all vehicles together at every instant, as the theory asks. `held`: by the q of
-        the last tick. `local`: at every instant, each vehicle alone. `linearised`: by inputs that are
-        linear in the error of the state.
+        `solved`: for all vehicles together at every instant, as the theory asks. `held`: by the q
+        of the last tick. `local`: at every instant, each vehicle alone. `linearised`: by inputs
+        that are linear in the error of the state.
         """
         return "held" if self.holds else "local" if self.local else "solved"
 
@@ -71,14 +71,14 @@ class Law(Kind):
         return self.way() == "held"
 
     def solves(self) -> bool:
-        """Return whether the law is solved for all vehicles at every instant, as the theory asks."""
+        """Return whether the law is solved for all vehicles at every instant, as theory asks."""
         return self.way() == "solved"
 
     def couples(self) -> bool:
         """Return whether a vehicle's q depends on those of its neighbours, which tell them.
 
-        Such a law needs a navigator and has no solution for vehicles that are cut off, which may keep
-        their drive. It does not depend on the strength of a row of weights.
+        Such a law needs a navigator and has no solution for vehicles that are cut off, which may
+        keep their drive. It does not depend on the strength of a row of weights.
         """
         return not self.local
 
@@ -91,7 +91,9 @@ class Law(Kind):
         return not self.holds and (self.local or extrapolated)
 
     def iterates(self) -> bool:
-        """Return whether it is Jacobi's iteration, of which a sufficient number of rounds is known."""
+        """Return whether it is Jacobi's iteration, of which a sufficient number of rounds is
+        known.
+        """
         return False
 
     def gives_demand(self) -> bool:
@@ -99,7 +101,9 @@ class Law(Kind):
         return False
 
     def own_gain(self, gain: Any) -> Any:
-        """Return the gains by which a vehicle's own jets move it between ticks: 0 where it holds q."""
+        """Return the gains by which a vehicle's own jets move it between ticks: 0 where it holds
+        q.
+        """
         return 0.0 * gain if self.needs_ticks() else gain
 
     def singular_at_rest(self) -> bool:

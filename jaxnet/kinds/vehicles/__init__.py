@@ -1,9 +1,10 @@
-"""Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md O4).
+"""Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md
+O4).
 
-The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ, …)
-determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A wheeled robot has heading
-[rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the array API, for NumPy
-and JAX.
+The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ,
+…) determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A wheeled robot
+has heading [rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the
+array API, for NumPy and JAX.
 """
 
 import math
@@ -43,8 +44,8 @@ OUTPUT_PLACES = (
 class Vehicle(Kind):
     """A vehicle model, of order three and singular at speed 0 unless a subclass says otherwise.
 
-    A subclass gives every method except `start`, `margin` and `lead`. An `internal` one gives `inner`,
-    `state_with` and `inner_after` instead of `state_of`.
+    A subclass gives every method except `start`, `margin` and `lead`. An `internal` one gives
+    `inner`, `state_with` and `inner_after` instead of `state_of`.
 
     Examples
     --------
@@ -74,7 +75,7 @@ class Vehicle(Kind):
     input_units: ClassVar[tuple[str, str]] = ("", "")
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault of an order for which the engines have no constants, or of missing names."""
+        """Yield a fault of an order for which engines have no constants, or of missing names."""
         if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
             yield Fault(("vehicle",), f"{self.kind}: a vehicle gives {' and '.join(lacking)}")
         if not 1 <= self.order <= MOST_ORDER:
@@ -85,17 +86,23 @@ class Vehicle(Kind):
     def start(
         self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
     ) -> VehicleState:
-        """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
+        """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components
+        are 0.
+        """
         xp = position.__array_namespace__()
         rest = [xp.zeros_like(speed)] * (len(self.states) - 4)
         return xp.stack([position[0], position[1], heading, speed, *rest])
 
     def output_jets(self, state: VehicleState) -> VehicleJets:
-        """Return position [m], velocity [m/s], …, each (2, m, lanes), of a state: as many as the order."""
+        """Return position [m], velocity [m/s], …, each (2, m, lanes), of a state: as many as the
+        order.
+        """
         raise KindError(f"{self.kind}: a vehicle gives output_jets(self, state)")
 
     def drift(self, state: VehicleState) -> VehicleVectors:
-        """Return σ (2, m, lanes), the derivative of order r without input, of a vehicle of order 3 [m/s³]."""
+        """Return σ (2, m, lanes), the derivative of order r without input, of a vehicle of order 3
+        [m/s³].
+        """
         raise KindError(f"{self.kind}: a vehicle gives drift(self, state)")
 
     def decoupling(self, state: VehicleState) -> AxisMatrices:
@@ -103,8 +110,8 @@ class Vehicle(Kind):
         raise KindError(f"{self.kind}: a vehicle gives decoupling(self, state)")
 
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """Return the input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this derivative of order
-        r, which is the jerk [m/s³] for order 3.
+        """Return the input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this derivative
+        of order r, which is the jerk [m/s³] for order 3.
         """
         raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
 
@@ -113,8 +120,8 @@ class Vehicle(Kind):
         raise KindError(f"{self.kind}: a vehicle gives motion(self, state, inputs)")
 
     def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
-        """Return the state of a vehicle that moves forwards with these output jets; undefined at zero
-        velocity.
+        """Return the state of a vehicle that moves forwards with these output jets; undefined at
+        zero velocity.
         """
         raise KindError(f"{self.kind}: a vehicle gives state_of(self, jets)")
 
@@ -131,8 +138,8 @@ class Vehicle(Kind):
     ) -> tuple[InnerState, VehicleNumbers]:
         """Return the inner states a span [s] later, and an estimate (m, lanes) of their error.
 
-        `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative of order
-        r. The error shrinks with the fifth power of the span, at least.
+        `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative
+        of order r. The error shrinks with the fifth power of the span, at least.
         """
         raise KindError(
             f"{self.kind}: an internal vehicle gives inner_after(self, inner, jets, span)"
@@ -141,13 +148,15 @@ class Vehicle(Kind):
     def pace(
         self, state: VehicleState, inputs: VehicleInput
     ) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and inputs."""
+        """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and
+        inputs.
+        """
         raise KindError(f"{self.kind}: a vehicle gives pace(self, state, inputs)")
 
     @property
     def jets_tell_pace(self) -> bool:
-        """Return whether the output's jets are enough for speed and turn rate, as those of a wheeled robot of
-        order 3 are.
+        """Return whether the output's jets are enough for speed and turn rate, as those of a
+        wheeled robot of order 3 are.
         """
         return self.order > 2 and self.singular == 1
 
@@ -163,7 +172,8 @@ class Vehicle(Kind):
 class Integrators(Vehicle):
     """An agent of order r, `y^(r) = σ + u`, never singular. A subclass may give a drift σ.
 
-    The state has the position first, then its derivatives below r. A subclass gives `order`, names and units.
+    The state has the position first, then its derivatives below r. A subclass gives `order`, names
+    and units.
     """
 
     flat: ClassVar[bool] = True
@@ -197,7 +207,9 @@ class Integrators(Vehicle):
 
 
 def directions(state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:
-    """Return the unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ, cosθ]`."""
+    """Return the unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ,
+    cosθ]`.
+    """
     xp = state.__array_namespace__()
     cosine, sine = circle(state[HEADING])
     return xp.stack([cosine, sine]), xp.stack([-sine, cosine])

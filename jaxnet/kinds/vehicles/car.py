@@ -1,7 +1,7 @@
 """A car: the kinematic bicycle with front steering. The output is the position of the rear axle.
 
-With the curvature κ = tan δ / L of the path: `ẏ = v h`, `ÿ = a h + v² κ n`, `y‴ = (ȧ - v³ κ²) h + (3 v a κ +
-v² δ̇ / (L cos² δ)) n`.
+With the curvature κ = tan δ / L of the path: `ẏ = v h`, `ÿ = a h + v² κ n`, `y‴ = (ȧ - v³ κ²) h +
+(3 v a κ + v² δ̇ / (L cos² δ)) n`.
 """
 
 from typing import ClassVar
@@ -26,7 +26,9 @@ STEERING, ACCELERATION = 4, 5
 
 
 class Car(Vehicle):
-    """State `[x, y, θ, v, δ, a]`, steering angle |δ| < π/2, input `u = [ȧ, δ̇]`; singular at v = 0."""
+    """State `[x, y, θ, v, δ, a]`, steering angle |δ| < π/2, input `u = [ȧ, δ̇]`; singular at v =
+    0.
+    """
 
     kind = "car"
     flat: ClassVar[bool] = True
@@ -82,7 +84,7 @@ class Car(Vehicle):
         return state.__array_namespace__().stack(rates)
 
     def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
-        """Return `v = ‖ẏ‖`, `θ = atan2(ẏ)`, `δ = atan(L κ)` with `κ = ẏ × ÿ / v³`, `a = ẏ·ÿ / v`."""
+        """`v = ‖ẏ‖`, `θ = atan2(ẏ)`, `δ = atan(L κ)` with `κ = ẏ × ÿ / v³`, `a = ẏ·ÿ / v`."""
         position, velocity, acceleration = jets
         xp = position.__array_namespace__()
         speed, _ = pace(jets)

@@ -9,7 +9,8 @@ from jaxnet.model.plane import length
 
 
 class DoubleIntegrator(Integrators):
-    """An agent of order 2, `ÿ = u`: state `[x, y, ẋ, ẏ]`, the input is the acceleration; never singular.
+    """An agent of order 2, `ÿ = u`: state `[x, y, ẋ, ẏ]`, the input is the acceleration; never
+    singular.
 
     The initial velocity has the speed `initial.speed` along `initial.heading`.
     """

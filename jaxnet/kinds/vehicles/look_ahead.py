@@ -1,11 +1,13 @@
-"""A unicycle whose output is a point ahead of its axle, the usual way to steer one as a single integrator.
+"""A unicycle whose output is a point ahead of its axle, the usual way to steer one as a single
+integrator.
 
-The heading follows the point's velocity q by `θ̇ = n·q / l`. With complex numbers for vectors of the plane and
-`u ∝ exp(iθ/2)`, this equation is linear:
+The heading follows the point's velocity q by `θ̇ = n·q / l`. With complex numbers for vectors of
+the plane and `u ∝ exp(iθ/2)`, this equation is linear:
 
     u̇ = q ū / (2l),      a matrix A(t) = [[q_x, q_y], [q_y, -q_x]] / (2l) of SL(2)'s Lie algebra.
 
-`heading_after` solves it by Magnus' series of order six (Blanes, Casas, Ros 2000), exactly for a constant q.
+`heading_after` solves it by Magnus' series of order six (Blanes, Casas, Ros 2000), exactly for a
+constant q.
 """
 
 import math
@@ -33,9 +35,9 @@ from jaxnet.model.plane import cross, dot, length
 class LookAhead(Vehicle):
     """A unicycle of order 1 whose output is the point `y = p + l h`; never singular.
 
-    The state is `[p_x, p_y, θ]` with the position p of the axle, the input is `u = [v, θ̇]`. The output does
-    not determine the heading, which follows `θ̇ = n·ẏ / l`. A vehicle that is pushed back turns round.
-    `initial.speed` has no effect.
+    The state is `[p_x, p_y, θ]` with the position p of the axle, the input is `u = [v, θ̇]`. The
+    output does not determine the heading, which follows `θ̇ = n·ẏ / l`. A vehicle that is pushed
+    back turns round. `initial.speed` has no effect.
     """
 
     kind = "look_ahead"
@@ -130,7 +132,8 @@ def bracket(a: Generator, b: Generator) -> Generator:
 def heading_after(
     heading: VehicleNumbers, velocities: Sequence[VehicleVectors]
 ) -> tuple[VehicleNumbers, VehicleNumbers]:
-    """Return headings [rad] after a step, and an estimate of their error: that of an order less by two.
+    """Return headings [rad] after a step, and an estimate of their error: that of an order less by
+    two.
 
     `velocities` are q times the step's length over 2l, at `OUTPUT_PLACES` in the step.
     """
@@ -153,7 +156,8 @@ def heading_after(
 def turn(heading: VehicleNumbers, by: Generator) -> VehicleNumbers:
     """Return the angle [rad] by which the exponential of a generator turns headings.
 
-    The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays finite.
+    The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays
+    finite.
     """
     xp, along = (
         heading.__array_namespace__(),

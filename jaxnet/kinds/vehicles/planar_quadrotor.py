@@ -1,4 +1,4 @@
-"""A quadrotor in a vertical plane: `ÿ = T n - g e_2`, with the thrust along `n = [-sin φ, cos φ]`."""
+"""A quadrotor in a vertical plane: `ÿ = T n - g e_2`, thrust along `n = [-sin φ, cos φ]`."""
 
 from typing import ClassVar
 
@@ -20,10 +20,12 @@ PITCH, PITCH_RATE, THRUST, THRUST_RATE = 4, 5, 6, 7
 
 
 class PlanarQuadrotor(Vehicle):
-    """A quadrotor of order 4 in a vertical plane, whose second axis points up; singular at thrust 0.
+    """A quadrotor of order 4 in a vertical plane, whose second axis points up; singular at thrust
+    0.
 
-    The state is `[x, y, ẋ, ẏ, φ, φ̇, T, Ṫ]` with the pitch φ and the thrust T over the mass. The input is
-    `u = [T̈, φ̈]`. A quadrotor starts at rest and hovers; `initial.heading` and `initial.speed` have no effect.
+    The state is `[x, y, ẋ, ẏ, φ, φ̇, T, Ṫ]` with the pitch φ and the thrust T over the mass. The
+    input is `u = [T̈, φ̈]`. A quadrotor starts at rest and hovers; `initial.heading` and
+    `initial.speed` have no effect.
     """
 
     kind = "planar_quadrotor"
@@ -112,7 +114,9 @@ class PlanarQuadrotor(Vehicle):
 
 
 def axes(state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:
-    """Return the unit vectors across and along the thrust, `h = [cos φ, sin φ]` and `n = [-sin φ, cos φ]`."""
+    """Return the unit vectors across and along the thrust, `h = [cos φ, sin φ]` and `n = [-sin φ,
+    cos φ]`.
+    """
     xp, (cosine, sine) = state.__array_namespace__(), circle(state[PITCH])
     return xp.stack([cosine, sine]), xp.stack([-sine, cosine])
 

@@ -19,7 +19,9 @@ TURN_RATE, FORCE = 4, 5
 
 
 class TwoWheeled(Vehicle):
-    """The paper's two-wheeled robot: state `[x, y, θ, v, ω, F]`, input `u = [Ḟ, ω̇]`; singular at v = 0."""
+    """The paper's two-wheeled robot: state `[x, y, θ, v, ω, F]`, input `u = [Ḟ, ω̇]`; singular at v
+    = 0.
+    """
 
     kind = "two_wheeled"
     flat: ClassVar[bool] = True

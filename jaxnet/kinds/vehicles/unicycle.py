@@ -1,4 +1,6 @@
-"""The unicycle with an acceleration as input (Oriolo, De Luca and Vendittelli, IEEE Trans. CST 10, 2002)."""
+"""The unicycle with an acceleration as input (Oriolo, De Luca and Vendittelli, IEEE Trans. CST 10,
+2002).
+"""
 
 from typing import ClassVar
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed
 from tests import reference, systems
-from tests.engine.test_exactness import navigator_at
+from tests.reference import navigator_at
 
 
 def along(angle):

@@ -7,10 +7,9 @@ import jaxnet
 from jaxnet.config.document import ConfigError
 from jaxnet.statistics import limits
 from tests import reference, systems
-from tests.engine.marching import march
-from tests.engine.test_exactness import navigator_at
 from tests.kinds.attacks.test_threat import rows_of
 from tests.matrices import slots_of
+from tests.reference import march, navigator_at
 
 ATTACKED = [2, 5, 8, 11]
 

@@ -13,7 +13,7 @@ from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import hearing, signal
 from tests import reference, systems
-from tests.engine.test_exactness import navigator_at
+from tests.reference import navigator_at
 
 ATTACKED = [2, 5, 8, 11]
 OWN = [0.7, 1.4, 0.3, 2.0]

@@ -7,9 +7,8 @@ import pytest
 from jaxnet.statistics import limits
 from jaxnet.statistics.reach import scenario_gain
 from tests import reference, systems
-from tests.engine.marching import march
-from tests.engine.test_exactness import navigator_at
 from tests.kinds.attacks import by_hand
+from tests.reference import march, navigator_at
 
 CONSTANT = {"kind": "bias", "magnitude": 2.0, "threat": "replaces"}
 ATTACKED = {2, 5, 8, 11}

@@ -10,8 +10,7 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics import limits
 from jaxnet.view.text import check
 from tests import reference, systems
-from tests.engine.marching import march
-from tests.engine.test_exactness import navigator_at
+from tests.reference import march, navigator_at
 
 ATTACKED = [2, 5, 8, 11]
 

@@ -11,7 +11,7 @@ from jaxnet.engine.status import Status
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.losses import Loss
 from tests import reference, systems
-from tests.engine.test_exactness import navigator_at
+from tests.reference import navigator_at
 
 QUIET = {"attack": "none", "defence": "none", "engine": "exact"}
 

@@ -8,7 +8,7 @@ from jaxnet.model.graph import dense
 from jaxnet.theory import noise
 from jaxnet.view.text.check import check_text
 from tests import systems
-from tests.engine.test_exactness import navigator_at
+from tests.reference import navigator_at
 
 # Variance of E over s² g at gain (1, 3, 3) and a tick of 0.05 s, white and with a correlation time of 1 s.
 WHITE, CORRELATED = 0.00937435, 0.312565
