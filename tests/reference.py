@@ -426,7 +426,7 @@ class Fleet:
         return [(j, slice(None)) for j in farthest[:count]]
 
     def hear(self, n, arrived):
-        """Words at the nodes, of links on which they are known, and links on which they are live."""
+        """Words at the nodes, of links on which they are known; links on which they are live."""
         known, live = {}, []
         for link, b in arrived.items():
             if b == n and not self.holds:
@@ -464,7 +464,7 @@ class Fleet:
         return alone
 
     def unreached(self, by_axis, sources):
-        """Vehicles that no navigator's or replaced word reaches on some axis, nor these vehicles."""
+        """Vehicles that no navigator's or replaced word reaches on some axis, nor these."""
         replaced = [link for link in self.links if self.is_replaced(*link)]
         by_axis = by_axis.copy()
         for i, j in replaced:
@@ -656,7 +656,7 @@ def displaced(weights, carried, added):
 
 
 def received(error, carried, added):
-    """Jets relative to the navigator's that each vehicle receives of each source: (3, m, m+1, 2)."""
+    """Jets relative to the navigator's, by listener and source: (3, m, m+1, 2)."""
     sources = np.concatenate([np.zeros((3, 1, 2)), error], axis=1)
     return np.where(carried[None, :, :, None], sources[:, None], 0.0) + added
 

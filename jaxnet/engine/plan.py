@@ -22,9 +22,9 @@ class Plan(NamedTuple):
     decides: bool = True  # whether vehicles decide which sources to retain
     strategic: bool = False  # whether attackers choose their vectors at ticks
     consistent: bool = True  # whether an attack's signals come with their true derivatives
-    missing: str = "drop"  # what stands in for a lost word: a key of `tick.MISSING`
+    missing: str = "drop"  # what stands in for a lost word: a key of `channel.MISSING`
     late: int = 0  # ticks by which words are late
-    extrapolate: str = "none"  # what listeners make of late words (`late.word_gains`)
+    extrapolate: str = "none"  # what listeners make of late words (`late.message_gains`)
     as_told: bool = False  # whether attacked vehicles move as they tell
     in_field: bool = (
         False  # whether vehicles decide inside the vector field (tick: 0), not once an interval

@@ -59,7 +59,9 @@ class Lane(NamedTuple):
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
     delay: Any = (
-        None  # of words, `engine.late.SteadyDelay` or `DrawnDelay`; None where words are not late
+        # of words, `SteadyDelay` or `DrawnDelay` of `engine.stages.late`; None where words are not
+        # late
+        None
     )
     periods: Periods | None = None  # None where the same vehicles are attacked all along
     gain_apart: Float[Array, "r m *lanes"] | None = (

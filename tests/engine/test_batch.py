@@ -127,7 +127,7 @@ def test_an_engine_says_how_many_vehicles_stay_in_a_cache(monkeypatch):
 
 @pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_numbers_never_compile_anew(engine):
-    """Not gains, magnitudes, tolerances, horizons, ticks or tails; another kind of attack neither."""
+    """Not gains, magnitudes, tolerances, horizons, ticks or tails, nor another kind of attack."""
     keys = {"gain": [2, 4, 4], "horizon": 3.0, "tail": 0.5, "tick": 0.025, "output_step": 0.05}
     attack = {"kind": "sinusoid", "magnitude": {"normal": [3, 0]}}
     defence = {"kind": "trusted_trim", "tolerance": 1e-6}

@@ -56,7 +56,7 @@ PUSHED = Odd(push=0.3)
 
 @pytest.mark.parametrize("attack", ["none", "rotating"])
 def test_what_the_law_does_not_cancel_is_integrated(attack):
-    """The first guess takes a vehicle to move as asked; this one goes where its own equations say."""
+    """The first guess takes a vehicle to move as asked; this one follows its own equations."""
     keys = {"vehicle": PUSHED, "attack": attack, "defence": "none"}
     ours, known = outcome(**keys), outcome(**keys, engine=STEPS)
     assert (ours.status == Status.ok).all()

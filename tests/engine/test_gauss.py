@@ -92,7 +92,7 @@ BEGIN = np.array([1.0, -2.0, 0.5])
 
 
 def end_errors(length):
-    """Errors of y, ẏ and ÿ at the end of windows of these lengths, and the residual at the nodes."""
+    """Errors of y, ẏ and ÿ at the end of windows of these lengths; the residual at the nodes."""
     start = tuple(jnp.full((2, 1, len(length)), value) for value in BEGIN)
     found, residual = solved(jnp.asarray(length), start)
     known = np.stack([known_end(each, BEGIN) for each in length], axis=1)
@@ -129,7 +129,7 @@ def test_the_effect_of_the_highest_degree_is_the_greatest_of_its_integrals():
 @pytest.mark.parametrize("place", [0.001, 0.05, 0.3, 0.5, 0.72, 0.96, 0.999])
 @pytest.mark.parametrize("rising", [True, False])
 def test_a_kink_is_seen_wherever_it_is(place, rising):
-    """A ramp that starts or ends at some place, also before the first node and after the last one."""
+    """A ramp that starts or ends somewhere, also before the first node and after the last."""
 
     def ramp(times):
         past = times - place if rising else place - times

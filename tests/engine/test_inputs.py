@@ -20,7 +20,7 @@ HELD = {"law": {"kind": "rounds", "rounds": 3}}
 
 
 def car(state, inputs):
-    """Equations of the car with a wheelbase of 0.5 m, state `[x, y, θ, v, δ, a]`, input `[ȧ, δ̇]`."""
+    """Equations of a car with a wheelbase of 0.5 m: state `[x, y, θ, v, δ, a]`, input `[ȧ, δ̇]`"""
     _, _, heading, speed, steering, acceleration = state
     turn_rate = speed * np.tan(steering) / 0.5
     return [

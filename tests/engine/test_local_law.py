@@ -66,7 +66,7 @@ def test_shorter_and_shorter_holds_come_to_the_law_at_every_instant():
 def test_engines_agree_path_by_path():
     """Under an attack, W-MSR and weights on oneself: to 1e-5 m while nobody stands still.
 
-    The nonlinear engine moves as a plain program does: tests/engine/test_drawn.py.
+    The nonlinear engine moves as a plain program does: tests/engine/test_reference.py.
     """
     keys = {
         "vehicle": "unicycle",

@@ -62,7 +62,7 @@ def test_static_gains_do_not_depend_on_the_order():
 
 
 def subsequence(own, received, weights, spared, F):
-    """W-MSR on one axis, and the mean of what it retains; the own value where nothing is retained."""
+    """W-MSR on one axis, and the mean of what it retains; the own value if nothing is retained."""
     equal = 1e-12 * np.maximum(
         1, np.maximum(np.abs(received), abs(own))
     )  # as the engine's comparisons

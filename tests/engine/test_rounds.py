@@ -265,8 +265,8 @@ def test_a_law_from_outside():
     assert known < 1 < theory.growth(values, np.array([1.0, 3.0, 3.0]), 0.04)
     told = " ".join(check.check_text(study).split())
     assert (
-        f"law stable, deviations times {max(found):.4f} at each tick of 0.04 s safe nothing is proved"
-        in told
+        f"law stable, deviations times {max(found):.4f} at each tick of 0.04 s"
+        " safe nothing is proved" in told
     )
 
 

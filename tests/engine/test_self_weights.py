@@ -65,7 +65,7 @@ def test_w_msr_counts_the_vehicle_itself_as_one_of_those_retained():
 
 
 def test_weights_as_they_are_make_the_laplacian():
-    """`x ← x - k0 h L x` with L of the raw weights; a shorter tick comes closer to `exp(-k0 L t)`."""
+    """`x ← x - k0 h L x` with L of the raw weights; shorter ticks come closer to `exp(-k0 L t)`."""
     topology = {"kind": "edges", "edges": [[i, j, w / 3] for i, j, w in RING], "normalised": False}
     L = np.zeros((6, 6))
     for i, j, w in topology["edges"]:
@@ -115,7 +115,7 @@ TURN = np.exp(1j * np.pi / 3)  # of the ring of six, in which each hears the nex
     ],
 )
 def test_check_tells_the_factor_of_the_slowest_disagreement(topology, radius):
-    """The second greatest eigenvalue of W, in closed form on a ring, and a run that decays by it."""
+    """The second greatest eigenvalue of W, in closed form on a ring; a run decays by it."""
     keys = {"topology": {"kind": "edges", **topology}, "attack": "none", "horizon": 12.0}
     assert f"times {radius:.4f} at each tick" in check_text(jaxnet.load(KEYS | keys))
     states, _ = paths(**keys)

@@ -193,7 +193,7 @@ def test_a_step_too_small_and_a_field_that_is_not_finite_are_told_apart(field, r
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["Heun", "ReversibleHeun", "ImplicitEuler"])
 def test_other_solvers(name):
-    """Solvers of low order, for which no fleet has time, adapt their step to a plain equation too."""
+    """Solvers of low order, too slow for a fleet, adapt their step to a plain equation too."""
     assert name in stacked.solvers()
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: -y),

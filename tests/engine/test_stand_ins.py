@@ -42,7 +42,7 @@ def errors(loss, missing, speed, horizon, lanes=1, **keys):
     ids=["bernoulli", "gilbert_elliott"],
 )
 def test_the_mean_error_on_a_ramp_is_the_age_of_the_words(loss, expected):
-    """The held word is older by the mean age; inside the 99 % interval over independent vehicles."""
+    """The held word is older by the mean age; inside the 99 % interval over vehicles."""
     means = errors(loss, "hold", 10.0, 40.0, lanes=16)[:, 120:].mean(axis=1).ravel()
     assert abs(means.mean() - expected) <= 2.6 * means.std() / np.sqrt(means.size)
     assert means.std() / np.sqrt(means.size) < 0.03

@@ -63,7 +63,7 @@ def attempt(solver, start, end, state, tolerated):
 @functools.partial(jax.jit, static_argnums=0)
 @functools.partial(jax.vmap, in_axes=(None, 0, 0, -1), out_axes=-1)
 def by_diffrax(solver, start, end, y0):
-    """`y1`, its slope, the size of the state and the error estimate of each lane's step, stacked."""
+    """`y1`, its slope, the state's size and the error estimate of each lane's step, stacked."""
     method = stepper.SOLVERS[solver]()
     before = method.init(TERM, start, end, y0, None)
     y1, error, *_ = method.step(TERM, start, end, y0, None, before, made_jump=False)

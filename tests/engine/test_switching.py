@@ -1,4 +1,4 @@
-"""Networks that take turns, against programs of a few lines, and what is refused or told of them."""
+"""Networks that take turns, against short programs, and what is refused or told of them."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def matrix(edges):
 
 
 def stepped(x, weights, told, F):
-    """`x ← W(t) x`, where agents drop the F greatest above and the F least below their own value."""
+    """`x ← W(t) x`, where agents drop the F greatest above and F least below their own value."""
     new = x.copy()
     for i in range(6):
         heard = [j for j in np.flatnonzero(weights[i]) if j != i]

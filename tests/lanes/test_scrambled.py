@@ -1,4 +1,4 @@
-"""Sobol's sequences as draws: the same points however they are asked for, and intervals that hold."""
+"""Sobol's sequences as draws: the same points however they are asked for, intervals that hold."""
 
 import jax
 import numpy as np

@@ -48,7 +48,7 @@ def greatest(drops, attacked):
 
 
 def closed(inside, heard, attacked, trusted, theta):
-    """Whether a set of vehicles (from 1) hears nobody outside and meets A1 to A3, by their words."""
+    """Whether a set of vehicles (from 1) hears nobody outside and meets A1 to A3, word by word."""
     sources = {i: believed(heard[i - 1], trusted[i - 1], theta[i - 1]) for i in EVERYONE}
     trims = {i: heard[i - 1].sum() > theta[i - 1] for i in EVERYONE}
     for i in inside:

@@ -50,7 +50,7 @@ def by_slot(heard, weights):
 
 
 def retained(links, seed, lanes=3):
-    """Weights over any of these links for two axes and some lanes; everybody hears the navigator."""
+    """Weights over any of these links for two axes and some lanes; all hear the navigator."""
     rng = np.random.default_rng(seed)
     shape = *links.shape, 2, lanes
     weights = rng.uniform(0.1, 1.0, shape) * (rng.random(shape) < 0.7) * links[..., None, None]
@@ -291,7 +291,7 @@ def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
 
 @pytest.mark.parametrize("n", [1, 2, 3, 7, 12, 29, 96])
 def test_eliminates_as_numpy_solves(n):
-    """Of every size: few rows at once, a remainder, and matrices so large that done columns wait."""
+    """Of every size: few rows, a remainder, and matrices so large that done columns wait."""
     rng = np.random.default_rng(n)
     matrix = rng.uniform(-1.0, 0.0, (n, n, 2, 3)) * (~np.eye(n, dtype=bool))[:, :, None, None]
     matrix -= np.eye(n)[:, :, None, None] * (matrix.sum(axis=1, keepdims=True) - 0.1)

@@ -1,9 +1,9 @@
 """Channel: messages are lost or late, and others may stand in for them.
 
-A lost message is replaced here (`Substituted`): by the message that was heard last, held or continued
-by Taylor. A message that was live until now is heard for the last time now. Where a law holds a
-derivative, vehicles hear messages at ticks alone. Other messages are continued; late ones stay as
-they were when their tick ended.
+A lost message is replaced here (`Substituted`): by the message that was heard last, held or
+continued by Taylor. A message that was live until now is heard for the last time now. Where a law
+holds a derivative, vehicles hear messages at ticks alone. Other messages are continued; late ones
+stay as they were when their tick ended.
 """
 
 from typing import ClassVar, NamedTuple

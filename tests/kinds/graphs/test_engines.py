@@ -53,7 +53,7 @@ def test_every_kind_has_its_config():
 def test_a_config_of_ten_lines_is_checked_and_runs_in_both_engines(kind, tmp_path):
     """The kind whose lanes differ most in both: positions to 1e-6 m, decisions alike.
 
-    Networks that take turns in both: tests/engine/test_drawn.py.
+    Networks that take turns in both: tests/engine/test_reference.py.
     """
     (tmp_path / "edges.csv").write_text(
         "".join(f"{i},{j}\n" for i in range(1, 7) for j in (0, i % 6 + 1, (i + 1) % 6 + 1))

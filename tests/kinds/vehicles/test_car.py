@@ -49,7 +49,7 @@ def differentiated(state, inputs):
 
 @given(seeds)
 def test_jets_follow_each_other_along_the_motion(seed):
-    """d/dt y = ẏ, d/dt ẏ = ÿ, and d/dt ÿ = σ + ψ u, whatever u; it moves as the kinematic bicycle."""
+    """d/dt y = ẏ, d/dt ẏ = ÿ, and d/dt ÿ = σ + ψ u, whatever u, as the kinematic bicycle."""
     state, inputs = states(seed), jnp.asarray(np.random.default_rng(seed).normal(size=(2, 5, 3)))
     _, velocity, acceleration = drawn.output_jets(state)
     jerk = drawn.drift(state) + jnp.einsum("xu...,u...->x...", drawn.decoupling(state), inputs)
