@@ -9,16 +9,17 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from jaxnet.engine.moment import Instants, PerAxis, VehicleFlags
+from jaxnet.engine.moment import Instants, PerAxis
 from jaxnet.engine.status import LEAST_MARGIN
 from jaxnet.model import plane
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
 
-States = Float[Array, "n m lanes"]
-PerVehicle = Float[Array, "m lanes"]
+States = Float[Array, "n m *lanes"]
+PerVehicle = Float[Array, "m *lanes"]
+Which = Bool[Array, "m *lanes"]
 
 
 def outputs(lane: Lane, states: States, time: Instants) -> Jets:
@@ -80,11 +81,11 @@ def ahead(lane: Lane, states: States) -> PerVehicle:
     return margin(states) * jnp.sign(margin(lane.initial))
 
 
-def passed_singular(lane: Lane, states: States, apart: VehicleFlags) -> VehicleFlags:
+def passed_singular(lane: Lane, states: States, apart: Which) -> Which:
     """Vehicles, not `apart`, that are singular or have been since the start."""
     return (ahead(lane, states) < LEAST_MARGIN) & ~apart
 
 
-def singular(lane: Lane, states: States, apart: VehicleFlags) -> VehicleFlags:
+def singular(lane: Lane, states: States, apart: Which) -> Which:
     """Vehicles, not `apart`, with states in which the law is singular."""
     return (jnp.abs(lane.vehicle.margin(states)) < LEAST_MARGIN) & ~apart

@@ -15,14 +15,17 @@ from jaxnet.engine.moment import Instants, PerAxis
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.polynomial import Polynomial
 
-RowShare = Float[Array, "axes m lanes"]
+RowShare = Float[Array, "axes m *lanes"]
+Drives = Float[Array, "degrees 2 m lanes"]
+Demand = Float[Array, "2 m *lanes"]
+AnyInstants = Float[Array, "*lanes"]
 Silent = Bool[Array, "axes m lanes"]
 
 
 class Known(eqx.Module):
     """What known messages add to the drives: nothing."""
 
-    def plus(self, demand: PerAxis, time: Instants) -> PerAxis:
+    def plus(self, demand: Demand, time: AnyInstants) -> Demand:
         """A demand with what is known at a time."""
         return demand
 
@@ -38,7 +41,7 @@ class Known(eqx.Module):
         """Right-hand sides of all functions: the attacks', then those of powers of σ."""
         return attacks
 
-    def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> PerAxis:
+    def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> Drives:
         """Derivatives of order r, r + 1, … at a time, counted in spans; `demand` tells their
         shape.
         """
@@ -53,12 +56,12 @@ class KnownDrive(Known):
     interval: Instants  # from tick to tick [s]
     time: Instants  # of the tick [s]
 
-    def at(self, time: Instants) -> PerAxis:
+    def at(self, time: AnyInstants) -> Demand:
         if len(self.drive.terms) == 1:
             return self.drive.terms[0]
         return self.drive.at((time - self.time) / self.interval)
 
-    def plus(self, demand: PerAxis, time: Instants) -> PerAxis:
+    def plus(self, demand: Demand, time: AnyInstants) -> Demand:
         return demand + self.at(time)
 
     def silent(self, silent: Silent) -> Silent:
@@ -70,7 +73,7 @@ class KnownDrive(Known):
     def columns(self, attacks: list[PerAxis]) -> list[PerAxis]:
         return [*attacks, *self.drive.terms]
 
-    def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> PerAxis:
+    def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> Drives:
         part, drive = span / self.interval, self.drive
         if len(drive.terms) > 1:
             drive = drive.about((time - self.time) / self.interval)

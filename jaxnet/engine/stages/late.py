@@ -25,7 +25,7 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from jaxnet.engine.moment import Instants, LinkFlags, Moment, PerAxis, Received, tell
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.stages.known import Known, KnownDrive
+from jaxnet.engine.stages.known import Drives, Known, KnownDrive
 from jaxnet.engine.stages.links import rounding_errors
 from jaxnet.engine.stages.sensing import Sensed
 from jaxnet.model import chance, control, plane, polynomial, signal, xla
@@ -38,7 +38,6 @@ from jaxnet.model.signal import Vectors
 DEGREES = 8  # coefficients. A harmonic of ω [rad/s] errs by under (ωh/4)⁸ / 20,160 of its size.
 NOT_ARRIVING = 2**30  # ticks by which a message is late that is lost
 
-Drives = Float[Array, "degrees 2 m lanes"]  # coefficients
 LateMessages = Float[Array, "degrees 2 slots m lanes"]
 SomeLinks = Bool[Array, "#slots #m lanes"]
 
