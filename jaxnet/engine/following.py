@@ -87,7 +87,6 @@ class Followed(eqx.Module):
         return network.solver.apply(network.hearing, self.factors, demand, start)
 
     def rates(self, scene: Scene, states: States) -> States:
-        """Rates of the states of vehicles."""
         own = scene.sensed(scene.outputs(states))
         jerk = self.jerk(scene, own, self.guess(scene.lane, scene.now, own))
         return vehicles.rates(scene.lane, states, jerk, scene.now.time)

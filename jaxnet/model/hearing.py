@@ -131,7 +131,6 @@ class Hearing(NamedTuple):
         return plus_slots(jnp.zeros((2, *weights.shape[2:])), weights, of_slot)
 
     def at(self, slot: LoopIndex) -> "Hearing":
-        """The Hearing of one slot."""
         return Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
 
     def all_reached(self, weights: AxisWeights) -> Flags:

@@ -25,7 +25,6 @@ class Polynomial(NamedTuple):
     terms: Coefficients
 
     def at(self, share: Shares) -> Numbers:
-        """Value at a share."""
         powers = powers_of(share, len(self.terms))
         higher = (scaled(self.terms[k], powers[k]) for k in range(1, len(powers)))
         return sum(higher, self.terms[0])

@@ -127,7 +127,6 @@ class Dense(Solver[InverseColumns]):
 
 
 def part_of(vehicles: Int[np.ndarray, " some"], sources: Int[np.ndarray, "slots m"]) -> FleetPart:
-    """The part of these vehicles."""
     listeners = np.broadcast_to(np.arange(sources.shape[1]), sources.shape)
     heard = np.isin(listeners, vehicles) & (sources != listeners + 1)
     across = heard & (sources > 0) & ~np.isin(sources - 1, vehicles)

@@ -36,7 +36,7 @@ class Coasting(eqx.Module):
         return self
 
     def moving(self, weights: AxisWeights) -> AxisWeights:
-        """Weights of the others."""
+        """Weights of the vehicles that do not keep their drive."""
         return weights
 
     def kept(self, lane: Lane) -> VehicleFlags:

@@ -108,7 +108,6 @@ class SteadyDelay(NamedTuple):
         return self.time
 
     def on(self, links: Callable[[Array], Array]) -> "SteadyDelay":
-        """The delay on some links."""
         return self if self.time.ndim == 1 else SteadyDelay(links(self.time))
 
     def alike(self) -> bool:
@@ -280,7 +279,6 @@ class Arrivals(NamedTuple):
     plan: Plan
 
     def at(self, slot: LoopIndex) -> "Arrivals":
-        """The messages of one slot."""
 
         def one(leaf: Array, axis: int = 0) -> Array:
             return jax.lax.dynamic_index_in_dim(leaf, slot, axis)

@@ -22,7 +22,6 @@ class Sensed(eqx.Module):
         return self
 
     def of(self, jets: Jets) -> Jets:
-        """Jets as they are sensed."""
         return jets
 
     def jerk(self, gain: Gain, drive: PerAxis, own: Jets) -> PerAxis:
