@@ -1,4 +1,6 @@
-"""Graphs and their links as matrices over (listener, source), for programs that are written with these."""
+"""Graphs and their links as matrices over (listener, source), for programs that are written with
+these.
+"""
 
 import numpy as np
 

@@ -1,23 +1,546 @@
-"""A slow, plain reference for the closed loop: NumPy and scipy.linalg.expm, nothing else.
+"""Plain programs of the closed loop, NumPy and scipy alone, written from docs/ to be compared with.
 
-It shares no code with the package and exists to be compared with it. The law cancels the robots'
-dynamics exactly, so with E = y - y_0 and the weights held over an interval of length h,
+`Fleet` is one lane with all that may happen to its messages. It knows the lane from the keys of its
+config. Within a tick every signal is its values at Chebyshev's nodes. A delay is whole ticks, so a
+late message is the values of an earlier tick. The law is one linear system a tick and axis.
+
+`propagate` and `march` are exact from tick to tick where all messages arrive. With E = y - y_0 and
+weights held over an interval of length h,
 
     E(t + h) = G(t + h) + expm(A_c h) (E(t) - G(t)),    G^(k) = L_res^{-1} d^(k),
-    d_i^(k) = sum_j w_ij a_ij^(k),                      L_res = I - A_res,
+    d_i^(k) = sum_j w_ij a_ij^(k),                      L_res = I - A_res.
 
-for the stacked jets (E, E', E''). There is no integrator and hence no step size to worry about.
-
-Conventions: sources are numbered 0..m (0 is the navigator) and index the columns of `weights`;
-vehicles are numbered 1..m and row i - 1 of any array over vehicles belongs to vehicle i. Jets come
-first: index k of axis 0 is the k-th time derivative. The last axis is x, y.
+Sources are numbered 0..m (0 is the navigator) and index the columns of `weights`; row i - 1 of any
+array over vehicles belongs to vehicle i. Jets come first. The last axis is x, y.
 """
 
 import functools
 import math
+from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy.linalg import expm
+
+from jaxnet.engine.stages.late import DrawnDelay
+from jaxnet.kinds.losses import Loss
+from jaxnet.kinds.navigators import Navigator
+from jaxnet.kinds.noises import ChannelNoise
+from jaxnet.kinds.sensors import Sensor
+from tests import systems
+
+TICKS, DEGREE, HIGHEST = 20, 12, 7
+
+
+class Powers(Navigator):
+    """Polynomials of time, their coefficients by axis."""
+
+    x: list[float]
+    y: list[float]
+
+    def jets(self, time):
+        xp = time.__array_namespace__()
+
+        def derivative(coefficients, d):
+            total = xp.zeros_like(time)
+            for n in range(d, len(coefficients)):
+                total = total + coefficients[n] * math.perm(n, d) * time ** (n - d)
+            return total
+
+        return xp.stack(
+            [xp.stack([derivative(each, d) for each in (self.x, self.y)]) for d in range(4)]
+        )
+
+
+class Hashed(Loss):
+    """Messages are lost by a hash of the tick, the listener and the source."""
+
+    of: str
+    factors: list[int]
+    share: int
+
+    def lost(self, messages, memory):
+        """Of each link, each transmitter, or all."""
+        tick = jnp.round(messages.time / messages.interval).astype(int)[None, None]
+        listeners = jnp.arange(messages.sources.shape[1])[None, :, None]
+        return is_lost(self, tick, listeners, messages.sources[:, :, None]), memory
+
+
+def is_lost(loss, tick, listener, source):
+    """Whether a message is lost at a tick, for NumPy and JAX."""
+    a, b, c, d = loss.factors
+    listener, source = listener * int(loss.of == "link"), source * int(loss.of != "all")
+    return (
+        a * tick + b * listener + c * source + d * listener * source + tick**2
+    ) % 29 < loss.share
+
+
+class Swinging(Sensor):
+    """Errors of sensors by tick, vehicle, axis and order."""
+
+    size: Any
+    pace: Any
+
+    def errors(self, time, vehicles):
+        """Three orders."""
+        vehicle, axis = jnp.arange(float(vehicles))[None, :, None], jnp.arange(2.0)[:, None, None]
+        return tuple(
+            swung(
+                jnp,
+                self.size[None, None],
+                self.pace[None, None],
+                time[None, None],
+                vehicle,
+                0.0,
+                axis,
+                k,
+            )
+            for k in range(3)
+        )
+
+
+class Humming(ChannelNoise):
+    """Errors of words by tick, listener, source, axis and order; those of the highest order come
+    last.
+    """
+
+    size: Any
+    pace: Any
+    orders: str
+
+    def errs_in_highest(self):
+        """Errors of all orders, or of the lower ones."""
+        return self.orders == "all"
+
+    def next_errors(self, last, time, interval, sources):
+        """Four orders."""
+        listeners, told = (
+            jnp.arange(float(sources.shape[1]))[None, :, None],
+            sources.astype(float)[..., None],
+        )
+        size, pace, time = (each[None, None] for each in (self.size, self.pace, time))
+        return tuple(
+            jnp.stack(
+                [swung(jnp, size, pace, time, listeners, told, float(axis), k) for axis in range(2)]
+            )
+            for k in (0, 1, 2, HIGHEST)[: 3 + self.errs_in_highest()]
+        )
+
+
+def swung(xp, size, pace, time, listener, source, axis, order):
+    """The error at a tick."""
+    return size * xp.sin((order + pace) * time + 1.3 * listener + 2.1 * source + 0.9 * axis)
+
+
+class Patterned(DrawnDelay):
+    """Delays of messages in a pattern of ticks, listeners and slots; the tick [s] stands in for the
+    key.
+    """
+
+    def draw(self, time, links):
+        """By tick, slot and listener."""
+        slots, listeners = jnp.arange(links[0])[:, None, None], jnp.arange(links[1])[None, :, None]
+        return late_by(jnp.round(time / self.key).astype(int)[None, None], listeners, slots)
+
+
+def late_by(tick, listener, slot):
+    """Ticks by which a message is late, 1 to 3."""
+    return 1 + (2 * tick + listener + slot + tick // 3) % 3
+
+
+NODES = (1 - np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)) / 2  # of a tick of length 1
+VALUES = chebyshev.chebvander(2 * NODES - 1, DEGREE)
+ANTIDERIVATIVES = chebyshev.chebint(np.eye(DEGREE + 1), lbnd=-1, axis=0) / 2
+INTEGRALS = (
+    chebyshev.chebvander(2 * NODES - 1, DEGREE + 1) @ ANTIDERIVATIVES @ np.linalg.inv(VALUES)
+)
+POWERS = [np.linalg.matrix_power(INTEGRALS, n) for n in range(5)]  # from the tick to the nodes
+
+
+def taylor(jets, by):
+    """Jets (orders, …) later by a time, of the polynomial with these jets."""
+    each = range(len(jets))
+    return np.stack(
+        [sum(jets[n] * by ** (n - k) / math.factorial(n - k) for n in each[k:]) for k in each]
+    )
+
+
+def harmonic(time, order, frequency, phase):
+    """Derivatives 0 to order of sin(frequency t + phase), (orders, times)."""
+    return np.stack(
+        [frequency**k * np.sin(frequency * time + phase + k * np.pi / 2) for k in range(order + 1)]
+    )
+
+
+class Fleet:
+    """One lane, tick by tick. Sources are 0 to m. Jets have the axes (…, orders, 2)."""
+
+    def __init__(self, keys, delays):
+        self.keys, self.channel, self.delays, self.h = keys, keys["channel"], delays, keys["tick"]
+        self.nodes, self.integrals = (
+            self.h * NODES,
+            [self.h**n * each for n, each in enumerate(POWERS)],
+        )
+        self.attack, self.defence, self.law = keys["attack"], keys["defence"], keys["law"]["kind"]
+        self.holds = self.law == "rounds" or keys["law"].get("hold", False)
+        self.r, self.m, self.k = len(keys["gain"]), keys["vehicles"], np.append(keys["gain"], 1.0)
+        topology = keys["topology"]
+        self.networks = [self.weights_of(each) for each in topology.get("networks", [topology])]
+        self.links = [(int(i), int(j)) for i, j in np.argwhere(sum(self.networks) > 0)]
+        self.at_tick, self.sent, self.rounding = [], [], []  # by tick, then by link
+        self.words, self.last, self.newest, self.kept = {}, {}, {}, {}  # by link; by vehicle
+        self.believed = np.ones((self.m, self.m + 1, 2), bool)
+        self.noise, self.fails_at = np.zeros((self.m, self.r, 2)), None
+
+    def weights_of(self, topology):
+        """Normalised weights of a list of edges."""
+        weights = np.zeros((self.m, self.m + 1))
+        for i, j, w in topology["edges"]:
+            weights[i - 1, j] = w
+        return weights / weights.sum(axis=1, keepdims=True)
+
+    def network(self, n):
+        """Weights of the network in force at a tick."""
+        ticks = round(self.keys["topology"].get("every", 1e6) / self.h)
+        return self.networks[n // ticks % len(self.networks)]
+
+    def navigator(self, time):
+        """Jets of the path."""
+        given = self.keys["navigator"]
+        numbers = zip(given["amplitude"], given["frequency"], given["phase"], strict=True)
+        axes = [size * harmonic(time, self.r, *turning) for size, *turning in numbers]
+        return np.stack(axes, axis=-1).transpose(1, 0, 2)
+
+    def is_attacked(self, i, j):
+        """Whether a link is attacked."""
+        given = self.attack
+        if given["kind"] == "none":
+            return False
+        if given["links"] == "navigator":
+            return j == 0 and i + 1 in given["vehicles"]
+        return j in given["vehicles"]
+
+    def is_replaced(self, i, j):
+        """Whether a link carries nothing of its source."""
+        return self.is_attacked(i, j) and self.attack["threat"] == "replaces"
+
+    def signal(self, time, i, j):
+        """Jets of the signal on an attacked link."""
+        given, r = self.attack, self.r
+        place = given["vehicles"].index(j or i + 1)
+        if given["kind"] == "own_path":
+            swing = harmonic(time, r, given["frequency"], given["phase"] + np.pi / 2)
+            jets = np.array(given["swing"]) * swing.T[..., None]
+            jets[:, 0] += given["centre"]
+            return jets
+        if given["kind"] in ("bias", "spoof"):
+            angle = given["direction"][place]
+            jets = np.zeros((len(time), r + 1, 2))
+            jets[:, : r + 1 if given["kind"] == "spoof" else 1] = [np.cos(angle), np.sin(angle)]
+            return given["magnitude"] * jets * self.falsified()
+        frequency = given["frequency"][place]
+        size = given["magnitude"] / max(frequency**k for k in np.flatnonzero(self.falsified()))
+        if given["kind"] == "rotating":
+            phase = given["phase"][place]
+            axes = [
+                harmonic(time, r, frequency, phase + np.pi / 2),
+                harmonic(time, r, frequency, phase),
+            ]
+            return size * np.stack(axes, axis=-1).transpose(1, 0, 2) * self.falsified()
+        angle = given["direction"][place]
+        wave = harmonic(time, r, frequency, given["phase"][place]).T[..., None]
+        return size * wave * np.array([np.cos(angle), np.sin(angle)]) * self.falsified()
+
+    def falsified(self):
+        """1 for orders that carry the signal, (orders, 1)."""
+        orders = self.attack.get("orders", range(self.r + 1))
+        return np.array([[float(k in orders)] for k in range(self.r + 1)])
+
+    def carried(self, time, i, j, own):
+        """Jets that a link carries, with `own` those that its source tells."""
+        jets = self.navigator(time) if j == 0 else own
+        if self.is_attacked(i, j):
+            if self.attack["kind"] == "own_path":
+                jets = self.signal(time, i, j)
+            elif self.is_replaced(i, j):
+                jets = self.navigator(time) + self.signal(time, i, j)
+            else:
+                jets = jets + self.signal(time, i, j)
+        if self.law == "local" and j > 0:
+            jets = jets * (np.arange(self.r + 1) < self.r)[:, None]
+        return jets
+
+    def sensed_errors(self, n):
+        """Errors of sensors, (m, orders below r, 2)."""
+        errors, given = np.zeros((self.m, self.r, 2)), self.keys["sensing"]
+        if isinstance(given, Swinging):
+            for i, k, x in np.ndindex(self.m, min(self.r, 3), 2):
+                errors[i, k, x] = swung(np, given.size, given.pace, n * self.h, i, 0.0, x, k)
+        return errors
+
+    def word_errors(self, n, i, j):
+        """Errors of a word, (orders, 2)."""
+        errors, given = np.zeros((self.r + 1, 2)), self.channel["noise"]
+        if isinstance(given, Humming):
+            for k, x in np.ndindex(self.r + 1, 2):
+                order = HIGHEST if k == self.r else k
+                if k == self.r or k < 3:
+                    errors[k, x] = swung(np, given.size, given.pace, n * self.h, i, j, x, order)
+            errors[self.r] *= given.orders == "all"
+        return errors
+
+    def rounded(self, jets):
+        """What rounding adds to jets at a tick, (orders, 2)."""
+        step = np.zeros((self.r + 1, 1))
+        step[: self.r, 0] = self.channel["quantisation"]
+        return (
+            np.where(step > 0, step * np.round(jets / np.where(step > 0, step, 1.0)), jets) - jets
+        )
+
+    def arrival(self, n, i, j):
+        """The tick at which the message was sent that is heard at tick n, None where none is."""
+        loss, after = self.channel["loss"], self.newest.get((i, j), -1) + 1
+        came = [b for b in range(max(0, n - 3, after), n + 1) if b + self.delays(b, i, j) == n]
+        if (
+            not came
+            or self.network(n)[i, j] == 0
+            or (isinstance(loss, Hashed) and is_lost(loss, n, i, j))
+        ):
+            return None
+        self.newest[i, j] = came[-1]
+        return came[-1]
+
+    def start(self):
+        """Jets at t = 0, (m, orders, 2)."""
+        given, jets = self.keys["initial"], np.zeros((self.m, self.r, 2))
+        jets[:, 0] = given["position"]
+        if self.r in (2, 3):
+            jets[:, 1] = given["speed"] * np.array(
+                [np.cos(given["heading"]), np.sin(given["heading"])]
+            )
+        return jets
+
+    def motion(self):
+        """Jets at the ticks, (ticks + 1, m, orders, 2)."""
+        jets, path = self.start(), []
+        top = np.zeros((self.m, 2))
+        for n in range(TICKS + 1):
+            path.append(jets)
+            jets, top = self.tick(n, jets, top)
+        return np.stack(path)
+
+    def tick(self, n, jets, top):
+        """Jets and highest derivatives at the end of a tick, of those at its begin."""
+        t, weights, links = n * self.h, self.network(n), self.links
+        before = np.einsum("k,ikx->ix", self.k[:-1], jets + self.noise) + top
+        self.noise = self.sensed_errors(n)
+        told = np.concatenate([jets + self.noise, top[:, None]], axis=1)
+        now = {(i, j): self.carried(t + np.zeros(1), i, j, told[None, j - 1])[0] for i, j in links}
+        self.at_tick.append(now)
+        self.rounding.append({link: self.rounded(each) for link, each in now.items()})
+        self.errors = {link: self.word_errors(n, *link) for link in links}
+        if n == 0 and self.channel["missing"] != "drop" and self.channel["delay"] == 0:
+            self.know_the_start(jets)
+        arrived = {link: self.arrival(n, *link) for link in links}
+        self.judge(jets + self.noise, arrived)
+        known, live = self.hear(n, {link: b for link, b in arrived.items() if weights[link] > 0})
+        shares = np.zeros((self.m, self.m + 1, 2))
+        for link in [*known, *live]:
+            shares[link] = weights[link] * self.believed[link]
+        shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1e-12)
+        keeping = self.keepers(n, shares, weights)
+        self.kept = {i: self.kept.get(i, (top if self.holds else before)[i]) for i in keeping}
+        free = self.free(jets)
+        highest = self.solved(n, free, shares, known, live)
+        moved = free + np.stack(
+            [np.einsum("cd,idx->icx", self.integrals[self.r - k], highest) for k in range(self.r)],
+            axis=2,
+        )
+        own = np.concatenate([moved + self.noise[:, None], highest[:, :, None]], axis=2)
+        self.sent.append({(i, j): self.carried(t + self.nodes, i, j, own[j - 1]) for i, j in links})
+        for link in live:
+            self.last[link] = n + 1, self.heard(n, n, link)[-1]
+            self.words[link] = self.value(self.heard(n, n, link))
+        return moved[:, -1], highest[:, -1]
+
+    def free(self, jets):
+        """Jets at the nodes of a motion without highest derivative, (m, nodes, orders, 2)."""
+        return np.stack([taylor(jets.swapaxes(0, 1), s).swapaxes(0, 1) for s in self.nodes], axis=1)
+
+    def heard(self, n, b, link):
+        """Jets that a listener hears from tick n on, of the message of tick b."""
+        jets = self.at_tick[b][link][None] if self.holds else self.sent[b][link]
+        jets = jets + self.rounding[b][link]
+        if self.channel["extrapolate"] != "none":
+            some = self.r + (self.channel["extrapolate"] == "jerk")
+            continued = taylor(jets[:, :some].swapaxes(0, 1), (n - b) * self.h).swapaxes(0, 1)
+            jets = np.concatenate([continued, jets[:, some:]], axis=1)
+        return jets + self.errors[link]
+
+    def value(self, jets):
+        """What a listener uses of jets."""
+        return np.einsum("k,...kx->...x", self.k, jets)
+
+    def know_the_start(self, jets):
+        """The words of t = 0, which stand in for first words that are lost."""
+        for i, j in self.links:
+            own = np.concatenate([jets + self.noise * self.holds, np.zeros((self.m, 1, 2))], axis=1)
+            told = self.carried(np.zeros(1), i, j, own[None, j - 1])[0]
+            if self.holds:
+                told = told + self.rounding[0][i, j] + self.errors[i, j]
+            self.words[i, j], self.last[i, j] = (
+                self.value(told) + np.zeros((DEGREE + 1, 1)),
+                (0, told),
+            )
+
+    def judge(self, own, arrived):
+        """Whom vehicles believe of those that arrived."""
+        for i in range(self.m):
+            came = {j: b for (a, j), b in arrived.items() if a == i and b is not None}
+            links = [(b, (i, j)) for j, b in came.items()]
+            told = [
+                self.at_tick[b][x][0] + self.rounding[b][x][0] + self.errors[x][0] for b, x in links
+            ]
+            self.believed[i, list(came)] = True
+            for j, axis in self.dropped(own[i, 0], dict(zip(came, told, strict=True))):
+                self.believed[i, j, axis] = False
+
+    def dropped(self, own, told):
+        """Sources that a vehicle drops, with the axes."""
+        kind, others = self.defence["kind"], [j for j in told if j > 0]
+        count = self.defence.get("theta", self.defence.get("F", 0))
+        if kind == "w_msr":
+            away = {(j, axis): told[j][axis] - own[axis] for j in others for axis in range(2)}
+            found = []
+            for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+                beyond = [each for each in away if each[1] == axis and sign * away[each] > 0]
+                found += sorted(beyond, key=lambda each: -abs(away[each]))[:count]
+            return found
+        if kind == "trusted_trim" and (
+            len(told) < 2 * count + 1 or len(told) - len(others) < count
+        ):
+            return []
+        middle = told[0] if kind == "trusted_trim" and count else own
+        farthest = sorted(others, key=lambda j: -np.linalg.norm(told[j] - middle))
+        return [(j, slice(None)) for j in farthest[:count]]
+
+    def hear(self, n, arrived):
+        """Words at the nodes, of links on which they are known; links on which they are live."""
+        known, live = {}, []
+        for link, b in arrived.items():
+            if b == n and not self.holds:
+                live.append(link)
+                continue
+            if b is not None:
+                jets = self.heard(n, b, link)
+                self.words[link] = self.value(jets) + np.zeros((DEGREE + 1, 1))
+                self.last[link] = n, jets[-1]
+            elif self.channel["missing"] == "drop" or link not in self.words:
+                continue
+            elif self.channel["missing"] == "hold":
+                self.words[link] = self.words[link][-1:] + np.zeros((DEGREE + 1, 1))
+            else:
+                begin, jets = self.last[link]
+                jets = np.concatenate([jets[:-1], jets[-1:] * (link[1] == 0)])
+                times = (n - begin) * self.h + self.nodes * (not self.holds)
+                self.words[link] = np.stack([self.value(taylor(jets, s)) for s in times])
+            known[link] = self.words[link]
+        return known, live
+
+    def keepers(self, n, shares, weights):
+        """Vehicles that keep their last drive. Notes whether the lane fails."""
+        if self.law == "local":
+            return set()
+        heard = np.moveaxis(shares > 0, 2, 0)
+        alone = {int(i) for i in np.argwhere(~heard.any(axis=2))[:, 1]}
+        cut_off = self.unreached(np.moveaxis((weights > 0)[..., None] & self.believed, 2, 0), set())
+        if self.defence.get("isolated") == "coast":
+            alone |= cut_off
+        elif cut_off and len(self.networks) == 1 and self.fails_at is None:
+            self.fails_at = n
+        if self.channel["missing"] == "drop" or self.channel["delay"] != 0:
+            alone |= self.unreached(heard, alone)
+        return alone
+
+    def unreached(self, by_axis, sources):
+        """Vehicles that no navigator's or replaced word reaches on some axis, nor these."""
+        replaced = [link for link in self.links if self.is_replaced(*link)]
+        by_axis = by_axis.copy()
+        for i, j in replaced:
+            by_axis[:, i, 0] |= by_axis[:, i, j]
+        return {i for heard in by_axis for i in set(range(self.m)) - reached(heard, sources)}
+
+    def solved(self, n, free, shares, known, live):
+        """Highest derivatives at the nodes, (m, nodes, 2)."""
+        m, count = self.m, DEGREE + 1
+        fed_back = np.einsum("k,ickx->icx", self.k[:-1], free + self.noise[:, None])
+        flow = sum(self.k[k] * self.integrals[self.r - k] for k in range(self.r))
+        right, graph = np.zeros((m, count, 2)), np.zeros((m, m, 2))
+        for (i, j), values in known.items():
+            right[i] += shares[i, j] * values
+        for i, j in live:
+            added = self.carried(n * self.h + self.nodes, i, j, np.zeros((count, self.r + 1, 2)))
+            right[i] += shares[i, j] * self.value(
+                added + self.rounding[n][i, j] + self.errors[i, j]
+            )
+            if j > 0 and not self.is_replaced(i, j):
+                graph[i, j - 1] = shares[i, j]
+        hears, solved = shares.any(axis=1), np.zeros((m, count, 2))
+        if self.holds:
+            solved += ((right - fed_back) * hears[:, None])[:, :1]
+            for i, kept in self.kept.items():
+                solved[i] = kept
+            return solved
+        for i, kept in self.kept.items():
+            right[i], graph[i], hears[i] = kept, 0.0, True
+        for x in range(2):
+            own = np.diag(hears[:, x].astype(float)) - graph[:, :, x] * (self.law == "local")
+            drive = right[:, :, x]
+            if self.law == "exact":
+                drive = np.linalg.solve(np.eye(m) - graph[:, :, x], drive)
+            matrix = np.eye(m * count) + np.kron(own, flow)
+            values = np.linalg.solve(matrix, (drive - own @ fed_back[:, :, x]).ravel())
+            solved[:, :, x] = values.reshape(m, count)
+        return solved
+
+
+def reached(heard, sources):
+    """Vehicles that the navigator or these vehicles reach over links, (m, m + 1)."""
+    found, grew = set(sources), True
+    while grew:
+        new = {
+            i
+            for i in range(len(heard))
+            if i not in found and (heard[i, 0] or any(heard[i, j + 1] for j in found))
+        }
+        found, grew = found | new, bool(new)
+    return found
+
+
+def compared(keys):
+    """Greatest distance from the program by tick and order [m, m/s, …], until the lane fails; its
+    status, and the program.
+    """
+    one, late, by_link = systems.lanes(systems.study(**keys), 1), keys["channel"]["delay"], None
+    slots, lane = np.asarray(one.network.hearing.sources), one.inputs.lane
+    if keys["channel"]["delay_of"] == "message":
+        patterned = Patterned(lane.interval, lane.delay.chances)
+        one = one._replace(inputs=one.inputs._replace(lane=lane._replace(delay=patterned)))
+    elif not isinstance(late, float):
+        by_link = np.round(np.asarray(lane.delay.time)[0] / keys["tick"])
+
+    def delays(b, i, j):
+        if isinstance(late, float):
+            return round(late / keys["tick"])
+        slot = int(np.flatnonzero(slots[:, i] == j)[0])
+        return late_by(b, i, slot) if by_link is None else by_link[slot, i]
+
+    outcome, fleet = systems.simulate(one), Fleet(keys, delays)
+    states = outcome.series["state"][0].transpose(2, 1, 0)  # the ticks take the place of lanes
+    jets = np.stack(lane.vehicle.output_jets(states))
+    apart = np.abs(jets.transpose(3, 2, 0, 1) - fleet.motion()).max(axis=(1, 3))
+    return apart[: fleet.fails_at], outcome.status[0], fleet
 
 
 def propagate(
@@ -32,59 +555,44 @@ def propagate(
     theta=None,
     tolerance=1e-9,
 ):
-    """Exact tick-by-tick propagation of the closed loop (theorems.md O2).
+    """The closed loop tick by tick (theorems.md O2), with or without trimming.
 
-    Decisions are taken at ticks 0..ticks inclusive and held in between. `navigator(t)` gives
-    (4, 2) and `attack(t)` (4, m, m+1, 2), of which derivatives 0..2 are used; `initial` is
-    (3, m, 2). `trusted` is None (no trimming) or a list of m sets of source numbers, `theta` a
-    list of m ints. Returns a dict of `positions`, `velocities`, `accelerations` (ticks+1, m, 2),
-    `kept` (ticks+1, m, m+1), the weights in force after each decision, and `margin` (ticks+1,),
-    the gap between the lowest dropped and the highest kept untrusted score (inf: nothing to
-    compare). A kept set that cuts a vehicle off raises numpy.linalg.LinAlgError.
+    Decisions are taken at ticks 0..ticks inclusive and held in between. `navigator(t)` gives (4, 2)
+    and `attack(t)` (4, m, m+1, 2); `initial` is (3, m, 2). `trusted` is None (no trimming) or a
+    list of m sets of source numbers, `theta` a list of m ints. Returns a dict of `positions`,
+    `velocities`, `accelerations` (ticks+1, m, 2), `kept` (ticks+1, m, m+1), the weights in force
+    after each decision, and `margin` (ticks+1,), the gap between the lowest dropped and the highest
+    kept untrusted score.
     """
     weights = np.asarray(weights, dtype=float)
-    m = weights.shape[0]
-    flow = expm(_companion(gain) * tick)
-
-    states = np.empty((ticks + 1, 3, m, 2))
-    kept = np.empty((ticks + 1, m, m + 1))
-    margin = np.full(ticks + 1, math.inf)
-
+    m = len(weights)
+    kept, margin = np.empty((ticks + 1, m, m + 1)), np.full(ticks + 1, math.inf)
     dropped = [set() for _ in range(m)]  # nothing was dropped before tick 0
-    error = np.asarray(initial, dtype=float) - np.asarray(navigator(0.0))[:3, None, :]
-    lies = np.asarray(attack(0.0))
-    for n in range(ticks + 1):
-        reference = np.asarray(navigator(n * tick))[:3]
-        states[n] = error + reference[:, None, :]
 
-        # Decide.
+    def lies(t):
+        return np.asarray(attack(t))[:3]
+
+    def choose(n, error):
         kept[n] = weights
         if trusted is not None:
-            sources = np.vstack([reference[0], states[n, 0]])  # true positions of 0..m
-            for i in range(1, m + 1):
-                row, dropped[i - 1], gap = _trim(
-                    weights[i - 1],
-                    sources + lies[0, i - 1],
-                    trusted[i - 1],
-                    theta[i - 1],
-                    dropped[i - 1],
-                    tolerance,
-                )
-                kept[n, i - 1] = row
+            path = np.asarray(navigator(n * tick))[0]
+            sources = np.vstack([path, error[0] + path])
+            for i in range(m):
+                heard = sources + lies(n * tick)[0, i]
+                rule = trusted[i], theta[i], dropped[i], tolerance
+                kept[n, i], dropped[i], gap = _trim(weights[i], heard, *rule)
                 margin[n] = min(margin[n], gap)
+        return np.stack([kept[n]] * 2), lies
 
-        # Move on to the next tick, with the weights just decided at both ends of the interval.
-        if n < ticks:
-            before, lies = _displacement(kept[n], lies), np.asarray(attack((n + 1) * tick))
-            error = _displacement(kept[n], lies) + _apply(flow, error - before)
-
-    return {
-        "positions": states[:, 0],
-        "velocities": states[:, 1],
-        "accelerations": states[:, 2],
-        "kept": kept,
-        "margin": margin,
-    }
+    paths = np.asarray([np.asarray(navigator(n * tick))[:3] for n in range(ticks + 1)])
+    start = np.asarray(initial, dtype=float) - paths[0][:, None]
+    error = march(choose, np.ones((m, m + 1), bool), gain, start, tick, ticks)
+    choose(ticks, error[-1])
+    states = error + paths[:, :, None]
+    named = dict(
+        zip(("positions", "velocities", "accelerations"), states.swapaxes(0, 1), strict=True)
+    )
+    return named | {"kept": kept, "margin": margin}
 
 
 def _trim(row, received, trusted, theta, dropped_before, tolerance):
@@ -120,27 +628,50 @@ def _trim(row, received, trusted, theta, dropped_before, tolerance):
     return result / result.sum(), set(drop), gap
 
 
-def _displacement(weights, attack):
-    """G and its first two derivatives, (3, m, 2), for weights (m, m+1) and one time's attack."""
-    d = np.einsum("ij,kijx->kix", weights, attack[:3])
-    return np.linalg.solve(np.eye(len(weights)) - weights[:, 1:], d)
+def march(choose, carried, gain, start, interval, ticks):
+    """E with two derivatives at every tick: (ticks + 1, 3, m, 2), from `start` (3, m, 2).
+
+    `choose(n, error)` gives the weights (2, m, m+1) by axis in force from tick n on and `added`, a
+    function of time [s] with the jets (3, m, m+1, 2) that attacks add to each link. `carried` (m,
+    m+1) are the links that carry what their source says.
+    """
+    flow = expm(companion(gain) * interval)
+    path = [np.asarray(start, float)]
+    for n in range(ticks):
+        weights, added = choose(n, path[-1])
+        now, then = (displaced(weights, carried, added(t * interval)) for t in (n, n + 1))
+        path.append(then + np.einsum("kl,lmx->kmx", flow, path[-1] - now))
+    return np.stack(path)
 
 
-def _companion(gain):
-    """Companion matrix of s^3 + k2 s^2 + k1 s + k0, acting on (E, E', E'')."""
-    k0, k1, k2 = gain
-    return np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-k0, -k1, -k2]])
+def displaced(weights, carried, added):
+    """`(I - A_H)⁻¹ d` of each axis with its derivatives, (3, m, 2)."""
+    found = np.empty((3, *weights.shape[1:2], 2))
+    for axis in (0, 1):
+        rows = weights[axis] / weights[axis].sum(axis=1, keepdims=True)
+        believed = np.where(carried, rows, 0.0)[:, 1:]
+        d = np.einsum("ij,kij->ki", rows, added[..., axis])
+        found[..., axis] = np.linalg.solve(np.eye(len(rows)) - believed, d.T).T
+    return found
+
+
+def received(error, carried, added):
+    """Jets relative to the navigator's, by listener and source: (3, m, m+1, 2)."""
+    sources = np.concatenate([np.zeros((3, 1, 2)), error], axis=1)
+    return np.where(carried[None, :, :, None], sources[:, None], 0.0) + added
+
+
+def companion(gain):
+    """Matrix of `s^r + … + k1 s + k0` on y with its derivatives below r."""
+    matrix = np.diag(np.ones(len(gain) - 1), 1)
+    matrix[-1] = -np.asarray(gain)
+    return matrix
 
 
 @functools.cache
 def _flows(k0, k1, k2, *times):
     """Flows of (E, E', E'') over these times, which lanes of the same gain share: (times, 3, 3)."""
-    return expm(_companion((k0, k1, k2)) * np.asarray(times)[:, None, None])
-
-
-def _apply(flow, jets):
-    """A (3, 3) flow applied to the jets (3, m, 2) of every vehicle and axis alike."""
-    return np.einsum("kl,lmx->kmx", flow, jets)
+    return expm(companion((k0, k1, k2)) * np.asarray(times)[:, None, None])
 
 
 def nominal(navigator, gain, initial, times):
@@ -161,3 +692,37 @@ def flat_jets(state):
         jets[1, i] = speed * along
         jets[2, i] = force * along + speed * turn_rate * across
     return jets
+
+
+def navigator_at(one, number):
+    path = systems.lane(one, number).navigator
+    return lambda t: np.asarray(path.jets(np.asarray(t)))
+
+
+def attack_on_links(one, number):
+    """`a_ij` jets of a lane by link, written out."""
+    lane = systems.lane(one, number)
+    m = len(lane.links)
+
+    def at(t):
+        basis = np.asarray(lane.signal.basis(np.asarray(t)))
+        received = np.zeros((4, m, m + 1, 2))
+        for i, j in np.argwhere(lane.links):
+            received[:, i, j] = basis @ lane.vectors[:, i if j == 0 else j - 1].T
+        return received
+
+    return at
+
+
+def exact(one, number, interval, intervals, **trimming):
+    lane = systems.lane(one, number)
+    return propagate(
+        lane.weights,
+        navigator_at(one, number),
+        attack_on_links(one, number),
+        lane.gain,
+        flat_jets(lane.initial.T),
+        interval,
+        intervals,
+        **trimming,
+    )

@@ -19,7 +19,8 @@ from jaxnet.store.results import Results
 
 FEW = batch.Machine(devices=1, chunk=4)
 ROWS = 601  # output times that there is room for
-# Saved wherever something is, for each choice is a program to be compiled; inputs take a tenth of it.
+# Saved wherever something is, for each choice is a program to be compiled; inputs take a tenth of
+# it.
 EVERYTHING = tuple(name for name in SERIES if name != "inputs")
 
 
@@ -88,7 +89,8 @@ def of_slots(kept: np.ndarray, sources: np.ndarray) -> np.ndarray:
 
 
 def simulated(job: Job) -> Outcome:
-    """Outcome of a job; up to 24 lanes run four side by side, for most of a wide chunk would be filling.
+    """Outcome of a job; up to 24 lanes run four side by side, for most of a wide chunk would be
+    filling.
 
     These have room for more output times than there are, so that horizons share a program.
     """

@@ -1,9 +1,9 @@
 """Simulation of many lanes: one compiled program per array shape and plan, fed load by load.
 
-A program takes a load, a fixed number of lanes, and advances a chunk, a fixed number of lanes, side by side.
-So a lane's result does not depend, to the last bit, on the other lanes or on their number. Loads run in
-parallel, one per core or accelerator. Here the lanes are the first axis of every array; within the engines
-the lanes are the last axis.
+A program takes a load, a fixed number of lanes, and advances a chunk, a fixed number of lanes, side
+by side. So a lane's result does not depend, to the last bit, on the other lanes or on their number.
+Loads run in parallel, one per core or accelerator. Here the lanes are the first axis of every
+array; within the engines the lanes are the last axis.
 """
 
 import functools
@@ -39,14 +39,17 @@ COMPILER = {
     "cpu": {
         # Loops for sums of few terms, not XLA's library: 1.5 times, trimming, 1,000 vehicles.
         "xla_cpu_experimental_ynn_fusion_type": "",
-        # A long sum in one pass: 1.02 times, trimming, 12 vehicles. Without it sums end in other bits.
+        # A long sum in one pass: 1.02 times, trimming, 12 vehicles. Without it sums end in other
+        # bits.
         "xla_disable_hlo_passes": "tree_reduction_rewriter",
     }
 }
 
 
 class Job(NamedTuple):
-    """Lanes of one network and clock for one compiled program; every leaf of `inputs` has lanes first."""
+    """Lanes of one network and clock for one compiled program; every leaf of `inputs` has lanes
+    first.
+    """
 
     inputs: Inputs
     network: Network
@@ -55,7 +58,6 @@ class Job(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Return the number of lanes."""
         return size(self.inputs)
 
 
@@ -66,18 +68,18 @@ class Machine(NamedTuple):
     chunk: int | None = None  # lanes side by side; None: the engine's own number
 
     def each(self) -> list[Any]:
-        """Return one device per concurrent load: each accelerator, or the CPU once for each core."""
+        """One device per concurrent load: each accelerator, or the CPU once for each core."""
         there = jax.local_devices()
         if there[0].platform == "cpu":
             there = there[:1] * cores()
         return there[: self.devices]
 
     def width(self, plan: Plan, vehicles: int, lanes: int = MOST_LANES) -> int:
-        """Return the number of lanes side by side: `chunk` if given, else a power of two.
+        """The number of lanes side by side: `chunk` if given, else a power of two.
 
-        Above twelve vehicles the power falls as one over the root of the fleet size. The engine's `cached`
-        bounds the number of vehicles side by side. A given chunk is cut to the power, or to one that holds
-        all lanes: more would be padding.
+        Above twelve vehicles the power falls as one over the root of the fleet size. The engine's
+        `cached` bounds the number of vehicles side by side. A given chunk is cut to the power, or
+        to one that holds all lanes: more would be padding.
         """
         chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
         chunk = min(chunk, LATE_CHUNK) if plan.late else chunk
@@ -89,7 +91,7 @@ class Machine(NamedTuple):
         return min(self.chunk, max(own, 2 ** math.ceil(math.log2(lanes)))) if self.chunk else own
 
     def load_of(self, plan: Plan, network: Network, lanes: int) -> tuple[Plan, int]:
-        """Return the plan with its width, and the number of lanes of a load."""
+        """The plan with its width, and the number of lanes of a load."""
         plan = plan._replace(chunk=self.width(plan, network.hearing.sources.shape[1], lanes))
         return plan, plan.chunk * (1 if plan.save else plan.engine.queue)
 
@@ -113,8 +115,8 @@ def simulate_each(
 ) -> Iterator[Outcome]:
     """Yield the outcome of each batch, in order; `lanes` is the number of lanes of all batches.
 
-    The iterable is read as devices become free, so few batches are in memory at a time. `load_done` is called
-    after each load with the number of lanes in that load.
+    The iterable is read as devices become free, so few batches are in memory at a time. `load_done`
+    is called after each load with the number of lanes in that load.
     """
     devices, free, sizes = machine.each(), SimpleQueue[Any](), deque[int]()
     plan, capacity = machine.load_of(plan, network, lanes)
@@ -141,7 +143,7 @@ def simulate_each(
 def advance(
     load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: int, device: Any
 ) -> Outcome:
-    """Return the outcome of one load, in double precision whatever the process's default is."""
+    """The outcome of one load, in double precision whatever the process's default is."""
     count, queue = size(load), queue_of(load, capacity)
     with jax.enable_x64(True), jax.default_device(device):
         try:
@@ -152,13 +154,14 @@ def advance(
 
 
 def queue_of(load: Inputs, capacity: int) -> Inputs:
-    """Return the lanes of a load, filled up to its capacity, with the lanes last."""
+    """The lanes of a load, filled up to its capacity, with the lanes last."""
     index = np.minimum(np.arange(capacity), size(load) - 1)
     return jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf)[index], 0, -1), load)
 
 
 def trace(job: Job, machine: Machine = EVERYTHING) -> None:
-    """Trace the program of a job, so that a kind that breaks its contract is found before anything compiles.
+    """Trace the program of a job, so that a kind that breaks its contract is found before anything
+    compiles.
 
     A simulation on the same machine takes the trace from JAX's cache.
     """
@@ -174,7 +177,7 @@ def trace(job: Job, machine: Machine = EVERYTHING) -> None:
 
 @functools.cache
 def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outcome]:
-    """Return the jitted program that runs a plan's engine on a platform."""
+    """The jitted program that runs a plan's engine on a platform."""
 
     def run(
         plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Int[Array, ""] | int
@@ -182,7 +185,8 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
         COMPILING.add(
             threading.get_ident()
         )  # JAX runs this line only while tracing, before compilation
-        # One loop around everything, compiled as one function: 1.02 times, plain, 12 vehicles. Without it,
+        # One loop around everything, compiled as one function: 1.02 times, plain, 12 vehicles.
+        # Without it,
         # iteration over links ends in other bits.
         return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
 
@@ -190,7 +194,6 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
 
 
 def compiling() -> bool:
-    """Return whether a thread is compiling a program."""
     return bool(COMPILING)
 
 
@@ -243,17 +246,15 @@ def regrouped(outcomes: Iterable[Outcome], sizes: deque[int]) -> Iterator[Outcom
 
 
 def size(batch: Inputs) -> int:
-    """Return the number of lanes in a batch."""
     return len(batch.lane.initial)
 
 
 def joined(trees: Sequence[Lanes]) -> Lanes:
-    """Return one tree with the lanes of several trees, one after another."""
     return (
         jax.tree.map(lambda *leaves: np.concatenate(leaves), *trees) if len(trees) > 1 else trees[0]
     )
 
 
 def part(tree: Lanes, start: int, stop: int | None) -> Lanes:
-    """Return the lanes from `start` to `stop` of a tree."""
+    """The lanes from `start` to `stop` of a tree."""
     return jax.tree.map(lambda leaf: leaf[start:stop], tree)

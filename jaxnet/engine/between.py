@@ -1,8 +1,8 @@
 """Lanes of the exact engine in which a vehicle stands still between two ticks.
 
-With probability 1, the velocity of a vehicle becomes 0 only if the vehicle has moved on a straight line since
-the start. Lanes in which no vehicle moves on a line any more are not searched. In all other lanes, each tick
-searches the interval since the previous tick.
+With probability 1, the velocity of a vehicle becomes 0 only if the vehicle has moved on a straight
+line since the start. Lanes in which no vehicle moves on a line any more are not searched. In all
+other lanes, each tick searches the interval since the previous tick.
 """
 
 import math
@@ -14,10 +14,10 @@ from jaxtyping import Array, Float
 
 from jaxnet.engine import flow, standstill
 from jaxnet.engine.flow import Durations
+from jaxnet.engine.moment import LaneFlags, VehicleFlags
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if
-from jaxnet.engine.tick import LaneFlags, VehicleFlags
 from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, Plane, length
@@ -32,10 +32,10 @@ def stopped(
     lead: Callable[[], tuple[Plane, Plane]],
     stood: Callable[[LaneIndices], LaneFlags],
 ) -> tuple[Code, LaneFlags]:
-    """Return the status, and the lanes in which some vehicle may have gone straight on, a tick later.
+    """The status, and the lanes in which some vehicle may have gone straight on, a tick later.
 
-    `lead()` returns the vehicles' lead and its derivative. `stood(few)` returns which of a few lanes have a
-    vehicle that stood still in the tick before now.
+    `lead()` returns the vehicles' lead and its derivative. `stood(few)` returns which of a few
+    lanes have a vehicle that stood still in the tick before now.
     """
 
     def some(few: LaneIndices, status: Code) -> Code:
@@ -59,7 +59,7 @@ class Parts(NamedTuple):
 
     @property
     def functions(self) -> int:
-        """Return the number of functions of time that drive vehicles."""
+        """The number of functions of time that drive vehicles."""
         return self.attacks + 2 * self.leads
 
 
@@ -70,18 +70,18 @@ def stood(
     lane: Lane,
     reach: Float[Array, "r lanes"],
     time: Durations,
-    apart: VehicleFlags | None,
+    apart: VehicleFlags,
     parts: Parts,
     interval: Any,
     plan: Plan,
 ) -> LaneFlags:
-    """Return the lanes in which a vehicle stood still in the interval before now, from E and G now.
+    """The lanes in which a vehicle stood still in the interval before now, from E and G now.
 
     The vehicles `apart` are not searched.
 
-    The search goes back in time. `E^(r) = -P(E) + K R(β)` with attack vectors K. A bound on y^(r) follows
-    from E and its derivatives now, and the greatest norms of the navigator's r-th derivative and the attack's
-    functions.
+    The search goes back in time. `E^(r) = -P(E) + K R(β)` with attack vectors K. A bound on y^(r)
+    follows from E and its derivatives now, and the greatest norms of the navigator's r-th
+    derivative and the attack's functions.
     """
     (path, functions), order = lane.sizes, len(lane.gain)
     of_attacks, of_path, known = jnp.split(forced, (parts.attacks, parts.functions), axis=2)
@@ -125,21 +125,20 @@ def stood(
 
 
 def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
-    """Return the root of the sum of squares of each vehicle's vectors."""
     return jnp.sqrt((vectors**2).sum(axis=(0, 2)))
 
 
 def greatest_drive(
     gain: control.Gain, sizes: Float[Array, "derivatives lanes"]
 ) -> Float[Array, "1 lanes"]:
-    """Return a bound on R of a signal, from bounds on the signal and its derivatives."""
+    """A bound on R of a signal, from bounds on the signal and its derivatives."""
     return control.driven(control.norms(gain), sizes)[None]
 
 
 def stood_held(
-    vehicle: Any, jets: Jets, held: Vectors, apart: VehicleFlags | None, interval: Any
+    vehicle: Any, jets: Jets, held: Vectors, apart: VehicleFlags, interval: Any
 ) -> LaneFlags:
-    """Return the lanes in which a vehicle stood still in the interval before now, while it held the r-th
+    """The lanes in which a vehicle stood still in the interval before now, while it held the r-th
     derivative. The vehicles `apart` are not searched.
     """
     highest = length(held[:, :, 0])

@@ -1,16 +1,18 @@
 """The nonlinear vehicles under the law, integrated by Gauss collocation in the jets of the outputs.
 
-The r jets y, ẏ, … of the output and the state of a vehicle determine each other while the vehicle moves (O4).
-In the jets the motion has no stiffness near standstill. At each node of a window (`engine.gauss`)
+The r jets y, ẏ, … of the output and the state of a vehicle determine each other while the vehicle
+moves (O4). In the jets the motion has no stiffness near standstill. At each node of a window
+(`engine.gauss`)
 
-    jets → state → received jets → y^(r) of the law → inputs → rates of the state → rates of the jets,
+    jets → state → received jets → y^(r) of the law → inputs → rates of the state → rates of the
+    jets,
 
 with the vehicle's own equations and the law solved from the received jets.
 
-The first guess is the exact cancellation `q = z - P(y)` (theorems.md O2b). Newton's method goes on from
-there, with `-P` as its Jacobian, until the rates of the jets are the derivatives of the jets. Where the
-cancellation holds, one evaluation at the nodes confirms the guess. A window is refused, and tried again with
-a shorter length, in these cases:
+The first guess is the exact cancellation `q = z - P(y)` (theorems.md O2b). Newton's method goes on
+from there, with `-P` as its Jacobian, until the rates of the jets are the derivatives of the jets.
+Where the cancellation holds, one evaluation at the nodes confirms the guess. A window is refused,
+and tried again with a shorter length, in these cases:
 
 - Newton's method has not converged;
 - the Legendre coefficients of the jerk do not fall fast enough;
@@ -18,8 +20,8 @@ a shorter length, in these cases:
 - the vehicle's equations do not return the jets and their derivatives;
 - a vehicle stands still in the window, and the window goes on past the next tick.
 
-A window serves ticks and outputs until a decision changes. Each lane has its own windows. The lanes are the
-last axis of every array.
+A window serves ticks and outputs until a decision changes. Each lane has its own windows. The lanes
+are the last axis of every array.
 """
 
 from collections.abc import Sequence
@@ -30,24 +32,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import gauss, standstill, stepper, tick
-from jaxnet.engine.following import (
-    FollowedLaw,
-    Following,
-    Jerk,
-    exchanged,
-    follow_weights,
-    law_jerk,
-)
+from jaxnet.engine import gauss, standstill, stepper, vehicles
+from jaxnet.engine.demand import Signals, signals
+from jaxnet.engine.following import Followed, Following, Scene
 from jaxnet.engine.gauss import Jerks, Window
-from jaxnet.engine.loop import LaneFlags, PerVehicle, Tick, Ticks
+from jaxnet.engine.loop import Tick, Ticks
+from jaxnet.engine.moment import Instants, LaneFlags, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Tolerances
-from jaxnet.engine.signals import Signals, signals
 from jaxnet.engine.status import Code, Status, fail
-from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if, select
-from jaxnet.engine.tick import DecisionState, Instants, VehicleFlags
-from jaxnet.model import control, plane, signal
+from jaxnet.engine.tick import DecisionState
+from jaxnet.engine.vehicles import PerVehicle, States
+from jaxnet.model import plane
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
 from jaxnet.solvers.choice import factorised_at_once
@@ -69,7 +65,7 @@ class CollocationState(NamedTuple):
     end: Instants  # [s] until then the motion is known
     length: Instants  # [s] proposed for the next window
     steps: Int[Array, " lanes"]  # windows so far, kept and refused
-    followed: FollowedLaw
+    followed: Followed
 
 
 class Task(NamedTuple):
@@ -78,7 +74,7 @@ class Task(NamedTuple):
     lane: Lane
     tolerances: Tolerances
     decided: DecisionState
-    followed: FollowedLaw
+    followed: Followed
     jets: Jets
     time: Instants
     tick: Instants  # [s] the next one
@@ -107,62 +103,55 @@ class Collocation(Following[CollocationState]):
         return True
 
     def begin(self) -> CollocationState:
-        """Return the state at t = 0; nothing is followed yet."""
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
-        jets, shapes = lane.vehicle.output_jets(lane.initial), jax.eval_shape(self.followed_first)
+        jets = vehicles.outputs(lane, lane.initial, zero)
+        still = jnp.zeros((gauss.STAGES, *jets[0].shape))
         return CollocationState(
             jets=jets,
             signals=signals(lane, zero),
-            window=Window(zero, zero, jets, jnp.zeros((gauss.STAGES, *jets[0].shape))),
+            window=gauss.window_of(zero, zero, jets, still),
             end=zero,
             length=zero + FIRST,
             steps=jnp.zeros(zero.shape, int),
-            followed=jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), shapes),
+            followed=self.nothing_followed(),
         )
 
     def errors(self, state: CollocationState) -> Jets:
-        """Return E and its derivatives below the order now."""
         return plane.relative(state.jets, state.signals.navigator)
 
     def states(self, state: CollocationState) -> States:
-        """Return the vehicles' states (n, m, lanes)."""
-        return self.lane.vehicle.state_of(state.jets)
+        return vehicles.states_of(self.lane, state.jets, state.signals.time)
 
     def placed(
-        self, state: CollocationState, vehicles: VehicleFlags, states: States
+        self, state: CollocationState, which: VehicleFlags, states: States
     ) -> CollocationState:
         """Put vehicles at rest with these states."""
-        return state._replace(
-            jets=plane.replaced(vehicles, self.lane.vehicle.output_jets(states), state.jets)
-        )
+        rest = vehicles.outputs(self.lane, states, state.signals.time)
+        return state._replace(jets=plane.replaced(which, rest, state.jets))
 
     def pace(
         self, state: CollocationState, decided: DecisionState
     ) -> tuple[PerVehicle, PerVehicle]:
-        """Return speed [m/s] and turn rate [rad/s], (m, lanes), of the jets where these tell them."""
-        if self.lane.vehicle.jets_tell_pace:
-            return plane.pace(state.jets)
-        return super().pace(state, decided)
+        known = vehicles.pace_of_jets(self.lane, state.jets)
+        return super().pace(state, decided) if known is None else known
 
     def drive_now(
         self, state: CollocationState, decided: DecisionState
     ) -> Float[Array, "2 m lanes"]:
-        """Return `y‴ + P(ŷ)`, with y‴ of the window that has brought the vehicle here."""
-        own = tick.sensed(state.jets, decided.noise)
-        return state.window.jerk_at(state.signals.time) + control.feedback(self.lane.gain, own)
+        """`y‴ + P(ŷ)`, with y‴ of the window that has brought the vehicle here."""
+        jerk = state.window.jerk_at(state.signals.time)
+        return decided.sensed.drive(self.lane.gain, jerk, state.jets)
 
-    def jerk(self, state: CollocationState, decided: DecisionState) -> Jerk:
-        """Return y‴ [m/s³] right after these decisions, by the law; the window ends where they change."""
+    def jerk(self, state: CollocationState, decided: DecisionState) -> PerAxis:
+        """Y‴ [m/s³] right after these decisions, by the law; the window ends where they change."""
         followed, now = state.followed, state.signals
-        if followed.jerk is not None:
-            return followed.jerk
-        own = tick.sensed(state.jets, decided.noise)
+        own = decided.sensed.of(state.jets)
         guess = followed.guess(self.lane, now, own)
-        return law_jerk(self.lane, self.network, followed, decided, now, own, guess)
+        return followed.jerk(Scene(self.lane, self.network, decided, now), own, guess)
 
     @property
     def at_every_tick(self) -> bool:
-        """Return whether the jerk of vehicles changes at every tick."""
+        """Whether the jerk of vehicles changes at every tick."""
         lane = self.lane
         changing = lane.sensor is not None or not lane.exact_words or lane.delay is not None
         return lane.law.needs_ticks() or changing
@@ -174,26 +163,14 @@ class Collocation(Following[CollocationState]):
 
         Where the law holds a jerk, vehicles exchange the jerk at every tick instead.
         """
-        lane, network, plan = self.lane, self.network, self.plan
+        lane = self.lane
 
-        def some(
-            few: LaneIndices, carry: tuple[FollowedLaw, LaneFlags]
-        ) -> tuple[FollowedLaw, LaneFlags]:
+        def states() -> States:
+            return decided.coasting.at_rest(self.states(state))
+
+        def some(few: LaneIndices, carry: tuple[Followed, LaneFlags]) -> tuple[Followed, LaneFlags]:
             followed, cut_off = carry
-            part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
-            if lane.law.needs_ticks():
-                given = (
-                    followed.jerk,
-                    state.signals,
-                    tick.at_rest(decided, lane.vehicle.state_of(state.jets)),
-                )
-                last, now, states = jax.tree.map(lambda leaf: picked(leaf, few), given)
-                new, connected = exchanged(part, network, chosen, last, now, states, plan)
-            else:
-                new, connected = follow_weights(part, network, chosen, plan, self.guesses)
-            followed = jax.tree.map(
-                lambda all_lanes, theirs: put(all_lanes, few, theirs), followed, new
-            )
+            followed, _, connected = self.follow(state, followed, decided, few, states)
             return followed, put(cut_off, few, ~connected)
 
         flagged = at.here if self.at_every_tick else at.anew
@@ -211,7 +188,8 @@ class Collocation(Following[CollocationState]):
     def advance(
         self, state: CollocationState, decided: DecisionState, ticks: Ticks, status: Code
     ) -> tuple[CollocationState, Code, LaneFlags]:
-        """Move lanes to the next tick or to the end of their window; try windows for lanes without one.
+        """Move lanes to the next tick or to the end of their window; try windows for lanes without
+        one.
 
         Lanes without a window wait until WIDTH of them are there, or until no other lane can move.
         """
@@ -257,14 +235,15 @@ class Collocation(Following[CollocationState]):
     def attempt(self, task: Task) -> Attempt:
         """Try a window of each lane.
 
-        A window in which a vehicle stands still is refused too, until the window ends before the next tick.
+        A window in which a vehicle stands still is refused too, until the window ends before the
+        next tick.
         """
         end = stepper.towards(task.limit, task.time, task.length)
         spent = task.steps >= task.tolerances.max_steps
         jerks, error, finite = self.solve(task, end - task.time)
-        window = Window(task.time, end - task.time, task.jets, jerks)
+        window = gauss.window_of(task.time, end - task.time, task.jets, jerks)
         fits = ~spent & (error < 1.0)
-        stood = stood_in(task.lane.vehicle, window, end, fits, task.decided.may_stop)
+        stood = stood_in(task.lane, window, end, fits, task.decided)
         kept = fits & ~(stood & (end > task.tick))
         length = stepper.next_step(window.length, error, gauss.STAGES)
         length = jnp.where(stood, window.length / 2, length)
@@ -276,9 +255,10 @@ class Collocation(Following[CollocationState]):
         return Attempt(window, jnp.where(kept, end, task.time), length, steps, status)
 
     def solve(self, task: Task, length: Instants) -> tuple[Jerks, Instants, Bool[Array, " few"]]:
-        """Return the jerk at the nodes, the error over the tolerance, and whether all numbers are finite.
+        """The jerk at the nodes, the error over the tolerance, and whether all numbers are finite.
 
-        The error is infinite where the vehicle's equations do not return the jets and their derivatives.
+        The error is infinite where the vehicle's equations do not return the jets and their
+        derivatives.
         """
         lane, at = task.lane, np.concatenate([gauss.RULE.nodes, gauss.PLACES])
         times = jnp.asarray(at)[:, None] * length[None]
@@ -286,14 +266,13 @@ class Collocation(Following[CollocationState]):
         now = jax.tree.map(lambda leaf: leaf[: gauss.STAGES], known)
         between = jax.tree.map(lambda leaf: leaf[gauss.STAGES :], known)
         coasted = gauss.coasted(task.jets, times[: gauss.STAGES])
-        gain = jnp.zeros_like(lane.gain) if lane.law.needs_ticks() else lane.gain
-        equations = gauss.linear(gain, length)
+        equations = gauss.linear(lane.law.own_gain(lane.gain), length)
         sizes = tuple(jnp.abs(jet) for jet in task.jets)
 
         def guessed(now: Signals, jets: Jets) -> Any:
-            return task.followed.guess(lane, now, tick.sensed(jets, task.decided.noise))
+            return task.followed.guess(lane, now, task.decided.sensed.of(jets))
 
-        def at_node(now: Signals, jets: Jets, jerk: Jerk) -> tuple[Any, Jets]:
+        def at_node(now: Signals, jets: Jets, jerk: PerAxis) -> tuple[Any, Jets]:
             return self.rates(task, now, jets, jerk)
 
         def one(carry: Any) -> Any:
@@ -338,61 +317,56 @@ class Collocation(Following[CollocationState]):
         finite = jnp.isfinite(error)
         return jerks, jnp.where(finite & (unlike < 1.0), error, jnp.inf), finite
 
-    def rates(self, task: Task, now: Signals, jets: Jets, guess: Jerk) -> tuple[Jerk, Jets]:
-        """Return the jerk of the vehicles with these jets, by the law and the vehicles' equations.
+    def rates(self, task: Task, now: Signals, jets: Jets, guess: PerAxis) -> tuple[PerAxis, Jets]:
+        """The jerk of the vehicles with these jets, by the law and the vehicles' equations.
 
-        Return also by how much the jets of the states, and the rates of the lower jets, miss the jets.
+        Return also by how much the jets of the states, and the rates of the lower jets, miss the
+        jets.
         """
-        vehicle, followed, frozen = task.lane.vehicle, task.followed, task.decided.frozen
-        states = vehicle.state_of(jets)
-        jerk = followed.jerk
-        if jerk is None:
-            own = vehicle.output_jets(states)
-            own = own if frozen is None else plane.replaced(frozen, jets, own)
-            own = tick.sensed(own, task.decided.noise)
-            jerk = law_jerk(task.lane, self.network, followed, task.decided, now, own, guess)
-        rates = vehicle.motion(states, vehicle.inputs_for(states, jerk))
-        found, (*lower, moved) = jax.jvp(vehicle.output_jets, (states,), (rates,))
+        lane, decided = task.lane, task.decided
+        frozen = decided.coasting.frozen(lane)
+        states = vehicles.states_of(lane, jets, now.time)
+        own = plane.replaced(frozen, jets, vehicles.outputs(lane, states, now.time))
+        own = decided.sensed.of(own)
+        jerk = task.followed.jerk(Scene(lane, self.network, decided, now), own, guess)
+        rates = vehicles.rates(lane, states, jerk, now.time)
+        found, (*lower, moved) = vehicles.output_rates(lane, states, rates, now.time)
         first, *others = (jnp.abs(a - b) for a, b in zip(found, jets, strict=True))
         others = [
             jnp.maximum(missed, jnp.abs(rate - jet))
             for missed, rate, jet in zip(others, lower, jets[1:], strict=True)
         ]
-        if frozen is None:
-            return moved, (first, *others)
         missed = tuple(jnp.where(frozen[None], 0.0, each) for each in (first, *others))
         return jnp.where(frozen[None], jerk, moved), missed  # no state describes a vehicle at rest
 
 
-def missed_signals(task: Task, now: Signals, between: Signals) -> Jerk:
-    """Return a bound on what the polynomial of the jerk misses of the signals at `gauss.PLACES`.
+def missed_signals(task: Task, now: Signals, between: Signals) -> PerAxis:
+    """A bound on what the polynomial of the jerk misses of the signals at `gauss.PLACES`.
 
-    An attack that begins between two nodes is seen, unless it lasts for less than the distance of two places.
+    An attack that begins between two nodes is seen, unless it lasts for less than the distance of
+    two places.
     """
-    response = task.followed.response
-    if response is None:
-        return jnp.zeros_like(task.jets[0])
     path = gauss.unresolved(now.path, between.path)
-    return path[:, None] + signal.combined(
-        jnp.abs(response), gauss.unresolved(now.drive, between.drive)
-    )
+    return task.followed.unresolved(path, gauss.unresolved(now.drive, between.drive))
 
 
 def over_tolerance(
-    change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tolerances
+    change: Sequence[PerAxis], size: Sequence[PerAxis], tolerances: Tolerances
 ) -> Instants:
-    """Return a change of the jets over the tolerance, as the root mean square over a fleet."""
+    """A change of the jets over the tolerance, as the root mean square over a fleet."""
     changes, sizes = jnp.concatenate(change), jnp.concatenate(size)
     return stepper.error_norm(changes, sizes, tolerances)
 
 
 def stood_in(
-    vehicle: Any, window: Window, end: Instants, among: LaneFlags, apart: VehicleFlags | None
+    lane: Lane, window: Window, end: Instants, among: LaneFlags, decided: DecisionState
 ) -> LaneFlags:
-    """Return the lanes, among some, in which a vehicle, not one of `apart`, is singular in the window.
+    """The lanes, among some, in which a vehicle that may not stop is singular in the window.
 
-    The search goes back from the end. With probability 1, a vehicle stands still only on a straight line.
+    The search goes back from the end. With probability 1, a vehicle stands still only on a straight
+    line.
     """
+    vehicle, apart = lane.vehicle, decided.coasting.may_stop(lane)
     if not vehicle.singular:
         return jnp.zeros_like(among)
     highest = window.greatest_jerk()
@@ -401,7 +375,11 @@ def stood_in(
     def on_line(jets: Jets, time: Instants) -> LaneFlags:
         return standstill.straight(*standstill.lead(vehicle, (*jets, window.jerk_at(time)), apart))
 
-    line = among & on_line(window.jets, window.start) & on_line(window.jets_at(end), end)
+    line = (
+        among
+        & on_line(window.jets_at(window.start), window.start)
+        & on_line(window.jets_at(end), end)
+    )
 
     def pace(time: Instants) -> standstill.Pace:
         return standstill.backwards(vehicle, window.jets_at(time), highest, apart)

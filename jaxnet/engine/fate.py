@@ -1,4 +1,6 @@
-"""Fate of the vehicles that decisions cut off from the navigator: who, since when, how many, how long."""
+"""Fate of the vehicles that decisions cut off from the navigator: who, since when, how many, how
+long.
+"""
 
 from typing import NamedTuple
 
@@ -16,7 +18,6 @@ class Isolation(NamedTuple):
 
 
 def nobody(vehicles: int, lanes: int) -> Isolation:
-    """Return that no vehicle has been cut off."""
     zero = jnp.zeros(lanes, int)
     return Isolation(zero, jnp.full(lanes, jnp.nan), jnp.zeros((vehicles, lanes), bool), zero)
 
@@ -24,7 +25,7 @@ def nobody(vehicles: int, lanes: int) -> Isolation:
 def passed(
     before: Isolation, cut_off: Bool[Array, "m lanes"], time: Float[Array, " lanes"]
 ) -> Isolation:
-    """Return the vehicles cut off until now, after a tick at which decisions cut these vehicles off."""
+    """The vehicles cut off until now, after a tick at which decisions cut these vehicles off."""
     begins = cut_off.any(axis=0) & (before.first == 0)
     return Isolation(
         first=jnp.where(begins, cut_off.argmax(axis=0) + 1, before.first),
@@ -35,7 +36,6 @@ def passed(
 
 
 def isolation_counts(isolation: Isolation, ticks: Int[Array, ""]) -> dict[str, Array]:
-    """Return the columns of rows after this number of ticks."""
     vehicles = len(isolation.ever)
     return {
         "cut_off": isolation.first,

@@ -1,4 +1,6 @@
-"""The flow `expm(A_c h)` of the closed loop (theorems.md O1), and an axis' response to a disturbance."""
+"""The flow `expm(A_c h)` of the closed loop (theorems.md O1), and an axis' response to a
+disturbance.
+"""
 
 import math
 from typing import Any
@@ -8,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxnet.model import control, signal
+from jaxnet.model import control
 from jaxnet.model.lane import Lane
+from jaxnet.model.polynomial import power, powers_of
 
 NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of the Gauss–Legendre rule on [0, 1]
 SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
@@ -25,7 +28,7 @@ PowerResponses = Float[Array, "r powers lanes"]
 
 
 def propagate(flow: Transition, jets: Any) -> tuple[Any, ...]:
-    """Return `expm(A_c h)` times a signal and its derivatives below the order r, each (..., lanes)."""
+    """`expm(A_c h)` times a signal and its derivatives below the order r, each (..., lanes)."""
     if flow.ndim > 3:
         return tuple(control.feedback(row, jets) for row in flow)
     alike = (None,) * (jets[0].ndim - 1)
@@ -40,32 +43,25 @@ def propagate(flow: Transition, jets: Any) -> tuple[Any, ...]:
 
 
 def of_integrators(time: Durations, order: int) -> Transition:
-    """Return the flow of as many integrators over a time [s]."""
+    """The flow of as many integrators over a time [s]."""
     rows = [[power(time, n - row) for n in range(order)] for row in range(order)]
     return jnp.stack([jnp.stack(row) for row in rows])
 
 
 def held_input(time: Durations, order: int) -> Effect:
-    """Return the change of a signal and its lower derivatives by a derivative of this order that is 1 for a
-    time [s].
+    """The change of a signal and its lower derivatives by a derivative of this order that is 1 for
+    a time [s].
     """
     return jnp.stack([power(time, n) for n in range(order, 0, -1)])[:, None]
 
 
-def power(time: Durations, n: int) -> Durations:
-    """Return `t^n / n!`, 0 for a negative n."""
-    if n < 1:
-        return jnp.zeros_like(time) if n < 0 else jnp.ones_like(time)
-    return time if n == 1 else time**n / math.factorial(n)
-
-
 def longest(gain: control.Gain) -> Durations:
-    """Return a time [s] over which the series of `brief` is exact to rounding."""
+    """A time [s] over which the series of `brief` is exact to rounding."""
     return 1.0 / jnp.maximum(1.0, control.norms(gain).sum(axis=0))
 
 
 def brief(gain: control.Gain, time: Durations) -> Transition:
-    """Return the flow over a time [s] of at most `longest`, forward or back, by its power series."""
+    """The flow over a time [s] of at most `longest`, forward or back, by its power series."""
     coupled = control.is_matrix(gain)
     one = jnp.eye(len(gain))[:, :, None]
     if coupled:
@@ -84,7 +80,7 @@ def brief(gain: control.Gain, time: Durations) -> Transition:
 
 
 def impulse_responses(gain: control.Gain, interval: Any) -> Responses:
-    """Return the impulse responses over a tick of any length [s]."""
+    """The impulse responses over a tick of any length [s]."""
     identity = jnp.broadcast_to(jnp.eye(len(gain))[1:, :, None], (len(gain) - 1, *gain.shape))
     companion = jnp.concatenate([identity, -gain[None]]) * interval
     rest = companion[None] * (1 - NODES)[:, None, None, None]
@@ -92,17 +88,18 @@ def impulse_responses(gain: control.Gain, interval: Any) -> Responses:
 
 
 def brief_responses(gain: control.Gain, time: Durations) -> Responses:
-    """Return the impulse responses over a time [s] of at most `longest`, forward or back."""
+    """The impulse responses over a time [s] of at most `longest`, forward or back."""
     return jax.vmap(lambda rest: brief(gain, rest * time))(jnp.asarray(1 - NODES))[:, :, -1]
 
 
 def power_responses(
     gain: control.Gain, span: Any, number: int, begin: Any = 0.0, share: Any = 1.0
 ) -> PowerResponses:
-    """Return `∫ expm(A_c (T - s)) B σ^k / k! ds` over a span T [s] for k below `number`.
+    """`∫ expm(A_c (T - s)) B σ^k / k! ds` over a span T [s] for k below `number`.
 
-    σ goes from `begin` to `begin + share`. Nothing cancels, and nothing is divided by T: a piece of at most
-    `longest` follows from `J_k = T (B / (k + 1)! + A_c J_{k+1})`, and a span from pieces that double.
+    σ goes from `begin` to `begin + share`. Nothing cancels, and nothing is divided by T: a piece of
+    at most `longest` follows from `J_k = T (B / (k + 1)! + A_c J_{k+1})`, and a span from pieces
+    that double.
     """
     span, share = (jnp.broadcast_to(each, gain.shape[1:]) for each in (span, share))
     doublings = jnp.ceil(jnp.log2(jnp.maximum(1.0, (jnp.abs(span) / longest(gain)).max())))
@@ -134,8 +131,8 @@ def power_responses(
 
 
 def shifted(responses: PowerResponses, by: Durations) -> PowerResponses:
-    """Return the responses to `(σ + by)^k / k!` of those to σ^k / k!."""
-    terms = signal.powers_of(by, responses.shape[1])[:, None]
+    """The responses to `(σ + by)^k / k!` of those to σ^k / k!."""
+    terms = powers_of(by, responses.shape[1])[:, None]
     each = (sum(responses[:, i] * terms[k - i] for i in range(k + 1)) for k in range(len(terms)))
     return jnp.stack(list(each), axis=1)
 
@@ -148,10 +145,10 @@ def passed_on(
     time: Durations,
     interval: Any,
 ) -> Effect:
-    """Return g and its derivatives an interval later, where `R(g) = R(β)`, from g now.
+    """G and its derivatives an interval later, where `R(g) = R(β)`, from g now.
 
-    `x(t + h) = expm(A_c h) x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, by Gauss–Legendre quadrature. The
-    result is exact to rounding for functions that are smooth within the interval.
+    `x(t + h) = expm(A_c h) x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, by Gauss–Legendre
+    quadrature. The result is exact to rounding for functions that are smooth within the interval.
     """
     total, interval = jnp.stack(propagate(flow, effect)), jnp.broadcast_to(interval, time.shape)
     for node, share, answer in zip(NODES, SHARES, responses, strict=True):

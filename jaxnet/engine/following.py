@@ -1,194 +1,234 @@
-"""The law that the nonlinear vehicles follow from one tick to the next, evaluated from the received jets.
+"""The law that the nonlinear vehicles follow from one tick to the next, evaluated from the received
+jets.
 
-`Following` is the base of the two ways to integrate the vehicles: `Collocation` and `Integration`.
+`Followed` has a subclass for each other way in which vehicles follow a law. `Following` is the base
+of the two ways to integrate the vehicles: `Collocation` and `Integration`.
 """
 
+from collections.abc import Callable
 from typing import Any, Generic, NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import tick
+from jaxnet.engine import tick, vehicles
+from jaxnet.engine.demand import Signals, coupled_demand, exchange, local_jerk
 from jaxnet.engine.loop import Motion
-from jaxnet.engine.plan import CONNECTED, Plan
-from jaxnet.engine.signals import Signals
-from jaxnet.engine.stepper import States
-from jaxnet.engine.tick import DecisionState, Drive, Instants, KnownDrive
+from jaxnet.engine.moment import Instants, PerAxis
+from jaxnet.engine.plan import CONNECTED
+from jaxnet.engine.stages.known import Known, KnownDrive
+from jaxnet.engine.subset import LaneIndices, picked, put
+from jaxnet.engine.tick import DecisionState, Drive, Strength
+from jaxnet.engine.vehicles import States
 from jaxnet.model import control, linearised, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
-from jaxnet.model.strength import RowShares
 
-Jerk = Float[Array, "2 m lanes"]
 FollowingState = TypeVar("FollowingState", bound=Any)  # has the fields signals, followed and steps
 
 
-class FollowedLaw(NamedTuple):
-    """Weights, factors and jerk that vehicles follow until the next tick. Absent parts are None."""
+class Scene(NamedTuple):
+    """Lanes that follow a law, and the signals of an instant."""
+
+    lane: Lane
+    network: Network
+    decided: DecisionState
+    now: Signals
+
+    def outputs(self, states: States) -> Jets:
+        return vehicles.outputs(self.lane, states, self.now.time)
+
+    def sensed(self, own: Jets) -> Jets:
+        """Jets as vehicles sense them of themselves."""
+        return self.decided.sensed.of(own)
+
+
+class Followed(eqx.Module):
+    """What vehicles follow until the next tick: the law solved from the received jets."""
 
     weights: AxisWeights
-    factors: (
-        Any  # by the network's solver, of these weights' Laplacian; None where none is solved for
-    )
-    jerk: Jerk | None  # held until the next tick
-    response: Vectors | None  # L⁻¹ d, or d under a local law; for a linearised law or a first guess
-    strength: RowShares | None = None  # of the rows of weights, under a local law
-    known: KnownDrive | None = None  # what words add that are not live
+    factors: Any  # by the network's solver, of the Laplacian of the weights
+    response: Vectors | None  # L⁻¹ d, for a first guess; None where the solver needs none
+    strength: Strength
+    known: Known
 
-    def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:
-        """Return the held derivative, or that of an exact cancellation: `R(y_0) - P(y)` plus the attacks'
-        effect.
+    def drive(self, lane: Lane, decided: DecisionState) -> Drive:
+        vectors = decided.of(lane).vectors
+        rest = decided.sensed, decided.coasting, self.strength, self.known
+        return Drive(self.weights, vectors, *rest)
 
-        The law is solved for the received jets from this first guess. None where the solver needs no guess.
+    def guess(self, lane: Lane, now: Signals, own: Jets) -> PerAxis | None:
+        """A first guess of the jerk: `R(y_0) - P(y)` plus the attacks' effect (exact cancellation).
+
+        None where the solver needs none.
         """
         if self.response is None:
-            return self.jerk
+            return None
         forced = signal.combined(self.response, now.drive)
         return now.path[:, None] + forced - control.feedback(lane.gain, own)
+
+    def jerk(self, scene: Scene, own: Jets, start: PerAxis | None) -> PerAxis:
+        """The jerk of vehicles that sense these jets; `start` is a first guess.
+
+        With gains of each vehicle the law is `-P_i(ε_i) = -P(ε_i) - (P_i - P)(ε_i)`.
+        """
+        lane, network, decided, now = scene
+        drive = self.drive(lane, decided)
+        demand = coupled_demand(lane, network, drive, own, now)
+        if lane.gain_apart is not None:
+            lies = signal.jets(drive.vectors, now.basis)
+            means = heard_means(network, self.weights, now, own, lies)
+            apart = zip(lane.gain_apart, own, means, strict=True)
+            demand = demand - sum(each[None] * (a - b) for each, a, b in apart)
+        return network.solver.apply(network.hearing, self.factors, demand, start)
+
+    def rates(self, scene: Scene, states: States) -> States:
+        own = scene.sensed(scene.outputs(states))
+        jerk = self.jerk(scene, own, self.guess(scene.lane, scene.now, own))
+        return vehicles.rates(scene.lane, states, jerk, scene.now.time)
+
+    def unresolved(self, path: Float[Array, "2 lanes"], drive: Float[Array, "b lanes"]) -> PerAxis:
+        """Effect on the jerk of errors of this size of the signals R(y_0) and R(β)."""
+        if self.response is None:
+            return jnp.zeros((2, *self.weights.shape[2:]))
+        return path[:, None] + signal.combined(jnp.abs(self.response), drive)
+
+
+class FollowsLinearised(Followed):
+    """Inputs linear in the error of the state."""
+
+    def rates(self, scene: Scene, states: States) -> States:
+        """With `z - R(y_0) = L⁻¹ d - P(n)` for the sensors' errors n."""
+        lane, now = scene.lane, scene.now
+        drive = signal.combined(self.response, now.drive)
+        drive = scene.decided.sensed.less_feedback(lane.gain, drive)
+        inputs = linearised.inputs_near_navigator(lane, states, now.navigator, drive)
+        return vehicles.input_rates(lane, states, inputs, now.time)
+
+
+class FollowsLocal(Followed):
+    """The local law, evaluated at every instant; the response is d."""
+
+    def jerk(self, scene: Scene, own: Jets, start: PerAxis | None) -> PerAxis:
+        lane, network, decided, now = scene
+        return local_jerk(lane, network, self.drive(lane, decided), own, now)
+
+
+class Holds(Followed):
+    """A jerk that is held."""
+
+    held: PerAxis
+
+    def guess(self, lane: Lane, now: Signals, own: Jets) -> PerAxis | None:
+        return self.held
+
+    def jerk(self, scene: Scene, own: Jets, start: PerAxis | None) -> PerAxis:
+        return self.held
 
 
 class Following(Motion[FollowingState], Generic[FollowingState]):
     """Motion of vehicles that follow a law. A subclass integrates the vehicles."""
 
-    def followed_first(self) -> FollowedLaw:
-        """Return the law followed before the first tick, needed for its shapes alone."""
-        lane, network, plan = self.lane, self.network, self.plan
-        decided = tick.before_first(lane, network, plan)
-        if lane.law.needs_ticks():
-            return FollowedLaw(
-                tick.drive(lane, decided, plan).weights,
-                None,
-                jnp.zeros_like(lane.initial[:2]),
-                None,
-            )
-        return follow_weights(lane, network, decided, plan, self.guesses)[0]
-
     @property
     def guesses(self) -> bool:
-        """Return whether the motion needs a first guess of the jerk."""
+        """Whether the motion needs a first guess of the jerk."""
         return self.network.solver.starts
 
+    def nothing_followed(self) -> Followed:
+        """What is followed before the first tick."""
+
+        def first() -> Followed:
+            lane, network = self.lane, self.network
+            decided = tick.before_first(lane, network, self.plan)
+            if lane.law.needs_ticks():
+                return holding(decided.drive(lane).weights, jnp.zeros_like(lane.initial[:2]))
+            return follow_weights(lane, network, decided, self.guesses)[0]
+
+        return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), jax.eval_shape(first))
+
+    def follow(
+        self,
+        state: FollowingState,
+        followed: Followed,
+        decided: DecisionState,
+        few: LaneIndices,
+        states: Callable[[], States],
+    ) -> tuple[Followed, Followed, Bool[Array, " few"]]:
+        """What all lanes follow with new decisions in a few, what these follow, and which do not
+        fail.
+        """
+        lane, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (self.lane, decided))
+        if isinstance(followed, Holds):
+            given = followed.held, state.signals, states()
+            last, now, there = jax.tree.map(lambda leaf: picked(leaf, few), given)
+            drive, own = chosen.drive(lane), vehicles.outputs(lane, there, now.time)
+            new = holding(drive.weights, exchange(lane, self.network, drive, own, now, last))
+            connected = ~chosen.disconnected(lane, self.network)
+        else:
+            new, connected = follow_weights(lane, self.network, chosen, self.guesses)
+        whole = jax.tree.map(lambda every, theirs: put(every, few, theirs), followed, new)
+        return whole, new, connected
+
     def basis(self, state: FollowingState) -> tuple[Instants, Basis]:
-        """Return the time [s] and the attacks' functions now."""
         return state.signals.time, state.signals.basis
 
     def drive(self, state: FollowingState, decided: DecisionState) -> Drive:
-        """Return the weights and attack vectors that the motion follows now."""
         if self.plan.in_field:
-            return tick.drive(self.lane, decided, self.plan)
-        vectors = tick.attack_vectors(self.lane, decided)
-        return Drive(state.followed.weights, vectors, decided.noise, decided.coasting)
+            return decided.drive(self.lane)
+        return state.followed.drive(self.lane, decided)
 
     def steps(self, state: FollowingState) -> Int[Array, " lanes"]:
-        """Return the number of attempts so far."""
         return state.steps
 
 
+def holding(weights: AxisWeights, jerk: PerAxis) -> Holds:
+    return Holds(weights, None, None, Strength(), Known(), jerk)
+
+
 def follow_weights(
-    lane: Lane, network: Network, decided: DecisionState, plan: Plan, guesses: bool
-) -> tuple[FollowedLaw, Bool[Array, " few"]]:
-    """Return the law with weights and factors, and the lanes that do not fail as disconnected.
+    lane: Lane, network: Network, decided: DecisionState, guesses: bool
+) -> tuple[Followed, Bool[Array, " few"]]:
+    """The law with weights and factors, and the lanes that do not fail as disconnected.
 
-    `guesses` says whether the law needs the response for a first guess of the jerk. A linearised law always
-    needs the response.
+    `guesses` says whether the law needs the response for a first guess of the jerk. A linearised
+    law always needs the response.
     """
-    drive = tick.drive(lane, decided, plan)
-    if not lane.law.couples():
+    drive, way = decided.drive(lane), lane.law.way()
+    weights, vectors = drive.weights, control.drive_vectors(lane.gain, drive.vectors)
+    if way == "local":
+        response = of_each(vectors, lambda each: network.hearing.mean_added(weights, each))
         everybody = jnp.ones(lane.attack_scale.shape, bool)
-        vectors = control.drive_vectors(lane.gain, drive.vectors)
-        vectors = response(vectors, FollowedLaw(drive.weights, None, None, None), network)
-        return FollowedLaw(
-            drive.weights, None, None, vectors, drive.strength, drive.known
-        ), everybody
-    factors, residual = network.solver.factorise(network.hearing, drive.weights)
-    followed = FollowedLaw(drive.weights, factors, None, None, known=drive.known)
-    if guesses or lane.law.way() == "linearised":
-        vectors = control.drive_vectors(lane.gain, drive.vectors)
-        followed = followed._replace(response=response(vectors, followed, network))
-    if drive.known is None:
-        return followed, residual < CONNECTED
-    return followed, ~tick.disconnected(lane, network, decided, plan)
+        rest = response, drive.strength, drive.known
+        return FollowsLocal(weights, None, *rest), everybody
+    factors, residual = network.solver.factorise(network.hearing, weights)
+    response = None
+    if guesses or way == "linearised":
+
+        def solved(each: Float[Array, "2 told lanes"]) -> PerAxis:
+            right = network.hearing.mean_added(weights, each)
+            return network.solver.apply(network.hearing, factors, right, None)
+
+        response = of_each(vectors, solved)
+    follows = FollowsLinearised if way == "linearised" else Followed
+    followed = follows(weights, factors, response, drive.strength, drive.known)
+    if isinstance(drive.known, KnownDrive):
+        return followed, ~decided.disconnected(lane, network)
+    return followed, residual < CONNECTED
 
 
-def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vectors:
-    """Return `L⁻¹ d` for the attacks' vectors, or d where nothing is solved for."""
-
-    def of_one(vector: Float[Array, "2 told lanes"]) -> Jerk:
-        right = network.hearing.mean_added(followed.weights, vector)
-        if followed.factors is None:
-            return right
-        return network.solver.apply(network.hearing, followed.factors, right, None)
-
-    return jnp.moveaxis(jax.lax.map(of_one, jnp.moveaxis(vectors, 2, 0)), 0, 2)
-
-
-def exchanged(
-    lane: Lane,
-    network: Network,
-    decided: DecisionState,
-    last: Jerk,
-    now: Signals,
-    states: States,
-    plan: Plan,
-) -> tuple[FollowedLaw, Bool[Array, " few"]]:
-    """Return the law with weights and exchanged jerk, and the lanes that do not fail as disconnected."""
-    drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
-    told = tick.Told(now.navigator, now.basis, now.path, now.drive, now.time)
-    jerk = tick.exchange(lane, network, drive, own, told, last)
-    return FollowedLaw(drive.weights, None, jerk, None), ~tick.disconnected(
-        lane, network, decided, plan
-    )
-
-
-def law_jerk(
-    lane: Lane,
-    network: Network,
-    followed: FollowedLaw,
-    decided: DecisionState,
-    now: Signals,
-    own: Jets,
-    start: Jerk | None,
-) -> Jerk:
-    """Return the jerk that the law asks for, solved from the received jets with the weights in force.
-
-    `own` are the jets that vehicles sense of themselves. `start` is a first guess of the jerk. A local law is
-    evaluated, not solved. With gains of each vehicle the law is `-P_i(ε_i) = -P(ε_i) - (P_i - P)(ε_i)`.
-    """
-    vectors = tick.attack_vectors(lane, decided)
-    if not lane.law.couples():
-        rest = followed.strength, followed.known
-        drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, *rest)
-        return tick.followed_demand(lane, network, drive, own, now.navigator, now.basis, now.time)
-    attack = signal.combined(control.drive_vectors(lane.gain, vectors), now.drive)
-    demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
-    if followed.known is not None:
-        demand = demand + followed.known.at(now.time)
-    if lane.gain_apart is not None:
-        heard = heard_means(network, followed.weights, now, own, signal.jets(vectors, now.basis))
-        demand = demand - sum(
-            each[None] * (a - b) for each, a, b in zip(lane.gain_apart, own, heard, strict=True)
-        )
-    return network.solver.apply(network.hearing, followed.factors, demand, start)
+def of_each(vectors: Vectors, solved: Callable[[Float[Array, "2 told lanes"]], PerAxis]) -> Vectors:
+    """Vectors of the attacks' effect, one function after the other."""
+    return jnp.moveaxis(jax.lax.map(solved, jnp.moveaxis(vectors, 2, 0)), 0, 2)
 
 
 def heard_means(
     network: Network, weights: AxisWeights, now: Signals, own: Jets, signals: Jets
-) -> list[Float[Array, "2 m lanes"]]:
-    """Return the weighted means of the received jets below the order, `Σ_j w_ij (y_j + a_ij)` and so on."""
-    sources = [
-        jnp.concatenate([a[:, None], b], axis=1) for a, b in zip(now.navigator, own, strict=False)
-    ]
+) -> list[PerAxis]:
+    """Weighted means of the received jets below the order, `Σ_j w_ij (y_j + a_ij)` and so on."""
+    each = zip(now.navigator, own, strict=False)
+    sources = [jnp.concatenate([a[:, None], b], axis=1) for a, b in each]
     return [network.hearing.mean(weights, *both) for both in zip(sources, signals, strict=False)]
-
-
-def linearised_inputs(
-    lane: Lane, followed: FollowedLaw, decided: DecisionState, now: Signals, states: States
-) -> Float[Array, "2 m lanes"]:
-    """Return the inputs of a linearised law: with `z - R(y_0) = L⁻¹ d - P(n)` for the sensors' errors n."""
-    drive = signal.combined(followed.response, now.drive)
-    if decided.noise is not None:
-        drive = drive - control.feedback(lane.gain, decided.noise)
-    return linearised.inputs_near_navigator(lane, states, now.navigator, drive)

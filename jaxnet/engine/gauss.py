@@ -1,16 +1,17 @@
 """Gauss collocation of `y^(r) = q(t, y, ẏ, …)` in a window of time, for many lanes side by side.
 
-In a window the derivative q of order r, the jerk for r = 3, is a polynomial, given by its values at the Gauss
-nodes. Its integrals give the r jets y, ẏ, … exactly. The method is the Kuntzmann–Butcher method of order 16
-(Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.7); the polynomial serves every
-time in the window.
+In a window the derivative q of order r, the jerk for r = 3, is a polynomial, given by its values at
+the Gauss nodes. Its integrals give the r jets y, ẏ, … exactly. The method is the Kuntzmann–Butcher
+method of order 16 (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.7);
+the polynomial serves every time in the window.
 
-The values at the nodes are implicit. `Linear` solves the equation whose q is affine, `q = z - P(y)`. For any
-other q, `Linear` serves as the approximate Jacobian of Newton's method.
+The values at the nodes are implicit. `Linear` solves the equation whose q is affine, `q = z -
+P(y)`. For any other q, `Linear` serves as the approximate Jacobian of Newton's method.
 
 The nodes are the first axis, the lanes the last axis of every array.
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -19,10 +20,12 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import Legendre, Polynomial
 
+from jaxnet.engine.moment import PerAxis
 from jaxnet.engine.stepper import Times
 from jaxnet.kinds.vehicles import MOST_ORDER
-from jaxnet.model import control
+from jaxnet.model import control, polynomial
 from jaxnet.model.plane import Jets
+from jaxnet.model.polynomial import scaled
 from jaxnet.model.shapes import LoopIndex
 
 STAGES = 8  # 6, 7 and 10 measured slower
@@ -36,41 +39,41 @@ Augmented = Float[Array, "nodes twice lanes"]  # a matrix beside the identity
 
 
 class Rule(NamedTuple):
-    """Constants of the method on the window from 0 to 1."""
+    """Constants of the method on the window from 0 to 1, by polynomials that are 1 at one node
+    each.
+    """
 
     nodes: Float[np.ndarray, " nodes"]
     integrals: Float[
         np.ndarray, "4 nodes nodes"
-    ]  # of polynomial l from 0 to node k; once to four times
-    powers: Float[
-        np.ndarray, "5 nodes nodes"
-    ]  # coefficients of polynomial l over t^order, 0 to 4 integrals
-    highest: Float[
-        np.ndarray, "4 nodes"
-    ]  # weights of the Legendre coefficients of the highest degrees
+    ]  # from 0 to node k of polynomial l, once to four times
+    terms: Float[np.ndarray, "nodes nodes"]  # coefficients of polynomial l (`model.polynomial`)
+    highest: Float[np.ndarray, "4 nodes"]  # from values to the highest Legendre coefficients
     reach: Float[
         np.ndarray, " 4"
-    ]  # greatest integral of that Legendre polynomial; once to four times
+    ]  # greatest integral of the last Legendre polynomial, once to four times
     between: Float[np.ndarray, "places nodes"]  # values of polynomial l at PLACES
-    lebesgue: float  # greatest sum of the absolute cardinal polynomials
+    lebesgue: float  # greatest sum of the absolute polynomials
 
 
 def gauss_rule(nodes: int) -> Rule:
-    """Return the constants of the method with this number of nodes."""
+    """Constants of the method with this number of nodes."""
     places, shares = np.polynomial.legendre.leggauss(nodes)
     degrees = np.arange(nodes)
     values = np.polynomial.legendre.legvander(places, nodes - 1)
     legendre = (degrees + 0.5)[:, None] * (
         values * shares[:, None]
-    ).T  # coefficient by degree and node
+    ).T  # coefficient by degree, node
     cardinal = [Legendre(column, domain=[0, 1]) for column in legendre.T]
     times, fine = (places + 1) / 2, np.linspace(0, 1, 1001)
-    orders = [[one.integ(order, lbnd=0) for one in cardinal] for order in INTEGRALS]
+    integrals = [[one.integ(order, lbnd=0)(times) for one in cardinal] for order in INTEGRALS]
+    monomials = [one.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]) for one in cardinal]
+    factorials = np.array([math.factorial(k) for k in degrees])
     highest = Legendre.basis(nodes - 1, domain=[0, 1])
     return Rule(
         times,
-        np.stack([[one(times) for one in each] for each in orders]).swapaxes(1, 2),
-        np.stack([monomials(each, order) for order, each in enumerate([cardinal, *orders])]),
+        np.swapaxes(integrals, 1, 2),
+        factorials[:, None] * np.stack([one.coef for one in monomials], axis=1),
         legendre[-4:],
         np.array([np.abs(highest.integ(order, lbnd=0)(fine)).max() for order in INTEGRALS]),
         np.stack([one(PLACES) for one in cardinal], axis=1),
@@ -78,56 +81,44 @@ def gauss_rule(nodes: int) -> Rule:
     )
 
 
-def monomials(polynomials: list[Legendre], order: int) -> Float[np.ndarray, "nodes nodes"]:
-    """Return the coefficients of polynomials in t from `t^order` on; the lower ones are 0."""
-    found = [
-        one.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef for one in polynomials
-    ]
-    width = len(polynomials) + order
-    return np.stack([np.pad(one, (0, width - len(one)))[order:] for one in found])
-
-
 RULE = gauss_rule(STAGES)
 
 
 class Window(NamedTuple):
-    """Motion in a window of time: jets at its start, and the jerk at the nodes."""
+    """Motion in a window of time: y as a polynomial of the share of the window that has passed."""
 
     start: Times
     length: Times  # 0 before the first window
-    jets: Jets
-    jerks: Jerks
+    motion: polynomial.Polynomial
+
+    @property
+    def order(self) -> int:
+        return len(self.motion.terms) - len(RULE.nodes)
+
+    def derivative(self, time: Times, order: int) -> PerAxis:
+        """Derivative of y at a time [s] in the window."""
+        length = jnp.where(self.length > 0, self.length, 1.0)
+        found = polynomial.Polynomial(self.motion.terms[order:]).at((time - self.start) / length)
+        return scaled(found, length**-order)
 
     def jets_at(self, time: Times) -> Jets:
-        """Return the jets at a time [s] in the window."""
-        orders = range(1, len(self.jets) + 1)
-        shares = jnp.stack(
-            [(self.length**order)[None] * self.shares(time, order) for order in orders]
-        )
-        start = tuple(jet[0] for jet in coasted(self.jets, (time - self.start)[None]))
+        return tuple(self.derivative(time, order) for order in range(self.order))
 
-        def add(node: LoopIndex, jets: Jets) -> Jets:
-            share = jax.lax.dynamic_index_in_dim(shares, node, axis=1, keepdims=False)[
-                :, None, None
-            ]
-            jerk = jax.lax.dynamic_index_in_dim(self.jerks, node, keepdims=False)
-            return tuple(jet + each * jerk for jet, each in zip(jets, share[::-1], strict=True))
-
-        return jax.lax.fori_loop(0, STAGES, add, start)
-
-    def jerk_at(self, time: Times) -> Float[Array, "2 m lanes"]:
-        """Return the jerk at a time [s] in the window."""
-        return (self.shares(time, 0)[:, None, None] * self.jerks).sum(axis=0)
+    def jerk_at(self, time: Times) -> PerAxis:
+        return self.derivative(time, self.order)
 
     def greatest_jerk(self) -> Float[Array, "m lanes"]:
-        """Return a bound on the norm of the jerk in the window."""
-        return RULE.lebesgue * jnp.sqrt((self.jerks**2).sum(axis=1)).max(axis=0)
+        """A bound on the norm of the jerk in the window."""
+        times = self.start[None] + jnp.asarray(RULE.nodes)[:, None] * self.length[None]
+        jerks = jax.vmap(self.jerk_at)(times)
+        return RULE.lebesgue * jnp.sqrt((jerks**2).sum(axis=1)).max(axis=0)
 
-    def shares(self, time: Times, order: int) -> AtNodes:
-        """Return the cardinal polynomials at a time, integrated `order` times in a window of length 1."""
-        past = (time - self.start) / jnp.where(self.length > 0, self.length, 1.0)
-        each = jnp.stack([past**power for power in range(order, order + STAGES)])
-        return (jnp.asarray(RULE.powers[order])[..., None] * each[None]).sum(axis=1)
+
+def window_of(start: Times, length: Times, jets: Jets, jerks: Jerks) -> Window:
+    """The window from a time [s] on, with jets at its start and the jerk at the nodes."""
+    known = [scaled(jet, length**order) for order, jet in enumerate(jets)]
+    moved = scaled(jnp.tensordot(jnp.asarray(RULE.terms), jerks, axes=1), length ** len(jets))
+    return Window(start, length, polynomial.Polynomial(jnp.concatenate([jnp.stack(known), moved])))
 
 
 class Linear(NamedTuple):
@@ -137,7 +128,7 @@ class Linear(NamedTuple):
     response: Float[Array, "nodes nodes lanes"]  # from z - P(y) without q to q
 
     def solve(self, right: Jerks) -> Jerks:
-        """Return q at the nodes, where `right` is `z - P(y)` of motion without jerk."""
+        """Q at the nodes, where `right` is `z - P(y)` of motion without jerk."""
 
         def add(node: LoopIndex, total: Jerks) -> Jerks:
             column = jax.lax.dynamic_index_in_dim(self.response, node, axis=1, keepdims=False)
@@ -147,7 +138,7 @@ class Linear(NamedTuple):
 
 
 def linear(gain: control.Gain, length: Times) -> Linear:
-    """Return the equations for the gains of P and a window's length [s].
+    """The equations for the gains of P and a window's length [s].
 
     Of gains that are matrices the equations take the mean of the axes.
     """
@@ -169,28 +160,23 @@ def linear(gain: control.Gain, length: Times) -> Linear:
     return Linear(length, jax.lax.fori_loop(0, STAGES, eliminate, whole)[:, STAGES:])
 
 
-def coasted(jets: Jets, time: AtNodes) -> JetsAtNodes:
-    """Return the jets after some times [s] of motion without jerk."""
-    past, shape = time[:, None, None], (len(time), *jets[0].shape)
-    return tuple(jnp.broadcast_to(taylor(jets[order:], past), shape) for order in range(len(jets)))
+def coasted(jets: Jets, times: AtNodes) -> JetsAtNodes:
+    """Jets after some times [s] of motion without jerk."""
 
+    def after(time: Times) -> Jets:
+        each = (polynomial.Polynomial(jnp.stack(jets[order:])) for order in range(len(jets)))
+        return tuple(one.at(time) for one in each)
 
-def taylor(jets: Jets, past: Float[Array, "nodes 1 1 lanes"]) -> Float[Array, "_ 2 m lanes"]:
-    """Return the Taylor polynomial of these jets."""
-    total = jets[-1][None]
-    for order in range(len(jets) - 1, 0, -1):
-        total = jets[order - 1][None] + past / order * total
-    return total
+    return jax.vmap(after)(times)
 
 
 def moved(coasted: JetsAtNodes, length: Times, jerks: Jerks) -> JetsAtNodes:
-    """Return the jets at the nodes: those without jerk, and the integrals of the jerk."""
     changes = integrated(length, jerks, len(coasted))
     return tuple(jet + change for jet, change in zip(coasted, changes, strict=True))
 
 
 def integrated(length: Times, jerks: Jerks, order: int) -> JetsAtNodes:
-    """Return the jerk at the nodes, integrated as often as the order, and down to once."""
+    """The jerk at the nodes, integrated as often as the order, and down to once."""
     return tuple(
         (length**times)[None, None, None]
         * jnp.einsum("kl,lcmn->kcmn", jnp.asarray(RULE.integrals[times - 1]), jerks)
@@ -199,10 +185,10 @@ def integrated(length: Times, jerks: Jerks, order: int) -> JetsAtNodes:
 
 
 def next_degrees(jerks: Jerks) -> Float[Array, "2 m lanes"]:
-    """Return an estimate of the Legendre coefficients that the polynomial of the jerk leaves out.
+    """An estimate of the Legendre coefficients that the polynomial of the jerk leaves out.
 
-    The greater of the two highest coefficients falls once more as it fell over two degrees. Two neighbours
-    are taken together, because one alone may be small by chance.
+    The greater of the two highest coefficients falls once more as it fell over two degrees. Two
+    neighbours are taken together, because one alone may be small by chance.
     """
     found = jnp.abs(jnp.tensordot(jnp.asarray(RULE.highest), jerks, axes=1))
     below, top = jnp.maximum(found[0], found[1]), jnp.maximum(found[2], found[3])
@@ -212,13 +198,13 @@ def next_degrees(jerks: Jerks) -> Float[Array, "2 m lanes"]:
 def unresolved(
     at_nodes: Float[Array, "nodes many lanes"], between: Float[Array, "places many lanes"]
 ) -> Float[Array, "many lanes"]:
-    """Return how far functions of time are from their polynomials at PLACES, at most."""
+    """How far functions of time are from their polynomials at PLACES, at most."""
     told = jnp.tensordot(jnp.asarray(RULE.between), at_nodes, axes=1)
     return jnp.abs(between - told).max(axis=0)
 
 
 def effect(length: Times, jerk: Float[Array, "2 m lanes"], order: int) -> Jets:
-    """Return the greatest effect on the jets of a jerk of this size that varies as the highest degree."""
+    """The greatest effect on the jets of a jerk of this size that varies as the highest degree."""
     return tuple(
         (length**times * RULE.reach[times - 1])[None, None] * jerk for times in range(order, 0, -1)
     )

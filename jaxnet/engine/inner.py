@@ -1,7 +1,8 @@
-"""States that outputs leave undetermined, integrated from tick to tick along the outputs' exact motion.
+"""States that outputs leave undetermined, integrated from tick to tick along the outputs' exact
+motion.
 
-The vehicle steps these states over an interval from the jets at places in it, and tells the step's error.
-The lanes are the last axis of every array. Each lane has its own steps.
+The vehicle steps these states over an interval from the jets at places in it, and tells the step's
+error. The lanes are the last axis of every array. Each lane has its own steps.
 """
 
 from typing import Any, NamedTuple
@@ -11,8 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine import stepper
+from jaxnet.engine.moment import Instants, LaneFlags
 from jaxnet.engine.subset import select
-from jaxnet.engine.tick import Instants, LaneFlags
 from jaxnet.kinds.vehicles import OUTPUT_PLACES
 from jaxnet.model.lane import Lane
 
@@ -29,7 +30,7 @@ class Inner(NamedTuple):
 
 
 def inner_at_start(lane: Lane, interval: Any) -> Inner | None:
-    """Return the states at t = 0; None where the outputs determine all states."""
+    """The states at t = 0; None where the outputs determine all states."""
     if not lane.vehicle.internal:
         return None
     return Inner(
@@ -40,7 +41,7 @@ def inner_at_start(lane: Lane, interval: Any) -> Inner | None:
 def carried(
     motion: Any, state: Any, decided: Any, span: Instants, moves: LaneFlags
 ) -> tuple[Inner, LaneFlags]:
-    """Return the states a span [s] later, and the lanes among `moves` that took more than MOST_ATTEMPTS."""
+    """States a span [s] later, and the lanes among `moves` that took more than MOST_ATTEMPTS."""
     vehicle, since = motion.lane.vehicle, state.time
 
     def under_way(carry: Any) -> Bool[Array, ""]:

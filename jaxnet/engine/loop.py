@@ -4,35 +4,39 @@
     between      advance                                            the engine's
     at outputs   measure, gather, save, count, fail                 `metrics`
 
-`in_lockstep` advances lanes that are all at the same tick. `from_queue` advances lanes that each have their
-own time, and fills the place of a lane that has ended. The lanes are the last axis of every array.
+`in_lockstep` advances lanes that are all at the same tick. `from_queue` advances lanes that each
+have their own time, and fills the place of a lane that has ended. The lanes are the last axis of
+every array.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import fate, metrics, stopping, tick, told
+from jaxnet.engine import fate, metrics, tick, told, vehicles
 from jaxnet.engine.fate import Isolation
 from jaxnet.engine.metrics import Gathered, Observation, Series
+from jaxnet.engine.moment import Instants, LaneFlags, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
-from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail, within_bounds
-from jaxnet.engine.stepper import States
+from jaxnet.engine.stages import coasting
+from jaxnet.engine.stages.coasting import Stops
+from jaxnet.engine.status import Code, Status, fail, within_bounds
 from jaxnet.engine.subset import run_if, select
-from jaxnet.engine.tick import DecisionState, Drive, Instants, LaneFlags, PerAxis, VehicleFlags
-from jaxnet.model import control, plane, signal
+from jaxnet.engine.tick import DecisionState, Drive
+from jaxnet.engine.vehicles import PerVehicle, States
+from jaxnet.model import control, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
 
 MotionState = TypeVar("MotionState")  # of a motion: a pytree, lanes last
 TickNumber = Int[Array, ""] | int
-PerVehicle = Float[Array, "m lanes"]
 Ticks = Int[Array, "*ticks"]  # number of ticks passed; one number where lanes are in lockstep
 
 
@@ -55,12 +59,11 @@ class Batch(NamedTuple):
 
     @property
     def lane(self) -> Lane:
-        """Return the lanes that the batch simulates."""
         return self.inputs.lane
 
     @property
     def acts(self) -> bool:
-        """Return whether anything happens at ticks after the first."""
+        """Whether anything happens at ticks after the first."""
         lane = self.lane
         noisy = lane.sensor is not None or lane.lossy or not lane.exact_words
         changing = lane.periods is not None
@@ -76,62 +79,69 @@ class Motion(ABC, Generic[MotionState]):
 
     @abstractmethod
     def begin(self) -> MotionState:
-        """Return the state at t = 0, before anything is decided."""
+        """The state at t = 0, before anything is decided."""
 
     @abstractmethod
     def errors(self, state: MotionState) -> Jets:
-        """Return E and its derivatives below the order now."""
+        """E and its derivatives below the order now."""
 
     @abstractmethod
     def basis(self, state: MotionState) -> tuple[Instants, Basis]:
-        """Return the time [s] and the attacks' functions now."""
+        """The time [s] and the attacks' functions now."""
 
     @abstractmethod
     def states(self, state: MotionState) -> States:
-        """Return the vehicles' states (n, m, lanes)."""
+        """The vehicles' states."""
 
     @abstractmethod
-    def placed(self, state: MotionState, vehicles: VehicleFlags, states: States) -> MotionState:
+    def placed(self, state: MotionState, which: VehicleFlags, states: States) -> MotionState:
         """Put vehicles at rest with these states."""
 
     @abstractmethod
-    def drive_now(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
-        """Return the drive `z = y‴ + P(ŷ)` of each vehicle now [m/s³], where ŷ is what the vehicle senses."""
+    def drive_now(self, state: MotionState, decided: DecisionState) -> PerAxis:
+        """The drive `z = y‴ + P(ŷ)` of each vehicle now [m/s³], where ŷ is what the vehicle
+        senses.
+        """
 
     @abstractmethod
     def hold(
         self, state: MotionState, decided: DecisionState, at: Tick
     ) -> tuple[MotionState, LaneFlags]:
-        """Return the state that follows the decisions, and the lanes in which a vehicle is cut off."""
+        """The state that follows the decisions, and the lanes in which a vehicle is cut off."""
 
     @abstractmethod
     def advance(
         self, state: MotionState, decided: DecisionState, ticks: Ticks, status: Code
     ) -> tuple[MotionState, Code, LaneFlags]:
-        """Return a later state, at most at the next tick; the status; the lanes that reached that tick."""
+        """A later state, at most at the next tick; the status; the lanes that reached that tick."""
 
     def drive(self, state: MotionState, decided: DecisionState) -> Drive:
-        """Return the weights and attack vectors that the motion follows now."""
-        return tick.drive(self.lane, decided, self.plan)
+        """What the motion follows now."""
+        return decided.drive(self.lane)
 
-    def jerk(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
-        """Return y‴ [m/s³] right after these decisions, `z - P(ŷ)`."""
-        own = self.lane.vehicle.output_jets(self.states(state))
-        return self.drive_now(state, decided) - control.feedback(
-            self.lane.gain, tick.sensed(own, decided.noise)
-        )
+    def jerk(self, state: MotionState, decided: DecisionState) -> PerAxis:
+        """y‴ [m/s³] right after these decisions, `z - P(ŷ)`."""
+        own = vehicles.outputs(self.lane, self.states(state), self.basis(state)[0])
+        return decided.sensed.jerk(self.lane.gain, self.drive_now(state, decided), own)
 
-    def inputs(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
-        """Return the control inputs u of the vehicles right after these decisions."""
-        return self.lane.vehicle.inputs_for(self.states(state), self.jerk(state, decided))
+    def inputs(self, state: MotionState, decided: DecisionState) -> PerAxis:
+        """The control inputs u of the vehicles right after these decisions."""
+        time, jerk = self.basis(state)[0], self.jerk(state, decided)
+        return vehicles.inputs(self.lane, self.states(state), jerk, time)
 
     def pace(self, state: MotionState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
-        """Return speed [m/s] and turn rate [rad/s], (m, lanes), right after these decisions."""
-        return self.lane.vehicle.pace(self.states(state), self.inputs(state, decided))
+        """Speed [m/s] and turn rate [rad/s], (m, lanes), right after these decisions."""
+        return vehicles.pace_of(self.lane, self.states(state), self.inputs(state, decided))
 
     def steps(self, state: MotionState) -> Int[Array, " lanes"]:
-        """Return the number of an integrator's steps so far; 0 without an integrator."""
+        """The number of an integrator's steps so far; 0 without an integrator."""
         return jnp.zeros(self.lane.attack_scale.shape, int)
+
+    def moment(self, state: MotionState) -> Moment:
+        """The fleets now, for a tick without kept drives."""
+        (time, basis), errors = self.basis(state), self.errors(state)
+        nothing = jnp.zeros_like(errors[0])
+        return Moment(self.lane, self.network, self.plan, errors, basis, time, nothing)
 
 
 class Fleet(NamedTuple):
@@ -150,9 +160,15 @@ class Fleet(NamedTuple):
 
 
 def begin(motion: Motion, batch: Batch, ticks: Ticks) -> Fleet:
-    """Return the lanes at t = 0, before their first tick."""
+    """The lanes at t = 0, before their first tick.
+
+    A lane is `singular` if it begins where the law is singular, `nonfinite` if it is not finite.
+    """
     lane = batch.lane
-    status = status_at_start(lane)
+    nobody = jnp.zeros(lane.weights.shape[1:], bool)
+    status = jnp.zeros(lane.attack_scale.shape, int)
+    status = fail(status, Status.singular, is_singular(lane, lane.initial, nobody))
+    status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
     return Fleet(
         state=motion.begin(),
         decided=tick.before_first(lane, batch.network, batch.plan),
@@ -167,54 +183,21 @@ def begin(motion: Motion, batch: Batch, ticks: Ticks) -> Fleet:
     )
 
 
-def status_at_start(lane: Lane) -> Code:
-    """Return `singular` for lanes that begin where the law is singular, `nonfinite` for lanes that are not
-    finite.
-    """
-    status = jnp.zeros(lane.attack_scale.shape, int)
-    status = fail(status, Status.singular, is_singular(lane, lane.initial))
-    return fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
-
-
-def is_singular(lane: Lane, states: States, may_stop: VehicleFlags | None = None) -> LaneFlags:
-    """Return the lanes in which a vehicle with these states is singular, and may not stop."""
+def is_singular(lane: Lane, states: States, apart: VehicleFlags) -> LaneFlags:
+    """The lanes in which a vehicle with these states, not `apart`, is singular."""
     if not lane.singular:
         return jnp.zeros(lane.attack_scale.shape, bool)
-    singular = jnp.abs(lane.vehicle.margin(states)) < LEAST_MARGIN
-    return (singular if may_stop is None else singular & ~may_stop).any(axis=0)
+    return vehicles.singular(lane, states, apart).any(axis=0)
 
 
 def stand(fleet: Fleet, motion: Motion, here: LaneFlags) -> Fleet:
     """Put vehicles that have stopped until now at rest, in the lanes at a tick."""
-    coasting = fleet.decided.coasting
-    if coasting is None or coasting.stopped is None:
+    kept = fleet.decided.coasting
+    if not isinstance(kept, Stops):
         return fleet
-    stopped = coasting.stopped.at_tick(here)
-    state = motion.placed(fleet.state, stopped.vehicles & here[None], stopped.states)
-    decided = fleet.decided._replace(coasting=coasting._replace(stopped=stopped))
-    return fleet._replace(state=state, decided=decided)
-
-
-def will_stop(
-    lane: Lane, clock: Clock, decided: DecisionState, last: PerAxis, own: Jets, here: LaneFlags
-) -> DecisionState:
-    """Note the vehicles that stop before the next tick, in the lanes at a tick.
-
-    `last` is the r-th derivative until now, which vehicles hold on under a law that holds one.
-    """
-    coasting = decided.coasting
-    if coasting is None or coasting.stopped is None:
-        return decided
-    highest = last
-    if not lane.law.needs_ticks():
-        highest = coasting.drive - control.feedback(lane.gain, tick.sensed(own, decided.noise))
-    among = coasting.cut_off & ~coasting.stopped.vehicles & here[None]
-    soon, states = stopping.rest_within_tick(lane, (*own, highest), among, clock.interval)
-    stopped = coasting.stopped._replace(
-        soon=jnp.where(here[None], soon, coasting.stopped.soon),
-        states=jnp.where(soon[None], states, coasting.stopped.states),
-    )
-    return decided._replace(coasting=coasting._replace(stopped=stopped))
+    stopped = kept.at_tick(here)
+    state = motion.placed(fleet.state, stopped.standing & here[None], stopped.states)
+    return fleet._replace(state=state, decided=replace(fleet.decided, coasting=stopped))
 
 
 def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
@@ -227,141 +210,118 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     here = fleet.at_tick & (fleet.status == Status.ok)
     fleet = stand(fleet, motion, here)
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
-    (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
+    now = motion.moment(fleet.state)
     if plan.as_told:
-        errors = told.told_errors(lane, basis, errors)
-    needed = before.coasting is not None or (
-        before.reception is not None and plan.missing == "hold"
-    )
-    last = last_drive(fleet, motion, lane, first) if needed else None
-    decided = tick.decide(lane, network, plan, before, errors, basis, time, last)
-    if last is not None and decided.may_stop is not None:
-        own = plane.plus(errors, [jet[:, None] for jet in lane.path(time)])
-        until_now = last - control.feedback(lane.gain, tick.sensed(own, before.noise))
-        decided = will_stop(lane, batch.clock, decided, until_now, own, here)
+        now = now._replace(errors=told.told_errors(lane, now.basis, now.errors))
+    if before.coasting.drives or before.heard.lossy:
+        now = now._replace(last=last_drive(fleet, motion, now, first))
+    decided = tick.decide(now, before)
+    if isinstance(decided.coasting, Stops):
+        until_now = before.sensed.jerk(lane.gain, now.last, now.own)
+        given = lane, batch.clock.interval, until_now, now.own, decided.sensed, here
+        decided = replace(decided, coasting=decided.coasting.will_stop(*given))
     if not lockstep:
         decided = select(here, decided, fleet.decided)
-    lanes, vehicles = tick.changes(decided, fleet.decided, lane)
-    switches = fleet.switches + jnp.where(here & ~first, vehicles.sum(axis=0), 0)
-    unheard = fleet.unheard
-    if decided.coasting is not None:
-        unheard = unheard + jnp.where(here, decided.coasting.vehicles.sum(axis=0), 0)
-    at = Tick(here, first, here & (first | lanes), vehicles)
+    lanes, changed = decided.changes(fleet.decided, lane)
+    switches = fleet.switches + jnp.where(here & ~first, changed.sum(axis=0), 0)
+    unheard = fleet.unheard + jnp.where(here, decided.coasting.kept(lane).sum(axis=0), 0)
+    at = Tick(here, first, here & (first | lanes), changed)
     state, cut_off = motion.hold(fleet.state, decided, at)
     status = fail(fleet.status, Status.disconnected, cut_off)
     if not lockstep:
-        status = within_bounds(status, jnp.abs(errors[0]).max(axis=0))
-    alone = isolated(batch, decided, here, cut_off)
-    isolation = fleet.isolation if alone is None else fate.passed(fleet.isolation, alone, time)
+        status = within_bounds(status, jnp.abs(now.errors[0]).max(axis=0))
+    isolation = fleet.isolation
+    if lane.law.couples() and plan.decides:
+        alone = isolated(batch, decided, here, cut_off)
+        isolation = fate.passed(isolation, alone, now.time)
     counts = {"switches": switches, "unheard": unheard, "isolation": isolation}
     return fleet._replace(state=state, decided=decided, status=status, **counts)
 
 
 def isolated(
     batch: Batch, decided: DecisionState, here: LaneFlags, failing: LaneFlags
-) -> VehicleFlags | None:
-    """Return the vehicles that decisions cut off at this tick; None where decisions never do.
+) -> VehicleFlags:
+    """The vehicles that decisions cut off at this tick.
 
     `failing` are the lanes that fail for it, in which the vehicles are sought only now.
     """
-    lane, network, plan = batch.lane, batch.network, batch.plan
-    if not lane.law.couples() or not plan.decides:
-        return None
-    if tick.coasts(lane) and decided.coasting is not None:
-        return decided.coasting.cut_off & here[None]
+    lane, network = batch.lane, batch.network
+    if coasting.coasts(lane):
+        return decided.coasting.cut_off(lane) & here[None]
 
     def seek(_: VehicleFlags) -> VehicleFlags:
-        return tick.cut_off(lane, network, decided, plan) & (failing & here)[None]
+        return decided.cut_off(lane, network) & (failing & here)[None]
 
     return run_if((failing & here).any(), seek, jnp.zeros(lane.weights.shape[1:], bool))
 
 
-def last_drive(
-    fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags
-) -> Float[Array, "2 m lanes"]:
-    """Return the drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
-    time, _ = motion.basis(fleet.state)
-    navigator = [jet[:, None] for jet in lane.path(time)]
-    own, decided = plane.plus(motion.errors(fleet.state), navigator), fleet.decided
+def last_drive(fleet: Fleet, motion: Motion, now: Moment, first: LaneFlags) -> PerAxis:
+    """The drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
+    lane, decided, own = motion.lane, fleet.decided, now.own
     last = jnp.where(
         first[None, None], control.feedback(lane.gain, own), motion.drive_now(fleet.state, decided)
     )
-    if decided.coasting is None or decided.coasting.stopped is None:
-        return last
-    standing = control.feedback(lane.gain, tick.sensed(own, decided.noise))
-    return jnp.where(decided.coasting.stopped.vehicles[None], standing, last)
+    standing = control.feedback(lane.gain, decided.sensed.of(own))
+    return jnp.where(decided.coasting.stopped(lane)[None], standing, last)
 
 
 def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
-    """Return the measurements of the fleets now."""
-    drive = motion.drive(fleet.state, fleet.decided)
+    """The measurements of the fleets now."""
+    lane, network, decided = batch.lane, batch.network, fleet.decided
+    drive = motion.drive(fleet.state, decided)
     time, basis = motion.basis(fleet.state)
-    shown = drive.vectors[:, batch.network.display_signals]
-    speed, turn_rate = motion.pace(fleet.state, fleet.decided)
-    error, lane = motion.errors(fleet.state)[0], batch.lane
-    states, coasting = (
-        tick.at_rest(fleet.decided, motion.states(fleet.state)),
-        fleet.decided.coasting,
-    )
-    stopped = None if coasting is None else coasting.stopped
-    if stopped is not None:
-        speed, turn_rate = (jnp.where(stopped.vehicles, 0.0, each) for each in (speed, turn_rate))
-    theirs = told.told_motion(lane, time, basis) if batch.plan.as_told else None
-    if theirs is not None:
-        error, states = (
-            theirs.instead_of(theirs.errors[0], error),
-            theirs.instead_of(theirs.states, states),
-        )
-        speed, turn_rate = map(theirs.instead_of, theirs.pace, (speed, turn_rate))
+    stopped = decided.coasting.stopped(lane)
+    theirs = told.told_motion(lane, time, basis) if batch.plan.as_told else told.ByLaw()
 
-    def inputs() -> Float[Array, "2 m lanes"]:
-        by_law = motion.inputs(fleet.state, fleet.decided)
-        by_law = by_law if stopped is None else jnp.where(stopped.vehicles[None], 0.0, by_law)
-        return by_law if theirs is None else theirs.instead_of(theirs.inputs, by_law)
+    def moving(each: PerVehicle) -> PerVehicle:
+        return jnp.where(stopped, 0.0, each)
 
-    attacked = (lane.vectors[:, batch.network.display_signals] != 0).any(axis=(0, 2))
+    def inputs() -> PerAxis:
+        by_law = motion.inputs(fleet.state, decided)
+        return theirs.inputs(jnp.where(stopped[None], 0.0, by_law))
+
+    error = theirs.error(motion.errors(fleet.state)[0])
+    shown = network.display_signals
+    attacked = (lane.vectors[:, shown] != 0).any(axis=(0, 2))
     if not lane.navigator.present:
         error = error - honest_mean(error, attacked)
-    unlike = lane.delay is not None or fleet.decided.reception is not None
-    weights = tick.weights_heard(lane, fleet.decided, batch.plan) if unlike else drive.weights
+    speed, turn_rate = theirs.pace(*map(moving, motion.pace(fleet.state, decided)))
     return Observation(
         error,
         speed,
         turn_rate,
-        states,
-        signal.combined(shown, basis[0]),
-        weights,
-        batch.network.hearing,
+        theirs.states(decided.coasting.at_rest(motion.states(fleet.state))),
+        signal.combined(drive.vectors[:, shown], basis[0]),
+        decided.listened(lane) if decided.late.present or decided.heard.stands else drive.weights,
+        network.hearing,
         attacked,
-        lane.vehicle.output_jets(lane.initial)[0],
+        vehicles.outputs(lane, lane.initial, jnp.zeros_like(time))[0],
         inputs,
-        None if fleet.decided.detection is None else fleet.decided.detection.shares,
+        decided.alarms.shares,
     )
 
 
 def honest_mean(
     position: Float[Array, "2 m lanes"], attacked: Bool[Array, "m lanes"]
 ) -> Float[Array, "2 1 lanes"]:
-    """Return the mean position of the vehicles that are not attacked; of all, where all are."""
+    """The mean position of the vehicles that are not attacked; of all, where all are."""
     counts = ~attacked | attacked.all(axis=0, keepdims=True)
     total = jnp.where(counts[None], position, 0.0).sum(axis=1, keepdims=True)
     return total / counts.sum(axis=0, keepdims=True)[None].astype(float)
 
 
 def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Outcome:
-    """Return the results of lanes that have ended."""
-    clock, gathered = batch.clock, fleet.gathered
+    """The results of lanes that have ended."""
+    clock, plan, gathered = batch.clock, batch.plan, fleet.gathered
     status = fail(fleet.status, Status.singular, fleet.stood)
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
-    plan = batch.plan
     values = metrics.fleet_values(plan.metrics, gathered, clock.outputs, clock.tail_outputs)
     status = fail(status, Status.unmeasured, ~metrics.all_defined(plan.metrics, values))
     ok = status == Status.ok
     found = {name: jnp.where(ok, value, jnp.nan) for name, value in values.items()}
     errors = metrics.vehicle_errors(plan.save, gathered, clock.tail_outputs, ok)
-    ticks, coasting = clock.outputs * clock.ticks + 1, fleet.decided.coasting
-    stopped = None if coasting is None else coasting.stopped
-    count = jnp.zeros_like(fleet.unheard) if stopped is None else stopped.vehicles.sum(axis=0)
+    ticks = clock.outputs * clock.ticks + 1
+    stopped = fleet.decided.coasting.stopped(batch.lane).sum(axis=0)
     return Outcome(
         status,
         found,
@@ -369,7 +329,7 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Ou
         fleet.switches,
         fleet.unheard,
         series | errors,
-        fate.isolation_counts(fleet.isolation, ticks) | {"stopped": count},
+        fate.isolation_counts(fleet.isolation, ticks) | {"stopped": stopped},
     )
 
 
@@ -411,7 +371,8 @@ def in_lockstep(
         gathered = metrics.add(
             plan.metrics, fleet.gathered, seen, everywhere, jnp.asarray(number), clock
         )
-        stood = fleet.stood | is_singular(batch.lane, seen.state, fleet.decided.may_stop)
+        apart = fleet.decided.coasting.may_stop(batch.lane)
+        stood = fleet.stood | is_singular(batch.lane, seen.state, apart)
         status = within_bounds(fleet.status, gathered["peak_error"])
         return fleet._replace(gathered=gathered, stood=stood, status=status), series
 
@@ -458,7 +419,8 @@ def from_queue(
             fleet.state, fleet.decided, fleet.ticks, fleet.status
         )
         ticks = fleet.ticks + arrived.astype(int)
-        stood = fleet.stood | (due & is_singular(batch.lane, seen.state, fleet.decided.may_stop))
+        apart = fleet.decided.coasting.may_stop(batch.lane)
+        stood = fleet.stood | (due & is_singular(batch.lane, seen.state, apart))
         rest = {
             "ticks": ticks,
             "at_tick": arrived,

@@ -1,4 +1,6 @@
-"""Metrics of a lane, gathered at output times, so that memory does not grow with time; saved series."""
+"""Metrics of a lane, gathered at output times, so that memory does not grow with time; saved
+series.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -19,19 +21,19 @@ from jaxnet.model.plane import length
 class Observation(NamedTuple):
     """State of the fleet at one output time, after the decision of that tick.
 
-    The last axis of every array is over lanes. The vehicle's kind names the states and inputs with their
-    units.
+    The last axis of every array is over lanes. The vehicle's kind names the states and inputs with
+    their units.
 
     Attributes
     ----------
     error
-        `y_i - y_0` [m], (2, m, lanes); without a navigator, y_0 is the mean of the vehicles that are not
-        attacked.
+        `y_i - y_0` [m], (2, m, lanes); without a navigator, y_0 is the mean of vehicles that are
+        not attacked.
     speed, turn_rate
         Speed [m/s] and turn rate [rad/s] of each vehicle, (m, lanes).
     state
-        State of each vehicle, (n, m, lanes): x [m], y [m], heading [rad], speed [m/s], and further states.
-        These are turn rate [rad/s] and force over mass [m/s²] of the two-wheeled robot.
+        State of each vehicle, (n, m, lanes): x [m], y [m], heading [rad], speed [m/s], and further
+        states. These are turn rate [rad/s] and force over mass [m/s²] of the two-wheeled robot.
     attack
         Signal of each attacked vehicle [m], (2, m, lanes).
     weights
@@ -45,8 +47,8 @@ class Observation(NamedTuple):
     inputs_now
         Function that returns `inputs`, which nobody needs in most studies.
     alarms
-        Alarms over words that were judged until now, of attacked and of honest links, (2, lanes); None
-        without a detector.
+        Alarms over words that were judged until now, of attacked and of honest links, (2, lanes);
+        None without a detector.
 
     Examples
     --------
@@ -75,17 +77,17 @@ class Observation(NamedTuple):
     def inputs(self) -> Float[Array, "2 m *lanes"]:
         """Control input u of each vehicle right after the decision, (2, m, lanes).
 
-        The input of the two-wheeled robot is the rate of force over mass [m/s³] and the angular acceleration
-        [rad/s²].
+        The input of the two-wheeled robot is the rate of force over mass [m/s³] and the angular
+        acceleration [rad/s²].
         """
         return self.inputs_now()
 
     def errors(self) -> Float[Array, "m *lanes"]:
-        """Return `‖y_i - y_0‖` [m] of each vehicle."""
+        """`‖y_i - y_0‖` [m] of each vehicle."""
         return length(self.error)
 
     def disagreements(self) -> Float[Array, "m *lanes"]:
-        """Return `‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs.
+        """`‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs.
 
         The disagreement of a vehicle that hears nobody is 0.
         """
@@ -96,7 +98,8 @@ class Observation(NamedTuple):
 
 Series = dict[str, Float[Array, "..."]]  # stacked over output times, lanes last
 
-# Arrays that can be saved at every output time, with a last axis over lanes (docs/results-folder.md).
+# Arrays that can be saved at every output time, with a last axis over lanes (docs/results-
+# folder.md).
 SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),
@@ -108,17 +111,17 @@ SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
 }
 
 
-# Errors of each vehicle over the tail that can be saved, and the metric of the contract that gathers them.
+# Errors of each vehicle over the tail that can be saved, and the metric of the contract that
+# gathers them.
 VEHICLE_ERRORS = {"vehicle_mean": "tail_mean", "vehicle_max": "tail_max"}
 
 
 def series(save: Sequence[str], seen: Observation) -> Series:
-    """Return the saved arrays of an observation, by name, lanes last."""
     return {name: SERIES[name](seen) for name in save if name in SERIES}
 
 
 def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]) -> Series:
-    """Return stacks of the saved arrays over `rows` output times, filled with not-a-number."""
+    """Stacks of the saved arrays over `rows` output times, filled with not-a-number."""
     if not any(name in SERIES for name in save):
         return {}  # tracing an observation for nothing takes a tenth of all tracing
     shapes = jax.eval_shape(lambda: series(save, seen()))
@@ -149,7 +152,7 @@ Gathered = Mapping[
 
 
 def nothing(metrics: Sequence[Metric], shape: tuple[int, ...]) -> Gathered:
-    """Return the metrics before the first output time, for the shape (m, lanes)."""
+    """The metrics before the first output time, for the shape (m, lanes)."""
     return {metric.name: jnp.full(shape, NEUTRAL[metric.time]) for metric in metrics}
 
 
@@ -161,7 +164,7 @@ def add(
     output: Int[Array, "*some"],
     clock: Clock,
 ) -> Gathered:
-    """Return the metrics with the output time of number `output`, in the lanes where `there` holds.
+    """The metrics with the output time of number `output`, in the lanes where `there` holds.
 
     Metrics over the tail change only at output times in the tail.
     """
@@ -181,7 +184,7 @@ def add(
 def trapezium(
     output: Int[Array, "*some"], first: Int[Array, ""], clock: Clock
 ) -> Float[Array, "*some"]:
-    """Return the weight [s] of an output time in the trapezoidal rule from output `first` to the last."""
+    """The weight [s] of an output time in the trapezoidal rule from output `first` to the last."""
     sides = (output > first).astype(float) + (output < clock.outputs).astype(float)
     return sides * (clock.at(clock.ticks) / 2)
 
@@ -193,7 +196,7 @@ def reduce_over_time(
     there: Bool[Array, "*lanes"],
     weight: Float[Array, "*some"],
 ) -> dict[str, Float[Array, "m *lanes"]]:
-    """Return these metrics with the observation added, in the lanes where `there` holds.
+    """These metrics with the observation added, in the lanes where `there` holds.
 
     `weight` [s] is that of the observation in an integral over time.
     """
@@ -209,7 +212,7 @@ def reduce_over_time(
 
 
 def measured(metric: Metric, seen: Observation, shape: tuple[int, ...]) -> Float[Array, "m *lanes"]:
-    """Return a metric of each vehicle; raise KindError unless it gives real numbers of this shape."""
+    """A metric of each vehicle; raise KindError unless it gives real numbers of this shape."""
     given = metric.of(seen)
     try:
         return jnp.broadcast_to(jnp.asarray(given, float), shape)
@@ -219,7 +222,7 @@ def measured(metric: Metric, seen: Observation, shape: tuple[int, ...]) -> Float
 
 
 def finite(gathered: Gathered) -> Bool[Array, "*lanes"]:
-    """Return the lanes in which every metric of the contract is finite for every vehicle."""
+    """The lanes in which every metric of the contract is finite for every vehicle."""
     return jnp.isfinite(jnp.stack([gathered[metric.name] for metric in CONTRACT])).all(axis=(0, 1))
 
 
@@ -229,7 +232,6 @@ def fleet_values(
     outputs: Int[Array, ""],
     tail_outputs: Int[Array, ""],
 ) -> dict[str, Float[Array, "*lanes"]]:
-    """Return the metrics of the whole fleet."""
     times = {"run": outputs + 1, "tail": tail_outputs}
     found = {}
     for metric in metrics:
@@ -250,14 +252,16 @@ MAY_BE = {
 def all_defined(
     metrics: Sequence[Metric], values: Mapping[str, Float[Array, "*lanes"]]
 ) -> Bool[Array, "*lanes"]:
-    """Return the lanes in which every metric of the fleet is what its `undefined` allows."""
+    """The lanes in which every metric of the fleet is what its `undefined` allows."""
     return jnp.stack([MAY_BE[each.undefined](values[each.name]) for each in metrics]).all(axis=0)
 
 
 def vehicle_errors(
     save: Sequence[str], gathered: Gathered, tail_outputs: Int[Array, ""], ok: Bool[Array, "*lanes"]
 ) -> Series:
-    """Return the saved errors of each vehicle over the tail [m], (m, lanes); not-a-number in failed lanes."""
+    """The saved errors of each vehicle over the tail [m], (m, lanes); not-a-number in failed
+    lanes.
+    """
     found = {}
     for name, metric in VEHICLE_ERRORS.items():
         if name in save:

@@ -22,9 +22,9 @@ class Plan(NamedTuple):
     decides: bool = True  # whether vehicles decide which sources to retain
     strategic: bool = False  # whether attackers choose their vectors at ticks
     consistent: bool = True  # whether an attack's signals come with their true derivatives
-    missing: str = "drop"  # what stands in for a lost word: a key of `tick.MISSING`
+    missing: str = "drop"  # what stands in for a lost word: a key of `channel.MISSING`
     late: int = 0  # ticks by which words are late
-    extrapolate: str = "none"  # what listeners make of late words (`late.word_gains`)
+    extrapolate: str = "none"  # what listeners make of late words (`late.message_gains`)
     as_told: bool = False  # whether attacked vehicles move as they tell
     in_field: bool = (
         False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
@@ -35,7 +35,7 @@ class Plan(NamedTuple):
 
     @property
     def choosing(self) -> bool:
-        """Return whether vehicles or attackers choose anything at ticks."""
+        """Whether vehicles or attackers choose anything at ticks."""
         return self.decides or self.strategic
 
 
@@ -48,11 +48,11 @@ class Clock(NamedTuple):
     tail_outputs: Int[Array, ""]  # number of the last output times, which stand for t → ∞
 
     def at(self, number: Int[Array, "*numbers"]) -> Float[Array, "*numbers"]:
-        """Return the times [s] of the ticks with these numbers."""
+        """The times [s] of the ticks with these numbers."""
         return number.astype(float) * self.interval
 
     def in_tail(self, output: Int[Array, "*numbers"]) -> Bool[Array, "*numbers"]:
-        """Return whether these output times stand for t → ∞."""
+        """Whether these output times stand for t → ∞."""
         return output > self.outputs - self.tail_outputs
 
 

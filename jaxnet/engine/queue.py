@@ -1,4 +1,5 @@
-"""A queue of lanes, advanced in a fixed number of places; the next lanes replace lanes that have ended.
+"""A queue of lanes, advanced in a fixed number of places; the next lanes replace lanes that have
+ended.
 
 A lane that takes many steps delays no other lane. The places stay busy until the queue runs out.
 """
@@ -26,7 +27,7 @@ LaneTree = TypeVar("LaneTree")
 
 
 class Places(NamedTuple):
-    """Lanes side by side, each under way or ended; the last axis of every array runs over places."""
+    """Lanes side by side, each under way or ended; the last axis of every array is over places."""
 
     number: QueueNumbers  # of the lane in the queue; past the queue's end in an empty place
     inputs: Any  # a pytree
@@ -52,8 +53,8 @@ def work_off(
 ) -> tuple[LaneResult, PassRecord]:
     """Advance the first `count` lanes of a queue to their end. Return their results and the record.
 
-    Each pass updates the record. Every leaf of the queue and of the results has a last axis over the queue's
-    lanes.
+    Each pass updates the record. Every leaf of the queue and of the results has a last axis over
+    the queue's lanes.
     """
     length = jax.tree.leaves(queue)[0].shape[-1]
     start, end = jax.jit(work.start, inline=True), jax.jit(work.end, inline=True)  # traced once
@@ -75,9 +76,7 @@ def work_off(
         now, taken = refill(now, taken)
         few = jnp.where(taken < count, places - max(1, places // SPARE), 0)
 
-        def advance(
-            carry: tuple[Places, PassRecord],
-        ) -> tuple[Places, PassRecord]:
+        def advance(carry: tuple[Places, PassRecord]) -> tuple[Places, PassRecord]:
             now, record = carry
             state, record = work.advance(now, record)
             return now._replace(state=state), record

@@ -1,12 +1,12 @@
 """Search for vehicles that stand still between ticks, where the law is singular.
 
-The search covers an interval in steps and samples nothing. Velocity, acceleration and a bound on the jerk
-give a time in which a vehicle cannot stand still. That time is the step. Near an instant of rest the steps
-shorten as in Newton's method.
+The search covers an interval in steps and samples nothing. Velocity, acceleration and a bound on
+the jerk give a time in which a vehicle cannot stand still. That time is the step. Near an instant
+of rest the steps shorten as in Newton's method.
 
-A kind of vehicle is singular where the vector `Vehicle.lead` of y^(k) is 0. The lead takes the place of the
-velocity, and y^(k+1) that of the acceleration. Where y^(k+1) is the r-th derivative, which jumps, a bound on
-its norm serves for the acceleration.
+A kind of vehicle is singular where the vector `Vehicle.lead` of y^(k) is 0. The lead takes the
+place of the velocity, and y^(k+1) that of the acceleration. Where y^(k+1) is the r-th derivative,
+which jumps, a bound on its norm serves for the acceleration.
 
 The lanes are the last axis of every array.
 """
@@ -18,12 +18,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxnet.engine.moment import VehicleFlags
 from jaxnet.engine.status import LEAST_MARGIN
 from jaxnet.model.plane import Jets, Plane, cross, dot, length
 
 Passing = TypeVar("Passing")
 Spans = Float[Array, "lanes"]
-VehicleFlags = Bool[Array, "m lanes"]
 Pace = tuple[Plane, Plane, Float[Array, "m lanes"]]  # velocity, acceleration, bound on the jerk
 
 FLOOR = LEAST_MARGIN / 2  # so low that a step ends under LEAST_MARGIN where a vehicle stands still
@@ -34,33 +34,31 @@ MOST_SEARCH_STEPS = (
 )
 
 
-def lead(vehicle: Any, jets: Jets, apart: VehicleFlags | None) -> tuple[Plane, Plane]:
-    """Return the lead and its derivative, for the jets of the output up to the order r.
+def lead(vehicle: Any, jets: Jets, apart: VehicleFlags) -> tuple[Plane, Plane]:
+    """The lead and its derivative, for the jets of the output up to the order r.
 
     The vehicles `apart` are not searched, and seem to turn.
     """
     return seeming(apart, vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1])
 
 
-def seeming(apart: VehicleFlags | None, now: Plane, following: Plane) -> tuple[Plane, Plane]:
-    """Return a lead and its derivative, of norm 1 and at right angles for the vehicles `apart`."""
-    if apart is None:
-        return now, following
+def seeming(apart: VehicleFlags, now: Plane, following: Plane) -> tuple[Plane, Plane]:
+    """A lead and its derivative, of norm 1 and at right angles for the vehicles `apart`."""
     along, across = jnp.eye(2)[..., None, None]
     return jnp.where(apart[None], along, now), jnp.where(apart[None], across, following)
 
 
 def backwards(
-    vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags | None
+    vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags
 ) -> Pace:
-    """Return the lead, its derivative back in time, and a bound on its second one, for the jets below r.
+    """The lead, its derivative back in time, and a bound on its second one, for the jets below r.
 
-    `highest` bounds the r-th derivative. Where the lead's derivative is the r-th one, it points to 0 with
-    that norm. The vehicles `apart` are not searched.
+    `highest` bounds the r-th derivative. Where the lead's derivative is the r-th one, it points to
+    0 with that norm. The vehicles `apart` are not searched.
     """
     now, following = vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1 :]
     if following:
-        bound = highest if apart is None else jnp.where(apart, 0.0, highest)
+        bound = jnp.where(apart, 0.0, highest)
         return *seeming(apart, now, -following[0]), bound
     back = -now * (highest / jnp.maximum(length(now), jnp.finfo(float).tiny))[None]
     return *seeming(apart, now, back), jnp.zeros_like(highest)
@@ -73,11 +71,11 @@ def stands(
     interval: Any,
     longest: Spans,
 ) -> tuple[Bool[Array, "lanes"], Passing]:
-    """Return the lanes in which a vehicle is slower than LEAST_MARGIN at some instant of an interval.
+    """The lanes in which a vehicle is slower than LEAST_MARGIN at some instant of an interval.
 
-    Return also the state at that instant, in other lanes at the end. `pace(state)` bounds the jerk over a
-    step. `advance(state, step)` returns the state after a step of at most `longest`. A speed under FLOOR is
-    always found, a speed over LEAST_MARGIN never.
+    Return also the state at that instant, in other lanes at the end. `pace(state)` bounds the jerk
+    over a step. `advance(state, step)` returns the state after a step of at most `longest`. A speed
+    under FLOOR is always found, a speed over LEAST_MARGIN never.
     """
 
     def under_way(carry: Any) -> Any:
@@ -104,7 +102,7 @@ def stands(
 
 
 def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
-    """Return the lanes in which some vehicle's acceleration is along its velocity, up to rounding.
+    """The lanes in which some vehicle's acceleration is along its velocity, up to rounding.
 
     Speeds and accelerations whose product is infinite are left out.
     """
@@ -116,9 +114,10 @@ def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
 def safe(
     velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]
 ) -> Float[Array, "m lanes"]:
-    """Return a time in which the speed stays over FLOOR, from `‖v(t) - v - a t‖ ≤ J t²/2`.
+    """A time in which the speed stays over FLOOR, from `‖v(t) - v - a t‖ ≤ J t²/2`.
 
-    The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and nowhere nearer to 0 than at its foot.
+    The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and nowhere nearer to 0 than at its
+    foot.
     """
     speed, size, tiny = jnp.hypot(*velocity), jnp.hypot(*acceleration), jnp.finfo(float).tiny
     foot = jnp.abs(cross(velocity, acceleration)) / jnp.maximum(size, tiny)

@@ -12,7 +12,9 @@ LARGEST = 1e100  # [m] of E; products of greater numbers overflow
 
 
 class Status(IntEnum):
-    """Reason for which a lane failed: the reason that occurred first, in this order at the same moment."""
+    """Reason for which a lane failed: the reason that occurred first, in this order at the same
+    moment.
+    """
 
     ok = 0
     singular = 1  # a margin under LEAST_MARGIN, or one that changes its sign
@@ -27,10 +29,10 @@ Code = Int[Array, "*lanes"]
 
 
 def fail(status: Code, reason: Status, when: Bool[Array, "*lanes"]) -> Code:
-    """Return the status, replaced by this reason where `when` holds and the lane was ok until now."""
+    """The status, replaced by this reason where `when` holds and the lane was ok until now."""
     return jnp.where((status == Status.ok) & when, int(reason), status)
 
 
 def within_bounds(status: Code, size: Float[Array, "m *lanes"]) -> Code:
-    """Return the status after errors of this size; infinite ones are `nonfinite` in the end."""
+    """The status after errors of this size; infinite ones are `nonfinite` in the end."""
     return fail(status, Status.diverged, ((size > LARGEST) & jnp.isfinite(size)).any(axis=0))

@@ -1,14 +1,15 @@
 """Adaptive explicit Runge–Kutta steps of many lanes side by side, each with its own time and step.
 
-The Butcher tableaux are diffrax's. The step control is diffrax's `PIDController` as an integral controller.
-Tests compare a step, its error, the next step and the order of convergence with diffrax's own.
+The Butcher tableaux are diffrax's. The step control is diffrax's `PIDController` as an integral
+controller. Tests compare a step, its error, the next step and the order of convergence with
+diffrax's own.
 
-Diffrax's stepping is for one lane. `vmap` of that stepping puts lanes first, and evaluates the first stage
-again whenever some lane of the batch was rejected. This measured half as fast.
+Diffrax's stepping is for one lane. `vmap` of that stepping puts lanes first, and evaluates the
+first stage again whenever some lane of the batch was rejected. This measured half as fast.
 
-The lanes are the last axis of every array. The stages are a loop, so that XLA compiles the vector field once.
-The signals at all stages are evaluated before the loop. XLA evaluates the inputs of a loop once, but may
-evaluate a value in the loop's body again for each use.
+The lanes are the last axis of every array. The stages are a loop, so that XLA compiles the vector
+field once. The signals at all stages are evaluated before the loop. XLA evaluates the inputs of a
+loop once, but may evaluate a value in the loop's body again for each use.
 """
 
 from collections.abc import Callable
@@ -21,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine.plan import Tolerances
+from jaxnet.engine.vehicles import States
 
 SOLVERS = {"dopri5": diffrax.Dopri5, "dopri8": diffrax.Dopri8}
 LEAST_RELATIVE_STEP = 4 * 2.0**-52  # a relative step below this no longer moves the time
@@ -32,7 +34,6 @@ SAFETY, LEAST, MOST = (
 FIRST_STEP = 0.01  # share of the time in which the state changes by its own size
 
 Times = Float[Array, " lanes"]
-States = Float[Array, "n m lanes"]
 VectorField = Callable[
     [Any, States], States
 ]  # from the signals at a time and the states to the slopes
@@ -59,7 +60,7 @@ class Trial(NamedTuple):
 
 
 def method(name: str) -> Method:
-    """Return the method of a solver by name; its last stage is the first stage of the next step."""
+    """The method of a solver by name; its last stage is the first stage of the next step."""
     solver = SOLVERS[name]()
     table = solver.tableau
     assert table.fsal, name
@@ -111,20 +112,20 @@ def attempt(
 
 
 def error_norm(change: States, size: States, tolerances: Tolerances) -> Times:
-    """Return a change over `atol + rtol * size`, as the root mean square over the states of a fleet."""
+    """A change over `atol + rtol * size`, as the root mean square over the states of a fleet."""
     scale = tolerances.atol[None, None] + tolerances.rtol[None, None] * size
     each = jnp.sqrt(((change / scale) ** 2).mean(axis=0))
     return jnp.sqrt(jnp.full(len(each), 1 / len(each)) @ each**2)
 
 
 def towards(goal: Times, time: Times, step: Times) -> Times:
-    """Return the end of the first of equal steps, each at most `step` long, that lead to the goal."""
+    """The end of the first of equal steps, each at most `step` long, that lead to the goal."""
     pieces = jnp.maximum(1.0, jnp.ceil((goal - time) / step))
     return jnp.where(pieces > 1, time + (goal - time) / pieces, goal)
 
 
 def next_step(step: Times, error: Times, order: int) -> Times:
-    """Return the next step: no shorter if this step was kept (error < 1), else shorter.
+    """The next step: no shorter if this step was kept (error < 1), else shorter.
 
     The error of a step of length h grows as h to the power `order`.
     """
@@ -134,7 +135,7 @@ def next_step(step: Times, error: Times, order: int) -> Times:
 
 
 def first_step(state: States, slope: States, tolerances: Tolerances) -> Times:
-    """Return a first step (the first guess of Hairer, Nørsett, Wanner, Solving ODEs I, II.4)."""
+    """A first step (the first guess of Hairer, Nørsett, Wanner, Solving ODEs I, II.4)."""
     size = jnp.abs(state)
     whole, change = (error_norm(each, size, tolerances) for each in (state, slope))
     return FIRST_STEP * whole / change

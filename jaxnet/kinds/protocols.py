@@ -1,4 +1,5 @@
-"""What other rooms pass to the methods of kinds: a scenario, draws for lanes, the fleet at an instant.
+"""What other rooms pass to the methods of kinds: a scenario, draws for lanes, the fleet at an
+instant.
 
 At run time each of these types is `Any`, so that a test may pass a stand-in.
 """
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from jaxnet.kinds.vehicles import Vehicle
 
     class ScenarioView(Protocol):
-        """The keys of a scenario that several kinds must fulfil together (`config.keys.Scenario`)."""
+        """Keys of a scenario that several kinds must fulfil together (`config.keys.Scenario`)."""
 
         @property
         def vehicles(self) -> int:
@@ -82,7 +83,9 @@ if TYPE_CHECKING:
             ...
 
     class LaneDraw(Protocol):
-        """Draws numbers for samples (`lanes.draws.Draw`). Samples are the first axis of its arrays."""
+        """Draws numbers for samples (`lanes.draws.Draw`). Samples are the first axis of its
+        arrays.
+        """
 
         @property
         def samples(self) -> Sequence[int]:
@@ -150,21 +153,23 @@ if TYPE_CHECKING:
 
         @property
         def in_force(self) -> Callable[[SignalVectors], Decision]:
-            """Function from attack vectors to the weights that would be in force, (axes, slots, m, lanes)."""
+            """Function from attack vectors to the weights that would be in force, (axes, slots, m,
+            lanes).
+            """
             ...
 
     class Signal(Protocol):
         """Scalar functions of time, by which vectors are multiplied (`model.signal`)."""
 
         def basis(self, time: AnyTimes) -> SignalBasis:
-            """Return the functions with three derivatives, (4, B, lanes), for times (lanes,) [s]."""
+            """Return functions with three derivatives, (4, B, lanes), for times (lanes,) [s]."""
             ...
 
     class NavigatorPath(Protocol):
         """The navigator's path with its derivatives (`kinds.navigators.Navigator`)."""
 
         def jets(self, time: AnyTimes) -> PathJets:
-            """Return the position and three derivatives, (4, 2, …) [m, m/s, …], for times (…) [s]."""
+            """Return position and three derivatives, (4, 2, …) [m, m/s, …], for times (…) [s]."""
             ...
 
         def sizes(self, start: float, end: float) -> np.ndarray:
@@ -191,7 +196,7 @@ if TYPE_CHECKING:
 
         @property
         def state(self) -> VehicleState:
-            """State of each vehicle, (n, m, lanes), as `Vehicle.states` and `Vehicle.units` tell."""
+            """States of the vehicles, (n, m, lanes), as `Vehicle.states`, `Vehicle.units` tell."""
             ...
 
         @property
@@ -206,13 +211,15 @@ if TYPE_CHECKING:
 
         @property
         def alarms(self) -> LaneNumbers | None:
-            """Alarms over words, of attacked and of honest links, (2, lanes); None without a detector."""
+            """Alarms over words, of attacked and of honest links, (2, lanes); None without a
+            detector.
+            """
             ...
 
         @property
         def inputs(self) -> VehicleInput:
-            """Control input u of each vehicle, (2, m, lanes), as `Vehicle.inputs` and `Vehicle.input_units`
-            tell.
+            """Control input u of each vehicle, (2, m, lanes), as `Vehicle.inputs` and
+            `Vehicle.input_units` tell.
             """
             ...
 

@@ -1,1 +1,1 @@
-"""Batches of lanes from a cell of a study and its samples: draws, proofs and jobs for the engines."""
+"""Batches of lanes from a cell of a study and its samples: draws, proofs and jobs for engines."""

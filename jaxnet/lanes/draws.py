@@ -29,20 +29,20 @@ class Draw:
         self.listed = listed
 
     def same(self, value: Any) -> Any:
-        """Return an equal value for every sample: (samples, …)."""
+        """An equal value for every sample: (samples, …)."""
         array = np.asarray(value)
         return np.broadcast_to(array, (len(self.samples), *array.shape))
 
     def one(self, number: Any, name: str) -> Any:
-        """Return one number for each lane: (samples,)."""
+        """One number for each lane: (samples,)."""
         number = number.shared if isinstance(number, fields.Shared) else number
         return self.placed([number], name, [(0, 0)])[:, 0]
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
-        """Return numbers for each vehicle: (samples, m, components).
+        """Numbers for each vehicle: (samples, m, components).
 
-        A shared number is equal for all vehicles. A list gives numbers to the vehicles in `listed`; other
-        vehicles get its first entry.
+        A shared number is equal for all vehicles. A list gives numbers to the vehicles in `listed`;
+        other vehicles get its first entry.
         """
         shape = len(self.samples), len(self.everyone), components
         places = [
@@ -64,7 +64,7 @@ class Draw:
         return self.placed(numbers, name, places).reshape(shape)
 
     def positions(self, given: Any, name: str) -> Any:
-        """Return a position for each vehicle, of a list or drawn by one distribution: (samples, m, 2)."""
+        """A position for each vehicle, of a list or drawn by one distribution: (samples, m, 2)."""
         if not isinstance(given, fields.EachPosition):
             return self.each(given, name, components=2)
         numbers = [number for pair in given.root for number in pair]
@@ -72,11 +72,11 @@ class Draw:
         return self.placed(numbers, name, places).reshape(len(self.samples), -1, 2)
 
     def several(self, numbers: Sequence[Any], name: str) -> Any:
-        """Return several numbers for each lane: (samples, n)."""
+        """Several numbers for each lane: (samples, n)."""
         return self.placed(numbers, name, [(0, component) for component in range(len(numbers))])
 
     def placed(self, numbers: Sequence[Any], name: str, places: Sequence[Entry]) -> Drawn:
-        """Return numbers at given places, each a vehicle and a component: (samples, n)."""
+        """Numbers at given places, each a vehicle and a component: (samples, n)."""
         found = np.empty((len(self.samples), len(numbers)))
         drawn = [column for column, number in enumerate(numbers) if is_drawn(number)]
         if drawn:
@@ -92,7 +92,7 @@ class Draw:
         return found
 
     def generators(self, name: str) -> Iterator[np.random.Generator]:
-        """Return a random generator for each sample.
+        """A random generator for each sample.
 
         A generator serves quantities without a fixed number of draws.
         """
@@ -107,16 +107,17 @@ class EachLink(Draw):
         self.slots = slots
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
-        """Return numbers for each link, sorted by listener: (samples, m · slots, components)."""
+        """Numbers for each link, sorted by listener: (samples, m · slots, components)."""
         by_vehicle = super().each(number, name, self.slots * components)
         return by_vehicle.reshape(len(by_vehicle), -1, components)
 
 
 class Alone(Draw):
-    """Draws for each attacked vehicle of each lane, as if the vehicle were alone in a lane of its own.
+    """Draws for each attacked vehicle of each lane, as if the vehicle were alone in a lane of its
+    own.
 
-    `attacked` (n, lanes) holds the indices of the attacked vehicles, from 0. The first attacked vehicles of
-    all lanes come first, then the second ones.
+    `attacked` (n, lanes) holds the indices of the attacked vehicles, from 0. The first attacked
+    vehicles of all lanes come first, then the second ones.
     """
 
     def __init__(self, draw: Draw, attacked: Int[np.ndarray, "n lanes"]):
@@ -124,7 +125,7 @@ class Alone(Draw):
         self.draw, self.attacked = draw, attacked
 
     def one(self, number: Any, name: str) -> Any:
-        """Return one number for each lane, or for its vehicle if vehicles differ: (n · samples,)."""
+        """One number for each lane, or for its vehicle if vehicles differ: (n · samples,)."""
         return (
             self.each(number, name)[:, 0, 0]
             if fields.differs(number)
@@ -132,14 +133,14 @@ class Alone(Draw):
         )
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
-        """Return numbers for each attacked vehicle: (n · samples, 1, components)."""
+        """Numbers for each attacked vehicle: (n · samples, 1, components)."""
         everybody = self.draw.each(number, name, components)
         picked = np.take_along_axis(everybody, self.attacked.T[:, :, None], axis=1)
         return picked.swapaxes(0, 1).reshape(-1, 1, components)
 
 
 def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Return the inverse CDF of a distribution at u.
+    """The inverse CDF of a distribution at u.
 
     Raises TypeError if `number` is not a distribution.
     """
@@ -155,7 +156,7 @@ def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "...
 
 
 def share_up_to(number: Any, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the probability that a bounded distribution draws at most each of these values."""
+    """The probability that a bounded distribution draws at most each of these values."""
     if isinstance(number, fields.Uniform):
         low, high = number.uniform
         return (

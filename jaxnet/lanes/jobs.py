@@ -1,4 +1,6 @@
-"""The batch of lanes of a cell and its samples, with all numbers drawn, and the plan of its program."""
+"""The batch of lanes of a cell and its samples, with all numbers drawn, and the plan of its
+program.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,8 +12,8 @@ from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
 from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of, sources_of
 from jaxnet.engine.batch import Inputs, Job
-from jaxnet.engine.late import DrawnDelay, SteadyDelay
 from jaxnet.engine.plan import Clock, Plan
+from jaxnet.engine.stages.late import DrawnDelay, SteadyDelay
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.fields import EachOrder, Uniform, is_drawn, value_range
@@ -33,17 +35,17 @@ from jaxnet.solvers.choice import choose_solver
 def job(
     scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[str, ...] = ()
 ) -> Job:
-    """Return the lanes of one cell.
+    """The lanes of one cell.
 
-    `save` names the series to save, of `metrics.SERIES` and `metrics.VEHICLE_ERRORS`. The numbers have double
-    precision, whatever the default of the process is.
+    `save` names the series to save, of `metrics.SERIES` and `metrics.VEHICLE_ERRORS`. The numbers
+    have double precision, whatever the default of the process is.
     """
     with jax.enable_x64(True):
         return build_job(scenario, Draw(source, samples, scenario.vehicles), save)
 
 
 def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
-    """Return the lanes of one cell for the samples of a draw, in the active precision."""
+    """The lanes of one cell for the samples of a draw, in the active precision."""
     sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     prove_presumed(scenario, vehicle)
@@ -99,14 +101,14 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
 
 
 def recorded(scenario: Scenario, source: Source) -> Recorded:
-    """Return all numbers that a lane of a scenario draws, in the order of the draws."""
+    """All numbers that a lane of a scenario draws, in the order of the draws."""
     found = Recorded(source)
     job(scenario, found, [0])
     return found
 
 
 def source_of(study: Config, scenario: Scenario) -> Source:
-    """Return the source of numbers for the lanes of a study, with the scenario of one of its cells.
+    """The source of numbers for the lanes of a study, with the scenario of one of its cells.
 
     Raises ConfigError if a lane draws more numbers than Sobol sequences have dimensions.
     """
@@ -122,23 +124,24 @@ def source_of(study: Config, scenario: Scenario) -> Source:
 
 
 def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
-    """Return the sort key that puts less important numbers last.
+    """The sort key that puts less important numbers last.
 
-    Numbers of the start come last. Before them come numbers of the attack for vehicles without attack. Early
-    Sobol dimensions are evenly spread in pairs even with few points; late dimensions are not.
+    Numbers of the start come last. Before them come numbers of the attack for vehicles without
+    attack. Early Sobol dimensions are evenly spread in pairs even with few points; late dimensions
+    are not.
     """
     spared = place.vehicle not in (0, *scenario.attack.targets())
     return place.name.startswith("initial."), place.name.startswith("attack.") and spared
 
 
 def first_attacked(attack: AnyAttack) -> AnyAttack:
-    """Return the attack on the vehicles that it attacks at t = 0."""
+    """The attack on the vehicles that it attacks at t = 0."""
     periods = attack.periods()
     return attack.on(periods[0][1]) if periods else attack
 
 
 def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods | None:
-    """Return when other vehicles are attacked, None where the same ones are all along; samples first.
+    """When other vehicles are attacked, None where the same ones are all along; samples first.
 
     The times are earlier by a rounding of the times of ticks.
     """
@@ -163,11 +166,11 @@ def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods |
 def weights_of(
     scenario: Scenario, draw: Draw, sources: np.ndarray, graph: Graph, attacked: np.ndarray
 ) -> Any:
-    """Return the weights of each lane by slot in a graph: (samples, slots, m).
+    """The weights of each lane by slot in a graph: (samples, slots, m).
 
-    Each identity of a source has the weight of the source before normalisation. A split link has two slots. A
-    lane hears the slot of the attack if the source is among the `attacked` vehicles (m, samples), and the
-    slot of the source otherwise.
+    Each identity of a source has the weight of the source before normalisation. A split link has
+    two slots. A lane hears the slot of the attack if the source is among the `attacked` vehicles
+    (m, samples), and the slot of the source otherwise.
     """
     weights, attack = graph.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if not scenario.navigator.present:
@@ -191,7 +194,7 @@ def strength_of(scenario: Scenario, weights: Any, graph: Graph) -> RowStrength |
 
 
 def turns_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Turns | None:
-    """Return the networks that take turns, None where there is one."""
+    """The networks that take turns, None where there is one."""
     networks = scenario.topology.turns()
     if len(networks) == 1:
         return None
@@ -208,7 +211,7 @@ def turns_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Turns | Non
 
 
 def network_of(scenario: Scenario, sources: Any) -> Network:
-    """Return the network that the lanes of a cell share, by slot."""
+    """The network that the lanes of a cell share, by slot."""
     linked = links_of(scenario)
     attacked = hearing.by_slot(linked, scenario.attack.attacked_links(linked), sources)
     if scenario.attack.splits():
@@ -227,7 +230,6 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
 
 
 def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
-    """Return the signal number of each link."""
     return (
         hearing.link_signals(sources)
         if scenario.attack.by_link()
@@ -236,7 +238,7 @@ def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
-    """Return the plan: the choices that shape the compiled program."""
+    """The plan: the choices that shape the compiled program."""
     return Plan(
         engine=type(scenario.engine),
         options=scenario.engine.options(),
@@ -255,14 +257,14 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
 
 
 def late_ticks(scenario: Scenario) -> int:
-    """Return the greatest number of ticks by which words are late."""
+    """The greatest number of ticks by which words are late."""
     if not (scenario.channel.late and has_ticks(scenario)):
         return 0
     return max(1, round(value_range(scenario.channel.delay)[1] / scenario.tick))
 
 
 def steps_of(scenario: Scenario, draw: Draw) -> Any:
-    """Return the steps to which the jets of words are rounded, (samples, r), None where they are not."""
+    """The steps to which the jets of words are rounded, (samples, r), None where they are not."""
     given, order = scenario.channel.quantisation, scenario.vehicle.order
     if not scenario.channel.rounded:
         return None
@@ -274,7 +276,7 @@ def steps_of(scenario: Scenario, draw: Draw) -> Any:
 def delay_of(
     scenario: Scenario, draw: Draw, sources: np.ndarray
 ) -> SteadyDelay | DrawnDelay | None:
-    """Return the delay of words, None where they are not late. What is drawn is rounded to whole ticks."""
+    """The delay of words, None where they are not late. What is drawn is rounded to whole ticks."""
     delay, tick = scenario.channel.delay, scenario.tick
     if not scenario.channel.late:
         return None
@@ -290,7 +292,7 @@ def delay_of(
 
 
 def clock_of(scenario: Scenario) -> Clock:
-    """Return the clock: tick interval [s], ticks for each output, outputs, and outputs in the tail."""
+    """The clock: tick interval [s], ticks for each output, outputs, and outputs in the tail."""
     numbers = (
         interval_of(scenario),
         round(scenario.output_step / scenario.tick) if has_ticks(scenario) else 1,
@@ -301,7 +303,7 @@ def clock_of(scenario: Scenario) -> Clock:
 
 
 def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
-    """Return the states at t = 0: (n, m, samples)."""
+    """The states at t = 0: (n, m, samples)."""
     given = scenario.initial
     position = draw.positions(given.position, "initial.position")
     heading, speed = (
@@ -313,15 +315,16 @@ def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
 def attack_of(
     scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
 ) -> tuple[Any, np.ndarray, Any, np.ndarray]:
-    """Return the signal of the attack, its vectors, its scale, and greatest norms.
+    """The signal of the attack, its vectors, its scale, and greatest norms.
 
-    - The vectors have the shape (2, m, B, samples), and are 0 for vehicles without attack. If each listener
-      receives a different signal, the vectors belong to links (`hearing.link_signals`).
+    - The vectors have the shape (2, m, B, samples), and are 0 for vehicles without attack. If each
+      listener receives a different signal, the vectors belong to links (`hearing.link_signals`).
     - The scale is ā over the size of the signal.
-    - The greatest norms have the shape (2, 4, samples): first the navigator's path, then the signal's
-      functions, by order.
+    - The greatest norms have the shape (2, 4, samples): first the navigator's path, then the
+      signal's functions, by order.
 
-    `navigator` has its numbers drawn, and `start` holds the vehicles' outputs y(0): (2, m, samples).
+    `navigator` has its numbers drawn, and `start` holds the vehicles' outputs y(0): (2, m,
+    samples).
     """
     attack = scenario.attack
     first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]
@@ -346,13 +349,12 @@ def attack_of(
 
 
 def heard_by(scenario: Scenario) -> np.ndarray:
-    """Return which listeners (m,) receive an attacked link from the navigator."""
     linked = links_of(scenario)
     return (scenario.attack.attacked_links(linked) & (linked.sources == 0)).any(axis=1)
 
 
 def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
-    """Return the announcements of attacked links.
+    """The announcements of attacked links.
 
     The numbers belong to vehicles, or to links if each listener receives a different signal
     (`hearing.link_signals`).
@@ -367,10 +369,10 @@ def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
 def basis_by_vehicle(
     scenario: Scenario, draw: Draw, chosen: np.ndarray, start: np.ndarray
 ) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
-    """Return signal, vectors, scale and greatest norms if each attacked vehicle has functions of its own.
+    """Signal, vectors, scale and greatest norms if each attacked vehicle has functions of its own.
 
-    The function builds the signal of each attacked vehicle in a separate lane, and then joins these lanes.
-    The joint norm is the root of the sum of squares.
+    The function builds the signal of each attacked vehicle in a separate lane, and then joins these
+    lanes. The joint norm is the root of the sum of squares.
     """
     (m, count), n = chosen.shape, max(1, int(chosen[:, 0].sum()))
     attacked = np.argsort(~chosen, axis=0, kind="stable")[:n]
@@ -393,10 +395,10 @@ def basis_by_vehicle(
 def shared_basis(
     scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
 ) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
-    """Return signal, vectors, scale and greatest norms if all attacked vehicles share the functions.
+    """Signal, vectors, scale and greatest norms if all attacked vehicles share the functions.
 
-    The vectors treat every vehicle as attacked. The scale is ā over the size of the signal, or 1 for a signal
-    without bound.
+    The vectors treat every vehicle as attacked. The scale is ā over the size of the signal, or 1
+    for a signal without bound.
     """
     count, order = len(draw.samples), scenario.vehicle.order
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack").of_order(order)
@@ -417,7 +419,7 @@ def shared_basis(
 
 
 def first_vectors(signal: Any, count: int) -> np.ndarray:
-    """Return placeholder vectors for a strategic attack, one for each of its functions.
+    """Placeholder vectors for a strategic attack, one for each of its functions.
 
     The attack replaces them at the first tick.
     """
@@ -426,10 +428,10 @@ def first_vectors(signal: Any, count: int) -> np.ndarray:
 
 
 def tree(drawn: Any, count: int = 1) -> Any:
-    """Return a tree of arrays with the lane axis moved from last to first.
+    """A tree of arrays with the lane axis moved from last to first.
 
-    `drawn` is a kind with its numbers drawn, or another tree of arrays. A single number is repeated for
-    `count` lanes.
+    `drawn` is a kind with its numbers drawn, or another tree of arrays. A single number is repeated
+    for `count` lanes.
     """
     leaves = jax.tree.map(
         lambda leaf: leaf if np.ndim(leaf) else np.full(count, leaf), as_pytree(drawn)
@@ -438,10 +440,9 @@ def tree(drawn: Any, count: int = 1) -> Any:
 
 
 def lanes_first(leaf: Any) -> Any:
-    """Return an array with its last axis moved to the front."""
     return np.moveaxis(np.asarray(leaf), -1, 0)
 
 
 def as_array(leaf: np.ndarray) -> Any:
-    """Return a NumPy array, typed as a JAX array; compiled programs accept both."""
+    """A NumPy array, typed as a JAX array; compiled programs accept both."""
     return leaf

@@ -1,7 +1,7 @@
 """Tests of an attack, a navigator or a vehicle from outside the package before lanes run.
 
-The test suite covers the kinds of the package. The module tests others at a few instants, and vehicles in a
-few states, because an exact engine with a wrong derivative would give a wrong result.
+The test suite covers the kinds of the package. The module tests others at a few instants, and
+vehicles in a few states, because an exact engine with a wrong derivative would give a wrong result.
 """
 
 from collections.abc import Callable, Hashable
@@ -44,7 +44,8 @@ def prove(
     horizon: float,
     count: int,
 ) -> None:
-    """Raise KindError if the functions, unit vectors or sizes of a drawn attack violate their contract.
+    """Raise KindError if the functions, unit vectors or sizes of a drawn attack violate their
+    contract.
 
     `count` is the number of lanes. Attacks of the package pass without a test.
     """
@@ -70,22 +71,24 @@ def prove(
     if not (greatest <= sizes * (1 + PROOF_ROUNDING) + PROOF_ROUNDING).all():
         order = int(np.argmax((greatest - sizes).max(axis=1)))
         raise KindError(
-            f"{name}.sizes: the functions' derivative of order {order} comes to {greatest[order].max():.4g},"
-            f" which is over {sizes[order].max():.4g}"
+            f"{name}.sizes: the functions' derivative of order {order} comes to"
+            f" {greatest[order].max():.4g}, which is over {sizes[order].max():.4g}"
         )
 
 
 def around(
     jets: Callable[[np.ndarray], np.ndarray], horizon: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return instants, and at each the difference quotients of jets, and the jets: (instants, …)."""
+    """Instants, and at each the difference quotients of jets, and the jets: (instants, …)."""
     times = np.linspace(FINITE_STEP, horizon - FINITE_STEP, INSTANTS)
     before, now, after = (jets(times + step) for step in (-FINITE_STEP, 0.0, FINITE_STEP))
     return times, (after - before) / (2 * FINITE_STEP), now
 
 
 def prove_path(navigator: Navigator, horizon: float, count: int) -> None:
-    """Raise KindError if the path of a drawn navigator from outside is not finite or not differentiable."""
+    """Raise KindError if the path of a drawn navigator from outside is not finite or not
+    differentiable.
+    """
     if not from_outside(navigator):
         return
 
@@ -135,7 +138,7 @@ def prove_derivatives(
 
 
 def from_outside(kind: Kind | None) -> bool:
-    """Return whether a kind is none of jaxnet's."""
+    """Whether a kind is none of jaxnet's."""
     return kind is not None and not type(kind).__module__.startswith("jaxnet.")
 
 
@@ -146,7 +149,9 @@ def prove_finite(kind: Kind, method: str, found: Any) -> None:
 
 
 def prove_errors(lane: Lane, sources: np.ndarray) -> None:
-    """Raise KindError if an error of a sensor or noise from outside is not finite at the first tick."""
+    """Raise KindError if an error of a sensor or noise from outside is not finite at the first
+    tick.
+    """
     time, slots = np.zeros_like(lane.attack_scale), np.zeros((2, *lane.weights.shape))
     with jax.enable_x64(True):
         if from_outside(lane.sensor):
@@ -159,7 +164,8 @@ def prove_errors(lane: Lane, sources: np.ndarray) -> None:
 
 
 def prove_presumed(scenario: Scenario, drawn: Vehicle) -> None:
-    """Raise KindError if a vehicle from outside, drawn for some lanes, is not what its engine presumes.
+    """Raise KindError if a vehicle from outside, drawn for some lanes, is not what its engine
+    presumes.
 
     A vehicle is tried once. `tick: 0` and laws decide what an engine presumes.
     """
@@ -174,9 +180,10 @@ def prove_presumed(scenario: Scenario, drawn: Vehicle) -> None:
 def prove_vehicle(vehicle: Vehicle, count: int, motion: bool, engine: str) -> None:
     """Raise KindError if the jets of a drawn vehicle's output do not tell its state.
 
-    If `motion`, the derivatives of the jets must also be what was asked for: y^(r) = q for the inputs that
-    `inputs_for` gives for q. `count` is the number of vehicles. The jets, and the derivative q, are random,
-    of sizes from 0.1 to 1,000. States in which a number is not finite do not count.
+    If `motion`, the derivatives of the jets must also be what was asked for: y^(r) = q for the
+    inputs that `inputs_for` gives for q. `count` is the number of vehicles. The jets, and the
+    derivative q, are random, of sizes from 0.1 to 1,000. States in which a number is not finite do
+    not count.
     """
     tries = max(4, TRIED_VEHICLES // count)
     random = np.random.default_rng(0)
@@ -197,7 +204,7 @@ def prove_vehicle(vehicle: Vehicle, count: int, motion: bool, engine: str) -> No
 
 
 def motion_tried(vehicle: Any, asked: Any, headings: Any) -> tuple[Any, Any, Any]:
-    """Return the jets of states that shall have the jets asked for, their rates, and the sizes of these.
+    """The jets of states that shall have the jets asked for, their rates, and the sizes of these.
 
     Inner states are those of vehicles that start with these headings.
     """
@@ -221,7 +228,9 @@ def refuse_unlike(
     told: tuple[str, str],
     where: tuple[str, int, str],
 ) -> None:
-    """Raise KindError where derivatives of a vehicle's output are not as asked; `size` bounds their terms."""
+    """Raise KindError where derivatives of a vehicle's output are not as asked; `size` bounds their
+    terms.
+    """
     (name, why), (method, first, instead) = told, where
     with np.errstate(all="ignore"):
         apart = np.abs(given - asked) / (size + np.abs(asked)).max(axis=1, keepdims=True)

@@ -1,8 +1,9 @@
 """Uniform numbers, each with a fixed purpose.
 
-A number depends only on the seed, the dotted name of the quantity, the sample, the vehicle and the component.
-The number of samples, the order of lanes and other keys do not change it. Every distribution is its inverse
-CDF of that number. Cells with different distributions therefore share their draws (common random numbers).
+A number depends only on the seed, the dotted name of the quantity, the sample, the vehicle and the
+component. The number of samples, the order of lanes and other keys do not change it. Every
+distribution is its inverse CDF of that number. Cells with different distributions therefore share
+their draws (common random numbers).
 """
 
 import functools
@@ -43,16 +44,16 @@ class Source(Protocol):
     """Protocol of a source of random numbers for samples."""
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Return numbers inside (0, 1) of a quantity: (samples, places)."""
+        """Numbers inside (0, 1) of a quantity: (samples, places)."""
         ...
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Return a random generator for a quantity without a fixed number of draws."""
+        """A random generator for a quantity without a fixed number of draws."""
         ...
 
 
 def keyed_draws(seed: int, name: str, samples: tuple[int, ...], places: tuple[Entry, ...]) -> Drawn:
-    """Return the pseudorandom numbers of `Keyed.uniforms`, not to be written into."""
+    """The pseudorandom numbers of `Keyed.uniforms`, not to be written into."""
     rows, columns = (
         draw_in_blocks(samples, UNIFORMS_BLOCK[0]),
         draw_in_blocks([slot(*place) for place in places], UNIFORMS_BLOCK[1]),
@@ -76,20 +77,20 @@ class Keyed(NamedTuple):
     seed: int
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Return pseudorandom numbers inside (0, 1) in steps of 2⁻⁵³."""
+        """Pseudorandom numbers inside (0, 1) in steps of 2⁻⁵³."""
         draw = kept_draws if len(samples) * len(places) <= MOST_KEPT else keyed_draws
         return draw(self.seed, name, tuple(samples), tuple(places))
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Return a generator seeded with the seed, the name and the sample."""
+        """A generator seeded with the seed, the name and the sample."""
         return np.random.default_rng([self.seed, zlib.crc32(name.encode()), sample])
 
 
 class Scrambled(NamedTuple):
     """A source of numbers from scrambled Sobol sequences.
 
-    Each sequence has `points` points, and its own independent scrambling. `columns` maps a place to its
-    dimension. A place without a dimension gets pseudorandom numbers.
+    Each sequence has `points` points, and its own independent scrambling. `columns` maps a place to
+    its dimension. A place without a dimension gets pseudorandom numbers.
     """
 
     seed: int
@@ -97,13 +98,13 @@ class Scrambled(NamedTuple):
     columns: dict[Place, int]
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Return numbers inside (0, 1): Sobol numbers in steps of 2⁻³², pseudorandom ones elsewhere."""
+        """Numbers inside (0, 1): Sobol numbers in steps of 2⁻³², pseudorandom ones elsewhere."""
         given = sobol(self.seed, self.points, len(self.columns), tuple(samples))
         lanes = Given(given, self.columns, np.asarray(samples), Keyed(self.seed))
         return lanes.uniforms(name, range(len(samples)), places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Return a pseudorandom generator, because Sobol sequences need a fixed number of draws."""
+        """A pseudorandom generator, because Sobol sequences need a fixed number of draws."""
         return Keyed(self.seed).generator(name, sample)
 
 
@@ -114,13 +115,13 @@ class Recorded:
         self.source, self.places, self.names = source, dict[Place, None](), dict[str, None]()
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Return the numbers of the wrapped source, and record their places."""
+        """The numbers of the wrapped source, and record their places."""
         self.places.update({Place(name, *place): None for place in places})
         self.names[name] = None
         return self.source.uniforms(name, samples, places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Return the generator of the wrapped source, and record the name."""
+        """The generator of the wrapped source, and record the name."""
         self.names[name] = None
         return self.source.generator(name, sample)
 
@@ -128,8 +129,8 @@ class Recorded:
 class Later(NamedTuple):
     """A source that shifts the samples of some quantities.
 
-    A quantity in `names` takes the numbers of a later sample: sample plus `by`. Its numbers are therefore
-    new. Other quantities keep their numbers.
+    A quantity in `names` takes the numbers of a later sample: sample plus `by`. Its numbers are
+    therefore new. Other quantities keep their numbers.
     """
 
     source: Source
@@ -137,23 +138,24 @@ class Later(NamedTuple):
     names: Collection[str]
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Return numbers of the samples, shifted for quantities in `names`."""
+        """Numbers of the samples, shifted for quantities in `names`."""
         return self.source.uniforms(name, [sample + self.lag(name) for sample in samples], places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Return the generator of the sample, shifted for quantities in `names`."""
+        """The generator of the sample, shifted for quantities in `names`."""
         return self.source.generator(name, sample + self.lag(name))
 
     def lag(self, name: str) -> int:
-        """Return the shift of a quantity in samples: `by` or 0."""
+        """The shift of a quantity in samples: `by` or 0."""
         return self.by if name in self.names else 0
 
 
 class Given(NamedTuple):
-    """A source with given numbers at some places, lane by lane, and numbers of another source elsewhere.
+    """A source with given numbers at some places, lane by lane, and numbers of another source
+    elsewhere.
 
-    Callers pass lane numbers, from 0, in place of sample numbers. `samples` holds the sample of each lane in
-    the other source.
+    Callers pass lane numbers, from 0, in place of sample numbers. `samples` holds the sample of
+    each lane in the other source.
     """
 
     given: Drawn
@@ -162,7 +164,7 @@ class Given(NamedTuple):
     source: Source
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Return the given numbers, and numbers of the other source at all other places."""
+        """The given numbers, and numbers of the other source at all other places."""
         lanes = np.asarray(samples)
         columns = [self.columns.get(Place(name, *place)) for place in places]
         found = np.empty((len(lanes), len(places)))
@@ -177,13 +179,13 @@ class Given(NamedTuple):
         return found
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Return the generator of the other source for the sample of the lane."""
+        """The generator of the other source for the sample of the lane."""
         return self.source.generator(name, int(self.samples[sample]))
 
 
 @functools.lru_cache(maxsize=4)  # each name requests equal samples
 def sobol(seed: int, points: int, dimensions: int, samples: tuple[int, ...]) -> Drawn:
-    """Return numbers of scrambled Sobol sequences: (samples, dimensions).
+    """Numbers of scrambled Sobol sequences: (samples, dimensions).
 
     Sample s is point `s mod points` of sequence `s // points`.
     """
@@ -202,13 +204,13 @@ def sobol(seed: int, points: int, dimensions: int, samples: tuple[int, ...]) -> 
 
 
 def slot(vehicle: int, component: int) -> int:
-    """Return a number below 2³² that is unique to a vehicle and a component."""
+    """A number below 2³² that is unique to a vehicle and a component."""
     page, component = divmod(component, COMPONENTS)
     return page * PAGE + vehicle * COMPONENTS + component
 
 
 def draw_in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blocks size"]:
-    """Return numbers in rows of a fixed size, with zeros at the end of the last row."""
+    """Numbers in rows of a fixed size, with zeros at the end of the last row."""
     padded = np.zeros(-(-len(numbers) // size) * size, np.uint32)
     padded[: len(numbers)] = numbers
     return padded.reshape(-1, size)
@@ -216,7 +218,7 @@ def draw_in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blo
 
 @jax.jit
 def bits(key: Any, samples: Any, slots: Any) -> Any:
-    """Return 64 random bits for each sample and slot."""
+    """64 random bits for each sample and slot."""
 
     def one(sample: Any, slot: Any) -> Any:
         return jax.random.bits(

@@ -1,4 +1,5 @@
-"""The physics of the closed loop: pure functions, no I/O. Random numbers follow from keys (`chance`).
+"""The physics of the closed loop: pure functions, no I/O. Random numbers follow from keys
+(`chance`).
 
 The modules follow a message through the loop:
 
@@ -9,7 +10,8 @@ The modules follow a message through the loop:
 - `control`: the control law, solved by structure. `definition` has the dense system of the paper.
 - `lane`: the numbers of one simulated fleet.
 
-Vehicles have the numbers 1 to m as in the paper, and the navigator has the number 0. A *source* is the
-navigator or a vehicle. An array over sources has m + 1 entries, and source j stands at index j. An array over
-vehicles has m entries, and vehicle i stands at index i - 1. The lane axis is the last axis.
+Vehicles have the numbers 1 to m as in the paper, and the navigator has the number 0. A *source* is
+the navigator or a vehicle. An array over sources has m + 1 entries, and source j stands at index j.
+An array over vehicles has m entries, and vehicle i stands at index i - 1. The lane axis is the last
+axis.
 """

@@ -1,12 +1,12 @@
 """A centerpoint of points in the plane, and weights with that centerpoint as their mean.
 
-Each closed half-plane that contains a centerpoint of n points contains at least n/3 of the points. The set of
-all centerpoints is a convex polygon and never empty. It is the intersection of the half-planes `u·x ≤ h(u)`
-over all directions u. Here h(u) is the ⌈n/3⌉-th greatest of `u·y_j`.
+Each closed half-plane that contains a centerpoint of n points contains at least n/3 of the points.
+The set of all centerpoints is a convex polygon and never empty. It is the intersection of the
+half-planes `u·x ≤ h(u)` over all directions u. Here h(u) is the ⌈n/3⌉-th greatest of `u·y_j`.
 
-The order of the points along u changes only at directions normal to a line through two points. Between two
-such directions h belongs to one point. Therefore the normals of all pairs determine the polygon. The four
-directions of the axes cover the case of points on one line.
+The order of the points along u changes only at directions normal to a line through two points.
+Between two such directions h belongs to one point. Therefore the normals of all pairs determine the
+polygon. The four directions of the axes cover the case of points on one line.
 """
 
 from typing import NamedTuple
@@ -36,7 +36,7 @@ Point = Float[Array, "2 m lanes"]
 Sides = Float[Array, "sides m lanes"]
 OfVehicles = Float[Array, "m lanes"]
 Multipliers = Float[Array, "3 m lanes"]
-Moment = tuple[Point, OfVehicles]
+BoundaryMoment = tuple[Point, OfVehicles]
 
 
 class HalfPlanes(NamedTuple):
@@ -46,19 +46,20 @@ class HalfPlanes(NamedTuple):
     offset: Float[Array, "sides m lanes"]
 
     def beyond(self, point: Point) -> Float[Array, "sides m lanes"]:
-        """Return the distance of a point outside each half-plane [m], negative inside."""
+        """The distance of a point outside each half-plane [m], negative inside."""
         return dot(self.normal, point[:, None]) - self.offset
 
 
 def weights(position: Points, of: SlotWeights) -> SlotWeights:
-    """Return weights with a centerpoint of the positions as weighted mean.
+    """Weights with a centerpoint of the positions as weighted mean.
 
-    Only slots with positive weight in `of` count. The chosen centerpoint is the mean of the boundary of the
-    polygon of centerpoints, and therefore an interior point. Vehicles that move to a centerpoint on the
-    boundary need not meet. For three points or fewer, every point between them is a centerpoint, and the
-    function returns `of`, normalised.
+    Only slots with positive weight in `of` count. The chosen centerpoint is the mean of the
+    boundary of the polygon of centerpoints, and therefore an interior point. Vehicles that move to
+    a centerpoint on the boundary need not meet. For three points or fewer, every point between them
+    is a centerpoint, and the function returns `of`, normalised.
 
-    The returned weights λ minimise `Σ λ²/w`, so that they are as near as possible to the given weights w.
+    The returned weights λ minimise `Σ λ²/w`, so that they are as near as possible to the given
+    weights w.
     """
     of = of / of.sum(axis=0, keepdims=True)
     many = (of > 0).sum(axis=0) > 3
@@ -72,7 +73,7 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
 
 
 def half_planes(position: Points, heard: Bool[Array, "slots m lanes"]) -> HalfPlanes:
-    """Return the half-planes with the set of all centerpoints as intersection."""
+    """The half-planes with the set of all centerpoints as intersection."""
     slots = len(heard)
     apart = jnp.where(
         (heard[:, None] & heard[None])[None], position[:, None] - position[:, :, None], 0.0
@@ -90,22 +91,24 @@ def half_planes(position: Points, heard: Bool[Array, "slots m lanes"]) -> HalfPl
 
 
 def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lanes"]) -> Sides:
-    """Return the value of the given rank over the slots; rank 1 is the greatest value."""
+    """The value of the given rank over the slots; rank 1 is the greatest value."""
     above = (values[:, :, None] >= values[:, None]).sum(axis=1)
     return jnp.where(above >= rank[None, None], values, -jnp.inf).max(axis=1)
 
 
 def middle(sides: HalfPlanes, beside: Point) -> Point:
-    """Return the mean of the boundary of a convex polygon, an interior point if the polygon has an interior.
+    """The mean of the boundary of a convex polygon, an interior point if the polygon has an
+    interior.
 
-    On the line of each side, the other sides leave an interval. The mean weighs the midpoint of each interval
-    by its length. The function measures each line from its point nearest to `beside`, which is any point.
+    On the line of each side, the other sides leave an interval. The mean weighs the midpoint of
+    each interval by its length. The function measures each line from its point nearest to `beside`,
+    which is any point.
     """
     numbers = jnp.arange(sides.offset.shape[0])
 
     def add(
-        carry: Moment, side: tuple[LoopIndex, Point, OfVehicles, OfVehicles]
-    ) -> tuple[Moment, None]:
+        carry: BoundaryMoment, side: tuple[LoopIndex, Point, OfVehicles, OfVehicles]
+    ) -> tuple[BoundaryMoment, None]:
         moment, total = carry
         number, normal, offset, gap = side
         foot, along = beside - gap[None] * normal, jnp.stack([-normal[1], normal[0]])
@@ -130,15 +133,15 @@ def middle(sides: HalfPlanes, beside: Point) -> Point:
 
 
 def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
-    """Return the weights λ with `Σ λ = 1` and `Σ λ y = point` that minimise `Σ λ²/w`.
+    """The weights λ with `Σ λ = 1` and `Σ λ y = point` that minimise `Σ λ²/w`.
 
-    The solution is `λ_j = w_j max(0, a + b·(y_j - point))`. Here a and b minimise the convex, piecewise
-    quadratic function `½ Σ w_j max(0, a + b·(y_j - point))² - a`. The solver is Newton's method with a line
-    search over a few step lengths.
+    The solution is `λ_j = w_j max(0, a + b·(y_j - point))`. Here a and b minimise the convex,
+    piecewise quadratic function `½ Σ w_j max(0, a + b·(y_j - point))² - a`. The solver is Newton's
+    method with a line search over a few step lengths.
 
-    If the point lies on an edge of the convex hull, positions off that edge keep weights near 0. Rounding
-    hides these weights from Newton's method. A second solution omits these positions. It replaces the first
-    solution if its mean is nearer to the point.
+    If the point lies on an edge of the convex hull, positions off that edge keep weights near 0.
+    Rounding hides these weights from Newton's method. A second solution omits these positions. It
+    replaces the first solution if its mean is nearer to the point.
     """
     apart = position - point[:, None]
     size = jnp.where(of > 0, length(apart), 0.0).max(axis=0)

@@ -1,11 +1,12 @@
 """Random numbers that a lane draws at an instant.
 
-A number depends only on the lane, the time and the purpose. Other lanes and the engine do not change it.
+A number depends only on the lane, the time and the purpose. Other lanes and the engine do not
+change it.
 
-The bits are those of `jax.random` with the same key: Threefry 2x32 of 20 rounds (Salmon, Moraes, Dror, Shaw,
-Parallel random numbers: as easy as 1, 2, 3, SC 2011). On CPUs `jax.random` runs the rounds as a loop with the
-lanes first. Here the rounds are one expression with the lanes last: 2.8 times, uniform numbers; 16 times,
-normal numbers.
+The bits are those of `jax.random` with the same key: Threefry 2x32 of 20 rounds (Salmon, Moraes,
+Dror, Shaw, Parallel random numbers: as easy as 1, 2, 3, SC 2011). On CPUs `jax.random` runs the
+rounds as a loop with the lanes first. Here the rounds are one expression with the lanes last: 2.8
+times, uniform numbers; 16 times, normal numbers.
 """
 
 import functools
@@ -54,12 +55,13 @@ PARITY = np.uint32(0x1BD11BDA)  # of the parts of a key
 def drawn(
     key: LaneValues, time: LaneValues, purpose: str, distribution: str, shape: tuple[int, ...]
 ) -> Float[Array, "*shape lanes"]:
-    """Return random numbers of a shape for each lane.
+    """Random numbers of a shape for each lane.
 
-    Uniform numbers are at least 0 and less than 1. Normal numbers have mean 0 and standard deviation 1.
+    Uniform numbers are at least 0 and less than 1. Normal numbers have mean 0 and standard
+    deviation 1.
 
-    The key of a draw derives from the key of the lane, the time and the purpose. Each lane needs a unique
-    number as its key. The time [s] must be equal to the last bit in every engine.
+    The key of a draw derives from the key of the lane, the time and the purpose. Each lane needs a
+    unique number as its key. The time [s] must be equal to the last bit in every engine.
     """
     named = jnp.full(key.shape, zlib.crc32(purpose.encode()), np.uint32)
     found = halves(key)
@@ -70,13 +72,13 @@ def drawn(
 
 
 def halves(number: LaneValues) -> Bits:
-    """Return the 64 bits of numbers as two halves of 32 bits."""
+    """The 64 bits of numbers as two halves of 32 bits."""
     both = jax.lax.bitcast_convert_type(number, jnp.uint32)
     return both[..., 0], both[..., 1]
 
 
 def threefry(key: Bits, counter: Bits) -> Bits:
-    """Return the two words of Threefry 2x32 for a key and a counter."""
+    """The two words of Threefry 2x32 for a key and a counter."""
     keys = *key, key[0] ^ key[1] ^ PARITY
     first, second = counter[0] + keys[0], counter[1] + keys[1]
     for block in range(5):
@@ -89,21 +91,21 @@ def threefry(key: Bits, counter: Bits) -> Bits:
 
 
 def words(key: Bits, shape: tuple[int, ...]) -> Bits:
-    """Return two words of 32 random bits for each number of each lane."""
+    """Two words of 32 random bits for each number of each lane."""
     number = np.arange(np.prod(shape, dtype=int), dtype=np.uint32).reshape(*shape, 1)
     keys = [part.reshape(*[1] * len(shape), -1) for part in key]
     return threefry((keys[0], keys[1]), (jnp.zeros_like(number), jnp.asarray(number)))
 
 
 def uniform(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
-    """Return uniform numbers of 52 random bits, at least 0 and less than 1."""
+    """Uniform numbers of 52 random bits, at least 0 and less than 1."""
     high, low = (part.astype(jnp.uint64) for part in words(key, shape))
     mantissa = (high << np.uint64(32) | low) >> np.uint64(12)
     return jax.lax.bitcast_convert_type(mantissa | np.uint64(0x3FF0000000000000), float) - 1.0
 
 
 def normal(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
-    """Return normal numbers of 24 random bits, none greater than 5.5.
+    """Normal numbers of 24 random bits, none greater than 5.5.
 
     They are computed in single precision, and err by less than 1e-6.
     """
@@ -113,10 +115,11 @@ def normal(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
 
 
 def inverse_error(number: Float32[Array, "*some"]) -> Float32[Array, "*some"]:
-    """Return the inverse of the error function (Giles, Approximating the erfinv function, GPU Computing Gems,
-    2011).
+    """The inverse of the error function (Giles, Approximating the erfinv function, GPU Computing
+    Gems, 2011).
 
-    Both polynomials are computed, then one is chosen: twice as fast as `jax.lax.erf_inv`, normal numbers.
+    Both polynomials are computed, then one is chosen: twice as fast as `jax.lax.erf_inv`, normal
+    numbers.
     """
     depth = -jnp.log((1 - number) * (1 + number))
     inner = polynomial(INNER, depth - np.float32(2.5))
@@ -133,13 +136,14 @@ SAMPLERS: dict[str, Callable[[Bits, tuple[int, ...]], Array]] = {
 def noisy(
     jets: Sequence[Jet], size: LaneValues, key: LaneValues, time: LaneValues, first: int = 0
 ) -> tuple[Jet, ...]:
-    """Return jets with independent normal errors of standard deviation `size`.
+    """Jets with independent normal errors of standard deviation `size`.
 
-    If all sizes are 0, the jets stay unchanged bit by bit. `first` is the order of the first jet. Each order
-    has its own draws.
+    If all sizes are 0, the jets stay unchanged bit by bit. `first` is the order of the first jet.
+    Each order has its own draws.
 
-    The conditional computes the noisy jets once, before any use. Otherwise a compiler may compute them again
-    at each use with different rounding. A source would then differ from itself in a comparison.
+    The conditional computes the noisy jets once, before any use. Otherwise a compiler may compute
+    them again at each use with different rounding. A source would then differ from itself in a
+    comparison.
     """
 
     def wrong(order: int, jet: Jet) -> Jet:

@@ -1,11 +1,13 @@
-"""Cosine and sine of one angle together, and the angle of a vector, in arithmetic that a compiler vectorises.
+"""Cosine and sine of one angle together, and the angle of a vector, in arithmetic that a compiler
+vectorises.
 
-On CPUs, the double precision functions of XLA handle one number at a time and are an order of magnitude
-slower. Quarter turns reduce the angle to [-π/4, π/4] (Cody and Waite, 1980). The reduction splits
-π/2 into three parts; the first two parts are short, so that their multiples are exact. In that interval the
-polynomials of fdlibm are accurate to half a unit in the last place (Sun Microsystems, `k_sin.c` and
-`k_cos.c`). The error is at most 1.8e-16 for angles up to 1e8 rad. The arc tangent has
-fdlibm's polynomial too (`s_atan.c`), with an error under 2.5 units in the last place.
+On CPUs, the double precision functions of XLA handle one number at a time and are an order of
+magnitude slower. Quarter turns reduce the angle to [-π/4, π/4] (Cody and Waite, 1980). The
+reduction splits π/2 into three parts; the first two parts are short, so that their multiples are
+exact. In that interval the polynomials of fdlibm are accurate to half a unit in the last place (Sun
+Microsystems, `k_sin.c` and `k_cos.c`). The error is at most 1.8e-16 for angles up to 1e8 rad. The
+arc tangent has fdlibm's polynomial too (`s_atan.c`), with an error under 2.5 units in the last
+place.
 """
 
 import functools
@@ -49,7 +51,7 @@ ARC = (
 
 
 def circle(angle: Numbers) -> tuple[Numbers, Numbers]:
-    """Return `(cos, sin)` of an array of angles [rad], for NumPy and JAX."""
+    """`(cos, sin)` of an array of angles [rad], for NumPy and JAX."""
     if isinstance(angle, np.ndarray):
         return by_polynomials(angle)
     return differentiable()(angle)
@@ -57,7 +59,7 @@ def circle(angle: Numbers) -> tuple[Numbers, Numbers]:
 
 @functools.cache
 def differentiable() -> Callable[[Numbers], tuple[Numbers, Numbers]]:
-    """Return the function for JAX, whose derivative is that of the cosine and the sine."""
+    """The function for JAX, whose derivative is that of the cosine and the sine."""
     import jax
 
     function = jax.custom_jvp(by_polynomials)
@@ -71,7 +73,7 @@ def differentiable() -> Callable[[Numbers], tuple[Numbers, Numbers]]:
 
 
 def angle(across: Numbers, up: Numbers) -> Numbers:
-    """Return the angle [rad] of vectors, `atan2(up, across)`, for NumPy and JAX.
+    """The angle [rad] of vectors, `atan2(up, across)`, for NumPy and JAX.
 
     With t the smaller over the greater component, `atan t = π/4 + atan((t - 1) / (t + 1))`.
     """
@@ -90,7 +92,7 @@ def angle(across: Numbers, up: Numbers) -> Numbers:
 
 
 def by_polynomials(angle: Numbers) -> tuple[Numbers, Numbers]:
-    """Return `(cos, sin)` by the polynomials."""
+    """`(cos, sin)` by the polynomials."""
     xp = angle.__array_namespace__()
     turns = xp.round(angle * 0.6366197723675814)
     rest = angle - turns * QUARTER[0]
@@ -102,13 +104,14 @@ def by_polynomials(angle: Numbers) -> tuple[Numbers, Numbers]:
     odd = (quadrant == 1.0) | (quadrant == 3.0)
     across, up = xp.where(odd, sine, cosine), xp.where(odd, cosine, sine)
     left, down = (quadrant == 1.0) | (quadrant == 2.0), quadrant >= 2.0
-    # XLA computes cheap expressions again at each use. A division prevents that: 1.01 times, plain, 12
+    # XLA computes cheap expressions again at each use. A division prevents that: 1.01 times, plain,
+    # 12
     # vehicles. A choice of signs instead would change the last bits of the nonlinear engine.
     return across / xp.where(left, -1.0, 1.0), up / xp.where(down, -1.0, 1.0)
 
 
 def polynomial(coefficients: tuple[float, ...], x: Numbers) -> Numbers:
-    """Return `c_0 + c_1 x + c_2 x² …` by Horner's rule."""
+    """`c_0 + c_1 x + c_2 x² …` by Horner's rule."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = total * x + coefficient

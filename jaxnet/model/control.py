@@ -3,14 +3,15 @@
     ε = y - Σ_j w_ij (y_j + a_ij),      P(y) = k0 y + k1 ẏ + k2 ÿ
     L q = a0 ⊗ y_0‴ + d‴ - P(ε),        q = y‴
 
-A vehicle of order r has r gains. P then has the terms up to k_{r-1}, and q is the r-th derivative. A gain may
-be a 2 × 2 matrix, which couples the axes.
+A vehicle of order r has r gains. P then has the terms up to k_{r-1}, and q is the r-th derivative.
+A gain may be a 2 × 2 matrix, which couples the axes.
 
-The paper states the dense system `M u = …` with 2m unknowns; `definition` implements it. Without ψ, that
-system becomes an m × m system with two right-hand sides, one for each axis.
+The paper states the dense system `M u = …` with 2m unknowns; `definition` implements it. Without ψ,
+that system becomes an m × m system with two right-hand sides, one for each axis.
 
-P is linear. From each neighbour j, a vehicle therefore receives `P(y_j) + P(a_ij) + a_ij‴`. From the
-navigator it receives y_0‴ in addition. The third derivatives of the neighbours are the unknowns.
+P is linear. From each neighbour j, a vehicle therefore receives `P(y_j) + P(a_ij) + a_ij‴`. From
+the navigator it receives y_0‴ in addition. The third derivatives of the neighbours are the
+unknowns.
 """
 
 import jax.numpy as jnp
@@ -24,22 +25,21 @@ Gain = Float[Array, "r 2 2 *lanes"] | Float[Array, "r *lanes"]  # matrices, or n
 
 
 def is_matrix(gain: Gain) -> bool:
-    """Return whether gains are 2 × 2 matrices."""
     return gain.ndim > 2
 
 
 def times_matrix(matrix: Float[Array, "2 2 *lanes"], vectors: PlaneArray) -> PlaneArray:
-    """Return a matrix times vectors (2, …, *lanes)."""
+    """A matrix times vectors (2, …, *lanes)."""
     xp, lift = vectors.__array_namespace__(), [1] * (vectors.ndim + 1 - matrix.ndim)
     (xx, xy), (yx, yy) = matrix.reshape(2, 2, *lift, *matrix.shape[2:])
     return xp.stack([xx * vectors[0] + xy * vectors[1], yx * vectors[0] + yy * vectors[1]])
 
 
 def feedback(gain: Gain, jets: OrderedJets) -> Numbers:
-    """Return `P(y) = k0 y + k1 ẏ + …` of the jets of a signal, with a term for each of the r gains.
+    """`P(y) = k0 y + k1 ẏ + …` of the jets of a signal, with a term for each of the r gains.
 
-    Where gains are matrices, a jet has the two axes first. The function ignores derivatives of order r and
-    above.
+    Where gains are matrices, a jet has the two axes first. The function ignores derivatives of
+    order r and above.
     """
     if is_matrix(gain):
         return sum(times_matrix(each, jet) for each, jet in zip(gain, jets, strict=False))
@@ -52,12 +52,12 @@ def feedback(gain: Gain, jets: OrderedJets) -> Numbers:
 
 
 def driven(gain: Gain, jets: OrderedJets) -> Numbers:
-    """Return `R(y) = y^(r) + P(y)` of the jets of a signal, at least r + 1 of them for r gains."""
+    """`R(y) = y^(r) + P(y)` of the jets of a signal, at least r + 1 of them for r gains."""
     return feedback(gain, jets) + jets[len(gain)]
 
 
 def drive_functions(gain: Gain, basis: Basis) -> Float[Array, "driving *lanes"]:
-    """Return the functions of R(a) for a signal a with these functions β: R(β).
+    """The functions of R(a) for a signal a with these functions β: R(β).
 
     Where gains are matrices, these are the functions with their r derivatives, the functions first.
     """
@@ -67,7 +67,7 @@ def drive_functions(gain: Gain, basis: Basis) -> Float[Array, "driving *lanes"]:
 
 
 def drive_vectors(gain: Gain, vectors: Vectors) -> Float[Array, "2 _ driving *lanes"]:
-    """Return the vectors of R(a), which belong to `drive_functions`, for a signal with these vectors."""
+    """The vectors of R(a), which belong to `drive_functions`, for a signal with these vectors."""
     if is_matrix(gain):
         xp = vectors.__array_namespace__()
         return xp.concatenate([*(times_matrix(each, vectors) for each in gain), vectors], axis=2)
@@ -75,7 +75,7 @@ def drive_vectors(gain: Gain, vectors: Vectors) -> Float[Array, "2 _ driving *la
 
 
 def norms(gain: Gain) -> Float[Array, "r *lanes"]:
-    """Return the absolute gains; of matrices, their Frobenius norms."""
+    """The absolute gains; of matrices, their Frobenius norms."""
     return (gain**2).sum(axis=(1, 2)) ** 0.5 if is_matrix(gain) else abs(gain)
 
 
@@ -87,10 +87,10 @@ def demand(
     weights: AxisWeights,
     gain: Gain,
 ) -> Float[Array, "2 m *lanes"]:
-    """Return the right-hand side `a0 ⊗ y_0‴ + d‴ - P(ε)` of the law.
+    """The right-hand side `a0 ⊗ y_0‴ + d‴ - P(ε)` of the law.
 
-    `own` are the jets of the vehicles, `path` is R(y_0) of the navigator, and `attack` is R(a) of the attack
-    signals.
+    `own` are the jets of the vehicles, `path` is R(y_0) of the navigator, and `attack` is R(a) of
+    the attack signals.
     """
     mine = feedback(gain, own)
     sources = jnp.concatenate([path[:, None], mine], axis=1)
@@ -105,11 +105,11 @@ def local_demand(
     weights: AxisWeights,
     gain: Gain,
 ) -> Float[Array, "2 m *lanes"]:
-    """Return `q = a0 ⊗ y_0^(r) - P(ε)`, for which no neighbour tells its r-th derivative.
+    """`q = a0 ⊗ y_0^(r) - P(ε)`, for which no neighbour tells its r-th derivative.
 
-    The navigator tells its r-th derivative to those who hear it. `own`,
-    `navigator` and `signals` are the jets of the vehicles (2, m, lanes), the navigator (2, lanes) and the
-    attacks (2, signals, lanes).
+    The navigator tells its r-th derivative to those who hear it. `own`, `navigator` and `signals`
+    are the jets of the vehicles (2, m, lanes), the navigator (2, lanes) and the attacks (2,
+    signals, lanes).
     """
     mine, path, order = feedback(gain, own), feedback(gain, navigator), len(gain)
     sources = jnp.concatenate([path[:, None], mine], axis=1)

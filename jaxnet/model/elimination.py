@@ -1,7 +1,7 @@
 """Products and Gauss–Jordan elimination of small matrices, vectorised over lanes, the last axis.
 
-A matrix (n, c, axes, lanes) has n rows and c columns. Elimination does not search for pivots: it is for
-diagonally dominant and for positive definite matrices.
+A matrix (n, c, axes, lanes) has n rows and c columns. Elimination does not search for pivots: it is
+for diagonally dominant and for positive definite matrices.
 """
 
 import jax
@@ -11,21 +11,23 @@ from jaxtyping import Array, Float
 from jaxnet.model import xla
 from jaxnet.model.shapes import LoopIndex
 
-# Pivot rows, or columns of a product, in one pass: 1.3 times, trimming, 12 vehicles; 1.04 times, 1,000.
+# Pivot rows, or columns of a product, in one pass: 1.3 times, trimming, 12 vehicles; 1.04 times,
+# 1,000.
 AT_ONCE = 4
-# Maximum number of removals of finished columns: 1.07 times, trimming, 12 vehicles. Each compiles a program.
+# Maximum number of removals of finished columns: 1.07 times, trimming, 12 vehicles. Each compiles a
+# program.
 LEFT_OUT = 6
 
 Matrix = Float[Array, "n c axes lanes"]
 
 
 def identity(matrix: Float[Array, "... n n axes lanes"]) -> Float[Array, "... n n axes lanes"]:
-    """Return the identity matrix in the shape of square matrices, equal for each axis and lane."""
+    """The identity matrix in the shape of square matrices, equal for each axis and lane."""
     return jnp.broadcast_to(jnp.eye(matrix.shape[-3])[:, :, None, None], matrix.shape)
 
 
 def multiplied(left: Float[Array, "n n axes lanes"], right: Matrix) -> Matrix:
-    """Return the product of two small matrices, for each axis and lane."""
+    """The product of two small matrices, for each axis and lane."""
     total = left[:, :1] * right[:1]
     for n in range(1, len(right)):
         total = total + left[:, n : n + 1] * right[n : n + 1]
@@ -37,8 +39,9 @@ def product(
 ) -> Float[Array, "components m lanes"]:
     """Multiply a matrix, given by its columns, with vectors in each lane.
 
-    The matrix has one axis for both components, or one for each component. The batched product of XLA handles
-    one lane at a time. This loop makes the nonlinear engine 1.9 times as fast, plain, 12 vehicles.
+    The matrix has one axis for both components, or one for each component. The batched product of
+    XLA handles one lane at a time. This loop makes the nonlinear engine 1.9 times as fast, plain,
+    12 vehicles.
     """
     at_once = max(n for n in range(1, AT_ONCE + 1) if len(columns) % n == 0)
 
@@ -53,13 +56,13 @@ def product(
 
 
 def eliminated(whole: Matrix) -> Float[Array, "n r axes lanes"]:
-    """Return `M⁻¹ B` for `[M | B]` by blocked Gauss–Jordan elimination, vectorised over lanes.
+    """`M⁻¹ B` for `[M | B]` by blocked Gauss–Jordan elimination, vectorised over lanes.
 
-    AT_ONCE pivot rows at the front eliminate the other rows and then move to the back. Most of the time goes
-    into passes over the other rows. Several pivot rows therefore share one pass.
+    AT_ONCE pivot rows at the front eliminate the other rows and then move to the back. Most of the
+    time goes into passes over the other rows. Several pivot rows therefore share one pass.
 
-    The function removes finished columns. It does so at every pass for small matrices, and after several
-    passes for large ones. Each removal changes the shape and compiles another program.
+    The function removes finished columns. It does so at every pass for small matrices, and after
+    several passes for large ones. Each removal changes the shape and compiles another program.
     """
     passes, rest = divmod(len(whole), AT_ONCE)
     at_a_time = max(1, -(-passes // LEFT_OUT))
@@ -88,7 +91,7 @@ def eliminate(rows: Matrix, first: int) -> Float[Array, "n r axes lanes"]:
 
 
 def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lanes"]:
-    """Return `P⁻¹ R` for `[P | R]` with few rows."""
+    """`P⁻¹ R` for `[P | R]` with few rows."""
     if len(rows) == 1:
         return rows[:, 1:] / rows[:, :1]
     if len(rows) == 2:
@@ -102,7 +105,9 @@ def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lane
 
 
 def without(rows: Matrix, pivots: Float[Array, "k r axes lanes"]) -> Float[Array, "n r axes lanes"]:
-    """Subtract multiples of k pivot rows from rows, and remove the first k columns, which become 0."""
+    """Subtract multiples of k pivot rows from rows, and remove the first k columns, which become
+    0.
+    """
     left = rows[:, len(pivots) :]
     for n, pivot in enumerate(pivots):
         left = left - rows[:, n : n + 1] * pivot[None]

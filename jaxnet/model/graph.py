@@ -1,9 +1,9 @@
-"""Directed graphs with weights (paper, section 2), in NumPy: the graph is complete before a simulation
-starts.
+"""Directed graphs with weights (paper, section 2), in NumPy: the graph is complete before a
+simulation starts.
 
-A graph of m vehicles lists the sources of each listener. Its memory grows with the number of links, not with
-m². For small fleets, `dense` returns the matrix `[a0 | A]` of the paper: (m, m + 1), with the navigator in
-the first column.
+A graph of m vehicles lists the sources of each listener. Its memory grows with the number of links,
+not with m². For small fleets, `dense` returns the matrix `[a0 | A]` of the paper: (m, m + 1), with
+the navigator in the first column.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,9 +25,9 @@ Matrices = np.ndarray | sparse.sparray | sparse.spmatrix  # (m, m + 1)
 class Digraph(NamedTuple):
     """A weighted digraph: row i - 1 lists the sources of vehicle i, slot by slot.
 
-    The number of slots is the greatest number of sources of any listener. An unused slot has weight 0 and
-    contains the number of the listener itself. The weights of a row sum to 1, or to 0 if the vehicle hears no
-    source.
+    The number of slots is the greatest number of sources of any listener. An unused slot has weight
+    0 and contains the number of the listener itself. The weights of a row sum to 1, or to 0 if the
+    vehicle hears no source.
     """
 
     sources: Int[np.ndarray, "m slots"]  # 0 is the navigator
@@ -35,30 +35,29 @@ class Digraph(NamedTuple):
 
     @property
     def vehicles(self) -> int:
-        """Return the number of vehicles."""
         return len(self.sources)
 
     @property
     def heard(self) -> Links:
-        """Return the slots that contain a link: the slots with positive weight."""
+        """The slots that contain a link: the slots with positive weight."""
         return self.weights > 0
 
     @property
     def none(self) -> Links:
-        """Return an array of slots without any link."""
+        """An array of slots without any link."""
         return np.zeros(self.weights.shape, bool)
 
     def only(self, links: Links) -> "Digraph":
-        """Return the graph with weight 0 outside the given links."""
+        """The graph with weight 0 outside the given links."""
         return self._replace(weights=np.where(links, self.weights, 0.0))
 
     def edges(self) -> tuple[Row, Row]:
-        """Return listeners, from 0, and slots of all links, sorted by listener."""
+        """Listeners, from 0, and slots of all links, sorted by listener."""
         listeners, slots = np.nonzero(self.heard)
         return listeners, slots
 
     def pairs(self) -> dict[tuple[int, int], float]:
-        """Return the weights by listener, from 0, and source."""
+        """The weights by listener, from 0, and source."""
         rows, slots = self.edges()
         ends = zip(rows.tolist(), self.sources[rows, slots].tolist(), strict=True)
         return dict(zip(ends, self.weights[rows, slots].tolist(), strict=True))
@@ -70,7 +69,7 @@ def of_links(
     sources: Numbered,
     weights: Shaped[np.ndarray, " links"] | float = 1.0,
 ) -> Digraph:
-    """Return the graph of listeners, from 0, sources and weights.
+    """The graph of listeners, from 0, sources and weights.
 
     Each link may appear only once. The function does not normalise the weights.
     """
@@ -86,7 +85,7 @@ def of_links(
 def slotted(
     vehicles: int, listeners: Row, sources: Row
 ) -> tuple[Row, Row, Int[np.ndarray, "m slots"]]:
-    """Return row and slot of each link, and the table of sources slot by slot.
+    """Row and slot of each link, and the table of sources slot by slot.
 
     The links must be sorted by listener.
     """
@@ -98,12 +97,12 @@ def slotted(
 
 
 def of_matrix(given: Matrices) -> Digraph:
-    """Return the graph of a matrix (m, m + 1) of weights or links, a NumPy array or a SciPy sparse array."""
+    """Graph of a matrix (m, m + 1) of weights or links, a NumPy array or a SciPy sparse array."""
     return of_links(given.shape[0], *entries(given))  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def entries(given: Matrices) -> tuple[Row, Row, Shaped[np.ndarray, " links"]]:
-    """Return rows, columns and values of the entries other than 0, of a NumPy or SciPy sparse array."""
+    """Rows, columns and values of the entries other than 0, of a NumPy or SciPy sparse array."""
     if isinstance(given, np.ndarray):
         rows, columns = np.nonzero(given)
         return rows, columns, given[rows, columns]
@@ -114,13 +113,13 @@ def entries(given: Matrices) -> tuple[Row, Row, Shaped[np.ndarray, " links"]]:
 
 
 def weighted(vehicles: int, edges: Iterable[tuple[int, int, float]]) -> Digraph:
-    """Return the graph of edges (i, j, w), "i hears j with weight w", with rows normalised to sum 1."""
+    """The graph of edges (i, j, w), "i hears j with weight w", with rows normalised to sum 1."""
     listeners, sources, weights = np.array([*edges], float).reshape(-1, 3).T
     return normalised(of_links(vehicles, listeners - 1, sources, weights))
 
 
 def normalised(graph: Digraph) -> Digraph:
-    """Return the graph with rows that sum to 1, or to 0 if a vehicle hears no source."""
+    """The graph with rows that sum to 1, or to 0 if a vehicle hears no source."""
     weights = graph.weights
     total = totals(graph.sources, weights, graph.vehicles + 1)[:, None]
     return graph._replace(
@@ -131,7 +130,7 @@ def normalised(graph: Digraph) -> Digraph:
 def row_sums(
     graph: Digraph, navigator: bool
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Return the weight of each vehicle on itself, and the sum of its other weights.
+    """The weight of each vehicle on itself, and the sum of its other weights.
 
     `navigator` says whether the navigator counts among the others.
     """
@@ -143,11 +142,11 @@ def row_sums(
 def totals(
     columns: Int[np.ndarray, "m slots"], values: Float[np.ndarray, "m slots"], width: int
 ) -> Float[np.ndarray, " m"]:
-    """Return sums of rows, equal to the last bit to the sums of the dense rows in NumPy.
+    """Sums of rows, equal to the last bit to the sums of the dense rows in NumPy.
 
-    NumPy adds a dense row of this width pairwise. Equal order gives a graph equal weights, however the user
-    states the graph. The sum of two numbers does not depend on the order. For rows with more entries, the
-    function builds dense rows, a few at a time.
+    NumPy adds a dense row of this width pairwise. Equal order gives a graph equal weights, however
+    the user states the graph. The sum of two numbers does not depend on the order. For rows with
+    more entries, the function builds dense rows, a few at a time.
     """
     found = values.sum(axis=1)
     several, at_once = np.flatnonzero((values != 0).sum(axis=1) > 2), max(1, BLOCK // width)
@@ -161,22 +160,23 @@ def totals(
 
 
 def dense(graph: Digraph) -> Weights:
-    """Return the dense matrix `[a0 | A]`, for small fleets."""
+    """The dense matrix `[a0 | A]`, for small fleets."""
     matrix = np.zeros((graph.vehicles, graph.vehicles + 1))
     np.add.at(matrix, (np.arange(graph.vehicles)[:, None], graph.sources), graph.weights)
     return matrix
 
 
 def laplacian(weights: Weights) -> Float[np.ndarray, "m m"]:
-    """Return `L = I - A` of the matrix `[a0 | A]`.
+    """`L = I - A` of the matrix `[a0 | A]`.
 
-    If every vehicle hears a source, L is nonsingular if and only if the navigator reaches every vehicle.
+    If every vehicle hears a source, L is nonsingular if and only if the navigator reaches every
+    vehicle.
     """
     return np.eye(len(weights)) - weights[:, 1:]
 
 
 def solver(graph: Digraph) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function that computes `L⁻¹ b` for b (m, …), with `L = I - A` sparse and nonsingular."""
+    """A function that computes `L⁻¹ b` for b (m, …), with `L = I - A` sparse and nonsingular."""
     from scipy.sparse.linalg import splu
 
     listeners, slots = graph.edges()
@@ -187,12 +187,12 @@ def solver(graph: Digraph) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def inverse_norm(graph: Digraph) -> float:
-    """Return `‖L⁻¹‖₂` of a nonsingular L."""
+    """`‖L⁻¹‖₂` of a nonsingular L."""
     return float(np.linalg.norm(solver(graph)(np.eye(graph.vehicles)), 2))
 
 
 def hops(graph: Digraph) -> Float[np.ndarray, " m"]:
-    """Return the links on the shortest path from the navigator to each vehicle, inf without a path."""
+    """The links on the shortest path from the navigator to each vehicle, inf without a path."""
     listeners, _, ends = by_source(graph)
     told, found, waiting = (listeners + 1).tolist(), [0.0, *[np.inf] * graph.vehicles], [0]
     for source in waiting:
@@ -204,7 +204,7 @@ def hops(graph: Digraph) -> Float[np.ndarray, " m"]:
 
 
 def by_source(graph: Digraph) -> tuple[Row, Row, list[int]]:
-    """Return listeners, from 0, and slots of all links, sorted by source, and the limits of each source.
+    """Listeners, from 0, and slots of all links, sorted by source, and the limits of each source.
 
     The links of source j start at limit j and end before limit j + 1.
     """
@@ -216,17 +216,15 @@ def by_source(graph: Digraph) -> tuple[Row, Row, list[int]]:
 
 
 def unreachable(graph: Digraph) -> list[int]:
-    """Return the vehicles without a path from the navigator."""
     return [int(i) for i in np.flatnonzero(np.isinf(hops(graph))) + 1]
 
 
 def hears_vehicles(graph: Digraph) -> bool:
-    """Return whether any vehicle hears another vehicle."""
     return bool((graph.heard & (graph.sources > 0)).any())
 
 
 def trusted_links(graph: Digraph, trusted: Mapping[int, Iterable[int]]) -> Links:
-    """Return the links from sources that the listener trusts.
+    """The links from sources that the listener trusts.
 
     Every listener trusts the navigator. `trusted` maps a listener to its further trusted sources.
     """
@@ -246,11 +244,11 @@ def least(heard: Links, values: Float[np.ndarray, "m slots"], count: int | np.nd
 
 
 def metropolis(graph: Digraph) -> Float[np.ndarray, "m slots"]:
-    """Return `1 / (1 + max(d_i, d_j))` for each link of i from vehicle j.
+    """`1 / (1 + max(d_i, d_j))` for each link of i from vehicle j.
 
-    Here d_i is the number of vehicles that i hears. The weights are symmetric if links are mutual. The rest
-    of each row, up to 1, is the weight of the vehicle itself. Source: Xiao, Boyd and Lall, A scheme for
-    robust distributed sensor fusion based on average consensus, 2005.
+    Here d_i is the number of vehicles that i hears. The weights are symmetric if links are mutual.
+    The rest of each row, up to 1, is the weight of the vehicle itself. Source: Xiao, Boyd and Lall,
+    A scheme for robust distributed sensor fusion based on average consensus, 2005.
     """
     heard = graph.heard & (graph.sources > 0)
     degrees = heard.sum(axis=1)

@@ -1,8 +1,9 @@
-"""The messages that listeners receive, slot by slot, and their weighted means `Σ_j w_ij (y_j + a_ij)`.
+"""The messages that listeners receive, slot by slot, and their weighted means `Σ_j w_ij (y_j +
+a_ij)`.
 
-A listener has one slot for each source, in the order of their numbers. The number of slots is the greatest
-number of sources of any listener. An unused slot has weight 0 and contains the listener itself. The arrays of
-a graph therefore have the shape (slots, m) and do not grow with m².
+A listener has one slot for each source, in the order of their numbers. The number of slots is the
+greatest number of sources of any listener. An unused slot has weight 0 and contains the listener
+itself. The arrays of a graph therefore have the shape (slots, m) and do not grow with m².
 
 The module imports JAX only when lanes run, because reading a study does not need JAX.
 """
@@ -45,9 +46,9 @@ SlotNumbering = Int[Any, "slots m"]
 class Hearing(NamedTuple):
     """The source in each slot of each listener, 0 for the navigator, and the attacked links.
 
-    `carried_sources` distinguishes two threats. If an attack adds to a message, the link carries the message
-    of its source plus the signal. If an attack replaces a message, the link carries the path of the navigator
-    plus the signal.
+    `carried_sources` distinguishes two threats. If an attack adds to a message, the link carries
+    the message of its source plus the signal. If an attack replaces a message, the link carries the
+    path of the navigator plus the signal.
     """
 
     sources: Int[Any, "slots m"]
@@ -57,31 +58,31 @@ class Hearing(NamedTuple):
     listeners: Int[Any, "slots m"]  # in each slot, the listeners of attacked links first
 
     def sent(self, sources: SentMessages) -> LinkMessages:
-        """Return the message of the source in each slot.
+        """The message of the source in each slot.
 
         `sources` holds the messages of the navigator and of the vehicles, n = m + 1.
         """
         return sources.at[:, self.sources].get(mode="promise_in_bounds")
 
     def added(self, signal: SignalValues) -> LinkMessages:
-        """Return the attack signal on each link, 0 on links without attack."""
+        """The attack signal on each link, 0 on links without attack."""
         attacked = self.attacked.reshape(1, *self.attacked.shape, *[1] * (signal.ndim - 2))
         return jnp.where(attacked, signal.at[:, self.signals].get(mode="promise_in_bounds"), 0.0)
 
     def received(self, sources: SentMessages, signal: SignalValues) -> LinkMessages:
-        """Return the received message in each slot: the carried message plus the attack signal."""
+        """The received message in each slot: the carried message plus the attack signal."""
         heard = sources.at[:, self.carried_sources].get(mode="promise_in_bounds")
         return heard + self.added(signal)
 
     def mean_added(self, weights: AxisWeights, signal: SignalValues) -> VehicleMeans:
-        """Return `Σ_j w_ij a_ij`, the weighted mean of the attack signals."""
+        """`Σ_j w_ij a_ij`, the weighted mean of the attack signals."""
         return xla.on_cpus(  # 1.03 times, trimming, 12 vehicles and 1,000
             lambda: self.mean_on_attacked_links(weights, signal),
             lambda: self.slot_by_slot(weights, lambda one: one.added(signal)),
         )
 
     def mean_on_attacked_links(self, weights: AxisWeights, signal: SignalValues) -> VehicleMeans:
-        """Return `Σ_j w_ij a_ij` by a loop over attacked links."""
+        """`Σ_j w_ij a_ij` by a loop over attacked links."""
         signals = jnp.asarray(self.signals)
 
         def plus_lie(slot: LoopIndex, listener: LoopIndex, mean: VehicleMeans) -> VehicleMeans:
@@ -106,22 +107,20 @@ class Hearing(NamedTuple):
         return jax.lax.fori_loop(0, len(listeners), in_slot, carry)
 
     def mean(
-        self,
-        weights: AxisWeights,
-        sources: SentMessages,
-        signal: SignalValues,
+        self, weights: AxisWeights, sources: SentMessages, signal: SignalValues
     ) -> VehicleMeans:
-        """Return `Σ_j w_ij (y_j + a_ij)`, the weighted mean of the received messages."""
+        """`Σ_j w_ij (y_j + a_ij)`, the weighted mean of the received messages."""
         return self.slot_by_slot(weights, lambda one: one.received(sources, signal))
 
     def mean_sent(self, weights: AxisWeights, sources: SentMessages) -> VehicleMeans:
-        """Return `Σ_j w_ij y_j`, the weighted mean of the sent messages."""
+        """`Σ_j w_ij y_j`, the weighted mean of the sent messages."""
         return self.slot_by_slot(weights, lambda one: one.sent(sources))
 
     def slot_by_slot(
         self, weights: AxisWeights, heard: Callable[["Hearing"], Numbers]
     ) -> VehicleMeans:
-        """Return the weighted sum over slots of the values that `heard` gives for one slot: (2, m, *lanes).
+        """The weighted sum over slots of the values that `heard` gives for one slot: (2, m,
+        *lanes).
 
         `heard` receives a Hearing with one slot and returns an array (2, 1, m, *lanes).
         """
@@ -132,18 +131,19 @@ class Hearing(NamedTuple):
         return plus_slots(jnp.zeros((2, *weights.shape[2:])), weights, of_slot)
 
     def at(self, slot: LoopIndex) -> "Hearing":
-        """Return the Hearing of one slot."""
         return Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
 
     def all_reached(self, weights: AxisWeights) -> Flags:
-        """Return whether the navigator reaches every vehicle over positive weights, on every axis.
+        """Whether the navigator reaches every vehicle over positive weights, on every axis.
 
         A vehicle whose weights are all 0 keeps its drive, and counts as reached.
         """
         return self.reached(weights > 0, (weights == 0).all(axis=1)).all(axis=(0, 1))
 
     def reached(self, heard: HeardLinks, reached: ReachedVehicles) -> ReachedVehicles:
-        """Return the vehicles that the navigator or a vehicle in `reached` reaches over the links `heard`."""
+        """The vehicles that the navigator or a vehicle in `reached` reaches over the links
+        `heard`.
+        """
 
         def spread(carry: tuple[ReachedVehicles, Flags]) -> tuple[ReachedVehicles, Flags]:
             reached, _ = carry
@@ -155,15 +155,15 @@ class Hearing(NamedTuple):
         return jax.lax.while_loop(lambda carry: carry[1], spread, (reached, jnp.asarray(True)))[0]
 
     def matrix(self, weights: SlotWeights) -> DenseWeights:
-        """Return `[a0 | A]` by the sources of the carried messages, from weights by slot."""
+        """`[a0 | A]` by the sources of the carried messages, from weights by slot."""
         return self.spread_out(weights, self.carried_sources)
 
     def retained(self, weights: AxisWeights) -> DenseWeights:
-        """Return the weights in force by vehicle and source, averaged over the axes."""
+        """The weights in force by vehicle and source, averaged over the axes."""
         return self.spread_out(weights.mean(axis=0), self.sources)
 
     def spread_out(self, weights: SlotWeights, sources: SlotNumbering) -> DenseWeights:
-        """Return weights by vehicle and source, from weights by slot."""
+        """Weights by vehicle and source, from weights by slot."""
         slots, m = sources.shape
         dense = jnp.zeros((m, m + 1, *weights.shape[2:]))
         listeners = jnp.broadcast_to(jnp.arange(m)[None], (slots, m))
@@ -171,16 +171,13 @@ class Hearing(NamedTuple):
 
 
 def plus_slots(
-    start: Float[Any, "2 *some"],
-    weights: AxisWeights,
-    of_slot: Callable[[LoopIndex], Float[Any, "2 *some"]],
-) -> Float[Any, "2 *some"]:
-    """Return `start` plus what all slots give by weight, where `of_slot` gives it for one slot."""
+    start: Numbers, weights: AxisWeights, of_slot: Callable[[LoopIndex], Numbers]
+) -> Numbers:
+    """`start` plus what all slots give by weight, where `of_slot` gives it for one slot."""
 
-    def add(slot: LoopIndex, total: Float[Any, "2 *some"]) -> Float[Any, "2 *some"]:
+    def add(slot: LoopIndex, total: Numbers) -> Numbers:
         weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
-        lifted = weight.reshape(len(weight), *[1] * (total.ndim - weight.ndim), *weight.shape[1:])
-        return total + lifted * of_slot(slot)
+        return total + weight[(None,) * (total.ndim - weight.ndim)] * of_slot(slot)
 
     return jax.lax.fori_loop(0, weights.shape[1], add, start)
 
@@ -191,14 +188,14 @@ def of_slots(
     attacked: Bool[np.ndarray, "slots m"],
     signals: Int[np.ndarray, "slots m"],
 ) -> Hearing:
-    """Return the Hearing of arrays by slot, with attacked links sorted first in each slot."""
+    """The Hearing of arrays by slot, with attacked links sorted first in each slot."""
     return Hearing(
         sources, carried_sources, attacked, signals, np.argsort(~attacked, axis=1, kind="stable")
     )
 
 
 def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:
-    """Return the sources of each listener slot by slot, each source once for each of its identities.
+    """The sources of each listener slot by slot, each source once for each of its identities.
 
     `identities` holds the number of identities of each link of the graph.
     """
@@ -209,27 +206,27 @@ def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray,
 
 
 def again(sources: Int[np.ndarray, "slots m"]) -> Bool[np.ndarray, "slots m"]:
-    """Return the slots that contain the source of the previous slot again."""
+    """The slots that contain the source of the previous slot again."""
     return np.concatenate([np.zeros_like(sources[:1], bool), sources[1:] == sources[:-1]])
 
 
 def of_transmitters(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
-    """Return the signal number of each link if each vehicle has one signal.
+    """The signal number of each link if each vehicle has one signal.
 
-    A link from a vehicle carries the signal of that vehicle. A link from the navigator carries the signal of
-    the listener.
+    A link from a vehicle carries the signal of that vehicle. A link from the navigator carries the
+    signal of the listener.
     """
     return np.where(sources > 0, sources - 1, np.arange(sources.shape[1]))
 
 
 def link_signals(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
-    """Return the signal number of each link if each link has its own signal, sorted by listener."""
+    """The signal number of each link if each link has its own signal, sorted by listener."""
     most, m = sources.shape
     return np.arange(m)[None] * most + np.arange(most)[:, None]
 
 
 def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "slots m"]) -> Digraph:
-    """Return the graph of weights by slot, with the weights of all identities of a source added."""
+    """The graph of weights by slot, with the weights of all identities of a source added."""
     listeners = np.broadcast_to(np.arange(sources.shape[1]), sources.shape)
     links = (listeners.ravel(), sources.ravel())
     return of_matrix(
@@ -238,7 +235,7 @@ def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "sl
 
 
 def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
-    """Return values by link of a graph, (…, links), from values by slot, (…, slots, m).
+    """Values by link of a graph, (…, links), from values by slot, (…, slots, m).
 
     The function adds the values of all identities of a source.
     """
@@ -254,10 +251,10 @@ def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots 
 
 
 def by_slot(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
-    """Return values of the links of a graph in the slots of a wider table of sources, 0 without a link.
+    """Values of the links of a graph in the slots of a wider table of sources, 0 without a link.
 
-    `sources` lists the sources of each listener in the order of their numbers. It contains the sources of the
-    graph and may contain others.
+    `sources` lists the sources of each listener in the order of their numbers. It contains the
+    sources of the graph and may contain others.
     """
     m = graph.vehicles
     listeners, each = graph.edges()

@@ -20,21 +20,22 @@ class Turns(NamedTuple):
 
 
 class Periods(NamedTuple):
-    """Times from which other vehicles are attacked, with their signals and the weights from then on."""
+    """Times from which other vehicles are attacked, with their signals and the weights from then
+    on.
+    """
 
     at: Float[Array, "periods *lanes"]  # [s], the first 0
     attacked: Bool[Array, "periods signals *lanes"]  # signals in force
-    weights: (
-        Float[Array, "periods slots m *lanes"] | None
-    )  # None where all periods have those of the lane
+    # None where all periods have those of the lane
+    weights: Float[Array, "periods slots m *lanes"] | None
 
 
 class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
-    Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
-    defence, announcements, sensor, loss, noise and detector are kinds with their numbers drawn. The attack's
-    signal has a method `basis`.
+    Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle,
+    navigator, defence, announcements, sensor, loss, noise and detector are kinds with their numbers
+    drawn. The attack's signal has a method `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -58,7 +59,9 @@ class Lane(NamedTuple):
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
     delay: Any = (
-        None  # of words, `engine.late.SteadyDelay` or `DrawnDelay`; None where words are not late
+        # of words, `SteadyDelay` or `DrawnDelay` of `engine.stages.late`; None where words are not
+        # late
+        None
     )
     periods: Periods | None = None  # None where the same vehicles are attacked all along
     gain_apart: Float[Array, "r m *lanes"] | None = (
@@ -71,43 +74,56 @@ class Lane(NamedTuple):
 
     @property
     def lossy(self) -> bool:
-        """Return whether a source may be unheard at a tick: a message is lost or late, or networks take
+        """Whether a source may be unheard at a tick: a message is lost or late, or networks take
         turns.
         """
         return self.loss is not None or self.turns is not None or self.delay is not None
 
     @property
     def exact_words(self) -> bool:
-        """Return whether words arrive without errors."""
         return self.noise is None and self.steps is None
 
     @property
     def singular(self) -> bool:
-        """Return whether the law is singular where `vehicle.margin` is 0."""
+        """Whether the law is singular where `vehicle.margin` is 0."""
         return bool(self.vehicle.singular) and self.law.singular_at_rest()
 
+    def instead(self, time: Float[Array, "*lanes"]) -> dict[str, Any]:
+        """What stands in place of fields of the lane from these times [s] on.
+
+        Networks take turns; in other periods other vehicles are attacked.
+        """
+        found: dict[str, Any] = {}
+        if self.turns is not None:
+            number = self.turns.schedule.number(time, len(self.turns.weights))
+            found["weights"] = of_number(self.turns.weights, number)
+            if self.turns.strength is not None:
+                strengths = (of_number(leaf, number) for leaf in self.turns.strength)
+                found["strength"] = type(self.turns.strength)(*strengths)
+        if self.periods is not None:
+            number = (time[None] >= self.periods.at).sum(axis=0) - 1
+            attacked = of_number(self.periods.attacked, number)
+            xp = time.__array_namespace__()
+            found["vectors"] = xp.where(attacked[None, :, None], self.vectors, 0.0)
+            if self.periods.weights is not None:
+                found["weights"] = of_number(self.periods.weights, number)
+        return found
+
     def basis(self, time: Numbers) -> Basis:
-        """Return the attacks' functions at times [s], with derivatives up to the vehicles' order at least."""
+        """The attacks' functions at times [s], with derivatives up to the vehicles' order at
+        least.
+        """
         return up_to(len(self.gain), self.signal.basis, time)
 
     def path(self, time: Numbers) -> Float[Array, "derivatives 2 ..."]:
-        """Return the navigator's jets at times [s], up to the vehicles' order at least."""
+        """The navigator's jets at times [s], up to the vehicles' order at least."""
         return up_to(len(self.gain), self.navigator.jets, time)
 
 
-def in_period(lane: Lane, time: Float[Array, " lanes"]) -> Lane:
-    """Return lanes with the vectors and weights of the vehicles that are attacked at these times [s]."""
-    if lane.periods is None:
-        return lane
-    xp, (at, attacked, weights) = time.__array_namespace__(), lane.periods
-    number = (time[None] >= at).sum(axis=0, keepdims=True) - 1
-
-    def now(each: Numbers | Flags) -> Numbers | Flags:
-        places = number.reshape(1, *[1] * (each.ndim - 2), -1)
-        return xp.take_along_axis(each, places, axis=0)[0]
-
-    vectors = xp.where(now(attacked)[None, :, None], lane.vectors, 0.0)
-    return lane._replace(vectors=vectors, weights=lane.weights if weights is None else now(weights))
+def of_number(each: Numbers | Flags, number: Int[Any, "*lanes"]) -> Any:
+    """The entries of these numbers, each of its own lane: lanes last."""
+    places = number.reshape(*[1] * (each.ndim - number.ndim), *number.shape)
+    return each.__array_namespace__().take_along_axis(each, places, axis=0)[0]
 
 
 class Network(NamedTuple):

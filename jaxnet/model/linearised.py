@@ -1,9 +1,10 @@
 """Feedback of the state's error, linearised about the navigator (paper, section 3.3).
 
-    u = u_0 + ∂g/∂x (x - x_0) + ∂g/∂z (z - z_0)   at (x_0, z_0),      g(x, z) = ψ⁻¹ (z - P(y(x)) - σ(x))
+    u = u_0 + ∂g/∂x (x - x_0) + ∂g/∂z (z - z_0)   at (x_0, z_0),      g(x, z) = ψ⁻¹ (z - P(y(x)) -
+    σ(x))
 
-g gives the inputs of the exact law, z_0 = R(y_0), and x_0 and u_0 are the state and the inputs of a vehicle
-on the navigator's path. `K = ∂g/∂x`. The drive z - z_0 = L⁻¹ d is the attacks' effect.
+g gives the inputs of the exact law, z_0 = R(y_0), and x_0 and u_0 are the state and the inputs of a
+vehicle on the navigator's path. `K = ∂g/∂x`. The drive z - z_0 = L⁻¹ d is the attacks' effect.
 """
 
 import math
@@ -22,7 +23,7 @@ VehicleStates = Float[Array, "n m lanes"]
 def inputs_near_navigator(
     lane: Lane, states: VehicleStates, navigator: Float[Array, "derivatives 2 lanes"], drive: Plane
 ) -> Plane:
-    """Return the inputs (2, m, lanes) of vehicles with these states.
+    """The inputs (2, m, lanes) of vehicles with these states.
 
     `navigator` are the navigator's jets, and `drive` is z - R(y_0) [m/s³] of each vehicle.
     """
@@ -46,7 +47,7 @@ def inputs_near_navigator(
 def state_error(
     units: tuple[str, ...], states: VehicleStates, target: VehicleStates
 ) -> VehicleStates:
-    """Return the states minus the target, with differences in radians of at most half a turn."""
+    """The states minus the target, with differences in radians of at most half a turn."""
     error, turn = states - target, 2 * math.pi
     angles = jnp.asarray([unit == "rad" for unit in units])[:, None, None]
     return error - jnp.where(angles, turn * jnp.round(error / turn), 0.0)

@@ -1,6 +1,7 @@
 """Patterns of links between vehicles: entry (i, j) says whether vehicle i + 1 hears vehicle j + 1.
 
-The patterns are sparse SciPy arrays. Only `small_world` returns a dense array, because it rewires links.
+The patterns are sparse SciPy arrays. Only `small_world` returns a dense array, because it rewires
+links.
 """
 
 from collections.abc import Iterable
@@ -18,27 +19,27 @@ Neighbours = (
 
 
 def of_pairs(vehicles: int, listeners: Numbered, sources: Numbered) -> Neighbours:
-    """Return the pattern of links from lists of listeners and sources, from 0."""
+    """The pattern of links from lists of listeners and sources, from 0."""
     return sparse.coo_array(
         (np.ones(len(listeners), bool), (listeners, sources)), shape=(vehicles, vehicles)
     )
 
 
 def circulant(vehicles: int, offsets: Iterable[int]) -> Neighbours:
-    """Return the pattern on a ring in which i hears i + o for each offset o."""
+    """The pattern on a ring in which i hears i + o for each offset o."""
     around = np.unique(np.array([offset % vehicles for offset in offsets], int))
     listeners = np.arange(vehicles).repeat(len(around))
     return of_pairs(vehicles, listeners, (listeners + np.tile(around, vehicles)) % vehicles)
 
 
 def lattice(vehicles: int, neighbours: int) -> Neighbours:
-    """Return the pattern on a ring in which each vehicle hears its nearest neighbours, half on each side."""
+    """Pattern on a ring in which each vehicle hears its nearest neighbours, half on each side."""
     near = range(1, neighbours // 2 + 1)
     return circulant(vehicles, [*near, *(-offset for offset in near)])
 
 
 def grid(rows: int, columns: int, torus: bool) -> Neighbours:
-    """Return the pattern of a grid with vehicles numbered row by row.
+    """The pattern of a grid with vehicles numbered row by row.
 
     In a torus, the first and the last vehicle of each line also hear each other.
     """
@@ -56,10 +57,10 @@ def grid(rows: int, columns: int, torus: bool) -> Neighbours:
 def small_world(
     vehicles: int, neighbours: int, rewired: float, random: np.random.Generator
 ) -> Bool[np.ndarray, "m m"]:
-    """Return a ring lattice with links rewired at random.
+    """A ring lattice with links rewired at random.
 
-    For each offset and vehicle, the link moves to another random vehicle with probability `rewired`. Source:
-    Watts and Strogatz, Collective dynamics of small-world networks, 1998.
+    For each offset and vehicle, the link moves to another random vehicle with probability
+    `rewired`. Source: Watts and Strogatz, Collective dynamics of small-world networks, 1998.
     """
     heard = lattice(vehicles, neighbours).toarray()
     for offset in range(1, neighbours // 2 + 1):
@@ -73,10 +74,10 @@ def small_world(
 
 
 def drawn_regular(vehicles: int, degree: int, random: np.random.Generator) -> Neighbours:
-    """Return the pattern of a random regular graph, drawn by random pairing of free link ends.
+    """The pattern of a random regular graph, drawn by random pairing of free link ends.
 
-    The distribution is nearly uniform. Source: Steger and Wormald, Generating random regular graphs quickly,
-    1999.
+    The distribution is nearly uniform. Source: Steger and Wormald, Generating random regular graphs
+    quickly, 1999.
     """
     while True:
         pairs: set[tuple[int, int]] = set()
@@ -97,6 +98,6 @@ def drawn_regular(vehicles: int, degree: int, random: np.random.Generator) -> Ne
 
 
 def any_pair(pairs: set[tuple[int, int]], ends: list[int]) -> bool:
-    """Return whether a new link between two of these free ends is possible."""
+    """Whether a new link between two of these free ends is possible."""
     free = sorted(set(ends))
     return any((i, j) not in pairs for i in free for j in free if i != j)

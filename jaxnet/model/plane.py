@@ -11,17 +11,16 @@ Jets = tuple[Plane, ...]  # a signal and its derivatives, as many as the order o
 
 
 def dot(a: PlaneArray, b: PlaneArray) -> Numbers:
-    """Return the inner product of two vectors in the plane."""
     return a[0] * b[0] + a[1] * b[1]
 
 
 def cross(a: PlaneArray, b: PlaneArray) -> Numbers:
-    """Return `a_x b_y - a_y b_x`, positive if b points to the left of a."""
+    """`a_x b_y - a_y b_x`, positive if b points to the left of a."""
     return a[0] * b[1] - a[1] * b[0]
 
 
 def length(vectors: Numbers) -> Numbers:
-    """Return the Euclidean length of vectors with any number of components."""
+    """The Euclidean length of vectors with any number of components."""
     squares = vectors[0] ** 2
     for component in vectors[1:]:
         squares = squares + component**2
@@ -29,23 +28,23 @@ def length(vectors: Numbers) -> Numbers:
 
 
 def plus(jets: OrderedJets, others: OrderedJets) -> Jets:
-    """Return the sum of two signals, with the derivatives that both have."""
+    """The sum of two signals, with the derivatives that both have."""
     return tuple(jet + other for jet, other in zip(jets, others, strict=False))
 
 
 def relative(jets: OrderedJets, origin: OrderedJets) -> Jets:
-    """Return a path's jets (2, m, *lanes) minus those of one other path (2, *lanes), which has more."""
+    """A path's jets (2, m, *lanes) minus those of one other path (2, *lanes), which has more."""
     return tuple(jet - there[:, None] for jet, there in zip(jets, origin, strict=False))
 
 
 def replaced(vehicles: Flags, jets: OrderedJets, others: OrderedJets) -> Jets:
-    """Return the jets of some vehicles (m, *lanes), and those of the others."""
+    """The jets of some vehicles (m, *lanes), and those of the others."""
     xp = vehicles.__array_namespace__()
     return tuple(xp.where(vehicles[None], *both) for both in zip(jets, others, strict=True))
 
 
 def pace(jets: OrderedJets) -> tuple[Numbers, Numbers]:
-    """Return speed [m/s] and turn rate [rad/s] of forward motion along the jets of a path.
+    """Speed [m/s] and turn rate [rad/s] of forward motion along the jets of a path.
 
     The turn rate is undefined at rest.
     """

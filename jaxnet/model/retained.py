@@ -1,7 +1,7 @@
 """Retained sources: from the decision of a vehicle to the weights in force (paper, section 5.1).
 
-A decision is an array over slots (see `hearing`): (slots, m, lanes), or (2, slots, m, lanes) if the axes
-differ. It contains booleans, true for retained slots, or nonnegative weights.
+A decision is an array over slots (see `hearing`): (slots, m, lanes), or (2, slots, m, lanes) if the
+axes differ. It contains booleans, true for retained slots, or nonnegative weights.
 """
 
 from typing import NamedTuple
@@ -15,7 +15,8 @@ from jaxnet.model.shapes import Flags, RetainedSlots
 
 
 class DropPolicy(NamedTuple):
-    """The links that a defence may drop, for the theory: each vehicle drops a fixed number of certain links.
+    """The links that a defence may drop, for the theory: each vehicle drops a fixed number of
+    certain links.
 
     The dropped links may change at every tick. The vehicle always retains its other links.
     """
@@ -26,27 +27,27 @@ class DropPolicy(NamedTuple):
 
     @property
     def fixed(self) -> Digraph | None:
-        """Return the permanent graph in force, or None if retained sources may change."""
+        """The permanent graph in force, or None if retained sources may change."""
         if (self.number < self.links.sum(axis=1)).any():
             return None
         return normalised(self.graph.only(~self.links))
 
     def believed(self) -> "DropPolicy":
-        """Return the policy without the links that a vehicle drops permanently."""
+        """The policy without the links that a vehicle drops permanently."""
         for_good = self.links & (self.number >= self.links.sum(axis=1))[:, None]
         number = np.where(for_good.any(axis=1), 0, self.number)
         return DropPolicy(self.graph.only(~for_good), self.links & ~for_good, number)
 
 
 def everybody(graph: Digraph) -> DropPolicy:
-    """Return the policy of a defence that retains every link."""
+    """The policy of a defence that retains every link."""
     return DropPolicy(graph, graph.none, np.zeros(graph.vehicles, int))
 
 
 def any_untrusted(
     graph: Digraph, trusted: Links, number: int | Int[np.ndarray, " m"]
 ) -> DropPolicy:
-    """Return the policy of a defence that drops `number` untrusted sources of each vehicle.
+    """The policy of a defence that drops `number` untrusted sources of each vehicle.
 
     A vehicle with fewer untrusted sources drops all of them.
     """
@@ -55,10 +56,10 @@ def any_untrusted(
 
 
 def in_force(weights: SlotWeights, decision: RetainedSlots) -> AxisWeights:
-    """Return the weights that follow from a decision, normalised to sum 1.
+    """The weights that follow from a decision, normalised to sum 1.
 
-    `weights` are the weights of all slots. If a weight in the decision is negative, the weights of its
-    listener are NaN.
+    `weights` are the weights of all slots. If a weight in the decision is negative, the weights of
+    its listener are NaN.
     """
     xp = decision.__array_namespace__()
     by_axis = decision.reshape(-1, *weights.shape)
@@ -70,11 +71,11 @@ def in_force(weights: SlotWeights, decision: RetainedSlots) -> AxisWeights:
 
 
 def changed(decision: RetainedSlots, before: RetainedSlots) -> Flags:
-    """Return the vehicles with a decision that differs from the previous decision."""
+    """The vehicles with a decision that differs from the previous decision."""
     apart = decision != before
     return apart.any(axis=tuple(range(apart.ndim - 2)))
 
 
 def support(decision: RetainedSlots) -> Flags:
-    """Return the slots that the decision retains with any weight."""
+    """The slots that the decision retains with any weight."""
     return decision if decision.dtype == bool else decision > 0

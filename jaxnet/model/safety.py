@@ -1,7 +1,8 @@
-"""Vehicles that no attack can keep off the navigator, from the links a defence may drop (theorems.md O11).
+"""Vehicles that no attack can keep off the navigator, from the links a defence may drop
+(theorems.md O11).
 
-All functions use bootstrap percolation, which takes O(links). Doubt spreads from attacked links. The
-remaining vehicles must stay joined to the navigator, whichever links they drop.
+All functions use bootstrap percolation, which takes O(links). Doubt spreads from attacked links.
+The remaining vehicles must stay joined to the navigator, whichever links they drop.
 """
 
 from typing import NamedTuple
@@ -25,7 +26,8 @@ SLOWEST = 1e-3  # least contraction that is reported
 class Safe(NamedTuple):
     """Vehicles that converge to the navigator, and the reason in a few words.
 
-    A reason with `consistent` holds only if attacked links announce what they carry (assumption B1).
+    A reason with `consistent` holds only if attacked links announce what they carry (assumption
+    B1).
     """
 
     why: str
@@ -35,10 +37,10 @@ class Safe(NamedTuple):
 
 
 def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nodes:
-    """Return the sources that percolation reaches from the seeds.
+    """The sources that percolation reaches from the seeds.
 
-    Percolation reaches a vehicle once its reached sources have given it `needed` votes. `votes` holds the
-    votes of each link.
+    Percolation reaches a vehicle once its reached sources have given it `needed` votes. `votes`
+    holds the votes of each link.
     """
     listeners, slots, ends = by_source(graph)
     who, theirs = listeners.tolist(), votes[listeners, slots].tolist()
@@ -55,10 +57,10 @@ def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nod
 
 
 def stay_joined(drops: DropPolicy, among: Vehicles) -> Vehicles:
-    """Return the vehicles of a set that stay joined to the navigator through the set.
+    """The vehicles of a set that stay joined to the navigator through the set.
 
-    They stay joined whichever links they drop. Percolation joins a vehicle if it always retains one joined
-    source, or if it hears more joined sources than it drops.
+    They stay joined whichever links they drop. Percolation joins a vehicle if it always retains one
+    joined source, or if it hears more joined sources than it drops.
     """
     votes = np.where(drops.links, 1, drops.number[:, None] + 1)
     navigator = np.arange(len(among) + 1) == 0
@@ -66,10 +68,11 @@ def stay_joined(drops: DropPolicy, among: Vehicles) -> Vehicles:
 
 
 def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
-    """Return the greatest set of vehicles that is closed, tolerates its attacked links and stays joined.
+    """The greatest set of vehicles that is closed, tolerates its attacked links and stays joined.
 
     - Closed: no vehicle of the set hears a vehicle outside the set.
-    - Tolerant: each vehicle has at most `bears` attacked links that it may drop, and no other attacked link.
+    - Tolerant: each vehicle has at most `bears` attacked links that it may drop, and no other
+      attacked link.
     - Joined: the vehicles join each other to the navigator, whichever links they drop.
     """
     falsified, fatal = (
@@ -87,11 +90,11 @@ def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
 
 
 def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None:
-    """Return a number of rounds, and the factor by which announced disturbances shrink in these rounds.
+    """A number of rounds, and the factor by which announced disturbances shrink in these rounds.
 
-    The disturbance is the greatest announcement of the vehicles `inside`, and the factor is the worst case.
-    It follows from step (c) of the proof of theorem 1 (docs/guarantees.md), from the navigator
-    outwards. The result is None in four cases:
+    The disturbance is the greatest announcement of the vehicles `inside`, and the factor is the
+    worst case. It follows from step (c) of the proof of theorem 1 (docs/guarantees.md), from the
+    navigator outwards. The result is None in four cases:
 
     - The fleet has more than MOST_RATED vehicles.
     - The set is empty.

@@ -1,11 +1,11 @@
 """Signals as fixed vectors times scalar functions of time, `a_j(t) = Σ_b v_jb β_b(t)`.
 
-Each function comes with three derivatives. Every linear effect of a signal follows from the vectors alone and
-holds at all times. The most important one is the attack's effect on the fleet (theorems.md O2). A harmonic
-has two functions, cos ωt and sin ωt.
+Each function comes with three derivatives. Every linear effect of a signal follows from the vectors
+alone and holds at all times. The most important one is the attack's effect on the fleet
+(theorems.md O2). A harmonic has two functions, cos ωt and sin ωt.
 
-The signal obeys `‖a_j^(k)‖ ≤ ‖V_j‖ ‖β^(k)‖`, with the spectral norm of `V_j = [v_j1 … v_jB]`. A unit signal
-has ‖V_j‖ = 1.
+The signal obeys `‖a_j^(k)‖ ≤ ‖V_j‖ ‖β^(k)‖`, with the spectral norm of `V_j = [v_j1 … v_jB]`. A
+unit signal has ‖V_j‖ = 1.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ class Harmonic(NamedTuple):
     frequency: Any  # (lanes,)
 
     def basis(self, time: Numbers) -> Basis:
-        """Return both functions with three derivatives: (4, 2, lanes)."""
+        """Both functions with three derivatives: (4, 2, lanes)."""
         return turning(*circle(self.frequency * time), self.frequency)
 
 
@@ -45,7 +45,7 @@ class Falsified(NamedTuple):
     orders: Any  # (derivatives, lanes), the factor of each order, 0 for an order without the signal
 
     def basis(self, time: Numbers) -> Basis:
-        """Return the functions of the signal, with zeros in the orders without the signal."""
+        """The functions of the signal, with zeros in the orders without the signal."""
         return self.orders[:, None] * up_to(len(self.orders) - 1, self.signal.basis, time)
 
 
@@ -60,33 +60,24 @@ class WithNavigator(NamedTuple):
     gain: Float[Any, "r *lanes"]
 
     def basis(self, time: Numbers) -> Basis:
-        """Return all functions with derivatives up to r, three at least: (derivatives, B + 2, lanes)."""
+        """All functions with derivatives up to r, three at least: (derivatives, B + 2, lanes)."""
         each = (
             up_to(len(self.gain), one, time) for one in (self.signal.basis, self.navigator.jets)
         )
         return time.__array_namespace__().concatenate(list(each), axis=1)
 
 
-def powers_of(share: Numbers, number: int) -> Numbers:
-    """Return `σ^k / k!` for k = 0, 1, … below a number, of shares σ of a tick."""
-    xp = share.__array_namespace__()
-    terms = [xp.ones_like(share)]
-    for n in range(1, number):
-        terms.append(terms[-1] * share / n)
-    return xp.stack(terms)
-
-
 class Apart(NamedTuple):
     """A signal with separate functions for each of n vehicles.
 
-    The signal treats the n vehicles as lanes. The first functions of all vehicles come first, then their
-    second functions.
+    The signal treats the n vehicles as lanes. The first functions of all vehicles come first, then
+    their second functions.
     """
 
     signal: Any  # leaves (..., n, lanes)
 
     def basis(self, time: Numbers) -> Basis:
-        """Return the functions of all vehicles: (derivatives, B · n, lanes).
+        """The functions of all vehicles: (derivatives, B · n, lanes).
 
         The inner signal runs with n · lanes as its lanes.
         """
@@ -103,7 +94,7 @@ class Apart(NamedTuple):
 
 
 def turning(cosine: Numbers, sine: Numbers, rate: Numbers | float) -> Numbers:
-    """Return cos and sin of an angle with constant rate [rad/s], with three derivatives: (4, 2, …).
+    """Cos and sin of an angle with constant rate [rad/s], with three derivatives: (4, 2, …).
 
     `cosine` and `sine` are the values at the present angle.
     """
@@ -114,10 +105,11 @@ def turning(cosine: Numbers, sine: Numbers, rate: Numbers | float) -> Numbers:
 
 
 def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> Numbers:
-    """Return `function(time)`, a path or functions with derivatives in the first axis, up to this order, or
-    up to the third if that is higher.
+    """Return `function(time)`, a path or functions with derivatives in the first axis, up to this
+    order, or up to the third if that is higher.
 
-    A kind gives three derivatives at least. JAX differentiates the last one for vehicles of a higher order.
+    A kind gives three derivatives at least. JAX differentiates the last one for vehicles of a
+    higher order.
     """
     found, rows = function(time), max(order + 1, len(ORDERS))
     if len(found) >= rows:
@@ -133,16 +125,16 @@ def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> 
 
 
 def of_functions(response: ByFunction) -> Vectors:
-    """Return vectors in the order of axes that signals have, from those in the order of functions."""
+    """Vectors in the order of axes that signals have, from those in the order of functions."""
     return response.__array_namespace__().moveaxis(response, 0, 2)
 
 
 def combined(vectors: Vectors, functions: Numbers) -> PlaneArray:
-    """Return `Σ_b v_jb β_b` (2, m, lanes) for functions (B, lanes)."""
+    """`Σ_b v_jb β_b` (2, m, lanes) for functions (B, lanes)."""
     each = [vectors[:, :, b] * functions[b][None, None] for b in range(vectors.shape[2])]
     return sum(each[1:], each[0]) if each else vectors.sum(axis=2)
 
 
 def jets(vectors: Vectors, basis: OrderedJets) -> tuple[PlaneArray, ...]:
-    """Return a signal and its derivatives [m, m/s, …], one (2, m, lanes) for each order of the basis."""
+    """A signal and its derivatives [m, m/s, …], one (2, m, lanes) for each order of the basis."""
     return tuple(combined(vectors, order) for order in basis)

@@ -1,7 +1,9 @@
-"""The strength of a row of weights: how strongly a vehicle follows those it hears, under a local law.
+"""The strength of a row of weights: how strongly a vehicle follows those it hears, under a local
+law.
 
-A vehicle follows the mean of those it retains, `q_i = s_i (a0 y_0^(r) - P(ε_i))`. The strength s_i is 1
-unless the network says otherwise. Let S be the share of the row's weights that the vehicle retains.
+A vehicle follows the mean of those it retains, `q_i = s_i (a0 y_0^(r) - P(ε_i))`. The strength s_i
+is 1 unless the network says otherwise. Let S be the share of the row's weights that the vehicle
+retains.
 
     with a weight on itself    s = S / (S + w_ii / Σ_j w_ij): the retained weights and w_ii sum to 1
     with weights as they are   s = S Σ_j w_ij: the Laplacian's form, q_i = -Σ_j w_ij P(y_i - y_j)
@@ -24,7 +26,7 @@ class WithOwnWeight(NamedTuple):
     own: Numbers  # w_ii over the sum of the other weights, (m, lanes)
 
     def of(self, retained: RowShares) -> RowShares:
-        """Return the strength of rows of which this share of the weights is retained."""
+        """The strength of rows of which this share of the weights is retained."""
         total = retained + self.own[None]
         return retained / total.__array_namespace__().where(total > 0, total, 1.0)
 
@@ -35,7 +37,7 @@ class WeightsAsTheyAre(NamedTuple):
     total: Numbers  # Σ_j w_ij, (m, lanes)
 
     def of(self, retained: RowShares) -> RowShares:
-        """Return the strength of rows of which this share of the weights is retained."""
+        """The strength of rows of which this share of the weights is retained."""
         return self.total[None] * retained
 
 

@@ -1,6 +1,7 @@
 """Comparisons that rounding does not decide: numbers within a relative 1e-12 count as equal.
 
-A rule that breaks ties by number therefore makes equal choices on every machine, whatever the last bits are.
+A rule that breaks ties by number therefore makes equal choices on every machine, whatever the last
+bits are.
 """
 
 from jaxnet.model.shapes import Flags, Numbers
@@ -9,12 +10,12 @@ ROUNDING = 1e-12  # relative; sums of a few terms differ by 1e-15 or so
 
 
 def over(a: Numbers, b: Numbers) -> Flags:
-    """Return where nonnegative sizes a exceed sizes b by more than rounding."""
+    """Where nonnegative sizes a exceed sizes b by more than rounding."""
     return a > b * (1.0 + ROUNDING)
 
 
 def apart(a: Numbers, b: Numbers) -> Flags:
-    """Return where coordinates a exceed coordinates b [m] by more than rounding.
+    """Where coordinates a exceed coordinates b [m] by more than rounding.
 
     The tolerance is relative for coordinates above 1 m, and 1e-12 m below.
     """

@@ -1,4 +1,6 @@
-"""Scores of received messages, and removal of the greatest scores, slot by slot (paper, section 5.1)."""
+"""Scores of received messages, and removal of the greatest scores, slot by slot (paper, section
+5.1).
+"""
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +16,7 @@ BestSlots = tuple[Int[Array, "..."], Float[Array, "m lanes"]]  # number of a slo
 
 
 def trusted_shares(trusted: Mask, references: Int[Array, "most m"]) -> Float[Array, "most m lanes"]:
-    """Return the share of each reference in the mean over the trusted references, 0 for an untrusted slot.
+    """The share of each reference in the mean over the trusted references, 0 for an untrusted slot.
 
     `references` lists the slots that may serve as reference, for each vehicle.
     """
@@ -28,11 +30,11 @@ def deviation(
     shares: Float[Array, "most m lanes"],
     references: Int[Array, "most m"],
 ) -> Scores:
-    """Return `Δ_ik`, the mean distance between the message of source k and the trusted messages at listener
-    i.
+    """`Δ_ik`, the mean distance between the message of source k and the trusted messages at
+    listener i.
 
-    The score is 0 without trusted references. The first axis of `received` has the components of a position
-    [m], or more components.
+    The score is 0 without trusted references. The first axis of `received` has the components of a
+    position [m], or more components.
     """
     listeners, distance = jnp.arange(received.shape[2]), jnp.zeros(received.shape[1:])
     for slot, share in zip(references, shares, strict=True):
@@ -52,10 +54,10 @@ def filtered(
     interval: Float[Array, " lanes"],
     constant: Float[Array, " lanes"],
 ) -> Scores:
-    """Return low-pass filtered scores, `s ← s + (1 - e^{-h/T}) (Δ - s)`.
+    """Low-pass filtered scores, `s ← s + (1 - e^{-h/T}) (Δ - s)`.
 
-    `interval` is h [s], infinite at the first tick, where the result is the score itself. `constant` is T
-    [s].
+    `interval` is h [s], infinite at the first tick, where the result is the score itself.
+    `constant` is T [s].
     """
     first = jnp.isinf(interval)[None, None]
     share = -jnp.expm1(-interval / constant)[None, None]
@@ -63,11 +65,11 @@ def filtered(
 
 
 def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
-    """Return the ϑ candidates with the greatest scores.
+    """The ϑ candidates with the greatest scores.
 
-    The lowest slot wins among tied scores (`ties`). A loop selects the greatest score ϑ times. The scores
-    enter the loop as computed numbers. Otherwise a compiler may evaluate a score twice with different
-    rounding.
+    The lowest slot wins among tied scores (`ties`). A loop selects the greatest score ϑ times. The
+    scores enter the loop as computed numbers. Otherwise a compiler may evaluate a score twice with
+    different rounding.
     """
     slots = jnp.arange(len(score), dtype=jnp.int32)
     score = jnp.where(candidates, score, -jnp.inf)

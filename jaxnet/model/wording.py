@@ -7,7 +7,7 @@ MOST_RUNS = 12  # of cells that are named
 
 
 def ranges(numbers: Sequence[int]) -> str:
-    """Return numbers as text, with runs of three or more abbreviated: 1-3, 5."""
+    """Numbers as text, with runs of three or more abbreviated: 1-3, 5."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][-1] + 1:
@@ -20,7 +20,7 @@ def ranges(numbers: Sequence[int]) -> str:
 
 
 def cells_named(numbers: Sequence[int]) -> str:
-    """Return the name of cells by their numbers: cell 0, cells 0-3, or of many 100 cells (2, 5, …)."""
+    """The name of cells by their numbers: cell 0, cells 0-3, or of many 100 cells (2, 5, …)."""
     runs = ranges(numbers).split(", ")
     if len(runs) > MOST_RUNS:
         return f"{len(numbers)} cells ({', '.join(runs[:3])}, …)"
@@ -28,28 +28,28 @@ def cells_named(numbers: Sequence[int]) -> str:
 
 
 def plural_s(who: str) -> str:
-    """Return the ending of a verb: s if `who` is a single number, else nothing."""
+    """The ending of a verb: s if `who` is a single number, else nothing."""
     return "s" if who.isdigit() else ""
 
 
 def counted(kinds: Counter[str]) -> str:
-    """Return the number of things of each kind as text, the most frequent kind first."""
+    """The number of things of each kind as text, the most frequent kind first."""
     return ", ".join(f"{many:,} {kind}" for kind, many in kinds.most_common())
 
 
 def count(number: int, noun: str) -> str:
-    """Return a number with its noun, in the plural unless the number is 1."""
+    """A number with its noun, in the plural unless the number is 1."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def orders_in_words(sizes: Sequence[float]) -> str:
-    """Return one size for each order of derivatives with its unit: 15 m, 10 m/s, 5 m/s²."""
+    """One size for each order of derivatives with its unit: 15 m, 10 m/s, 5 m/s²."""
     units = ("m", "m/s", "m/s²", "m/s³", "m/s⁴")
     return ", ".join(f"{size:.4g} {unit}" for size, unit in zip(sizes, units, strict=False))
 
 
 def sets_in_words(times: Sequence[float], sets: Sequence[Sequence[int]]) -> str:
-    """Return sets of numbers, each from a time on [s], in words: 1, 2 until 10 s, then nobody."""
+    """Sets of numbers, each from a time on [s], in words: 1, 2 until 10 s, then nobody."""
     first = ["nobody"] if times[0] > 0 else []
     names = [*first, *(ranges(sorted(each)) or "nobody" for each in sets)]
     until = [
@@ -59,6 +59,6 @@ def sets_in_words(times: Sequence[float], sets: Sequence[Sequence[int]]) -> str:
 
 
 def count_between(numbers: Collection[int], noun: str) -> str:
-    """Return the least and the greatest number with their noun: 256 to 864 lanes."""
+    """The least and the greatest number with their noun: 256 to 864 lanes."""
     least, most = min(numbers), max(numbers)
     return f"{f'{least:,} to ' if least < most else ''}{count(most, noun)}"

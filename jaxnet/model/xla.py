@@ -1,7 +1,7 @@
 """Workarounds for XLA on CPUs.
 
-- XLA on CPUs compiles a loop as one function if a flag says so (`runs.cache`) and the loop has no scatter.
-  Otherwise it runs the loop operation by operation.
+- XLA on CPUs compiles a loop as one function if a flag says so (`runs.cache`) and the loop has no
+  scatter. Otherwise it runs the loop operation by operation.
 - XLA on CPUs computes a value again in every expression that uses it, and for every element of that
   expression. A barrier does not prevent this.
 
@@ -20,7 +20,7 @@ Tree = TypeVar("Tree", bound=Any)
 
 
 def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
-    """Return the result of `work` on CPUs, and the result of `elsewhere` on accelerators.
+    """The result of `work` on CPUs, and the result of `elsewhere` on accelerators.
 
     Both functions must compute the same value.
     """
@@ -32,7 +32,7 @@ def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
 
 
 def materialised(work: Callable[[], Tree]) -> Tree:
-    """Return the result of `work`, computed only once: on CPUs, by a loop of one pass."""
+    """The result of `work`, computed only once: on CPUs, by a loop of one pass."""
 
     def in_a_loop() -> Tree:
         traced_once = jax.jit(work)
@@ -56,7 +56,7 @@ def add_slice(array: jax.Array, place: tuple[int | LoopIndex, ...], by: jax.Arra
 
 
 def in_any_row(flags: jax.Array) -> jax.Array:
-    """Return for each lane, the last axis, whether any of its flags is set."""
+    """For each lane, the last axis, whether any of its flags is set."""
     rows = flags.reshape(-1, flags.shape[-1])
 
     def one(number: LoopIndex, found: jax.Array) -> jax.Array:

@@ -8,7 +8,7 @@ from jax.typing import ArrayLike
 
 from jaxnet.config.scenario import is_ideal
 from jaxnet.config.study import Study
-from jaxnet.engine.methods.stacked import FieldInputs, lane_field
+from jaxnet.engine.methods.stacked import lane_field, undisturbed
 from jaxnet.lanes.jobs import job, source_of
 
 LaneField = Callable[..., jax.Array]  # of time [s], state (n, m) and an ignored argument
@@ -41,7 +41,7 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
     one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)
     lane, network = jax.tree.map(jnp.asarray, (alone, one.network))
-    followed = FieldInputs(lane, lane.weights[None], lane.vectors, *[None] * 5)
+    followed = undisturbed(lane)
 
     @jax.jit
     def derivative(time: ArrayLike, state: ArrayLike, args: object = None) -> jax.Array:

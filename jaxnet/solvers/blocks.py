@@ -1,7 +1,7 @@
 """Block elimination, for graphs in which vehicles that hear each other stand close together.
 
-Each block hears only vehicles of its own block and of the two adjacent blocks. L is then block tridiagonal,
-and elimination from block to block takes a time linear in the number of vehicles.
+Each block hears only vehicles of its own block and of the two adjacent blocks. L is then block
+tridiagonal, and elimination from block to block takes a time linear in the number of vehicles.
 """
 
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ ThreeBlocks = tuple[Block, Block, Block]
 class BlockFactors(NamedTuple):
     """Factors of one L for repeated solves, with matrices stored by columns.
 
-    The forward pass over the blocks is `x_k = inverse b_k + before x_{k-1}`. The backward pass is `x_k +
-    after x_{k+1}`.
+    The forward pass over the blocks is `x_k = inverse b_k + before x_{k-1}`. The backward pass is
+    `x_k + after x_{k+1}`.
     """
 
     inverse: Products
@@ -54,7 +54,7 @@ class Blocks(Solver[BlockFactors]):
         return solution[:, :-1], off_one(solution[:, -1])
 
     def factorise(self, hearing: Hearing, weights: AxisWeights) -> tuple[BlockFactors, Residual]:
-        """Return the factors of L from block to block, and the residual of `L⁻¹ a0 = 1`."""
+        """The factors of L from block to block, and the residual of `L⁻¹ a0 = 1`."""
         before, own, after, navigator = self.blocks_of(hearing, weights)
         eye = identity(own[0])
 
@@ -72,14 +72,14 @@ class Blocks(Solver[BlockFactors]):
     def apply(
         self, hearing: Hearing, factors: BlockFactors, right: PlaneVector, start: PlaneVector | None
     ) -> PlaneVector:
-        """Return `L⁻¹` times one vector on each axis."""
+        """`L⁻¹` times one vector on each axis."""
         found = through(factors, self.in_blocks(right.swapaxes(0, 1)).swapaxes(1, 2))
         return self.by_vehicle(found.swapaxes(1, 2)).swapaxes(0, 1)
 
     def blocks_of(
         self, hearing: Hearing, weights: AxisWeights
     ) -> tuple[BlockTable, BlockTable, BlockTable, BlockTable]:
-        """Return the blocks of L and the weights of the navigator.
+        """The blocks of L and the weights of the navigator.
 
         The four arrays are:
 

@@ -1,7 +1,7 @@
 """A bound on `‖L⁻¹‖`, from which the error of an iterative solution follows.
 
-L is an M-matrix, and its inverse has no negative entry. Hence `‖L⁻¹‖ = max L⁻¹ 1`, in the maximum norm. Any v
-with `L v > 0` gives the bound
+L is an M-matrix, and its inverse has no negative entry. Hence `‖L⁻¹‖ = max L⁻¹ 1`, in the maximum
+norm. Any v with `L v > 0` gives the bound
 
     ‖L⁻¹‖ ≤ max v / min L v,      ‖x - L⁻¹ b‖ ≤ ‖L⁻¹‖ ‖b - L x‖.
 """
@@ -19,10 +19,10 @@ InverseBound = Float[Array, "axes lanes"]
 
 
 def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
-    """Return a bound on `‖L⁻¹‖` from the weights of all sources.
+    """A bound on `‖L⁻¹‖` from the weights of all sources.
 
-    The bound is infinite if the navigator does not reach every vehicle. It is NaN if the iteration found no
-    bound.
+    The bound is infinite if the navigator does not reach every vehicle. It is NaN if the iteration
+    found no bound.
     """
     reached = hearing.all_reached(weights)
     times = apply_laplacian(hearing, of_vehicles(hearing, weights))
@@ -38,5 +38,5 @@ def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
 
 
 def rounding(hearing: Hearing) -> float:
-    """Return the greatest rounding error of the computed `b - L x`, relative to x."""
+    """The greatest rounding error of the computed `b - L x`, relative to x."""
     return (4 + len(hearing.carried_sources) / 2) * float(np.finfo(float).eps)

@@ -40,7 +40,7 @@ class Choice(NamedTuple):
 
 
 def choose_solver(sources: Sources) -> Choice:
-    """Return the solver for the sources of each listener, slot by slot."""
+    """The solver for the sources of each listener, slot by slot."""
     m = sources.shape[1]
     if m <= ONE_BLOCK:
         return Choice(Dense.of(sources), f"at most {ONE_BLOCK} vehicles")
@@ -61,9 +61,10 @@ def choose_solver(sources: Sources) -> Choice:
 
 
 def near_each_other(sources: Sources) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the vehicles in reverse Cuthill–McKee order, the place of each vehicle, and the bandwidth.
+    """The vehicles in reverse Cuthill–McKee order, the place of each vehicle, and the bandwidth.
 
-    The bandwidth is the greatest distance in that order between a listener and its source, at least 2.
+    The bandwidth is the greatest distance in that order between a listener and its source, at least
+    2.
     """
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -77,21 +78,22 @@ def near_each_other(sources: Sources) -> tuple[np.ndarray, np.ndarray, int]:
 
 
 def solved_at_once(vehicles: int) -> int:
-    """Return the number of lanes that the exact engine solves at once."""
+    """The number of lanes that the exact engine solves at once."""
     return SOLVED if vehicles < LARGE_TO_SOLVE else SOLVED_OF_LARGE
 
 
 def solved_in_a_row(vehicles: int) -> int:
-    """Return the number of lanes that the exact engine solves at once where nearly all lanes change."""
+    """The number of lanes that the exact engine solves at once where nearly all lanes change."""
     return SOLVED_IN_A_ROW if vehicles < LARGE_TO_SOLVE else SOLVED_OF_LARGE
 
 
 def factorised_at_once(vehicles: int) -> int:
-    """Return the number of lanes that the nonlinear engine factorises at once."""
+    """The number of lanes that the nonlinear engine factorises at once."""
     return FACTORISED if vehicles < LARGE_TO_FACTORISE else FACTORISED_OF_LARGE
 
 
-# --- the page --------------------------------------------------------------------------------------
+# --- the page
+# --------------------------------------------------------------------------------------
 
 SIZES = (12, 50, 100, 1_000, 10_000)  # vehicles
 GRAPHS: dict[str, Callable[[int], Neighbours]] = {
@@ -138,12 +140,12 @@ factorises, in one pass.
 
 
 def page() -> str:
-    """Return the page of the choices, in Markdown."""
+    """The page of the choices, in Markdown."""
     return HEAD + "".join(row(name, m) for name in GRAPHS for m in SIZES)
 
 
 def row(name: str, m: int) -> str:
-    """Return the row of one graph and size."""
+    """The row of one graph and size."""
     listeners, heard = sparse.csr_array(GRAPHS[name](m)).nonzero()
     solver, why = choose_solver(slotted(m, listeners, heard + 1)[2].T)
     cells = (

@@ -51,7 +51,7 @@ class Dense(Solver[InverseColumns]):
 
     @classmethod
     def of(cls, sources: Int[np.ndarray, "slots m"]) -> "Dense":
-        """Return the solver for the sources of each listener, slot by slot."""
+        """The solver for the sources of each listener, slot by slot."""
         m, apart = sources.shape[1], deaf_to_each_other(sources)
         apart = apart[
             : max((m // part for part in FLEET_PARTS if m // part <= len(apart)), default=0)
@@ -69,7 +69,7 @@ class Dense(Solver[InverseColumns]):
         sources = jnp.where(heard > 0, place[heard - 1], m)  # by place; m: the navigator
 
         def rows(part: FleetPart, first: int) -> PartRows:
-            """Return the rows `[D | b | a0]` or `[-B | c | a0]` of a part, whose first place is given."""
+            """The rows `[D | b | a0]` or `[-B | c | a0]` of a part, whose first place is given."""
             own = identity(jnp.zeros((m, m, *right.shape[2:])))[
                 first : first + len(part.vehicles), :n
             ]
@@ -109,7 +109,7 @@ class Dense(Solver[InverseColumns]):
         return solution[:, :-1], off_one(solution[:, -1])
 
     def factorise(self, hearing: Hearing, weights: AxisWeights) -> tuple[InverseColumns, Residual]:
-        """Return the columns of `L⁻¹`, and the residual of `L⁻¹ a0 = 1`."""
+        """The columns of `L⁻¹`, and the residual of `L⁻¹ a0 = 1`."""
         m = len(self.place)
         unit = identity(jnp.zeros((m, m, len(weights), weights.shape[-1])))
         inverse, residual = self.solve(hearing, weights, unit)
@@ -122,12 +122,11 @@ class Dense(Solver[InverseColumns]):
         right: PlaneVector,
         start: PlaneVector | None,
     ) -> PlaneVector:
-        """Return `L⁻¹` times one vector on each axis."""
+        """`L⁻¹` times one vector on each axis."""
         return product(factors, right)
 
 
 def part_of(vehicles: Int[np.ndarray, " some"], sources: Int[np.ndarray, "slots m"]) -> FleetPart:
-    """Return the part of these vehicles."""
     listeners = np.broadcast_to(np.arange(sources.shape[1]), sources.shape)
     heard = np.isin(listeners, vehicles) & (sources != listeners + 1)
     across = heard & (sources > 0) & ~np.isin(sources - 1, vehicles)
@@ -137,12 +136,14 @@ def part_of(vehicles: Int[np.ndarray, " some"], sources: Int[np.ndarray, "slots 
 
 
 def link_of(part: FleetPart, number: LoopIndex) -> tuple[LoopIndex, LoopIndex]:
-    """Return slot and listener of a link of a part."""
+    """Slot and listener of a link of a part."""
     return jnp.asarray(part.slots)[number], jnp.asarray(part.listeners)[number]
 
 
 def deaf_to_each_other(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, " k"]:
-    """Return vehicles that hear none of each other, chosen one by one, each with as few links as possible."""
+    """Vehicles that hear none of each other, chosen one by one, each with as few links as
+    possible.
+    """
     m = sources.shape[1]
     linked = np.zeros((m, m + 1), bool)
     linked[np.arange(m)[None], sources] = True

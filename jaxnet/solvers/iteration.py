@@ -1,7 +1,8 @@
 """Restarted BiCGSTAB (van der Vorst) for `L x = b`, slot by slot without a matrix.
 
-L is not symmetric, and its spectrum is not known beforehand. Each column of each axis and lane stops as soon
-as its own residual is small enough. No result therefore depends on the other lanes of the batch.
+L is not symmetric, and its spectrum is not known beforehand. Each column of each axis and lane
+stops as soon as its own residual is small enough. No result therefore depends on the other lanes of
+the batch.
 """
 
 from collections.abc import Callable
@@ -27,12 +28,12 @@ Allowance = Callable[[Sizes], Sizes]  # tolerated residual norm, by the norm of 
 
 
 def of_vehicles(hearing: Hearing, weights: AxisWeights) -> AxisWeights:
-    """Return the weights of links from vehicles, with 0 for links that carry the navigator's message."""
+    """The weights of links from vehicles, with 0 for links that carry the navigator's message."""
     return jnp.where((jnp.asarray(hearing.carried_sources) > 0)[None, :, :, None], weights, 0.0)
 
 
 def apply_laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
-    """Return the function x → L x, from weights of vehicles only."""
+    """The function x → L x, from weights of vehicles only."""
     carried_sources, heard = (
         jnp.maximum(jnp.asarray(hearing.carried_sources) - 1, 0),
         jnp.moveaxis(weights, 0, 2),
@@ -54,10 +55,10 @@ def iterated(
 ) -> tuple[Unknowns, Sizes]:
     """Improve x by restarted BiCGSTAB, and return the best x and the norm of its residual.
 
-    The iteration ends when `allowed` admits the residual, or after STARTS starts. Each start continues from
-    the best solution with a different shadow vector. The shadow vector is dense, with components of both
-    signs. The usual choice, the residual itself, fails in graphs without cycles such as trees: the residual
-    can be orthogonal to its images.
+    The iteration ends when `allowed` admits the residual, or after STARTS starts. Each start
+    continues from the best solution with a different shadow vector. The shadow vector is dense,
+    with components of both signs. The usual choice, the residual itself, fails in graphs without
+    cycles such as trees: the residual can be orthogonal to its images.
     """
 
     def start(carry: Restart) -> Restart:
@@ -83,7 +84,8 @@ def iterated(
 def stabilised(
     times: Map, x: Unknowns, left: Unknowns, shadow: Unknowns, going: Going, allowed: Allowance
 ) -> Unknowns:
-    """Run BiCGSTAB from x in the columns marked `going`, until `allowed` admits the estimated residual.
+    """Run BiCGSTAB from x in the columns marked `going`, until `allowed` admits the estimated
+    residual.
 
     `left` is the residual of x, and `shadow` is the shadow vector.
     """
@@ -115,10 +117,8 @@ def stabilised(
 
 
 def inner_product(x: Unknowns, y: Unknowns) -> InnerProducts:
-    """Return the inner product of each column of x with the same column of y."""
     return (x * y).sum(axis=0, keepdims=True)
 
 
 def residual_norm(x: Unknowns) -> Sizes:
-    """Return the maximum norm of each column."""
     return jnp.abs(x).max(axis=0)

@@ -45,7 +45,7 @@ class Iterative(Solver[Bounded]):
         return solution, jnp.maximum(residual, error.max(axis=(0, 1)))
 
     def factorise(self, hearing: Hearing, weights: AxisWeights) -> tuple[Bounded, Residual]:
-        """Return weights and norm bound. The residual is infinite where a vehicle is cut off, else 0."""
+        """Weights and norm bound. The residual is infinite where a vehicle is cut off, else 0."""
         bound = inverse_bound(hearing, weights)
         cut_off = jnp.isinf(bound).any(axis=0)
         return Bounded(of_vehicles(hearing, weights), bound), jnp.where(cut_off, jnp.inf, 0.0)
@@ -53,7 +53,7 @@ class Iterative(Solver[Bounded]):
     def apply(
         self, hearing: Hearing, factors: Bounded, right: PlaneVector, start: PlaneVector | None
     ) -> PlaneVector:
-        """Return `L⁻¹` times one vector on each axis. `start` is the initial guess, None for 0."""
+        """`L⁻¹` times one vector on each axis. `start` is the initial guess, None for 0."""
         columns, guess = (
             jnp.moveaxis(each.reshape(len(factors.weights), -1, *each.shape[1:]), 2, 0).swapaxes(
                 1, 2
@@ -69,8 +69,8 @@ def certified(
 ) -> tuple[Unknowns, Sizes]:
     """Solve `L x = b` from an initial guess, and return x and a bound on its relative error.
 
-    The solution is NaN in three cases: b is not finite, the norm bound is not finite, or the error is at
-    least LOOSEST. The error bound of a NaN solution is 0.
+    The solution is NaN in three cases: b is not finite, the norm bound is not finite, or the error
+    is at least LOOSEST. The error bound of a NaN solution is 0.
     """
     weights, bound = factors
     times, size, limited = (

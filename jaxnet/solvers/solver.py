@@ -27,7 +27,9 @@ class System(NamedTuple):
 
 
 class Solver(ABC, Generic[Factors]):
-    """A way to solve `L x = b`. The arrays of a solver are leaves of a pytree; its type is the choice."""
+    """A way to solve `L x = b`. The arrays of a solver are leaves of a pytree; its type is the
+    choice.
+    """
 
     starts: ClassVar[bool] = False  # whether `apply` uses an initial guess
 
@@ -39,25 +41,27 @@ class Solver(ABC, Generic[Factors]):
 
     @abstractmethod
     def factorise(self, hearing: Hearing, weights: AxisWeights) -> tuple[Factors, Residual]:
-        """Factorise L for repeated solves, and return the factors and the residual of `L⁻¹ a0 = 1`."""
+        """Factorise L for repeated solves, and return the factors and the residual of `L⁻¹ a0 =
+        1`.
+        """
 
     @abstractmethod
     def apply(
         self, hearing: Hearing, factors: Factors, right: PlaneVector, start: PlaneVector | None
     ) -> PlaneVector:
-        """Return `L⁻¹` times one vector on each axis. `start` is an initial guess, None for 0."""
+        """`L⁻¹` times one vector on each axis. `start` is an initial guess, None for 0."""
 
     def update(
         self, system: System, x: ByFunction, flagged: SolvedLanes, changed: SolvedVehicles
     ) -> tuple[ByFunction, SolvedLanes]:
         """Update x in flagged lanes where the rows of few vehicles changed.
 
-        Return x, and the flagged lanes that still must be solved: all of them, unless a solver overrides
-        this method.
+        Return x, and the flagged lanes that still must be solved: all of them, unless a solver
+        overrides this method.
         """
         return x, flagged
 
 
 def off_one(reached: Float[Array, "m axes lanes"]) -> Residual:
-    """Return the greatest distance of `L⁻¹ a0` from 1 in each lane."""
+    """The greatest distance of `L⁻¹ a0` from 1 in each lane."""
     return jnp.abs(reached - 1.0).max(axis=(0, 1))

@@ -18,7 +18,6 @@ def add_weights(
     columns: Int[Array, "slots blocks size"],
     heard: Float[Array, "slots blocks size axes lanes"],
 ) -> BlockTable:
-    """Add the weight of each slot to its column of a table of blocks."""
     blocks, size = table.shape[:2]
 
     def link(number: LoopIndex) -> tuple[TablePlace, jax.Array]:

@@ -1,10 +1,10 @@
 """Local update of the solution of `L x = b`, in windows around the rows that have changed.
 
-x solved the system before the change, so `b - L x` is nearly 0 outside the changed rows. Where every vehicle
-hears the navigator, L is strictly diagonally dominant. The effect of a row then decays geometrically with
-distance. So x is corrected in a window of blocks around the row, and stays fixed outside the window. A
-residual is left only in the two blocks next to the window. The residual is at most the correction at the
-window's edges.
+x solved the system before the change, so `b - L x` is nearly 0 outside the changed rows. Where
+every vehicle hears the navigator, L is strictly diagonally dominant. The effect of a row then
+decays geometrically with distance. So x is corrected in a window of blocks around the row, and
+stays fixed outside the window. A residual is left only in the two blocks next to the window. The
+residual is at most the correction at the window's edges.
 
 `L 1 = a0`, so the error of x is at most the residual over the least a0.
 """
@@ -43,10 +43,12 @@ class Windowed(Blocks):
     def update(
         self, system: System, x: ByFunction, flagged: SolvedLanes, changed: SolvedVehicles
     ) -> tuple[ByFunction, SolvedLanes]:
-        """Update x near the changed vehicles of flagged lanes, and return x and the flagged lanes left.
+        """Update x near the changed vehicles of flagged lanes, and return x and the flagged lanes
+        left.
 
-        The windows of a lane do not depend on other lanes. A lane is left in three cases: too many of its
-        vehicles changed, a vehicle does not hear the navigator, or the effect of a change reaches too far.
+        The windows of a lane do not depend on other lanes. A lane is left in three cases: too many
+        of its vehicles changed, a vehicle does not hear the navigator, or the effect of a change
+        reaches too far.
         """
         most, least = len(self.vehicles) // WINDOW, dominance(system)
         allowed = WINDOW_ACCURACY * jnp.abs(system.vectors).max(axis=(0, 1, 2)) * least
@@ -61,9 +63,8 @@ class Windowed(Blocks):
             blocks, windows, x = carry
             starts, needed = window_starts(blocks)
             up_to = jnp.cumsum(jnp.where(going(carry), needed.sum(axis=0), 0))
-            taken = (
-                needed & (going(carry) & (up_to <= WINDOWS_TOGETHER))[None]
-            )  # all of a lane or none
+            # all of a lane or none
+            taken = needed & (going(carry) & (up_to <= WINDOWS_TOGETHER))[None]
             number = (jnp.cumsum(taken)[None] <= jnp.arange(WINDOWS_TOGETHER)[:, None]).sum(axis=1)
             lanes = jnp.where(number < taken.size, number % flagged.size, flagged.size)
             theirs, bound = (
@@ -84,9 +85,11 @@ class Windowed(Blocks):
     def correct(
         self, system: System, x: ByFunction, lanes: WindowNumbers, starts: WindowNumbers
     ) -> tuple[ByFunction, Float[Array, "2 few"]]:
-        """Correct the solution in one window of each given lane; `starts` are the windows' first blocks.
+        """Correct the solution in one window of each given lane; `starts` are the windows' first
+        blocks.
 
-        Return the solution, and the greatest correction in the first and in the last block of each window.
+        Return the solution, and the greatest correction in the first and in the last block of each
+        window.
         """
         size, functions = self.vehicles.shape[1], len(x)
         vehicles, carried_sources, weights, left = jax.vmap(
@@ -121,7 +124,7 @@ class Windowed(Blocks):
     ) -> tuple[
         Int[Array, " w"], Int[Array, "slots w"], Float[Array, "axes slots w"], Float[Array, "w 2 _"]
     ]:
-        """Return the vehicles of one window of a lane, their sources and weights, and their `b - L x`."""
+        """The vehicles of one window of a lane, their sources and weights, and their `b - L x`."""
         vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(self.vehicles), start, WINDOW).ravel()
         heard = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
         _, carried_sources, attacked, signals, _ = heard
@@ -149,10 +152,10 @@ class Windowed(Blocks):
 def window_starts(
     flagged: FlaggedBlocks,
 ) -> tuple[Int[Array, "windows lanes"], Bool[Array, "windows lanes"]]:
-    """Return the first block of each of a lane's windows, and which windows are needed.
+    """The first block of each of a lane's windows, and which windows are needed.
 
-    A window has its first flagged block in the middle where possible. At least one block separates two
-    windows.
+    A window has its first flagged block in the middle where possible. At least one block separates
+    two windows.
     """
     blocks, free = len(flagged), jnp.zeros(flagged.shape[1:], int)
     numbers, found, needed = jnp.arange(blocks)[:, None], [], []
@@ -167,15 +170,12 @@ def window_starts(
 
 
 def clear_flags(
-    blocks: FlaggedBlocks,
-    lanes: WindowNumbers,
-    starts: WindowNumbers,
-    over: Bool[Array, "2 few"],
+    blocks: FlaggedBlocks, lanes: WindowNumbers, starts: WindowNumbers, over: Bool[Array, "2 few"]
 ) -> FlaggedBlocks:
-    """Return the flags of blocks after windows have been corrected.
+    """The flags of blocks after windows have been corrected.
 
-    A block within a window loses its flag. A block next to a window is flagged where `over` says that its
-    residual is too large. Windows past the last lane are padding.
+    A block within a window loses its flag. A block next to a window is flagged where `over` says
+    that its residual is too large. Windows past the last lane are padding.
     """
     there, edges = lanes < blocks.shape[1], jnp.stack([starts - 1, starts + WINDOW])
     over = over & there[None] & (edges >= 0) & (edges < len(blocks))
@@ -198,6 +198,6 @@ def clear_flags(
 
 
 def dominance(system: System) -> Float[Array, " lanes"]:
-    """Return a lower bound on the least a0; 0 where a vehicle does not hear or retain the navigator."""
+    """A lower bound on the least a0; 0 where a vehicle does not hear or retain the navigator."""
     heard = (system.hearing.sources[0] == 0)[:, None] & system.decision[:, 0].all(axis=0)
     return jnp.where(heard, system.weights[0], 0.0).min(axis=0)

@@ -38,7 +38,9 @@ def test_a_failed_lane_is_named_and_spoils_no_other(engine):
 
 @pytest.mark.parametrize("solver", ["gauss", "dopri5"])
 def test_the_step_limit_is_a_limit(solver):
-    """Also where one step ends one interval; the step that reaches the horizon may be the last allowed."""
+    """Also where one step ends one interval; the step that reaches the horizon may be the last
+    allowed.
+    """
     easy = {"solver": solver, "rtol": 1e-3, "atol": 1e-3}
     keys = {
         "attack": "none",
@@ -75,6 +77,7 @@ def test_a_lane_is_the_same_alone_and_among_others(engine):
         np.testing.assert_array_equal(same, theirs)
 
 
+@pytest.mark.long
 def test_chunks_of_another_width_agree():
     """To 1e-9, with the same decisions; nonlinear ones to the last bit above."""
     one = systems.lanes(systems.study(engine="exact", **SHORTEST), 40)
@@ -87,7 +90,9 @@ def test_chunks_of_another_width_agree():
 @pytest.mark.parametrize("chunk", [16, 64, 256])
 @pytest.mark.parametrize(("decides", "cached"), [(False, 40_000), (True, 16_000)])
 def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, monkeypatch):
-    """A power of two, from the engine's own chunk on; the vehicles of all lanes fit into a core's cache."""
+    """A power of two, from the engine's own chunk on; the vehicles of all lanes fit into a core's
+    cache.
+    """
     plan = systems.lanes(systems.study(engine="exact", **SHORTEST), 1, ()).plan._replace(
         decides=decides
     )
@@ -107,7 +112,9 @@ def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, mon
 
 
 def test_an_engine_says_how_many_vehicles_stay_in_a_cache(monkeypatch):
-    """Of large fleets no more are side by side: 1,200 in the nonlinear engine, in a power of two of lanes."""
+    """Of large fleets no more are side by side: 1,200 in the nonlinear engine, in a power of two of
+    lanes.
+    """
     plan = systems.lanes(systems.study(engine="nonlinear", **SHORTEST), 1, ()).plan
     monkeypatch.setattr(plan.engine, "chunk", 64)
     assert [batch.EVERYTHING.width(plan, vehicles) for vehicles in (150, 300, 600, 1_000)] == [
@@ -120,7 +127,7 @@ def test_an_engine_says_how_many_vehicles_stay_in_a_cache(monkeypatch):
 
 @pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_numbers_never_compile_anew(engine):
-    """Not gains, magnitudes, tolerances, horizons, ticks or tails; another kind of attack neither."""
+    """Not gains, magnitudes, tolerances, horizons, ticks or tails, nor another kind of attack."""
     keys = {"gain": [2, 4, 4], "horizon": 3.0, "tail": 0.5, "tick": 0.025, "output_step": 0.05}
     attack = {"kind": "sinusoid", "magnitude": {"normal": [3, 0]}}
     defence = {"kind": "trusted_trim", "tolerance": 1e-6}
@@ -138,6 +145,7 @@ def test_numbers_never_compile_anew(engine):
     assert not [name for name in compiled if "backend_compile" in name]
 
 
+@pytest.mark.long
 def test_metrics_are_those_of_the_stored_trajectory():
     """Each number by its definition, from states and weights at output times."""
     one = systems.lanes(systems.study(**SHORT), 4)

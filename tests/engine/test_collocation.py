@@ -26,7 +26,8 @@ def apart(one, other):
 
 
 class Odd(TwoWheeled):
-    """A robot with a push [m/s³] where it heads along x, and a force that is told from jets so many times.
+    """A robot with a push [m/s³] where it heads along x, and a force that is told from jets so many
+    times.
 
     The law is told of neither.
     """
@@ -55,7 +56,7 @@ PUSHED = Odd(push=0.3)
 
 @pytest.mark.parametrize("attack", ["none", "rotating"])
 def test_what_the_law_does_not_cancel_is_integrated(attack):
-    """The first guess takes a vehicle to move as asked; this one goes where its own equations say."""
+    """The first guess takes a vehicle to move as asked; this one follows its own equations."""
     keys = {"vehicle": PUSHED, "attack": attack, "defence": "none"}
     ours, known = outcome(**keys), outcome(**keys, engine=STEPS)
     assert (ours.status == Status.ok).all()
@@ -63,8 +64,11 @@ def test_what_the_law_does_not_cancel_is_integrated(attack):
     assert apart(ours, outcome(**{**keys, "vehicle": Odd()})) > 0.1
 
 
+@pytest.mark.long
 def test_a_lane_that_takes_more_passes_changes_no_other():
-    """Vehicles that do not move as asked: lanes are the same to the last bit alone and beside others."""
+    """Vehicles that do not move as asked: lanes are the same to the last bit alone and beside
+    others.
+    """
     keys = {"vehicle": PUSHED, "attack": "rotating", "defence": "none"}
     many, few = (outcome(lanes, **keys) for lanes in (21, 2))
     for ours, theirs in zip(*map(jax.tree.leaves, (few, many)), strict=True):
@@ -93,6 +97,7 @@ VARIATIONS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VARIATIONS)
 def test_windows_and_steps_lead_where_the_exact_engine_does(name):
     keys = {"attack": "rotating", "defence": "none", **VARIATIONS[name]}

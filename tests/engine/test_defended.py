@@ -1,4 +1,6 @@
-"""What holds and what does not: scores of the trimming under attacks that defeat some of them (O11)."""
+"""What holds and what does not: scores of the trimming under attacks that defeat some of them
+(O11).
+"""
 
 import numpy as np
 import pytest
@@ -55,7 +57,9 @@ def safe(study):
 
 
 def test_two_who_trust_each_other_know_nothing():
-    """About half of the lanes end exactly ā off, though Assumptions 1 and 2 hold; `safe` promises nothing."""
+    """About half of the lanes end exactly ā off, though Assumptions 1 and 2 hold; `safe` promises
+    nothing.
+    """
     study = systems.study(defence=TRUST, **PAIR)
     share, outcome = unrecovered(study, 300)
     assert abs(share - 0.5) < 4 * np.sqrt(0.25 / 300)
@@ -72,8 +76,11 @@ def test_what_is_announced_saves_them():
     assert safe(systems.study(defence={**TRUST, "score": "announced"}, **PAIR)).all()
 
 
+@pytest.mark.long
 def test_the_ring_by_what_drives():
-    """Rotating at 1.4 rad/s, where seven in ten lanes do not recover by position: all do by what drives."""
+    """Rotating at 1.4 rad/s, where seven in ten lanes do not recover by position: all do by what
+    drives.
+    """
     study = systems.study(
         attack={"kind": "rotating", "frequency": 1.4, "magnitude": 10.0},
         defence={"kind": "trusted_trim", **SCORES["feedback"]},
@@ -103,8 +110,11 @@ def test_a_false_third_derivative_alone(score, saves):
     assert share == 0 if saves else share > 0.9
 
 
+@pytest.mark.long
 def test_trusted_sources_alone_are_exact():
-    """The ring, where all hear the navigator: under an attack that defeats trimming no lane is off."""
+    """The ring, where all hear the navigator: under an attack that defeats trimming no lane is
+    off.
+    """
     study = jaxnet.load(
         {
             "name": "test",
@@ -120,6 +130,7 @@ def test_trusted_sources_alone_are_exact():
     assert outcome.metrics["tail_max"].max() < 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sybils", [0, 1])
 def test_a_sybil_is_a_liar_more(sybils):
     """One beside each attacker is one more than the ring bears."""
@@ -129,8 +140,11 @@ def test_a_sybil_is_a_liar_more(sybils):
     ).all() == (not sybils)
 
 
+@pytest.mark.long
 def test_whom_nobody_attacks_may_still_be_cut_off():
-    """2 and 3 drop 1 of equals and believe each other; lanes: tests/engine/test_counterexamples.py (A3)."""
+    """2 and 3 drop 1 of equals and believe each other; lanes: tests/engine/test_counterexamples.py
+    (A3).
+    """
     edges = [[1, 0, 1], [2, 1, 1], [2, 3, 1], [3, 1, 1], [3, 2, 1], [4, 0, 1]]
     study = systems.study(
         **PAIR | {"topology": {"kind": "edges", "edges": edges}},

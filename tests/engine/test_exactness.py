@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests import reference, systems
+from tests.reference import attack_on_links, exact, navigator_at
 
 TOPOLOGIES = ["star", "cyclic", "path"]
 RANDOM_GRAPH = {
@@ -32,40 +33,6 @@ UNTRIMMED = [
     },
 ]
 INSTANTS = np.arange(301) * 0.1
-
-
-def navigator_at(one, number):
-    path = systems.lane(one, number).navigator
-    return lambda t: np.asarray(path.jets(np.asarray(t)))
-
-
-def attack_on_links(one, number):
-    """`a_ij` jets of a lane by link, written out."""
-    lane = systems.lane(one, number)
-    m = len(lane.links)
-
-    def at(t):
-        basis = np.asarray(lane.signal.basis(np.asarray(t)))
-        received = np.zeros((4, m, m + 1, 2))
-        for i, j in np.argwhere(lane.links):
-            received[:, i, j] = basis @ lane.vectors[:, i if j == 0 else j - 1].T
-        return received
-
-    return at
-
-
-def exact(one, number, interval, intervals, **trimming):
-    lane = systems.lane(one, number)
-    return reference.propagate(
-        lane.weights,
-        navigator_at(one, number),
-        attack_on_links(one, number),
-        lane.gain,
-        reference.flat_jets(lane.initial.T),
-        interval,
-        intervals,
-        **trimming,
-    )
 
 
 def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
@@ -108,7 +75,9 @@ TRIMMED = {"attack": {"kind": "rotating", "magnitude": 5.0}, "output_step": 0.05
 
 @pytest.fixture(scope="module")
 def trimmed():
-    """Trimmed cyclic lanes with an output time at each tick, and the tick-by-tick reference of each."""
+    """Trimmed cyclic lanes with an output time at each tick, and the tick-by-tick reference of
+    each.
+    """
     one = systems.lanes(systems.study(**TRIMMED), 4)
     outcome = systems.simulate(one)
     defence = {"trusted": [{0}] * 12, "theta": [1] * 12}
@@ -139,6 +108,7 @@ def test_trimming_at_ticks_decides_and_moves_as_the_reference(
         assert outcome.switches[number] == changed.any(axis=2).sum() > 0
 
 
+@pytest.mark.long
 def test_received_error_obeys_the_nominal_dynamics_between_switches(trimmed):
     """What a vehicle takes for its error knows nothing of the attack (model.md)."""
     one, outcome, _ = trimmed
@@ -178,6 +148,7 @@ def test_constant_in_phase_attack_has_the_static_gains():
     assert (trimmed["tail_mean"] / 2.0 < 1e-6).all()
 
 
+@pytest.mark.long
 def test_trimming_in_the_vector_field_is_the_limit_of_trimming_at_ticks():
     """On a lane that recovers: the finer the ticks, the nearer to `tick: 0`."""
     ended = {}
@@ -193,7 +164,9 @@ def test_trimming_in_the_vector_field_is_the_limit_of_trimming_at_ticks():
 
 
 def test_both_engines_measure_the_same():
-    """Every contract metric, untrimmed; speeds and turn rates are recovered from flat outputs (O4)."""
+    """Every contract metric, untrimmed; speeds and turn rates are recovered from flat outputs
+    (O4).
+    """
     ours, theirs = (
         systems.simulate(systems.lanes(systems.study(engine=engine, defence="none"), 20)).metrics
         for engine in ("exact", "nonlinear")
@@ -224,8 +197,11 @@ def test_drawn_gains_and_edges_are_each_lane_s_own():
         assert np.abs(states[:, :, :2] - known).max() <= 1e-9
 
 
+@pytest.mark.long
 def test_trimming_with_drawn_gains_and_weights():
-    """The same decisions and positions as the reference that has the lane's numbers, tolerance included."""
+    """The same decisions and positions as the reference that has the lane's numbers, tolerance
+    included.
+    """
     topology = {"navigator_weight": {"uniform": [0.05, 0.5]}}
     defence = {"tolerance": {"uniform": [0.1, 1]}}
     given = systems.study(

@@ -1,4 +1,5 @@
-"""What no kind of ours uses all of: weights that are numbers, by axis, with a memory; attacks that choose.
+"""What no kind of ours uses all of: weights that are numbers, by axis, with a memory; attacks that
+choose.
 
 Each is written twice, as a kind and as a plain program, and both engines are held to the latter.
 """
@@ -16,8 +17,7 @@ from jaxnet.kinds.fields import Positive
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from tests import reference, systems
-from tests.engine.marching import march, received
-from tests.engine.test_exactness import navigator_at
+from tests.reference import march, navigator_at, received
 
 TICK, SMOOTHING = 0.05, 0.2
 FINER = {"kind": "nonlinear", "rtol": 1e-9, "atol": 1e-11}
@@ -30,7 +30,8 @@ RANDOM = {
 
 
 class Filtered(Defence):
-    """Weights by `w / (1 + filtered² )` of the distance by axis of what is received to `own + ė/k1 + ë/k2`.
+    """Weights by `w / (1 + filtered² )` of the distance by axis of what is received to `own + ė/k1
+    + ë/k2`.
 
     The memory is the filtered distance, a low-pass over ticks.
     """
@@ -54,7 +55,9 @@ class Filtered(Defence):
 
 
 class Alike(Filtered):
-    """The same by distance in the plane, one weight for both axes; it weighs where nobody is heard too."""
+    """The same by distance in the plane, one weight for both axes; it weighs where nobody is heard
+    too.
+    """
 
     kind = "alike"
 
@@ -81,7 +84,9 @@ class Withdrawing(Defence):
 
 
 class Steering(Attack):
-    """At every tick against the fleet's mean error, at every third along it; the memory counts ticks."""
+    """At every tick against the fleet's mean error, at every third along it; the memory counts
+    ticks.
+    """
 
     kind = "steering"
     strategic: ClassVar[bool] = True
@@ -124,7 +129,9 @@ class Returning(Steering):
 
 
 def plain(kind, lane):
-    """The plain program of a defence and of the attack that chooses: `choose` for `march`, what it chose."""
+    """The plain program of a defence and of the attack that chooses: `choose` for `march`, what it
+    chose.
+    """
     carried, memory, chosen = (
         np.ones(lane.weights.shape, bool),
         np.zeros((2, *lane.weights.shape)),
@@ -192,9 +199,11 @@ def start_of(one, number):
     [("exact", Alike, 1e-9), ("nonlinear", Filtered, 1e-5)],
 )
 def test_weights_that_are_numbers_and_an_attack_that_chooses_at_ticks(engine, kind, accuracy):
-    """Weights follow received positions, velocities, accelerations and the gain; each lane's own graph.
+    """Weights follow received positions, velocities, accelerations and the gain; each lane's own
+    graph.
 
-    The attack is against or along the mean error, scaled down to ā where it is far and not where it is near.
+    The attack is against or along the mean error, scaled down to ā where it is far and not where it
+    is near.
     """
     attack = named(Steering) | {"magnitude": MAGNITUDE, "vehicles": [2, 5]}
     one, outcome = simulated(engine, defence=named(kind), attack=attack, **SMALL)
@@ -216,6 +225,7 @@ def test_weights_that_are_numbers_and_an_attack_that_chooses_at_ticks(engine, ki
     assert min(sizes) < 0.29
 
 
+@pytest.mark.long
 def test_a_defence_in_the_vector_field_is_told_the_time():
     """As at ticks one of which is the time that it waits for; whatever the magnitude."""
     keys = {"defence": named(Withdrawing), "horizon": 4.0, "tail": 1.0, "output_step": 0.25}
@@ -231,7 +241,9 @@ def test_a_defence_in_the_vector_field_is_told_the_time():
 
 @pytest.mark.parametrize("number", [0.5, 1.0, 7.0, 1e150, 1e300, float("nan"), float("inf")])
 def test_no_attack_that_chooses_is_over_its_magnitude(number):
-    """Whatever it returns, for whomever; what has no direction leaves no lane that calls itself ok."""
+    """Whatever it returns, for whomever; what has no direction leaves no lane that calls itself
+    ok.
+    """
     attack = named(Returning) | {"magnitude": 3.0}
     scenario = (
         systems.study(engine="exact", attack=attack, defence="none", **KEYS).cells[0].scenario

@@ -1,4 +1,6 @@
-"""Control inputs that rows and trajectories tell: they drive the vehicles, and engines agree on them."""
+"""Control inputs that rows and trajectories tell: they drive the vehicles, and engines agree on
+them.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ HELD = {"law": {"kind": "rounds", "rounds": 3}}
 
 
 def car(state, inputs):
-    """Equations of the car with a wheelbase of 0.5 m, state `[x, y, θ, v, δ, a]`, input `[ȧ, δ̇]`."""
+    """Equations of a car with a wheelbase of 0.5 m: state `[x, y, θ, v, δ, a]`, input `[ȧ, δ̇]`"""
     _, _, heading, speed, steering, acceleration = state
     turn_rate = speed * np.tan(steering) / 0.5
     return [
@@ -57,6 +59,7 @@ def test_inputs_drive_the_vehicles_along_the_stored_states():
         np.testing.assert_allclose(found.y.T / size, states / size, atol=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("keys", "engines"),
     [
@@ -66,7 +69,9 @@ def test_inputs_drive_the_vehicles_along_the_stored_states():
     ids=["busy", "held"],
 )
 def test_engines_agree_on_the_inputs(keys, engines):
-    """After each decision: the inputs jump where a vehicle drops a source, senses anew or loses a message."""
+    """After each decision: the inputs jump where a vehicle drops a source, senses anew or loses a
+    message.
+    """
     known, *others = (
         systems.simulate(
             systems.lanes(

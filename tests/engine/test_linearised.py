@@ -54,7 +54,8 @@ def slopes(function, at):
 
 @pytest.mark.parametrize("attacked", [False, True])
 def test_means_of_states_and_inputs_give_the_same_motion(attacked):
-    """The plain program solves `u_i = Σ_j w_ij u_j + K (x_i - Σ_j w_ij x_j)` with lies in states and inputs.
+    """The plain program solves `u_i = Σ_j w_ij u_j + K (x_i - Σ_j w_ij x_j)` with lies in states
+    and inputs.
 
     Poles are placed by hand: K makes the jets of the linearised error obey the gain.
     """
@@ -100,8 +101,11 @@ def test_means_of_states_and_inputs_give_the_same_motion(attacked):
     np.testing.assert_allclose(states, expected, rtol=0, atol=2e-5)
 
 
+@pytest.mark.long
 def test_the_difference_from_the_exact_law_is_of_second_order():
-    """Halve the error, and the difference falls by four, with noise and trimming. Far away the law fails."""
+    """Halve the error, and the difference falls by four, with noise and trimming. Far away the law
+    fails.
+    """
 
     def positions(scale, places):
         """Ends and positions of both laws."""

@@ -79,6 +79,7 @@ def test_a_multiple_of_the_identity_is_a_number():
     assert [each["status"][0] for each in ends] == ["singular"] * 2
 
 
+@pytest.mark.long
 def test_the_motion_turns_with_the_gains_when_the_plane_is_turned():
     """`K → Q K Q'` for a quarter turn Q exchanges the axes of starts and path."""
     quarter = np.array([[0.0, -1.0], [1.0, 0.0]])

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import jaxnet
 from jaxnet.view.text.check import check_text
@@ -41,8 +40,11 @@ def paths(**keys):
     return results.trajectories["states"].sel(cell=0).values[..., :2], results.lanes
 
 
+@pytest.mark.long
 def test_engines_agree_on_vehicles_with_states_inside():
-    """The dense system with 2m unknowns; windows and steps: tests/kinds/vehicles/test_look_ahead.py."""
+    """The dense system with 2m unknowns; windows and steps:
+    tests/kinds/vehicles/test_look_ahead.py.
+    """
     exact, stacked = (
         paths(vehicle="look_ahead", engine=engine)[0] for engine in ("exact", "stacked")
     )
@@ -59,49 +61,8 @@ def test_static_gains_do_not_depend_on_the_order():
     )
 
 
-def test_the_law_agrees_with_a_plain_integration():
-    """Of `L y^(r) = a0 y_0^(r) + d^(r) - P(ε)` by a Runge–Kutta method, under a rotating attack."""
-    order, gain = 2, [2.0, 0.9]
-    attack = {"kind": "rotating", "vehicles": LIARS, "magnitude": 5.0, "frequency": 1.7}
-    keys = {"vehicle": VEHICLES[order], "gain": gain, "attack": attack, "defence": "none"}
-    results = simulated(**keys)
-    data = results.trajectories.sel(cell=0, sample=0)
-    states, times = data["states"].values, data["time"].values
-    weights = matrix_of(results.study.config.topology, 12)
-    L, a0 = np.eye(12) - weights[:, 1:], weights[:, 0]
-    first = data["attack"].values[0]  # (vehicle, axis), ā/1.7^r long where attacked
-    amplitude = 5.0 / 1.7**order
-    np.testing.assert_allclose(
-        np.linalg.norm(first[np.array(LIARS) - 1], axis=1), amplitude, rtol=1e-12
-    )
-    turned = np.stack([-first[:, 1], first[:, 0]], axis=1)
-
-    def attacked(time, k):
-        """The k-th derivative of the signals."""
-        angle = 1.7 * time + k * math.pi / 2
-        return 1.7**k * (math.cos(angle) * first + math.sin(angle) * turned)
-
-    def rates(time, flat):
-        y = flat.reshape(order, 12, 2)
-        path = navigator_jets(results, time)
-        d = [weights[:, 1:] @ attacked(time, k) for k in range(order + 1)]
-        right = a0[:, None] * path[order] + d[order]
-        for k in range(order):
-            right -= gain[k] * (L @ y[k] - a0[:, None] * path[k] - d[k])
-        return np.concatenate([y[1:].ravel(), np.linalg.solve(L, right).ravel()])
-
-    start = states[0].T.reshape(order, 2, 12).transpose(0, 2, 1)
-    known = solve_ivp(
-        rates, (0, times[-1]), start.ravel(), t_eval=times, rtol=1e-11, atol=1e-10, method="DOP853"
-    )
-    found = (
-        known.y.reshape(order, 12, 2, -1).transpose(3, 1, 0, 2).reshape(len(times), 12, 2 * order)
-    )
-    np.testing.assert_allclose(states, found, atol=1e-7)
-
-
 def subsequence(own, received, weights, spared, F):
-    """W-MSR on one axis, and the mean of what it retains; the own value where nothing is retained."""
+    """W-MSR on one axis, and the mean of what it retains; the own value if nothing is retained."""
     equal = 1e-12 * np.maximum(
         1, np.maximum(np.abs(received), abs(own))
     )  # as the engine's comparisons
@@ -119,8 +80,9 @@ def subsequence(own, received, weights, spared, F):
 def test_single_integrators_step_by_their_weights(share, F, navigator):
     """Steps of W-MSR by a plain program, with k0 = share/tick and five liars.
 
-    With F = 2, who does not hear the navigator may retain nobody, and then stands still. Such vehicles soon
-    stand at equal values, of which rounding chooses, so 100 steps are compared, to 1e-9 m.
+    With F = 2, who does not hear the navigator may retain nobody, and then stands still. Such
+    vehicles soon stand at equal values, of which rounding chooses, so 100 steps are compared, to
+    1e-9 m.
     """
     tick, steps = 0.05, 1000 if F == 1 else 100
     attack = {"kind": "rotating", "vehicles": [1, 4, 7, 9, 10], "magnitude": 5.0, "frequency": 0.7}
@@ -158,8 +120,11 @@ def test_single_integrators_step_by_their_weights(share, F, navigator):
     assert (alone > 100) == (F == 2)
 
 
+@pytest.mark.long
 def test_sensor_errors_of_single_integrators_have_the_variance_of_their_flow():
-    """`Var E = s² (1 - e^{-h})² / (1 - e^{-2h})` at gain 1, within 99 % of 48,000 independent numbers."""
+    """`Var E = s² (1 - e^{-h})² / (1 - e^{-2h})` at gain 1, within 99 % of 48,000 independent
+    numbers.
+    """
     tick, size = 0.5, 0.4
     results = simulated(
         vehicle="single_integrator",

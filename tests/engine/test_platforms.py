@@ -11,6 +11,7 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import xla
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("engine", "vehicles"), [("exact", 24), ("nonlinear", 12)])
 def test_lanes_end_as_they_do_where_xla_is_told_otherwise(monkeypatch, engine, vehicles):
     found = outcome(engine, vehicles)

@@ -1,4 +1,6 @@
-"""The law by exchanges with neighbours: both engines against a plain program, and growth against theory."""
+"""The law by exchanges with neighbours: both engines against a plain program, and growth against
+theory.
+"""
 
 import jax
 import numpy as np
@@ -12,7 +14,7 @@ from jaxnet.model.graph import dense
 from jaxnet.theory import rounds as theory
 from jaxnet.view.text import check
 from tests import reference, systems
-from tests.engine.test_exactness import attack_on_links, navigator_at
+from tests.reference import attack_on_links, navigator_at
 
 TICK, TICKS = 0.05, 120
 KEYS = {"horizon": TICK * TICKS, "tail": 1.0, "output_step": TICK, "tick": TICK}
@@ -29,7 +31,8 @@ CASES = {
 def plain(one, number, weights, rounds, carried):
     """Positions at each tick, (ticks + 1, m, 2), with these weights (ticks + 1, m, m + 1) in force.
 
-    Vehicle by vehicle and link by link: what a vehicle demands, then what it hears of its neighbours' jerks.
+    Vehicle by vehicle and link by link: what a vehicle demands, then what it hears of its
+    neighbours' jerks.
     """
     lane, navigator, attack = (
         systems.lane(one, number),
@@ -105,6 +108,7 @@ def growths(study):
     return weights, values, slowest(outcome.series["state"], vectors)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stable", [True, False])
 @pytest.mark.parametrize("graph", GRAPHS)
 def test_growth_is_the_spectral_radius(graph, stable):
@@ -122,6 +126,7 @@ def test_growth_is_the_spectral_radius(graph, stable):
     assert (radius < 1) == stable
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("topology", ["cyclic", "path"])
 def test_the_fleet_is_late_for_a_slow_navigator(topology):
     """Vehicle by vehicle, by what theory says; on the path the farther back the more.
@@ -151,6 +156,7 @@ def test_the_fleet_is_late_for_a_slow_navigator(topology):
     np.testing.assert_allclose(found, known, rtol=0.02)
 
 
+@pytest.mark.long
 def test_many_rounds_and_short_ticks_come_to_the_law_itself():
     """Half the tick, half the distance; a sinusoid on the ring, nobody trimmed."""
     keys = {
@@ -170,6 +176,7 @@ def test_many_rounds_and_short_ticks_come_to_the_law_itself():
     assert apart[1] == pytest.approx(apart[0] / 2, rel=0.1)
 
 
+@pytest.mark.long
 def test_what_a_lane_that_diverges_comes_to():
     """Its error up to 1e100 m, the same in both engines."""
     keys = {"law": "rounds", "tick": 0.5, "output_step": 1.0, "attack": "none", "defence": "none"}
@@ -191,7 +198,9 @@ def test_what_a_lane_that_diverges_comes_to():
 
 
 def test_numbers_of_rounds_share_a_program_and_lanes_may_differ():
-    """A program is told apart by the shapes of its arguments alone; each lane takes its own rounds."""
+    """A program is told apart by the shapes of its arguments alone; each lane takes its own
+    rounds.
+    """
     one, two = systems.lanes(
         systems.study(engine="exact", sweep={"law.rounds": [1, 2]}, law="rounds", **KEYS), 2
     ).jobs
@@ -214,7 +223,9 @@ class Withdrawn(Defence):
 
 
 def test_who_is_cut_off_has_failed():
-    """As with the law itself, though rounds know nothing of it: from the tick on at which it happens."""
+    """As with the law itself, though rounds know nothing of it: from the tick on at which it
+    happens.
+    """
     keys = {
         "topology": {"kind": "cyclic", "navigator": [1]},
         "defence": {"kind": f"{__name__}:Withdrawn"},
@@ -254,13 +265,15 @@ def test_a_law_from_outside():
     assert known < 1 < theory.growth(values, np.array([1.0, 3.0, 3.0]), 0.04)
     told = " ".join(check.check_text(study).split())
     assert (
-        f"law stable, deviations times {max(found):.4f} at each tick of 0.04 s safe nothing is proved"
-        in told
+        f"law stable, deviations times {max(found):.4f} at each tick of 0.04 s"
+        " safe nothing is proved" in told
     )
 
 
+@pytest.mark.long
 def test_fleets_that_diverge_end_and_leave_the_others_alone():
-    """A sampled law with fast gains at a coarse tick; the calm lanes have the numbers that they have alone.
+    """A sampled law with fast gains at a coarse tick; the calm lanes have the numbers that they
+    have alone.
 
     Squares of the numbers would overflow after 50 s; the search for a standstill then never ended.
     """

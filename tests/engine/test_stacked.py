@@ -50,6 +50,7 @@ def agree(ours, known, within):
         np.testing.assert_allclose(ours.metrics[name], values, rtol=1e-4, atol=within)
 
 
+@pytest.mark.long
 def test_stepped_implicitly():
     """A stiff solver comes to the same places."""
     keys = {"vehicles": 2, "topology": "path", "defence": "none", "horizon": 0.4, "tail": 0.2}
@@ -76,6 +77,7 @@ def test_trimmed(trimmed):
     assert trimmed.switches.any()
 
 
+@pytest.mark.long
 def test_a_car_that_decides_by_axis_under_replaced_words():
     """Another vehicle, weights that differ by axis, and a malicious sender; to finer tolerances."""
     fine = {"kind": "stacked", "rtol": 1e-9, "atol": 1e-11}
@@ -117,7 +119,9 @@ def test_deciding_in_the_vector_field():
 
 
 def test_failed_lanes_are_named_and_spoil_no_other(ring, trimmed):
-    """Each fails in its own way, at once or on its way; a lane beside them is the same to the last bit."""
+    """Each fails in its own way, at once or on its way; a lane beside them is the same to the last
+    bit.
+    """
     given = jax.tree.map(lambda leaf: np.repeat(leaf[:1], 6, axis=0), ring.inputs)
     lane, limit = given.lane, given.numbers.max_steps
     initial, gain, weights = lane.initial.copy(), lane.gain.copy(), lane.weights.copy()
@@ -186,9 +190,10 @@ def test_a_step_too_small_and_a_field_that_is_not_finite_are_told_apart(field, r
     assert solution.stats["num_steps"] < 1000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["Heun", "ReversibleHeun", "ImplicitEuler"])
 def test_other_solvers(name):
-    """Solvers of low order, for which no fleet has time, adapt their step to a plain equation too."""
+    """Solvers of low order, too slow for a fleet, adapt their step to a plain equation too."""
     assert name in stacked.solvers()
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: -y),

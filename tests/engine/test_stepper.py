@@ -25,7 +25,9 @@ def signals(t):
 
 
 def field(now, state):
-    """Smooth, nonlinear, explicitly time-dependent; the components of a lane are coupled, lanes are not."""
+    """Smooth, nonlinear, explicitly time-dependent; the components of a lane are coupled, lanes are
+    not.
+    """
     wave, drift = (each[None, None] for each in now)
     around = jnp.roll(state, 1, axis=0) - jnp.roll(state, 1, axis=1)
     return wave * jnp.sin(around) - 0.5 * state + drift / (1.0 + state**2)
@@ -61,7 +63,7 @@ def attempt(solver, start, end, state, tolerated):
 @functools.partial(jax.jit, static_argnums=0)
 @functools.partial(jax.vmap, in_axes=(None, 0, 0, -1), out_axes=-1)
 def by_diffrax(solver, start, end, y0):
-    """`y1`, its slope, the size of the state and the error estimate of each lane's step, stacked."""
+    """`y1`, its slope, the state's size and the error estimate of each lane's step, stacked."""
     method = stepper.SOLVERS[solver]()
     before = method.init(TERM, start, end, y0, None)
     y1, error, *_ = method.step(TERM, start, end, y0, None, before, made_jump=False)
@@ -116,7 +118,9 @@ def test_the_next_step_is_the_controllers(solver):
 
 
 def march(solver, state, first, tolerated, passes):
-    """Times and states after each of some passes, a pass an attempt in every lane, and who kept the step."""
+    """Times and states after each of some passes, a pass an attempt in every lane, and who kept the
+    step.
+    """
     rule = stepper.method(solver)
 
     @jax.jit
@@ -140,7 +144,9 @@ def march(solver, state, first, tolerated, passes):
 
 
 def test_lanes_step_as_diffrax_integrates_each():
-    """The same accepted times and states after the same refusals, though no lane waits for another."""
+    """The same accepted times and states after the same refusals, though no lane waits for
+    another.
+    """
     _, _, state = moments(0)
     first = jnp.array([5.0, 1.0, 1e-4, 0.3, 1e-2])
     times, states, kept = march("dopri5", state, first, tolerances(1e-7, 1e-9), 30)
@@ -168,9 +174,12 @@ def test_lanes_step_as_diffrax_integrates_each():
         )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("solver", "order", "fewest"), [("dopri5", 5, 16), ("dopri8", 8, 3)])
 def test_kept_steps_converge_at_the_methods_order(solver, order, fewest):
-    """`ẏ = -2 t y²`, whose solution is 1/(c + t²), with each slope taken over from the step before."""
+    """`ẏ = -2 t y²`, whose solution is 1/(c + t²), with each slope taken over from the step
+    before.
+    """
     offset = jnp.asarray(np.random.default_rng(0).uniform(1.0, 3.0, (6, VEHICLES, LANES)))
     tolerated, rule = tolerances(1.0, 1.0), stepper.method(solver)
 
@@ -194,6 +203,7 @@ def test_kept_steps_converge_at_the_methods_order(solver, order, fewest):
     assert np.log2(fine / finest) > order - 0.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_what_happens_in_a_lane_stays_there(solver):
     """Neither a lane that is not finite nor one with other numbers changes a bit of the others."""

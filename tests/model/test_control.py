@@ -30,8 +30,8 @@ def network(weights, attacked):
 class Problem:
     """A fleet in a random moment; NumPy.
 
-    Half of each vehicle's weight goes towards the navigator along a random tree, so that ‖L⁻¹‖ stays
-    under some thousands and rounding under 1e-12: the graphs are arbitrary otherwise.
+    Half of each vehicle's weight goes towards the navigator along a random tree, so that ‖L⁻¹‖
+    stays under some thousands and rounding under 1e-12: the graphs are arbitrary otherwise.
     """
 
     def __init__(self, seed):
@@ -105,7 +105,7 @@ def structured(state, weights, navigator, signal, heard, solver, gain):
 @jax.jit
 def dense(state, *others):
     """`u` as the paper states it."""
-    return definition.inputs(ROBOT.drift(state), ROBOT.decoupling(state), *others)
+    return definition.stacked_inputs(ROBOT.drift(state), ROBOT.decoupling(state), *others)
 
 
 @given(seeds)
@@ -125,8 +125,8 @@ def test_structured_solve_satisfies_the_equation_of_the_law(seed):
 def test_structured_solve_is_the_papers_dense_one(seed):
     """Compared as [u_1, v u_2], relative to the greatest jerk in the fleet.
 
-    `u_2` is a jerk divided by v, so an error of rounding in it is 1/v times as large; and u is what is
-    left of jerks, σ up to v ω² = 5000, that each vehicle's equation shares with its neighbours'.
+    `u_2` is a jerk divided by v, so an error of rounding in it is 1/v times as large; and u is what
+    is left of jerks, σ up to v ω² = 5000, that each vehicle's equation shares with its neighbours'.
     """
     problem = Problem(seed)
     state, *_, gain = problem.arrays()
@@ -147,7 +147,9 @@ def test_structured_solve_is_the_papers_dense_one(seed):
 
 @pytest.fixture
 def pair():
-    """Vehicle 1 hears 0.25 of the navigator and 0.75 of vehicle 2, both attacked; 2 hears the navigator."""
+    """Vehicle 1 hears 0.25 of the navigator and 0.75 of vehicle 2, both attacked; 2 hears the
+    navigator.
+    """
     weights = graph.dense(graph.weighted(2, [(1, 0, 1.0), (1, 2, 3.0), (2, 0, 1.0)]))
     return network(weights, np.array([[True, False, True], [False, False, False]]))
 
@@ -163,8 +165,8 @@ def test_mean_is_a_weighted_mean_of_what_is_received(pair):
 
 
 def test_demand_is_the_third_derivative_received_less_the_feedback_of_the_error(pair):
-    """Written out for each listener, k = [2, 3, 5]; z is the mean of what is received, attacks of 0.5
-    included.
+    """Written out for each listener, k = [2, 3, 5]; z is the mean of what is received, attacks of
+    0.5 included.
     """
     heard, weights = pair
     own = tuple(jnp.arange(12.0).reshape(3, 2, 2).swapaxes(1, 2))  # y_1 = [0, 1], y_2 = [2, 3], …

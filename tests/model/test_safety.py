@@ -48,7 +48,7 @@ def greatest(drops, attacked):
 
 
 def closed(inside, heard, attacked, trusted, theta):
-    """Whether a set of vehicles (from 1) hears nobody outside and meets A1 to A3, by their words."""
+    """Whether a set of vehicles (from 1) hears nobody outside and meets A1 to A3, word by word."""
     sources = {i: believed(heard[i - 1], trusted[i - 1], theta[i - 1]) for i in EVERYONE}
     trims = {i: heard[i - 1].sum() > theta[i - 1] for i in EVERYONE}
     for i in inside:
@@ -78,22 +78,22 @@ def numbers(mask):
     return set(np.flatnonzero(mask) + 1)
 
 
-@pytest.mark.parametrize("seed", range(60))
-def test_it_is_the_greatest_set_that_meets_the_assumptions(seed):
+def test_it_is_the_greatest_set_that_meets_the_assumptions():
     """Found by trying all 32 sets; a union of two such sets is one, so that there is a greatest."""
-    heard, attacked, trusted, theta = given = scenario(seed)
-    known = set().union(*(s for s in SETS if closed(s, *given)))
-    drops = drops_of(heard, trusted, theta)
-    assert numbers(greatest(drops, attacked)) == known
+    for seed in range(60):
+        heard, attacked, trusted, theta = given = scenario(seed)
+        known = set().union(*(s for s in SETS if closed(s, *given)))
+        drops = drops_of(heard, trusted, theta)
+        assert numbers(greatest(drops, attacked)) == known
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_who_stays_joined_is_reached_whoever_is_dropped(seed):
+def test_who_stays_joined_is_reached_whoever_is_dropped():
     """By trying all choices of four vehicles; who does not is cut off by one of them."""
-    heard, _, trusted, theta = scenario(seed, 4)
-    drops = drops_of(heard, trusted, theta)
-    lost = [graph.unreachable(drops.graph.only(~dropped)) for dropped in attacks(drops)]
-    assert numbers(~safety.stay_joined(drops, np.ones(4, bool))) == set().union(*map(set, lost))
+    for seed in range(40):
+        heard, _, trusted, theta = scenario(seed, 4)
+        drops = drops_of(heard, trusted, theta)
+        lost = [graph.unreachable(drops.graph.only(~dropped)) for dropped in attacks(drops)]
+        assert numbers(~safety.stay_joined(drops, np.ones(4, bool))) == set().union(*map(set, lost))
 
 
 def attacks(drops):
@@ -107,7 +107,9 @@ def attacks(drops):
 
 
 def test_what_the_literature_asks_for_is_more():
-    """Closed sets that percolation by 2ϑ + 1 heard, or ϑ + 1 trusted, reaches are safe by majority."""
+    """Closed sets that percolation by 2ϑ + 1 heard, or ϑ + 1 trusted, reaches are safe by
+    majority.
+    """
     found = 0
     for seed in range(200):
         heard, attacked, trusted, theta = scenario(seed)
@@ -122,7 +124,9 @@ def test_what_the_literature_asks_for_is_more():
 
 
 def percolates(inside, heard, attacked, trusted, theta):
-    """Whether a set hears nobody outside, nobody in it more than ϑ liars, and it is reached by many."""
+    """Whether a set hears nobody outside, nobody in it more than ϑ liars, and it is reached by
+    many.
+    """
     sources = {i: believed(heard[i - 1], trusted[i - 1], theta[i - 1]) for i in inside}
     if any(each - inside - {0} for each in sources.values()):
         return False
@@ -161,7 +165,9 @@ def test_what_safe_vehicles_announce_shrinks_as_told_whatever_liars_announce():
 
 
 def announced(drops, safe, attacked, trusted, theta, rng, rounds):
-    """Greatest ‖ρ_i‖ of the safe, by a plain program: drop the ϑ greatest untrusted, average the others."""
+    """Greatest ‖ρ_i‖ of the safe, by a plain program: drop the ϑ greatest untrusted, average the
+    others.
+    """
     weights = graph.dense(drops.graph)
     heard = weights > 0
     told = rng.normal(size=(VEHICLES + 1, 2)) * 10
@@ -185,7 +191,9 @@ def announced(drops, safe, attacked, trusted, theta, rng, rounds):
 
 
 def test_the_rate_where_everybody_hears_the_navigator():
-    """1 less the least weight of the navigator's word in force: on the ring one of two neighbours is left."""
+    """1 less the least weight of the navigator's word in force: on the ring one of two neighbours
+    is left.
+    """
     ring = graph.weighted(
         5,
         [
@@ -217,7 +225,9 @@ def test_who_hears_no_attacked_link_however_far_upstream_is_untouched():
 
 
 def test_who_may_be_cut_off_is_not_safe():
-    """2 and 3 may each drop 1 and believe each other, whatever nobody attacks: then nothing is determined."""
+    """2 and 3 may each drop 1 and believe each other, whatever nobody attacks: then nothing is
+    determined.
+    """
     announced = TrustedTrim(score="announced", theta={2: 1, 3: 1})
     assert set().union(*reasons(announced, LOOP).values()) == {1}
     assert reasons(Clipping(), LOOP)["untouched"] == {1, 2, 3}

@@ -1,4 +1,6 @@
-"""Solving for the graph in force, in blocks, in one and by iteration, against NumPy's own solution."""
+"""Solving for the graph in force, in blocks, in one and by iteration, against NumPy's own
+solution.
+"""
 
 from pathlib import Path
 
@@ -48,7 +50,7 @@ def by_slot(heard, weights):
 
 
 def retained(links, seed, lanes=3):
-    """Weights over any of these links for two axes and some lanes; everybody hears the navigator."""
+    """Weights over any of these links for two axes and some lanes; all hear the navigator."""
     rng = np.random.default_rng(seed)
     shape = *links.shape, 2, lanes
     weights = rng.uniform(0.1, 1.0, shape) * (rng.random(shape) < 0.7) * links[..., None, None]
@@ -100,6 +102,7 @@ def test_vehicles_that_need_no_elimination_hear_none_of_each_other(name, vehicle
     assert not links[np.ix_(apart, apart + 1)].any()
 
 
+@pytest.mark.long
 def test_many_vehicles_are_solved_for_as_few_are():
     """On a ring of 384 to 1e-9, some retained."""
     links = matrices.links_of(registry.find("topology", "cyclic")(), 384)
@@ -120,7 +123,9 @@ def wide(name):
 
 
 def some_retained(links, seed, lanes=3):
-    """Weights over random halves of these links for two axes; all keep a source nearer the navigator."""
+    """Weights over random halves of these links for two axes; all keep a source nearer the
+    navigator.
+    """
     rng, reached = np.random.default_rng(seed), graph.hops(graph.of_matrix(links))
     nearer = np.argmax(links & (np.append(0, reached)[None] < reached[:, None]), axis=1)
     kept = links[..., None, None] & (rng.random((*links.shape, 2, lanes)) < 0.5)
@@ -131,9 +136,11 @@ def some_retained(links, seed, lanes=3):
 
 @pytest.mark.parametrize("name", WIDE)
 def test_a_wide_graph_is_solved_for_by_iteration(name):
-    """Of 384 to 1e-9 of the greatest component, whatever is retained, three hearing the navigator or all.
+    """Of 384 to 1e-9 of the greatest component, whatever is retained, three hearing the navigator
+    or all.
 
-    The inverse is no greater than its bound, which is as tight as the vector lets it be that it is from.
+    The inverse is no greater than its bound, which is as tight as the vector lets it be that it is
+    from.
     """
     links, heard, solver = wide(name)
     weights, right = some_retained(links, 1), np.random.default_rng(1).normal(size=(384, 2, 2, 3))
@@ -166,7 +173,8 @@ def test_iteration_gets_to_the_leaves_of_a_tree():
 
 
 def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
-    """On either axis, or as one of two that hear only each other; other lanes are the same to the last bit.
+    """On either axis, or as one of two that hear only each other; other lanes are the same to the
+    last bit.
 
     A vehicle whose weights are all 0 keeps its drive, and is not cut off.
     """
@@ -200,7 +208,8 @@ def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
 
 
 def test_what_iteration_does_not_find_is_not_a_number():
-    """A right side that is not finite; a path on which each hears the farther one 999 times of 1,000.
+    """A right side that is not finite; a path on which each hears the farther one 999 times of
+    1,000.
 
     The inverse of the latter is greater than any number. What is beside them is found.
     """
@@ -246,13 +255,15 @@ def test_the_residual_tells_whether_the_navigator_reaches_everybody(each_hears):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["ring", "lattice", "complete"])
 @given(seeds)
 def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
     """Unequal weights leave L singular up to rounding only, its inverse huge but finite.
 
-    What was cut off receives nothing of the navigator, so its part of `L⁻¹ a0` is 0 or not a number and the
-    residual no less than 1. A lane beside it is solved to the same bits as beside a connected one.
+    What was cut off receives nothing of the navigator, so its part of `L⁻¹ a0` is 0 or not a number
+    and the residual no less than 1. A lane beside it is solved to the same bits as beside a
+    connected one.
     """
     kind, keys, m, _ = GRAPHS[name]
     links = matrices.links_of(registry.find("topology", kind)(**keys), m)
@@ -280,7 +291,7 @@ def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
 
 @pytest.mark.parametrize("n", [1, 2, 3, 7, 12, 29, 96])
 def test_eliminates_as_numpy_solves(n):
-    """Of every size: few rows at once, a remainder, and matrices so large that done columns wait."""
+    """Of every size: few rows, a remainder, and matrices so large that done columns wait."""
     rng = np.random.default_rng(n)
     matrix = rng.uniform(-1.0, 0.0, (n, n, 2, 3)) * (~np.eye(n, dtype=bool))[:, :, None, None]
     matrix -= np.eye(n)[:, :, None, None] * (matrix.sum(axis=1, keepdims=True) - 0.1)

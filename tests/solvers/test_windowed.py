@@ -46,7 +46,8 @@ def known(lane, network, decision):
 
 
 def begun(topology, replaced, lanes):
-    """Lanes of a fleet in which all links are attacked at random, its network, and everybody retained.
+    """Lanes of a fleet in which all links are attacked at random, its network, and everybody
+    retained.
 
     A share of the links carry the navigator's word instead, and attacked vehicles have identities.
     """
@@ -67,12 +68,15 @@ def begun(topology, replaced, lanes):
     return lane._replace(vectors=jnp.asarray(vectors)), network._replace(hearing=heard), everybody
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("axes", [1, 2])
 @pytest.mark.parametrize("topology", TOPOLOGIES)
 def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch):
-    """To 1e-12 of the attack, also where a window ends beside others who did, and over several windows.
+    """To 1e-12 of the attack, also where a window ends beside others who did, and over several
+    windows.
 
-    Left are lanes with too many of them, or where somebody dropped the navigator; ended ones are not touched.
+    Left are lanes with too many of them, or where somebody dropped the navigator; ended ones are
+    not touched.
     """
     keys, window, replaced, beyond = TOPOLOGIES[topology]
     monkeypatch.setattr(windowed, "WINDOW", window)
@@ -119,8 +123,11 @@ def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     np.testing.assert_array_equal(alone.series["state"], ours.series["state"][2:])
 
 
+@pytest.mark.long
 def test_lanes_with_errors_and_losses_go_as_with_one_dense_matrix(monkeypatch):
-    """By windows, blocks and iteration. The system changes in all rows at every tick; some hear nobody."""
+    """By windows, blocks and iteration. The system changes in all rows at every tick; some hear
+    nobody.
+    """
     keys = {
         "sensing": {"position": 0.1},
         "channel": {"loss": {"kind": "bernoulli", "probability": 0.5}},

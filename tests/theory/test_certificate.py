@@ -11,7 +11,7 @@ from jaxnet.model import graph
 from jaxnet.theory.certificate import certify, joint_reach, margin
 from jaxnet.view.text.check import check_text
 from tests import reference, systems
-from tests.engine.test_exactness import navigator_at
+from tests.reference import navigator_at
 
 ATTACKED = [2, 5, 8, 11]
 STAR, CYCLIC, PATH = (

@@ -1,4 +1,6 @@
-"""Engines, the ways to advance lanes from tick to tick, one per file. A config chooses one by `engine`."""
+"""Engines, the ways to advance lanes from tick to tick, one per file. A config chooses one by
+`engine`.
+"""
 
 from collections.abc import Hashable, Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -53,8 +55,8 @@ class Engine(Kind):
     def presumes(self, scenario: ScenarioView) -> Presumed:
         """Return what the engine takes for granted of the vehicle.
 
-        `state`: the output's jets tell the state. `motion`: moreover, `motion` makes the outputs obey the
-        law, for the engine never calls it.
+        `state`: the output's jets tell the state. `motion`: moreover, `motion` makes the outputs
+        obey the law, for the engine never calls it.
         """
         return "nothing"
 
@@ -73,13 +75,16 @@ class Engine(Kind):
     def simulate(
         queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
     ) -> Outcome:
-        """Return the outcome of the first `count` lanes of a queue of `Inputs`, traced by JAX; lanes last."""
+        """Return the outcome of the first `count` lanes of a queue of `Inputs`, traced by JAX;
+        lanes last.
+        """
         raise NotImplementedError
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault of a law, vehicle or tick that the engine cannot simulate."""
         if scenario.law.needs_ticks() and not self.holds:
-            message = f"the {self.kind} engine cannot hold a jerk from tick to tick, as {scenario.law.kind} does"
+            message = f"the {self.kind} engine cannot hold a jerk from tick to tick, as"
+            message += f" {scenario.law.kind} does"
             yield Fault(("engine", "law"), message)
         if scenario.law.way() == "linearised" and not self.linearises:
             message = (

@@ -24,11 +24,12 @@ else:
 
 
 class Flow(NamedTuple):
-    """`expm(A_c h)` over one tick h, and how E^(r) in a tick depends on E and its derivatives at its end."""
+    """`expm(A_c h)` over one tick h, and how E^(r) in a tick depends on E and its derivatives at
+    its end.
+    """
 
-    flow: (
-        Float[Array, "r r 2 2 *lanes"] | Float[Array, "r r *lanes"]
-    )  # of gains that are matrices: blocks
+    # of gains that are matrices: blocks
+    flow: Float[Array, "r r 2 2 *lanes"] | Float[Array, "r r *lanes"]
     reach: Float[Array, "r *lanes"]
 
 
@@ -47,7 +48,7 @@ class Exact(Engine):
         return "motion"
 
     def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Flow:
-        """Return the flow over one tick for each lane's gains."""
+        """The flow over one tick for each lane's gains."""
         from scipy.linalg import expm
 
         from jaxnet.model import axis

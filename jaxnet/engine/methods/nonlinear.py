@@ -28,9 +28,9 @@ else:
 class Nonlinear(Engine):
     """The nonlinear vehicles under the law, integrated adaptively.
 
-    `dopri5` runs in place of `gauss` in three cases: with `tick: 0` vehicles decide inside the vector field,
-    which then jumps; the outputs of a vehicle such as `look_ahead` do not determine its state; and under
-    `law: linearised` vehicles drive backwards too.
+    `dopri5` runs in place of `gauss` in three cases: with `tick: 0` vehicles decide inside the
+    vector field, which then jumps; the outputs of a vehicle such as `look_ahead` do not determine
+    its state; and under `law: linearised` vehicles drive backwards too.
     """
 
     kind = "nonlinear"
@@ -42,7 +42,8 @@ class Nonlinear(Engine):
 
     solver: Literal["gauss", "dopri5", "dopri8"] = Field(
         default="gauss",
-        description="collocation in the jets of the outputs (gauss), or a Runge–Kutta pair in the states",
+        description="collocation in the jets of the outputs (gauss), or a Runge–Kutta pair in the"
+        " states",
     )
     rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(
         default=1e-7, description="relative, of a step"
@@ -67,11 +68,10 @@ class Nonlinear(Engine):
         return "nothing" if states else "state"
 
     def options(self) -> tuple[Hashable, ...]:
-        """Return the solver, for which the program is compiled."""
         return (self.solver,)
 
     def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Tolerances:
-        """Return the tolerances and the most steps of each lane."""
+        """The tolerances and the most steps of each lane."""
         from jaxnet.engine import plan
 
         rtol, atol = draw.one(self.rtol, "engine.rtol"), draw.one(self.atol, "engine.atol")
@@ -81,7 +81,9 @@ class Nonlinear(Engine):
     def simulate(
         queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
     ) -> Outcome:
-        """Advance the first `count` lanes of the queue by `engine.collocation` or `engine.integration`."""
+        """Advance the first `count` lanes of the queue by `engine.collocation` or
+        `engine.integration`.
+        """
         from jaxnet.engine import collocation, integration, loop
 
         (solver,) = plan.options

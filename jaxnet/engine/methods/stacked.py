@@ -1,12 +1,12 @@
 """The stacked engine: the paper's program to the letter, stepped by any adaptive solver of diffrax.
 
-One lane is one pure vector field (`lane_field`). Its law solves the dense Kronecker-stacked system `M u = …`
-(`model.definition`; paper, sections 4.2 and 4.3). `diffrax.diffeqsolve` steps the field, under `jax.vmap`
-over the lanes.
+One lane is one pure vector field (`lane_field`). Its law solves the dense Kronecker-stacked system
+`M u = …` (`model.definition`; paper, sections 4.2 and 4.3). `diffrax.diffeqsolve` steps the field,
+under `jax.vmap` over the lanes.
 
-Vehicles decide at ticks which sources to retain, and keep the decision until the next tick. Each tick is one
-`diffeqsolve`. With `tick: 0` vehicles decide inside the vector field. The engine is slow, and shares neither
-its law nor its stepping with the other engines.
+Vehicles decide at ticks which sources to retain, and keep the decision until the next tick. Each
+tick is one `diffeqsolve`. With `tick: 0` vehicles decide inside the vector field. The engine is
+slow, and shares neither its law nor its stepping with the other engines.
 """
 
 import difflib
@@ -21,13 +21,19 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 from pydantic import AfterValidator, Field
 
-from jaxnet.engine import loop, tick
-from jaxnet.engine.loop import LaneFlags, Motion, Tick, Ticks
+from jaxnet.engine import loop, vehicles
+from jaxnet.engine.demand import signals
+from jaxnet.engine.integration import decided_in_field, drive_along
+from jaxnet.engine.loop import Motion, Tick, Ticks
 from jaxnet.engine.methods import Engine, LaneCount, LaneGainRows
+from jaxnet.engine.moment import Instants, LaneFlags, VehicleFlags
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan, Tolerances
-from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
-from jaxnet.engine.stepper import States
-from jaxnet.engine.tick import DecisionState, Drive, Instants, KnownDrive, VehicleFlags
+from jaxnet.engine.stages.coasting import coasts
+from jaxnet.engine.stages.known import Known
+from jaxnet.engine.stages.sensing import Sensed
+from jaxnet.engine.status import Code, Status, fail
+from jaxnet.engine.tick import DecisionState
+from jaxnet.engine.vehicles import States
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.model import definition, plane, signal
@@ -43,12 +49,12 @@ Instant = Float[Array, ""]
 
 
 def solvers() -> list[str]:
-    """Return the names of diffrax's adaptive solvers for ordinary differential equations."""
+    """The names of diffrax's adaptive solvers for ordinary differential equations."""
     return [name for name, found in vars(diffrax).items() if inspect.isclass(found) and fits(found)]
 
 
 def fits(found: type) -> bool:
-    """Return whether a class is a solver that needs only a vector field to choose its steps."""
+    """Whether a class is a solver that needs only a vector field to choose its steps."""
     if not issubclass(found, diffrax.AbstractAdaptiveSolver) or found.__name__.startswith(
         "Abstract"
     ):
@@ -57,7 +63,7 @@ def fits(found: type) -> bool:
 
 
 def known_solver(name: str) -> str:
-    """Return the name if `solvers` contains it. Raises ValueError with the allowed names if not."""
+    """The name if `solvers` contains it. Raises ValueError with the allowed names if not."""
     known = {each.lower(): each for each in solvers()}
     if name in known.values():
         return name
@@ -89,11 +95,10 @@ class Stacked(Engine):
     )
 
     def options(self) -> tuple[Hashable, ...]:
-        """Return the solver, and the most steps that it may take in one tick."""
         return self.solver, self.max_steps
 
     def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Tolerances:
-        """Return the tolerances, and the most steps that a lane may take in all."""
+        """The tolerances, and the most steps that a lane may take in all."""
         rtol, atol = draw.one(self.rtol, "engine.rtol"), draw.one(self.atol, "engine.atol")
         return Tolerances(rtol, atol, draw.same(self.max_steps))
 
@@ -101,7 +106,9 @@ class Stacked(Engine):
     def simulate(
         queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
     ) -> Outcome:
-        """Advance all lanes of the queue in lockstep (`ByDiffrax`); lanes from `count` on are padding."""
+        """Advance all lanes of the queue in lockstep (`ByDiffrax`); lanes from `count` on are
+        padding.
+        """
         return loop.in_lockstep(ByDiffrax, queue, network, clock, plan)
 
 
@@ -114,81 +121,79 @@ class StackedState(NamedTuple):
 
 
 class FieldInputs(NamedTuple):
-    """Arguments of one lane's vector field besides time and state; no leaf has an axis over lanes."""
+    """Arguments of one lane's vector field besides time and state; no leaf has an axis of lanes."""
 
     lane: Lane
-    weights: Float[
-        Array, "axes slots m"
-    ]  # in force until the next tick, unless decided in the field
+    weights: Float[Array, "axes slots m"]  # until the next tick, unless decided in the field
     vectors: Float[Array, "2 m functions"]  # of the attacks
-    noise: tuple[Float[Array, "2 m"], ...] | None  # errors of the sensed jets
-    known: KnownDrive | None  # what words add that are not live
-    strength: Float[Array, "axes m"] | None  # of the rows of weights, None where it is 1
-    frozen: (
-        Bool[Array, " m"] | None
-    )  # vehicles that stop, or will before the next tick; None: nobody may
-    may_stop: (
-        Bool[Array, " m"] | None
-    )  # vehicles that are cut off, and stop where they come to rest
+    sensed: Sensed
+    known: Known
+    strength: Float[Array, "axes m"]  # of the rows of weights
+    frozen: Bool[Array, " m"]  # vehicles that stop, or will before the next tick
+    may_stop: Bool[Array, " m"]  # vehicles that are cut off, and stop where they come to rest
+
+
+def undisturbed(lane: Lane) -> FieldInputs:
+    """Arguments of the vector field of one lane in which nothing happens at ticks."""
+    nobody = jnp.zeros(lane.weights.shape[1], bool)
+    strength = jnp.ones((1, len(nobody)))
+    rest = Sensed(), Known(), strength, nobody, nobody
+    return FieldInputs(lane, lane.weights[None], lane.vectors, *rest)
 
 
 class ByDiffrax(Motion[StackedState]):
     """Motion of lanes under the stacked law: diffrax solves each lane from tick to tick."""
 
     def begin(self) -> StackedState:
-        """Return the state at t = 0."""
         zero = jnp.zeros_like(self.lane.attack_scale)
         return StackedState(self.lane.initial, zero, jnp.zeros(zero.shape, int))
 
     def errors(self, state: StackedState) -> Jets:
-        """Return E and its derivatives below the order now."""
-        own, navigator = self.lane.vehicle.output_jets(state.state), self.lane.path(state.time)
-        return plane.relative(own, navigator)
+        own = vehicles.outputs(self.lane, state.state, state.time)
+        return plane.relative(own, self.lane.path(state.time))
 
     def basis(self, state: StackedState) -> tuple[Instants, Basis]:
-        """Return the time [s] and the attacks' functions now."""
         return state.time, self.lane.basis(state.time)
 
     def states(self, state: StackedState) -> States:
-        """Return the vehicles' states (n, m, lanes)."""
         return state.state
 
-    def placed(self, state: StackedState, vehicles: VehicleFlags, states: States) -> StackedState:
+    def placed(self, state: StackedState, which: VehicleFlags, states: States) -> StackedState:
         """Put vehicles at rest with these states."""
-        return state._replace(state=jnp.where(vehicles[None], states, state.state))
+        return state._replace(state=jnp.where(which[None], states, state.state))
 
     def steps(self, state: StackedState) -> Int[Array, " lanes"]:
-        """Return the number of steps that diffrax has taken."""
         return state.steps
 
     def hold(
         self, state: StackedState, decided: DecisionState, at: Tick
     ) -> tuple[StackedState, LaneFlags]:
-        """Return the state unchanged, and the lanes in which a vehicle is cut off and does not coast."""
-        if not self.lane.law.couples() or tick.coasts(self.lane) or self.lane.turns is not None:
+        """The state unchanged, and the lanes in which a vehicle is cut off and does not coast."""
+        if not self.lane.law.couples() or coasts(self.lane) or self.lane.turns is not None:
             return state, jnp.zeros_like(at.here)
-        weights = tick.weights_without_loss(self.lane, decided, self.plan)
+        weights = decided.judged.in_force(decided.of(self.lane))
         reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(
             weights
         )
         return state, ~reached
 
     def drive_now(self, state: StackedState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
-        """Return `y‴ + P(ŷ)`, with y‴ of the vector field."""
+        """`y‴ + P(ŷ)`, with y‴ of the vector field."""
         field = functools.partial(lane_field, network=self.network, plan=self.plan)
         slope = jax.vmap(field, -1, -1)(state.time, state.state, self.followed(state, decided))
-        return tick.drive_along(self.lane, state.state, slope, decided.noise)
+        return drive_along(self.lane, state.state, slope, state.time, decided)
 
     def followed(self, state: StackedState, decided: DecisionState) -> FieldInputs:
-        """Return the arguments of the lanes' vector fields until the next tick; lanes last."""
+        """The arguments of the lanes' vector fields until the next tick; lanes last."""
         drive = self.drive(state, decided)
-        inputs = self.lane, drive.weights, drive.vectors, drive.noise, drive.known, drive.strength
-        return FieldInputs(*inputs, decided.frozen, decided.may_stop)
+        strength, kept = drive.strength.rows(drive.weights), decided.coasting
+        inputs = self.lane, drive.weights, drive.vectors, drive.sensed, drive.known, strength
+        return FieldInputs(*inputs, kept.frozen(self.lane), kept.may_stop(self.lane))
 
     def advance(
         self, state: StackedState, decided: DecisionState, ticks: Ticks, status: Code
     ) -> tuple[StackedState, Code, LaneFlags]:
-        """Return the state at the next tick; a lane that has failed stays where it is."""
+        """The state at the next tick; a lane that has failed stays where it is."""
         tolerances, clock, plan = self.numbers, self.clock, self.plan
         ok = status == Status.ok
         end = jnp.where(ok, jnp.broadcast_to(clock.at(ticks + 1), state.time.shape), state.time)
@@ -205,7 +210,7 @@ class ByDiffrax(Motion[StackedState]):
 
 
 def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -> Bool[Array, ""]:
-    """Return whether the navigator's jets reach every vehicle over these weights, on every axis."""
+    """Whether the navigator's jets reach every vehicle over these weights, on every axis."""
 
     def on_axis(each: Float[Array, "slots m"]) -> Bool[Array, " m"]:
         hears = hearing.matrix(each) > 0
@@ -271,7 +276,7 @@ def solution(
     network: Network,
     plan: Plan,
 ) -> tuple[StateOfOne, Int[Array, ""], Code]:
-    """Return one lane's state at the end of a tick, the steps it took, and its status."""
+    """One lane's state at the end of a tick, the steps it took, and its status."""
     solver, max_steps = plan.options
     shortest = LEAST_STEP * jnp.maximum(end, 1.0)
 
@@ -281,9 +286,7 @@ def solution(
     def stands(
         time: Instant, state: StateOfOne, followed: FieldInputs, **_: object
     ) -> Bool[Array, ""]:
-        margin, apart = followed.lane.vehicle.margin, followed.may_stop
-        still = margin(state) * jnp.sign(margin(followed.lane.initial)) < LEAST_MARGIN
-        return (still if apart is None else still & ~apart).any()
+        return vehicles.passed_singular(followed.lane, state, followed.may_stop).any()
 
     found = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
@@ -312,57 +315,41 @@ def solution(
 def lane_field(
     time: Instant, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
-    """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
-    lane, weights, vectors, noise, known, strength, frozen, _ = followed
+    """`ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
+    lane, weights, vectors, sensed, known, strength, frozen, _ = followed
     alone, there, now = jax.tree.map(
         lambda leaf: leaf[..., None], (lane, state, time)
     )  # kinds need lanes
     if plan.in_field:
-        drive = decided_in_field(alone, there, now, network, plan)
-        weights, strength = jax.tree.map(lambda leaf: leaf[..., 0], (drive.weights, drive.strength))
+        chosen = decided_in_field(alone, network, signals(alone, now), there, plan)
+        drive = chosen.drive(alone)
+        weights, strength = drive.weights[..., 0], drive.strength.rows(drive.weights)[..., 0]
     vehicle, navigator = alone.vehicle, alone.path(now)[..., 0]
     attack = jnp.stack(signal.jets(vectors[..., None], alone.basis(now)))[..., 0]
-    own = jnp.stack(vehicle.output_jets(there))[..., 0]
-    own = own if noise is None else own + jnp.stack(noise)[: len(own)]
+    own = jnp.stack(vehicles.outputs(alone, there, now))[..., 0]
+    own = jnp.stack(sensed.of(tuple(own)))
     drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
-    if frozen is not None:  # ψ is singular at rest
-        decoupling = jnp.where(frozen[None, None], jnp.eye(2)[..., None], decoupling)
+    # ψ is singular at rest
+    decoupling = jnp.where(frozen[None, None], jnp.eye(2)[..., None], decoupling)
 
     def law(
         each: Float[Array, "slots m"], strength: Float[Array, " m"], share: Float[Array, " m"]
     ) -> Float[Array, "2 m"]:
         graph, highest, error = jets_of_law(own, navigator, attack, each, network.hearing)
         if not alone.law.couples():
+            graph = jnp.zeros_like(graph)
             highest = jets_of_navigator(navigator, attack, each, network.hearing, len(own))
             silent = (each == 0).all(axis=0) & (share == 0)
             error = jnp.where(silent[None, None], 0.0, error)
-        if known is not None:
-            highest = highest + known.at(time)
+        highest = known.plus(highest, time)
         if lane.gain_apart is not None:
             highest = highest - (lane.gain_apart[:, None] * error).sum(axis=0)
-        if not alone.law.couples():
-            graph, highest, error = (
-                jnp.zeros_like(graph),
-                strength[None] * highest,
-                strength[None, None] * error,
-            )
-        return definition.inputs(drift, decoupling, graph, highest, error, lane.gain)
+        highest, error = strength[None] * highest, strength[None, None] * error
+        return definition.stacked_inputs(drift, decoupling, graph, highest, error, lane.gain)
 
-    strength = jnp.ones_like(weights[:, 0]) if strength is None else strength
-    share = jnp.zeros_like(weights[:, 0]) if known is None or known.share is None else known.share
-    inputs = of_axes(jax.vmap(law)(weights, strength, share), decoupling)
-    rates = vehicle.motion(there, inputs[..., None])[..., 0]
-    return rates if frozen is None else jnp.where(frozen[None], 0.0, rates)
-
-
-def decided_in_field(
-    lane: Lane, state: States, time: Instants, network: Network, plan: Plan
-) -> Drive:
-    """Return the drive for the jets received now, decided without memory; lanes last."""
-    errors = plane.relative(lane.vehicle.output_jets(state), lane.path(time))
-    before, basis = tick.before_first(lane, network, plan), lane.basis(time)
-    decided = tick.decide(lane, network, plan, before, errors, basis, time)
-    return tick.drive(lane, decided, plan)
+    inputs = of_axes(jax.vmap(law)(weights, strength, known.row_share(weights)), decoupling)
+    rates = vehicles.input_rates(alone, there, inputs[..., None], now)[..., 0]
+    return jnp.where(frozen[None], 0.0, rates)
 
 
 def jets_of_law(
@@ -372,7 +359,9 @@ def jets_of_law(
     weights: Float[Array, "slots m"],
     hearing: Hearing,
 ) -> tuple[Float[Array, "m sources"], Float[Array, "2 m"], Float[Array, "r 2 m"]]:
-    """Return `[a0 | A]`, `a0 ⊗ y_0^(r) + d^(r)`, and the jets of ε, for received jets and weights by slot."""
+    """`[a0 | A]`, `a0 ⊗ y_0^(r) + d^(r)`, and the jets of ε, for received jets and weights by
+    slot.
+    """
     graph, order = hearing.matrix(weights), len(own)
     added = jnp.stack([(weights[None] * hearing.added(jet)).sum(axis=1) for jet in attack])
     sources = jnp.concatenate([navigator[:order, :, None], own], axis=2)
@@ -387,7 +376,7 @@ def jets_of_navigator(
     hearing: Hearing,
     order: int,
 ) -> Float[Array, "2 m"]:
-    """Return `a0 ⊗ y_0^(r)`, with the attack on it, over the links from the navigator alone."""
+    """`a0 ⊗ y_0^(r)`, with the attack on it, over the links from the navigator alone."""
     weights = jnp.where(hearing.sources == 0, weights, 0.0)
     added = (weights[None] * hearing.added(attack[order])).sum(axis=1)
     return navigator[order][:, None] * weights.sum(axis=0)[None] + added
@@ -396,7 +385,7 @@ def jets_of_navigator(
 def of_axes(
     inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]
 ) -> Float[Array, "2 m"]:
-    """Return the input whose r-th derivative on each axis is that of the law with that axis' weights.
+    """The input whose r-th derivative on each axis is that of the law with that axis' weights.
 
     `L ⊗ I₂` keeps axes apart, so the solution with one axis' weights is right on that axis.
     """

@@ -13,8 +13,8 @@ Way = Literal["solved", "held", "local", "linearised"]
 
 
 class Law(Kind):
-    """A way to solve `L q = b`, which couples all vehicles. A subclass holds q from tick to tick; it gives
-    `exchange`.
+    """A way to solve `L q = b`, which couples all vehicles. A subclass holds q from tick to tick;
+    it gives `exchange`.
     """
 
     claims: ClassVar[frozenset[str]] = frozenset({"left", "iterates", "gives_demand"})
@@ -45,11 +45,11 @@ class Law(Kind):
         raise KindError(f"{self.kind}: a law gives exchange(self, last, demand, heard)")
 
     def left(self, eigenvalues: np.ndarray) -> np.ndarray | None:
-        """Return the factor by which an exchange multiplies q - L⁻¹b along eigenvectors of A with these
-        eigenvalues.
+        """Return the factor by which an exchange multiplies q - L⁻¹b along eigenvectors of A with
+        these eigenvalues.
 
-        None, the default, means that the factor is not known; `jaxnet check` then reports nothing on
-        stability.
+        None, the default, means that the factor is not known; `jaxnet check` then reports nothing
+        on stability.
         """
         return None
 

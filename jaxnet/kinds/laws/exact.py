@@ -6,7 +6,9 @@ from jaxnet.kinds.laws import Law
 
 
 class ExactLaw(Law):
-    """Solve the law for all vehicles together at every instant, as if each knew the jerk of all others."""
+    """Solve the law for all vehicles together at every instant, as if each knew the jerk of all
+    others.
+    """
 
     kind = "exact"
     holds: ClassVar[bool] = False

@@ -10,15 +10,17 @@ from jaxnet.kinds.shapes import VehicleVectors
 
 
 class LocalLaw(Law):
-    """`q_i = -P(ε_i)`, plus the navigator's derivative where a vehicle hears it, held from tick to tick or
-    not.
+    """`q_i = -P(ε_i)`, plus the navigator's derivative where a vehicle hears it, held from tick to
+    tick or not.
 
-    q is the derivative of the vehicles' order r. No neighbour tells its q, so a fleet lags behind a navigator
-    that moves. A vehicle that hears or retains nobody has q = 0: an agent of order 1 stands still, one of
-    order 2 keeps its velocity. No lane fails as disconnected, whatever the defence's `isolated` is. Single
-    integrators with the gain k0 = 1/tick that hold q step by `x ← W x`, with W the weights in force.
+    q is the derivative of the vehicles' order r. No neighbour tells its q, so a fleet lags behind a
+    navigator that moves. A vehicle that hears or retains nobody has q = 0: an agent of order 1
+    stands still, one of order 2 keeps its velocity. No lane fails as disconnected, whatever the
+    defence's `isolated` is. Single integrators with the gain k0 = 1/tick that hold q step by `x ← W
+    x`, with W the weights in force.
 
-    Source: Olfati-Saber, Fax and Murray, Consensus and cooperation in networked multi-agent systems, 2007.
+    Source: Olfati-Saber, Fax and Murray, Consensus and cooperation in networked multi-agent
+    systems, 2007.
     """
 
     kind = "local"

@@ -22,7 +22,8 @@ else:
 class Rounds(Law):
     """At each tick, iterate `q ← A q + b` for `rounds` exchanges, from the q of the last tick.
 
-    Neighbours send each other their q anew in every exchange. Vehicles hold the result until the next tick.
+    Neighbours send each other their q anew in every exchange. Vehicles hold the result until the
+    next tick.
     """
 
     kind = "rounds"
@@ -32,7 +33,9 @@ class Rounds(Law):
     )
 
     def drawn(self, draw: LaneDraw, name: str) -> "Rounds":
-        """Return the law with `rounds` as a number of each lane, so that one program serves all values."""
+        """Return the law with `rounds` as a number of each lane, so that one program serves all
+        values.
+        """
         drawn = super().drawn(draw, name)
         return self.filled({**vars(drawn), "rounds": draw.same(self.rounds)})
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tests import reference, systems
-from tests.engine.marching import march
-from tests.engine.test_exactness import navigator_at
+from tests.reference import march, navigator_at
 
 ATTACKED, SIZE, DELAY, TICK, TICKS = [2, 5, 8, 11], 3.0, 5.0, 0.1, 60
 NAVIGATOR = {"kind": "lissajous", "phase": [1.0, 0.5]}  # begins at (84, 24)

@@ -3,9 +3,8 @@
 import numpy as np
 
 from tests import reference, systems
-from tests.engine.marching import march
-from tests.engine.test_exactness import navigator_at
 from tests.matrices import slots_of
+from tests.reference import march, navigator_at
 
 ATTACKED = [2, 5, 8, 11]
 

@@ -11,7 +11,7 @@ from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import signal
 from tests import reference, systems
-from tests.engine.test_exactness import navigator_at
+from tests.reference import navigator_at
 
 ATTACKED = [2, 5, 8, 11]
 KEYS = {"defence": "none", "horizon": 12.0, "tail": 1.0}

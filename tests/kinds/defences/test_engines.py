@@ -49,7 +49,10 @@ RULES = [
     WMSR.filled({"F": 1, "drop_trusted": False}),
     TrustedOnly.filled({"trusted": {}}),
 ]
-REMEMBERING = {"trust", "trusted_trim"}  # the latter in both engines: tests/engine/test_drawn.py
+REMEMBERING = {
+    "trust",
+    "trusted_trim",
+}  # the latter in both engines: tests/engine/test_reference.py
 
 
 @pytest.mark.long

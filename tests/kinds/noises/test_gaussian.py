@@ -7,7 +7,7 @@ from jaxnet.config.document import ConfigError
 from jaxnet.model.graph import dense
 from jaxnet.theory import noise
 from tests import systems
-from tests.engine.test_exactness import navigator_at
+from tests.reference import navigator_at
 
 # Variance of E over s² g at gain (1, 3, 3) and a tick of 0.05 s, white and correlated over 1 s.
 WHITE, CORRELATED = 0.00937435, 0.312565

@@ -6,7 +6,7 @@ from scipy import stats
 
 from jaxnet.config.document import ConfigError
 from tests import systems
-from tests.engine.test_stand_ins import Powers
+from tests.reference import Powers
 
 # Variance of E over the variance s² of the drive, for gains (1, 3, 3) and noise held 0.05 s.
 RESPONSE = 0.00937435

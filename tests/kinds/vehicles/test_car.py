@@ -1,4 +1,6 @@
-"""The car: two descriptions of one vehicle, its motion, and the fleet of cars that moves as one of robots."""
+"""The car: two descriptions of one vehicle, its motion, and the fleet of cars that moves as one of
+robots.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +13,7 @@ from jaxnet.kinds.vehicles.car import STEERING, Car
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed
 from tests import systems
-from tests.engine.test_exactness import exact
+from tests.reference import exact
 
 seeds = st.integers(0, 2**32 - 1)
 drawn = Car(wheelbase={"uniform": [0.2, 3.0]}).drawn(Draw(Keyed(0), range(3), 5), "vehicle")
@@ -47,7 +49,7 @@ def differentiated(state, inputs):
 
 @given(seeds)
 def test_jets_follow_each_other_along_the_motion(seed):
-    """d/dt y = ẏ, d/dt ẏ = ÿ, and d/dt ÿ = σ + ψ u, whatever u; it moves as the kinematic bicycle."""
+    """d/dt y = ẏ, d/dt ẏ = ÿ, and d/dt ÿ = σ + ψ u, whatever u, as the kinematic bicycle."""
     state, inputs = states(seed), jnp.asarray(np.random.default_rng(seed).normal(size=(2, 5, 3)))
     _, velocity, acceleration = drawn.output_jets(state)
     jerk = drawn.drift(state) + jnp.einsum("xu...,u...->x...", drawn.decoupling(state), inputs)
@@ -95,13 +97,16 @@ def test_the_closed_loop_is_the_exact_solution(fleets):
 
 
 def exact_from_robot(fleets, lane):
-    """The exact solution of a robot that starts as the car does: with its pose and speed, and all else 0."""
+    """The exact solution of a robot that starts as the car does: with its pose and speed, and all
+    else 0.
+    """
     one, _ = fleets["exact", "robot"]
     car, _ = fleets["exact", "car"]
     np.testing.assert_array_equal(systems.lane(one, lane).initial, systems.lane(car, lane).initial)
     return exact(one, lane, 0.1, 100)["positions"]
 
 
+@pytest.mark.long
 def test_exact_and_nonlinear_rows_agree(fleets):
     """Speeds and turn rates, recovered from the outputs, and the steering angles at the end."""
     (_, ours), (_, theirs) = fleets["exact", "car"], fleets["nonlinear", "car"]
@@ -126,6 +131,7 @@ def test_the_wheelbase_is_seen_in_the_steering_alone(fleets):
     np.testing.assert_allclose(np.tan(car[STEERING]), wheelbase * robot[4] / robot[3], rtol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("engine", ["exact", "nonlinear"])
 def test_numbers_compile_nothing_anew(fleets, engine, compiled):
     """A wheelbase that is drawn or not, a gain."""

@@ -1,4 +1,6 @@
-"""The point ahead of a unicycle: flat in every state, and its heading follows where the point goes."""
+"""The point ahead of a unicycle: flat in every state, and its heading follows where the point
+goes.
+"""
 
 import math
 
@@ -14,8 +16,8 @@ from jaxnet.kinds.vehicles.look_ahead import LookAhead
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed
 from tests import systems
-from tests.engine.test_stand_ins import Powers
 from tests.kinds.vehicles.flatness import assert_flat
+from tests.reference import Powers
 
 DRAWN = LookAhead(ahead={"uniform": [0.05, 0.5]}).drawn(Draw(Keyed(0), range(2), 6), "vehicle")
 
@@ -52,7 +54,9 @@ def alone(samples, **keys):
 
 
 def test_the_heading_follows_a_plain_integration():
-    """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by a Runge–Kutta method in the test."""
+    """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by a Runge–Kutta method in the
+    test.
+    """
     path, data = alone(2, navigator=Powers(x=[3.0, 9.0, -4.0, 0.5], y=[0.0, -5.0, 3.0, 0.2]))
 
     def rates(time, state):
@@ -73,9 +77,11 @@ def test_the_heading_follows_a_plain_integration():
 
 
 def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
-    """`tan(θ/2) = tan(θ(0)/2) exp(-v t / l)` for a point that moves along x with speed v; θ = π stays.
+    """`tan(θ/2) = tan(θ(0)/2) exp(-v t / l)` for a point that moves along x with speed v; θ = π
+    stays.
 
-    The point starts on the navigator, so E = 0. l is short: the heading turns by up to exp(-250) in a tick.
+    The point starts on the navigator, so E = 0. l is short: the heading turns by up to exp(-250) in
+    a tick.
     """
     headings, speed, ahead = [0.4, -1.6, 3.1, -math.pi], 5.0, 0.02
     keys = {
@@ -105,6 +111,7 @@ FLEET["attack"] = {"kind": "rotating", "vehicles": [2], "magnitude": 5.0, "frequ
 TIGHT = {"kind": "nonlinear", "solver": "dopri8", "rtol": 1e-11, "atol": 1e-11}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "keys",
     [

@@ -1,4 +1,6 @@
-"""The planar quadrotor: one motion in two coordinates, by differentiating along it; its rest is a hover."""
+"""The planar quadrotor: one motion in two coordinates, by differentiating along it; its rest is a
+hover.
+"""
 
 import jax.numpy as jnp
 import numpy as np

@@ -1,4 +1,6 @@
-"""The two-wheeled robot and its flat outputs: one motion in two coordinates, by differentiating along it."""
+"""The two-wheeled robot and its flat outputs: one motion in two coordinates, by differentiating
+along it.
+"""
 
 import jax
 import jax.numpy as jnp

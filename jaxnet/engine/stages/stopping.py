@@ -1,65 +1,46 @@
 """Vehicles that decisions cut off and that come to rest: they stop there, and stay stopped.
 
-A vehicle that coasts moves by `y^(r) + P(y + n) = z` until the next tick, with its kept drive z and the
-errors n of its sensor. Under a law that holds the r-th derivative, P is 0. The derivatives of y obey a linear
-equation without a constant, so `standstill.stands` finds the first instant at which the vehicle stands still.
+A vehicle that coasts moves by `y^(r) + P(y + n) = z` until the next tick, with its kept drive z and
+the errors n of its sensor. Under a law that holds the r-th derivative, P is 0. The derivatives of y
+obey a linear equation without a constant, so `standstill.stands` finds the first instant at which
+the vehicle stands still.
 
-The vehicle stops at that instant. Until the next tick its listeners still hear z. From the next tick on the
-vehicle tells its place at rest. It never restarts, because the law is singular at rest.
+The vehicle stops at that instant. Until the next tick its listeners still hear z. From the next
+tick on the vehicle tells its place at rest. It never restarts, because the law is singular at rest.
 """
 
 import math
-from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine import flow, standstill
-from jaxnet.engine.standstill import VehicleFlags
-from jaxnet.engine.stepper import States
+from jaxnet.engine.moment import VehicleFlags
 from jaxnet.engine.subset import run_if
+from jaxnet.engine.vehicles import States
 from jaxnet.model import control
 from jaxnet.model.circle import angle
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, length
 
-BRAKING = 1e3  # [1/s] acceleration over speed, above which a vehicle that comes to rest brakes along its course
+# [1/s] acceleration over speed, above which a vehicle that comes to rest brakes along its course
+BRAKING = 1e3
 
 
-class Stopped(NamedTuple):
-    """Vehicles that stand still for good, and those that will at the next tick."""
-
-    vehicles: VehicleFlags
-    soon: VehicleFlags  # they stop before the next tick
-    states: States  # of rest, of both
-
-    @property
-    def frozen(self) -> VehicleFlags:
-        """Vehicles whose motion until the next tick is known."""
-        return self.vehicles | self.soon
-
-    def at_tick(self, here: Bool[Array, " lanes"]) -> "Stopped":
-        """Arrive at the next tick in the lanes `here`."""
-        soon = self.soon & here[None]
-        return self._replace(vehicles=self.vehicles | soon, soon=self.soon & ~soon)
-
-
-def none_yet(lane: Lane) -> Stopped | None:
-    """No vehicle has stopped yet; None where coasting vehicles cannot stop."""
-    if not lane.singular or lane.vehicle.singular != 1 or lane.vehicle.internal:
-        return None
-    none = jnp.zeros(lane.weights.shape[1:], bool)
-    return Stopped(none, none, jnp.zeros_like(lane.initial))
+def possible(lane: Lane) -> bool:
+    """Whether coasting vehicles can come to rest where the law is singular."""
+    return lane.singular and lane.vehicle.singular == 1 and not lane.vehicle.internal
 
 
 def rest_within_tick(
     lane: Lane, jets: Jets, among: VehicleFlags, interval: Float[Array, ""]
 ) -> tuple[VehicleFlags, States]:
-    """Find the vehicles, among some, that stand still in the tick from now on, and their states of rest.
+    """Find the vehicles, among some, that stand still in the tick from now on, and their states of
+    rest.
 
     `jets` are y and its r derivatives now.
     """
-    gain = jnp.zeros_like(lane.gain) if lane.law.needs_ticks() else lane.gain
+    gain = lane.law.own_gain(lane.gain)
     rate, shape = jnp.maximum(1.0, control.norms(gain).sum(axis=0)), among.shape
     whole = jnp.concatenate([jnp.zeros_like(gain[:1]), gain])  # of y^(r+1), without the constant z
 

@@ -1,0 +1,69 @@
+"""What the law asks of a vehicle from the messages of an instant, alike for all engines."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxnet.engine.moment import Instants, PerAxis
+from jaxnet.engine.tick import Drive
+from jaxnet.model import control, signal
+from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
+from jaxnet.model.signal import Basis
+
+
+class Signals(NamedTuple):
+    """Navigator and attack functions at one instant, with R(y_0) and R(β) of the law.
+
+    R is computed here once, because a stage would compute R once for each vehicle.
+    """
+
+    time: Instants  # [s]
+    navigator: Float[Array, "derivatives 2 lanes"]
+    basis: Basis
+    path: Float[Array, "2 lanes"]  # R(y_0)
+    drive: Float[Array, "functions lanes"]  # R(β), see `control.drive_functions`
+
+
+def signals(lane: Lane, time: Instants) -> Signals:
+    navigator, basis = lane.path(time), lane.basis(time)
+    path, drive = control.driven(lane.gain, navigator), control.drive_functions(lane.gain, basis)
+    return Signals(time, navigator, basis, path, drive)
+
+
+def coupled_demand(lane: Lane, network: Network, drive: Drive, own: Jets, now: Signals) -> PerAxis:
+    """Right-hand side b of the law `L q = b`; `own` are the jets that vehicles sense of
+    themselves.
+    """
+    attack = signal.combined(control.drive_vectors(lane.gain, drive.vectors), now.drive)
+    demand = control.demand(own, now.path, attack, network.hearing, drive.weights, lane.gain)
+    return drive.known.plus(demand, now.time)
+
+
+def local_jerk(lane: Lane, network: Network, drive: Drive, own: Jets, now: Signals) -> PerAxis:
+    """The r-th derivative that the local law asks for; `own` are the jets that vehicles sense."""
+    attack, hearing = signal.jets(drive.vectors, now.basis), network.hearing
+    silent = drive.known.silent((drive.weights == 0).all(axis=1))
+    demand = control.local_demand(own, now.navigator, attack, hearing, drive.weights, lane.gain)
+    demand = drive.known.plus(jnp.where(silent, 0.0, demand), now.time)
+    return drive.strength.times(demand)
+
+
+def exchange(
+    lane: Lane, network: Network, drive: Drive, own: Jets, now: Signals, last: PerAxis
+) -> PerAxis:
+    """The r-th derivative that vehicles hold until the next tick, under a law that holds one.
+
+    `own` are a vehicle's own jets of y, and `last` is the derivative held until now, which a
+    vehicle that hears nobody still holds.
+    """
+    own, weights = drive.sensed.of(own), drive.weights
+    asked = coupled_demand if lane.law.couples() else local_jerk
+    demand = drive.coasting.held(asked(lane, network, drive, own, now), last)
+
+    def heard(jerk: PerAxis) -> PerAxis:
+        sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)
+        return network.hearing.mean(weights, sources, jnp.zeros_like(drive.vectors[:, :, 0]))
+
+    return lane.law.exchange(last, demand, heard)

@@ -1,0 +1,236 @@
+"""Vehicles that keep their last drive `z = y‴ + P(ŷ)` until the next tick, where ŷ is what they
+sense.
+
+A vehicle that hears nobody keeps it. So does a group of vehicles that hear only each other: the law
+has no solution for such a group. If decisions alone cut a vehicle off from the navigator, its lane
+fails, or the vehicle coasts: it keeps its last drive too, and stops for good where it comes to rest
+(`stopping`).
+"""
+
+import dataclasses
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxnet.engine.moment import LaneFlags, Moment, PerAxis, VehicleFlags
+from jaxnet.engine.stages import stopping
+from jaxnet.engine.stages.channel import Reception
+from jaxnet.engine.stages.judging import Judged
+from jaxnet.engine.stages.sensing import Sensed
+from jaxnet.engine.vehicles import States
+from jaxnet.model import control, xla
+from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
+
+
+class Coasting(eqx.Module):
+    """Vehicles that keep their drive: nobody ever does."""
+
+    drives: ClassVar[bool] = False  # whether kept drives act
+
+    def next(self, now: Moment, judged: Judged, heard: Reception, sensed: Sensed) -> "Coasting":
+        """Those that no believed message reaches at a tick."""
+        return self
+
+    def moving(self, weights: AxisWeights) -> AxisWeights:
+        """Weights of the vehicles that do not keep their drive."""
+        return weights
+
+    def kept(self, lane: Lane) -> VehicleFlags:
+        """Vehicles that keep their drive."""
+        return jnp.zeros(lane.weights.shape[1:], bool)
+
+    def drive(self, lane: Lane) -> PerAxis:
+        """The drive that they keep, 0 for others [m/s³]."""
+        return jnp.zeros_like(lane.initial[:2])
+
+    def share(self, weights: AxisWeights) -> Float[Array, "axes m lanes"]:
+        """1 for a row of weights whose vehicle keeps its drive, else 0."""
+        return jnp.zeros((len(weights), *weights.shape[2:]))
+
+    def cut_off(self, lane: Lane) -> VehicleFlags:
+        """Those that decisions alone cut off; nobody where their lane fails."""
+        return jnp.zeros(lane.weights.shape[1:], bool)
+
+    def may_stop(self, lane: Lane) -> VehicleFlags:
+        """Vehicles that stop where they come to rest."""
+        return jnp.zeros(lane.weights.shape[1:], bool)
+
+    def stopped(self, lane: Lane) -> VehicleFlags:
+        """Vehicles that stand still for good."""
+        return jnp.zeros(lane.weights.shape[1:], bool)
+
+    def frozen(self, lane: Lane) -> VehicleFlags:
+        """Vehicles whose motion until the next tick needs no integrator."""
+        return jnp.zeros(lane.weights.shape[1:], bool)
+
+    def at_rest(self, states: States) -> States:
+        """States of vehicles, with those of rest for vehicles that have stopped."""
+        return states
+
+    def held(self, demand: PerAxis, last: PerAxis) -> PerAxis:
+        """The r-th derivative that vehicles hold from now on, where others hold the demand."""
+        return demand
+
+    def changed(self, before: "Coasting", lanes: LaneFlags) -> LaneFlags:
+        """Lanes, with some, in which what a stopped vehicle tells changed."""
+        return lanes
+
+    def will_stop(
+        self,
+        lane: Lane,
+        interval: Float[Array, ""],
+        highest: PerAxis,
+        own: Jets,
+        sensed: Sensed,
+        here: LaneFlags,
+    ) -> "Coasting":
+        """Note the vehicles that stop before the next tick, in the lanes at a tick.
+
+        `highest` is the r-th derivative until now, `own` are the vehicles' jets.
+        """
+        return self
+
+
+class Unheard(Coasting):
+    """Vehicles that hear nobody, under a law without a drive to keep."""
+
+    vehicles: VehicleFlags
+
+    def next(self, now: Moment, judged: Judged, heard: Reception, sensed: Sensed) -> Coasting:
+        nobody = ~(heard.usable(judged.in_force(now.lane)) > 0).any(axis=1)
+        return Unheard(nobody.all(axis=0))
+
+    def moving(self, weights: AxisWeights) -> AxisWeights:
+        return jnp.where(self.vehicles[None, None], 0.0, weights)
+
+    def kept(self, lane: Lane) -> VehicleFlags:
+        return self.vehicles
+
+
+class Coasts(Unheard):
+    """Vehicles that keep their drive until the next tick."""
+
+    kept_drive: PerAxis
+    off: VehicleFlags
+
+    drives: ClassVar[bool] = True
+
+    def next(self, now: Moment, judged: Judged, heard: Reception, sensed: Sensed) -> Coasting:
+        lane, hearing, off = now.lane, now.network.hearing, self.off
+        if coasts(lane):
+            off = cut_off(lane, now.network, judged, self)
+        keeps = off
+        if heard.lossy:
+            links = heard.usable(judged.in_force(lane)) > 0
+            alone = ~links.any(axis=1) | off[None]
+            keeps = (alone | ~hearing.reached(links, alone)).any(axis=0)
+        last = self.last_drive(now, sensed)
+        kept = xla.materialised(lambda: jnp.where(keeps[None], last, 0.0))
+        return dataclasses.replace(self, vehicles=keeps, kept_drive=kept, off=off)
+
+    def last_drive(self, now: Moment, sensed: Sensed) -> PerAxis:
+        """A vehicle that still keeps its drive keeps the same one."""
+        return jnp.where(self.vehicles[None], self.kept_drive, now.last)
+
+    def drive(self, lane: Lane) -> PerAxis:
+        return self.kept_drive
+
+    def share(self, weights: AxisWeights) -> Float[Array, "axes m lanes"]:
+        return jnp.broadcast_to(self.vehicles[None].astype(float), weights[:, 0].shape)
+
+    def cut_off(self, lane: Lane) -> VehicleFlags:
+        return self.off
+
+    def held(self, demand: PerAxis, last: PerAxis) -> PerAxis:
+        return jnp.where(self.vehicles[None], last, demand)
+
+
+class Stops(Coasts):
+    """The same, where vehicles that are cut off stop where they come to rest."""
+
+    standing: VehicleFlags  # they stand still for good
+    soon: VehicleFlags  # they stop before the next tick
+    states: States  # of rest, of both
+
+    def last_drive(self, now: Moment, sensed: Sensed) -> PerAxis:
+        """The drive of a vehicle that has stopped is P of what it senses."""
+        still = control.feedback(now.lane.gain, sensed.of(now.own))
+        return jnp.where(self.standing[None], still, super().last_drive(now, sensed))
+
+    def may_stop(self, lane: Lane) -> VehicleFlags:
+        return self.off
+
+    def stopped(self, lane: Lane) -> VehicleFlags:
+        return self.standing
+
+    def frozen(self, lane: Lane) -> VehicleFlags:
+        return self.standing | self.soon
+
+    def at_rest(self, states: States) -> States:
+        return jnp.where(self.standing[None], self.states, states)
+
+    def held(self, demand: PerAxis, last: PerAxis) -> PerAxis:
+        return jnp.where(self.standing[None], 0.0, super().held(demand, last))
+
+    def changed(self, before: Coasting, lanes: LaneFlags) -> LaneFlags:
+        assert isinstance(before, Stops)
+        told = (self.kept_drive != before.kept_drive) & self.standing[None]
+        return lanes | xla.in_any_row(told)
+
+    def will_stop(
+        self,
+        lane: Lane,
+        interval: Float[Array, ""],
+        highest: PerAxis,
+        own: Jets,
+        sensed: Sensed,
+        here: LaneFlags,
+    ) -> Coasting:
+        if not lane.law.needs_ticks():
+            highest = self.kept_drive - control.feedback(lane.gain, sensed.of(own))
+        among = self.off & ~self.standing & here[None]
+        soon, states = stopping.rest_within_tick(lane, (*own, highest), among, interval)
+        return dataclasses.replace(
+            self,
+            soon=jnp.where(here[None], soon, self.soon),
+            states=jnp.where(soon[None], states, self.states),
+        )
+
+    def at_tick(self, here: LaneFlags) -> "Stops":
+        """Arrive at the next tick in the lanes `here`."""
+        soon = self.soon & here[None]
+        return dataclasses.replace(self, standing=self.standing | soon, soon=self.soon & ~soon)
+
+
+def first_coasting(lane: Lane) -> Coasting:
+    """Vehicles that keep their drive before the first tick: nobody."""
+    if not (lane.lossy or coasts(lane)):
+        return Coasting()
+    nobody = jnp.zeros(lane.weights.shape[1:], bool)
+    if not lane.law.couples():
+        return Unheard(nobody)
+    coasting = nobody, jnp.zeros_like(lane.initial[:2]), nobody
+    if not (coasts(lane) and stopping.possible(lane)):
+        return Coasts(*coasting)
+    return Stops(*coasting, nobody, nobody, jnp.zeros_like(lane.initial))
+
+
+def coasts(lane: Lane) -> bool:
+    """Whether vehicles that decisions cut off keep their drive."""
+    return lane.defence.coasts() and lane.law.couples()
+
+
+def cut_off(lane: Lane, network: Network, judged: Judged, coasting: Coasting) -> VehicleFlags:
+    """Vehicles that decisions alone, without any loss, cut off from the navigator.
+
+    A vehicle that has stopped passes on nothing that it hears.
+    """
+    weights = judged.in_force(lane)
+    on_its_way = ~coasting.stopped(lane)[None]
+    heard = (weights > 0) & on_its_way[:, None]
+    alone = (weights == 0).all(axis=1) & on_its_way
+    return ~network.hearing.reached(heard, alone).all(axis=0)

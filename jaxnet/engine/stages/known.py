@@ -1,0 +1,83 @@
+"""What is known at a tick until the next: kept drives, late messages, messages heard before,
+errors.
+
+A message is X_j = R(y_j) plus R of the attack. What stands in place of live ones is a polynomial of
+the share σ of the tick that has passed:
+
+    L_r X = a0_live R(y_0) + W_live R(a) + Σ_k z_k σ^k / k!,      L_r = I - A_live.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxnet.engine.moment import Instants, PerAxis
+from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.polynomial import Polynomial
+
+RowShare = Float[Array, "axes m *lanes"]
+Drives = Float[Array, "degrees 2 m lanes"]
+Demand = Float[Array, "2 m *lanes"]
+AnyInstants = Float[Array, "*lanes"]
+Silent = Bool[Array, "axes m lanes"]
+
+
+class Known(eqx.Module):
+    """What known messages add to the drives: nothing."""
+
+    def plus(self, demand: Demand, time: AnyInstants) -> Demand:
+        """A demand with what is known at a time."""
+        return demand
+
+    def silent(self, silent: Silent) -> Silent:
+        """The rows, of some, that no known message reaches."""
+        return silent
+
+    def row_share(self, weights: AxisWeights) -> RowShare:
+        """Share of the weights of each row whose messages are not live; these are the others."""
+        return jnp.zeros((len(weights), *weights.shape[2:]))
+
+    def columns(self, attacks: list[PerAxis]) -> list[PerAxis]:
+        """Right-hand sides of all functions: the attacks', then those of powers of σ."""
+        return attacks
+
+    def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> Drives:
+        """Derivatives of order r, r + 1, … at a time, counted in spans; `demand` tells their
+        shape.
+        """
+        return jnp.zeros((0, *demand.shape))
+
+
+class KnownDrive(Known):
+    """A polynomial drive [m/s³] from a tick to the next."""
+
+    drive: Polynomial
+    share: RowShare  # of the weights of a row whose messages are not live
+    interval: Instants  # from tick to tick [s]
+    time: Instants  # of the tick [s]
+
+    def at(self, time: AnyInstants) -> Demand:
+        if len(self.drive.terms) == 1:
+            return self.drive.terms[0]
+        return self.drive.at((time - self.time) / self.interval)
+
+    def plus(self, demand: Demand, time: AnyInstants) -> Demand:
+        return demand + self.at(time)
+
+    def silent(self, silent: Silent) -> Silent:
+        return silent & (self.share == 0)
+
+    def row_share(self, weights: AxisWeights) -> RowShare:
+        return self.share
+
+    def columns(self, attacks: list[PerAxis]) -> list[PerAxis]:
+        return [*attacks, *self.drive.terms]
+
+    def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> Drives:
+        part, drive = span / self.interval, self.drive
+        if len(drive.terms) > 1:
+            drive = drive.about((time - self.time) / self.interval)
+        factors = [span**order * part**n for n in range(len(drive.terms))]
+        return jnp.stack(
+            [each * by[None, None] for each, by in zip(drive.terms, factors, strict=True)]
+        )

@@ -1,0 +1,91 @@
+"""The one place where the law's output meets a vehicle, with time.
+
+The law steers outputs y, and asks for their r-th derivative q. Here y follows from a vehicle's
+state and the input from q. A formation, a limit of inputs or a safety filter acts here, for all
+engines.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxnet.engine.moment import Instants, PerAxis
+from jaxnet.engine.status import LEAST_MARGIN
+from jaxnet.model import plane
+from jaxnet.model.lane import Lane
+from jaxnet.model.plane import Jets
+
+States = Float[Array, "n m *lanes"]
+PerVehicle = Float[Array, "m *lanes"]
+Which = Bool[Array, "m *lanes"]
+
+
+def outputs(lane: Lane, states: States, time: Instants) -> Jets:
+    """Jets of the outputs that the law steers, below the order."""
+    return lane.vehicle.output_jets(states)
+
+
+def states_of(lane: Lane, jets: Jets, time: Instants, inner: Any = None) -> States:
+    """States of vehicles with these outputs; `inner` are the states that outputs leave
+    undetermined.
+    """
+    if inner is None:
+        return lane.vehicle.state_of(jets)
+    return lane.vehicle.state_with(jets, inner)
+
+
+def inputs(lane: Lane, states: States, asked: PerAxis, time: Instants) -> PerAxis:
+    """Inputs for the r-th derivative of the outputs that is asked for."""
+    return admitted(lane, states, lane.vehicle.inputs_for(states, asked), time)
+
+
+def admitted(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> PerAxis:
+    """Inputs that reach the vehicles, of those that the law asks for: all."""
+    return inputs
+
+
+def rates(lane: Lane, states: States, asked: PerAxis, time: Instants) -> States:
+    """Rates of the states of vehicles that follow what is asked for."""
+    return lane.vehicle.motion(states, inputs(lane, states, asked, time))
+
+
+def input_rates(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> States:
+    """Rates of the states of vehicles for which the law asks these inputs."""
+    return lane.vehicle.motion(states, admitted(lane, states, inputs, time))
+
+
+def output_rates(lane: Lane, states: States, rates: States, time: Instants) -> tuple[Jets, Jets]:
+    """Jets of the outputs of states, and their rates along these rates of the states."""
+
+    def of(now: States, at: Instants) -> Jets:
+        return outputs(lane, now, at)
+
+    return jax.jvp(of, (states, time), (rates, jnp.ones_like(time)))
+
+
+def pace_of(lane: Lane, states: States, inputs: PerAxis) -> tuple[PerVehicle, PerVehicle]:
+    """Speed [m/s] and turn rate [rad/s]."""
+    return lane.vehicle.pace(states, inputs)
+
+
+def pace_of_jets(lane: Lane, jets: Jets) -> tuple[PerVehicle, PerVehicle] | None:
+    """Speed and turn rate where the outputs' jets tell them."""
+    return plane.pace(jets) if lane.vehicle.jets_tell_pace else None
+
+
+def ahead(lane: Lane, states: States) -> PerVehicle:
+    """Distance from the singular set, negative where a vehicle has passed it since the start."""
+    margin = lane.vehicle.margin
+    return margin(states) * jnp.sign(margin(lane.initial))
+
+
+def passed_singular(lane: Lane, states: States, apart: Which) -> Which:
+    """Vehicles, not `apart`, that are singular or have been since the start."""
+    return (ahead(lane, states) < LEAST_MARGIN) & ~apart
+
+
+def singular(lane: Lane, states: States, apart: Which) -> Which:
+    """Vehicles, not `apart`, with states in which the law is singular."""
+    return (jnp.abs(lane.vehicle.margin(states)) < LEAST_MARGIN) & ~apart
