@@ -8,6 +8,7 @@ import pytest
 from experiments.rounds import parted
 from jaxnet.config.document import ConfigError
 from jaxnet.engine.stages.late import DrawnDelay
+from jaxnet.engine.status import Status
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
