@@ -82,7 +82,8 @@ def test_a_cubic_is_extrapolated_without_error():
 
 @pytest.mark.parametrize("delay", [0.0, 0.2])
 def test_a_substituted_message_counts_with_the_weight_of_its_source(delay):
-    channel = {"loss": Hashed(), "missing": "hold", "delay": delay}
+    loss = Hashed(of="link", factors=[5, 3, 2, 1], share=12)
+    channel = {"loss": loss, "missing": "hold", "delay": delay}
     keys = {"engine": "exact", "channel": channel, "defence": "none", "tick": 0.1}
     one = systems.lanes(systems.study(**keys, horizon=3.0, tail=1.0, output_step=0.1), 1)
     outcome, lane = systems.simulate(one), systems.lane(one, 0)
