@@ -302,7 +302,7 @@ def test_an_interrupt_that_is_ignored_comes_again(monkeypatch, number, status):
 def test_an_error_that_nobody_foresaw_ends_in_a_line(config, tmp_path, monkeypatch):
     """Status 70; the traceback is in a file, or printed where no file can be written."""
 
-    def fail(study):
+    def fail(*_):
         raise RuntimeError("odd\nand more")
 
     monkeypatch.setattr("jaxnet.view.text.check.check_text", fail)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from jaxnet.view.figures.every import Plots
 
-export = LazyModule("jaxnet.store.export")
+exports = LazyModule("jaxnet.store.export")
 figures = LazyModule("jaxnet.view.figures.every")
 replays = LazyModule("jaxnet.runs.replay")
 tables = LazyModule("jaxnet.view.text.tables")
@@ -272,9 +272,9 @@ class Results(stored.Results):
         'csv'
         """
         if form == "mat":
-            return export.write_mat(self, out)
+            return exports.write_mat(self, out)
         if form == "csv":
-            return export.write_csv(self, out)
+            return exports.write_csv(self, out)
         raise FolderError(f"form: one of mat, csv (got {form!r})")
 
     @property

@@ -54,7 +54,7 @@ CHECKSUMS = "checksums"  # attribute of a store of lanes, written last: by lane 
 NOBODY = -1  # source of a slot that a cell does not have
 
 Variables = Mapping[str, Variable]
-Values = Mapping[str, np.ndarray]
+NamedArrays = Mapping[str, np.ndarray]
 ChunkPlace = tuple[int, ...]  # of a chunk along the first dimensions
 
 
@@ -157,7 +157,7 @@ def array_in(group: "zarr.Group", name: str) -> "zarr.Array":
 
 
 def create_arrays(
-    group: "zarr.Group", variables: Variables, coords: Values, first: tuple[int, ...]
+    group: "zarr.Group", variables: Variables, coords: NamedArrays, first: tuple[int, ...]
 ) -> None:
     """Create empty arrays with chunks of these first sizes, and their coordinates."""
     for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
@@ -191,7 +191,7 @@ def add_array(
 
 
 def add_shared(
-    group: "zarr.Group", variables: Variables, cells: Sequence[Cell], coords: Values
+    group: "zarr.Group", variables: Variables, cells: Sequence[Cell], coords: NamedArrays
 ) -> None:
     each = [cell_values(cell, variables, coords["time"]) for cell in cells]
     for name, (dims, dtype, unit, meaning, _) in variables.items():
@@ -227,7 +227,7 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
 
 
 def series_values(
-    variables: Variables, series: Values, states: Sequence[str]
+    variables: Variables, series: NamedArrays, states: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """Values of these arrays of an engine's series; `states` are the names of the states.
 
@@ -241,7 +241,7 @@ def series_values(
     return {name: each.astype(variables[name].dtype) for name, each in values.items()}
 
 
-def write_chunks(group: "zarr.Group", place: tuple[int | slice, ...], values: Values) -> None:
+def write_chunks(group: "zarr.Group", place: tuple[int | slice, ...], values: NamedArrays) -> None:
     """Write values at a place along the first dimensions.
 
     Chunks are written whole, since an existing chunk may be torn, and also chunks of fill values
@@ -306,7 +306,7 @@ def create_lanes(
 
 
 def write_lanes(
-    group: "zarr.Group", first: int, cell: Cell, variables: Variables, series: Values
+    group: "zarr.Group", first: int, cell: Cell, variables: Variables, series: NamedArrays
 ) -> None:
     """Write lanes of one cell, the first of them at the place `first`."""
     values = series_values(variables, series, cell.scenario.vehicle.states)
@@ -336,7 +336,9 @@ def holds_lanes(path: UPath, variables: Variables, lanes: Sequence[tuple[int, in
     )
 
 
-def lane_files(variables: Variables, cell: Cell, sample: int, series: Values) -> dict[str, bytes]:
+def lane_files(
+    variables: Variables, cell: Cell, sample: int, series: NamedArrays
+) -> dict[str, bytes]:
     """Files of a store of one lane by name, `zarr.json` last, which makes the store valid."""
     held: dict[str, Buffer] = {}
     group = create_lanes(zarr.storage.MemoryStore(held), variables, [cell], [(cell, sample)])

@@ -117,9 +117,9 @@ class GatedStore(WrapperStore[Store]):
         if key.endswith(METADATA):
             found = await self._store.get(key, prototype, RangeByteRequest(0, MOST_METADATA + 1))
             if found is not None and key == METADATA:
-                validated(GroupMetadata, file, found.to_bytes())
+                parsed_metadata(GroupMetadata, file, found.to_bytes())
             elif found is not None:
-                array = validated(ArrayMetadata, file, found.to_bytes())
+                array = parsed_metadata(ArrayMetadata, file, found.to_bytes())
                 if wrong := next(array.faults(self.sizes), ""):
                     raise FolderError(f"{file}: no array of ours: {wrong}")
                 self.promises[name] = array.promise()
@@ -136,7 +136,7 @@ class GatedStore(WrapperStore[Store]):
         return found
 
 
-def validated(kind: type[AnyMetadata], file: str, content: bytes) -> AnyMetadata:
+def parsed_metadata(kind: type[AnyMetadata], file: str, content: bytes) -> AnyMetadata:
     with gate.reading(file, "has no metadata of Zarr"):
         if len(content) > MOST_METADATA:
             raise FolderError(f"{file} has over {MOST_METADATA:,} bytes, and fewer are due")

@@ -204,8 +204,9 @@ def strong_robustness(hears: Iterable[object], nodes: int, leaders: Iterable[obj
     Examples
     --------
     >>> from jaxnet.theory.robustness import strong_robustness
-    >>> strong_robustness([[4, 1], [4, 2], [4, 3], [5, 2], [5, 3], [5, 4]], nodes=5, leaders=[1, 2,
-    3]) 3
+    >>> hears = [[4, 1], [4, 2], [4, 3], [5, 2], [5, 3], [5, 4]]
+    >>> strong_robustness(hears, nodes=5, leaders=[1, 2, 3])
+    3
     """
     network, seeds = led_digraph(hears, nodes, leaders)
     if seeds.all():

@@ -15,6 +15,7 @@ import jaxnet
 from experiments import search as experiment
 from experiments.search import BIAS, KNOWN, largest
 from jaxnet.api import studies, writing
+from jaxnet.api.places import with_random_lanes
 from jaxnet.config.document import ConfigError
 from jaxnet.config.keys import Scenario
 from jaxnet.engine.batch import Machine
@@ -182,7 +183,7 @@ def test_the_worst_is_a_study_of_its_own(whole):
 def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     """It ends as one that nobody disturbed, and does nothing twice."""
     results, given = whole
-    random = studies.run(writing.with_random_lanes(given), tmp_path / "s", progress=False)
+    random = studies.run(with_random_lanes(given), tmp_path / "s", progress=False)
     simulated, simulate = [], Trials.simulate
 
     def counting(trials, points):
@@ -247,7 +248,7 @@ def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
     """They find what one process finds, and leave it nothing to simulate of the choices."""
     results, given = whole
     monkeypatch.setattr(worst, "FRESH", 48)
-    random = studies.run(writing.with_random_lanes(given), tmp_path / "s", progress=False)
+    random = studies.run(with_random_lanes(given), tmp_path / "s", progress=False)
     monkeypatch.setattr(writing, "executor", lambda *_: contextlib.nullcontext(Here()))
     told, counts, simulate = [], [], Trials.simulate
 

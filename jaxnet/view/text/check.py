@@ -31,12 +31,12 @@ MOST_KEY_LETTERS = 24  # of a key's column
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
-NUMBER = re.compile(  # measured, no vehicle's number
+MEASURED = re.compile(  # measured, no vehicle's number
     r"(?<![\w.(])(?:\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+|\d+(?= (?:s|m|ā|rounds?|links?)\b)|^\d+$)"
 )
 
 
-class Known(NamedTuple):
+class AlikeCells(NamedTuple):
     """Cells in which the same is known."""
 
     cells: list[Cell]
@@ -65,18 +65,18 @@ def certificates(cells: Sequence[Cell]) -> list[str]:
     return [titled(network_title(each), each.facts) for each in networks(cells)]
 
 
-def networks(cells: Sequence[Cell]) -> list[Known]:
+def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
     """Cells grouped by what is known of them, in the order of their first cells."""
     groups: dict[Hashable, list[Cell]] = {}
     for cell in cells:
         groups.setdefault(facts_key(cell.scenario), []).append(cell)
     seconds = PROGRAM_SECONDS / len(groups) if len(groups) <= MOST_NETWORKS else 0.0
-    found: dict[Hashable, Known] = {}
+    found: dict[Hashable, AlikeCells] = {}
     for group in groups.values():
         scenario = group[0].scenario
         known = facts(scenario, seconds)
         key = scenario.topology.kind, tuple(known.items())
-        found.setdefault(key, Known([], known)).cells.extend(group)
+        found.setdefault(key, AlikeCells([], known)).cells.extend(group)
     return list(found.values())
 
 
@@ -142,7 +142,7 @@ def swept(study: Study) -> str:
     return wrap_lines("\n".join(lines))
 
 
-def network_title(network: Known) -> str:
+def network_title(network: AlikeCells) -> str:
     numbers = sorted(cell.number for cell in network.cells)
     return f"{network.cells[0].scenario.topology.kind}, {cells_named(numbers)}"
 
@@ -167,7 +167,7 @@ CellLabels = Sequence[Mapping[str, str]]  # of each cell, the values of the swep
 Combination = tuple[str, ...]  # values of some swept keys
 
 
-def differing(found: Sequence[Known]) -> list[str]:
+def differing(found: Sequence[AlikeCells]) -> list[str]:
     """The facts of all cells, and a table for each fact that differs: where it is so."""
     names = dict.fromkeys(name for network in found for name in network.facts)
     by_cell = [(cell, network.facts) for network in found for cell in network.cells]
@@ -242,13 +242,13 @@ def with_ranges(lines: Sequence[str]) -> list[str]:
     """Lines that differ in numbers alone, with the least and greatest of these."""
     groups: dict[str, list[list[str]]] = {}
     for line in lines:
-        groups.setdefault(NUMBER.sub("#", line), []).append(NUMBER.findall(line))
+        groups.setdefault(MEASURED.sub("#", line), []).append(MEASURED.findall(line))
     merged = {}
     for template, numbers in groups.items():
         spans = [sorted(set(each), key=float) for each in zip(*numbers, strict=True)]
         told = iter([each[0] if len(each) == 1 else f"{each[0]} … {each[-1]}" for each in spans])
         merged[template] = "".join(next(told) if each == "#" else each for each in template)
-    return [merged[NUMBER.sub("#", line)] for line in lines]
+    return [merged[MEASURED.sub("#", line)] for line in lines]
 
 
 def deciding_keys(labels: CellLabels, lines: Sequence[str]) -> list[str]:
