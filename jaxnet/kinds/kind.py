@@ -128,7 +128,7 @@ class Kind(Record, metaclass=KindType):
         """Premises of theorems that fail with this kind and its keys; by default none.
 
         A navigator may break "leader", a graph "one network" and "alike", an attack "bounded", "one
-        identity" and "by law", an announcement "consistent", a law "not held" and "solved", a
+        identity" and "by law", an announcement "consistent", a law "solved", a
         vehicle "flat", a sensor "exact sensors", a loss "every message", a noise "exact messages".
         """
         return frozenset()

@@ -107,7 +107,7 @@ class Law(Kind):
         return True
 
     def breaks(self) -> frozenset[str]:
-        return broken(not_held=self.needs_ticks(), solved=not self.solves())
+        return broken(solved=not self.solves())
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if the law holds the jerk and the scenario has no ticks."""
