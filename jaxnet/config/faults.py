@@ -25,8 +25,8 @@ from jaxnet.outside import blame
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 10**8
 MOST_LATE = 200  # ticks by which words may be late
-# Of the law's fastest time constant in a tick over which a message is a power series: terms of degree
-# 8 and above are left out, under 1e-6 m where the fleet is tens of metres off.
+# Of the law's fastest time constant in a tick over which a message is a power series: terms of
+# degree 8 and above are left out, under 1e-6 m where the fleet is tens of metres off.
 MOST_RATE = 0.2
 LEAST_CHOICES = 100  # choices that a search tries at least
 

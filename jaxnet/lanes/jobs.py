@@ -187,7 +187,7 @@ def weights_of(
 
 
 def strength_of(scenario: Scenario, weights: Any, graph: Graph) -> RowStrength | None:
-    """Return the strength of the rows of each lane with these weights, None where it does not act."""
+    """Strength of each lane's rows with these weights, None where it does not act."""
     return (
         graph.strength(weights, scenario.navigator.present) if not scenario.law.couples() else None
     )
