@@ -13,7 +13,6 @@ class LazyModule(ModuleType):
     """A stand-in for a module, which is imported when an attribute is first read."""
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the module."""
         return getattr(import_module(self.__name__), name)
 
 

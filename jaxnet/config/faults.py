@@ -35,7 +35,6 @@ LEAST_CHOICES = 100  # choices that a search tries at least
 
 
 def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    """Yield the faults of a study beyond those of its cells."""
     save, samples, until = study.save, study.samples, isinstance(study.samples, Sequential)
     if isinstance(save.trajectories, Samples):
         keys = ("save.trajectories.samples", "samples")
@@ -168,7 +167,6 @@ def replaced_faults(
 
 
 def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Yield the faults of one cell."""
     yield from time_faults(scenario)
     yield from gain_faults(scenario)
     position = scenario.initial.position

@@ -47,9 +47,7 @@ COMPILER = {
 
 
 class Job(NamedTuple):
-    """Lanes of one network and clock for one compiled program; every leaf of `inputs` has lanes
-    first.
-    """
+    """Lanes of one network and clock for one compiled program; in `inputs` lanes come first."""
 
     inputs: Inputs
     network: Network
@@ -198,10 +196,7 @@ def compiling() -> bool:
 
 
 def parted(batches: Iterable[Inputs], most: int, sizes: deque[int]) -> Iterator[Inputs]:
-    """Yield the lanes of batches in loads of `most` lanes; the last load may be smaller.
-
-    The size of each batch is appended to `sizes`.
-    """
+    """Yield lanes in loads of `most`, the last maybe smaller; append batch sizes to `sizes`."""
     waiting: list[Inputs] = []
     for batch in batches:
         sizes.append(size(batch))
@@ -235,7 +230,6 @@ def reporting(outcomes: Iterable[Outcome], load_done: Callable[[int], None]) -> 
 
 
 def regrouped(outcomes: Iterable[Outcome], sizes: deque[int]) -> Iterator[Outcome]:
-    """Yield the lanes of outcomes in groups of the given sizes."""
     held: list[Outcome] = []
     for outcome in outcomes:
         held.append(outcome)
@@ -256,5 +250,4 @@ def joined(trees: Sequence[Lanes]) -> Lanes:
 
 
 def part(tree: Lanes, start: int, stop: int | None) -> Lanes:
-    """The lanes from `start` to `stop` of a tree."""
     return jax.tree.map(lambda leaf: leaf[start:stop], tree)

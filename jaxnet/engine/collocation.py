@@ -125,7 +125,6 @@ class Collocation(Following[CollocationState]):
     def placed(
         self, state: CollocationState, which: VehicleFlags, states: States
     ) -> CollocationState:
-        """Put vehicles at rest with these states."""
         rest = vehicles.outputs(self.lane, states, state.signals.time)
         return state._replace(jets=plane.replaced(which, rest, state.jets))
 

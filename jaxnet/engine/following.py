@@ -43,7 +43,6 @@ class Scene(NamedTuple):
         return vehicles.outputs(self.lane, states, self.now.time)
 
     def sensed(self, own: Jets) -> Jets:
-        """Jets as vehicles sense them of themselves."""
         return self.decided.sensed.of(own)
 
 
@@ -139,8 +138,6 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         return self.network.solver.starts
 
     def nothing_followed(self) -> Followed:
-        """What is followed before the first tick."""
-
         def first() -> Followed:
             lane, network = self.lane, self.network
             decided = tick.before_first(lane, network, self.plan)

@@ -48,9 +48,7 @@ HoldCarry = tuple[
 
 
 class Integration(Following[IntegrationState]):
-    """Motion of the nonlinear vehicles under the law, by adaptive steps. `numbers` are the
-    tolerances.
-    """
+    """Motion of nonlinear vehicles under the law, by adaptive steps; `numbers` are tolerances."""
 
     def begin(self) -> IntegrationState:
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)

@@ -129,7 +129,7 @@ def after_span(
 def by_series(
     lane: Lane, network: Network, drive: Drive, jets: Jets, time: Instants, span: Instants
 ) -> tuple[Jets, Float[Array, "m lanes"]]:
-    """What `after_span` does, for one piece of a tick."""
+    """`after_span` for one piece of a tick."""
     stays = span == 0
     span = jnp.where(stays, 1.0, span)
     order, forcing = len(jets), forcing_of(lane, time, span)

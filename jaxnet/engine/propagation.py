@@ -120,7 +120,6 @@ class Propagation(Motion[PropagationState]):
     def placed(
         self, state: PropagationState, which: VehicleFlags, states: States
     ) -> PropagationState:
-        """Put vehicles at rest with these states."""
         rest = vehicles.outputs(self.lane, states, state.time)
         return state._replace(jets=plane.replaced(which, rest, state.jets))
 
@@ -160,9 +159,7 @@ class Propagation(Motion[PropagationState]):
     def with_inner(
         self, before: PropagationState, decided: DecisionState, now: PropagationState, status: Code
     ) -> tuple[PropagationState, Code]:
-        """The state now, with what the outputs leave undetermined, from the state at the last
-        tick.
-        """
+        """The state now, with the states that outputs leave undetermined, from the last tick's."""
         if before.inner is None:
             return now, status
         span = now.time - before.time
@@ -245,7 +242,6 @@ class Solved(Propagation):
     def placed(
         self, state: PropagationState, which: VehicleFlags, states: States
     ) -> PropagationState:
-        """Put vehicles at rest with these states."""
         own = vehicles.outputs(self.lane, states, state.time)
         rest = plane.relative(own, self.navigator(state))
         return state._replace(jets=plane.replaced(which, rest, state.jets))
@@ -376,9 +372,7 @@ class Held(Propagation):
     def hold(
         self, state: PropagationState, decided: DecisionState, at: Tick
     ) -> tuple[PropagationState, LaneFlags]:
-        """Exchange the jerk in all lanes. Return the state with it, and the lanes with a vehicle
-        cut off.
-        """
+        """Exchange the jerk in all lanes. Return the state, and lanes with a vehicle cut off."""
         lane, network = self.lane, self.network
         now = barrier(signals(lane, state.time))
         jerk = exchange(lane, network, decided.drive(lane), state.jets, now, state.response[0])

@@ -1,6 +1,4 @@
-"""Work on the few lanes that need it, a fixed number of lanes at a time; other lanes stay
-untouched.
-"""
+"""Work on the few lanes that need it, a fixed number at a time; other lanes stay untouched."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
@@ -73,7 +71,6 @@ def numbered(up_to: Int[Array, " all"], done: Any, number: int) -> LaneIndices:
 
 
 def run_if(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) -> Carry:
-    """`work(carry)` if the flag is set, else `carry`."""
     return jax.lax.cond(flag, work, lambda same: same, carry)
 
 

@@ -1,6 +1,4 @@
-"""The batch of lanes of a cell and its samples, with all numbers drawn, and the plan of its
-program.
-"""
+"""The batch of lanes of a cell and its samples with all drawn numbers, and its program's plan."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -238,7 +236,6 @@ def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
-    """The plan: the choices that shape the compiled program."""
     return Plan(
         engine=type(scenario.engine),
         options=scenario.engine.options(),
@@ -419,10 +416,7 @@ def shared_basis(
 
 
 def first_vectors(signal: Any, count: int) -> np.ndarray:
-    """Placeholder vectors for a strategic attack, one for each of its functions.
-
-    The attack replaces them at the first tick.
-    """
+    """Placeholders of a strategic attack's vectors, one a function, until the first tick."""
     functions = np.asarray(signal.basis(np.zeros(count))).shape[1]
     return np.ones((2, 1, functions, 1))
 

@@ -92,7 +92,6 @@ def angle(across: Numbers, up: Numbers) -> Numbers:
 
 
 def by_polynomials(angle: Numbers) -> tuple[Numbers, Numbers]:
-    """`(cos, sin)` by the polynomials."""
     xp = angle.__array_namespace__()
     turns = xp.round(angle * 0.6366197723675814)
     rest = angle - turns * QUARTER[0]

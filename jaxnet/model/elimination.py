@@ -27,7 +27,6 @@ def identity(matrix: Float[Array, "... n n axes lanes"]) -> Float[Array, "... n 
 
 
 def multiplied(left: Float[Array, "n n axes lanes"], right: Matrix) -> Matrix:
-    """The product of two small matrices, for each axis and lane."""
     total = left[:, :1] * right[:1]
     for n in range(1, len(right)):
         total = total + left[:, n : n + 1] * right[n : n + 1]
@@ -80,10 +79,7 @@ def eliminated(whole: Matrix) -> Float[Array, "n r axes lanes"]:
 
 
 def eliminate(rows: Matrix, first: int) -> Float[Array, "n r axes lanes"]:
-    """Eliminate with the first rows, move these rows to the back, and remove their columns.
-
-    `first` is the number of pivot rows.
-    """
+    """Eliminate with the `first` pivot rows, move them to the back and remove their columns."""
     if len(rows) == first:
         return reduced(rows)
     pivots = xla.materialised(lambda: reduced(rows[:first]))  # 1.09 times, trimming, 12 vehicles
@@ -105,9 +101,7 @@ def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lane
 
 
 def without(rows: Matrix, pivots: Float[Array, "k r axes lanes"]) -> Float[Array, "n r axes lanes"]:
-    """Subtract multiples of k pivot rows from rows, and remove the first k columns, which become
-    0.
-    """
+    """Subtract multiples of k pivot rows, and remove the first k columns, which become 0."""
     left = rows[:, len(pivots) :]
     for n, pivot in enumerate(pivots):
         left = left - rows[:, n : n + 1] * pivot[None]

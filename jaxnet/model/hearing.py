@@ -141,9 +141,7 @@ class Hearing(NamedTuple):
         return self.reached(weights > 0, (weights == 0).all(axis=1)).all(axis=(0, 1))
 
     def reached(self, heard: HeardLinks, reached: ReachedVehicles) -> ReachedVehicles:
-        """The vehicles that the navigator or a vehicle in `reached` reaches over the links
-        `heard`.
-        """
+        """The vehicles that the navigator or a vehicle in `reached` reaches over links `heard`."""
 
         def spread(carry: tuple[ReachedVehicles, Flags]) -> tuple[ReachedVehicles, Flags]:
             reached, _ = carry

@@ -39,10 +39,7 @@ def lattice(vehicles: int, neighbours: int) -> Neighbours:
 
 
 def grid(rows: int, columns: int, torus: bool) -> Neighbours:
-    """The pattern of a grid with vehicles numbered row by row.
-
-    In a torus, the first and the last vehicle of each line also hear each other.
-    """
+    """A grid's pattern, numbered row by row; in a torus the ends of each line hear each other."""
     place = np.arange(rows * columns).reshape(rows, columns)
     pairs = []
     for lines in (place, place.T):

@@ -71,7 +71,6 @@ def in_force(weights: SlotWeights, decision: RetainedSlots) -> AxisWeights:
 
 
 def changed(decision: RetainedSlots, before: RetainedSlots) -> Flags:
-    """The vehicles with a decision that differs from the previous decision."""
     apart = decision != before
     return apart.any(axis=tuple(range(apart.ndim - 2)))
 

@@ -37,7 +37,6 @@ class WeightsAsTheyAre(NamedTuple):
     total: Numbers  # Σ_j w_ij, (m, lanes)
 
     def of(self, retained: RowShares) -> RowShares:
-        """The strength of rows of which this share of the weights is retained."""
         return self.total[None] * retained
 
 

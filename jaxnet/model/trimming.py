@@ -1,6 +1,4 @@
-"""Scores of received messages, and removal of the greatest scores, slot by slot (paper, section
-5.1).
-"""
+"""Scores of received messages; removal of the greatest, slot by slot (paper, section 5.1)."""
 
 import jax
 import jax.numpy as jnp

@@ -145,7 +145,6 @@ def page() -> str:
 
 
 def row(name: str, m: int) -> str:
-    """The row of one graph and size."""
     listeners, heard = sparse.csr_array(GRAPHS[name](m)).nonzero()
     solver, why = choose_solver(slotted(m, listeners, heard + 1)[2].T)
     cells = (

@@ -111,9 +111,7 @@ def are_alike(values: Values) -> bool:
 
 
 def student_interval(sums: Values, counts: Values, confidence: float) -> Ends:
-    """Student's interval of the mean of all numbers, from independent sums of `counts` numbers
-    each.
-    """
+    """Student's interval of the mean of all numbers, from independent sums of `counts` each."""
     units, size = len(sums), np.abs(sums).max()
     mean = (sums / size).sum() / counts.sum()
     squares = np.square(sums / size - mean * counts).sum() * units / (units - 1)

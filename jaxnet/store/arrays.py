@@ -229,10 +229,7 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
 def series_values(
     variables: Variables, series: Values, states: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Values of these arrays of an engine's series; `states` are the names of the states.
-
-    Headings are in (-π, π].
-    """
+    """Values of an engine's series; `states` names the states. Headings are in (-π, π]."""
     values = {name: series[variable.series] for name, variable in variables.items()}
     if "states" in values and "heading" in states:
         values["states"], heading = values["states"].copy(), states.index("heading")

@@ -1,6 +1,4 @@
-"""Late messages: how far behind a fleet ends, and the delay up to which it is stable (theorems.md
-O16).
-"""
+"""Late messages: how far a fleet lags, and up to which delay it is stable (theorems.md O16)."""
 
 import math
 from typing import Any
@@ -86,9 +84,7 @@ def greatest_delay(case: Case) -> float | None:
 
 
 def growth_when_late(case: Case) -> float | None:
-    """Growth of deviations at each tick under a law that holds a derivative and hears late
-    messages.
-    """
+    """Growth of deviations per tick under a law that holds a derivative and hears late messages."""
     scenario, law, channel = case.scenario, case.scenario.law, case.scenario.channel
     rows, leads = case.situation.graph.weights.T[None], scenario.navigator.present
     known = channel.late and law.needs_ticks() and (law.gives_demand() or law.iterates())

@@ -1,6 +1,4 @@
-"""Steady covariance of the errors E under noise that is drawn at ticks and held (theorems.md O13,
-O15).
-"""
+"""Steady covariance of E under noise that is drawn at ticks and held (theorems.md O13, O15)."""
 
 from collections.abc import Callable, Sequence
 

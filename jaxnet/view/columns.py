@@ -87,8 +87,6 @@ class Column(NamedTuple):
     across: str = ""  # in a pivoted table, the LaTeX title above the columns of one quantity
 
     def at(self, places: Sequence[int]) -> "Column":
-        """Copy with the cells at these places."""
-
         def chosen(values: Any) -> Any:
             return values and [values[place] for place in places]
 
@@ -140,7 +138,6 @@ class Column(NamedTuple):
 
     @property
     def numeric(self) -> bool:
-        """Whether the values are numbers."""
         return all(isinstance(value, int | float) for value in self.values)
 
 
@@ -264,10 +261,7 @@ def across_column(column: Column, key: Column, value: Any) -> Column:
 
 
 def known_column(name: str, table: pd.DataFrame, keys: Sequence[str]) -> str:
-    """Name of a column of `cells.csv` or a swept key; a metric means its median.
-
-    Raises FolderError for another name.
-    """
+    """Column of `cells.csv` or swept key; a metric means its median. Else raises FolderError."""
     for each in (name, f"{name}_median"):
         if each in table or each in keys:
             return each

@@ -42,9 +42,7 @@ class Known(eqx.Module):
         return attacks
 
     def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> Drives:
-        """Derivatives of order r, r + 1, … at a time, counted in spans; `demand` tells their
-        shape.
-        """
+        """Derivatives of order r, r + 1, … at a time, counted in spans; shaped as `demand`."""
         return jnp.zeros((0, *demand.shape))
 
 

@@ -310,7 +310,6 @@ def search_section(results: Results) -> Section | None:
 
 
 def lanes_section(results: Results) -> Section:
-    """Lanes in motion."""
     name, (found, many) = "Lanes in motion", trajectories.lanes_data(results)
     if many and not found:
         return Section("lanes", name, paragraph(TOO_LARGE))
