@@ -55,9 +55,7 @@ class Filtered(Defence):
 
 
 class Alike(Filtered):
-    """The same by distance in the plane, one weight for both axes; it weighs where nobody is heard
-    too.
-    """
+    """By distance in the plane, one weight for both axes; it weighs where nobody is heard too."""
 
     kind = "alike"
 
@@ -84,9 +82,7 @@ class Withdrawing(Defence):
 
 
 class Steering(Attack):
-    """At every tick against the fleet's mean error, at every third along it; the memory counts
-    ticks.
-    """
+    """Each tick against the fleet's mean error, each third along it; the memory counts ticks."""
 
     kind = "steering"
     strategic: ClassVar[bool] = True
@@ -129,9 +125,7 @@ class Returning(Steering):
 
 
 def plain(kind, lane):
-    """The plain program of a defence and of the attack that chooses: `choose` for `march`, what it
-    chose.
-    """
+    """The plain program of a defence and an attack's choice, `choose` for `march`: its choice."""
     carried, memory, chosen = (
         np.ones(lane.weights.shape, bool),
         np.zeros((2, *lane.weights.shape)),
@@ -241,9 +235,7 @@ def test_a_defence_in_the_vector_field_is_told_the_time():
 
 @pytest.mark.parametrize("number", [0.5, 1.0, 7.0, 1e150, 1e300, float("nan"), float("inf")])
 def test_no_attack_that_chooses_is_over_its_magnitude(number):
-    """Whatever it returns, for whomever; what has no direction leaves no lane that calls itself
-    ok.
-    """
+    """Whatever it returns, for whomever; without a direction no lane calls itself ok."""
     attack = named(Returning) | {"magnitude": 3.0}
     scenario = (
         systems.study(engine="exact", attack=attack, defence="none", **KEYS).cells[0].scenario

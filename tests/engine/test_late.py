@@ -23,9 +23,7 @@ QUIET = {"attack": "none", "defence": "none", "engine": "exact", "tail": 0.0}
 
 
 def factors(weights, frequency, delay):
-    """What each vehicle makes of a harmonic of the navigator: `(1 - A e)⁻¹ a0 e`, with e =
-    exp(-iωτ).
-    """
+    """What each vehicle makes of a navigator's harmonic: `(1 - A e)⁻¹ a0 e`, e = exp(-iωτ)."""
     turn = np.exp(-1j * frequency * delay)
     return np.linalg.solve(np.eye(len(weights)) - turn * weights[:, 1:], turn * weights[:, 0])
 
@@ -191,9 +189,7 @@ def test_motions_obey_the_polynomial_of_late_exchanges():
 
 
 def test_a_place_is_reached_as_it_is_told():
-    """Vehicles of order 1 end at the rounded word of a navigator at rest, off by at most half a
-    step.
-    """
+    """Vehicles of order 1 end at a resting navigator's rounded word, at most half a step off."""
     keys = {
         "vehicle": "single_integrator",
         "navigator": Powers(x=[3.37], y=[-1.24]),

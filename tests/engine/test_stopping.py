@@ -1,6 +1,4 @@
-"""Vehicles that decisions cut off and that come to rest stop there; the others go on, by closed
-form.
-"""
+"""Vehicles that decisions cut off stop where they come to rest; others go on, by closed form."""
 
 import numpy as np
 import pytest

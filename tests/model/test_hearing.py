@@ -68,9 +68,7 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
 
 
 def test_what_slots_have_is_told_link_by_link():
-    """Those of a source's identities added, none of a slot that a listener leaves over or a cell
-    lacks.
-    """
+    """Sums over a source's identities, none of a slot that a listener leaves or a cell lacks."""
     graph = of_matrix(np.array([[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0]]))
     slots = hearing.slots(graph, np.where(graph.sources == 2, 2, 1))
     assert slots.tolist() == [

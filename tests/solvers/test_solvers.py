@@ -1,6 +1,4 @@
-"""Solving for the graph in force, in blocks, in one and by iteration, against NumPy's own
-solution.
-"""
+"""Solving for the graph in force, in blocks, in one, by iteration, against NumPy's own solution."""
 
 from pathlib import Path
 
@@ -123,9 +121,7 @@ def wide(name):
 
 
 def some_retained(links, seed, lanes=3):
-    """Weights over random halves of these links for two axes; all keep a source nearer the
-    navigator.
-    """
+    """Weights over random halves of links for two axes; all keep one nearer the navigator."""
     rng, reached = np.random.default_rng(seed), graph.hops(graph.of_matrix(links))
     nearer = np.argmax(links & (np.append(0, reached)[None] < reached[:, None]), axis=1)
     kept = links[..., None, None] & (rng.random((*links.shape, 2, lanes)) < 0.5)

@@ -24,9 +24,7 @@ TICKS = 3
 
 
 class Around:
-    """What one vehicle has before it: its own position, those received with weights, and whom it
-    trusts.
-    """
+    """What one vehicle has before it: its position, those received, weights, and whom it trusts."""
 
     def __init__(self, own, received, weights, trusted):
         self.own, self.weights, self.trusted = tuple(own), list(weights), list(trusted)
@@ -76,9 +74,7 @@ def geometric_median(around, smoothing=0.5, rounds=4):
 
 
 def coordinate_median(around):
-    """By axis: who is at the lower or upper median of a list with each value 4w times, and the
-    trusted.
-    """
+    """By axis: who is at the lower or upper median, each value 4w times, and the trusted."""
     by_axis = []
     for axis in (0, 1):
         value = [y[axis] for y in around.received]
@@ -179,9 +175,7 @@ def test_trust_is_earned_tick_by_tick():
     ],
 )
 def test_trusted_sources_can_be_judged_as_others_are(kind, keys):
-    """With `drop_trusted` it is the rule of who trusts nobody, and another than the one that spares
-    them.
-    """
+    """`drop_trusted` gives the rule of who trusts nobody, not the one that spares the trusted."""
     own, received, weights, trusted = neighbourhoods(2)
 
     def decided(trusted, drop):

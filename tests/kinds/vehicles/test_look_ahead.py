@@ -1,6 +1,4 @@
-"""The point ahead of a unicycle: flat in every state, and its heading follows where the point
-goes.
-"""
+"""The point ahead of a unicycle: flat in every state; its heading follows where the point goes."""
 
 import math
 
@@ -54,9 +52,7 @@ def alone(samples, **keys):
 
 
 def test_the_heading_follows_a_plain_integration():
-    """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by a Runge–Kutta method in the
-    test.
-    """
+    """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by Runge–Kutta here."""
     path, data = alone(2, navigator=Powers(x=[3.0, 9.0, -4.0, 0.5], y=[0.0, -5.0, 3.0, 0.2]))
 
     def rates(time, state):
