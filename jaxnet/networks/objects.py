@@ -35,19 +35,9 @@ def networkx_network(
 ) -> NamedNetwork:
     """Return the network of a networkx graph; an undirected edge is a link in both directions.
 
-    Parameters
-    ----------
-    network
-        A graph; nodes are numbers, or their labels are names.
-    unread
-        Attributes of edges that count for nothing.
-    weight
-        Weight of an edge without one.
-
-    Raises
-    ------
-    KindError
-        For another attribute of an edge, for a node without edge, and for two nodes with one name.
+    Nodes are numbers, or their labels are names. An edge without a weight has `weight`; attributes
+    of edges that are `unread` count for nothing. Raises KindError for another attribute of an edge,
+    a node without an edge, and two nodes with one name.
     """
     labels = {node: label_of(node) for node in network.nodes}
     if len({*labels.values()}) < len(labels):

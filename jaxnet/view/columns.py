@@ -177,29 +177,12 @@ def summary_columns(
     where: Where | None = None,
     sort: str | None = None,
 ) -> list[Column]:
-    """Return columns of the summary, a value for each cell.
+    """Return columns of the summary, a value a cell; the number of the cell and swept keys first.
 
-    Parameters
-    ----------
-    results
-        Results of a finished run.
-    names
-        Names of columns of `cells.csv`, or of metrics (their medians). None of them: what the study
-        asks for first, then the tail errors, metrics of its own, and the numbers of lanes.
-    where
-        The wanted value or values of swept keys.
-    sort
-        Name of the column by which the cells are sorted; a minus before it reverses the order.
-
-    Returns
-    -------
-    list[Column]
-        The number of the cell and the swept keys first.
-
-    Raises
-    ------
-    FolderError
-        A column, a key or a value is unknown, or the run is unfinished.
+    `names` are columns of `cells.csv`, or metrics (their medians); without names these are what the
+    study asks for, the tail errors, metrics of its own, and the numbers of lanes. `where` gives
+    wanted values of swept keys. Cells are sorted by the column `sort`; a minus before it reverses
+    the order. Raises FolderError if a column, key or value is unknown, or if the run is unfinished.
     """
     table, every = results.cells, results.study.cells
     cells, keys = select_cells(every, where or {}), list(every[0].labels)
