@@ -317,10 +317,7 @@ class Solved(Propagation):
         responses: Responses | None,
         pushed: Float[Array, "r powers lanes"] | None,
     ) -> PropagationState:
-        """The state at a time, a span [s] later.
-
-        `pushed` is the part of f that belongs to powers of time, None where there are none.
-        """
+        """The state a span [s] later; `pushed` is the part of f that belongs to powers of time."""
         basis = barrier(self.driven.basis(time))
         before, effect = state.basis, None
         if state.effect is not None and responses is not None:
@@ -401,7 +398,6 @@ class Held(Propagation):
         return self.after(state, state.time + span, span)
 
     def after(self, state: PropagationState, time: Instants, span: Instants) -> PropagationState:
-        """The state at a time, a span [s] later."""
         basis = barrier(self.lane.basis(time))
         flow, forcing = (make(span, len(state.jets)) for make in (of_integrators, held_input))
         return self.moved(state, flow, forcing, state._replace(time=time, basis=basis))

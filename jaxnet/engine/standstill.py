@@ -35,10 +35,7 @@ MOST_SEARCH_STEPS = (
 
 
 def lead(vehicle: Any, jets: Jets, apart: VehicleFlags) -> tuple[Plane, Plane]:
-    """The lead and its derivative, for the jets of the output up to the order r.
-
-    The vehicles `apart` are not searched, and seem to turn.
-    """
+    """Lead and its derivative, for jets up to r; the vehicles `apart` only seem to turn."""
     return seeming(apart, vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1])
 
 

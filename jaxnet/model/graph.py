@@ -68,10 +68,7 @@ def of_links(
     sources: Numbered,
     weights: Shaped[np.ndarray, " links"] | float = 1.0,
 ) -> Digraph:
-    """The graph of listeners, from 0, sources and weights.
-
-    Each link may appear only once. The function does not normalise the weights.
-    """
+    """The graph of listeners (from 0), sources and weights, not normalised; no link twice."""
     listeners, sources = (np.asarray(each).astype(int) for each in (listeners, sources))
     order = np.argsort(listeners * (vehicles + 1) + sources, kind="stable")
     listeners, sources = listeners[order], sources[order]

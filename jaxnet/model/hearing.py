@@ -58,10 +58,7 @@ class Hearing(NamedTuple):
     listeners: Int[Any, "slots m"]  # in each slot, the listeners of attacked links first
 
     def sent(self, sources: SentMessages) -> LinkMessages:
-        """The message of the source in each slot.
-
-        `sources` holds the messages of the navigator and of the vehicles, n = m + 1.
-        """
+        """The message of each slot's source, among those of navigator and vehicles, n = m + 1."""
         return sources.at[:, self.sources].get(mode="promise_in_bounds")
 
     def added(self, signal: SignalValues) -> LinkMessages:
@@ -233,10 +230,7 @@ def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "sl
 
 
 def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
-    """Values by link of a graph, (…, links), from values by slot, (…, slots, m).
-
-    The function adds the values of all identities of a source.
-    """
+    """Values by link, (…, links), from slots, (…, slots, m): the sum over a source's identities."""
     m = graph.vehicles
     listeners, each = graph.edges()
     links = listeners * (m + 1) + graph.sources[listeners, each]

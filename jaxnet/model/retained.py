@@ -47,10 +47,7 @@ def everybody(graph: Digraph) -> DropPolicy:
 def any_untrusted(
     graph: Digraph, trusted: Links, number: int | Int[np.ndarray, " m"]
 ) -> DropPolicy:
-    """The policy of a defence that drops `number` untrusted sources of each vehicle.
-
-    A vehicle with fewer untrusted sources drops all of them.
-    """
+    """Policy of a defence that drops `number` untrusted sources of a vehicle, or all if fewer."""
     links = graph.heard & ~trusted
     return DropPolicy(graph, links, np.minimum(number, links.sum(axis=1)))
 

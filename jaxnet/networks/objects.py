@@ -17,10 +17,7 @@ if TYPE_CHECKING:
 
 
 def object_network(value: object, first: int = 0) -> NamedNetwork | None:
-    """Return the network that a graph of networkx or a matrix means, None for another object.
-
-    Raises KindError if the object means no network.
-    """
+    """Return the network of networkx's graph or a matrix, None for others; raises KindError."""
     if any(each.__module__.startswith("networkx.") for each in type(value).__mro__):
         return networkx_network(value)  # pyright: ignore[reportArgumentType]
     if sparse.issparse(value):

@@ -181,10 +181,7 @@ def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
 
 
 def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
-    """Return the valid bounds, each with the response G at which its transient starts.
-
-    G is 0 where kept sets may switch.
-    """
+    """Return valid bounds with the G at which transients start: 0 where kept sets may switch."""
     reach, known = scenario_gain(scenario), situation_of(scenario)
     assert reach is not None
     gain = np.array(scenario.gain)

@@ -139,7 +139,6 @@ def lanes_in(data: "xarray.Dataset") -> Iterator[tuple[int, int]]:
 
 
 def lane_in(data: "xarray.Dataset", cell: int, sample: int) -> "xarray.Dataset | None":
-    """A lane in a store of trajectories; None if the store has no such lane."""
     if "lane" not in data.dims:
         return data.sel(cell=cell, sample=sample) if sample in data["sample"] else None
     mine = (data["cell"].values == cell) & (data["sample"].values == sample)

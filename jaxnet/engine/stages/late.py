@@ -398,10 +398,7 @@ def late_degrees(lane: Lane) -> int:
 
 
 def common_gains(lane: Lane, plan: Plan) -> Float[Array, "derivatives lanes"] | None:
-    """Factors of derivatives in messages if all links of a lane have the same, else None.
-
-    Sources then tell one sum.
-    """
+    """Factors of derivatives in messages if all links of a lane share them (one sum), else None."""
     if not lane.law.couples():
         return None
     if plan.extrapolate == "none":

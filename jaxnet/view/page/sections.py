@@ -168,7 +168,6 @@ def run_section(results: Results) -> Section:
 
 
 def summary_section(results: Results) -> Section:
-    """The table of all cells."""
     shown, constant = columns.split_constant(columns.summary_columns(results))
     notes = [*filter(None, [constant]), *tables.summary_notes(results, shown)]
     many = len(results.study.cells)
