@@ -22,8 +22,7 @@ os.environ.setdefault(
     " --xla_cpu_parallel_codegen_split_count=1",
 )
 
-# A sixth of the time of a program would go into where in the code each of its operations comes
-# from.
+# A sixth of a program's time would go into where in the code its operations come from.
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 
 # What one process has compiled serves the others, and the next run.

@@ -39,8 +39,7 @@ COMPILER = {
     "cpu": {
         # Loops for sums of few terms, not XLA's library: 1.5 times, trimming, 1,000 vehicles.
         "xla_cpu_experimental_ynn_fusion_type": "",
-        # A long sum in one pass: 1.02 times, trimming, 12 vehicles. Without it sums end in other
-        # bits.
+        # A long sum in one pass: 1.02 times, trimming, 12 vehicles. Else sums end in other bits.
         "xla_disable_hlo_passes": "tree_reduction_rewriter",
     }
 }

@@ -1,5 +1,4 @@
-"""The nonlinear vehicles under the law, integrated in their own states by adaptive Runge–Kutta
-steps.
+"""Nonlinear vehicles under the law, integrated in their own states by adaptive Runge–Kutta steps.
 
 Vehicles decide at ticks which sources to retain, and keep the decision between ticks. With
 `Plan.in_field` vehicles decide inside the vector field, the literal reading of the paper.

@@ -93,8 +93,7 @@ class Observation(NamedTuple):
 
 Series = dict[str, Float[Array, "..."]]  # stacked over output times, lanes last
 
-# Arrays that can be saved at every output time, with a last axis over lanes (docs/results-
-# folder.md).
+# Arrays that can be saved at every output time, lanes last (docs/results-folder.md).
 SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),
@@ -106,8 +105,7 @@ SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
 }
 
 
-# Errors of each vehicle over the tail that can be saved, and the metric of the contract that
-# gathers them.
+# Errors of each vehicle over the tail that can be saved; each names its contract's metric.
 VEHICLE_ERRORS = {"vehicle_mean": "tail_mean", "vehicle_max": "tail_max"}
 
 

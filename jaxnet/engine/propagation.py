@@ -1,5 +1,4 @@
-"""The exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no
-integrator.
+"""Exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no integrator.
 
 The law solved at every instant (`Solved`, theorems.md O2, O2b): x is E = y - y_0 with its
 derivatives below the order r of the vehicles, and `Φ = expm(A_c h)`. The attacks' effect on the

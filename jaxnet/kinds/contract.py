@@ -94,8 +94,7 @@ def agrees(axis: str, size: Any, sizes: AxisSizes) -> bool:
 def misfit(
     hint: Any, value: Any, sizes: AxisSizes, known: dict[str, Any], hints: dict[str, Any]
 ) -> Misfit | None:
-    """The part of a result that does not fit its annotation, and what is expected; None if all
-    fits.
+    """Part of a result that does not fit its annotation, and what is expected; None if all fits.
 
     `known` are the arguments, with the annotations `hints`.
     """

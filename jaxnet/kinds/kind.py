@@ -23,8 +23,7 @@ from jaxnet.lazy import jax
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError as KindError
 
-# Tests that check shapes hold jaxnet's own classes to the contract too: an override has no
-# annotations.
+# Tests that check shapes hold jaxnet's own classes to the contract too.
 HOLDS_ALL = "JAXNET_CHECK_SHAPES" in os.environ
 
 

@@ -97,8 +97,7 @@ def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lane
 
 
 def middle(sides: HalfPlanes, beside: Point) -> Point:
-    """The mean of the boundary of a convex polygon, an interior point if the polygon has an
-    interior.
+    """Mean of the boundary of a convex polygon, an interior point if the polygon has an interior.
 
     On the line of each side, the other sides leave an interval. The mean weighs the midpoint of
     each interval by its length. The function measures each line from its point nearest to `beside`,

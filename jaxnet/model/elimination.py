@@ -11,11 +11,9 @@ from jaxtyping import Array, Float
 from jaxnet.model import xla
 from jaxnet.model.shapes import LoopIndex
 
-# Pivot rows, or columns of a product, in one pass: 1.3 times, trimming, 12 vehicles; 1.04 times,
-# 1,000.
+# Pivot rows, or columns of a product, in a pass: 1.3 times, trimming, 12 vehicles; 1.04, 1,000.
 AT_ONCE = 4
-# Maximum number of removals of finished columns: 1.07 times, trimming, 12 vehicles. Each compiles a
-# program.
+# Most removals of finished columns, a program each: 1.07 times, trimming, 12 vehicles.
 LEFT_OUT = 6
 
 Matrix = Float[Array, "n c axes lanes"]

@@ -1,5 +1,4 @@
-"""The messages that listeners receive, slot by slot, and their weighted means `Σ_j w_ij (y_j +
-a_ij)`.
+"""Messages that listeners receive, slot by slot, and their weighted means `Σ_j w_ij (y_j + a_ij)`.
 
 A listener has one slot for each source, in the order of their numbers. The number of slots is the
 greatest number of sources of any listener. An unused slot has weight 0 and contains the listener
@@ -116,8 +115,7 @@ class Hearing(NamedTuple):
     def slot_by_slot(
         self, weights: AxisWeights, heard: Callable[["Hearing"], Numbers]
     ) -> VehicleMeans:
-        """The weighted sum over slots of the values that `heard` gives for one slot: (2, m,
-        *lanes).
+        """Weighted sum over slots of the values that `heard` gives for one slot: (2, m, *lanes).
 
         `heard` receives a Hearing with one slot and returns an array (2, 1, m, *lanes).
         """

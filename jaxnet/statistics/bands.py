@@ -29,8 +29,7 @@ class Band(NamedTuple):
 
 
 def error_band(stored: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
-    """Return the 5 % quantile, median, 95 % quantile and maximum over samples; None if no lane is
-    ok.
+    """The 5 % quantile, median, 95 % quantile and maximum over samples; None if no lane is ok.
 
     The band has at most `most` instants.
     """

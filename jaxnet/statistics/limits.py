@@ -105,8 +105,7 @@ def unchecked_words(cells: Sequence[Cell]) -> str:
 
 
 def violations_table(results: Results) -> pd.DataFrame:
-    """Return the ok lanes whose tail_max exceeds a valid bound, each with the command that replays
-    the lane.
+    """Ok lanes whose tail_max exceeds a valid bound, each with the command that replays the lane.
 
     The limit is the greatest over vehicles and the tail's output times. It includes 1e-9 of itself
     and the engine's `accuracy`; tolerances coarser than the defaults may exceed that. The static

@@ -38,8 +38,7 @@ def factors(weights, frequency, delay):
     ],
 )
 def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, known):
-    """The path 100 sin 0.2 t, 50 sin 0.4 t [m] and words 0.1 s late: the last vehicle, along each
-    axis.
+    """Path 100 sin 0.2 t, 50 sin 0.4 t [m] and words 0.1 s late: the last vehicle, along each axis.
 
     Neither the order of the vehicles nor the gain nor the tick matters.
     """

@@ -15,8 +15,7 @@ KEYS = {"vehicles": 4, "attack": "none", "horizon": TICK * TICKS, "tail": 1.0, "
 KEYS |= {"tick": TICK, "initial": {"position": {"uniform": [-20.0, 20.0]}}}
 LINKS = [[1, 0, 1.0], [2, 1, 1.0], [2, 3, 1.0], [3, 2, 1.0], [4, 3, 1.0]]
 KEYS["topology"] = {"kind": "edges", "edges": LINKS}
-# Poles beside the imaginary axis: on its line the vehicle would turn round. Poles at -3: its speed
-# dies away.
+# Poles beside the imaginary axis turn a vehicle round; poles at -3 let its speed die away.
 GAINS = {3: ([30.0, 19.0, 5.0], [27.0, 27.0, 9.0]), 2: ([10.0, 2.0], [9.0, 6.0])}
 
 
