@@ -140,8 +140,7 @@ def replaced_faults(
 ) -> Iterator[Fault]:
     """Yield the faults of given values that a sweep replaces, where they are wrong in every cell.
 
-    They are those of a kind alone, or of a kind and the number of vehicles. A network brings its
-    own.
+    They are those of a kind alone, or of a kind and the vehicles' number. A network brings its own.
     """
     for key in swept:
         root, *inside = key.split(".")

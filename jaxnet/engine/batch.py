@@ -157,8 +157,7 @@ def queue_of(load: Inputs, capacity: int) -> Inputs:
 
 
 def trace(job: Job, machine: Machine = EVERYTHING) -> None:
-    """Trace the program of a job, so that a kind that breaks its contract is found before anything
-    compiles.
+    """Trace the program of a job: kinds that break their contract are found before all compiling.
 
     A simulation on the same machine takes the trace from JAX's cache.
     """

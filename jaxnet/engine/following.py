@@ -1,5 +1,4 @@
-"""The law that the nonlinear vehicles follow from one tick to the next, evaluated from the received
-jets.
+"""The law that nonlinear vehicles follow from tick to tick, evaluated from the received jets.
 
 `Followed` has a subclass for each other way in which vehicles follow a law. `Following` is the base
 of the two ways to integrate the vehicles: `Collocation` and `Integration`.
@@ -155,9 +154,7 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         few: LaneIndices,
         states: Callable[[], States],
     ) -> tuple[Followed, Followed, Bool[Array, " few"]]:
-        """What all lanes follow with new decisions in a few, what these follow, and which do not
-        fail.
-        """
+        """What all lanes follow with new decisions in a few, what these follow, which succeed."""
         lane, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (self.lane, decided))
         if isinstance(followed, Holds):
             given = followed.held, state.signals, states()

@@ -42,11 +42,9 @@ INVERSE_FACTORIALS = np.array([1.0 / math.factorial(n) for n in range(MOST_TERMS
 
 
 class Forcing(NamedTuple):
-    """Derivatives at the start of a tick of the polynomials for the functions, by order of the
-    jets.
+    """Derivatives of the functions' polynomials at the start of a tick, by order of the jets.
 
-    Time is counted in ticks: the derivative of order k + n is multiplied by the power k + n of the
-    tick.
+    Time is counted in ticks: the derivative of order k + n is times the power k + n of the tick.
     """
 
     navigator: Float[Array, "derivatives jets 2 lanes"]

@@ -250,8 +250,7 @@ class Solved(Propagation):
     ) -> tuple[PropagationState, LaneFlags]:
         """Solve `L v = d` in lanes whose decisions changed.
 
-        In a large fleet the solution is updated only near the changed vehicles, where that
-        suffices.
+        In a large fleet it is updated only near the changed vehicles, where that suffices.
         """
         lane, network = self.lane, self.network
         changed = (

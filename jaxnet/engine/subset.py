@@ -46,8 +46,7 @@ def for_each(
 def for_stretches(
     flagged: Bool[Array, "lanes"], width: int, work: Callable[[Stretch, Carry], Carry], carry: Carry
 ) -> Carry:
-    """Apply `work` to all stretches of `width` lanes in which a lane is flagged, and return the
-    carry.
+    """Apply `work` to all stretches of `width` lanes with a flagged lane, and return the carry.
 
     Lanes that are not flagged are worked on too. Where most lanes are flagged, this is 1.3 times as
     fast as `for_each` (trimming, lost messages, 12 vehicles).

@@ -81,8 +81,7 @@ class LateChoice(NamedTuple):
 class Trials:
     """Choices tried so far, and the best of them.
 
-    `known` are values of an interrupted search. The new search makes the same choices and reuses
-    these values.
+    `known` are values of an interrupted search, whose choices the new search makes and reuses.
     """
 
     def __init__(

@@ -185,8 +185,7 @@ def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -
 
 
 def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
-    """A drawn kind as a pytree of JAX, without its untraced keys, also inside tuples; else the
-    argument.
+    """A drawn kind as a pytree of JAX without untraced keys, also inside tuples; else the argument.
 
     Numbers are leaves; all other keys belong to the structure. Lanes share one compiled program if
     the classes and structures of their kinds are equal.

@@ -1,5 +1,4 @@
-"""What other rooms pass to the methods of kinds: a scenario, draws for lanes, the fleet at an
-instant.
+"""What other rooms pass to methods of kinds: a scenario, draws for lanes, the fleet at an instant.
 
 At run time each of these types is `Any`, so that a test may pass a stand-in.
 """

@@ -106,8 +106,7 @@ class EachLink(Draw):
 
 
 class Alone(Draw):
-    """Draws for each attacked vehicle of each lane, as if the vehicle were alone in a lane of its
-    own.
+    """Draws for each attacked vehicle of each lane, as if it were alone in a lane of its own.
 
     `attacked` (n, lanes) holds the indices of the attacked vehicles, from 0. The first attacked
     vehicles of all lanes come first, then the second ones.

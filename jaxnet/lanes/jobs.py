@@ -320,8 +320,7 @@ def attack_of(
     - The greatest norms have the shape (2, 4, samples): first the navigator's path, then the
       signal's functions, by order.
 
-    `navigator` has its numbers drawn, and `start` holds the vehicles' outputs y(0): (2, m,
-    samples).
+    `navigator` has its numbers drawn; `start` holds the vehicles' outputs y(0), (2, m, samples).
     """
     attack = scenario.attack
     first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]

@@ -44,8 +44,7 @@ def prove(
     horizon: float,
     count: int,
 ) -> None:
-    """Raise KindError if the functions, unit vectors or sizes of a drawn attack violate their
-    contract.
+    """Raise KindError if functions, unit vectors or sizes of a drawn attack violate their contract.
 
     `count` is the number of lanes. Attacks of the package pass without a test.
     """
@@ -158,8 +157,7 @@ def prove_errors(lane: Lane, sources: np.ndarray) -> None:
 
 
 def prove_presumed(scenario: Scenario, drawn: Vehicle) -> None:
-    """Raise KindError if a vehicle from outside, drawn for some lanes, is not what its engine
-    presumes.
+    """Raise KindError if a drawn vehicle from outside is not what its engine presumes.
 
     A vehicle is tried once. `tick: 0` and laws decide what an engine presumes.
     """

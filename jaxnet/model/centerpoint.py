@@ -58,8 +58,7 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
     a centerpoint on the boundary need not meet. For three points or fewer, every point between them
     is a centerpoint, and the function returns `of`, normalised.
 
-    The returned weights λ minimise `Σ λ²/w`, so that they are as near as possible to the given
-    weights w.
+    The returned weights λ minimise `Σ λ²/w`: they are as near as possible to the given w.
     """
     of = of / of.sum(axis=0, keepdims=True)
     many = (of > 0).sum(axis=0) > 3

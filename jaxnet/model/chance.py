@@ -1,7 +1,6 @@
 """Random numbers that a lane draws at an instant.
 
-A number depends only on the lane, the time and the purpose. Other lanes and the engine do not
-change it.
+A number depends on the lane, the time and the purpose alone, not on other lanes or the engine.
 
 The bits are those of `jax.random` with the same key: Threefry 2x32 of 20 rounds (Salmon, Moraes,
 Dror, Shaw, Parallel random numbers: as easy as 1, 2, 3, SC 2011). On CPUs `jax.random` runs the
@@ -57,8 +56,7 @@ def drawn(
 ) -> Float[Array, "*shape lanes"]:
     """Random numbers of a shape for each lane.
 
-    Uniform numbers are at least 0 and less than 1. Normal numbers have mean 0 and standard
-    deviation 1.
+    Uniform numbers are at least 0 and less than 1. Normal ones have mean 0 and deviation 1.
 
     The key of a draw derives from the key of the lane, the time and the purpose. Each lane needs a
     unique number as its key. The time [s] must be equal to the last bit in every engine.
@@ -112,11 +110,9 @@ def normal(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
 
 
 def inverse_error(number: Float32[Array, "*some"]) -> Float32[Array, "*some"]:
-    """The inverse of the error function (Giles, Approximating the erfinv function, GPU Computing
-    Gems, 2011).
+    """Inverse error function (Giles, Approximating the erfinv function, GPU Computing Gems, 2011).
 
-    Both polynomials are computed, then one is chosen: twice as fast as `jax.lax.erf_inv`, normal
-    numbers.
+    Both polynomials are computed, then one is chosen: twice as fast as `jax.lax.erf_inv` (normal).
     """
     depth = -jnp.log((1 - number) * (1 + number))
     inner = polynomial(INNER, depth - np.float32(2.5))

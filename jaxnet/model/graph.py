@@ -162,8 +162,7 @@ def dense(graph: Digraph) -> Weights:
 def laplacian(weights: Weights) -> Float[np.ndarray, "m m"]:
     """`L = I - A` of the matrix `[a0 | A]`.
 
-    If every vehicle hears a source, L is nonsingular if and only if the navigator reaches every
-    vehicle.
+    If every vehicle hears a source, L is nonsingular iff the navigator reaches every vehicle.
     """
     return np.eye(len(weights)) - weights[:, 1:]
 

@@ -15,8 +15,7 @@ from jaxnet.model.shapes import Flags, RetainedSlots
 
 
 class DropPolicy(NamedTuple):
-    """The links that a defence may drop, for the theory: each vehicle drops a fixed number of
-    certain links.
+    """Links that a defence may drop, for the theory: each vehicle drops a fixed number of these.
 
     The dropped links may change at every tick. The vehicle always retains its other links.
     """

@@ -28,8 +28,7 @@ def deviation(
     shares: Float[Array, "most m lanes"],
     references: Int[Array, "most m"],
 ) -> Scores:
-    """`Δ_ik`, the mean distance between the message of source k and the trusted messages at
-    listener i.
+    """`Δ_ik`, the mean distance of source k's message to the trusted messages at listener i.
 
     The score is 0 without trusted references. The first axis of `received` has the components of a
     position [m], or more components.

@@ -49,8 +49,7 @@ VALUE_COLUMNS = ["value", "low", "high"]
 class Quantity(NamedTuple):
     """A number of each cell with an interval, and its words.
 
-    `values` has the columns value, low and high by number of the cell; an end that is not known is
-    not-a-number.
+    `values` has the columns value, low and high by cell; an end that is not known is not-a-number.
     """
 
     name: str

@@ -5,8 +5,7 @@ write replaces whole chunks and touches no other shard. Each chunk ends with its
 shard's row file has a copy of the checksum, which reveals a foreign chunk. In a store of chosen
 lanes, as in `replays/`, each chunk is a lane's, and the attribute `checksums` has the copies.
 
-xarray and zarr are imported at their first use, so that studies without arrays do not wait for
-them.
+xarray and zarr are imported at their first use: studies without arrays do not wait for them.
 """
 
 import uuid
@@ -240,8 +239,7 @@ def series_values(
 def write_chunks(group: "zarr.Group", place: tuple[int | slice, ...], values: Values) -> None:
     """Write values at a place along the first dimensions.
 
-    Chunks are written whole, since an existing chunk may be torn, and also chunks of fill values
-    alone.
+    Chunks are written whole, since existing ones may be torn, and also those of fill values alone.
     """
     for name, each in values.items():
         array = array_in(group, name).with_config({"write_empty_chunks": True})

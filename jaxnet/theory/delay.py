@@ -28,8 +28,7 @@ def word_factors(
 ) -> Float[np.ndarray, " factors"]:
     """Factors of y, ẏ, …, y^(r) in a word that is late by `delay` [s].
 
-    They are those of R, or of R after the delay by Taylor. Under a `local` law vehicles do not tell
-    y^(r).
+    They are those of R, or of R after the delay by Taylor. Under a `local` law y^(r) is not told.
     """
     order = len(gain)
     powers = [

@@ -26,8 +26,7 @@ def apart(one, other):
 
 
 class Odd(TwoWheeled):
-    """A robot with a push [m/s³] where it heads along x, and a force that is told from jets so many
-    times.
+    """A robot with a push [m/s³] where it heads along x, and a force told from jets so many times.
 
     The law is told of neither.
     """

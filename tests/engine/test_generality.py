@@ -1,5 +1,4 @@
-"""What no kind of ours uses all of: weights that are numbers, by axis, with a memory; attacks that
-choose.
+"""What no kind of ours uses all of: weights as numbers, by axis, with a memory; choosing attacks.
 
 Each is written twice, as a kind and as a plain program, and both engines are held to the latter.
 """
@@ -196,8 +195,7 @@ def test_weights_that_are_numbers_and_an_attack_that_chooses_at_ticks(engine, ki
     """Weights follow received positions, velocities, accelerations and the gain; each lane's own
     graph.
 
-    The attack is against or along the mean error, scaled down to ā where it is far and not where it
-    is near.
+    The attack is against or along the mean error, scaled down to ā where far, not where near.
     """
     attack = named(Steering) | {"magnitude": MAGNITUDE, "vehicles": [2, 5]}
     one, outcome = simulated(engine, defence=named(kind), attack=attack, **SMALL)

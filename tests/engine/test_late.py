@@ -118,8 +118,7 @@ def test_what_is_refused(keys, words):
 def test_extrapolated_words_are_off_less(extrapolate, known):
     """The figure eight on the ring, words late by a part of what the margin allows.
 
-    With the factors c_n of y^(n) in a word and e = exp(-iωτ): `X = e (A w X + a0 w R)`, w the word
-    over X.
+    With factors c_n of y^(n) in a word and e = exp(-iωτ): `X = e (A w X + a0 w R)`, w: word over X.
     """
     delay = {"jets": 0.1, "jerk": 0.03}[extrapolate]
     given = {

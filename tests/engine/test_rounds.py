@@ -266,8 +266,7 @@ def test_a_law_from_outside():
 
 @pytest.mark.long
 def test_fleets_that_diverge_end_and_leave_the_others_alone():
-    """A sampled law with fast gains at a coarse tick; the calm lanes have the numbers that they
-    have alone.
+    """A sampled law with fast gains at a coarse tick; calm lanes have the numbers they have alone.
 
     Squares of the numbers would overflow after 50 s; the search for a standstill then never ended.
     """

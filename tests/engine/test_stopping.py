@@ -32,8 +32,7 @@ def stopping(engine, vehicle, order=3, **keys):
 
 
 class Known:
-    """Vehicles 2 and 3 by closed form: 3 keeps z until it stands still, and 2 hears it and the
-    navigator.
+    """Vehicles 2 and 3 by closed form: 3 keeps z until it stands still; 2 hears 3 and 0.
 
     Vehicle 2 has `R(y_2) = (R(y_0) + c) / 2`, with c = z, and `c = k0 p` from the tick after the
     stop at p.
@@ -130,8 +129,7 @@ def test_a_vehicle_cut_off_stops_where_it_stands_still(engine, vehicle, order):
 
 @pytest.mark.long
 def test_a_vehicle_that_has_stopped_stays_and_passes_nothing_on():
-    """Vehicle 3 stops, hears the fleet again and stays; 4 hears it alone, is cut off too and stops
-    as well.
+    """Vehicle 3 stops, hears the fleet again and stays; 4 hears it alone, is cut off and stops too.
 
     Vehicle 2 goes on with what 3 tells: from then on `ε_2 = y_2 - (y_0 + p) / 2` dies away. Both
     engines.

@@ -23,8 +23,7 @@ matrix = jax.jit(hearing.Hearing.matrix)
 @pytest.mark.parametrize("replaces", [False, True])
 @given(st.integers(0, 2**32 - 1))
 def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
-    """`Σ_j w_ij (z_ij + a_ij)`, a_ij what is added on j or, where j is the navigator, on i's own
-    receiver.
+    """`Σ_j w_ij (z_ij + a_ij)`: a_ij is added on j or, if j is the navigator, on i's own receiver.
 
     z_ij is what j sends or, on an attacked link that replaces it, what the navigator sends.
     """

@@ -1,5 +1,4 @@
-"""Vehicles that keep their last drive `z = y‴ + P(ŷ)` until the next tick, where ŷ is what they
-sense.
+"""Vehicles that keep their last drive `z = y‴ + P(ŷ)` until the next tick; they sense ŷ.
 
 A vehicle that hears nobody keeps it. So does a group of vehicles that hear only each other: the law
 has no solution for such a group. If decisions alone cut a vehicle off from the navigator, its lane

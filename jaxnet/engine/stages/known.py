@@ -1,5 +1,4 @@
-"""What is known at a tick until the next: kept drives, late messages, messages heard before,
-errors.
+"""What is known at a tick until the next: kept drives, late and earlier messages, errors.
 
 A message is X_j = R(y_j) plus R of the attack. What stands in place of live ones is a polynomial of
 the share σ of the tick that has passed:

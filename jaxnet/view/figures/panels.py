@@ -44,11 +44,9 @@ def panels_figure(
     trajectories: bool,
     errors: bool,
 ) -> Figure:
-    """Draw a row for each combination of swept keys other than topology; errors stand last in a
-    row.
+    """Draw a row for each choice of swept keys other than topology; errors stand last in a row.
 
-    Only the first MOST_A_SIDE rows and topologies are drawn. In a narrow figure a row takes several
-    lines.
+    Only the first MOST_A_SIDE rows and topologies are drawn. Narrow figures wrap their rows.
     """
     whole, narrow = rows_of_cells(cells), width < style.FIGURE_WIDTH
     planes = min(MOST_A_SIDE, max(map(len, whole))) if trajectories else 0

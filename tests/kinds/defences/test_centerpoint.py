@@ -24,8 +24,7 @@ def drawn(seed, heard=0.8):
 
 
 def depth(position, heard, point):
-    """Fewest positions in a closed half-plane through a point: brute force, a little beside each of
-    them.
+    """Fewest positions in a closed half-plane through a point, by brute force beside each of them.
 
     Positions are (2, slots, …), points (2, …); a half-plane is as good as another while no position
     enters or leaves it, so those are looked at whose edge has just passed one.

@@ -189,11 +189,9 @@ def test_trusted_sources_can_be_judged_as_others_are(kind, keys):
 
 
 def test_random_trust_errs_as_often_as_coins_do():
-    """Of 60,000 links after each tick, the honest and the attacked ones, against the binomial
-    distribution.
+    """Honest and attacked ones of 60,000 links after each tick, against the binomial distribution.
 
-    A source is retained while half of its observations or more speak for it; Hoeffding's bound
-    holds.
+    A source is retained while at least half of its observations speak for it; Hoeffding holds.
     """
     lanes, ticks, accuracy = 15_000, 12, 0.7
     attacked = np.zeros((4, 1, lanes), bool)

@@ -73,11 +73,9 @@ def test_the_heading_follows_a_plain_integration():
 
 
 def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
-    """`tan(θ/2) = tan(θ(0)/2) exp(-v t / l)` for a point that moves along x with speed v; θ = π
-    stays.
+    """`tan(θ/2) = tan(θ(0)/2) exp(-v t / l)` for a point that moves along x with v; θ = π stays.
 
-    The point starts on the navigator, so E = 0. l is short: the heading turns by up to exp(-250) in
-    a tick.
+    The point starts on the navigator: E = 0. l is short: a tick turns headings by up to exp(-250).
     """
     headings, speed, ahead = [0.4, -1.6, 3.1, -math.pi], 5.0, 0.02
     keys = {
