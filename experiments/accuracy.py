@@ -1,8 +1,9 @@
 """How exact is the nonlinear engine? Every line is held against a closed form of the closed loop.
 
-Prints the greatest distance between simulated and exact positions over all lanes, vehicles and ticks of
-0.1 s, 30 s long: without attack (O1), under every attack without trimming (O2), and with trimming, given
-the kept sets (O2 tick by tick); then the errors that a constant attack leaves, against the static gains (O3).
+Prints the greatest distance between simulated and exact positions over all lanes, vehicles and
+ticks of 0.1 s, 30 s long: without attack (O1), under every attack without trimming (O2), and with
+trimming, given the kept sets (O2 tick by tick); then the errors that a constant attack leaves,
+against the static gains (O3).
 
 Run it with `python experiments/accuracy.py`; it takes a minute or two.
 """
@@ -51,7 +52,8 @@ def main() -> None:
     for kind in ("bias", "sinusoid", "rotating"):
         against(f"{kind}, trimmed: cyclic", 16, attack=kind)
     print(
-        f"\n{'constant in-phase attack':24} {'tail mean/ā':>12} {'exact':>8} {'disagr./ā':>15} {'exact':>8}"
+        f"\n{'constant in-phase attack':24} {'tail mean/ā':>12} {'exact':>8}"
+        f" {'disagr./ā':>15} {'exact':>8}"
     )
     for defence in ("none", "trusted_trim"):
         for name, (error, apart) in STATIC.items():

@@ -1,12 +1,13 @@
 """Do the two engines agree, lane by lane; and where they do not, why?
 
-Without trimming nothing but the integrator's error is between them: at most 1e-5 m in tail_mean and tail_max.
-With trimming they may part where two scores lie so near each other that this error decides whom to drop; what
-follows may differ for good, or, among neighbours that have converged, only in the count of switches. Of such
-lanes it is looked up where they parted: the first tick at which a vehicle drops another source, and by how
-much each engine preferred its choice, found from its own positions and what the attacks add. A distance
-between two positions changes by no more than 2 d, d the distance between the engines' positions, so the
-engines can differ on a knife's edge alone: where both margins are under 4 d.
+Without trimming nothing but the integrator's error is between them: at most 1e-5 m in tail_mean and
+tail_max. With trimming they may part where two scores lie so near each other that this error
+decides whom to drop; what follows may differ for good, or, among neighbours that have converged,
+only in the count of switches. Of such lanes it is looked up where they parted: the first tick at
+which a vehicle drops another source, and by how much each engine preferred its choice, found from
+its own positions and what the attacks add. A distance between two positions changes by no more than
+2 d, d the distance between the engines' positions, so the engines can differ on a knife's edge
+alone: where both margins are under 4 d.
 
 Then, by the exact engine, the share of lanes that trimming has not saved after 90 s
 (theorems.md O6: 4 to 9 %).
@@ -53,13 +54,14 @@ def main(lanes: int) -> None:
     parted = np.flatnonzero((apart > ALLOWED) | counted)
     show(sorted(parted.tolist(), key=lambda sample: -apart[sample])[:LOOKED_AT], apart)
     print(
-        f"\nunrecovered after 90 s, trimmed, ā = 10 m: {unrecovered(2000):.1%} of 2000 lanes (exact engine)"
+        f"\nunrecovered after 90 s, trimmed, ā = 10 m: {unrecovered(2000):.1%}"
+        " of 2000 lanes (exact engine)"
     )
     sys.exit(int(any((apart > ALLOWED).any() for _, apart in untrimmed)))
 
 
 def agree(what: str, lanes: int, **keys: Any) -> tuple[list[Outcome], np.ndarray]:
-    """A line; the outcomes and how far apart they are lane by lane [m], not-a-number where one failed."""
+    """A line; outcomes and distances [m] between them lane by lane, NaN where one failed."""
     outcomes = [simulate(lanes_of(engine, range(lanes), **keys)) for engine in ENGINES]
     mine, theirs = (np.stack([o.metrics["tail_mean"], o.metrics["tail_max"]]) for o in outcomes)
     apart = np.abs(mine - theirs)
@@ -90,7 +92,8 @@ def show(samples: list[int], apart: np.ndarray) -> None:
         preferred = f"{margins[0]:.1e}, {margins[1]:.1e}"
         edge = "yes" if max(margins) <= 4 * distance else "NO"
         print(
-            f"{sample:6} {apart[sample]:10.1e} {tick * TICK:14.2f} {preferred:>19} {distance:8.1e}  {edge}"
+            f"{sample:6} {apart[sample]:10.1e} {tick * TICK:14.2f} {preferred:>19}"
+            f" {distance:8.1e}  {edge}"
         )
 
 

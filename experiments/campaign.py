@@ -1,9 +1,10 @@
-"""A million lanes on worker processes that are killed on the way: does the study end as if nothing had been?
+"""A million lanes on workers that are killed on the way: does the study end as if none had been?
 
-Runs configs/campaign.yaml with two workers: a ring of twelve, trimmed, at four frequencies and eight sizes of
-the attack, 31,250 draws each. A worker is killed (SIGKILL) three times, the command itself once, and given
-again; then the report is made. Printed are wall times, the peak memory of each kind of process, and whether
-all rows are there; a sample of shards is simulated anew, undisturbed, and must be equal to the last bit.
+Runs configs/campaign.yaml with two workers: a ring of twelve, trimmed, at four frequencies and
+eight sizes of the attack, 31,250 draws each. A worker is killed (SIGKILL) three times, the command
+itself once, and given again; then the report is made. Printed are wall times, the peak memory of
+each kind of process, and whether all rows are there; a sample of shards is simulated anew,
+undisturbed, and must be equal to the last bit.
 
 Run it with `python experiments/campaign.py`, or with less: `--samples 400`.
 """
@@ -75,14 +76,14 @@ def main(samples: int | None, out: str) -> None:
 
 
 class Campaign:
-    """Commands that are watched and disturbed; who was killed, and peak memory [KiB] by kind of process."""
+    """Watched and disturbed commands; who was killed, and peak memory [KiB] by kind of process."""
 
     def __init__(self, folder: Path):
         self.folder, self.killed = folder, list[str]()
         self.peak: dict[str, int] = defaultdict(int)
 
     def ended(self, command: list[str], kills: list[tuple[float, str]]) -> bool:
-        """Whether the command came to its end: not if it was killed; raises RuntimeError if it failed."""
+        """Whether the command ended: False if it was killed; raises RuntimeError if it failed."""
         process = subprocess.Popen(
             [sys.executable, "-m", "jaxnet", *command], stderr=subprocess.PIPE, text=True
         )
@@ -138,7 +139,7 @@ def resident(pid: int) -> int:
 
 
 def compared(results: Results) -> int:
-    """How many rows, of some shards, are those of a simulation in this process; raises if one is not."""
+    """How many rows of some shards equal those simulated in this process; raises if one differs."""
     enable()
     config, shards, count = results.study.config, results.shards, 0
     cells = results.study.cells

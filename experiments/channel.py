@@ -1,7 +1,7 @@
 """What does an attack add to what the channel does anyway, and which defence is worth its price?
 
-Reads results of `configs/channel.yaml`: for each network, defence and channel the mean error over the tail
-without and with attack, and draws docs/figures/channel.png.
+Reads results of `configs/channel.yaml`: for each network, defence and channel the mean error over
+the tail without and with attack, and draws docs/figures/channel.png.
 
 Run it with `jaxnet run configs/channel.yaml`, then `python experiments/channel.py results/channel`.
 """
@@ -33,7 +33,7 @@ WORDS = {
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Mean error over the tail [m] and half of its normal 95 % interval, 1.96 standard errors; a row a cell.
+    """Mean error over the tail [m] and half of its normal 95 % interval, 1.96 s.e.; a row a cell.
 
     No theorem bounds the errors, so `cells.csv` has no upper ends.
     """
@@ -77,7 +77,7 @@ def draw(found: pd.DataFrame) -> None:
 
 
 def draw_network(panel: "Axes", mine: pd.DataFrame, channels: list[str]) -> None:
-    """Draw the mean errors of one network, defences side by side; values below FLOOR at the edge."""
+    """Draw mean errors of one network, defences side by side; values under FLOOR at the edge."""
     from jaxnet.view.figures import style
 
     defences = mine.groupby("defence", sort=False)

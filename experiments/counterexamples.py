@@ -1,8 +1,9 @@
-"""What each assumption of the guarantees is for: drop it, and some lane ends off (docs/guarantees.md).
+"""Why the guarantees need each assumption: drop it, and some lane ends off (docs/guarantees.md).
 
-The first table takes the assumptions of the announced score in turn, on four vehicles where 1 and 2 hear each
-other, 3 and 4. The second asks the ring which scores a smooth attack can pass, and what a filter changes. The
-third measures what an attack can do between two ticks, which the theorem bounds by `γ Λ h`.
+The first table takes the assumptions of the announced score in turn, on four vehicles where 1 and 2
+hear each other, 3 and 4. The second asks the ring which scores a smooth attack can pass, and what a
+filter changes. The third measures what an attack can do between two ticks, which the theorem bounds
+by `γ Λ h`.
 
 Run it with `python experiments/counterexamples.py`; with `--samples 20` to try it.
 """
@@ -26,7 +27,7 @@ LIAR = 4
 
 
 class Harmonics(Attack):
-    """`Re Σ_k c_k e^{ikωt}` along a direction and `Im` of it across: smooth, with all its derivatives."""
+    """`Re Σ_k c_k e^{ikωt}` along a direction and its `Im` across: smooth, with all derivatives."""
 
     frequency: float = 1.0  # ω [rad/s]
     real: list[float]  # parts of c_0, c_1, …
@@ -106,7 +107,7 @@ ASSUMPTIONS: list[tuple[str, dict[str, Any]]] = [
 
 
 def orbit(frequency: float) -> Harmonics:
-    """A circle through the origin of `P(a)`: constant plus turning, `P(a)` is 0 once a turn, R(a) is not."""
+    """Constant plus turning: `P(a)` circles through the origin; once a turn it is 0, not R(a)."""
     turning = 1 / frequency**3
     constant = abs(operator(frequency) - (1j * frequency) ** 3) * turning
     return Harmonics(
@@ -170,7 +171,7 @@ def lanes_of(**keys: Any) -> jaxnet.Study:
 
 
 def outcome(study: jaxnet.Study, samples: int) -> tuple[float, float, float]:
-    """Shares of lanes that are disconnected and that end off, and the greatest error of a vehicle over ā."""
+    """Shares of lanes disconnected and of lanes that end off; a vehicle's greatest error over ā."""
     lanes = jaxnet.simulate(study, samples=samples).lanes
     cut, worst = (
         lanes["status"].to_numpy() == "disconnected",

@@ -1,21 +1,22 @@
-"""Small random digraphs, searched for vehicles that announce nothing and yet do not come to the navigator.
+"""Small random digraphs with vehicles that announce nothing yet do not reach the navigator.
 
-Theorem 1 of docs/guarantees.md says of a set S, which may hear outsiders, that its announcements vanish. It
-was once taken to say that E vanishes too. Here every vehicle announces and trims, liars carry constants of
-either sign along a line and announce what they carry, and weights are small whole numbers. In each round a
-vehicle drops the ϑ_i greatest |r|, announces the mean of the rest, and the motion has X = R(E) from the same
-weights, X = Ã X + B c. So no lane is simulated: X is exact.
+Theorem 1 of docs/guarantees.md says of a set S, which may hear outsiders, that its announcements
+vanish. It was once taken to say that E vanishes too. Here every vehicle announces and trims, liars
+carry constants of either sign along a line and announce what they carry, and weights are small
+whole numbers. In each round a vehicle drops the ϑ_i greatest |r|, announces the mean of the rest,
+and the motion has X = R(E) from the same weights, X = Ã X + B c. So no lane is simulated: X is
+exact.
 
-The table counts, among digraphs, those in which a vehicle runs through a cycle for good, and those in
-which the mean of X over a cycle is not the mean of what the vehicle announces. Each of these makes a
-counterexample: relays average the announcements over one cycle, a constant liar cancels the average, and a
-vehicle of S retains the sum, which announces 0 and moves. The script builds one from the digraph whose
-counterexample has the greatest error, and has the exact engine simulate it.
+The table counts, among digraphs, those in which a vehicle runs through a cycle for good, and those
+in which the mean of X over a cycle is not the mean of what the vehicle announces. Each of these
+makes a counterexample: relays average the announcements over one cycle, a constant liar cancels the
+average, and a vehicle of S retains the sum, which announces 0 and moves. The script builds one from
+the digraph whose counterexample has the greatest error, and has the exact engine simulate it.
 
-The last columns look at vehicles that are safe by majority, whose sets hear no outsider: how many there are,
-of how many somebody else is cut off, so that the law of the fleet is singular, and how many of the others are
-off. Theorem 3 says none. A search then chooses the directions of the constants that drive the last vehicle
-farthest.
+The last columns look at vehicles that are safe by majority, whose sets hear no outsider: how many
+there are, of how many somebody else is cut off, so that the law of the fleet is singular, and how
+many of the others are off. Theorem 3 says none. A search then chooses the directions of the
+constants that drive the last vehicle farthest.
 
 Run it with `python experiments/cycles.py`; with `--digraphs 2000` to try it.
 """
@@ -86,7 +87,7 @@ def drawn(rng: np.random.Generator, number: int, vehicles: int) -> Digraphs:
 
 
 def kept_of(given: Digraphs, received: np.ndarray) -> np.ndarray:
-    """Weights in force where each vehicle that hears more than ϑ sources drops the ϑ greatest vehicles."""
+    """Weights in force: a vehicle that hears more than ϑ sources drops the ϑ greatest vehicles."""
     heard = given.weights > 0
     score = np.where(heard, np.abs(received), -1.0)
     score[:, :, 0] = -1.0  # the navigator is trusted
@@ -99,7 +100,7 @@ def kept_of(given: Digraphs, received: np.ndarray) -> np.ndarray:
 
 
 def histories(given: Digraphs, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Announcements ρ and drives X in the last rounds: (WINDOW, n, m) each; NaN where somebody is cut off."""
+    """Announcements ρ and drives X in the last rounds, (WINDOW, n, m); NaN if any is cut off."""
     told, vehicles = first, given.theta.shape[1]
     lies = np.append(np.zeros((len(told), 1)), given.carried, axis=1)[:, None]
     announced, moved = [], []
@@ -136,7 +137,7 @@ def unlike(announced: np.ndarray, moved: np.ndarray, period: np.ndarray) -> np.n
 
 
 class Found(NamedTuple):
-    """A digraph with a cycle, and a vehicle whose motion has another mean than its announcements."""
+    """A digraph with a cycle; a vehicle whose mean motion differs from its mean announcement."""
 
     digraph: Digraphs
     vehicle: int
@@ -186,7 +187,7 @@ def survey(vehicles: int, number: int, seed: int) -> tuple[dict[str, int], Found
 
 
 def joined(heard: np.ndarray, bears: np.ndarray, among: np.ndarray) -> np.ndarray:
-    """Vehicles that stay joined to the navigator by some vehicles, whoever is dropped (A3): (n, m)."""
+    """Vehicles that some vehicles keep joined to the navigator, whoever is dropped (A3): (n, m)."""
     reached = np.append(np.ones((len(heard), 1), bool), np.zeros_like(among), axis=1)
     for _ in range(among.shape[1]):
         near = heard & reached[:, None]
@@ -213,8 +214,8 @@ def majority(given: Digraphs) -> np.ndarray:
 def counterexample(found: Found) -> dict[str, Any]:
     """Study of a counterexample; the last vehicle is the one of S.
 
-    Relays average what the found vehicle transmits over one cycle. A liar cancels the average. The last
-    vehicle hears the sum, an honest vehicle and the navigator.
+    Relays average what the found vehicle transmits over one cycle. A liar cancels the average. The
+    last vehicle hears the sum, an honest vehicle and the navigator.
     """
     given, i, period = found.digraph, found.vehicle + 1, found.period
     m, constant = given.theta.shape[1], found.constant
@@ -280,7 +281,8 @@ def main(digraphs: int, seed: int, budget: int) -> None:
     )
     off = jaxnet.simulate(study, samples=100).lanes["last_vehicle"].to_numpy() / MAGNITUDE
     print(
-        f"\n{last} vehicles, a cycle of {strongest.period} rounds; vehicle {last} certified safe: {certified}"
+        f"\n{last} vehicles, a cycle of {strongest.period} rounds;"
+        f" vehicle {last} certified safe: {certified}"
     )
     print(f"vehicle {last} off by {off.min():.4f} to {off.max():.4f} ā in 100 lanes;", end=" ")
     print(f"{strongest.error:.4f} ā if the vehicle retained the sum at every tick")
@@ -288,7 +290,8 @@ def main(digraphs: int, seed: int, budget: int) -> None:
     searched = jaxnet.load(keys | {"attack": attack, "search": SEARCH | {"budget": budget}})
     worst = jaxnet.search(searched, fresh=True).worst
     print(
-        f"searched over all directions of the constants: {worst['last_vehicle'].max() / MAGNITUDE:.2g} ā"
+        "searched over all directions of the constants:"
+        f" {worst['last_vehicle'].max() / MAGNITUDE:.2g} ā"
     )
 
 

@@ -1,8 +1,9 @@
 """Does a lane that fails spoil any other?
 
-A thousand lanes run twice. The second time one starts from a position that is not a number, one with a
-vehicle at rest, and one, where the engine takes steps, may take ten. The three must be named with what
-befell them, and the other 997 be the same to the last bit: metrics, steps, switches, and ẽ over time.
+A thousand lanes run twice. The second time one starts from a position that is not a number, one
+with a vehicle at rest, and one, where the engine takes steps, may take ten. The three must be named
+with what befell them, and the other 997 be the same to the last bit: metrics, steps, switches, and
+ẽ over time.
 
 Run it with `python experiments/faults.py`; it takes about a minute.
 """

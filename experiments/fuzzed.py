@@ -1,8 +1,8 @@
 """How far the engines are apart on random configs, where experiments/accuracy.py has chosen ones.
 
-Each config draws graph, vehicles, kind of vehicle, gain, attack, its frequency, ā, defence and tick. The
-exact engine has no integrator, so the distance of the others from it is theirs: the greatest over vehicles
-and output times.
+Each config draws graph, vehicles, kind of vehicle, gain, attack, its frequency, ā, defence and
+tick. The exact engine has no integrator, so the distance of the others from it is theirs: the
+greatest over vehicles and output times.
 
 Run it with `python experiments/fuzzed.py`; with `--configs 3` to try it.
 """
@@ -78,7 +78,8 @@ def main(configs: int) -> None:
         words = f"{keys['vehicles']} {keys['topology']} {keys['attack']['kind']} {keys['defence']}"
         slow = nonlinear.lanes["min_speed"].min()
         print(
-            f"{words[:70]:70} {slow:12.2g} {apart(nonlinear, exact):10.1e} {apart(stacked, exact):10.1e}"
+            f"{words[:70]:70} {slow:12.2g} {apart(nonlinear, exact):10.1e}"
+            f" {apart(stacked, exact):10.1e}"
         )
 
 

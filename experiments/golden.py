@@ -1,8 +1,8 @@
-"""Rows of small studies that use all there is, to hold a change of the engines against what they gave before.
+"""Rows of small studies that use all there is, to compare the engines before and after a change.
 
-Engines, laws, drawn graphs and gains, strategic attacks, sybils, rules by axis, large fleets. `--write FILE`
-stores their rows; `--against FILE` prints the greatest difference of each study from stored ones, and how
-many steps, switches and statuses differ. Positions and errors are in metres.
+Engines, laws, drawn graphs and gains, strategic attacks, sybils, rules by axis, large fleets.
+`--write FILE` stores their rows; `--against FILE` prints the greatest difference of each study from
+stored ones, and how many steps, switches and statuses differ. Positions and errors are in metres.
 
 Run it with `python experiments/golden.py --write results/golden.csv`, then, after the change, with
 `--against results/golden.csv`.

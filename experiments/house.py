@@ -1,7 +1,7 @@
 """How readable the package is: one table of counts, room by room.
 
-Run it with `python experiments/house.py`; with `--names` for the names that stand in several modules, with
-`--where ROOM` for the places in a room that the table counts.
+Run it with `python experiments/house.py`; with `--names` for the names that stand in several
+modules, with `--where ROOM` for the places in a room that the table counts.
 """
 
 import ast
@@ -129,7 +129,8 @@ def main(names: bool, where: str | None) -> None:
         return
     rooms = dict.fromkeys(module.room for module in known)
     print(
-        f"{'room':14}{'lines':>8}{'signatures':>12}{'Any %':>8}{'late':>6}{'doubled':>9}{'short':>7}"
+        f"{'room':14}{'lines':>8}{'signatures':>12}{'Any %':>8}"
+        f"{'late':>6}{'doubled':>9}{'short':>7}"
     )
     for room in [*rooms, "all"]:
         these = [module for module in known if room in ("all", module.room)]

@@ -1,11 +1,13 @@
 """Does a run that is killed again and again lose, repeat or tear anything?
 
-A sweep of two hundred shards is run to its end once, undisturbed. Then the same command is run and killed
-(SIGKILL) at a random moment after a new shard has appeared, and given again, until the study is complete.
-All the while a reader opens every table that it finds in the folder: none may ever be torn, and no shard may
-be written twice. At the end rows, errors.zarr, cells.csv and study.yaml must be those of the undisturbed run.
+A sweep of two hundred shards is run to its end once, undisturbed. Then the same command is run and
+killed (SIGKILL) at a random moment after a new shard has appeared, and given again, until the study
+is complete. All the while a reader opens every table that it finds in the folder: none may ever be
+torn, and no shard may be written twice. At the end rows, errors.zarr, cells.csv and study.yaml must
+be those of the undisturbed run.
 
-Run it with `python experiments/kill.py`, or with `--kills 50 --seed 1`; twenty kills take a few minutes.
+Run it with `python experiments/kill.py`, or with `--kills 50 --seed 1`; twenty kills take a few
+minutes.
 """
 
 import json
@@ -85,7 +87,7 @@ def done(folder: Path) -> list[Path]:
 
 
 def unfinished(folder: Path) -> list[str]:
-    """Names of the tables within whose writing the last run was killed; the next one removes them."""
+    """Names of the tables that the last run was writing when killed; the next run removes them."""
     return [path.name for path in folder.rglob(".*") if path.is_file() and path.name != ".lock"]
 
 

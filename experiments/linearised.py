@@ -1,11 +1,11 @@
 """From how far does a linearisation about the navigator fail, and the exact law not?
 
-The share of lanes that end within 1 m of the navigator, against the half-width of the box in which the
-vehicles of `configs/linearised.yaml` start. Headings and speeds are the paper's; `--matched` gives vehicles
-the navigator's own heading and speed.
+The share of lanes that end within 1 m of the navigator, against the half-width of the box in which
+the vehicles of `configs/linearised.yaml` start. Headings and speeds are the paper's; `--matched`
+gives vehicles the navigator's own heading and speed.
 
-Run it with `python experiments/linearised.py`, which draws docs/figures/linearised.png; with `--samples 20`
-to try it.
+Run it with `python experiments/linearised.py`, which draws docs/figures/linearised.png; with
+`--samples 20` to try it.
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ NEAR = 1.0  # [m] of the navigator over the tail: a lane has converged
 
 
 def shares(study: jaxnet.Study) -> pd.DataFrame:
-    """Of each law and half-width [m] the share of lanes that converge, with its exact 95 % interval."""
+    """Share of lanes that converge by law and half-width [m], with its exact 95 % interval."""
     lanes, rows = jaxnet.simulate(study).lanes, []
     for cell in study.cells:
         scenario, ends = (

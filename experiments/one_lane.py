@@ -1,4 +1,4 @@
-"""One lane's vector field, integrated by diffrax without jaxnet: how far does it end from the exact solution?
+"""One lane's field, integrated by diffrax without jaxnet: how far is it from the exact solution?
 
 The ring of twelve without a defence, the same attack on four of its vehicles. Run it with
 `python experiments/one_lane.py`; it takes some seconds.

@@ -1,10 +1,11 @@
-"""The paper's simulation: does the fleet track its navigator, and what do four attacked vehicles cost?
+"""The paper's simulation: does the fleet track its navigator, and what cost four attacked vehicles?
 
-Twelve two-wheeled robots, three topologies, without attack and with vehicles 2, 5, 8 and 11 corrupted by
-ā = 5 m, everyone trimming who may. Writes results/paper with the eight-panel figure, and prints a table in
-which every lane is held against the exact solution of the closed loop: its trajectory is simulated once
-more with an output at every tick, and compared with E(t + h) = G(t + h) + expm(A_c h)(E(t) - G(t)) for the
-kept sets of that lane (O2 in the documentation of the science).
+Twelve two-wheeled robots, three topologies, without attack and with vehicles 2, 5, 8 and 11
+corrupted by ā = 5 m, everyone trimming who may. Writes results/paper with the eight-panel figure,
+and prints a table in which every lane is held against the exact solution of the closed loop: its
+trajectory is simulated once more with an output at every tick, and compared with E(t + h) = G(t +
+h) + expm(A_c h)(E(t) - G(t)) for the kept sets of that lane (O2 in the documentation of the
+science).
 
 Run it with `make paper`, or `python experiments/paper.py`.
 """
@@ -30,7 +31,8 @@ def main() -> None:
     results = jaxnet.run(study, progress=True)
     print(table(results).to_string(index=False, float_format=lambda value: f"{value:.4g}"))
     print(
-        "\ntail: mean over vehicles and the last 5 s; exact: greatest distance from the exact solution"
+        "\ntail: mean over vehicles and the last 5 s;"
+        " exact: greatest distance from the exact solution"
     )
     for path in (results.path / "cells.csv", *figures.draw_figures(results)):
         print(f"wrote {path}")

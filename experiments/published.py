@@ -1,11 +1,12 @@
-"""How many starts of a study in configs/published/ end apart, and how far outside (docs/published.md).
+"""How many starts of a configs/published/ study end apart, and how far outside (docs/published.md).
 
-One line for each network, rule and liar: the starts, the share in which honest agents end more than `--over`
-apart with its exact 95 % interval, the median and greatest spread, and the greatest way outside the hull of
-the honest starts. Where a study stores trajectories, a line for each network says how far single agents end
-from the first one.
+One line for each network, rule and liar: the starts, the share in which honest agents end more than
+`--over` apart with its exact 95 % interval, the median and greatest spread, and the greatest way
+outside the hull of the honest starts. Where a study stores trajectories, a line for each network
+says how far single agents end from the first one.
 
-Run it with `python experiments/published.py results/jia_union`, after `jaxnet run` has written the folder.
+Run it with `python experiments/published.py results/jia_union`, after `jaxnet run` has written the
+folder.
 """
 
 import click
@@ -42,7 +43,8 @@ def line(named: object, lanes: pd.DataFrame, over: float) -> str:
     spread = lanes["spread"].to_numpy(dtype=float)
     apart = int(np.count_nonzero(spread > over))
     low, high = clopper_pearson(np.array([apart]), np.array([len(lanes)]), CONFIDENCE)
-    words = f"{named}: {apart} of {len(lanes)} apart, {apart / len(lanes):.2%} ({low[0]:.2%} to {high[0]:.2%})"
+    words = f"{named}: {apart} of {len(lanes)} apart, {apart / len(lanes):.2%}"
+    words += f" ({low[0]:.2%} to {high[0]:.2%})"
     words += f"; spread median {np.median(spread):.3g}, greatest {spread.max():.6g}"
     return words + f"; outside {lanes['outside'].max():.3g}"
 
@@ -53,7 +55,8 @@ def single_agents(results: Results) -> None:
     apart = np.linalg.norm(states[..., :2] - states[..., :1, :2], axis=-1)
     for cell, each in enumerate(apart):
         print(
-            f"cell {cell}: greatest distance from vehicle 1 {np.round(each.max(axis=0), 6).tolist()}"
+            f"cell {cell}: greatest distance from vehicle 1"
+            f" {np.round(each.max(axis=0), 6).tolist()}"
         )
         print(f"cell {cell}: median {np.round(np.median(each, axis=0), 6).tolist()}")
 

@@ -1,12 +1,13 @@
 """How many lanes do Sobol's sequences save?
 
-The paper's ring, attacked in four phases that are drawn: the mean over lanes of tail_mean, estimated by
-random draws and by sixteen scrambled sequences, from one seed after another. The variance of the estimate
-over seeds, random over sobol, is how many times as many random lanes it takes for the same accuracy. Beside
-it stand the same with ā and the frequency drawn too, and where a defence decides, by which the error jumps.
+The paper's ring, attacked in four phases that are drawn: the mean over lanes of tail_mean,
+estimated by random draws and by sixteen scrambled sequences, from one seed after another. The
+variance of the estimate over seeds, random over sobol, is how many times as many random lanes it
+takes for the same accuracy. Beside it stand the same with ā and the frequency drawn too, and where
+a defence decides, by which the error jumps.
 
-Run it with `python experiments/quasi.py`, which draws docs/figures/quasi.png; with `--seeds 3 --most 64` to
-try it.
+Run it with `python experiments/quasi.py`, which draws docs/figures/quasi.png; with `--seeds 3
+--most 64` to try it.
 """
 
 from pathlib import Path
@@ -36,7 +37,7 @@ def estimate(name: str, samples: int, seed: int, draws: str) -> float:
 
 
 def compared(seeds: int, most: int) -> pd.DataFrame:
-    """Of each study and number of lanes the standard deviations of the estimate, their ratio squared."""
+    """Standard deviations of the estimate, their ratio squared, by study and number of lanes."""
     rows = []
     for name in STUDIES:
         for samples in (each for each in SAMPLES if each <= most):

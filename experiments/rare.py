@@ -1,8 +1,8 @@
 """Is a small share told as plain lanes tell it, by fewer of them?
 
-Two rings under rotating attacks, without a defence and trimmed, each with a τ so great that few lanes end
-over τ ā: the share counted by plain lanes with its exact interval, and by subset simulation with its own,
-beside how many plain lanes have an interval as narrow.
+Two rings under rotating attacks, without a defence and trimmed, each with a τ so great that few
+lanes end over τ ā: the share counted by plain lanes with its exact interval, and by subset
+simulation with its own, beside how many plain lanes have an interval as narrow.
 
 Run it with `python experiments/rare.py`; with `--lanes 20000` to try it.
 """

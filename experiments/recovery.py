@@ -1,12 +1,12 @@
-"""How often does trimming not save the fleet, from which attacks, and on what does the answer depend?
+"""How often does trimming not save the fleet, from which attacks, and what does that depend on?
 
-Twelve vehicles on a ring, each trimming one neighbour, four of them attacked, so that Assumption 2 of the
-paper holds and theory promises recovery. A lane has not recovered if the mean error of its tail is above
-ā/100. First configs/recovery.yaml: ten thousand lanes of two attacks after 90 s. Then one thing at a time is
-varied: the kind of attack and its phases, its frequency (beside no defence at all), its magnitude, the gain,
-the navigator's weight, who is attacked, the tick, the horizon. The shares stand with their exact 95 %
-intervals. At last the worst lanes are simulated again by the nonlinear engine, to see that they are no
-artefact of the exact one.
+Twelve vehicles on a ring, each trimming one neighbour, four of them attacked, so that Assumption 2
+of the paper holds and theory promises recovery. A lane has not recovered if the mean error of its
+tail is above ā/100. First configs/recovery.yaml: ten thousand lanes of two attacks after 90 s. Then
+one thing at a time is varied: the kind of attack and its phases, its frequency (beside no defence
+at all), its magnitude, the gain, the navigator's weight, who is attacked, the tick, the horizon.
+The shares stand with their exact 95 % intervals. At last the worst lanes are simulated again by the
+nonlinear engine, to see that they are no artefact of the exact one.
 
 Run it with `python experiments/recovery.py`; with `--samples 200` to try it.
 """
@@ -64,7 +64,8 @@ def main(samples: int) -> None:
         _, again = replay(results, cell, sample, "nonlinear")
         row = results.lanes.query("cell == @cell and sample == @sample").iloc[0]
         print(
-            f"{row['attack']:10} sample {sample:5}  {again['tail_mean']:8.4g}  {row['tail_mean']:8.4g}"
+            f"{row['attack']:10} sample {sample:5}  {again['tail_mean']:8.4g}"
+            f"  {row['tail_mean']:8.4g}"
         )
 
 
@@ -76,13 +77,15 @@ def simulate(study: Any, name: str) -> Results:
 def show(question: str, results: Results) -> None:
     """A line per cell."""
     print(
-        f"\n{question}: share unrecovered with its 95 % interval; over ā: tail mean, its median and greatest,"
+        f"\n{question}: share unrecovered with its 95 % interval;"
+        " over ā: tail mean, its median and greatest,"
     )
     print("  and the greatest error of any vehicle")
     cells: Any = results.cells
     for cell, row in zip(results.study.cells, cells.to_dict("records"), strict=True):
         magnitude = cell.scenario.attack.magnitude  # pyright: ignore[reportAttributeAccessIssue]
-        share = f"{row['unrecovered']:6.1%} ({row['unrecovered_low']:.1%} to {row['unrecovered_high']:.1%})"
+        interval = f"({row['unrecovered_low']:.1%} to {row['unrecovered_high']:.1%})"
+        share = f"{row['unrecovered']:6.1%} {interval}"
         named = ", ".join(
             label if key in ("attack", "defence") else f"{key} {label}"
             for key, label in cell.labels.items()

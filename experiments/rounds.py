@@ -1,12 +1,14 @@
 """How often, and in how many rounds, must robots talk?
 
-The law couples all vehicles at one instant. Here they solve it by exchanges with their neighbours, so many
-rounds at each tick, and hold the jerk between ticks. First theory, for graphs of 6 to 96 vehicles: the
-spectral radius, the least rounds that are stable, and the greatest stable tick. Then configs/rounds.yaml:
-what is left of the tracking error, for the fleet is late for a navigator that moves. At last the trimmed
-ring, attacked, behind a slow navigator: does trimming work as it does with the law solved exactly?
+The law couples all vehicles at one instant. Here they solve it by exchanges with their neighbours,
+so many rounds at each tick, and hold the jerk between ticks. First theory, for graphs of 6 to 96
+vehicles: the spectral radius, the least rounds that are stable, and the greatest stable tick. Then
+configs/rounds.yaml: what is left of the tracking error, for the fleet is late for a navigator that
+moves. At last the trimmed ring, attacked, behind a slow navigator: does trimming work as it does
+with the law solved exactly?
 
-Run it with `python experiments/rounds.py`, which draws docs/figures/rounds.png; with `--samples 8` to try it.
+Run it with `python experiments/rounds.py`, which draws docs/figures/rounds.png; with `--samples 8`
+to try it.
 """
 
 from pathlib import Path
@@ -127,15 +129,16 @@ def tables() -> None:
             most = " ".join(f"{greatest_tick(weights, GAIN, n):8.5f}" for n in ROUNDS)
             slow = float(np.real(rounds.eigenvalues(weights)).max())
             print(
-                f"  {graph:18} {vehicles:3}  {few}  {most}  {slow:.5f} {least_rate(slow, GAIN):8.4g}"
+                f"  {graph:18} {vehicles:3}  {few}  {most}  {slow:.5f}"
+                f" {least_rate(slow, GAIN):8.4g}"
             )
 
 
 def parted(one: Job, vectors: Any) -> Job:
     """Lanes of the first one's start, but that each further one is APART along an eigenvector of A.
 
-    What such a lane does and the first does not is linear, free of the navigator, and along that eigenvector
-    for good: a complex number, its parts the two axes.
+    What such a lane does and the first does not is linear, free of the navigator, and along that
+    eigenvector for good: a complex number, its parts the two axes.
     """
     lane = one.inputs.lane
     initial = np.repeat(np.asarray(lane.initial)[:1], one.size, axis=0)
@@ -145,7 +148,7 @@ def parted(one: Job, vectors: Any) -> Job:
 
 
 def slowest(states: Any, vectors: Any) -> Any:
-    """By what the slowest of the motions along each eigenvector is multiplied at each output time."""
+    """The factor of the slowest motion along each eigenvector from one output time to the next."""
     positions = states[..., 0] + 1j * states[..., 1]
     paths = np.einsum("lti,il->lt", positions[1:] - positions[:1], vectors.conj())
     windows = np.lib.stride_tricks.sliding_window_view(paths, 4, axis=1)  # of at most four motions
@@ -204,7 +207,7 @@ def draw() -> None:
 
 
 def draw_rates(panel: Any, looks: Any) -> None:
-    """The rate of the slowest motion of the paper's ring, by theory as lines and simulated as points."""
+    """The rate of the slowest motion of the paper's ring: theory as lines, simulated as points."""
     ring, ticks = weights_of("ring", 12), np.linspace(0.004, 0.3, 149)
     for (number, place), look in zip(NAMED.items(), looks, strict=False):
         radii = [rounds.spectral_radius(ring, GAIN, tick, number) for tick in ticks]
@@ -231,7 +234,7 @@ def late(results: Any) -> None:
 
 
 def trimmed(samples: int) -> None:
-    """The share unrecovered on the ring, by how the law is solved and what the trimming judges by."""
+    """The share unrecovered on the ring, by how the law is solved and what the trimming judges."""
     sweep = {"law": LAWS, "defence": SCORES, "attack": ["rotating", "sinusoid"]}
     keys = {"horizon": 90.0, "output_step": 0.5, "navigator": SLOW, "recovery": {"tau": 0.01}}
     study = jaxnet.load(

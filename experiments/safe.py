@@ -1,16 +1,18 @@
-"""Does anybody fail who is certified safe? Random digraphs, trust, ϑ, attackers, attacks, gains and ticks.
+"""Does a certified vehicle fail? Random digraphs, trust, ϑ, attackers, attacks, gains and ticks.
 
-Eight vehicles. A batch has a rule with its keys, a world (gains, vehicles, law, channel), an attack,
-attackers, trusted pairs, ϑ and a tick, drawn by its number; keys that exclude each other are left out. Each
-of its lanes has a digraph with weights, gains, starts and an attack of its own. Of every lane `safe` says
-which vehicles end on the navigator, and why; one of them fails that is over a hundredth of ā off after 56 to
-60 s. Of the start less than a millionth of ā is left then; what an attack does within a tick (theorems.md
-O11) is next to nothing, for none of these is made to announce just what passes.
+Eight vehicles. A batch has a rule with its keys, a world (gains, vehicles, law, channel), an
+attack, attackers, trusted pairs, ϑ and a tick, drawn by its number; keys that exclude each other
+are left out. Each of its lanes has a digraph with weights, gains, starts and an attack of its own.
+Of every lane `safe` says which vehicles end on the navigator, and why; one of them fails that is
+over a hundredth of ā off after 56 to 60 s. Of the start less than a millionth of ā is left then;
+what an attack does within a tick (theorems.md O11) is next to nothing, for none of these is made to
+announce just what passes.
 
-A lane that ends because somebody is cut off fails for who is certified if nobody can be; else it is stopped.
-Somebody can be cut off with sybils counted as sources of their own, or without them.
+A lane that ends because somebody is cut off fails for who is certified if nobody can be; else it is
+stopped. Somebody can be cut off with sybils counted as sources of their own, or without them.
 
-Run it with `python experiments/safe.py`; it goes on where it was stopped. With `--batches 4` to try it.
+Run it with `python experiments/safe.py`; it goes on where it was stopped. With `--batches 4` to try
+it.
 """
 
 import json
@@ -174,7 +176,7 @@ def study_of(number: int) -> jaxnet.Study | None:
 
 
 def tally_of(number: int) -> dict[str, list[float]]:
-    """Of each certificate of a batch: scenarios, vehicles certified in them, failed, worst [ā], stopped."""
+    """By certificate of a batch: scenarios, vehicles certified, failed, worst [ā], stopped."""
     if (study := study_of(number)) is None:
         return {}
     (cell,) = study.cells
@@ -235,7 +237,7 @@ def count(
     "--out", default="results/safe.jsonl", show_default=True, help="A line for each batch done."
 )
 def main(batches: int, out: str) -> None:
-    """Print, by rule and certificate, how many vehicles were certified, and how many of these failed."""
+    """Print by rule and certificate how many vehicles were certified and how many failed."""
     enable()
     file = Path(out)
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -250,7 +252,8 @@ def main(batches: int, out: str) -> None:
         rows = np.array([each["found"][key] for each in done if key in each["found"]])
         scenarios, certified, failed, _, stopped = rows.sum(axis=0).astype(int).tolist()
         print(
-            f"{key:36}{scenarios:12,}{certified:12,}{failed:12,}{rows[:, 3].max():12.1e}{stopped:12,}"
+            f"{key:36}{scenarios:12,}{certified:12,}{failed:12,}"
+            f"{rows[:, 3].max():12.1e}{stopped:12,}"
         )
 
 

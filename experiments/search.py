@@ -1,10 +1,10 @@
-"""Does the search find the worst there is? Exact optima, and a trimmed ring beside as many random lanes.
+"""Does the search find the worst? Exact optima, and a trimmed ring beside as many random lanes.
 
-Untrimmed, the worst of a constant attack is known: star, ring and path end 1, 90/29 and 4 ā off where all
-directions are the same; a spoof of all orders eight times as far; an attack that replaces what is sent 9/11
-and 1; and of all sets of four vehicles the exact solution tells the worst. Of the trimmed ring, under
-rotating attacks of any phases and one frequency, nothing is known: each seed has starts of its own, and a
-search is held against the best of as many random lanes.
+Untrimmed, the worst of a constant attack is known: star, ring and path end 1, 90/29 and 4 ā off
+where all directions are the same; a spoof of all orders eight times as far; an attack that replaces
+what is sent 9/11 and 1; and of all sets of four vehicles the exact solution tells the worst. Of the
+trimmed ring, under rotating attacks of any phases and one frequency, nothing is known: each seed
+has starts of its own, and a search is held against the best of as many random lanes.
 
 Run it with `python experiments/search.py`; with `--seeds 2` to try it.
 """
@@ -64,7 +64,7 @@ def largest(outcome: Outcome) -> np.ndarray:
 
 
 def found(study: jaxnet.Study) -> tuple[Trials, float]:
-    """The end of the search in a study's one cell, and how much of its time was not the engine's."""
+    """The end of the search in a study's one cell, and how much time was not the engine's."""
     asked, (cell,), source = study.config.search, study.cells, Keyed(study.config.seed)
     assert asked is not None
     drawn = [place for place in places_of(cell.scenario, source) if place.name in asked.over]

@@ -1,11 +1,11 @@
 """Is an interval still honest when one stops as soon as it is narrow enough?
 
-Runs of `samples: {until: …}` are imitated with lanes that fail with a known probability: at each look,
-which lie ever further apart, the exact binomial interval is told, and the run stops when it is narrow
-enough. Counted is how often the interval of that last look holds the truth, and how often every interval
-looked at on the way does (who may stop whenever she likes, can stop at one that does not), with jaxnet's
-looks, which share the error among them, and with plain 95 % intervals, as if each look were the only one.
-Beside it the lanes that it takes.
+Runs of `samples: {until: …}` are imitated with lanes that fail with a known probability: at each
+look, which lie ever further apart, the exact binomial interval is told, and the run stops when it
+is narrow enough. Counted is how often the interval of that last look holds the truth, and how often
+every interval looked at on the way does (who may stop whenever she likes, can stop at one that does
+not), with jaxnet's looks, which share the error among them, and with plain 95 % intervals, as if
+each look were the only one. Beside it the lanes that it takes.
 
 Run it with `python experiments/stopping.py`.
 """
@@ -24,7 +24,7 @@ RELATIVE = 0.3  # half width asked for, in units of the truth: lucky runs stop e
 
 
 class Coverage(NamedTuple):
-    """Share of runs whose last interval, and whose every interval, holds the truth; mean lanes of a run."""
+    """Shares of runs whose last, and whose every, interval holds the truth; mean lanes of a run."""
 
     last: float
     every: float
@@ -37,7 +37,7 @@ def plain(look: int, confidence: float) -> float:
 
 
 def coverage(share: float, repeats: int, at: Callable[[int, float], float]) -> Coverage:
-    """Of so many runs on lanes that fail with this probability, the confidence of each look by `at`."""
+    """The confidence of each look by `at`: so many runs, lanes that fail with this probability."""
     random = np.random.default_rng(0)
     lanes = np.array([recovery.samples_at(look) for look in range(1, LOOKS + 1)])
     failures = random.binomial(np.diff(lanes, prepend=0), share, (repeats, LOOKS)).cumsum(axis=1)

@@ -1,13 +1,15 @@
 """Do the bounds hold, whatever the graph, the attack, the defence and the gain?
 
-Cells drawn at random: a graph of eight vehicles that each hear five sources with random weights; a random
-set of attacked vehicles on either channel, constant, sinusoidal or rotating, of random size, frequency,
-direction and phase; nobody or some trimming, with random ϑ and trusted sources; random stable gains. Every
-vehicle's error at every output time is held against the bounds that hold for its lane, its transient allowed
-for (theorems.md O5), and so is each lane's row, as `jaxnet fit` does it: there must be no violation.
+Cells drawn at random: a graph of eight vehicles that each hear five sources with random weights; a
+random set of attacked vehicles on either channel, constant, sinusoidal or rotating, of random size,
+frequency, direction and phase; nobody or some trimming, with random ϑ and trusted sources; random
+stable gains. Every vehicle's error at every output time is held against the bounds that hold for
+its lane, its transient allowed for (theorems.md O5), and so is each lane's row, as `jaxnet fit`
+does it: there must be no violation.
 
-The ratios shown are those of a lane's greatest error in the tail to its limit there, where the attack and not
-the start has caused it. Of static it reaches 1, for constant attacks in phase attain it.
+The ratios shown are those of a lane's greatest error in the tail to its limit there, where the
+attack and not the start has caused it. Of static it reaches 1, for constant attacks in phase attain
+it.
 
 Run it with `python experiments/stress.py`, or with `--lanes 2000`; 100,000 lanes take minutes.
 """
@@ -134,7 +136,7 @@ def gain(rng: np.random.Generator) -> list[float]:
 
 
 def attack(rng: np.random.Generator) -> dict[str, Any]:
-    """Of some vehicles; half of the cells have directions and phases in common, the others one for each."""
+    """Of some vehicles; half of the cells share directions and phases, others have one each."""
     angle = {"uniform": [0, 2 * np.pi]} if rng.random() < 0.5 else rng.uniform(0, 2 * np.pi)
     direction, moving = {"direction": angle}, {"phase": angle, "frequency": {"uniform": [0, 3]}}
     kind = str(rng.choice(["bias", "sinusoid", "rotating"]))

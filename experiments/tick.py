@@ -1,9 +1,10 @@
-"""Does trimming at ticks approach trimming in the vector field, the paper's letter, as the tick shrinks?
+"""Does trimming at ticks approach trimming in the vector field (the paper's) as the tick shrinks?
 
-Two lanes of the cyclic graph: one whose kept sets settle, so that it recovers, and one that chatters for
-ever. For the first, positions approach those of `tick: 0`. For the second no limit is claimed: between two
-neighbours that lie equally far off the field is discontinuous, and an adaptive method may not even pass.
-Then the share of lanes that does not recover, the same 200 draws by ticks and in the vector field.
+Two lanes of the cyclic graph: one whose kept sets settle, so that it recovers, and one that
+chatters for ever. For the first, positions approach those of `tick: 0`. For the second no limit is
+claimed: between two neighbours that lie equally far off the field is discontinuous, and an adaptive
+method may not even pass. Then the share of lanes that does not recover, the same 200 draws by ticks
+and in the vector field.
 
 Run it with `python experiments/tick.py`; it takes a few minutes.
 """

@@ -1,9 +1,9 @@
 """What does an attack cost, and what does theory say that it may cost?
 
-Runs configs/bound.yaml: star, path and ring of twelve vehicles, without defence and with trimming, four
-vehicles attacked by a constant signal in phase or rotating ones with phases of their own, twelve sizes of it,
-256 draws of everything random, 90 s. Fits the ultimate error against ā, holds every lane against the bounds
-of theory, and writes the report. Then answers:
+Runs configs/bound.yaml: star, path and ring of twelve vehicles, without defence and with trimming,
+four vehicles attacked by a constant signal in phase or rotating ones with phases of their own,
+twelve sizes of it, 256 draws of everything random, 90 s. Fits the ultimate error against ā, holds
+every lane against the bounds of theory, and writes the report. Then answers:
 
 - do the simulated slopes of the constant attack meet the exact ones (theorems.md O3)?
 - how conservative is each bound?
@@ -44,7 +44,8 @@ def main() -> None:
         f"\ngreatest distance from the exact slopes of the constant attack: {max(off.values()):.1e}"
     )
     print(
-        f"{len(results.lanes):,} lanes: {simulated - began:.0f} s; fits and report: {ended - simulated:.0f} s"
+        f"{len(results.lanes):,} lanes: {simulated - began:.0f} s;"
+        f" fits and report: {ended - simulated:.0f} s"
     )
     print(f"wrote {page}")
     sys.exit(int(max(off.values()) > ALLOWED or len(results.violations) > 0))
@@ -60,7 +61,7 @@ def slope(found: list[Curve], topology: str) -> float:
 
 
 def ranking(results: Results) -> pd.DataFrame:
-    """Mean error per ā of each topology, attack and defence, and the share that does not recover."""
+    """Mean error per ā by topology, attack and defence, and the share that does not recover."""
     rows = []
     for curve in curves(results):
         shares = curve.shares()[0]

@@ -1,12 +1,12 @@
-"""What is the worst that two attackers can do to each defence, and how far is that from theory's bounds?
+"""What is the worst that two attackers can do to each defence, and how far is it from the bounds?
 
-`jaxnet search configs/worst_case.yaml`, which is resumed where it was broken off: phases and one frequency
-are chosen, on a ring, a lattice and a random digraph. Prints a line for each graph and defence and draws
-docs/figures/worst_case.png. Errors are the greatest tail error of any vehicle, per ā: `found` and `greatest`
-at the horizon, `late` of what was found at 1,000 s.
+`jaxnet search configs/worst_case.yaml`, which is resumed where it was broken off: phases and one
+frequency are chosen, on a ring, a lattice and a random digraph. Prints a line for each graph and
+defence and draws docs/figures/worst_case.png. Errors are the greatest tail error of any vehicle,
+per ā: `found` and `greatest` at the horizon, `late` of what was found at 1,000 s.
 
-Run it with `python experiments/worst_case.py`; with `--budget 400` to try it, in a folder of its own and
-without the figure.
+Run it with `python experiments/worst_case.py`; with `--budget 400` to try it, in a folder of its
+own and without the figure.
 """
 
 from pathlib import Path

@@ -1,17 +1,17 @@
-"""Which defence holds where: attacks × defences × graphs × frequencies, and what each defence costs.
+"""Which defence holds where, and at what cost: attacks × defences × graphs × frequencies.
 
-First configs/zoo.yaml, a share of lanes that do not recover for each of its cells; of each graph and defence
-the greatest, with an interval, and where it is. Then attacks that have no frequency, the paper's Fig. 1, and
-no attack at all: how long the fleet takes until its mean error is below 1 m, and what it costs on the ring
-that all who judge do so with noise of 1 m.
+First configs/zoo.yaml, a share of lanes that do not recover for each of its cells; of each graph
+and defence the greatest, with an interval, and where it is. Then attacks that have no frequency,
+the paper's Fig. 1, and no attack at all: how long the fleet takes until its mean error is below 1
+m, and what it costs on the ring that all who judge do so with noise of 1 m.
 
-The greatest of k shares has no exact interval of its own. Each of the k exact intervals has an error of
-5 % / k here, so all of them hold at once with 95 % confidence (Bonferroni), that of the greatest included.
-The lanes of a sample have the same drawn graph in every cell. Failures are therefore counted as graphs: a
-graph counts once if a lane on it failed in any cell.
+The greatest of k shares has no exact interval of its own. Each of the k exact intervals has an
+error of 5 % / k here, so all of them hold at once with 95 % confidence (Bonferroni), that of the
+greatest included. The lanes of a sample have the same drawn graph in every cell. Failures are
+therefore counted as graphs: a graph counts once if a lane on it failed in any cell.
 
-Run it with `python experiments/zoo.py`; with `--samples 8` to try it; with `--table results/zoo` to print the
-table of docs/findings.md from a folder that `jaxnet run configs/zoo.yaml` has written.
+Run it with `python experiments/zoo.py`; with `--samples 8` to try it; with `--table results/zoo` to
+print the table of docs/findings.md from a folder that `jaxnet run configs/zoo.yaml` has written.
 """
 
 from pathlib import Path
@@ -93,11 +93,12 @@ def simulate(study: jaxnet.Study, name: str) -> Results:
 
 
 def worst(question: str, results: Results) -> None:
-    """The greatest share over the cells of each graph and defence with its interval, and failed graphs."""
+    """The greatest share over cells by graph and defence, its interval, and failed graphs."""
     cells, graphs = results.cells, list(dict.fromkeys(results.cells["topology"]))
     many = max(len(each) for _, each in cells.groupby(["topology", "defence"]))
     print(
-        f"\n{question}: greatest share unrecovered of {many} cells, in %, where; graphs with a failed lane"
+        f"\n{question}: greatest share unrecovered of {many} cells, in %, where;"
+        " graphs with a failed lane"
     )
     print(
         f"| defence | {' | '.join(graphs)} | {' | '.join(f'failed, {graph}' for graph in graphs)} |"
@@ -115,7 +116,7 @@ def worst(question: str, results: Results) -> None:
 
 
 def greatest(cells: Any) -> str:
-    """The greatest share [%] of some cells, with the interval that holds for all at once, and where."""
+    """The greatest share [%] of some cells, where, and the interval that holds for all at once."""
     if cells["unrecovered"].isna().all():
         return "none ended"
     row = cells.loc[cells["unrecovered"].idxmax()]
@@ -135,9 +136,10 @@ def failed(results: Results, cells: Any) -> str:
 
 
 def transient(results: Results) -> None:
-    """Until when the mean error of lanes that do not fail is over a metre, where nobody is attacked."""
+    """Until when the mean error of lanes that do not fail exceeds a metre, with nobody attacked."""
     print(
-        "\nno attack: the last time [s] with a mean error over 1 m, median and greatest; failed lanes"
+        "\nno attack: the last time [s] with a mean error over 1 m,"
+        " median and greatest; failed lanes"
     )
     errors = results.errors["tracking"]
     time = np.concatenate([[0.0], errors["time"].values])
@@ -153,7 +155,8 @@ def transient(results: Results) -> None:
 def ends(results: Results) -> None:
     """How far off the fleet ends where nobody is attacked."""
     print(
-        "\nno attack, noise in judging: mean error [m] at the end, median and greatest; failed lanes"
+        "\nno attack, noise in judging: mean error [m] at the end,"
+        " median and greatest; failed lanes"
     )
     for row in results.cells.to_dict("records"):
         errors = f"{row['tail_mean_median']:9.1e} {row['tail_mean_max']:9.1e}"

@@ -1,4 +1,4 @@
-"""`python -m jaxnet` is the command `jaxnet`. It does not import modules from the current folder either."""
+"""`python -m jaxnet` is the command `jaxnet`; it imports nothing from the current folder either."""
 
 import contextlib
 import sys

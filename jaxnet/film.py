@@ -242,7 +242,6 @@ def film_format(out: str | None) -> str:
 
 
 def save_film(folder: Folder, name: str, film: Film, cell: Cell, sample: int, told: Steps) -> UPath:
-    """Draw a film and store the complete file in a results folder."""
     ffmpeg = find_ffmpeg()
     style_of_film: dict[Any, Any] = style.PRINT_STYLE | (
         {"animation.ffmpeg_path": ffmpeg} if ffmpeg else {}

@@ -1,7 +1,7 @@
-"""Modules that Python imports at the first use of a name from them, so that a command starts at once.
+"""Modules that Python imports at the first use of a name from them: a command starts at once.
 
-`jax` and `jnp` stand here for all rooms that are loaded without JAX. A type checker reads the plain import
-under `TYPE_CHECKING`, which stands beside each stand-in.
+`jax` and `jnp` stand here for all rooms that are loaded without JAX. A type checker reads the plain
+import under `TYPE_CHECKING`, which stands beside each stand-in.
 """
 
 from importlib import import_module
@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 
 class LazyModule(ModuleType):
-    """A stand-in for a module: reading an attribute imports the module, if Python has not done so yet."""
+    """A stand-in for a module, which is imported when an attribute is first read."""
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the module."""
         return getattr(import_module(self.__name__), name)
 
 

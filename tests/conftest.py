@@ -1,4 +1,4 @@
-"""Tests run as strictly as can be: double precision, no silent promotion, shapes and types checked."""
+"""Tests run strictly: double precision, no silent promotion, shapes and types checked."""
 
 import gc
 import os
@@ -12,16 +12,17 @@ os.environ.setdefault("JAX_ENABLE_X64", "true")
 os.environ.setdefault("JAX_NUMPY_DTYPE_PROMOTION", "strict")
 os.environ.setdefault("JAX_NUMPY_RANK_PROMOTION", "raise")
 
-# Programs are many and their lanes few: unoptimised they compile four times as fast, and every bound of
-# accuracy holds all the same. What users run is optimised, and one test in tests/runs/test_run.py runs it so.
-# Nor is one cut into parts that are compiled side by side, for the other core has tests of its own.
+# Programs are many and their lanes few: unoptimised they compile four times as fast, and every
+# bound of accuracy holds all the same. What users run is optimised, and one test in
+# tests/runs/test_run.py runs it so. Nor is one cut into parts that are compiled side by side, for
+# the other core has tests of its own.
 os.environ.setdefault(
     "XLA_FLAGS",
     "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
     " --xla_cpu_parallel_codegen_split_count=1",
 )
 
-# A sixth of the time of a program would go into where in the code each of its operations comes from.
+# A sixth of a program's time would go into where in the code its operations come from.
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 
 # What one process has compiled serves the others, and the next run.
@@ -45,7 +46,7 @@ with_shapes = jaxtyping.jaxtyped
 
 
 def checked(function=None, *, typechecker):
-    """Decorate a function or class so that annotations hold, for less than jaxtyping's own decorator takes.
+    """Make a function's or class's annotations hold, in less time than jaxtyping's own decorator.
 
     jaxtyping's decorator binds the arguments and checks them twice, in every call. Shapes need the
     binding alone, and functions without arrays need neither. Names in quotes are left to jaxtyping.
@@ -97,7 +98,7 @@ def few_side_by_side():
 
 @pytest.fixture(scope="module", autouse=True)
 def few_programs_at_once():
-    """Forget compiled programs before a process has as many mappings of memory as Linux allows, 65,530."""
+    """Forget compiled programs before a process has Linux's greatest number of mappings, 65,530."""
     yield
     mappings = Path("/proc/self/maps")
     if mappings.exists() and mappings.read_text().count("\n") > MOST_MAPPINGS:

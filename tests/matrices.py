@@ -1,6 +1,4 @@
-"""Graphs and their links as matrices over (listener, source), for programs that are written with
-these.
-"""
+"""Graphs and their links as matrices over (listener, source), for plain programs."""
 
 import numpy as np
 

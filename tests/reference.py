@@ -101,9 +101,7 @@ class Swinging(Sensor):
 
 
 class Humming(ChannelNoise):
-    """Errors of words by tick, listener, source, axis and order; those of the highest order come
-    last.
-    """
+    """Errors of words by tick, listener, source, axis and order, the highest order last."""
 
     size: Any
     pace: Any
@@ -134,9 +132,7 @@ def swung(xp, size, pace, time, listener, source, axis, order):
 
 
 class Patterned(DrawnDelay):
-    """Delays of messages in a pattern of ticks, listeners and slots; the tick [s] stands in for the
-    key.
-    """
+    """Delays in a pattern of ticks, listeners and slots; the tick [s] stands in for the key."""
 
     def draw(self, time, links):
         """By tick, slot and listener."""

@@ -1,6 +1,4 @@
-"""What a script or a notebook does: studies from what it holds, results and all that can be made
-of them.
-"""
+"""What a script or notebook does: studies from what it holds, and all that results allow."""
 
 import doctest
 import gc

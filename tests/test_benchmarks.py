@@ -1,4 +1,4 @@
-"""The races: a peer that simulates something else would be no peer, and a script must at least start."""
+"""A peer must simulate the same as jaxnet, and each script of the races must at least start."""
 
 import os
 import subprocess
@@ -63,7 +63,7 @@ def test_a_compiled_peer_simulates_the_same_lanes(what):
 
 @pytest.mark.usefixtures("many_side_by_side")
 def test_the_loop_by_hand_simulates_the_same_study():
-    """Of 4,096 lanes each the mean tail error and the share over 0.1 m, within four standard errors."""
+    """Mean tail error and share over 0.1 m of 4,096 lanes each, within four standard errors."""
     (cell,) = systems.study(attack="rotating", defence="trusted_trim", engine="exact").cells
     lanes = job(cell.scenario, Keyed(0), range(4096))
     try:

@@ -145,9 +145,7 @@ def swept(config):
 
 
 def test_the_summary_is_shown_in_other_formats(swept):
-    """CSV gives the numbers of cells.csv back, Markdown and LaTeX four digits of each and safe
-    labels.
-    """
+    """CSV gives cells.csv's numbers back, Markdown and LaTeX four digits and safe labels."""
     cells = jaxnet.open(swept).cells
     table = pd.read_csv(io.StringIO(jaxnet_does("show", swept, "--format", "csv").stdout))
     assert table["tail_mean_mean"].tolist() == cells["tail_mean_mean"].tolist()
@@ -231,9 +229,7 @@ def test_replay_gives_the_stored_row_again(finished):
 
 
 def test_one_figure_is_drawn_by_name(finished, tmp_path):
-    """As PNG and PDF; a name that is none, and one that the folder has no data for, are the user's
-    errors.
-    """
+    """As PNG and PDF; unknown names, and those without data in the folder, are user errors."""
     shutil.copytree(finished[0], tmp_path / "copy", ignore=shutil.ignore_patterns("figures"))
     done = jaxnet_does("figure", tmp_path / "copy", "bands")
     assert done.exit_code == 0, done.stderr

@@ -89,9 +89,7 @@ for words in sys.argv[1:]:
 
 
 def all_in(folder, *commands):
-    """What several commands print, given one after the other: most of a short one's time is its
-    start.
-    """
+    """What several commands print, one after the other: most of a short one's time is start."""
     return subprocess.run(
         [sys.executable, "-c", COMMANDS, *commands],
         cwd=folder,
@@ -104,9 +102,7 @@ def all_in(folder, *commands):
 
 @pytest.mark.long
 def test_a_stranger_s_kinds_work_end_to_end(folder):
-    """check, a run that is killed and resumed on two workers, the nonlinear engine, fit, replay,
-    the page.
-    """
+    """Check, a run killed and resumed on two workers, the nonlinear engine, fit, replay, page."""
     words = ["run", "study.yaml", "samples=400"]
     run = [sys.executable, "-m", "jaxnet", *words]
     with subprocess.Popen(run, cwd=folder, env=environment(), stderr=subprocess.DEVNULL) as killed:
@@ -566,9 +562,7 @@ def test_a_strangers_loss_decides_which_messages_arrive(folder, monkeypatch):
 
 
 def test_a_strangers_detector_counts_alarms(folder, monkeypatch):
-    """A quarter of honest words is far off, so a sixteenth of the pairs; the first word has no
-    pair.
-    """
+    """A quarter of honest words is far off, so a sixteenth of the pairs; the first has none."""
     monkeypatch.syspath_prepend(folder)
     keys = {"engine": "exact", "vehicles": 4, "horizon": 10.0, "attack": "none", "defence": "none"}
     keys |= {"detector": {"kind": "my_detectors:Twice", "threshold": 4 * np.log(2)}}

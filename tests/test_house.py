@@ -1,4 +1,4 @@
-"""What holds for the project as a whole: imports run one way, configs run, the schema is current."""
+"""What holds for the whole project: imports run one way, configs run, the schema is current."""
 
 import ast
 import importlib
@@ -56,7 +56,7 @@ def room(module: str) -> str:
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
 def test_imports_run_one_way(path):
-    """Each room imports itself and earlier rooms; rooms before `api` do not import the package's root."""
+    """Each room imports itself and earlier rooms; rooms before `api` never the package's root."""
     ours = ".".join(path.relative_to(ROOT).with_suffix("").parts)
     home = room(ours)
     if home not in ROOMS:
@@ -156,7 +156,7 @@ def test_paper_config_is_the_designs_example():
     ]
 
 
-# --- kinds and rooms -------------------------------------------------------------------------------
+# --- kinds and rooms -----------------------------------------------------------------------------
 
 # What all families share may look at types: it makes kinds, finds them and takes them apart.
 SHARED = {
@@ -356,7 +356,7 @@ def test_what_is_stored_does_not_depend_on_what_was_loaded_before(monkeypatch):
     assert not any(":" in name for name in given.values()), given
 
 
-# --- words -----------------------------------------------------------------------------------------
+# --- words ---------------------------------------------------------------------------------------
 
 # Names of the interface that the modules behind it have too.
 OF_THE_INTERFACE = {"Results", "simulate"}

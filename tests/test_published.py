@@ -1,6 +1,4 @@
-"""Studies of others, repeated: configs in configs/published/ give what was published
-(docs/published.md).
-"""
+"""Others' studies repeated: configs/published/ gives what was published (docs/published.md)."""
 
 from pathlib import Path
 
@@ -117,9 +115,7 @@ def test_a_laman_network_splits_as_published_and_a_triangular_one_does_not(simul
 
 
 def test_a_robust_union_agrees_whichever_two_lie(simulated):
-    """Ten agents: with the union that is not (3, 3)-robust some pairs of liars keep the others
-    apart.
-    """
+    """Ten agents: with the union not (3, 3)-robust some pairs of liars part the others."""
     robust, other = (pairs(links(each), 10) for each in swept("jia_union", "topology"))
     assert robust[2] >= 3 > other[2]
     keys = {"attack.vehicles": {"random": 2}, "horizon": 400.0, "output_step": 400.0}

@@ -1,6 +1,4 @@
-"""The stress script: no bound is broken by 2,000 lanes of random cells, and it would tell if one
-were.
-"""
+"""The stress script: 2,000 lanes of random cells break no bound, and it would tell if one did."""
 
 import numpy as np
 import pytest
@@ -15,9 +13,7 @@ pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
 @pytest.mark.long
 def test_no_lane_is_over_a_bound_that_holds_for_it():
-    """Eight cells; static is attained, or nearly, and so held against what would break a smaller
-    one.
-    """
+    """Eight cells; static is attained, or nearly, and so tested against a smaller one."""
     held, failed = stress.stress(8, seed=0)
     assert held["peak_gain"].lanes >= 1500
     assert held["static"].lanes >= 500

@@ -1,8 +1,8 @@
-"""What does a channel cost? Lanes under loss, noise or delay beside lanes that hear every word exactly.
+"""What does a channel cost? Lanes under loss, noise or delay beside lanes with an ideal channel.
 
-Twelve vehicles, cyclic, rotating attack, trimming, the exact engine, 20 s, the defaults elsewhere. Each line
-is the best of several runs that take turns, on one core: processor time of a lane, and the plain lane's time
-over it.
+Twelve vehicles, cyclic, rotating attack, trimming, the exact engine, 20 s, the defaults elsewhere.
+Each line is the best of several runs that take turns, on one core: processor time of a lane, and
+the plain lane's time over it.
 
 Run it with `python experiments/benchmarks/channel.py`; it takes about three minutes.
 """

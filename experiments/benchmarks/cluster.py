@@ -1,10 +1,10 @@
 """What processes of their own cost, and what a second one brings.
 
-Whole commands on 10⁵ lanes of the exact engine, trimmed, horizon 30 s: one process on two cores, one worker
-with one core, two workers with one core each, and two such workers of a scheduler that runs already. Every
-command is run into an empty folder, in turn, with a warm compilation cache. Printed are the least and the
-median wall times with all that a command does, and lanes per second from the first to the last shard, which
-leave the start out.
+Whole commands on 10⁵ lanes of the exact engine, trimmed, horizon 30 s: one process on two cores,
+one worker with one core, two workers with one core each, and two such workers of a scheduler that
+runs already. Every command is run into an empty folder, in turn, with a warm compilation cache.
+Printed are the least and the median wall times with all that a command does, and lanes per second
+from the first to the last shard, which leave the start out.
 
 Run it with `python experiments/benchmarks/cluster.py`; three rounds take about ten minutes.
 """

@@ -1,7 +1,7 @@
 """Does the memory of a study grow with its lanes?
 
-`jaxnet run` simulates 10⁴ and then 10⁵ lanes of the default scenario with the exact engine, trimming each
-0.05 s. Printed is the greatest memory that each of the two processes held.
+`jaxnet run` simulates 10⁴ and then 10⁵ lanes of the default scenario with the exact engine,
+trimming each 0.05 s. Printed is the greatest memory that each of the two processes held.
 
 Run it with `python experiments/benchmarks/memory.py`; it takes a few minutes.
 """

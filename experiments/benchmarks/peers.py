@@ -1,17 +1,19 @@
-"""The same lanes in the programs that one would write without jaxnet: SciPy, diffrax and GNU Octave.
+"""The same lanes in programs that one would write without jaxnet: SciPy, diffrax and GNU Octave.
 
-Each takes an untrimmed job and gives positions [m] at its output times, (lanes, times, m, 2), by an adaptive
-5(4) method at rtol 1e-7 and atol 1e-9. None shares a line of the model with the package. What does not
-depend on the state is computed once per lane; in particular what is received of navigator and attacks,
+Each takes an untrimmed job and gives positions [m] at its output times, (lanes, times, m, 2), by an
+adaptive 5(4) method at rtol 1e-7 and atol 1e-9. None shares a line of the model with the package.
+What does not depend on the state is computed once per lane; in particular what is received of
+navigator and attacks,
 
     a0 ⊗ (y_0‴ + P(y_0)) + d‴ + P(d),        P(y) = k0 y + k1 ẏ + k2 ÿ,
 
-is a sum of harmonics of time whose vectors are known beforehand, so that the law is left with
-`L (σ + P(y) + ψ u) = received`. It is solved as the paper states it, `M u = …` with the dense 2m × 2m matrix
-`M = Ψ⁻¹ (L ⊗ I₂) Ψ` of the moment (inputs in the order u_1 of all vehicles, then u_2 of all), or, with
-`dense=False`, by the structure of M: with the inverse of L, computed once.
+is a sum of harmonics of time whose vectors are known beforehand, so that the law is left with `L (σ
++ P(y) + ψ u) = received`. It is solved as the paper states it, `M u = …` with the dense 2m × 2m
+matrix `M = Ψ⁻¹ (L ⊗ I₂) Ψ` of the moment (inputs in the order u_1 of all vehicles, then u_2 of
+all), or, with `dense=False`, by the structure of M: with the inverse of L, computed once.
 
-And the exact engine's loop by hand, in C: of the default study alone, and of lanes that it draws itself.
+And the exact engine's loop by hand, in C: of the default study alone, and of lanes that it draws
+itself.
 """
 
 import functools
@@ -93,7 +95,7 @@ def side_by_side(job: Job) -> Fleet:
 def links(
     weights: np.ndarray, sources: np.ndarray, attacked: np.ndarray, signals: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """From weights by slot: L, a0, and with what weight each vehicle (row) receives each attack (column)."""
+    """From weights by slot: L, a0, and the weight with which each vehicle (row) gets an attack."""
     m = sources.shape[1]
     laplacian, from_navigator, added, everyone = (
         np.eye(m),
@@ -117,7 +119,7 @@ def output_times(job: Job) -> Float[np.ndarray, " times"]:
 
 
 def greatest_error(job: Job, positions: Positions) -> float:
-    """Greatest distance [m] of any vehicle at any output time from the exact solution, in the lanes given."""
+    """Greatest distance [m] from the exact solution, over vehicles, output times and lanes."""
     with jax.enable_x64(True):
         errors = [
             exactness.greatest_distance(
@@ -137,7 +139,7 @@ def kept(job: Job, number: int) -> Float[np.ndarray, "times slots m"]:
     return np.broadcast_to(weights, (int(job.clock.outputs) + 1, *weights.shape))
 
 
-# --- SciPy -------------------------------------------------------------------------------------------
+# --- SciPy ---------------------------------------------------------------------------------------
 
 
 def with_scipy(job: Job, dense: bool = True, tolerance: float = RTOL) -> Positions:
@@ -158,9 +160,10 @@ def scipy_lane(
 
 
 def numpy_field(lane: Fleet, dense: bool) -> Callable[[float, np.ndarray], np.ndarray]:
-    """`ẋ = f(t, x)` of the flattened state, all vehicles at once, vectors of the plane as complex numbers.
+    """`ẋ = f(t, x)` of the flattened state, all vehicles at once; plane vectors as complex numbers.
 
-    With h = exp(iθ), n = ih: ψ_i⁻¹ ψ_j has the entries Re(conj(r_i) c_j), r = (h, n / v), c = (h, v n).
+    With h = exp(iθ), n = ih: ψ_i⁻¹ ψ_j has the entries Re(conj(r_i) c_j), r = (h, n / v), c = (h, v
+    n).
     """
     m, (k0, k1, k2), frequency = lane.initial.shape[1], lane.gain, lane.frequency
     harmonics = np.concatenate([lane.cosine, lane.sine])
@@ -194,7 +197,7 @@ def numpy_field(lane: Fleet, dense: bool) -> Callable[[float, np.ndarray], np.nd
     return field
 
 
-# --- diffrax -----------------------------------------------------------------------------------------
+# --- diffrax -------------------------------------------------------------------------------------
 
 
 def with_diffrax(job: Job, dense: bool = True, tolerance: float = RTOL) -> Positions:
@@ -254,7 +257,7 @@ def jax_field(t: Any, state: Any, lane: Fleet, dense: bool) -> jax.Array:
     return jnp.concatenate([velocity, turn_rate, force, inputs[::-1]])
 
 
-# --- GNU Octave --------------------------------------------------------------------------------------
+# --- GNU Octave ----------------------------------------------------------------------------------
 
 OCTAVE = r"""
 1;
@@ -291,7 +294,7 @@ class ByHand(NamedTuple):
 
 
 def by_hand(job: Job) -> ByHand:
-    """As many lanes of the default study by `exact_loop.c`; raises NotInstalledError without a compiler."""
+    """Lanes of the default study by `exact_loop.c`; raises NotInstalledError without a compiler."""
     command = [exact_loop(), str(job.size), str(int(job.plan.decides))]
     found = subprocess.run(command, capture_output=True, text=True, check=True)
     return ByHand(*map(float, found.stdout.split()))
@@ -311,7 +314,7 @@ def exact_loop() -> Path:
 
 
 def with_octave(job: Job) -> Positions:
-    """`ode45` with the dense M, lane after lane; raises NotInstalledError where there is no octave-cli."""
+    """`ode45` with the dense M, lane after lane; raises NotInstalledError without octave-cli."""
     program = shutil.which("octave-cli")
     if program is None:
         raise NotInstalledError("octave-cli")

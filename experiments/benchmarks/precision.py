@@ -1,11 +1,12 @@
-"""What does accuracy cost? Lanes per second against the greatest error, for every solver and every peer.
+"""What does accuracy cost? Lanes per second against the greatest error, for all solvers and peers.
 
-Twelve vehicles, cyclic, none attacked, 30 s, 301 output times, at relative tolerances from 1e-4 to 1e-12; the
-absolute one is a hundredth of that. Every point is a process of its own. The error is the greatest distance
-of any vehicle at any output time from the exact solution, over the first lanes, the same for all.
+Twelve vehicles, cyclic, none attacked, 30 s, 301 output times, at relative tolerances from 1e-4 to
+1e-12; the absolute one is a hundredth of that. Every point is a process of its own. The error is
+the greatest distance of any vehicle at any output time from the exact solution, over the first
+lanes, the same for all.
 
-Run it with `python experiments/benchmarks/precision.py`; it takes about a quarter of an hour. It prints
-a table and draws docs/figures/precision.png and precision.pdf.
+Run it with `python experiments/benchmarks/precision.py`; it takes about a quarter of an hour. It
+prints a table and draws docs/figures/precision.png and precision.pdf.
 """
 
 import argparse
@@ -73,7 +74,7 @@ def main() -> None:
 
 
 def points(line: Line, seconds: float) -> list[tuple[float, float] | None]:
-    """Error [m] and lanes per second at each tolerance, printed as a row; None where there is none."""
+    """Print a row: error [m] and lanes per second at each tolerance, None where there is none."""
     found: list[tuple[float, float] | None] = []
     for tolerance in TOLERANCES:
         print(f"{line.name}, {tolerance:.0e} …", file=sys.stderr, flush=True)
@@ -84,7 +85,7 @@ def points(line: Line, seconds: float) -> list[tuple[float, float] | None]:
 
 
 def point(line: Line, tolerance: float, seconds: float) -> tuple[float, float] | None:
-    """Error [m] and lanes per second; None where the program is missing, fails or takes too long."""
+    """Error [m] and lanes per second; None if the program is missing, fails or takes too long."""
     keys: dict[str, Any] = {"attack": "none", "defence": "none"}
     if line.solver:
         keys["engine"] = {"solver": line.solver, "rtol": tolerance, "atol": tolerance / 100}

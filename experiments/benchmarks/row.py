@@ -1,11 +1,12 @@
-"""One line of a table, measured in a process of its own, so that its peak memory and its cores are its own.
+"""One line of a table, measured in its own process, so that peak memory and cores are its own.
 
-`apart(...)` starts that process, which prints what it found as JSON. What is timed is simulating alone: lanes
-are drawn before, programs are compiled by a call before, and calls are repeated until `seconds` have passed.
-Memory is read before any lane is compared with the exact solution.
+`apart(...)` starts that process, which prints what it found as JSON. What is timed is simulating
+alone: lanes are drawn before, programs are compiled by a call before, and calls are repeated until
+`seconds` have passed. Memory is read before any lane is compared with the exact solution.
 
-Memory is that of the whole process, or of its largest child: some 250 MiB of every line is JAX, with which
-all lanes are drawn. Whoever calls `apart` must be small, for Linux counts the parent into a child's peak.
+Memory is that of the whole process, or of its largest child: some 250 MiB of every line is JAX,
+with which all lanes are drawn. Whoever calls `apart` must be small, for Linux counts the parent
+into a child's peak.
 """
 
 import argparse
@@ -50,14 +51,14 @@ def apart(
 
 
 class Simulator(NamedTuple):
-    """A program: what it makes of a job, and how many lanes have to be simulated before it is warm."""
+    """A program: its function of a job, and how many lanes must be simulated before it is warm."""
 
     run: Callable[[Any], Any]
     warm: int
 
 
 def simulator(what: str, tolerance: float) -> Simulator:
-    """A program by its name; a peer has this tolerance. Raises NotInstalledError if it is missing."""
+    """A program by name; a peer has this tolerance. Raises NotInstalledError if it is absent."""
     import peers
     import with_heyoka
 
@@ -91,8 +92,8 @@ def measure(
 ) -> Any:
     """Lanes per second, cores kept busy, peak memory [MiB], lanes that failed.
 
-    With `checked`, also the greatest error [m] of the first lanes. A program that is not on this machine is
-    named under `missing`, and nothing else is there.
+    With `checked`, also the greatest error [m] of the first lanes. A program that is not on this
+    machine is named under `missing`, and nothing else is there.
     """
     import peers
 

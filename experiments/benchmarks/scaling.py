@@ -1,12 +1,13 @@
 """How does jaxnet's speed grow or fall with the lanes asked for, with vehicles and with cores?
 
-Lanes per second on the cyclic graph over 30 s, with the defaults elsewhere: the nonlinear engine and the
-exact one without trimming, and the exact one trimming each 0.05 s. Every point is a process of its own; all
-points are run one after another, again and again: the median is shown with the least and the greatest. A
-point that needs more than the budget is skipped with all larger ones of its line, and said to be.
+Lanes per second on the cyclic graph over 30 s, with the defaults elsewhere: the nonlinear engine
+and the exact one without trimming, and the exact one trimming each 0.05 s. Every point is a process
+of its own; all points are run one after another, again and again: the median is shown with the
+least and the greatest. A point that needs more than the budget is skipped with all larger ones of
+its line, and said to be.
 
-Run it with `python experiments/benchmarks/scaling.py`; it takes about half an hour. It prints a table and
-draws docs/figures/scaling.png and scaling.pdf.
+Run it with `python experiments/benchmarks/scaling.py`; it takes about half an hour. It prints a
+table and draws docs/figures/scaling.png and scaling.pdf.
 """
 
 import argparse
@@ -35,7 +36,7 @@ PATIENCE = 3  # budgets until a point is given up: it draws its lanes and compil
 
 
 class Line(NamedTuple):
-    """An engine at work: how it is drawn, and the lanes of a call where their number is not the question."""
+    """An engine at work: how it is drawn, and the lanes of a call if their number is fixed."""
 
     name: str
     keys: dict[str, Any]
@@ -149,7 +150,7 @@ def race(rates: Rates, seconds: float, budget: float) -> None:
 
 
 def measured(point: Point, seconds: float, budget: float, before: float) -> float | None:
-    """Lanes per second, or nothing where they take too long: foreseen from the point before, or found out."""
+    """Lanes per second, None where they take too long: foreseen from the last point, or seen."""
     print(f"{point.line.name}, {point.number} {point.axis} …", file=sys.stderr, flush=True)
     request = point.request(seconds)
     if request["lanes"] > budget * before:

@@ -2,12 +2,12 @@
 
 heyoka.py and numba come with `pip install --editable ".[benchmarks]"`.
 
-Twelve vehicles, cyclic, 30 s, 301 output times, 5(4) at rtol 1e-7 and atol 1e-9. Every line is a process of
-its own, one after another, and the sequence is repeated: lanes per second are the median with the least and
-the greatest, ratios the median of those within a repeat. `cores` is processor time over time. The greatest
-error is the distance of any vehicle at any output time (at any tick, where vehicles decide) from the exact
-solution, over the first lanes, the same for all; it is left out where vehicles decide axis by axis, and of
-the loop in C, which draws lanes of its own.
+Twelve vehicles, cyclic, 30 s, 301 output times, 5(4) at rtol 1e-7 and atol 1e-9. Every line is a
+process of its own, one after another, and the sequence is repeated: lanes per second are the median
+with the least and the greatest, ratios the median of those within a repeat. `cores` is processor
+time over time. The greatest error is the distance of any vehicle at any output time (at any tick,
+where vehicles decide) from the exact solution, over the first lanes, the same for all; it is left
+out where vehicles decide axis by axis, and of the loop in C, which draws lanes of its own.
 
 Run it with `python experiments/benchmarks/speed.py`; it takes about fourteen minutes.
 """
@@ -101,7 +101,8 @@ def main() -> None:
     ]
     print(f"{os.cpu_count()} cores, {platform.machine()}\n")
     print(
-        "| what | attack | lanes | lanes/s | ratio | cores | greatest error [m] | peak memory [MiB] |"
+        "| what | attack | lanes | lanes/s | ratio | cores"
+        " | greatest error [m] | peak memory [MiB] |"
     )
     print("|---|---|---|---|---|---|---|---|")
     reference = [row["rate"] for row in (each[position(REFERENCE)] for each in rounds)]
@@ -133,7 +134,8 @@ def text(line: Line, rows: Sequence[dict[str, Any]], reference: Sequence[float])
     failed = rows[0]["failed"]
     lanes = f"{rows[0]['lanes']:,}" + (f" ({failed} failed)" if failed else "")
     error = f"{rows[0]['error']:.1e}" if line.checked else ""
-    return f"{name} {lanes} | {spread(rates)} | {shown(ratio)} | {cores:.1f} | {error} | {memory:,.0f} |"
+    speed = f"{spread(rates)} | {shown(ratio)} | {cores:.1f}"
+    return f"{name} {lanes} | {speed} | {error} | {memory:,.0f} |"
 
 
 if __name__ == "__main__":

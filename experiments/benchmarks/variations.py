@@ -1,8 +1,9 @@
 """Do the nonlinear engine's solvers keep their accuracy where one thing is varied at a time?
 
-Twelve vehicles, cyclic, rotating attack, no defence, 30 s, the defaults elsewhere. For each variation and
-solver: the greatest difference of a lane's `peak_error` and `tail_max` from the exact engine's, steps or
-windows a lane, lanes that failed in one engine alone, lanes per second of a second run.
+Twelve vehicles, cyclic, rotating attack, no defence, 30 s, the defaults elsewhere. For each
+variation and solver: the greatest difference of a lane's `peak_error` and `tail_max` from the exact
+engine's, steps or windows a lane, lanes that failed in one engine alone, lanes per second of a
+second run.
 
 Run it with `python experiments/benchmarks/variations.py`; it takes about six minutes.
 """

@@ -1,8 +1,8 @@
 """The same lanes by heyoka.py: Taylor's method, compiled for the equations.
 
-A vector holds as many lanes as the processor is wide, and each core has a thread. Every number that is the
-same in all lanes is compiled into the equations. Output comes from the Taylor polynomials. Laplacian and
-inverse are used as in `peers.py`: the law is solved as `L⁻¹ (received - L P)`.
+A vector holds as many lanes as the processor is wide, and each core has a thread. Every number that
+is the same in all lanes is compiled into the equations. Output comes from the Taylor polynomials.
+Laplacian and inverse are used as in `peers.py`: the law is solved as `L⁻¹ (received - L P)`.
 """
 
 import copy

@@ -1,8 +1,8 @@
-"""The same lanes by numba: a Dormand–Prince 5(4) pair, compiled, eight lanes to a vector, a thread a core.
+"""The same lanes by numba: compiled Dormand–Prince 5(4), eight lanes a vector, a thread a core.
 
-Each lane has its own steps, which end at the output times. Cosine and sine are polynomials, because the
-compiler calls a library for its own, one number at a time. The law is solved as `L⁻¹ (received - L P)`.
-The import of this module raises NotInstalledError where numba is missing.
+Each lane has its own steps, which end at the output times. Cosine and sine are polynomials, because
+the compiler calls a library for its own, one number at a time. The law is solved as `L⁻¹ (received
+- L P)`. The import of this module raises NotInstalledError where numba is missing.
 """
 
 import importlib
@@ -82,7 +82,7 @@ def circle(angle):
 
 @nb.njit(**FAST)
 def slopes(time, state, laplacian, inverse, gain, frequency, cosine, sine, waves, work, out):
-    """`ẋ = f(t, x)` of a block of lanes; `waves` (2, 3, WIDTH) and `work` (8, m, WIDTH) are memory."""
+    """`ẋ = f(t, x)` of a block of lanes; memory: `waves` (2, 3, WIDTH) and `work` (8, m, WIDTH)."""
     m = state.shape[1]
     c, s, ox, oy, dx, dy, along, left = work
     for n in range(3):

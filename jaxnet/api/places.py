@@ -18,7 +18,6 @@ def default_out(study: Study, out: AnyPath | None) -> AnyPath:
 
 
 def in_memory() -> Folder:
-    """Make a folder in the memory of this process."""
     return Folder(f"memory://jaxnet/{uuid.uuid4().hex}")
 
 

@@ -283,7 +283,6 @@ class Results(stored.Results):
         return figures.Plots(self)
 
     def _repr_html_(self) -> str:
-        """Return the lanes and the summary as a notebook shows them."""
         return tables.summary_html(self)
 
 

@@ -48,7 +48,6 @@ def draws_functions(kind: Kind) -> bool:
 
 
 def of_one_lane(kind: AnyKind) -> AnyKind:
-    """Return a copy whose numbers are arrays of one lane."""
     values = {key: getattr(kind, key) for key in type(kind).model_fields}
     numbers = {key: np.array([value]) for key, value in values.items() if isinstance(value, float)}
     inner = {key: of_one_lane(value) for key, value in values.items() if isinstance(value, Kind)}

@@ -84,7 +84,6 @@ def judged_metric(cells: Sequence[Cell]) -> str:
 
 
 def to_plain(model: BaseModel) -> dict[str, Plain]:
-    """Return a model as plain data for YAML and JSON."""
     return without_empty_labels(model)
 
 
@@ -154,7 +153,6 @@ def model_with(key: str) -> type[BaseModel]:
 
 
 def validated(key: str, data: PlainMapping, place: Locate) -> Validated:
-    """Return the value of a key in a mapping, or None and the problems in it."""
     given = {key: data[key]} if key in data else {}
     try:
         return getattr(model_with(key).model_validate(given), key), []

@@ -64,7 +64,6 @@ class Yaml12Dumper(yaml.SafeDumper):
 
 
 def escape_controls(text: str, but: str = "") -> str:
-    """Show control characters, except those of `but`, as escape sequences."""
     return CONTROLS.sub(
         lambda found: found[0] if found[0] in but else found[0].encode("unicode_escape").decode(),
         text,
@@ -206,7 +205,6 @@ class Reader:
 
 
 def reason_of(error: yaml.MarkedYAMLError, text: str) -> str:
-    """Return what the parser says, and the character at which it says so."""
     mark, reason = error.problem_mark, str(error.problem or "not understood")
     lines = text.split("\n")
     here = lines[mark.line][mark.column :] if mark and mark.line < len(lines) else ""
@@ -254,7 +252,6 @@ class Document:
 
     @classmethod
     def read(cls, path: str | Path | UPath) -> "Document":
-        """Read a document from a file; raise ConfigError."""
         try:
             with UPath(path).open(encoding="utf-8") as file:
                 text = file.read(MOST_CHARACTERS + 1)

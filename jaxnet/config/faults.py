@@ -25,8 +25,8 @@ from jaxnet.outside import blame
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 10**8
 MOST_LATE = 200  # ticks by which words may be late
-# Of the law's fastest time constant in a tick over which a message is a power series: terms of degree
-# 8 and above are left out, under 1e-6 m where the fleet is tens of metres off.
+# Of the law's fastest time constant in a tick over which a message is a power series: terms of
+# degree 8 and above are left out, under 1e-6 m where the fleet is tens of metres off.
 MOST_RATE = 0.2
 LEAST_CHOICES = 100  # choices that a search tries at least
 
@@ -35,7 +35,6 @@ LEAST_CHOICES = 100  # choices that a search tries at least
 
 
 def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    """Yield the faults of a study beyond those of its cells."""
     save, samples, until = study.save, study.samples, isinstance(study.samples, Sequential)
     if isinstance(save.trajectories, Samples):
         keys = ("save.trajectories.samples", "samples")
@@ -141,8 +140,7 @@ def replaced_faults(
 ) -> Iterator[Fault]:
     """Yield the faults of given values that a sweep replaces, where they are wrong in every cell.
 
-    They are those of a kind alone, or of a kind and the number of vehicles. A network brings its
-    own.
+    They are those of a kind alone, or of a kind and the vehicles' number. A network brings its own.
     """
     for key in swept:
         root, *inside = key.split(".")
@@ -168,7 +166,6 @@ def replaced_faults(
 
 
 def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Yield the faults of one cell."""
     yield from time_faults(scenario)
     yield from gain_faults(scenario)
     position = scenario.initial.position

@@ -43,7 +43,6 @@ def rules(s: Scenario) -> Iterator[tuple[str, bool, str]]:
 
 
 def misses_ticks(time: object, tick: float) -> bool:
-    """Whether a time, or one of several, is between two ticks."""
     if time is None or tick == 0 or is_drawn(time):
         return False
     times = time if isinstance(time, list) else [value_range(time)[0]]
@@ -82,10 +81,7 @@ def idle_keys(study: Study) -> dict[str, str]:
 def unheard(
     scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]
 ) -> Iterator[tuple[str, bool, str]]:
-    """Yield each vehicle of `defence.trusted`, and whom it trusts and does not hear.
-
-    `links` keeps the links of the networks of other cells.
-    """
+    """Yield each trusting vehicle and whom it cannot hear; `links` caches other cells' links."""
     trusted = getattr(scenario.defence, "trusted", None)
     if not (isinstance(trusted, dict) and trusted):
         return

@@ -31,7 +31,6 @@ def with_kind(field: str, value: Plain) -> Plain:
 
 
 def model_of(family: str, value: object) -> type[Kind] | None:
-    """Return the class of the kind that a mapping or a bare name means, None if it means none."""
     name = value.get("kind") if isinstance(value, dict) else value
     if isinstance(name, str):
         with contextlib.suppress(KindError):
@@ -51,7 +50,6 @@ def models_in(field: FieldInfo, value: Plain = None) -> Iterator[type[BaseModel]
 
 
 def records(annotation: object) -> list[type[BaseModel]]:
-    """Return all models inside a type."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [found for part in typing.get_args(annotation) for found in records(part)]
@@ -127,7 +125,6 @@ class KnownKeys:
         return root in Scenario.model_fields and known
 
     def unknown(self, key: str) -> str:
-        """Say that a key is unknown, and which was probably meant, or which there are."""
         root, *inside = key.split(".")
         found = self.inside(root)
         if root in self.models:

@@ -207,7 +207,6 @@ def words_of_kind(key: str, label: str) -> str:
 
 
 def plain_words(value: object) -> str:
-    """Return a list or mapping of a config in words."""
     if isinstance(value, dict):
         if set(value) == {"random"}:  # the number must not read as that of a vehicle
             return f"{value['random']} drawn"

@@ -8,10 +8,7 @@ from jaxnet.kinds.kind import KindError
 
 
 def write_distributions(document: Document) -> None:
-    """Write the distribution of each key in `search.over` into a document.
-
-    Values that are no range are left to the models, which refuse them.
-    """
+    """Write each range in `search.over` into a document; models refuse values that are no range."""
     search = document.data.get("search")
     over = search.get("over") if isinstance(search, dict) else None
     for name, given in over.items() if isinstance(over, dict) else ():

@@ -54,7 +54,6 @@ def links_of(scenario: Scenario) -> Digraph:
 
 
 def without_navigator(graph: Digraph) -> Digraph:
-    """Graph without the links from the navigator."""
     return graph.only(graph.heard & (graph.sources != 0))
 
 
@@ -101,10 +100,7 @@ def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
 
 
 def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
-    """Attacked links for each set of vehicles that a lane may draw, None for too many sets.
-
-    Where vehicles are listed or nobody is attacked, there is one set.
-    """
+    """Attacked links per drawable set of vehicles, None for too many; one set if none is drawn."""
     attack = scenario.attack
     if not attack.present or attack.targets() or not attack.number():
         return [attack.attacked_links(graph)]
@@ -115,10 +111,7 @@ def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
 
 
 def safe_in_all(scenario: Scenario, graph: Digraph, draws: Sequence[Links]) -> list[Safe]:
-    """Vehicles that are safe whichever of several sets of links is attacked.
-
-    A vehicle has the weakest of its reasons.
-    """
+    """Vehicles safe whichever set of links is attacked, each with the weakest of its reasons."""
     each = [safe_in(scenario, graph, attacked) for attacked in draws]
     if len(each) == 1:
         return each[0]
@@ -141,9 +134,7 @@ def short_reason(reason: Safe) -> str:
 def with_sybils(
     graph: Digraph, attacked: Links, trusted: Links, more: int
 ) -> tuple[Digraph, np.ndarray, np.ndarray]:
-    """Graph and its attacked and trusted links with `more` additional vehicles for each attacked
-    source.
-    """
+    """Graph, attacked links and trusted links with `more` vehicles added per attacked source."""
     listeners, slots = graph.edges()
     sources, lies = graph.sources[listeners, slots], attacked[listeners, slots]
     liars, number = np.unique(sources[lies], return_inverse=True)
@@ -242,7 +233,6 @@ def missing(scenario: Scenario, needed: Collection[str]) -> list[str]:
 
 
 def premise_words(scenario: Scenario, name: str) -> str:
-    """What is said of a scenario that breaks a premise."""
     announced = scenario.attack.announcement().kind
     return PREMISES[name].format(one=scenario, announced=announced, most=MOST_INVERTED)
 
@@ -284,9 +274,7 @@ def outputs_of(scenario: Scenario) -> int:
 
 
 def sources_of(scenario: Scenario) -> np.ndarray:
-    """Source of each slot: (slots, m). An attacked source fills one slot for each of its
-    identities.
-    """
+    """Source of each slot, (slots, m). An attacked source fills a slot for each identity."""
     linked = scenario.topology.linked(scenario.vehicles)
     each = scenario.attack.identities() + scenario.attack.splits()
     return hearing.slots(linked, np.where(scenario.attack.attacked_links(linked), each, 1))

@@ -72,7 +72,6 @@ class Study:
         return len(self.cells) * self.config.most_samples
 
     def __repr__(self) -> str:
-        """Return a summary in one line."""
         return f"Study({self.config.name!r}, cells={len(self.cells)}, lanes={self.lanes})"
 
     def _repr_html_(self) -> str:
@@ -151,7 +150,6 @@ def read_mapping(
 
 
 def read_study(document: Document, overrides: Iterable[Override], scope: registry.Scope) -> Study:
-    """Return the study of a document whose names of kinds belong to a scope; raise ConfigError."""
     for override in overrides:
         document.override(override)
     with scope():
@@ -251,7 +249,6 @@ def is_topology(keys: Keys) -> bool:
 
 
 def plain_scalar(value: object, keys: Keys) -> bool | int | float | str | None:
-    """Return a number, text, true, false or null as a Python object; raise ConfigError."""
     value = value.tolist() if isinstance(value, Listable) else value
     value = str(value) if isinstance(value, PurePath | UPath) else value
     if type(value) not in SCALAR_TYPES:

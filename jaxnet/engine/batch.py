@@ -39,17 +39,14 @@ COMPILER = {
     "cpu": {
         # Loops for sums of few terms, not XLA's library: 1.5 times, trimming, 1,000 vehicles.
         "xla_cpu_experimental_ynn_fusion_type": "",
-        # A long sum in one pass: 1.02 times, trimming, 12 vehicles. Without it sums end in other
-        # bits.
+        # A long sum in one pass: 1.02 times, trimming, 12 vehicles. Else sums end in other bits.
         "xla_disable_hlo_passes": "tree_reduction_rewriter",
     }
 }
 
 
 class Job(NamedTuple):
-    """Lanes of one network and clock for one compiled program; every leaf of `inputs` has lanes
-    first.
-    """
+    """Lanes of one network and clock for one compiled program; in `inputs` lanes come first."""
 
     inputs: Inputs
     network: Network
@@ -160,8 +157,7 @@ def queue_of(load: Inputs, capacity: int) -> Inputs:
 
 
 def trace(job: Job, machine: Machine = EVERYTHING) -> None:
-    """Trace the program of a job, so that a kind that breaks its contract is found before anything
-    compiles.
+    """Trace the program of a job: kinds that break their contract are found before all compiling.
 
     A simulation on the same machine takes the trace from JAX's cache.
     """
@@ -198,10 +194,7 @@ def compiling() -> bool:
 
 
 def parted(batches: Iterable[Inputs], most: int, sizes: deque[int]) -> Iterator[Inputs]:
-    """Yield the lanes of batches in loads of `most` lanes; the last load may be smaller.
-
-    The size of each batch is appended to `sizes`.
-    """
+    """Yield lanes in loads of `most`, the last maybe smaller; append batch sizes to `sizes`."""
     waiting: list[Inputs] = []
     for batch in batches:
         sizes.append(size(batch))
@@ -235,7 +228,6 @@ def reporting(outcomes: Iterable[Outcome], load_done: Callable[[int], None]) -> 
 
 
 def regrouped(outcomes: Iterable[Outcome], sizes: deque[int]) -> Iterator[Outcome]:
-    """Yield the lanes of outcomes in groups of the given sizes."""
     held: list[Outcome] = []
     for outcome in outcomes:
         held.append(outcome)
@@ -256,5 +248,4 @@ def joined(trees: Sequence[Lanes]) -> Lanes:
 
 
 def part(tree: Lanes, start: int, stop: int | None) -> Lanes:
-    """The lanes from `start` to `stop` of a tree."""
     return jax.tree.map(lambda leaf: leaf[start:stop], tree)

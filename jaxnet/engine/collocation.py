@@ -125,7 +125,6 @@ class Collocation(Following[CollocationState]):
     def placed(
         self, state: CollocationState, which: VehicleFlags, states: States
     ) -> CollocationState:
-        """Put vehicles at rest with these states."""
         rest = vehicles.outputs(self.lane, states, state.signals.time)
         return state._replace(jets=plane.replaced(which, rest, state.jets))
 
@@ -188,8 +187,7 @@ class Collocation(Following[CollocationState]):
     def advance(
         self, state: CollocationState, decided: DecisionState, ticks: Ticks, status: Code
     ) -> tuple[CollocationState, Code, LaneFlags]:
-        """Move lanes to the next tick or to the end of their window; try windows for lanes without
-        one.
+        """Move lanes to the next tick or to the end of their window; lanes without one try windows.
 
         Lanes without a window wait until WIDTH of them are there, or until no other lane can move.
         """
@@ -235,8 +233,7 @@ class Collocation(Following[CollocationState]):
     def attempt(self, task: Task) -> Attempt:
         """Try a window of each lane.
 
-        A window in which a vehicle stands still is refused too, until the window ends before the
-        next tick.
+        A window with a vehicle at a standstill is refused too, until it ends before the next tick.
         """
         end = stepper.towards(task.limit, task.time, task.length)
         spent = task.steps >= task.tolerances.max_steps
@@ -257,8 +254,7 @@ class Collocation(Following[CollocationState]):
     def solve(self, task: Task, length: Instants) -> tuple[Jerks, Instants, Bool[Array, " few"]]:
         """The jerk at the nodes, the error over the tolerance, and whether all numbers are finite.
 
-        The error is infinite where the vehicle's equations do not return the jets and their
-        derivatives.
+        The error is infinite where the vehicle's equations do not return jets with derivatives.
         """
         lane, at = task.lane, np.concatenate([gauss.RULE.nodes, gauss.PLACES])
         times = jnp.asarray(at)[:, None] * length[None]
@@ -320,8 +316,7 @@ class Collocation(Following[CollocationState]):
     def rates(self, task: Task, now: Signals, jets: Jets, guess: PerAxis) -> tuple[PerAxis, Jets]:
         """The jerk of the vehicles with these jets, by the law and the vehicles' equations.
 
-        Return also by how much the jets of the states, and the rates of the lower jets, miss the
-        jets.
+        Return also by how much the states' jets, and the rates of lower jets, miss the jets.
         """
         lane, decided = task.lane, task.decided
         frozen = decided.coasting.frozen(lane)
@@ -343,8 +338,7 @@ class Collocation(Following[CollocationState]):
 def missed_signals(task: Task, now: Signals, between: Signals) -> PerAxis:
     """A bound on what the polynomial of the jerk misses of the signals at `gauss.PLACES`.
 
-    An attack that begins between two nodes is seen, unless it lasts for less than the distance of
-    two places.
+    An attack that begins between nodes is seen, unless it is shorter than two places' distance.
     """
     path = gauss.unresolved(now.path, between.path)
     return task.followed.unresolved(path, gauss.unresolved(now.drive, between.drive))
@@ -363,8 +357,7 @@ def stood_in(
 ) -> LaneFlags:
     """The lanes, among some, in which a vehicle that may not stop is singular in the window.
 
-    The search goes back from the end. With probability 1, a vehicle stands still only on a straight
-    line.
+    The search goes back from the end. Almost surely, vehicles stand still only on a straight line.
     """
     vehicle, apart = lane.vehicle, decided.coasting.may_stop(lane)
     if not vehicle.singular:

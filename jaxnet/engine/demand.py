@@ -33,9 +33,7 @@ def signals(lane: Lane, time: Instants) -> Signals:
 
 
 def coupled_demand(lane: Lane, network: Network, drive: Drive, own: Jets, now: Signals) -> PerAxis:
-    """Right-hand side b of the law `L q = b`; `own` are the jets that vehicles sense of
-    themselves.
-    """
+    """Right-hand side b of `L q = b`; `own` are the jets that vehicles sense of themselves."""
     attack = signal.combined(control.drive_vectors(lane.gain, drive.vectors), now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, drive.weights, lane.gain)
     return drive.known.plus(demand, now.time)

@@ -1,6 +1,4 @@
-"""Fate of the vehicles that decisions cut off from the navigator: who, since when, how many, how
-long.
-"""
+"""Fate of vehicles cut off from the navigator by decisions: who, since when, how many, how long."""
 
 from typing import NamedTuple
 

@@ -1,6 +1,4 @@
-"""The flow `expm(A_c h)` of the closed loop (theorems.md O1), and an axis' response to a
-disturbance.
-"""
+"""The flow `expm(A_c h)` of the closed loop (theorems.md O1), and responses to a disturbance."""
 
 import math
 from typing import Any
@@ -49,9 +47,7 @@ def of_integrators(time: Durations, order: int) -> Transition:
 
 
 def held_input(time: Durations, order: int) -> Effect:
-    """The change of a signal and its lower derivatives by a derivative of this order that is 1 for
-    a time [s].
-    """
+    """Change of a signal and its lower derivatives while this one is 1 for a time [s]."""
     return jnp.stack([power(time, n) for n in range(order, 0, -1)])[:, None]
 
 

@@ -1,5 +1,4 @@
-"""The law that the nonlinear vehicles follow from one tick to the next, evaluated from the received
-jets.
+"""The law that nonlinear vehicles follow from tick to tick, evaluated from the received jets.
 
 `Followed` has a subclass for each other way in which vehicles follow a law. `Following` is the base
 of the two ways to integrate the vehicles: `Collocation` and `Integration`.
@@ -43,7 +42,6 @@ class Scene(NamedTuple):
         return vehicles.outputs(self.lane, states, self.now.time)
 
     def sensed(self, own: Jets) -> Jets:
-        """Jets as vehicles sense them of themselves."""
         return self.decided.sensed.of(own)
 
 
@@ -139,8 +137,6 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         return self.network.solver.starts
 
     def nothing_followed(self) -> Followed:
-        """What is followed before the first tick."""
-
         def first() -> Followed:
             lane, network = self.lane, self.network
             decided = tick.before_first(lane, network, self.plan)
@@ -158,9 +154,7 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         few: LaneIndices,
         states: Callable[[], States],
     ) -> tuple[Followed, Followed, Bool[Array, " few"]]:
-        """What all lanes follow with new decisions in a few, what these follow, and which do not
-        fail.
-        """
+        """What all lanes follow with new decisions in a few, what these follow, which succeed."""
         lane, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (self.lane, decided))
         if isinstance(followed, Holds):
             given = followed.held, state.signals, states()

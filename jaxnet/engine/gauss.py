@@ -39,9 +39,7 @@ Augmented = Float[Array, "nodes twice lanes"]  # a matrix beside the identity
 
 
 class Rule(NamedTuple):
-    """Constants of the method on the window from 0 to 1, by polynomials that are 1 at one node
-    each.
-    """
+    """Constants of the method on a window from 0 to 1: each polynomial is 1 at one node."""
 
     nodes: Float[np.ndarray, " nodes"]
     integrals: Float[
@@ -57,7 +55,6 @@ class Rule(NamedTuple):
 
 
 def gauss_rule(nodes: int) -> Rule:
-    """Constants of the method with this number of nodes."""
     places, shares = np.polynomial.legendre.leggauss(nodes)
     degrees = np.arange(nodes)
     values = np.polynomial.legendre.legvander(places, nodes - 1)

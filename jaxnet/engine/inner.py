@@ -1,5 +1,4 @@
-"""States that outputs leave undetermined, integrated from tick to tick along the outputs' exact
-motion.
+"""States that outputs leave undetermined, integrated by ticks along the outputs' exact motion.
 
 The vehicle steps these states over an interval from the jets at places in it, and tells the step's
 error. The lanes are the last axis of every array. Each lane has its own steps.

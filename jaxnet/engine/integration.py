@@ -1,5 +1,4 @@
-"""The nonlinear vehicles under the law, integrated in their own states by adaptive Runge–Kutta
-steps.
+"""Nonlinear vehicles under the law, integrated in their own states by adaptive Runge–Kutta steps.
 
 Vehicles decide at ticks which sources to retain, and keep the decision between ticks. With
 `Plan.in_field` vehicles decide inside the vector field, the literal reading of the paper.
@@ -48,9 +47,7 @@ HoldCarry = tuple[
 
 
 class Integration(Following[IntegrationState]):
-    """Motion of the nonlinear vehicles under the law, by adaptive steps. `numbers` are the
-    tolerances.
-    """
+    """Motion of nonlinear vehicles under the law, by adaptive steps; `numbers` are tolerances."""
 
     def begin(self) -> IntegrationState:
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)

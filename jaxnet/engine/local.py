@@ -42,11 +42,9 @@ INVERSE_FACTORIALS = np.array([1.0 / math.factorial(n) for n in range(MOST_TERMS
 
 
 class Forcing(NamedTuple):
-    """Derivatives at the start of a tick of the polynomials for the functions, by order of the
-    jets.
+    """Derivatives of the functions' polynomials at the start of a tick, by order of the jets.
 
-    Time is counted in ticks: the derivative of order k + n is multiplied by the power k + n of the
-    tick.
+    Time is counted in ticks: the derivative of order k + n is times the power k + n of the tick.
     """
 
     navigator: Float[Array, "derivatives jets 2 lanes"]
@@ -129,7 +127,7 @@ def after_span(
 def by_series(
     lane: Lane, network: Network, drive: Drive, jets: Jets, time: Instants, span: Instants
 ) -> tuple[Jets, Float[Array, "m lanes"]]:
-    """What `after_span` does, for one piece of a tick."""
+    """`after_span` for one piece of a tick."""
     stays = span == 0
     span = jnp.where(stays, 1.0, span)
     order, forcing = len(jets), forcing_of(lane, time, span)

@@ -99,9 +99,7 @@ class Motion(ABC, Generic[MotionState]):
 
     @abstractmethod
     def drive_now(self, state: MotionState, decided: DecisionState) -> PerAxis:
-        """The drive `z = y‴ + P(ŷ)` of each vehicle now [m/s³], where ŷ is what the vehicle
-        senses.
-        """
+        """The drive `z = y‴ + P(ŷ)` of each vehicle now [m/s³], where ŷ is what it senses."""
 
     @abstractmethod
     def hold(
@@ -266,7 +264,6 @@ def last_drive(fleet: Fleet, motion: Motion, now: Moment, first: LaneFlags) -> P
 
 
 def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
-    """The measurements of the fleets now."""
     lane, network, decided = batch.lane, batch.network, fleet.decided
     drive = motion.drive(fleet.state, decided)
     time, basis = motion.basis(fleet.state)
@@ -311,7 +308,6 @@ def honest_mean(
 
 
 def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Outcome:
-    """The results of lanes that have ended."""
     clock, plan, gathered = batch.clock, batch.plan, fleet.gathered
     status = fail(fleet.status, Status.singular, fleet.stood)
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
@@ -392,10 +388,7 @@ def from_queue(
     clock: Clock,
     plan: Plan,
 ) -> Outcome:
-    """Simulate the first `count` lanes of a queue, `plan.chunk` of them side by side.
-
-    `make(batch)` gives the motion of the lanes in a batch.
-    """
+    """Simulate `count` lanes of a queue, `plan.chunk` at once; `make(batch)` is their motion."""
 
     def start(inputs: Inputs) -> Fleet:
         batch = Batch(inputs, network, clock, plan)

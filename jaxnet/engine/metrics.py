@@ -1,6 +1,4 @@
-"""Metrics of a lane, gathered at output times, so that memory does not grow with time; saved
-series.
-"""
+"""Metrics of a lane, gathered at output times so that memory stays constant; saved series."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -87,10 +85,7 @@ class Observation(NamedTuple):
         return length(self.error)
 
     def disagreements(self) -> Float[Array, "m *lanes"]:
-        """`‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs.
-
-        The disagreement of a vehicle that hears nobody is 0.
-        """
+        """`‖y_i - Σ_j w_ij y_j‖` [m], true outputs, weights in force; 0 if i hears nobody."""
         sources = jnp.concatenate([jnp.zeros_like(self.error[:, :1]), self.error], axis=1)
         apart = self.error - self.hearing.mean_sent(self.weights, sources)
         return length(jnp.where((self.weights == 0).all(axis=1), 0.0, apart))
@@ -98,8 +93,7 @@ class Observation(NamedTuple):
 
 Series = dict[str, Float[Array, "..."]]  # stacked over output times, lanes last
 
-# Arrays that can be saved at every output time, with a last axis over lanes (docs/results-
-# folder.md).
+# Arrays that can be saved at every output time, lanes last (docs/results-folder.md).
 SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),
@@ -111,8 +105,7 @@ SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
 }
 
 
-# Errors of each vehicle over the tail that can be saved, and the metric of the contract that
-# gathers them.
+# Errors of each vehicle over the tail that can be saved; each names its contract's metric.
 VEHICLE_ERRORS = {"vehicle_mean": "tail_mean", "vehicle_max": "tail_max"}
 
 
@@ -259,9 +252,7 @@ def all_defined(
 def vehicle_errors(
     save: Sequence[str], gathered: Gathered, tail_outputs: Int[Array, ""], ok: Bool[Array, "*lanes"]
 ) -> Series:
-    """The saved errors of each vehicle over the tail [m], (m, lanes); not-a-number in failed
-    lanes.
-    """
+    """The saved errors of each vehicle over the tail [m], (m, lanes); NaN in failed lanes."""
     found = {}
     for name, metric in VEHICLE_ERRORS.items():
         if name in save:

@@ -1,7 +1,6 @@
 """A tick as all stages see it: lanes, the fleets' errors, the attacks' functions and the time.
 
-Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are
-last.
+Jets are relative to the navigator: E = y - y_0 and its derivatives, (2, m, lanes), lanes last.
 """
 
 from typing import NamedTuple

@@ -1,5 +1,4 @@
-"""The exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no
-integrator.
+"""Exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no integrator.
 
 The law solved at every instant (`Solved`, theorems.md O2, O2b): x is E = y - y_0 with its
 derivatives below the order r of the vehicles, and `Φ = expm(A_c h)`. The attacks' effect on the
@@ -120,7 +119,6 @@ class Propagation(Motion[PropagationState]):
     def placed(
         self, state: PropagationState, which: VehicleFlags, states: States
     ) -> PropagationState:
-        """Put vehicles at rest with these states."""
         rest = vehicles.outputs(self.lane, states, state.time)
         return state._replace(jets=plane.replaced(which, rest, state.jets))
 
@@ -160,9 +158,7 @@ class Propagation(Motion[PropagationState]):
     def with_inner(
         self, before: PropagationState, decided: DecisionState, now: PropagationState, status: Code
     ) -> tuple[PropagationState, Code]:
-        """The state now, with what the outputs leave undetermined, from the state at the last
-        tick.
-        """
+        """The state now, with the states that outputs leave undetermined, from the last tick's."""
         if before.inner is None:
             return now, status
         span = now.time - before.time
@@ -245,7 +241,6 @@ class Solved(Propagation):
     def placed(
         self, state: PropagationState, which: VehicleFlags, states: States
     ) -> PropagationState:
-        """Put vehicles at rest with these states."""
         own = vehicles.outputs(self.lane, states, state.time)
         rest = plane.relative(own, self.navigator(state))
         return state._replace(jets=plane.replaced(which, rest, state.jets))
@@ -255,8 +250,7 @@ class Solved(Propagation):
     ) -> tuple[PropagationState, LaneFlags]:
         """Solve `L v = d` in lanes whose decisions changed.
 
-        In a large fleet the solution is updated only near the changed vehicles, where that
-        suffices.
+        In a large fleet it is updated only near the changed vehicles, where that suffices.
         """
         lane, network = self.lane, self.network
         changed = (
@@ -321,10 +315,7 @@ class Solved(Propagation):
         responses: Responses | None,
         pushed: Float[Array, "r powers lanes"] | None,
     ) -> PropagationState:
-        """The state at a time, a span [s] later.
-
-        `pushed` is the part of f that belongs to powers of time, None where there are none.
-        """
+        """The state a span [s] later; `pushed` is the part of f that belongs to powers of time."""
         basis = barrier(self.driven.basis(time))
         before, effect = state.basis, None
         if state.effect is not None and responses is not None:
@@ -376,9 +367,7 @@ class Held(Propagation):
     def hold(
         self, state: PropagationState, decided: DecisionState, at: Tick
     ) -> tuple[PropagationState, LaneFlags]:
-        """Exchange the jerk in all lanes. Return the state with it, and the lanes with a vehicle
-        cut off.
-        """
+        """Exchange the jerk in all lanes. Return the state, and lanes with a vehicle cut off."""
         lane, network = self.lane, self.network
         now = barrier(signals(lane, state.time))
         jerk = exchange(lane, network, decided.drive(lane), state.jets, now, state.response[0])
@@ -407,7 +396,6 @@ class Held(Propagation):
         return self.after(state, state.time + span, span)
 
     def after(self, state: PropagationState, time: Instants, span: Instants) -> PropagationState:
-        """The state at a time, a span [s] later."""
         basis = barrier(self.lane.basis(time))
         flow, forcing = (make(span, len(state.jets)) for make in (of_integrators, held_input))
         return self.moved(state, flow, forcing, state._replace(time=time, basis=basis))

@@ -1,5 +1,4 @@
-"""A queue of lanes, advanced in a fixed number of places; the next lanes replace lanes that have
-ended.
+"""A queue of lanes in a fixed number of places: the next lanes replace those that have ended.
 
 A lane that takes many steps delays no other lane. The places stay busy until the queue runs out.
 """

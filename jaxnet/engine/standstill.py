@@ -35,10 +35,7 @@ MOST_SEARCH_STEPS = (
 
 
 def lead(vehicle: Any, jets: Jets, apart: VehicleFlags) -> tuple[Plane, Plane]:
-    """The lead and its derivative, for the jets of the output up to the order r.
-
-    The vehicles `apart` are not searched, and seem to turn.
-    """
+    """Lead and its derivative, for jets up to r; the vehicles `apart` only seem to turn."""
     return seeming(apart, vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1])
 
 
@@ -116,8 +113,7 @@ def safe(
 ) -> Float[Array, "m lanes"]:
     """A time in which the speed stays over FLOOR, from `‖v(t) - v - a t‖ ≤ J t²/2`.
 
-    The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and nowhere nearer to 0 than at its
-    foot.
+    The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and nowhere nearer than at its foot.
     """
     speed, size, tiny = jnp.hypot(*velocity), jnp.hypot(*acceleration), jnp.finfo(float).tiny
     foot = jnp.abs(cross(velocity, acceleration)) / jnp.maximum(size, tiny)

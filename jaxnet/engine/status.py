@@ -12,9 +12,7 @@ LARGEST = 1e100  # [m] of E; products of greater numbers overflow
 
 
 class Status(IntEnum):
-    """Reason for which a lane failed: the reason that occurred first, in this order at the same
-    moment.
-    """
+    """Reason for which a lane failed: the first to occur; of several at once, the first listed."""
 
     ok = 0
     singular = 1  # a margin under LEAST_MARGIN, or one that changes its sign

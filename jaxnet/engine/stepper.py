@@ -125,10 +125,7 @@ def towards(goal: Times, time: Times, step: Times) -> Times:
 
 
 def next_step(step: Times, error: Times, order: int) -> Times:
-    """The next step: no shorter if this step was kept (error < 1), else shorter.
-
-    The error of a step of length h grows as h to the power `order`.
-    """
+    """The next step: no shorter if kept (error < 1), else shorter; errors grow as h^`order`."""
     kept = error < 1.0
     wanted = SAFETY * error ** (-1.0 / order)
     return step * jnp.clip(wanted, jnp.where(kept, 1.0, LEAST), jnp.where(kept, MOST, SAFETY))

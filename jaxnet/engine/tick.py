@@ -259,7 +259,6 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
 
 
 def decide(now: Moment, before: DecisionState) -> DecisionState:
-    """Pass one tick: return the decisions."""
     lane = now.lane
     state = replace(before, sensed=before.sensed.next(now), instead=lane.instead(now.time))
     now = now._replace(lane=state.of(lane))

@@ -28,9 +28,7 @@ def outputs(lane: Lane, states: States, time: Instants) -> Jets:
 
 
 def states_of(lane: Lane, jets: Jets, time: Instants, inner: Any = None) -> States:
-    """States of vehicles with these outputs; `inner` are the states that outputs leave
-    undetermined.
-    """
+    """States of vehicles with these outputs; `inner` are the states that outputs do not tell."""
     if inner is None:
         return lane.vehicle.state_of(jets)
     return lane.vehicle.state_with(jets, inner)

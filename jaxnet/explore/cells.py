@@ -16,10 +16,7 @@ AnalysisRow = dict[str, Any]  # of a table, by its columns
 
 
 class CellTable:
-    """The rows of a table with the same thresholds and the same number of lanes.
-
-    `effort` is the column of that number.
-    """
+    """The rows of a table with equal thresholds and an equal number of lanes (column `effort`)."""
 
     def __init__(self, study: Study, folder: Folder, name: str, effort: str, lanes: int):
         self.folder, self.name, self.rows = folder, name, list[AnalysisRow]()

@@ -81,8 +81,7 @@ class LateChoice(NamedTuple):
 class Trials:
     """Choices tried so far, and the best of them.
 
-    `known` are values of an interrupted search. The new search makes the same choices and reuses
-    these values.
+    `known` are values of an interrupted search, whose choices the new search makes and reuses.
     """
 
     def __init__(
@@ -100,10 +99,7 @@ class Trials:
         self.finalists = list[Finalist]()
 
     def attempt(self, phase: str, points: Coordinates) -> tuple[Means, Generation]:
-        """Mean over the starts at each point, and the generation's record.
-
-        The mean is not-a-number where a lane failed.
-        """
+        """Mean over starts at each point (NaN where a lane failed), and the generation's record."""
         number = len(self.values)
         values = self.known[number] if number < len(self.known) else self.simulate(points)
         self.values.append(values)
@@ -198,10 +194,7 @@ class Population:
         return points
 
     def tell(self, values: Means) -> None:
-        """Update the population with the generation's values.
-
-        Choices with a failed lane and choices that are not allowed rank last.
-        """
+        """Update by a generation's values; choices with a failed lane or not allowed rank last."""
         leader = best_of(self.points(), values)[0]
         self.best = leader if leader.found > self.best.found else self.best
         losses = -lowest_if_failed(values)
@@ -296,10 +289,7 @@ def screen_sets(
 def evolve_populations(
     trials: Trials, first_points: list[BoxPoint], until: int, random: np.random.Generator
 ) -> Iterator[Generation]:
-    """Evolve populations from these points until the lanes reach `until`.
-
-    A population that stops restarts from the next point.
-    """
+    """Evolve populations until `until` lanes; one that stops restarts from the next point."""
     box, points = trials.box, itertools.cycle(first_points)
 
     def new_population() -> Population:

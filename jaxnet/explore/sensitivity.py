@@ -35,10 +35,7 @@ def quantities(study: Study, cell: Cell) -> list[str]:
 
 
 def lanes_needed(study: Study, samples: int) -> dict[int, int]:
-    """Number of lanes of each cell with random quantities.
-
-    Raises FolderError if there is no such cell.
-    """
+    """Number of lanes of each cell with random quantities; FolderError without such a cell."""
     drawn = {cell.number: len(quantities(study, cell)) for cell in study.cells}
     if not any(drawn.values()):
         raise FolderError(f"{study.config.name}: nothing is drawn, so nothing varies")

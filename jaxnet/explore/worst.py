@@ -239,10 +239,7 @@ class CellSearch:
         )
 
     def best_random(self, results: Results) -> float:
-        """Greatest value of the cell's random lanes that are allowed, or their share unrecovered.
-
-        The value is not-a-number if there is no such lane.
-        """
+        """Greatest value, or share unrecovered, of the cell's allowed random lanes; NaN if none."""
         column, counted = self.settings.maximise, self.settings.maximise == "unrecovered"
         columns = [self.cell.scenario.judged if counted else column, *self.settings.subject_to]
         for _, found in results.by_cell(*columns, where=rows.OK, cells=[self.cell.number]):

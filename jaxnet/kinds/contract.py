@@ -1,5 +1,4 @@
-"""What methods of kinds from outside return, held against the annotations of the methods that they
-override.
+"""What methods of kinds from outside return, held against the annotations of overridden methods.
 
 The annotations name the axes of arrays (`kinds.shapes`). Arguments tell the sizes of the axes. JAX
 traces a program before it compiles it, so a wrong shape or type is found before anything compiles.
@@ -94,8 +93,7 @@ def agrees(axis: str, size: Any, sizes: AxisSizes) -> bool:
 def misfit(
     hint: Any, value: Any, sizes: AxisSizes, known: dict[str, Any], hints: dict[str, Any]
 ) -> Misfit | None:
-    """The part of a result that does not fit its annotation, and what is expected; None if all
-    fits.
+    """Part of a result that does not fit its annotation, and what is expected; None if all fits.
 
     `known` are the arguments, with the annotations `hints`.
     """

@@ -23,7 +23,7 @@ from jaxnet.lazy import jax
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError as KindError
 
-# Tests that check shapes hold jaxnet's own classes to the contract too: an override has no annotations.
+# Tests that check shapes hold jaxnet's own classes to the contract too.
 HOLDS_ALL = "JAXNET_CHECK_SHAPES" in os.environ
 
 
@@ -185,8 +185,7 @@ def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -
 
 
 def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
-    """A drawn kind as a pytree of JAX, without its untraced keys, also inside tuples; else the
-    argument.
+    """A drawn kind as a pytree of JAX without untraced keys, also inside tuples; else the argument.
 
     Numbers are leaves; all other keys belong to the structure. Lanes share one compiled program if
     the classes and structures of their kinds are equal.

@@ -1,5 +1,4 @@
-"""What other rooms pass to the methods of kinds: a scenario, draws for lanes, the fleet at an
-instant.
+"""What other rooms pass to methods of kinds: a scenario, draws for lanes, the fleet at an instant.
 
 At run time each of these types is `Any`, so that a test may pass a stand-in.
 """
@@ -53,39 +52,25 @@ if TYPE_CHECKING:
             ...
 
         @property
-        def navigator(self) -> Navigator:
-            """Navigator of the scenario."""
-            ...
+        def navigator(self) -> Navigator: ...
 
         @property
-        def vehicle(self) -> Vehicle:
-            """Vehicle of the scenario."""
-            ...
+        def vehicle(self) -> Vehicle: ...
 
         @property
-        def topology(self) -> Graph:
-            """Graph of the scenario."""
-            ...
+        def topology(self) -> Graph: ...
 
         @property
-        def law(self) -> Law:
-            """Law of the scenario."""
-            ...
+        def law(self) -> Law: ...
 
         @property
-        def attack(self) -> AnyAttack:
-            """Attack of the scenario."""
-            ...
+        def attack(self) -> AnyAttack: ...
 
         @property
-        def defence(self) -> AnyDefence:
-            """Defence of the scenario."""
-            ...
+        def defence(self) -> AnyDefence: ...
 
     class LaneDraw(Protocol):
-        """Draws numbers for samples (`lanes.draws.Draw`). Samples are the first axis of its
-        arrays.
-        """
+        """Draws numbers for samples (`lanes.draws.Draw`); samples are the arrays' first axis."""
 
         @property
         def samples(self) -> Sequence[int]:
@@ -153,9 +138,7 @@ if TYPE_CHECKING:
 
         @property
         def in_force(self) -> Callable[[SignalVectors], Decision]:
-            """Function from attack vectors to the weights that would be in force, (axes, slots, m,
-            lanes).
-            """
+            """Function from attack vectors to weights then in force, (axes, slots, m, lanes)."""
             ...
 
     class Signal(Protocol):
@@ -211,9 +194,7 @@ if TYPE_CHECKING:
 
         @property
         def alarms(self) -> LaneNumbers | None:
-            """Alarms over words, of attacked and of honest links, (2, lanes); None without a
-            detector.
-            """
+            """Alarms over words of attacked and honest links, (2, lanes); None if not judged."""
             ...
 
         @property

@@ -159,8 +159,7 @@ def unknown_kind(family: str, given: object) -> KindError:
 
 
 def adopt(given: KindOrMetric) -> str:
-    """The reference of a class or metric that a script passes; `find` knows the reference from now
-    on.
+    """Reference of a class or metric that a script passes; `find` knows the reference from now on.
 
     Raises KindError if the class's file has changed, or if two classes have one reference.
     """

@@ -1,8 +1,6 @@
-"""Shapes of the arrays that the methods of kinds take and return, for NumPy and JAX. Lanes are the
-last axis.
+"""Shapes of arrays that methods of kinds take and return, for NumPy and JAX. Lanes are last.
 
-m is the number of vehicles, a slot holds one source of a listener, B is the number of scalar
-functions.
+m is the number of vehicles, a slot is one source of a listener, B counts scalar functions.
 """
 
 from typing import Annotated, Any

@@ -126,10 +126,7 @@ class ErrorsAtTicks(DrawsAtTicks):
         return False
 
     def deviations(self) -> Sequence[LaneNumbers | None]:
-        """The standard deviation of the errors on an axis, (lanes,), by order of derivative.
-
-        None stands for an order without errors.
-        """
+        """Standard deviation on an axis, (lanes,), by order; None for an order without errors."""
         raise KindError(f"{self.kind}: tells_deviations needs deviations(self)")
 
 

@@ -29,12 +29,10 @@ class Draw:
         self.listed = listed
 
     def same(self, value: Any) -> Any:
-        """An equal value for every sample: (samples, …)."""
         array = np.asarray(value)
         return np.broadcast_to(array, (len(self.samples), *array.shape))
 
     def one(self, number: Any, name: str) -> Any:
-        """One number for each lane: (samples,)."""
         number = number.shared if isinstance(number, fields.Shared) else number
         return self.placed([number], name, [(0, 0)])[:, 0]
 
@@ -72,11 +70,9 @@ class Draw:
         return self.placed(numbers, name, places).reshape(len(self.samples), -1, 2)
 
     def several(self, numbers: Sequence[Any], name: str) -> Any:
-        """Several numbers for each lane: (samples, n)."""
         return self.placed(numbers, name, [(0, component) for component in range(len(numbers))])
 
     def placed(self, numbers: Sequence[Any], name: str, places: Sequence[Entry]) -> Drawn:
-        """Numbers at given places, each a vehicle and a component: (samples, n)."""
         found = np.empty((len(self.samples), len(numbers)))
         drawn = [column for column, number in enumerate(numbers) if is_drawn(number)]
         if drawn:
@@ -92,10 +88,7 @@ class Draw:
         return found
 
     def generators(self, name: str) -> Iterator[np.random.Generator]:
-        """A random generator for each sample.
-
-        A generator serves quantities without a fixed number of draws.
-        """
+        """A random generator for each sample, for quantities without a fixed number of draws."""
         return (self.source.generator(name, sample) for sample in self.samples)
 
 
@@ -113,8 +106,7 @@ class EachLink(Draw):
 
 
 class Alone(Draw):
-    """Draws for each attacked vehicle of each lane, as if the vehicle were alone in a lane of its
-    own.
+    """Draws for each attacked vehicle of each lane, as if it were alone in a lane of its own.
 
     `attacked` (n, lanes) holds the indices of the attacked vehicles, from 0. The first attacked
     vehicles of all lanes come first, then the second ones.
@@ -140,10 +132,7 @@ class Alone(Draw):
 
 
 def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """The inverse CDF of a distribution at u.
-
-    Raises TypeError if `number` is not a distribution.
-    """
+    """The inverse CDF of a distribution at u; raises TypeError for anything else."""
     match number:
         case fields.Uniform(uniform=[low, high]):
             return low + (high - low) * u

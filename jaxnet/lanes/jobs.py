@@ -1,6 +1,4 @@
-"""The batch of lanes of a cell and its samples, with all numbers drawn, and the plan of its
-program.
-"""
+"""The batch of lanes of a cell and its samples with all drawn numbers, and its program's plan."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -187,7 +185,7 @@ def weights_of(
 
 
 def strength_of(scenario: Scenario, weights: Any, graph: Graph) -> RowStrength | None:
-    """Return the strength of the rows of each lane with these weights, None where it does not act."""
+    """Strength of each lane's rows with these weights, None where it does not act."""
     return (
         graph.strength(weights, scenario.navigator.present) if not scenario.law.couples() else None
     )
@@ -238,7 +236,6 @@ def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
-    """The plan: the choices that shape the compiled program."""
     return Plan(
         engine=type(scenario.engine),
         options=scenario.engine.options(),
@@ -323,8 +320,7 @@ def attack_of(
     - The greatest norms have the shape (2, 4, samples): first the navigator's path, then the
       signal's functions, by order.
 
-    `navigator` has its numbers drawn, and `start` holds the vehicles' outputs y(0): (2, m,
-    samples).
+    `navigator` has its numbers drawn; `start` holds the vehicles' outputs y(0), (2, m, samples).
     """
     attack = scenario.attack
     first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]
@@ -419,10 +415,7 @@ def shared_basis(
 
 
 def first_vectors(signal: Any, count: int) -> np.ndarray:
-    """Placeholder vectors for a strategic attack, one for each of its functions.
-
-    The attack replaces them at the first tick.
-    """
+    """Placeholders of a strategic attack's vectors, one a function, until the first tick."""
     functions = np.asarray(signal.basis(np.zeros(count))).shape[1]
     return np.ones((2, 1, functions, 1))
 

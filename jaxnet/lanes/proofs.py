@@ -44,8 +44,7 @@ def prove(
     horizon: float,
     count: int,
 ) -> None:
-    """Raise KindError if the functions, unit vectors or sizes of a drawn attack violate their
-    contract.
+    """Raise KindError if functions, unit vectors or sizes of a drawn attack violate their contract.
 
     `count` is the number of lanes. Attacks of the package pass without a test.
     """
@@ -86,9 +85,7 @@ def around(
 
 
 def prove_path(navigator: Navigator, horizon: float, count: int) -> None:
-    """Raise KindError if the path of a drawn navigator from outside is not finite or not
-    differentiable.
-    """
+    """Raise KindError if a drawn navigator's path from outside is not finite or differentiable."""
     if not from_outside(navigator):
         return
 
@@ -103,10 +100,7 @@ def prove_path(navigator: Navigator, horizon: float, count: int) -> None:
 
 
 def prove_vectors(name: str, vectors: np.ndarray, functions: int, count: int) -> None:
-    """Raise KindError if vectors have a wrong shape or a spectral norm over 1.
-
-    The shape must be (2, m or 1, B, lanes or 1).
-    """
+    """Raise KindError unless vectors are (2, m or 1, B, lanes or 1) with spectral norm <= 1."""
     shape = vectors.shape
     if len(shape) != 4 or shape[0] != 2 or shape[2] != functions or shape[3] not in (1, count):
         wanted = f"(2, vehicles, B = {functions}, lanes = {count})"
@@ -138,7 +132,6 @@ def prove_derivatives(
 
 
 def from_outside(kind: Kind | None) -> bool:
-    """Whether a kind is none of jaxnet's."""
     return kind is not None and not type(kind).__module__.startswith("jaxnet.")
 
 
@@ -164,8 +157,7 @@ def prove_errors(lane: Lane, sources: np.ndarray) -> None:
 
 
 def prove_presumed(scenario: Scenario, drawn: Vehicle) -> None:
-    """Raise KindError if a vehicle from outside, drawn for some lanes, is not what its engine
-    presumes.
+    """Raise KindError if a drawn vehicle from outside is not what its engine presumes.
 
     A vehicle is tried once. `tick: 0` and laws decide what an engine presumes.
     """
@@ -228,9 +220,7 @@ def refuse_unlike(
     told: tuple[str, str],
     where: tuple[str, int, str],
 ) -> None:
-    """Raise KindError where derivatives of a vehicle's output are not as asked; `size` bounds their
-    terms.
-    """
+    """Raise KindError where a vehicle's output has wrong derivatives; `size` bounds their terms."""
     (name, why), (method, first, instead) = told, where
     with np.errstate(all="ignore"):
         apart = np.abs(given - asked) / (size + np.abs(asked)).max(axis=1, keepdims=True)

@@ -151,8 +151,7 @@ class Later(NamedTuple):
 
 
 class Given(NamedTuple):
-    """A source with given numbers at some places, lane by lane, and numbers of another source
-    elsewhere.
+    """A source with given numbers at some places, lane by lane, and another source's elsewhere.
 
     Callers pass lane numbers, from 0, in place of sample numbers. `samples` holds the sample of
     each lane in the other source.

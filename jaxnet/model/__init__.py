@@ -1,5 +1,4 @@
-"""The physics of the closed loop: pure functions, no I/O. Random numbers follow from keys
-(`chance`).
+"""Physics of the closed loop: pure functions, no I/O. Random numbers follow from keys (`chance`).
 
 The modules follow a message through the loop:
 

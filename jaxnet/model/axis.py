@@ -10,8 +10,7 @@ PlaneGains = Float[np.ndarray, "*lanes r 2 2"] | Float[np.ndarray, "*lanes r"]
 def companion(gain: PlaneGains) -> Float[np.ndarray, "*lanes n n"]:
     """Companion matrix `A_c` of one vehicle of order r and one axis, n = r.
 
-    PlaneGains that are 2 × 2 matrices couple the axes: n = 2r, with the jets in the order of the
-    paper's η.
+    PlaneGains that are 2 × 2 matrices couple the axes: n = 2r, jets in the paper's order of η.
     """
     if gain.ndim > 2:
         order = gain.shape[-3]

@@ -58,8 +58,7 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
     a centerpoint on the boundary need not meet. For three points or fewer, every point between them
     is a centerpoint, and the function returns `of`, normalised.
 
-    The returned weights λ minimise `Σ λ²/w`, so that they are as near as possible to the given
-    weights w.
+    The returned weights λ minimise `Σ λ²/w`: they are as near as possible to the given w.
     """
     of = of / of.sum(axis=0, keepdims=True)
     many = (of > 0).sum(axis=0) > 3
@@ -97,8 +96,7 @@ def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lane
 
 
 def middle(sides: HalfPlanes, beside: Point) -> Point:
-    """The mean of the boundary of a convex polygon, an interior point if the polygon has an
-    interior.
+    """Mean of the boundary of a convex polygon, an interior point if the polygon has an interior.
 
     On the line of each side, the other sides leave an interval. The mean weighs the midpoint of
     each interval by its length. The function measures each line from its point nearest to `beside`,

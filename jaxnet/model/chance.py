@@ -1,7 +1,6 @@
 """Random numbers that a lane draws at an instant.
 
-A number depends only on the lane, the time and the purpose. Other lanes and the engine do not
-change it.
+A number depends on the lane, the time and the purpose alone, not on other lanes or the engine.
 
 The bits are those of `jax.random` with the same key: Threefry 2x32 of 20 rounds (Salmon, Moraes,
 Dror, Shaw, Parallel random numbers: as easy as 1, 2, 3, SC 2011). On CPUs `jax.random` runs the
@@ -57,8 +56,7 @@ def drawn(
 ) -> Float[Array, "*shape lanes"]:
     """Random numbers of a shape for each lane.
 
-    Uniform numbers are at least 0 and less than 1. Normal numbers have mean 0 and standard
-    deviation 1.
+    Uniform numbers are at least 0 and less than 1. Normal ones have mean 0 and deviation 1.
 
     The key of a draw derives from the key of the lane, the time and the purpose. Each lane needs a
     unique number as its key. The time [s] must be equal to the last bit in every engine.
@@ -105,21 +103,16 @@ def uniform(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
 
 
 def normal(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
-    """Normal numbers of 24 random bits, none greater than 5.5.
-
-    They are computed in single precision, and err by less than 1e-6.
-    """
+    """Normal numbers of 24 random bits, at most 5.5; single precision, error below 1e-6."""
     first, _ = words(key, shape)
     odd = (first >> np.uint32(8)).astype(np.int32) * np.int32(2) - np.int32(2**24 - 1)
     return inverse_error(odd.astype(np.float32) * np.float32(2.0**-24)).astype(float) * np.sqrt(2.0)
 
 
 def inverse_error(number: Float32[Array, "*some"]) -> Float32[Array, "*some"]:
-    """The inverse of the error function (Giles, Approximating the erfinv function, GPU Computing
-    Gems, 2011).
+    """Inverse error function (Giles, Approximating the erfinv function, GPU Computing Gems, 2011).
 
-    Both polynomials are computed, then one is chosen: twice as fast as `jax.lax.erf_inv`, normal
-    numbers.
+    Both polynomials are computed, then one is chosen: twice as fast as `jax.lax.erf_inv` (normal).
     """
     depth = -jnp.log((1 - number) * (1 + number))
     inner = polynomial(INNER, depth - np.float32(2.5))

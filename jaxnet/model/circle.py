@@ -1,5 +1,4 @@
-"""Cosine and sine of one angle together, and the angle of a vector, in arithmetic that a compiler
-vectorises.
+"""Cosine and sine of one angle together, and a vector's angle, in arithmetic that vectorises.
 
 On CPUs, the double precision functions of XLA handle one number at a time and are an order of
 magnitude slower. Quarter turns reduce the angle to [-π/4, π/4] (Cody and Waite, 1980). The
@@ -92,7 +91,6 @@ def angle(across: Numbers, up: Numbers) -> Numbers:
 
 
 def by_polynomials(angle: Numbers) -> tuple[Numbers, Numbers]:
-    """`(cos, sin)` by the polynomials."""
     xp = angle.__array_namespace__()
     turns = xp.round(angle * 0.6366197723675814)
     rest = angle - turns * QUARTER[0]

@@ -1,5 +1,4 @@
-"""The control law as the paper states it, stacked with Kronecker products (paper, sections 4.2 and
-4.3).
+"""The control law as the paper states it, stacked with Kronecker products (sections 4.2 and 4.3).
 
 The stacked engine uses this form. Tests compare the structured solve of `control` with it. Stacked
 vectors list one vehicle after the other: `ȳ = [y_1; …; y_m]` and `η_i = [ε_i; ε̇_i; ε̈_i]`. The

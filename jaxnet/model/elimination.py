@@ -11,11 +11,9 @@ from jaxtyping import Array, Float
 from jaxnet.model import xla
 from jaxnet.model.shapes import LoopIndex
 
-# Pivot rows, or columns of a product, in one pass: 1.3 times, trimming, 12 vehicles; 1.04 times,
-# 1,000.
+# Pivot rows, or columns of a product, in a pass: 1.3 times, trimming, 12 vehicles; 1.04, 1,000.
 AT_ONCE = 4
-# Maximum number of removals of finished columns: 1.07 times, trimming, 12 vehicles. Each compiles a
-# program.
+# Most removals of finished columns, a program each: 1.07 times, trimming, 12 vehicles.
 LEFT_OUT = 6
 
 Matrix = Float[Array, "n c axes lanes"]
@@ -27,7 +25,6 @@ def identity(matrix: Float[Array, "... n n axes lanes"]) -> Float[Array, "... n 
 
 
 def multiplied(left: Float[Array, "n n axes lanes"], right: Matrix) -> Matrix:
-    """The product of two small matrices, for each axis and lane."""
     total = left[:, :1] * right[:1]
     for n in range(1, len(right)):
         total = total + left[:, n : n + 1] * right[n : n + 1]
@@ -80,10 +77,7 @@ def eliminated(whole: Matrix) -> Float[Array, "n r axes lanes"]:
 
 
 def eliminate(rows: Matrix, first: int) -> Float[Array, "n r axes lanes"]:
-    """Eliminate with the first rows, move these rows to the back, and remove their columns.
-
-    `first` is the number of pivot rows.
-    """
+    """Eliminate with the `first` pivot rows, move them to the back and remove their columns."""
     if len(rows) == first:
         return reduced(rows)
     pivots = xla.materialised(lambda: reduced(rows[:first]))  # 1.09 times, trimming, 12 vehicles
@@ -105,9 +99,7 @@ def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lane
 
 
 def without(rows: Matrix, pivots: Float[Array, "k r axes lanes"]) -> Float[Array, "n r axes lanes"]:
-    """Subtract multiples of k pivot rows from rows, and remove the first k columns, which become
-    0.
-    """
+    """Subtract multiples of k pivot rows, and remove the first k columns, which become 0."""
     left = rows[:, len(pivots) :]
     for n, pivot in enumerate(pivots):
         left = left - rows[:, n : n + 1] * pivot[None]

@@ -44,7 +44,6 @@ class Digraph(NamedTuple):
 
     @property
     def none(self) -> Links:
-        """An array of slots without any link."""
         return np.zeros(self.weights.shape, bool)
 
     def only(self, links: Links) -> "Digraph":
@@ -69,10 +68,7 @@ def of_links(
     sources: Numbered,
     weights: Shaped[np.ndarray, " links"] | float = 1.0,
 ) -> Digraph:
-    """The graph of listeners, from 0, sources and weights.
-
-    Each link may appear only once. The function does not normalise the weights.
-    """
+    """The graph of listeners (from 0), sources and weights, not normalised; no link twice."""
     listeners, sources = (np.asarray(each).astype(int) for each in (listeners, sources))
     order = np.argsort(listeners * (vehicles + 1) + sources, kind="stable")
     listeners, sources = listeners[order], sources[order]
@@ -85,10 +81,7 @@ def of_links(
 def slotted(
     vehicles: int, listeners: Row, sources: Row
 ) -> tuple[Row, Row, Int[np.ndarray, "m slots"]]:
-    """Row and slot of each link, and the table of sources slot by slot.
-
-    The links must be sorted by listener.
-    """
+    """Row and slot of each link, sorted by listener, and the table of sources by slot."""
     number = np.bincount(listeners, minlength=vehicles)
     slots = np.arange(len(listeners)) - (np.cumsum(number) - number)[listeners]
     table = np.tile(np.arange(1, vehicles + 1)[:, None], (1, max(1, int(number.max()))))
@@ -169,8 +162,7 @@ def dense(graph: Digraph) -> Weights:
 def laplacian(weights: Weights) -> Float[np.ndarray, "m m"]:
     """`L = I - A` of the matrix `[a0 | A]`.
 
-    If every vehicle hears a source, L is nonsingular if and only if the navigator reaches every
-    vehicle.
+    If every vehicle hears a source, L is nonsingular iff the navigator reaches every vehicle.
     """
     return np.eye(len(weights)) - weights[:, 1:]
 
@@ -235,10 +227,7 @@ def trusted_links(graph: Digraph, trusted: Mapping[int, Iterable[int]]) -> Links
 
 
 def least(heard: Links, values: Float[np.ndarray, "m slots"], count: int | np.ndarray) -> Links:
-    """Return, for each listener, the `count` links with the least values.
-
-    The lowest slot wins among equal values.
-    """
+    """Return each listener's `count` links of least value; the lowest slot wins ties."""
     ranks = np.where(heard, values, np.inf).argsort(axis=1, kind="stable").argsort(axis=1)
     return heard & (ranks < np.reshape(count, (-1, 1)))
 

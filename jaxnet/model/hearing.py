@@ -1,5 +1,4 @@
-"""The messages that listeners receive, slot by slot, and their weighted means `Σ_j w_ij (y_j +
-a_ij)`.
+"""Messages that listeners receive, slot by slot, and their weighted means `Σ_j w_ij (y_j + a_ij)`.
 
 A listener has one slot for each source, in the order of their numbers. The number of slots is the
 greatest number of sources of any listener. An unused slot has weight 0 and contains the listener
@@ -58,10 +57,7 @@ class Hearing(NamedTuple):
     listeners: Int[Any, "slots m"]  # in each slot, the listeners of attacked links first
 
     def sent(self, sources: SentMessages) -> LinkMessages:
-        """The message of the source in each slot.
-
-        `sources` holds the messages of the navigator and of the vehicles, n = m + 1.
-        """
+        """The message of each slot's source, among those of navigator and vehicles, n = m + 1."""
         return sources.at[:, self.sources].get(mode="promise_in_bounds")
 
     def added(self, signal: SignalValues) -> LinkMessages:
@@ -119,8 +115,7 @@ class Hearing(NamedTuple):
     def slot_by_slot(
         self, weights: AxisWeights, heard: Callable[["Hearing"], Numbers]
     ) -> VehicleMeans:
-        """The weighted sum over slots of the values that `heard` gives for one slot: (2, m,
-        *lanes).
+        """Weighted sum over slots of the values that `heard` gives for one slot: (2, m, *lanes).
 
         `heard` receives a Hearing with one slot and returns an array (2, 1, m, *lanes).
         """
@@ -141,9 +136,7 @@ class Hearing(NamedTuple):
         return self.reached(weights > 0, (weights == 0).all(axis=1)).all(axis=(0, 1))
 
     def reached(self, heard: HeardLinks, reached: ReachedVehicles) -> ReachedVehicles:
-        """The vehicles that the navigator or a vehicle in `reached` reaches over the links
-        `heard`.
-        """
+        """The vehicles that the navigator or a vehicle in `reached` reaches over links `heard`."""
 
         def spread(carry: tuple[ReachedVehicles, Flags]) -> tuple[ReachedVehicles, Flags]:
             reached, _ = carry
@@ -235,10 +228,7 @@ def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "sl
 
 
 def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
-    """Values by link of a graph, (…, links), from values by slot, (…, slots, m).
-
-    The function adds the values of all identities of a source.
-    """
+    """Values by link, (…, links), from slots, (…, slots, m): the sum over a source's identities."""
     m = graph.vehicles
     listeners, each = graph.edges()
     links = listeners * (m + 1) + graph.sources[listeners, each]

@@ -20,9 +20,7 @@ class Turns(NamedTuple):
 
 
 class Periods(NamedTuple):
-    """Times from which other vehicles are attacked, with their signals and the weights from then
-    on.
-    """
+    """Times from which other vehicles are attacked; their signals and the weights from then on."""
 
     at: Float[Array, "periods *lanes"]  # [s], the first 0
     attacked: Bool[Array, "periods signals *lanes"]  # signals in force
@@ -74,9 +72,7 @@ class Lane(NamedTuple):
 
     @property
     def lossy(self) -> bool:
-        """Whether a source may be unheard at a tick: a message is lost or late, or networks take
-        turns.
-        """
+        """Whether a source may be unheard at a tick: by loss, lateness or networks in turn."""
         return self.loss is not None or self.turns is not None or self.delay is not None
 
     @property
@@ -110,9 +106,7 @@ class Lane(NamedTuple):
         return found
 
     def basis(self, time: Numbers) -> Basis:
-        """The attacks' functions at times [s], with derivatives up to the vehicles' order at
-        least.
-        """
+        """The attacks' functions at times [s] and their derivatives, at least up to the order."""
         return up_to(len(self.gain), self.signal.basis, time)
 
     def path(self, time: Numbers) -> Float[Array, "derivatives 2 ..."]:

@@ -1,7 +1,6 @@
 """Patterns of links between vehicles: entry (i, j) says whether vehicle i + 1 hears vehicle j + 1.
 
-The patterns are sparse SciPy arrays. Only `small_world` returns a dense array, because it rewires
-links.
+Patterns are sparse SciPy arrays. Only `small_world` returns a dense one: it rewires links.
 """
 
 from collections.abc import Iterable
@@ -39,10 +38,7 @@ def lattice(vehicles: int, neighbours: int) -> Neighbours:
 
 
 def grid(rows: int, columns: int, torus: bool) -> Neighbours:
-    """The pattern of a grid with vehicles numbered row by row.
-
-    In a torus, the first and the last vehicle of each line also hear each other.
-    """
+    """A grid's pattern, numbered row by row; in a torus the ends of each line hear each other."""
     place = np.arange(rows * columns).reshape(rows, columns)
     pairs = []
     for lines in (place, place.T):
@@ -76,8 +72,7 @@ def small_world(
 def drawn_regular(vehicles: int, degree: int, random: np.random.Generator) -> Neighbours:
     """The pattern of a random regular graph, drawn by random pairing of free link ends.
 
-    The distribution is nearly uniform. Source: Steger and Wormald, Generating random regular graphs
-    quickly, 1999.
+    Nearly uniform. Source: Steger and Wormald, Generating random regular graphs quickly, 1999.
     """
     while True:
         pairs: set[tuple[int, int]] = set()

@@ -20,7 +20,6 @@ def cross(a: PlaneArray, b: PlaneArray) -> Numbers:
 
 
 def length(vectors: Numbers) -> Numbers:
-    """The Euclidean length of vectors with any number of components."""
     squares = vectors[0] ** 2
     for component in vectors[1:]:
         squares = squares + component**2
@@ -44,10 +43,7 @@ def replaced(vehicles: Flags, jets: OrderedJets, others: OrderedJets) -> Jets:
 
 
 def pace(jets: OrderedJets) -> tuple[Numbers, Numbers]:
-    """Speed [m/s] and turn rate [rad/s] of forward motion along the jets of a path.
-
-    The turn rate is undefined at rest.
-    """
+    """Speed [m/s] and turn rate [rad/s] (undefined at rest) of forward motion along jets."""
     _, velocity, acceleration = jets
     square = dot(velocity, velocity)
     return square.__array_namespace__().sqrt(square), cross(velocity, acceleration) / square

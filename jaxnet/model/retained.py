@@ -15,8 +15,7 @@ from jaxnet.model.shapes import Flags, RetainedSlots
 
 
 class DropPolicy(NamedTuple):
-    """The links that a defence may drop, for the theory: each vehicle drops a fixed number of
-    certain links.
+    """Links that a defence may drop, for the theory: each vehicle drops a fixed number of these.
 
     The dropped links may change at every tick. The vehicle always retains its other links.
     """
@@ -47,10 +46,7 @@ def everybody(graph: Digraph) -> DropPolicy:
 def any_untrusted(
     graph: Digraph, trusted: Links, number: int | Int[np.ndarray, " m"]
 ) -> DropPolicy:
-    """The policy of a defence that drops `number` untrusted sources of each vehicle.
-
-    A vehicle with fewer untrusted sources drops all of them.
-    """
+    """Policy of a defence that drops `number` untrusted sources of a vehicle, or all if fewer."""
     links = graph.heard & ~trusted
     return DropPolicy(graph, links, np.minimum(number, links.sum(axis=1)))
 
@@ -71,7 +67,6 @@ def in_force(weights: SlotWeights, decision: RetainedSlots) -> AxisWeights:
 
 
 def changed(decision: RetainedSlots, before: RetainedSlots) -> Flags:
-    """The vehicles with a decision that differs from the previous decision."""
     apart = decision != before
     return apart.any(axis=tuple(range(apart.ndim - 2)))
 

@@ -26,8 +26,7 @@ SLOWEST = 1e-3  # least contraction that is reported
 class Safe(NamedTuple):
     """Vehicles that converge to the navigator, and the reason in a few words.
 
-    A reason with `consistent` holds only if attacked links announce what they carry (assumption
-    B1).
+    A reason with `consistent` holds only if attacked links announce what they carry (B1).
     """
 
     why: str

@@ -108,8 +108,7 @@ def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> 
     """Return `function(time)`, a path or functions with derivatives in the first axis, up to this
     order, or up to the third if that is higher.
 
-    A kind gives three derivatives at least. JAX differentiates the last one for vehicles of a
-    higher order.
+    A kind gives at least three derivatives. JAX differentiates the last one for higher orders.
     """
     found, rows = function(time), max(order + 1, len(ORDERS))
     if len(found) >= rows:

@@ -1,5 +1,4 @@
-"""The strength of a row of weights: how strongly a vehicle follows those it hears, under a local
-law.
+"""Strength of a row of weights: how strongly a vehicle follows those it hears, under a local law.
 
 A vehicle follows the mean of those it retains, `q_i = s_i (a0 y_0^(r) - P(ε_i))`. The strength s_i
 is 1 unless the network says otherwise. Let S be the share of the row's weights that the vehicle
@@ -37,7 +36,6 @@ class WeightsAsTheyAre(NamedTuple):
     total: Numbers  # Σ_j w_ij, (m, lanes)
 
     def of(self, retained: RowShares) -> RowShares:
-        """The strength of rows of which this share of the weights is retained."""
         return self.total[None] * retained
 
 

@@ -1,7 +1,6 @@
 """Comparisons that rounding does not decide: numbers within a relative 1e-12 count as equal.
 
-A rule that breaks ties by number therefore makes equal choices on every machine, whatever the last
-bits are.
+A rule that breaks ties by number then chooses alike on every machine, whatever the last bits.
 """
 
 from jaxnet.model.shapes import Flags, Numbers

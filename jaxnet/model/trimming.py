@@ -1,6 +1,4 @@
-"""Scores of received messages, and removal of the greatest scores, slot by slot (paper, section
-5.1).
-"""
+"""Scores of received messages; removal of the greatest, slot by slot (paper, section 5.1)."""
 
 import jax
 import jax.numpy as jnp
@@ -30,8 +28,7 @@ def deviation(
     shares: Float[Array, "most m lanes"],
     references: Int[Array, "most m"],
 ) -> Scores:
-    """`Δ_ik`, the mean distance between the message of source k and the trusted messages at
-    listener i.
+    """`Δ_ik`, the mean distance of source k's message to the trusted messages at listener i.
 
     The score is 0 without trusted references. The first axis of `received` has the components of a
     position [m], or more components.

@@ -20,10 +20,7 @@ Tree = TypeVar("Tree", bound=Any)
 
 
 def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
-    """The result of `work` on CPUs, and the result of `elsewhere` on accelerators.
-
-    Both functions must compute the same value.
-    """
+    """Result of `work` on CPUs, of `elsewhere` on accelerators; both must give the same value."""
     device = jax.config.values["jax_default_device"] or jax.devices()[0]  # the target of the trace
     platform = getattr(
         device, "platform", device

@@ -89,27 +89,11 @@ def number_nodes(
 ) -> NumberedNetwork:
     """Number the nodes of a network: the navigator is 0, vehicles are 1 … m in the nodes' order.
 
-    Parameters
-    ----------
-    network
-        Nodes and links.
-    direction
-        Meaning of a link (a, b): "hears", a hears b; "tells", a tells b.
-    first
-        Number of the first node, if nodes are numbers.
-    leader
-        Label of the navigator. Default: the node `first`, or a node called 0, navigator or leader.
-    names
-        Names of the vehicles in place of the labels.
-    leads
-        Whether a node is the navigator; otherwise every node is a vehicle.
-
-    Raises
-    ------
-    KindError
-        If no node is the navigator, if nodes are numbered with gaps, if the navigator hears a
-        vehicle that does not hear the navigator, or if something names the navigator of a network
-        without one.
+    A link (a, b) means that a `hears` or `tells` b. `first` is the number of the first node, if
+    nodes are numbers. The navigator has the label `leader`, by default `first`, 0, navigator or
+    leader; unless `leads`, every node is a vehicle. `names` of vehicles replace the labels. Raises
+    KindError if no node is the navigator, if nodes are numbered with gaps, if the navigator hears a
+    vehicle that does not hear it, or if something names the navigator of a network without one.
     """
     labels = list(network.nodes or dict.fromkeys(end for *ends, _ in network.links for end in ends))
     if not network.links:

@@ -15,19 +15,10 @@ LAPLACIAN_ROUNDING = 1e-9  # of the greatest entry: how far from 0 a row of a La
 def matrix_network(given: GivenMatrix, first: int = 0) -> NamedNetwork:
     """Return the network of a matrix; entry (i, j) is the weight with which node i hears node j.
 
-    Parameters
-    ----------
-    given
-        A matrix (n, n) of n nodes, of which one may be the navigator, or [a0 | A], (m, m + 1),
-        whose column 0 is the navigator. A square matrix with a negative entry is a Laplacian: its
-        weights are −l_ij, j ≠ i.
-    first
-        Number of the first node of a square matrix.
-
-    Raises
-    ------
-    KindError
-        If the shape or an entry is another, or if a node has no edge.
+    A matrix is (n, n), and one of its nodes, numbered from `first`, may be the navigator; or it is
+    [a0 | A], (m, m + 1), whose column 0 is the navigator. A square matrix with a negative entry is
+    a Laplacian: its weights are −l_ij, j ≠ i. Raises KindError for another shape or entry, and for
+    a node without an edge.
     """
     shape: tuple[int, ...] = given.shape or ()
     if len(shape) != 2 or shape[1] - shape[0] not in (0, 1):

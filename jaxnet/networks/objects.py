@@ -17,10 +17,7 @@ if TYPE_CHECKING:
 
 
 def object_network(value: object, first: int = 0) -> NamedNetwork | None:
-    """Return the network that a graph of networkx or a matrix means, None for another object.
-
-    Raises KindError if the object means no network.
-    """
+    """Return the network of networkx's graph or a matrix, None for others; raises KindError."""
     if any(each.__module__.startswith("networkx.") for each in type(value).__mro__):
         return networkx_network(value)  # pyright: ignore[reportArgumentType]
     if sparse.issparse(value):
@@ -35,19 +32,9 @@ def networkx_network(
 ) -> NamedNetwork:
     """Return the network of a networkx graph; an undirected edge is a link in both directions.
 
-    Parameters
-    ----------
-    network
-        A graph; nodes are numbers, or their labels are names.
-    unread
-        Attributes of edges that count for nothing.
-    weight
-        Weight of an edge without one.
-
-    Raises
-    ------
-    KindError
-        For another attribute of an edge, for a node without edge, and for two nodes with one name.
+    Nodes are numbers, or their labels are names. An edge without a weight has `weight`; attributes
+    of edges that are `unread` count for nothing. Raises KindError for another attribute of an edge,
+    a node without an edge, and two nodes with one name.
     """
     labels = {node: label_of(node) for node in network.nodes}
     if len({*labels.values()}) < len(labels):

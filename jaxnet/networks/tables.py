@@ -104,8 +104,7 @@ def is_header(rows: Sequence[TableRow]) -> bool:
 def matrix_of_rows(rows: Sequence[TableRow]) -> np.ndarray | None:
     """Return the rows as a matrix, None if they are a list of edges.
 
-    Three columns are a list of edges unless the third, its weights, has a 0, and the diagonal has
-    zeros only.
+    Three columns are edges unless the third, their weights, has a 0 and the diagonal only zeros.
     """
     width, height = len(rows[0][1]) if rows else 0, len(rows)
     if width - height not in (0, 1) or any(len(fields) != width for _, fields, _ in rows):

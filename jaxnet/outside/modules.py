@@ -205,8 +205,7 @@ def import_beside(
 def is_neighbour(held: ModuleFolder, top: str) -> bool:
     """Whether an import of this name means a file of the folder.
 
-    Modules of Python and of installed packages take precedence, except over a name that the config
-    uses.
+    Modules of Python and installed packages take precedence, but not over names the config uses.
     """
     folder = top.isidentifier() and (held.folder / top).is_dir()
     if file_of(held.folder, top) is None and not folder:

@@ -339,9 +339,6 @@ async def get_ready(dask_worker: "distributed.Worker") -> None:
 
 
 async def dask_setup(worker: "distributed.Worker") -> None:
-    """Prepare a local worker as it starts, and leave Ctrl-C to the client.
-
-    The system sends Ctrl-C to the whole process group.
-    """
+    """Prepare a local worker at its start; it ignores Ctrl-C, which reaches the whole group."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     await get_ready(worker)

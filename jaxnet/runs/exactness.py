@@ -35,8 +35,7 @@ def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> bat
 def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
     """Greatest distance [m] of each lane from the solution (theorems.md O1 and O2).
 
-    The maximum is over ticks and vehicles. The lanes come from `lanes_at_ticks`. Failed lanes have
-    not-a-number.
+    The maximum is over ticks and vehicles of `lanes_at_ticks`. Failed lanes have not-a-number.
     """
     outcome = batch.simulate(lanes)
     with jax.enable_x64(True):

@@ -95,10 +95,7 @@ class Run:
         return self.finish(samples, simulated)
 
     def need_room(self, lanes: int) -> None:
-        """Raise FolderError if the disk has no room for so many lanes, before anything is made.
-
-        Each file of rows counts as a full shard.
-        """
+        """Raise FolderError if lanes do not fit the disk; each row file counts as a full shard."""
         there = sum(1 for _ in self.folder.path.glob("lanes/*.parquet")) * self.size
         self.folder.need(layout.disk_bytes(self.study, self.cells, max(0, lanes - there)))
 

@@ -202,8 +202,7 @@ def write_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) 
 def find_done(work: Assignment, shard: Shard) -> Done | None:
     """Report on a shard if its rows and arrays are in the folder, else return None.
 
-    A torn shard is removed with a warning. Arrays in a file beside the rows are moved into the
-    stores.
+    A torn shard is removed with a warning. Arrays beside the rows are moved into the stores.
     """
     path = work.folder.path / rows.row_file(shard.number)
     try:

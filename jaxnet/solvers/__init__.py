@@ -1,5 +1,4 @@
-"""Solvers of `L x = b`, where `L = I - A` holds the weights in force. `choice` picks one for a
-graph.
+"""Solvers of `L x = b`, `L = I - A` with the weights in force. `choice` picks one for a graph.
 
 L is a row diagonally dominant M-matrix. Elimination therefore needs no pivot search. Retained
 sources are a subset of the sources that a vehicle hears. One solver therefore serves all lanes and

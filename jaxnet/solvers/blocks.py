@@ -47,7 +47,6 @@ class Blocks(Solver[BlockFactors]):
     def solve(
         self, hearing: Hearing, weights: AxisWeights, right: Columns
     ) -> tuple[Columns, Residual]:
-        """Solve for several columns b, and return the solution and the residual of `L⁻¹ a0 = 1`."""
         before, own, after, navigator = self.blocks_of(hearing, weights)
         whole = jnp.concatenate([self.in_blocks(right), navigator], axis=2)
         solution = self.by_vehicle(from_block_to_block(before, own, after, whole))
@@ -72,7 +71,6 @@ class Blocks(Solver[BlockFactors]):
     def apply(
         self, hearing: Hearing, factors: BlockFactors, right: PlaneVector, start: PlaneVector | None
     ) -> PlaneVector:
-        """`L⁻¹` times one vector on each axis."""
         found = through(factors, self.in_blocks(right.swapaxes(0, 1)).swapaxes(1, 2))
         return self.by_vehicle(found.swapaxes(1, 2)).swapaxes(0, 1)
 

@@ -63,8 +63,7 @@ def choose_solver(sources: Sources) -> Choice:
 def near_each_other(sources: Sources) -> tuple[np.ndarray, np.ndarray, int]:
     """The vehicles in reverse Cuthill–McKee order, the place of each vehicle, and the bandwidth.
 
-    The bandwidth is the greatest distance in that order between a listener and its source, at least
-    2.
+    The bandwidth is the greatest distance in that order of a listener and its source, at least 2.
     """
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -145,7 +144,6 @@ def page() -> str:
 
 
 def row(name: str, m: int) -> str:
-    """The row of one graph and size."""
     listeners, heard = sparse.csr_array(GRAPHS[name](m)).nonzero()
     solver, why = choose_solver(slotted(m, listeners, heard + 1)[2].T)
     cells = (

@@ -63,7 +63,6 @@ class Dense(Solver[InverseColumns]):
     def solve(
         self, hearing: Hearing, weights: AxisWeights, right: Columns
     ) -> tuple[Columns, Residual]:
-        """Solve for several columns b, and return the solution and the residual of `L⁻¹ a0 = 1`."""
         n, m, columns = len(self.coupled.vehicles), *right.shape[:2]
         heard, place = hearing.carried_sources, jnp.asarray(self.place)
         sources = jnp.where(heard > 0, place[heard - 1], m)  # by place; m: the navigator
@@ -122,7 +121,6 @@ class Dense(Solver[InverseColumns]):
         right: PlaneVector,
         start: PlaneVector | None,
     ) -> PlaneVector:
-        """`L⁻¹` times one vector on each axis."""
         return product(factors, right)
 
 
@@ -141,9 +139,7 @@ def link_of(part: FleetPart, number: LoopIndex) -> tuple[LoopIndex, LoopIndex]:
 
 
 def deaf_to_each_other(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, " k"]:
-    """Vehicles that hear none of each other, chosen one by one, each with as few links as
-    possible.
-    """
+    """Vehicles that hear none of each other, chosen in turn, each with the fewest links."""
     m = sources.shape[1]
     linked = np.zeros((m, m + 1), bool)
     linked[np.arange(m)[None], sources] = True

@@ -84,8 +84,7 @@ def iterated(
 def stabilised(
     times: Map, x: Unknowns, left: Unknowns, shadow: Unknowns, going: Going, allowed: Allowance
 ) -> Unknowns:
-    """Run BiCGSTAB from x in the columns marked `going`, until `allowed` admits the estimated
-    residual.
+    """Run BiCGSTAB from x in the columns `going`, until `allowed` admits the estimated residual.
 
     `left` is the residual of x, and `shadow` is the shadow vector.
     """

@@ -53,7 +53,6 @@ class Iterative(Solver[Bounded]):
     def apply(
         self, hearing: Hearing, factors: Bounded, right: PlaneVector, start: PlaneVector | None
     ) -> PlaneVector:
-        """`L⁻¹` times one vector on each axis. `start` is the initial guess, None for 0."""
         columns, guess = (
             jnp.moveaxis(each.reshape(len(factors.weights), -1, *each.shape[1:]), 2, 0).swapaxes(
                 1, 2

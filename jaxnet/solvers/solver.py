@@ -27,9 +27,7 @@ class System(NamedTuple):
 
 
 class Solver(ABC, Generic[Factors]):
-    """A way to solve `L x = b`. The arrays of a solver are leaves of a pytree; its type is the
-    choice.
-    """
+    """A way to solve `L x = b`: arrays are leaves of a pytree, and its type is the choice."""
 
     starts: ClassVar[bool] = False  # whether `apply` uses an initial guess
 
@@ -41,9 +39,7 @@ class Solver(ABC, Generic[Factors]):
 
     @abstractmethod
     def factorise(self, hearing: Hearing, weights: AxisWeights) -> tuple[Factors, Residual]:
-        """Factorise L for repeated solves, and return the factors and the residual of `L⁻¹ a0 =
-        1`.
-        """
+        """Factorise L for repeated solves; return factors and the residual of `L⁻¹ a0 = 1`."""
 
     @abstractmethod
     def apply(

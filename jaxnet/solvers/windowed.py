@@ -43,8 +43,7 @@ class Windowed(Blocks):
     def update(
         self, system: System, x: ByFunction, flagged: SolvedLanes, changed: SolvedVehicles
     ) -> tuple[ByFunction, SolvedLanes]:
-        """Update x near the changed vehicles of flagged lanes, and return x and the flagged lanes
-        left.
+        """Update x near the changed vehicles of flagged lanes; return x and the flagged lanes left.
 
         The windows of a lane do not depend on other lanes. A lane is left in three cases: too many
         of its vehicles changed, a vehicle does not hear the navigator, or the effect of a change
@@ -85,11 +84,9 @@ class Windowed(Blocks):
     def correct(
         self, system: System, x: ByFunction, lanes: WindowNumbers, starts: WindowNumbers
     ) -> tuple[ByFunction, Float[Array, "2 few"]]:
-        """Correct the solution in one window of each given lane; `starts` are the windows' first
-        blocks.
+        """Correct the solution in a window of each given lane; `starts` are windows' first blocks.
 
-        Return the solution, and the greatest correction in the first and in the last block of each
-        window.
+        Return the solution, and the greatest correction in each window's first and last block.
         """
         size, functions = self.vehicles.shape[1], len(x)
         vehicles, carried_sources, weights, left = jax.vmap(
@@ -154,8 +151,7 @@ def window_starts(
 ) -> tuple[Int[Array, "windows lanes"], Bool[Array, "windows lanes"]]:
     """The first block of each of a lane's windows, and which windows are needed.
 
-    A window has its first flagged block in the middle where possible. At least one block separates
-    two windows.
+    The first flagged block is in a window's middle if possible; a block or more separates windows.
     """
     blocks, free = len(flagged), jnp.zeros(flagged.shape[1:], int)
     numbers, found, needed = jnp.arange(blocks)[:, None], [], []

@@ -36,28 +36,12 @@ def choose_axes(
     panel: str | Iterable[str] | None = None,
     most_hues: int = MOST_HUES,
 ) -> Axes:
-    """Choose the axes on which these cells lie apart.
+    """Choose the axes on which these cells lie apart: swept keys, with the names of the config.
 
-    Parameters
-    ----------
-    cells
-        Cells to draw.
-    x, hue, panel
-        Swept keys; None lets this function choose. The key of most numbers comes on x, the last if
-        several have as many. Kinds come first in colours. All keys that are left come into panels,
-        after those named.
-    most_hues
-        Greatest number of values of a hue.
-
-    Returns
-    -------
-    Axes
-        The chosen keys, with the names that the study's config gives them.
-
-    Raises
-    ------
-    FolderError
-        A key is not swept or is named twice, or a hue has too many values.
+    Where a key is None, this function chooses. The key of most numbers comes on x, the last if
+    several have as many. Kinds come first in colours, of at most `most_hues` values. All keys that
+    are left come into panels, after those named. Raises FolderError if a key is not swept or is
+    named twice, or if a hue has too many values.
     """
     values = swept_values_of(cells)
     given = [panel] if isinstance(panel, str) else list(panel or ())

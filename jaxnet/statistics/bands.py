@@ -1,6 +1,4 @@
-"""Bands of ẽ(t): quantiles of the mean error of the fleet over lanes; of the spread without a
-navigator.
-"""
+"""Bands of ẽ(t): quantiles over lanes of the fleet's mean error, or of the leaderless spread."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -31,8 +29,7 @@ class Band(NamedTuple):
 
 
 def error_band(stored: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
-    """Return the 5 % quantile, median, 95 % quantile and maximum over samples; None if no lane is
-    ok.
+    """The 5 % quantile, median, 95 % quantile and maximum over samples; None if no lane is ok.
 
     The band has at most `most` instants.
     """
@@ -56,10 +53,7 @@ def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, B
 
 
 def error_bands(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
-    """Return the bands of these cells, by number of the cell.
-
-    More cells have fewer instants each, but at least FEWEST_TIMES.
-    """
+    """Return bands by cell; more cells have fewer instants each, FEWEST_TIMES at least."""
     stored = results.errors[variable_over_time(cells)]
     most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
     found = {cell.number: error_band(stored, cell, most) for cell in cells}

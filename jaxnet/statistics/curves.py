@@ -1,7 +1,6 @@
 """Data of the figures and the page: δ̂(ā) with bounds and fits, and the share unrecovered.
 
-`jaxnet fit` writes `bounds.csv` and `fit.csv`. Without these files the data has no bounds and no
-fits.
+`jaxnet fit` writes `bounds.csv` and `fit.csv`. Without these the data has no bounds or fits.
 """
 
 from collections import Counter

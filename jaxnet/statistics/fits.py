@@ -72,8 +72,7 @@ FitRow = dict[str, object]
 
 
 def fit_table(results: Results, progress: Steps = no_progress) -> pd.DataFrame:
-    """Return `fit.csv`: a row per group, metric, model, quantile (none: least squares) and
-    parameter.
+    """`fit.csv`: a row per group, metric, model, quantile (none: least squares) and parameter.
 
     Models with more parameters than a group has magnitudes are left out. Raises FolderError if no
     cell has an attack with ā > 0 that is fixed or swept.

@@ -77,14 +77,7 @@ def mean_interval(
 ) -> Ends:
     """Student's interval of the mean of lanes; not-a-number where `is_near_normal` denies it.
 
-    Parameters
-    ----------
-    values
-        The numbers of the lanes.
-    confidence
-        Probability with which the interval holds the mean.
-    units
-        The independent unit of each lane; None if the lanes are independent.
+    `units` are the independent units of the lanes, None if the lanes are independent.
     """
     if not is_near_normal(values):
         return UNKNOWN
@@ -111,9 +104,7 @@ def are_alike(values: Values) -> bool:
 
 
 def student_interval(sums: Values, counts: Values, confidence: float) -> Ends:
-    """Student's interval of the mean of all numbers, from independent sums of `counts` numbers
-    each.
-    """
+    """Student's interval of the mean of all numbers, from independent sums of `counts` each."""
     units, size = len(sums), np.abs(sums).max()
     mean = (sums / size).sum() / counts.sum()
     squares = np.square(sums / size - mean * counts).sum() * units / (units - 1)

@@ -105,8 +105,7 @@ def unchecked_words(cells: Sequence[Cell]) -> str:
 
 
 def violations_table(results: Results) -> pd.DataFrame:
-    """Return the ok lanes whose tail_max exceeds a valid bound, each with the command that replays
-    the lane.
+    """Ok lanes whose tail_max exceeds a valid bound, each with the command that replays the lane.
 
     The limit is the greatest over vehicles and the tail's output times. It includes 1e-9 of itself
     and the engine's `accuracy`; tolerances coarser than the defaults may exceed that. The static
@@ -181,10 +180,7 @@ def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
 
 
 def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
-    """Return the valid bounds, each with the response G at which its transient starts.
-
-    G is 0 where kept sets may switch.
-    """
+    """Return valid bounds with the G at which transients start: 0 where kept sets may switch."""
     reach, known = scenario_gain(scenario), situation_of(scenario)
     assert reach is not None
     gain = np.array(scenario.gain)

@@ -49,8 +49,7 @@ VALUE_COLUMNS = ["value", "low", "high"]
 class Quantity(NamedTuple):
     """A number of each cell with an interval, and its words.
 
-    `values` has the columns value, low and high by number of the cell; an end that is not known is
-    not-a-number.
+    `values` has the columns value, low and high by cell; an end that is not known is not-a-number.
     """
 
     name: str
@@ -126,27 +125,11 @@ def known_quantities(study: Config) -> list[str]:
 
 
 def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
-    """Return a quantity of each of these cells.
+    """Return a quantity of each cell: shares in percent, metrics in their unit, with intervals.
 
-    Parameters
-    ----------
-    results
-        Results of a finished run.
-    cells
-        Cells of the study.
-    name
-        `unrecovered`, `failed`, `in_hull`, a metric (its median over the lanes that ended), or
-        METRIC_STATISTIC with a statistic of median, mean, q05, q95 and max.
-
-    Returns
-    -------
-    Quantity
-        Shares in percent, metrics in their unit, each with its interval.
-
-    Raises
-    ------
-    FolderError
-        The name is unknown.
+    The name is `unrecovered`, `failed`, `in_hull`, a metric (its median over the lanes that ended),
+    or METRIC_STATISTIC with a statistic of median, mean, q05, q95 and max. Raises FolderError for
+    another name.
     """
     study = results.study.config
     table: pd.DataFrame = results.cells.loc[[cell.number for cell in cells]]

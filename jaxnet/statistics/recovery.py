@@ -123,8 +123,7 @@ def confidence_told(samples: int | Sequential) -> float:
 def half_intervals(
     counts: RecoveryCounts, cells: Sequence[Cell], samples: Sequence[int], criterion: Criterion
 ) -> Float[np.ndarray, " cells"]:
-    """Half of each cell's interval, for the study's stopping rule; `samples` are those of the
-    cells.
+    """Half of each cell's interval, for the study's stopping rule; `samples` are the cells'.
 
     The half is 0 for a cell without an attack or without a lane that ended.
     """

@@ -109,8 +109,7 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
 def tile_text(metric: str, value: float, whole: bool = False) -> str:
     """A value with few digits, halves rounded up; a `whole` share has the four digits of tables.
 
-    A share over 50 % has two digits of its distance from 100 %, so that only a share of all lanes
-    reads 100 %.
+    A share over 50 % has two digits of its distance from 100 %: only all lanes read 100 %.
     """
     if metric != "unrecovered":
         if value >= 0.1:

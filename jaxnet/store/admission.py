@@ -60,8 +60,7 @@ def claim(folder: Folder, config: Config) -> None:
 def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
     """Mark a folder as holding what is made of the rows of a manifest, with a config's settings.
 
-    Raises FolderError if the folder holds files made of other rows or settings, or cannot be
-    written.
+    Raises FolderError if it holds files of other rows or settings, or cannot be written.
     """
     folder.refuse_strange()
     entries = ("hash", "samples", "cell_samples")

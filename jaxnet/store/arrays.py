@@ -5,8 +5,7 @@ write replaces whole chunks and touches no other shard. Each chunk ends with its
 shard's row file has a copy of the checksum, which reveals a foreign chunk. In a store of chosen
 lanes, as in `replays/`, each chunk is a lane's, and the attribute `checksums` has the copies.
 
-xarray and zarr are imported at their first use, so that studies without arrays do not wait for
-them.
+xarray and zarr are imported at their first use: studies without arrays do not wait for them.
 """
 
 import uuid
@@ -139,7 +138,6 @@ def lanes_in(data: "xarray.Dataset") -> Iterator[tuple[int, int]]:
 
 
 def lane_in(data: "xarray.Dataset", cell: int, sample: int) -> "xarray.Dataset | None":
-    """A lane in a store of trajectories; None if the store has no such lane."""
     if "lane" not in data.dims:
         return data.sel(cell=cell, sample=sample) if sample in data["sample"] else None
     mine = (data["cell"].values == cell) & (data["sample"].values == sample)
@@ -229,10 +227,7 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
 def series_values(
     variables: Variables, series: NamedArrays, states: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Values of these arrays of an engine's series; `states` are the names of the states.
-
-    Headings are in (-π, π].
-    """
+    """Values of an engine's series; `states` names the states. Headings are in (-π, π]."""
     values = {name: series[variable.series] for name, variable in variables.items()}
     if "states" in values and "heading" in states:
         values["states"], heading = values["states"].copy(), states.index("heading")
@@ -244,8 +239,7 @@ def series_values(
 def write_chunks(group: "zarr.Group", place: tuple[int | slice, ...], values: NamedArrays) -> None:
     """Write values at a place along the first dimensions.
 
-    Chunks are written whole, since an existing chunk may be torn, and also chunks of fill values
-    alone.
+    Chunks are written whole, since existing ones may be torn, and also those of fill values alone.
     """
     for name, each in values.items():
         array = array_in(group, name).with_config({"write_empty_chunks": True})

@@ -138,8 +138,7 @@ def unhashed(config: Config) -> tuple[str, ...]:
 def digest(config: Config, modules: Mapping[str, tuple[str, str | None]] | None = None) -> str:
     """Hash of all that changes rows: the config, and the modules of kinds from outside.
 
-    `modules` are the hash and the version of each module, by default of the modules as they are
-    now.
+    `modules` are the hash and version of each module, by default of the modules as now.
     """
     data = to_plain(config)
     kept = {key: value for key, value in data.items() if key not in unhashed(config)}

@@ -46,10 +46,7 @@ class HeldError(Exception):
 
 
 class Hold(NamedTuple):
-    """A lock as its holder knows it: the file, and the token that must be in it.
-
-    Without a token there must be no lock.
-    """
+    """A lock as its holder knows it: a file and the token in it, or no token and no lock."""
 
     file: UPath
     token: str

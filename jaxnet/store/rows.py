@@ -1,7 +1,6 @@
 """Rows, one a lane: a file `lanes/NNNNN.parquet` a shard, with a stamp that describes the file.
 
-A reader trusts no file. A truncated file, a page's wrong checksum, or lanes of another study are
-errors.
+A reader trusts no file. Truncation, a page's wrong checksum, or lanes of another study raise.
 """
 
 import contextlib

@@ -1,4 +1,1 @@
-"""Results without simulation: certificates, bounds and the exact solution.
-
-This folder depends on `jaxnet.model` alone.
-"""
+"""Results without simulation: certificates, bounds, exact solutions; needs `jaxnet.model` alone."""

@@ -31,7 +31,6 @@ class Certificate(NamedTuple):
 
 
 def certify(network: Digraph, attacked: Links) -> Certificate:
-    """Certificate of a graph with attacked links."""
     honest = network.heard & ~attacked
     lost = graph.unreachable(network)
     norm = np.inf if lost else None
@@ -133,10 +132,7 @@ class Margin(NamedTuple):
 
 
 def margin(safe: Callable[[list[int]], Vehicles], attacked: Sequence[int], vehicles: int) -> Margin:
-    """Margin by brute force.
-
-    `safe(attacked)` returns the safe vehicles. It is monotone: more attacked, fewer safe vehicles.
-    """
+    """Margin by brute force; `safe(attacked)` is monotone: more attacked, fewer safe vehicles."""
     sets: list[list[tuple[int, ...]]] = [[] for _ in range(vehicles)]
     further = np.where(safe([*attacked]), MOST_TRIED + 1, 0)
     for few in small_sets(attacked, 0):

@@ -1,6 +1,4 @@
-"""Late messages: how far behind a fleet ends, and the delay up to which it is stable (theorems.md
-O16).
-"""
+"""Late messages: how far a fleet lags, and up to which delay it is stable (theorems.md O16)."""
 
 import math
 from typing import Any
@@ -30,8 +28,7 @@ def word_factors(
 ) -> Float[np.ndarray, " factors"]:
     """Factors of y, ẏ, …, y^(r) in a word that is late by `delay` [s].
 
-    They are those of R, or of R after the delay by Taylor. Under a `local` law vehicles do not tell
-    y^(r).
+    They are those of R, or of R after the delay by Taylor. Under a `local` law y^(r) is not told.
     """
     order = len(gain)
     powers = [
@@ -86,9 +83,7 @@ def greatest_delay(case: Case) -> float | None:
 
 
 def growth_when_late(case: Case) -> float | None:
-    """Growth of deviations at each tick under a law that holds a derivative and hears late
-    messages.
-    """
+    """Growth of deviations per tick under a law that holds a derivative and hears late messages."""
     scenario, law, channel = case.scenario, case.scenario.law, case.scenario.channel
     rows, leads = case.situation.graph.weights.T[None], scenario.navigator.present
     known = channel.late and law.needs_ticks() and (law.gives_demand() or law.iterates())

@@ -30,8 +30,7 @@ def lyapunov_matrix(gain: PlaneGains, Q: Weight | None = None) -> Weight:
 
 
 def decay_constants(gain: PlaneGains) -> tuple[float, float]:
-    """Constants c₁ and c₂ [1/s] of the paper's Lemma 1, `‖η(t)‖ ≤ c₁ e^(-c₂ t) ‖η(0)‖` without
-    attack.
+    """Constants c₁ and c₂ [1/s] of the paper's Lemma 1, `‖η(t)‖ ≤ c₁ e^(-c₂ t) ‖η(0)‖` unattacked.
 
     `V = η'Pη` with Q = 1 falls at the rate 1/λ_max(P) at least, and `λ_min ‖η‖² ≤ V ≤ λ_max ‖η‖²`.
     """

@@ -117,10 +117,7 @@ def degree_bracket(heard: Heard) -> RobustnessBracket:
 
 
 def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> RobustnessBracket:
-    """Bounds on the greatest r by the minimisation of r, from known bounds.
-
-    Each node of a set hears at most r nodes outside its set.
-    """
+    """Bounds on the greatest r by minimising r: a set's nodes hear at most r nodes outside."""
     n, degrees = len(heard), heard.sum(axis=1)
     slack = np.maximum(
         degrees - known.low, 0

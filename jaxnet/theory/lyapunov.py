@@ -80,7 +80,6 @@ def weight_matrix(place: Float[Array, " entries"], order: int) -> Float[Array, "
 
 
 def log_constant(place: Float[Array, " entries"], matrix: Float[Array, "r r"]) -> Float[Array, ""]:
-    """Logarithm of the corrected constant."""
     order = len(matrix)
     Q, one = weight_matrix(place, order), jnp.eye(order)
     equation = jnp.kron(matrix.T, one) + jnp.kron(one, matrix.T)

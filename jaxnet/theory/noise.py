@@ -1,6 +1,4 @@
-"""Steady covariance of the errors E under noise that is drawn at ticks and held (theorems.md O13,
-O15).
-"""
+"""Steady covariance of E under noise that is drawn at ticks and held (theorems.md O13, O15)."""
 
 from collections.abc import Callable, Sequence
 
@@ -16,18 +14,10 @@ from jaxnet.theory.theorem import Case, Theorem
 
 
 def held_variance(gain: Sequence[float], interval: float, correlation: float = 0.0) -> float:
-    """Var E of a drive with variance 1 that is drawn at ticks and held.
+    """Var E of a drive with variance 1 that is drawn at ticks, `interval` [s] apart, and held.
 
-    The state is E with its derivatives and the drive: `Σ = F Σ F' + Q`.
-
-    Parameters
-    ----------
-    gain
-        k0, k1, …
-    interval
-        Time from tick to tick [s].
-    correlation
-        Time in which the correlation of drives falls to 1/e [s]; 0 for independent drives.
+    The state is E with its derivatives and the drive: `Σ = F Σ F' + Q`. The correlation of drives
+    falls to 1/e in the time `correlation` [s], 0 for independent drives.
 
     Examples
     --------
@@ -51,13 +41,8 @@ def held_variance(gain: Sequence[float], interval: float, correlation: float = 0
 def link_gains(weights: Weights, of: str) -> Float[np.ndarray, " m"]:
     """Var E of each vehicle over that of one drive, for independent errors of words.
 
-    Parameters
-    ----------
-    weights
-        `[a0 | A]` in force, (m, m + 1).
-    of
-        "link": `Σ_l (L⁻¹)²_il Σ_j w²_lj`; or "transmitter": `Σ_j (L⁻¹ A)²_ij`, the navigator's
-        message exact.
+    `weights` are `[a0 | A]` in force, (m, m + 1). Of a "link": `Σ_l (L⁻¹)²_il Σ_j w²_lj`; of a
+    "transmitter": `Σ_j (L⁻¹ A)²_ij`, the navigator's message exact.
     """
     inverse = np.linalg.inv(graph.laplacian(weights))
     if of == "transmitter":

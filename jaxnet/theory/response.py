@@ -114,8 +114,7 @@ def greatest_value(polynomial: Float[np.ndarray, " coefficients"]) -> float:
 
 
 def axis_star_norm(gain: LawGain, output: Float[np.ndarray, "rows r"] | None = None) -> float:
-    """Least peak-to-peak gain that an invariant ellipsoid proves; the default output is the
-    position.
+    """Least peak-to-peak gain that an invariant ellipsoid proves; default output: the position.
 
     The gain is `inf over α of √‖C Q_α C'‖₂` with
     `A Q + Q A' + α Q + B B'/α = 0` and 0 < α < -2 max Re λ(A). Every such α gives a bound, so the

@@ -1,5 +1,4 @@
-"""Stability of the law by exchanges with neighbours, with the jerk held between ticks (theorems.md
-O12).
+"""Stability of the law by exchanges, with the jerk held between ticks (theorems.md O12).
 
 With T = A^n for n rounds, a tick of length h, vehicles of order three and E = y - y_0,
 

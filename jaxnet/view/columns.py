@@ -87,8 +87,6 @@ class Column(NamedTuple):
     across: str = ""  # in a pivoted table, the LaTeX title above the columns of one quantity
 
     def at(self, places: Sequence[int]) -> "Column":
-        """Copy with the cells at these places."""
-
         def chosen(values: Any) -> Any:
             return values and [values[place] for place in places]
 
@@ -140,7 +138,6 @@ class Column(NamedTuple):
 
     @property
     def numeric(self) -> bool:
-        """Whether the values are numbers."""
         return all(isinstance(value, int | float) for value in self.values)
 
 
@@ -180,29 +177,12 @@ def summary_columns(
     where: Where | None = None,
     sort: str | None = None,
 ) -> list[Column]:
-    """Return columns of the summary, a value for each cell.
+    """Return columns of the summary, a value a cell; the number of the cell and swept keys first.
 
-    Parameters
-    ----------
-    results
-        Results of a finished run.
-    names
-        Names of columns of `cells.csv`, or of metrics (their medians). None of them: what the study
-        asks for first, then the tail errors, metrics of its own, and the numbers of lanes.
-    where
-        The wanted value or values of swept keys.
-    sort
-        Name of the column by which the cells are sorted; a minus before it reverses the order.
-
-    Returns
-    -------
-    list[Column]
-        The number of the cell and the swept keys first.
-
-    Raises
-    ------
-    FolderError
-        A column, a key or a value is unknown, or the run is unfinished.
+    `names` are columns of `cells.csv`, or metrics (their medians); without names these are what the
+    study asks for, the tail errors, metrics of its own, and the numbers of lanes. `where` gives
+    wanted values of swept keys. Cells are sorted by the column `sort`; a minus before it reverses
+    the order. Raises FolderError if a column, key or value is unknown, or if the run is unfinished.
     """
     table, every = results.cells, results.study.cells
     cells, keys = select_cells(every, where or {}), list(every[0].labels)
@@ -264,10 +244,7 @@ def across_column(column: Column, key: Column, value: Any) -> Column:
 
 
 def known_column(name: str, table: pd.DataFrame, keys: Sequence[str]) -> str:
-    """Name of a column of `cells.csv` or a swept key; a metric means its median.
-
-    Raises FolderError for another name.
-    """
+    """Column of `cells.csv` or swept key; a metric means its median. Else raises FolderError."""
     for each in (name, f"{name}_median"):
         if each in table or each in keys:
             return each

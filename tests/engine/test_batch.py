@@ -38,9 +38,7 @@ def test_a_failed_lane_is_named_and_spoils_no_other(engine):
 
 @pytest.mark.parametrize("solver", ["gauss", "dopri5"])
 def test_the_step_limit_is_a_limit(solver):
-    """Also where one step ends one interval; the step that reaches the horizon may be the last
-    allowed.
-    """
+    """Also where one step ends one interval; the step to the horizon may be the last allowed."""
     easy = {"solver": solver, "rtol": 1e-3, "atol": 1e-3}
     keys = {
         "attack": "none",
@@ -90,9 +88,7 @@ def test_chunks_of_another_width_agree():
 @pytest.mark.parametrize("chunk", [16, 64, 256])
 @pytest.mark.parametrize(("decides", "cached"), [(False, 40_000), (True, 16_000)])
 def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, monkeypatch):
-    """A power of two, from the engine's own chunk on; the vehicles of all lanes fit into a core's
-    cache.
-    """
+    """A power of two, from the engine's own chunk on; all lanes' vehicles fit a core's cache."""
     plan = systems.lanes(systems.study(engine="exact", **SHORTEST), 1, ()).plan._replace(
         decides=decides
     )
@@ -112,9 +108,7 @@ def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, mon
 
 
 def test_an_engine_says_how_many_vehicles_stay_in_a_cache(monkeypatch):
-    """Of large fleets no more are side by side: 1,200 in the nonlinear engine, in a power of two of
-    lanes.
-    """
+    """Large fleets have no more: 1,200 in the nonlinear engine, in a power of two of lanes."""
     plan = systems.lanes(systems.study(engine="nonlinear", **SHORTEST), 1, ()).plan
     monkeypatch.setattr(plan.engine, "chunk", 64)
     assert [batch.EVERYTHING.width(plan, vehicles) for vehicles in (150, 300, 600, 1_000)] == [

@@ -26,8 +26,7 @@ def apart(one, other):
 
 
 class Odd(TwoWheeled):
-    """A robot with a push [m/s³] where it heads along x, and a force that is told from jets so many
-    times.
+    """A robot with a push [m/s³] where it heads along x, and a force told from jets so many times.
 
     The law is told of neither.
     """
@@ -66,9 +65,7 @@ def test_what_the_law_does_not_cancel_is_integrated(attack):
 
 @pytest.mark.long
 def test_a_lane_that_takes_more_passes_changes_no_other():
-    """Vehicles that do not move as asked: lanes are the same to the last bit alone and beside
-    others.
-    """
+    """Vehicles that do not move as asked: lanes are the same to the last bit beside others."""
     keys = {"vehicle": PUSHED, "attack": "rotating", "defence": "none"}
     many, few = (outcome(lanes, **keys) for lanes in (21, 2))
     for ours, theirs in zip(*map(jax.tree.leaves, (few, many)), strict=True):

@@ -20,9 +20,7 @@ BUT_B1 = [each for each in counterexamples.ASSUMPTIONS if not each[0].startswith
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "keys"), BUT_B1, ids=lambda given: str(given)[:2])
 def test_each_assumption_is_needed(name, keys):
-    """Half of ā off or more, or cut off from the navigator. B1:
-    tests/kinds/attacks/test_announces.py.
-    """
+    """Half of ā off or more, or cut off. B1: tests/kinds/attacks/test_announces.py."""
     status, worst = ended(counterexamples.pair(**keys))
     if name.startswith("A3"):
         assert (status == Status.disconnected).all()
@@ -34,9 +32,7 @@ def test_each_assumption_is_needed(name, keys):
 
 @pytest.mark.long
 def test_between_ticks_the_error_is_of_the_order_of_the_tick():
-    """A tick half as long, and half the attack, which R(a) that changes no faster allows: half the
-    error.
-    """
+    """Half the tick and half the attack, as R(a) that changes no faster allows: half the error."""
     sizes = counterexamples.MAGNITUDE / np.array([1, 2])
     studies = [
         counterexamples.pair(attack=counterexamples.between_ticks(tick, size), tick=tick)

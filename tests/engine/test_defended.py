@@ -1,6 +1,4 @@
-"""What holds and what does not: scores of the trimming under attacks that defeat some of them
-(O11).
-"""
+"""What holds and what does not: trimming scores under attacks that defeat some of them (O11)."""
 
 import numpy as np
 import pytest
@@ -57,9 +55,7 @@ def safe(study):
 
 
 def test_two_who_trust_each_other_know_nothing():
-    """About half of the lanes end exactly ā off, though Assumptions 1 and 2 hold; `safe` promises
-    nothing.
-    """
+    """About half of the lanes end ā off, though Assumptions 1 and 2 hold: not certified `safe`."""
     study = systems.study(defence=TRUST, **PAIR)
     share, outcome = unrecovered(study, 300)
     assert abs(share - 0.5) < 4 * np.sqrt(0.25 / 300)
@@ -78,9 +74,7 @@ def test_what_is_announced_saves_them():
 
 @pytest.mark.long
 def test_the_ring_by_what_drives():
-    """Rotating at 1.4 rad/s, where seven in ten lanes do not recover by position: all do by what
-    drives.
-    """
+    """Rotating at 1.4 rad/s: by position seven in ten lanes do not recover, by drives all do."""
     study = systems.study(
         attack={"kind": "rotating", "frequency": 1.4, "magnitude": 10.0},
         defence={"kind": "trusted_trim", **SCORES["feedback"]},
@@ -112,9 +106,7 @@ def test_a_false_third_derivative_alone(score, saves):
 
 @pytest.mark.long
 def test_trusted_sources_alone_are_exact():
-    """The ring, where all hear the navigator: under an attack that defeats trimming no lane is
-    off.
-    """
+    """The ring, where all hear the navigator: an attack that defeats trimming moves no lane."""
     study = jaxnet.load(
         {
             "name": "test",
@@ -142,9 +134,7 @@ def test_a_sybil_is_a_liar_more(sybils):
 
 @pytest.mark.long
 def test_whom_nobody_attacks_may_still_be_cut_off():
-    """2 and 3 drop 1 of equals and believe each other; lanes: tests/engine/test_counterexamples.py
-    (A3).
-    """
+    """2 and 3 drop 1 of equals and believe each other (lanes: A3 in test_counterexamples.py)."""
     edges = [[1, 0, 1], [2, 1, 1], [2, 3, 1], [3, 1, 1], [3, 2, 1], [4, 0, 1]]
     study = systems.study(
         **PAIR | {"topology": {"kind": "edges", "edges": edges}},

@@ -75,9 +75,7 @@ TRIMMED = {"attack": {"kind": "rotating", "magnitude": 5.0}, "output_step": 0.05
 
 @pytest.fixture(scope="module")
 def trimmed():
-    """Trimmed cyclic lanes with an output time at each tick, and the tick-by-tick reference of
-    each.
-    """
+    """Trimmed cyclic lanes with an output at each tick, and the tick-by-tick reference of each."""
     one = systems.lanes(systems.study(**TRIMMED), 4)
     outcome = systems.simulate(one)
     defence = {"trusted": [{0}] * 12, "theta": [1] * 12}
@@ -164,9 +162,7 @@ def test_trimming_in_the_vector_field_is_the_limit_of_trimming_at_ticks():
 
 
 def test_both_engines_measure_the_same():
-    """Every contract metric, untrimmed; speeds and turn rates are recovered from flat outputs
-    (O4).
-    """
+    """Every contract metric, untrimmed; speeds and turn rates come from flat outputs (O4)."""
     ours, theirs = (
         systems.simulate(systems.lanes(systems.study(engine=engine, defence="none"), 20)).metrics
         for engine in ("exact", "nonlinear")
@@ -199,9 +195,7 @@ def test_drawn_gains_and_edges_are_each_lane_s_own():
 
 @pytest.mark.long
 def test_trimming_with_drawn_gains_and_weights():
-    """The same decisions and positions as the reference that has the lane's numbers, tolerance
-    included.
-    """
+    """Decisions and positions of the reference with the lane's numbers, tolerance included."""
     topology = {"navigator_weight": {"uniform": [0.05, 0.5]}}
     defence = {"tolerance": {"uniform": [0.1, 1]}}
     given = systems.study(

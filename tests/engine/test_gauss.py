@@ -64,9 +64,7 @@ def test_no_jerk_of_a_window_is_over_its_bound():
 
 
 def solved(length, start):
-    """Jets at the end of a window under `y‴ = cos(rate t) - P(y)`, with the jets at the start
-    known.
-    """
+    """Jets at the end of a window under `y‴ = cos(rate t) - P(y)`, from the jets at the start."""
     times = jnp.asarray(gauss.RULE.nodes)[:, None] * length[None]
     coasted = gauss.coasted(start, times)
     gain = jnp.broadcast_to(jnp.asarray(GAIN)[:, None], (3, len(length)))
@@ -107,9 +105,7 @@ def test_the_linear_equation_is_solved():
 
 @pytest.mark.parametrize("nodes", [2, 3])
 def test_the_order_is_twice_the_number_of_nodes(nodes, monkeypatch):
-    """A window half as long errs 2^(order + 1) times less; eight nodes are exact before that can be
-    seen.
-    """
+    """Half the window errs 2^(order + 1) times less; eight nodes are exact before that shows."""
     monkeypatch.setattr(gauss, "STAGES", nodes)
     monkeypatch.setattr(gauss, "RULE", gauss.gauss_rule(nodes))
     errors, _ = end_errors(np.array([0.1, 0.2]))

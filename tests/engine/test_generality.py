@@ -1,5 +1,4 @@
-"""What no kind of ours uses all of: weights that are numbers, by axis, with a memory; attacks that
-choose.
+"""What no kind of ours uses all of: weights as numbers, by axis, with a memory; choosing attacks.
 
 Each is written twice, as a kind and as a plain program, and both engines are held to the latter.
 """
@@ -55,9 +54,7 @@ class Filtered(Defence):
 
 
 class Alike(Filtered):
-    """The same by distance in the plane, one weight for both axes; it weighs where nobody is heard
-    too.
-    """
+    """By distance in the plane, one weight for both axes; it weighs where nobody is heard too."""
 
     kind = "alike"
 
@@ -84,9 +81,7 @@ class Withdrawing(Defence):
 
 
 class Steering(Attack):
-    """At every tick against the fleet's mean error, at every third along it; the memory counts
-    ticks.
-    """
+    """Each tick against the fleet's mean error, each third along it; the memory counts ticks."""
 
     kind = "steering"
     strategic: ClassVar[bool] = True
@@ -129,9 +124,7 @@ class Returning(Steering):
 
 
 def plain(kind, lane):
-    """The plain program of a defence and of the attack that chooses: `choose` for `march`, what it
-    chose.
-    """
+    """The plain program of a defence and an attack's choice, `choose` for `march`: its choice."""
     carried, memory, chosen = (
         np.ones(lane.weights.shape, bool),
         np.zeros((2, *lane.weights.shape)),
@@ -202,8 +195,7 @@ def test_weights_that_are_numbers_and_an_attack_that_chooses_at_ticks(engine, ki
     """Weights follow received positions, velocities, accelerations and the gain; each lane's own
     graph.
 
-    The attack is against or along the mean error, scaled down to ā where it is far and not where it
-    is near.
+    The attack is against or along the mean error, scaled down to ā where far, not where near.
     """
     attack = named(Steering) | {"magnitude": MAGNITUDE, "vehicles": [2, 5]}
     one, outcome = simulated(engine, defence=named(kind), attack=attack, **SMALL)
@@ -241,9 +233,7 @@ def test_a_defence_in_the_vector_field_is_told_the_time():
 
 @pytest.mark.parametrize("number", [0.5, 1.0, 7.0, 1e150, 1e300, float("nan"), float("inf")])
 def test_no_attack_that_chooses_is_over_its_magnitude(number):
-    """Whatever it returns, for whomever; what has no direction leaves no lane that calls itself
-    ok.
-    """
+    """Whatever it returns, for whomever; without a direction no lane calls itself ok."""
     attack = named(Returning) | {"magnitude": 3.0}
     scenario = (
         systems.study(engine="exact", attack=attack, defence="none", **KEYS).cells[0].scenario

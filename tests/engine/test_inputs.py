@@ -1,6 +1,4 @@
-"""Control inputs that rows and trajectories tell: they drive the vehicles, and engines agree on
-them.
-"""
+"""Control inputs in rows and trajectories drive the vehicles, and engines agree on them."""
 
 import numpy as np
 import pytest
@@ -69,9 +67,7 @@ def test_inputs_drive_the_vehicles_along_the_stored_states():
     ids=["busy", "held"],
 )
 def test_engines_agree_on_the_inputs(keys, engines):
-    """After each decision: the inputs jump where a vehicle drops a source, senses anew or loses a
-    message.
-    """
+    """After each decision: inputs jump where a vehicle drops, senses anew or loses a message."""
     known, *others = (
         systems.simulate(
             systems.lanes(

@@ -1,6 +1,4 @@
-"""Vehicles that decisions cut off from the navigator: their lane fails, or they coast. Who, since
-when.
-"""
+"""Vehicles that decisions cut off from the navigator: lanes fail or they coast. Who, since when."""
 
 import numpy as np
 import pytest
@@ -22,9 +20,7 @@ TIMES = np.arange(TICKS + 1) * TICK
 
 
 class LastDrops(Defence):
-    """From a time on, vehicle 3 drops its only source; from another time on it believes the source
-    again.
-    """
+    """From one time on, vehicle 3 drops its only source; from another on it believes it again."""
 
     kind = "last_drops"
 
@@ -39,9 +35,7 @@ class LastDrops(Defence):
 
 
 def test_a_vehicle_cut_off_goes_to_rest_where_its_last_drive_leads():
-    """On the path the last vehicle keeps z, so its y solves `y^(r) + … + k0 y = z`; others are
-    nominal.
-    """
+    """The path's last vehicle keeps z and moves by `y^(r) + … + k0 y = z`; others are nominal."""
     defence = {"kind": f"{__name__}:LastDrops", "isolated": "coast"}
     keys = (
         KEYS | NEAR | {"topology": "path", "vehicles": 3, "gain": [2.0, 4.0, 2.5], "attack": "none"}

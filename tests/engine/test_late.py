@@ -23,9 +23,7 @@ QUIET = {"attack": "none", "defence": "none", "engine": "exact", "tail": 0.0}
 
 
 def factors(weights, frequency, delay):
-    """What each vehicle makes of a harmonic of the navigator: `(1 - A e)⁻¹ a0 e`, with e =
-    exp(-iωτ).
-    """
+    """What each vehicle makes of a navigator's harmonic: `(1 - A e)⁻¹ a0 e`, e = exp(-iωτ)."""
     turn = np.exp(-1j * frequency * delay)
     return np.linalg.solve(np.eye(len(weights)) - turn * weights[:, 1:], turn * weights[:, 0])
 
@@ -40,8 +38,7 @@ def factors(weights, frequency, delay):
     ],
 )
 def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, known):
-    """The path 100 sin 0.2 t, 50 sin 0.4 t [m] and words 0.1 s late: the last vehicle, along each
-    axis.
+    """Path 100 sin 0.2 t, 50 sin 0.4 t [m] and words 0.1 s late: the last vehicle, along each axis.
 
     Neither the order of the vehicles nor the gain nor the tick matters.
     """
@@ -121,8 +118,7 @@ def test_what_is_refused(keys, words):
 def test_extrapolated_words_are_off_less(extrapolate, known):
     """The figure eight on the ring, words late by a part of what the margin allows.
 
-    With the factors c_n of y^(n) in a word and e = exp(-iωτ): `X = e (A w X + a0 w R)`, w the word
-    over X.
+    With factors c_n of y^(n) in a word and e = exp(-iωτ): `X = e (A w X + a0 w R)`, w: word over X.
     """
     delay = {"jets": 0.1, "jerk": 0.03}[extrapolate]
     given = {
@@ -191,9 +187,7 @@ def test_motions_obey_the_polynomial_of_late_exchanges():
 
 
 def test_a_place_is_reached_as_it_is_told():
-    """Vehicles of order 1 end at the rounded word of a navigator at rest, off by at most half a
-    step.
-    """
+    """Vehicles of order 1 end at a resting navigator's rounded word, at most half a step off."""
     keys = {
         "vehicle": "single_integrator",
         "navigator": Powers(x=[3.37], y=[-1.24]),

@@ -1,6 +1,4 @@
-"""Fleets without a navigator: agreement and safety under W-MSR, by a plain program and published
-graphs.
-"""
+"""Leaderless fleets: agreement and safety under W-MSR, by a plain program and published graphs."""
 
 import json
 from pathlib import Path
@@ -42,9 +40,7 @@ def honest_paths(results, liar, sample=0):
 
 
 def test_vehicles_step_by_the_weights_of_their_neighbours():
-    """A plain program of W-MSR, step by step, and the spread and the way outside the hull in the
-    row.
-    """
+    """A plain W-MSR, step by step; the spread and the way outside the hull in the row."""
     liar, attack = 5, {"kind": "rotating", "magnitude": 30.0, "frequency": 0.9, "vehicles": [5]}
     results = simulated(
         topology=edges_of("jia 10 union"), attack=attack, defence="w_msr", horizon=8.0

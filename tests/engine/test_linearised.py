@@ -103,9 +103,7 @@ def test_means_of_states_and_inputs_give_the_same_motion(attacked):
 
 @pytest.mark.long
 def test_the_difference_from_the_exact_law_is_of_second_order():
-    """Halve the error, and the difference falls by four, with noise and trimming. Far away the law
-    fails.
-    """
+    """Half the error, a quarter of the difference, with noise and trimming. Far off it fails."""
 
     def positions(scale, places):
         """Ends and positions of both laws."""

@@ -87,9 +87,7 @@ def test_engines_agree_path_by_path():
 
 
 def test_a_vehicle_that_comes_to_rest_fails_alone():
-    """A robot on the navigator's line that has to turn back stands still on the way, and no other
-    does.
-    """
+    """A robot on the navigator's line that has to turn back stands still on the way, alone."""
     keys = {"topology": {"kind": "edges", "edges": [[1, 0, 1.0]]}, "vehicles": 1, "attack": "none"}
     keys |= {
         "navigator": {"kind": "lissajous", "amplitude": [1000.0, 0.0], "frequency": [0.01, 0.01]}
@@ -103,9 +101,7 @@ def test_a_vehicle_that_comes_to_rest_fails_alone():
 
 
 def test_check_tells_the_rate_of_the_slowest_motion():
-    """On a ring of six without navigator, order 2: the roots of `s² + (1 - λ)(k1 s + k0)`, and a
-    run.
-    """
+    """Ring of six without navigator, order 2: roots of `s² + (1 - λ)(k1 s + k0)`, and a run."""
     edges = [[i, i % 6 + 1, 1.0] for i in range(1, 7)]
     keys = {
         "topology": {"kind": "edges", "edges": edges},

@@ -42,9 +42,7 @@ def paths(**keys):
 
 @pytest.mark.long
 def test_engines_agree_on_vehicles_with_states_inside():
-    """The dense system with 2m unknowns; windows and steps:
-    tests/kinds/vehicles/test_look_ahead.py.
-    """
+    """The dense 2m × 2m system; windows and steps: tests/kinds/vehicles/test_look_ahead.py."""
     exact, stacked = (
         paths(vehicle="look_ahead", engine=engine)[0] for engine in ("exact", "stacked")
     )
@@ -122,9 +120,7 @@ def test_single_integrators_step_by_their_weights(share, F, navigator):
 
 @pytest.mark.long
 def test_sensor_errors_of_single_integrators_have_the_variance_of_their_flow():
-    """`Var E = s² (1 - e^{-h})² / (1 - e^{-2h})` at gain 1, within 99 % of 48,000 independent
-    numbers.
-    """
+    """`Var E = s² (1 - e^{-h})² / (1 - e^{-2h})` at gain 1, inside 99 % of 48,000 numbers."""
     tick, size = 0.5, 0.4
     results = simulated(
         vehicle="single_integrator",

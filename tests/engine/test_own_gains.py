@@ -25,9 +25,7 @@ TIGHT = {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-11}
 
 
 def errors_of(results):
-    """E and Ė by sample and time: (samples, times, 2, vehicles, 2), and the attack (samples,
-    vehicles, 2).
-    """
+    """E, Ė (samples, times, 2, vehicles, 2) by sample and time; attack (samples, vehicles, 2)."""
     assert (results.lanes["status"] == "ok").all()
     data = results.trajectories.sel(cell=0)
     path = np.asarray(results.study.config.navigator.jets(data["time"].values))
@@ -37,9 +35,7 @@ def errors_of(results):
 
 
 def whole_fleet(weights, attack, start):
-    """E and Ė over time: `L E'' + K_1 L E' + K_0 L E = K_0 A a`, with K_k diagonal, by one
-    exponential.
-    """
+    """E and Ė over time: `L E'' + K_1 L E' + K_0 L E = K_0 A a`, K_k diagonal, one exponential."""
     m, hears = len(weights), weights[:, 1:]
     L, first, second = np.eye(m) - hears, *(np.diag(each) for each in np.array(GAINS).T)
     inverse = np.linalg.inv(L)
@@ -82,9 +78,7 @@ def test_on_a_star_each_vehicle_has_its_own_free_response():
 
 
 def test_equal_gains_are_one_gain():
-    """With sensors' errors, trimming and an attack whose derivatives are false, in the default
-    vehicle.
-    """
+    """With sensors' errors, trimming and an attack with false derivatives, default vehicle."""
     keys = {"vehicles": 5, "horizon": 2.0, "tail": 1.0, "samples": 2, "topology": "complete"}
     keys |= {
         "sensing": {"kind": "gaussian", "position": 0.1},

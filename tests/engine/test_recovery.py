@@ -1,6 +1,4 @@
-"""What trimming does not save: the share of lanes that three independent programs find (theorems.md
-O6).
-"""
+"""What trimming does not save: the share of lanes by three other programs (theorems.md O6)."""
 
 import functools
 

@@ -160,9 +160,7 @@ LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "no
 
 
 def cell(engine, law, order, channel, keys):
-    """Keys of a study: four vehicles with two liars, of which one lies to the navigator's
-    listeners.
-    """
+    """Keys of a study: four vehicles with two liars; one lies to the navigator's listeners."""
     base = drawn(8, engine)
     start = {"position": [[-9.0, 4.0], [3.0, -12.0], [14.0, 6.0], [-2.0, 17.0]]}
     keys, attacked = dict(keys), {"kind": "rotating", "vehicles": [2, 3], "links": "neighbour"}

@@ -1,6 +1,4 @@
-"""The law by exchanges with neighbours: both engines against a plain program, and growth against
-theory.
-"""
+"""The law by exchanges: both engines against a plain program, and growth against theory."""
 
 import jax
 import numpy as np
@@ -198,9 +196,7 @@ def test_what_a_lane_that_diverges_comes_to():
 
 
 def test_numbers_of_rounds_share_a_program_and_lanes_may_differ():
-    """A program is told apart by the shapes of its arguments alone; each lane takes its own
-    rounds.
-    """
+    """A program depends on the shapes of its arguments; each lane takes its own rounds."""
     one, two = systems.lanes(
         systems.study(engine="exact", sweep={"law.rounds": [1, 2]}, law="rounds", **KEYS), 2
     ).jobs
@@ -223,9 +219,7 @@ class Withdrawn(Defence):
 
 
 def test_who_is_cut_off_has_failed():
-    """As with the law itself, though rounds know nothing of it: from the tick on at which it
-    happens.
-    """
+    """As with the law itself, though rounds know nothing of it: from that tick on."""
     keys = {
         "topology": {"kind": "cyclic", "navigator": [1]},
         "defence": {"kind": f"{__name__}:Withdrawn"},
@@ -272,8 +266,7 @@ def test_a_law_from_outside():
 
 @pytest.mark.long
 def test_fleets_that_diverge_end_and_leave_the_others_alone():
-    """A sampled law with fast gains at a coarse tick; the calm lanes have the numbers that they
-    have alone.
+    """A sampled law with fast gains at a coarse tick; calm lanes have the numbers they have alone.
 
     Squares of the numbers would overflow after 50 s; the search for a standstill then never ended.
     """

@@ -1,6 +1,4 @@
-"""Weights of vehicles on themselves, and weights as they are, against plain programs of a few
-lines.
-"""
+"""Weights of vehicles on themselves, and weights as they are, against short plain programs."""
 
 import numpy as np
 import pytest

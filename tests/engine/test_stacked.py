@@ -119,9 +119,7 @@ def test_deciding_in_the_vector_field():
 
 
 def test_failed_lanes_are_named_and_spoil_no_other(ring, trimmed):
-    """Each fails in its own way, at once or on its way; a lane beside them is the same to the last
-    bit.
-    """
+    """Each fails in its own way, at once or later; a lane beside them keeps its last bit."""
     given = jax.tree.map(lambda leaf: np.repeat(leaf[:1], 6, axis=0), ring.inputs)
     lane, limit = given.lane, given.numbers.max_steps
     initial, gain, weights = lane.initial.copy(), lane.gain.copy(), lane.weights.copy()

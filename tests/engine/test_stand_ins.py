@@ -11,9 +11,7 @@ from tests.reference import Hashed, Powers, navigator_at
 
 
 def errors(loss, missing, speed, horizon, lanes=1, **keys):
-    """Errors along the path (lanes, outputs, m), from rest on a star whose navigator goes straight
-    on.
-    """
+    """Errors along the path (lanes, outputs, m), from rest on a star with a straight navigator."""
     keys = {"navigator": Powers(x=[0.0, speed], y=[0.0]), **keys}
     keys |= {"initial": {"position": 0.0, "heading": 0.0, "speed": speed}, "topology": "star"}
     keys |= {

@@ -1,6 +1,4 @@
-"""Vehicles that turn round on a line stand still between ticks: status by all engines, and by
-closed form.
-"""
+"""Vehicles that turn round on a line stand still between ticks: all engines, and closed form."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,9 +24,7 @@ KEYS = {
 
 
 def on_a_line(engine, reach=75.0, **keys):
-    """Lanes whose vehicles are somewhere on the navigator's line, head along it, and begin at any
-    speed.
-    """
+    """Lanes with vehicles on the navigator's line that head along it and begin at any speed."""
     one = systems.lanes(systems.study(engine=engine, **{**KEYS, **keys}), LANES, ())
     rng, lane = np.random.default_rng(0), one.inputs.lane
     initial = np.zeros_like(lane.initial)
@@ -38,9 +34,7 @@ def on_a_line(engine, reach=75.0, **keys):
 
 
 def least_speed(one, number):
-    """Of the velocities along the line on a grid of 1 ms, by closed form, the least after its first
-    sign.
-    """
+    """The least velocity along the line after its first sign, by closed form on a grid of 1 ms."""
     lane, navigator = systems.lane(one, number), navigator_at(one, number)
     times = np.arange(0.0, HORIZON + 5e-4, 1e-3)
     path = navigator(times)[1, 0]
@@ -89,9 +83,7 @@ def test_a_unicycle_that_turns_round_on_a_line_is_singular():
 
 @pytest.mark.long
 def test_engines_agree_whoever_lies_or_decides():
-    """Derivatives that do not belong together, and trimming at ticks: vehicle 3 drops one liar of
-    two.
-    """
+    """Derivatives that do not fit together, and trimming: vehicle 3 drops one liar of two."""
     spoof = {"kind": "spoof", "vehicles": [2, 4], "magnitude": 1.0, "direction": 0.0}
     keys = {"attack": spoof, "defence": "trusted_trim"}
     ours, theirs = (
@@ -102,9 +94,7 @@ def test_engines_agree_whoever_lies_or_decides():
 
 
 def test_a_held_jerk_is_seen_to_turn_a_vehicle_round_within_a_tick():
-    """By the roots of its velocity, a parabola; Runge–Kutta methods see only who has turned at a
-    step.
-    """
+    """By the roots of its velocity, a parabola; Runge–Kutta sees only who has turned at a step."""
     exact, gauss, steps = (
         on_a_line(engine, 40.0, law="rounds")
         for engine in ("exact", "nonlinear", {"solver": "dopri5"})
@@ -125,9 +115,7 @@ def test_a_held_jerk_is_seen_to_turn_a_vehicle_round_within_a_tick():
 
 @pytest.mark.parametrize("least", [0.0, 4e-10, 1.1e-9, 1e-6, 1e-3])
 def test_a_speed_is_enclosed(least):
-    """A parabola whose least speed is known, at a time that is no end of a step; down to half of
-    1e-9 m/s.
-    """
+    """A parabola whose least speed lies inside a step and is known; down to half of 1e-9 m/s."""
     turn, slope = 0.0376543, 21.0
 
     def pace(time):
@@ -144,9 +132,7 @@ def test_a_speed_is_enclosed(least):
 
 
 def test_a_search_ends_where_squares_overflow():
-    """The time in which a vehicle at 1 m/s does not stand still, at an acceleration or a jerk of
-    1e200.
-    """
+    """How long a vehicle at 1 m/s does not stand still, at an acceleration or jerk of 1e200."""
     velocity, none = jnp.array([1.0, 0.0])[:, None, None], jnp.zeros((2, 1, 1))
     braking = -1e200 * velocity
     ahead = standstill.safe(velocity, braking, jnp.zeros((1, 1)))

@@ -25,9 +25,7 @@ def signals(t):
 
 
 def field(now, state):
-    """Smooth, nonlinear, explicitly time-dependent; the components of a lane are coupled, lanes are
-    not.
-    """
+    """Smooth, nonlinear, time-dependent; the components of a lane are coupled, lanes are not."""
     wave, drift = (each[None, None] for each in now)
     around = jnp.roll(state, 1, axis=0) - jnp.roll(state, 1, axis=1)
     return wave * jnp.sin(around) - 0.5 * state + drift / (1.0 + state**2)
@@ -118,9 +116,7 @@ def test_the_next_step_is_the_controllers(solver):
 
 
 def march(solver, state, first, tolerated, passes):
-    """Times and states after each of some passes, a pass an attempt in every lane, and who kept the
-    step.
-    """
+    """Times and states after some passes, a pass an attempt in every lane, and who kept it."""
     rule = stepper.method(solver)
 
     @jax.jit
@@ -144,9 +140,7 @@ def march(solver, state, first, tolerated, passes):
 
 
 def test_lanes_step_as_diffrax_integrates_each():
-    """The same accepted times and states after the same refusals, though no lane waits for
-    another.
-    """
+    """Equal accepted times and states after equal refusals, though no lane waits for another."""
     _, _, state = moments(0)
     first = jnp.array([5.0, 1.0, 1e-4, 0.3, 1e-2])
     times, states, kept = march("dopri5", state, first, tolerances(1e-7, 1e-9), 30)
@@ -177,9 +171,7 @@ def test_lanes_step_as_diffrax_integrates_each():
 @pytest.mark.long
 @pytest.mark.parametrize(("solver", "order", "fewest"), [("dopri5", 5, 16), ("dopri8", 8, 3)])
 def test_kept_steps_converge_at_the_methods_order(solver, order, fewest):
-    """`ẏ = -2 t y²`, whose solution is 1/(c + t²), with each slope taken over from the step
-    before.
-    """
+    """`ẏ = -2 t y²`, solved by 1/(c + t²), with each slope taken over from the step before."""
     offset = jnp.asarray(np.random.default_rng(0).uniform(1.0, 3.0, (6, VEHICLES, LANES)))
     tolerated, rule = tolerances(1.0, 1.0), stepper.method(solver)
 

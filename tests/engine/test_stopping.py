@@ -1,6 +1,4 @@
-"""Vehicles that decisions cut off and that come to rest stop there; the others go on, by closed
-form.
-"""
+"""Vehicles that decisions cut off stop where they come to rest; others go on, by closed form."""
 
 import numpy as np
 import pytest
@@ -17,8 +15,7 @@ KEYS = {"vehicles": 4, "attack": "none", "horizon": TICK * TICKS, "tail": 1.0, "
 KEYS |= {"tick": TICK, "initial": {"position": {"uniform": [-20.0, 20.0]}}}
 LINKS = [[1, 0, 1.0], [2, 1, 1.0], [2, 3, 1.0], [3, 2, 1.0], [4, 3, 1.0]]
 KEYS["topology"] = {"kind": "edges", "edges": LINKS}
-# Poles beside the imaginary axis: on its line the vehicle would turn round. Poles at -3: its speed
-# dies away.
+# Poles beside the imaginary axis turn a vehicle round; poles at -3 let its speed die away.
 GAINS = {3: ([30.0, 19.0, 5.0], [27.0, 27.0, 9.0]), 2: ([10.0, 2.0], [9.0, 6.0])}
 
 
@@ -35,8 +32,7 @@ def stopping(engine, vehicle, order=3, **keys):
 
 
 class Known:
-    """Vehicles 2 and 3 by closed form: 3 keeps z until it stands still, and 2 hears it and the
-    navigator.
+    """Vehicles 2 and 3 by closed form: 3 keeps z until it stands still; 2 hears 3 and 0.
 
     Vehicle 2 has `R(y_2) = (R(y_0) + c) / 2`, with c = z, and `c = k0 p` from the tick after the
     stop at p.
@@ -133,8 +129,7 @@ def test_a_vehicle_cut_off_stops_where_it_stands_still(engine, vehicle, order):
 
 @pytest.mark.long
 def test_a_vehicle_that_has_stopped_stays_and_passes_nothing_on():
-    """Vehicle 3 stops, hears the fleet again and stays; 4 hears it alone, is cut off too and stops
-    as well.
+    """Vehicle 3 stops, hears the fleet again and stays; 4 hears it alone, is cut off and stops too.
 
     Vehicle 2 goes on with what 3 tells: from then on `ε_2 = y_2 - (y_0 + p) / 2` dies away. Both
     engines.

@@ -24,9 +24,7 @@ LIAR = {"kind": "own_path", "vehicles": [3], "centre": [-5, 0], "swing": [0, 0]}
 
 
 def matrix(edges):
-    """Weights (6, 6) of a network, rows with sum 1, loops included; 1 on oneself where nobody is
-    heard.
-    """
+    """Weights (6, 6) of a network, rows with sum 1, loops included; 1 on oneself if deaf."""
     found = np.zeros((6, 6))
     for i, j, weight in edges:
         found[i - 1, j - 1] += weight
@@ -50,9 +48,7 @@ def stepped(x, weights, told, F):
 
 
 def test_trust_counts_in_the_network_in_force():
-    """Vehicle 2 hears 0 and 1, or 1 alone: it retains the navigator, or else 1, and is never
-    unheard.
-    """
+    """Vehicle 2 hears 0 and 1, or 1 alone: it retains 0, or else 1, and is never unheard."""
     networks = [
         {"kind": "edges", "edges": edges} for edges in ([[1, 0, 1], [2, 0, 1], [2, 1, 1]], CHAIN)
     ]
@@ -75,9 +71,7 @@ def test_trust_counts_in_the_network_in_force():
 
 
 def test_a_random_order_is_drawn_at_each_change():
-    """Each network stays for its time, and all appear about equally often; a drawn period is a
-    lane's own.
-    """
+    """Each network stays for its time, all about equally often; a drawn period is a lane's own."""
     networks = [
         {"kind": "edges", "edges": [[i, 1 + (i + k) % 6, 1] for i in range(1, 7)]} for k in range(3)
     ]
@@ -139,9 +133,7 @@ def test_networks_that_cannot_take_turns_are_refused(more, message):
 
 
 def test_nothing_is_claimed_of_the_union_of_networks():
-    """No stability in mean square; and ticks of late motions follow from the strongest network's
-    rows.
-    """
+    """No stability in mean square; ticks of late motions follow the strongest network's rows."""
     loss = {"loss": {"kind": "bernoulli", "probability": 0.2, "of": "all"}}
     turns = {"kind": "switching", "networks": ["cyclic", "path"], "every": 3.0}
     for topology, told in (("cyclic", True), (turns, False)):

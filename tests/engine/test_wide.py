@@ -27,9 +27,7 @@ SAVED = ("state", "tracking")
 @pytest.mark.long
 @pytest.mark.parametrize("engine", LANES)
 def test_iteration_leads_where_one_dense_block_does(engine, monkeypatch):
-    """To 1e-8 m; three vehicles hear the navigator. A lane is the same to the last bit without the
-    other.
-    """
+    """To 1e-8 m; three hear the navigator. A lane is the same to the last bit without the other."""
     keys = LANES[engine]
     graph = {"kind": "random_regular", "degree": 4, "navigator": [1, 2, 3]}
     given = systems.study(topology=graph, output_step=keys["tick"], tail=keys["tick"], **keys)

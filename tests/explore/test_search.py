@@ -284,9 +284,7 @@ def test_a_cell_in_which_all_lanes_fail_is_told(tmp_path):
 
 @pytest.mark.long
 def test_the_worst_attack_that_is_not_seen(tmp_path, monkeypatch):
-    """A constant bias as great as 2 % of alarms allow, 0.6213 deviations by the χ² law.
-    honest words raise one.
-    """
+    """A bias as great as 2 % of alarms allow, 0.6213 deviations by χ²; honest words raise one."""
     monkeypatch.setattr(worst, "FRESH", 48)
     attack = {"kind": "bias", "vehicles": [1, 3], "magnitude": 1.0}
     keys = {

@@ -119,9 +119,7 @@ SMALL = {"vehicles": 3, "attack": {"vehicles": [2]}}
 
 
 def everything(of):
-    """Studies with all numbers of a lane made by `of` from a number: a ring, and a digraph solved
-    exactly.
-    """
+    """Studies with all numbers of a lane made by `of`: a ring, and a digraph solved exactly."""
     both = {"gain": [of(1.0), of(3.0), of(3.0)], "defence": {"tolerance": of(1e-6)}}
     ring = {
         "topology": {"navigator_weight": of(0.1)},

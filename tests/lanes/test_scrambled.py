@@ -34,9 +34,7 @@ KEYS = {
 
 
 def test_samples_are_points_of_sequences_however_they_are_asked_for():
-    """One after the other and in any order, those that SciPy makes at once; what has no column is
-    random.
-    """
+    """In any order, those that SciPy makes at once; what has no column is random."""
     source = Scrambled(3, 8, COLUMNS)
     sequences = [
         qmc.Sobol(DIMENSIONS, bits=32, rng=np.random.default_rng([3, each])) for each in range(4)
@@ -56,9 +54,7 @@ def integrand(u):
 
 @pytest.mark.long
 def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():
-    """In 500 studies at least 95 % of the time, without bias, and with far less scatter than random
-    ones.
-    """
+    """In 500 studies at least 95 % of the time, unbiased, with far less scatter than random."""
     samples = np.arange(RANDOMISATIONS * 16)
     held, means, random = [], [], []
     for seed in range(500):
@@ -85,9 +81,7 @@ def test_they_save_lanes_where_the_error_varies_smoothly():
 
 
 def test_what_matters_has_the_first_dimensions():
-    """The attack on those who are attacked, then on others; starts, which are forgotten, come
-    last.
-    """
+    """The attack on the attacked, then on others; starts, which are forgotten, come last."""
     study = systems.study(draws="sobol", samples=16)
     columns = source_of(study.config, study.cells[0].scenario).columns
     phases = [columns[Place("attack.phase", vehicle)] for vehicle in (2, 5, 8, 11, *range(1, 13))]

@@ -47,9 +47,7 @@ def test_at_rest_it_is_exact(how):
 @pytest.mark.parametrize("how", ["numpy", "jax", "compiled"])
 @given(st.integers(0, 2**32 - 1))
 def test_the_angle_of_a_vector_is_numpys(how, seed):
-    """In each octant and on its borders, of vectors of any size: within 2.5 units in the last
-    place.
-    """
+    """In each octant and on its borders, of any size: within 2.5 units in the last place."""
     rng = np.random.default_rng(seed)
     corners = np.arange(-8, 8) * np.pi / 8
     around = np.concatenate(

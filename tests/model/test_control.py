@@ -147,9 +147,7 @@ def test_structured_solve_is_the_papers_dense_one(seed):
 
 @pytest.fixture
 def pair():
-    """Vehicle 1 hears 0.25 of the navigator and 0.75 of vehicle 2, both attacked; 2 hears the
-    navigator.
-    """
+    """Vehicle 1 hears 0.25 of the navigator, 0.75 of 2, both attacked; 2 hears the navigator."""
     weights = graph.dense(graph.weighted(2, [(1, 0, 1.0), (1, 2, 3.0), (2, 0, 1.0)]))
     return network(weights, np.array([[True, False, True], [False, False, False]]))
 
@@ -165,9 +163,7 @@ def test_mean_is_a_weighted_mean_of_what_is_received(pair):
 
 
 def test_demand_is_the_third_derivative_received_less_the_feedback_of_the_error(pair):
-    """Written out for each listener, k = [2, 3, 5]; z is the mean of what is received, attacks of
-    0.5 included.
-    """
+    """Written out by listener, k = [2, 3, 5]; z is the mean received, attacks of 0.5 included."""
     heard, weights = pair
     own = tuple(jnp.arange(12.0).reshape(3, 2, 2).swapaxes(1, 2))  # y_1 = [0, 1], y_2 = [2, 3], …
     gain = jnp.array([2.0, 3.0, 5.0])

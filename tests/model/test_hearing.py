@@ -23,8 +23,7 @@ matrix = jax.jit(hearing.Hearing.matrix)
 @pytest.mark.parametrize("replaces", [False, True])
 @given(st.integers(0, 2**32 - 1))
 def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
-    """`Σ_j w_ij (z_ij + a_ij)`, a_ij what is added on j or, where j is the navigator, on i's own
-    receiver.
+    """`Σ_j w_ij (z_ij + a_ij)`: a_ij is added on j or, if j is the navigator, on i's own receiver.
 
     z_ij is what j sends or, on an attacked link that replaces it, what the navigator sends.
     """
@@ -68,9 +67,7 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
 
 
 def test_what_slots_have_is_told_link_by_link():
-    """Those of a source's identities added, none of a slot that a listener leaves over or a cell
-    lacks.
-    """
+    """Sums over a source's identities, none of a slot that a listener leaves or a cell lacks."""
     graph = of_matrix(np.array([[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0]]))
     slots = hearing.slots(graph, np.where(graph.sources == 2, 2, 1))
     assert slots.tolist() == [

@@ -107,9 +107,7 @@ def attacks(drops):
 
 
 def test_what_the_literature_asks_for_is_more():
-    """Closed sets that percolation by 2ϑ + 1 heard, or ϑ + 1 trusted, reaches are safe by
-    majority.
-    """
+    """Closed sets reached by percolation (2ϑ + 1 heard or ϑ + 1 trusted) are safe by majority."""
     found = 0
     for seed in range(200):
         heard, attacked, trusted, theta = scenario(seed)
@@ -124,9 +122,7 @@ def test_what_the_literature_asks_for_is_more():
 
 
 def percolates(inside, heard, attacked, trusted, theta):
-    """Whether a set hears nobody outside, nobody in it more than ϑ liars, and it is reached by
-    many.
-    """
+    """Whether a set hears nobody outside, no member more than ϑ liars, and many reach it."""
     sources = {i: believed(heard[i - 1], trusted[i - 1], theta[i - 1]) for i in inside}
     if any(each - inside - {0} for each in sources.values()):
         return False
@@ -165,9 +161,7 @@ def test_what_safe_vehicles_announce_shrinks_as_told_whatever_liars_announce():
 
 
 def announced(drops, safe, attacked, trusted, theta, rng, rounds):
-    """Greatest ‖ρ_i‖ of the safe, by a plain program: drop the ϑ greatest untrusted, average the
-    others.
-    """
+    """Greatest ‖ρ_i‖ of the safe by a plain program: drop the ϑ greatest untrusted, average."""
     weights = graph.dense(drops.graph)
     heard = weights > 0
     told = rng.normal(size=(VEHICLES + 1, 2)) * 10
@@ -191,9 +185,7 @@ def announced(drops, safe, attacked, trusted, theta, rng, rounds):
 
 
 def test_the_rate_where_everybody_hears_the_navigator():
-    """1 less the least weight of the navigator's word in force: on the ring one of two neighbours
-    is left.
-    """
+    """1 less the least weight of the navigator in force: on the ring one of two is left."""
     ring = graph.weighted(
         5,
         [
@@ -225,9 +217,7 @@ def test_who_hears_no_attacked_link_however_far_upstream_is_untouched():
 
 
 def test_who_may_be_cut_off_is_not_safe():
-    """2 and 3 may each drop 1 and believe each other, whatever nobody attacks: then nothing is
-    determined.
-    """
+    """2 and 3 may each drop 1 and believe each other, unattacked: then nothing is determined."""
     announced = TrustedTrim(score="announced", theta={2: 1, 3: 1})
     assert set().union(*reasons(announced, LOOP).values()) == {1}
     assert reasons(Clipping(), LOOP)["untouched"] == {1, 2, 3}

@@ -1,6 +1,4 @@
-"""Solving for the graph in force, in blocks, in one and by iteration, against NumPy's own
-solution.
-"""
+"""Solving for the graph in force, in blocks, in one, by iteration, against NumPy's own solution."""
 
 from pathlib import Path
 
@@ -123,9 +121,7 @@ def wide(name):
 
 
 def some_retained(links, seed, lanes=3):
-    """Weights over random halves of these links for two axes; all keep a source nearer the
-    navigator.
-    """
+    """Weights over random halves of links for two axes; all keep one nearer the navigator."""
     rng, reached = np.random.default_rng(seed), graph.hops(graph.of_matrix(links))
     nearer = np.argmax(links & (np.append(0, reached)[None] < reached[:, None]), axis=1)
     kept = links[..., None, None] & (rng.random((*links.shape, 2, lanes)) < 0.5)
@@ -136,11 +132,9 @@ def some_retained(links, seed, lanes=3):
 
 @pytest.mark.parametrize("name", WIDE)
 def test_a_wide_graph_is_solved_for_by_iteration(name):
-    """Of 384 to 1e-9 of the greatest component, whatever is retained, three hearing the navigator
-    or all.
+    """Of 384 to 1e-9 of the greatest component, for any retained, three hear the navigator or all.
 
-    The inverse is no greater than its bound, which is as tight as the vector lets it be that it is
-    from.
+    The inverse is no greater than its bound, as tight as its vector lets it be.
     """
     links, heard, solver = wide(name)
     weights, right = some_retained(links, 1), np.random.default_rng(1).normal(size=(384, 2, 2, 3))
@@ -173,8 +167,7 @@ def test_iteration_gets_to_the_leaves_of_a_tree():
 
 
 def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
-    """On either axis, or as one of two that hear only each other; other lanes are the same to the
-    last bit.
+    """On either axis, or as one of two that hear only each other; other lanes keep their last bit.
 
     A vehicle whose weights are all 0 keeps its drive, and is not cut off.
     """
@@ -208,8 +201,7 @@ def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
 
 
 def test_what_iteration_does_not_find_is_not_a_number():
-    """A right side that is not finite; a path on which each hears the farther one 999 times of
-    1,000.
+    """A right side that is not finite; a path where each hears the farther one 999 times of 1,000.
 
     The inverse of the latter is greater than any number. What is beside them is found.
     """

@@ -125,9 +125,7 @@ def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
 
 @pytest.mark.long
 def test_lanes_with_errors_and_losses_go_as_with_one_dense_matrix(monkeypatch):
-    """By windows, blocks and iteration. The system changes in all rows at every tick; some hear
-    nobody.
-    """
+    """By windows, blocks and iteration. All rows change at every tick; some hear nobody."""
     keys = {
         "sensing": {"position": 0.1},
         "channel": {"loss": {"kind": "bernoulli", "probability": 0.5}},

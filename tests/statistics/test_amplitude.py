@@ -21,9 +21,7 @@ KINDS = {
 
 @pytest.mark.parametrize("name", KINDS)
 def test_lanes_show_the_amplitude(name):
-    """Over 20 s at 0.1 s: the greatest signal of any vehicle is within 1 % of it, and never over
-    it.
-    """
+    """Over 20 s at 0.1 s the greatest signal of any vehicle is within 1 % of it, never over."""
     keys = {"engine": "exact", "horizon": 20.0, "tail": 1.0, "defence": "none", "vehicles": 4}
     study = systems.study(attack=KINDS[name] | {"vehicles": [2]}, **keys)
     shown = systems.simulate(systems.lanes(study, 4)).series["attack"]
@@ -57,9 +55,7 @@ FAST = {"kind": "rotating", "vehicles": [2], "frequency": 2.0, "magnitude": 8.0}
 
 @pytest.mark.parametrize(("of", "share"), [("magnitude", 0.0), ("amplitude", 1.0)])
 def test_recovery_compares_with_what_it_is_told_to(of, share, tmp_path):
-    """One of four vehicles follows a circle of 1 m: 0.25 m on average, between 0.1 · 1 m and 0.1 ·
-    8 m.
-    """
+    """One of four follows a circle of 1 m: 0.25 m on average, between 0.1 · 1 m and 0.1 · 8 m."""
     study = jaxnet.load({"name": "of", **STAR, "attack": FAST, "recovery": {"tau": 0.1, "of": of}})
     results = jaxnet.run(study, tmp_path / "out", progress=False)
     assert results.lanes["tail_mean"].to_numpy() == pytest.approx(0.25, rel=0.02)

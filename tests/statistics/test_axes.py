@@ -1,6 +1,4 @@
-"""Axes of a figure: every cell has a place of its own, and what cannot be drawn is refused in
-words.
-"""
+"""Axes of a figure: every cell has its own place, and what cannot be drawn is refused in words."""
 
 import itertools
 

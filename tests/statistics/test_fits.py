@@ -86,9 +86,7 @@ def erratic(seed):
 
 @pytest.mark.parametrize("errors", [noisy(5, "affine"), erratic(2)], ids=["affine", "erratic"])
 def test_no_power_of_a_fine_grid_is_better(errors):
-    """Each exponent of the grid has its best scale: one of the ratios, near their weighted
-    quantile.
-    """
+    """Each exponent of the grid has its best scale: a ratio near their weighted quantile."""
     there = np.isfinite(errors.y).ravel()
     for quantile in fit.FITTED_QUANTILES:
         lowest = np.inf
@@ -179,9 +177,7 @@ def test_the_envelope_is_above_all_data_and_touches_them(model):
     ("fewest", "quantile", "rest"), [(20, 0.5, 0), (200, 0.95, 0), (50, None, 1e-28), (50, None, 1)]
 )
 def test_no_interval_of_too_few_draws(fewest, quantile, rest):
-    """For a mean those count that are off; np off of n have n / kurtosis = np (1 - p)/(1 - 3p (1 -
-    p)).
-    """
+    """For a mean those off count; np off of n have n / kurtosis = np (1 - p)/(1 - 3p (1 - p))."""
     for draws, told in ((int(0.9 * fewest), False), (int(1.12 * fewest), True)):
         y = np.ones((1, draws))
         if quantile is None:

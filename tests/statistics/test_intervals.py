@@ -1,6 +1,4 @@
-"""Intervals of shares, quantiles and means: exact where that is known, and held as often as they
-say.
-"""
+"""Intervals of shares, quantiles and means: exact where known, and held as often as they say."""
 
 import itertools
 
@@ -108,9 +106,7 @@ FAST = ("normal", "exponential", "0.5 to 1.5, 95% zeros")
     ],
 )
 def test_an_interval_is_seldom_shown_and_wrong(name, size, request):
-    """5 % at most, but for two values (up to 6.5 %: their shares have exact intervals) and for
-    chance.
-    """
+    """At most 5 %, but for two values (to 6.5 %: their shares have exact intervals) and chance."""
     repeats = 4000 if request.node.get_closest_marker("long") else 500
     most = 0.065 if name.startswith("ones") else 0.055
     chance = 3 * np.sqrt(0.05 * 0.95 / repeats)

@@ -19,9 +19,7 @@ EDGES = [[1, 0, 1], [2, 0, 1], [2, 1, 3], [3, 2, 1], [3, 4, 2], [4, 3, 1], [4, 1
 
 
 def test_the_table_has_a_block_for_each_group():
-    """Cells that differ in ā alone share one; the static slopes of the star are its attacked
-    vehicles.
-    """
+    """Cells that differ in ā alone share one; the star's static slopes are its attacked."""
     study = jaxnet.load({"sweep": {"topology": ["star", "cyclic"], "attack.magnitude": [1, 2]}})
     slopes = slopes_table(study.cells)
     assert slopes.columns.tolist() == ["topology", "bound", "vehicle", "slope"]
@@ -97,9 +95,7 @@ def test_a_lane_over_its_bound_is_found(engine):
 
 @pytest.mark.parametrize("magnitude", [{"uniform": [0, 3]}], ids=["drawn"])
 def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
-    """The same table as of all lanes' starts; errors below bounds, above their limits, and in
-    between.
-    """
+    """Same table as of all lanes' starts; errors below bounds, above limits, and in between."""
     attack = {"kind": "rotating", "magnitude": magnitude}
     study = systems.study(
         samples=200, engine="exact", topology="star", attack=attack, horizon=12, tail=1
@@ -149,9 +145,7 @@ class Swelling(Rotating):
 
 
 def test_what_has_one_frequency_is_held_against_less():
-    """On the ring that trims 2 √2 · 2.475 ā = 35.0 m: not several frequencies, nor a position
-    alone.
-    """
+    """On the trimming ring 2 √2 · 2.475 ā = 35.0 m: not several frequencies nor a position."""
     attacks = [
         "rotating",
         "sinusoid",

@@ -1,6 +1,4 @@
-"""The share of lanes that the defence does not save: its exact interval, and stopping when it is
-narrow.
-"""
+"""The share of lanes that defences do not save: its exact interval, and stopping once narrow."""
 
 import functools
 
@@ -56,9 +54,7 @@ def test_counts():
 
 
 def test_the_table_has_the_shares(tmp_path):
-    """Counted from the rows, with the exact interval; nothing for the cell in which nobody is
-    attacked.
-    """
+    """Counted from the rows, with the exact interval; nothing where nobody is attacked."""
     results = jaxnet.run(systems.study(samples=40, **keys()), tmp_path / "out")
     rows, cells = results.lanes, results.cells
     over = rows[rows["tail_mean"] > rows["attack.magnitude"]].groupby("cell").size()
@@ -165,9 +161,7 @@ def test_a_run_cut_off_in_the_midst_of_a_look_ends_like_any_other(tmp_path, smal
 
 
 def test_no_two_looks_share_their_part_of_the_error():
-    """Whatever runs follow each other in a folder, each allowing more: parts sum to the error at
-    most.
-    """
+    """Whatever runs follow in a folder, each allowing more: parts sum to at most the error."""
     assert list(recovery.looks(0, 2000)) == [256, 384, 576, 864, 1296, 1944, 2000]
     assert list(recovery.looks(384, 800)) == [384, 576, 800]
     assert list(recovery.looks(0, 100)) == [100]
@@ -188,9 +182,7 @@ def test_no_two_looks_share_their_part_of_the_error():
     "share", [0.03, *(pytest.param(p, marks=pytest.mark.long) for p in (0.001, 0.5))]
 )
 def test_the_last_interval_of_a_run_covers(share):
-    """1,000 runs, one after the other as `Run` does it, on lanes that fail with a known
-    probability.
-    """
+    """1,000 runs, one after another as in `Run`, on lanes of a known failure probability."""
     random, half_width = np.random.default_rng(1), 0.3 * share if share < 0.5 else 0.02
     cells, held = jaxnet.load({}).cells, 0
     criterion = config.Criterion(half_width=half_width)
@@ -214,9 +206,7 @@ def test_the_last_interval_of_a_run_covers(share):
 
 
 def test_an_easy_case_is_done_at_the_first_look(tmp_path):
-    """256 lanes, none of which recovers, in one file; and the interval is told with the first
-    look's part.
-    """
+    """256 lanes, none of which recovers, in one file; the interval has the first look's part."""
     given = systems.study(samples=until(0.03), **{**keys(), "sweep": {}, "recovery": {"tau": 1e-9}})
     results = jaxnet.run(given, tmp_path / "out")
     assert results.manifest["samples"] == 256
@@ -225,9 +215,7 @@ def test_an_easy_case_is_done_at_the_first_look(tmp_path):
 
 
 def test_a_shard_that_is_there_in_part_is_gone_on_with(tmp_path, monkeypatch):
-    """Rows and arrays are those of a run that had all samples at once; only what is missing is
-    simulated.
-    """
+    """Rows and arrays are those of an undivided run; only missing samples are simulated."""
     monkeypatch.setattr(Exact, "shard", 8)
     given = {**keys(), "save": {"errors": True, "trajectories": "all"}}
     told = []

@@ -59,9 +59,7 @@ def invoke(*words):
 
 
 def test_the_constant_attack_costs_what_is_known_exactly(folder):
-    """Slopes 1 and 3.1034 of the greatest error, equal to the static bound; nobody is above any
-    bound.
-    """
+    """Slopes 1 and 3.1034 of the greatest error are the static bound; nobody exceeds any."""
     text = invoke("fit", folder)
     assert "no lane is above a bound" in text
     results = jaxnet.open(folder)
@@ -138,9 +136,7 @@ def test_a_study_without_an_attack_has_no_fit(tmp_path):
 
 
 def test_magnitudes_that_no_axis_has_room_for_are_said(tmp_path):
-    """From 1e-300 to 1e300 m: curves and a page, and a sentence in place of δ̂(ā); the tails are
-    drawn.
-    """
+    """From 1e-300 to 1e300 m: curves, a page, a sentence in place of δ̂(ā); tails are drawn."""
     keys = {"vehicles": 4, "horizon": 3.0, "attack": {"kind": "rotating", "vehicles": [2]}}
     sweep = {"attack.magnitude": [1e-300, 1e300]}
     study = systems.study(**KEYS | keys | {"sweep": sweep, "recovery": None, "samples": 2})

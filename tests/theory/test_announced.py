@@ -1,6 +1,4 @@
-"""The theorems of docs/guarantees.md by a plain program: rate, noise, delay, filter, and what each
-needs.
-"""
+"""Theorems of docs/guarantees.md by a plain program: rate, noise, delay, filter, and needs."""
 
 import itertools
 
@@ -73,9 +71,7 @@ def greedy(rng, told, attacked, weights):
 
 
 def certified(number):
-    """Random networks all of whose vehicles are safe, with how many steps the last is from the
-    navigator.
-    """
+    """Random networks whose vehicles are all safe, with the last one's steps from the navigator."""
     for seed in itertools.count():
         heard, attacked, trusted, theta = scenario(seed)
         steps = percolation(heard, attacked, trusted, theta)
@@ -220,9 +216,7 @@ def test_no_assumption_on_who_hears_whom_can_be_dropped(name):
 
 
 def ended(keys):
-    """‖ρ‖ after 60 rounds of the four vehicles of experiments/counterexamples.py, liars telling one
-    thing.
-    """
+    """‖ρ‖ after 60 rounds of the four vehicles of experiments/counterexamples.py; one lie."""
     weights = np.zeros((4, 5))
     for i, j in keys.get("edges", PAIRS):
         weights[i - 1, j] = 1.0

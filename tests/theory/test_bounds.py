@@ -1,6 +1,4 @@
-"""The bounds: the numbers of the notes, quadrature, and that none is below one that it must not be
-below.
-"""
+"""The bounds: numbers of the notes, quadrature, and none below one that it must not be below."""
 
 from itertools import pairwise
 
@@ -55,9 +53,7 @@ def test_star_norms_of_the_default_gain():
 
 
 def absolute_integral(p, sigma, omega):
-    """∫|h| by quadrature between the zeros of h, found on a dense grid; h from its partial
-    fractions.
-    """
+    """∫|h| by quadrature between h's zeros, from a dense grid; h from its partial fractions."""
     poles = np.array([-p, -sigma + 1j * omega, -sigma - 1j * omega])
     residues = np.array([1 / np.prod(pole - np.delete(poles, k)) for k, pole in enumerate(poles)])
 
@@ -200,9 +196,7 @@ def test_the_ring_that_trims_may_switch():
 
 
 def test_attacks_that_may_jump_have_no_static_bound():
-    """A strategic attack's vectors change at ticks, and with them G: the peak gain alone covers
-    that.
-    """
+    """A strategic attack's vectors and G change at ticks: the peak gain alone covers that."""
     network = of(CYCLIC, ATTACKED, theta=0)
     smooth, jumping = (
         bounds_of(network),
@@ -221,9 +215,7 @@ def test_who_always_drops_the_same_does_not_switch():
 
 
 def test_a_vehicle_that_may_be_cut_off_has_no_finite_bound():
-    """With a choice of whom to retain static and printed say nothing; without one they are infinite
-    too.
-    """
+    """With a choice of whom to retain static and printed are silent; else infinite too."""
     trio = {1: [2, 3, 4], 2: [1, 3, 4], 3: [1, 2, 4]}
     choice = bounds_of(of(hearing({**trio, 4: [0], 5: [0, 4, 6], 6: [0]}), [4], trusted=TRIO))
     for name, bound in choice.items():
@@ -246,9 +238,7 @@ def gains(draw):
 @settings(max_examples=20)
 @given(networks(), gains())
 def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
-    """Static ≤ harmonic ≤ peak gain ≤ corrected, best and star norm; best ≤ corrected; worst ≤
-    fleet.
-    """
+    """Static ≤ harmonic ≤ peak gain ≤ corrected, best, star; best ≤ corrected; worst ≤ fleet."""
     found = bounds_of(network, gain)
     static, peak, corrected, best, star = (
         np.append(found[name].vehicles, found[name].fleet)
@@ -269,9 +259,7 @@ def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
 @pytest.mark.parametrize("frequency", [0.0, 0.3, 0.7, 1.0, 2.5, 16.0])
 @pytest.mark.parametrize("orders", [(0, 1, 2, 3), (3,), (0, 1)])
 def test_the_drive_changes_no_faster_within_a_tick_than_theorem_3_is_told(frequency, orders):
-    """Λ of a turning attack as great as ā allows, by its exact derivative; attained by one order
-    alone.
-    """
+    """Λ of a turning attack as great as ā allows, exactly derived; one order alone attains it."""
     reach = AttackGain(np.array([1.0]), None, np.nan, orders)
     bound = between_ticks(reach, GAIN, frequency, tick=0.1, one_frequency=orders == (0, 1, 2, 3))[0]
     size = 1.0 / max(frequency**order for order in orders) if frequency else 1.0

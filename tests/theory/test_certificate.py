@@ -81,9 +81,7 @@ TURNS = [
 
 
 def test_joint_reach_is_that_of_powers_of_matrices():
-    """Random networks in turn: reach by powers, and by brute force the greatest set that hears
-    itself.
-    """
+    """Random networks in turn: reach by powers; by brute force the greatest set hearing itself."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         heard = rng.uniform(size=(2, 5, 6)) < 0.3

@@ -1,6 +1,4 @@
-"""Robustness by integer programs: equal to enumeration on small digraphs, and known values on
-larger ones.
-"""
+"""Robustness by integer programs: small digraphs as by enumeration, larger ones as known."""
 
 from time import monotonic
 

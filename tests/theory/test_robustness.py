@@ -79,9 +79,7 @@ def test_percolation_that_bears_one_liar():
 
 
 def led(seed):
-    """Two to seven nodes, the links among them from 1, some of them trusted, and leaders, not all
-    nodes.
-    """
+    """Two to seven nodes, links among them from 1, some trusted, and leaders, not all nodes."""
     rng = np.random.default_rng(seed)
     n = rng.integers(2, 8)
     heard = (rng.random((n, n)) < rng.uniform(0.3, 1.0)) & ~np.eye(n, dtype=bool)

@@ -56,9 +56,7 @@ def test_the_greatest_tick_of_one_round_on_the_ring():
 
 @pytest.mark.parametrize("gain", [(1, 3, 3), (6, 11, 6), (2, 1, 5)])
 def test_short_ticks_ask_for_a_rate_of_exchanges(gain):
-    """Of a slow eigenvalue alone, just below it grows and just above it shrinks, whatever the
-    rounds.
-    """
+    """A slow eigenvalue alone: just below it grows, just above it shrinks, for any rounds."""
     gain = np.array(gain, float)
     for left in (0.99, 0.999):
         rate = least_rate(left, gain)

@@ -1,6 +1,4 @@
-"""How far attacks spread: known networks, and every choice of retained neighbours tried on small
-ones.
-"""
+"""How far attacks spread: known networks, and on small ones every choice of retained neighbours."""
 
 from itertools import combinations, product
 from typing import NamedTuple
@@ -173,9 +171,7 @@ def test_the_ring_that_trims():
 
 @pytest.mark.parametrize("topology", ["cyclic", "lattice"])
 def test_rounds_do_not_grow_with_the_fleet(topology, monkeypatch):
-    """Gains around the attacked are those of a fleet ten times smaller, and fall to less than any
-    number.
-    """
+    """Gains around the attacked are a ten times smaller fleet's, and fall below any number."""
     rounds, solver = [], graph.solver
     monkeypatch.setattr(graph, "solver", lambda network: rounds.append(network) or solver(network))
     keys = {"topology": topology, "defence": "trusted_trim"}
@@ -216,9 +212,7 @@ def test_a_replaced_word_ends_what_its_source_has_gathered():
 
 
 def test_who_trusts_only_each_other_may_be_cut_off():
-    """1, 2 and 3 trust each other and so may all drop 4, through which alone the navigator reaches
-    them.
-    """
+    """1, 2, 3 trust each other, so all may drop 4, the navigator's only way to them."""
     weights = hearing({1: [2, 3, 4], 2: [1, 3, 4], 3: [2, 4], 4: [0]})
     network = of(weights, [4], trusted={1: [2], 2: [1]}, theta=2)
     assert np.isfinite(network.gains()).all()  # they hear too few to drop two
@@ -233,8 +227,6 @@ def test_who_trusts_only_each_other_may_be_cut_off():
 
 
 def test_a_dropped_source_may_be_cut_off():
-    """1 hears the navigator, 2 and 3, trusts 0 and 3 and always drops 2, which is infinite by
-    itself.
-    """
+    """1 hears 0 (the navigator), 2 and 3, trusts 0 and 3, always drops 2, infinite by itself."""
     network = of(hearing({1: [0, 2, 3], 2: [4], 3: [0], 4: [2]}), [3], trusted={1: [3]})
     assert network.gains().tolist() == [0.5, np.inf, 0.0, np.inf]

@@ -88,9 +88,7 @@ CASES = {  # edges, links that lie in world A, in world B, whether the theorem h
 
 @pytest.mark.parametrize("case", CASES)
 def test_theorem_6_needs_that_nobody_outside_hears_and_that_only_links_inwards_lie(case):
-    """I is vehicle 1, ϑ = 1. As stated both worlds look alike to it, and its errors differ by ā =
-    1.
-    """
+    """I is vehicle 1, ϑ = 1. As stated it sees equal worlds, whose errors differ by ā = 1."""
     edges, first, second, holds = CASES[case]
     words, error = heard_and_errors(edges, dict.fromkeys(first, 1.0), 0.0)
     others, other = heard_and_errors(edges, dict.fromkeys(second, -1.0), 1.0)

@@ -239,9 +239,7 @@ def test_one_cell_is_told_in_full():
 
 
 def test_what_differs_is_told_by_the_keys_that_decide_it():
-    """Trimming by ϑ alone, the norm by the weight; what all share stands once, no other key is
-    named.
-    """
+    """Trimming by ϑ alone, the norm by the weight; shared facts stand once, no other key does."""
     theta = {"defence.theta": [1, 2], "topology.navigator_weight": [0.1, 0.5]}
     text = check.check_text(systems.study(sweep=theta))
     same, differs = text.split("\n\n")[2:4]

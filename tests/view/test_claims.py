@@ -72,7 +72,7 @@ def test_a_tolerance_of_rounding_leaves_its_own_bound():
 
 
 def test_gains_of_each_vehicle_prove_nothing_where_weights_switch():
-    """Products of tick matrices grow there without an attack, not with fixed weights or without a cycle."""
+    """Products of tick matrices grow there without attack; not with fixed weights or no cycle."""
     keys = {"gain": OWN, "attack": "none"}
     trimmed = told(**keys, defence="trusted_trim")
     assert "safe nothing is proved; gains differ by vehicle, and weights may switch" in trimmed

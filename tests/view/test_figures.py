@@ -118,9 +118,7 @@ def test_few_dots_stand_for_many_lanes():
 
 @pytest.fixture
 def many():
-    """More than a figure takes: 15 frequencies on five topologies, four sizes ā each; nothing was
-    run.
-    """
+    """More than a figure takes: 15 frequencies, five topologies, four sizes ā each; not run."""
     return systems.study(
         vehicles=4,
         attack={"vehicles": [2]},
@@ -290,9 +288,7 @@ def test_chosen_cells_are_what_is_drawn(results):
 
 
 def test_a_large_fleet_is_shown_by_its_matrix():
-    """Grey where anybody in a bin hears anybody there, white elsewhere; a strip for 0, marks for
-    attacks.
-    """
+    """Grey if anybody in a bin hears anybody there, else white; a strip for 0, marked attacks."""
     attack = {"kind": "bias", "vehicles": [2, 700]}
     study = systems.study(vehicles=720, attack=attack, sweep={"topology": ["cyclic", "path"]})
     for panel, cell in zip(topology.topology_figure(study.cells).axes, study.cells, strict=True):
@@ -321,9 +317,7 @@ def test_a_dollar_in_a_label_is_a_dollar():
 
 
 def test_the_style_for_print_can_be_left_out(tmp_path):
-    """A plain figure has the sizes of matplotlib's settings, drawn and saved; the other has its
-    own.
-    """
+    """A plain figure has matplotlib's sizes, drawn and saved; the other has its own."""
     results = jaxnet.run(
         systems.study(samples=2, horizon=1.0, tail=0.5, engine="exact"), tmp_path / "out"
     )

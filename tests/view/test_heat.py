@@ -1,6 +1,4 @@
-"""Heat maps: every cell where its values say, numbers that do not flatter, colours that all can
-read.
-"""
+"""Heat maps: every cell in its place, numbers that do not flatter, colours that all can read."""
 
 import json
 import re
@@ -204,9 +202,7 @@ def tile_words(panel) -> dict[tuple[int, int], list[str]]:
 
 
 def test_a_tile_tells_its_cells_share_and_interval():
-    """Of 40 lanes; without an attack it is hatched; failed lanes are a star and a note, and in no
-    share.
-    """
+    """Of 40 lanes; hatched without an attack; failed lanes are a star and a note, in no share."""
     results = made(study_of(SWEEP), failed={7: ["disconnected"] * 2, 18: ["nonfinite"] * 40})
     figure = drawn(results)
     panels = [panel for panel in figure.axes if panel.get_title()]
@@ -324,9 +320,7 @@ def test_where_nothing_suits_it_says_why(sweep, where, remedy):
 
 
 def test_the_page_has_the_numbers_of_the_cells():
-    """All to the last digit, with places on the scale; words as in the figure; what failed by its
-    kind.
-    """
+    """All to the last digit, places on the scale; words as in the figure; failures by kind."""
     results = made(study_of(SWEEP), failed={7: ["disconnected"] * 2})
     body = sections.heat_section(results).body
     found = re.findall(r'<script type="application/json">(.*?)</script>', body, re.DOTALL)

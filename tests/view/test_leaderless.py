@@ -222,7 +222,8 @@ VISIBLE = """() => {
   const hovers = plots.flatMap(plot => plot.data)
     .flatMap(trace => [trace.name, trace.hovertemplate, ...[trace.text ?? []].flat(3)]);
   const drawn = [...document.querySelectorAll("svg text")].map(each => each.textContent);
-  const named = [...document.querySelectorAll("[aria-label]")].map(each => each.getAttribute("aria-label"));
+  const named = [...document.querySelectorAll("[aria-label]")]
+    .map(each => each.getAttribute("aria-label"));
   return [document.body.innerText, ...hovers, ...drawn, ...named].join("\\n");
 }"""
 

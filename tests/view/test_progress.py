@@ -114,9 +114,7 @@ def test_a_tally_has_the_mean_of_all_rows_however_they_came():
 
 
 def test_the_lines_below_a_bar_fit_and_name_the_worst_cells():
-    """Eight of thirty, with labels too long for a line; fewer in a low terminal, none in a lower
-    one.
-    """
+    """Eight of thirty, with too long labels; fewer in a low terminal, none in a lower one."""
     label = {"kind": "cyclic", "label": "a ring whose name is as long as forty letters"}
     sweep = {"topology": [label], "attack.magnitude": list(range(1, 31)), "gain": [[1, 3, 3]]}
     tally = Tally(systems.study(sweep=sweep).cells, 300, recovery=True)

@@ -13,9 +13,7 @@ NAMES = ["initial.position", "initial.heading", "initial.speed", "attack.phase",
 
 
 def made(cells):
-    """A study of so many cells, and a table with indices that tell the cell and quantity they are
-    of.
-    """
+    """A study of so many cells, and a table of indices that tell their cell and quantity."""
     study = systems.study(sweep={"attack.magnitude": list(range(1, cells + 1))})
     rows = []
     for cell in range(cells):

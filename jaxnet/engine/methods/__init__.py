@@ -1,6 +1,4 @@
-"""Engines, the ways to advance lanes from tick to tick, one per file. A config chooses one by
-`engine`.
-"""
+"""Engines advance lanes from tick to tick, one engine a file. A config chooses one by `engine`."""
 
 from collections.abc import Hashable, Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -75,9 +73,7 @@ class Engine(Kind):
     def simulate(
         queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
     ) -> Outcome:
-        """Return the outcome of the first `count` lanes of a queue of `Inputs`, traced by JAX;
-        lanes last.
-        """
+        """Return the outcome of the first `count` lanes of a queue, traced by JAX; lanes last."""
         raise NotImplementedError
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:

@@ -24,9 +24,7 @@ else:
 
 
 class Flow(NamedTuple):
-    """`expm(A_c h)` over one tick h, and how E^(r) in a tick depends on E and its derivatives at
-    its end.
-    """
+    """`expm(A_c h)` over one tick h, and E^(r) in a tick from E and its derivatives at its end."""
 
     # of gains that are matrices: blocks
     flow: Float[Array, "r r 2 2 *lanes"] | Float[Array, "r r *lanes"]

@@ -81,9 +81,7 @@ class Nonlinear(Engine):
     def simulate(
         queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
     ) -> Outcome:
-        """Advance the first `count` lanes of the queue by `engine.collocation` or
-        `engine.integration`.
-        """
+        """Advance the first `count` lanes by `engine.collocation` or `engine.integration`."""
         from jaxnet.engine import collocation, integration, loop
 
         (solver,) = plan.options

@@ -106,9 +106,7 @@ class Stacked(Engine):
     def simulate(
         queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
     ) -> Outcome:
-        """Advance all lanes of the queue in lockstep (`ByDiffrax`); lanes from `count` on are
-        padding.
-        """
+        """Advance all lanes in lockstep (`ByDiffrax`); lanes from `count` on are padding."""
         return loop.in_lockstep(ByDiffrax, queue, network, clock, plan)
 
 
@@ -159,7 +157,6 @@ class ByDiffrax(Motion[StackedState]):
         return state.state
 
     def placed(self, state: StackedState, which: VehicleFlags, states: States) -> StackedState:
-        """Put vehicles at rest with these states."""
         return state._replace(state=jnp.where(which[None], states, state.state))
 
     def steps(self, state: StackedState) -> Int[Array, " lanes"]:
@@ -237,10 +234,7 @@ class Controller(diffrax.PIDController):
         func: Any,
         error_order: Any,
     ) -> Any:
-        """Begin with the whole tick as the first step.
-
-        A guessed first step would fail where the vector field does.
-        """
+        """Begin with the whole tick as a step: guessing one would fail where the field does."""
         return super().init(terms, t0, t1, y0, t1 - t0, args, func, error_order)
 
     def adapt_step_size(
@@ -359,9 +353,7 @@ def jets_of_law(
     weights: Float[Array, "slots m"],
     hearing: Hearing,
 ) -> tuple[Float[Array, "m sources"], Float[Array, "2 m"], Float[Array, "r 2 m"]]:
-    """`[a0 | A]`, `a0 ⊗ y_0^(r) + d^(r)`, and the jets of ε, for received jets and weights by
-    slot.
-    """
+    """`[a0 | A]`, `a0 ⊗ y_0^(r) + d^(r)` and jets of ε, for received jets and weights by slot."""
     graph, order = hearing.matrix(weights), len(own)
     added = jnp.stack([(weights[None] * hearing.added(jet)).sum(axis=1) for jet in attack])
     sources = jnp.concatenate([navigator[:order, :, None], own], axis=2)

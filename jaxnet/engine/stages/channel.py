@@ -105,9 +105,7 @@ class Reception(eqx.Module):
         return self.in_force(weights)
 
     def known(self, weights: AxisWeights, constant: KnownDrive) -> KnownDrive:
-        """A known drive with what stands in for live messages; `weights` are those without any
-        loss.
-        """
+        """A known drive with what replaces live messages; `weights` are those without any loss."""
         return constant
 
     def mean(self, now: Moment, late: Late, weights: AxisWeights, start: Polynomial) -> Polynomial:
@@ -293,7 +291,6 @@ def degrees(lane: Lane, plan: Plan) -> int:
 
 
 def messages_of(now: Moment, late: OnTime) -> Messages:
-    """The messages on their way at a tick."""
     hearing, own = now.network.hearing, now.errors[0]
     apart = plane.length(hearing.sent(tell(now.errors)[0]) - own[:, None])
     present = late.arriving(now, now.lane.weights > 0)

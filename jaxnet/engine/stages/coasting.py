@@ -1,5 +1,4 @@
-"""Vehicles that keep their last drive `z = y‴ + P(ŷ)` until the next tick, where ŷ is what they
-sense.
+"""Vehicles that keep their last drive `z = y‴ + P(ŷ)` until the next tick; they sense ŷ.
 
 A vehicle that hears nobody keeps it. So does a group of vehicles that hear only each other: the law
 has no solution for such a group. If decisions alone cut a vehicle off from the navigator, its lane
@@ -201,7 +200,6 @@ class Stops(Coasts):
         )
 
     def at_tick(self, here: LaneFlags) -> "Stops":
-        """Arrive at the next tick in the lanes `here`."""
         soon = self.soon & here[None]
         return dataclasses.replace(self, standing=self.standing | soon, soon=self.soon & ~soon)
 
@@ -225,10 +223,7 @@ def coasts(lane: Lane) -> bool:
 
 
 def cut_off(lane: Lane, network: Network, judged: Judged, coasting: Coasting) -> VehicleFlags:
-    """Vehicles that decisions alone, without any loss, cut off from the navigator.
-
-    A vehicle that has stopped passes on nothing that it hears.
-    """
+    """Vehicles cut off by decisions without loss; a vehicle that has stopped passes on nothing."""
     weights = judged.in_force(lane)
     on_its_way = ~coasting.stopped(lane)[None]
     heard = (weights > 0) & on_its_way[:, None]

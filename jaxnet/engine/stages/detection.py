@@ -63,7 +63,6 @@ class Detection(Alarms):
 
 
 def first_alarms(lane: Lane, hearing: Hearing) -> Alarms:
-    """Alarms before the first tick."""
     if lane.detector is None:
         return Alarms()
     nothing = jnp.zeros((2, *lane.attack_scale.shape), int)
@@ -87,10 +86,7 @@ def judged_messages(
 
 
 def error_variances(lane: Lane, hearing: Hearing) -> list[Float[Array, "slots m lanes"]]:
-    """Variance of a message's error on each axis, by order below that of the vehicles.
-
-    Messages of the navigator have no errors of sensors.
-    """
+    """Variance of a message's error per axis and order below r; the navigator has no sensor."""
     sources, noise = hearing.sources, lane.noise
     total = [jnp.zeros_like(lane.weights)] * len(lane.gain)
     of_links = None if noise is None else (noise, ~noise.exact_links(sources))

@@ -72,9 +72,7 @@ class Decided(Judged):
         return Decided(heard.believed(decision, self.decision), memory)
 
     def in_force(self, lane: Lane) -> AxisWeights:
-        """A vehicle that retains nobody has weights 0 if its law does not couple it, else
-        not-a-number.
-        """
+        """A vehicle that retains nobody has weights 0, or NaN if its law couples vehicles."""
         weights = retained.in_force(lane.weights, self.decision)
         if lane.law.couples():
             return weights

@@ -1,5 +1,4 @@
-"""What is known at a tick until the next: kept drives, late messages, messages heard before,
-errors.
+"""What is known at a tick until the next: kept drives, late and earlier messages, errors.
 
 A message is X_j = R(y_j) plus R of the attack. What stands in place of live ones is a polynomial of
 the share σ of the tick that has passed:
@@ -42,9 +41,7 @@ class Known(eqx.Module):
         return attacks
 
     def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> Drives:
-        """Derivatives of order r, r + 1, … at a time, counted in spans; `demand` tells their
-        shape.
-        """
+        """Derivatives of order r, r + 1, … at a time, counted in spans; shaped as `demand`."""
         return jnp.zeros((0, *demand.shape))
 
 

@@ -71,9 +71,7 @@ class Past(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """The messages that arrive at a tick: the newest one on each link that is newer than all
-    before.
-    """
+    """Messages that arrive at a tick: the newest on each link, if newer than all before."""
 
     came: SomeLinks
     entry: Int[Array, "*links lanes"] | None  # its place in the history; None for the first
@@ -134,7 +132,6 @@ class DrawnDelay(NamedTuple):
         return 1 + (drawn[None] >= self.chances[:-1, None, None]).sum(axis=0)
 
     def seconds(self, ages: Any, interval: Instants) -> Float[Array, "*links lanes"]:
-        """Delay [s] of messages, which arrive so many ticks late."""
         return ages.astype(float) * interval.reshape(*[1] * (ages.ndim - 1), -1)
 
     def on(self, links: Callable[[Array], Array]) -> "DrawnDelay":
@@ -214,7 +211,6 @@ class Late(OnTime):
         )
 
     def messages(self, now: Moment) -> Polynomial:
-        """The messages that arrive at a tick, by link."""
         heard = Arrivals(self.past, self.arrival(now), now.lane, now.network.hearing, now.plan)
 
         def plus_lie(slot: LoopIndex, listener: LoopIndex, messages: LateMessages) -> LateMessages:
@@ -402,10 +398,7 @@ def late_degrees(lane: Lane) -> int:
 
 
 def common_gains(lane: Lane, plan: Plan) -> Float[Array, "derivatives lanes"] | None:
-    """Factors of derivatives in messages if all links of a lane have the same, else None.
-
-    Sources then tell one sum.
-    """
+    """Factors of derivatives in messages if all links of a lane share them (one sum), else None."""
     if not lane.law.couples():
         return None
     if plan.extrapolate == "none":

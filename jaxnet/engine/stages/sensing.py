@@ -84,7 +84,6 @@ def fresh_errors(lane: Lane, last: Jets, time: Instants) -> Jets:
 
 
 def first_sensed(lane: Lane) -> Sensed:
-    """Readings before the first tick."""
     if lane.sensor is None:
         return Sensed()
     zero, order = jnp.zeros_like(lane.initial[:2]), len(lane.gain)

@@ -35,8 +35,7 @@ def possible(lane: Lane) -> bool:
 def rest_within_tick(
     lane: Lane, jets: Jets, among: VehicleFlags, interval: Float[Array, ""]
 ) -> tuple[VehicleFlags, States]:
-    """Find the vehicles, among some, that stand still in the tick from now on, and their states of
-    rest.
+    """Find the vehicles, among some, that stand still in this tick, and their states of rest.
 
     `jets` are y and its r derivatives now.
     """

@@ -94,8 +94,7 @@ class Envelope(Attack):
 
 
 def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers, order: int = 3) -> NumberJets:
-    """A polynomial in x, 0 before x = 0 and 1 after x = 1, with its time derivatives up to an
-    order.
+    """A polynomial in x, 0 before x = 0 and 1 after x = 1, and time derivatives up to an order.
 
     The derivatives are continuous: `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷` has three, `126x⁵ - 420x⁶ + 540x⁷ -
     315x⁸ + 70x⁹` has four. The shape is (order + 1, …).

@@ -28,8 +28,7 @@ class Freeze(Attack):
     )
 
     def told(self, navigator, start):
-        """The signal and vectors of `y_j(0) - y_0(t)`: a constant, and the navigator's two
-        coordinates.
+        """Signal and vectors of `y_j(0) - y_0(t)`: a constant, and the navigator's two coordinates.
 
         The constant is as great as the greatest `y_j(0)`, so that the vectors have similar lengths.
         """

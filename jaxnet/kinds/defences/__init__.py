@@ -131,8 +131,7 @@ class AnyDefence(DrawsAtTicks):
     def overheard(
         self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
     ) -> SlotVectors:
-        """Announcements (2, slots, m, lanes) [m/s³] as vehicles see them when they decide and
-        announce.
+        """Announcements (2, slots, m, lanes) [m/s³] as vehicles see them to decide and announce.
 
         `sources` (slots, m) are the numbers of the sources, 0 is the navigator.
         """
@@ -180,8 +179,7 @@ class AnyDefence(DrawsAtTicks):
         return self.retained(graph, trusted) or any_untrusted(graph, graph.none, len(trusted) + 1)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """The vehicles that end on the navigator whatever attackers send, by reason, the strongest
-        first.
+        """Vehicles that end on the navigator whatever attackers send, by reason, strongest first.
 
         By default a vehicle is safe if nothing upstream of it is attacked, or if all attacked
         sources upstream are dropped.

@@ -32,8 +32,7 @@ class WMSR(Sparing):
     def decide(self, own, received, last, memory, around):
         """Drop a source if fewer than F sources are farther out on the same side.
 
-        Of equal values (`ties`) the lower slot is dropped first. A value equal to the vehicle's own
-        is kept.
+        Of equal values (`ties`) the lower slot is dropped first. The vehicle's own value is kept.
         """
         xp = own[0].__array_namespace__()
         above = received[0] - own[0][:, None]

@@ -359,8 +359,7 @@ def weight_shares(
     total: Float[np.ndarray, " m"],
     navigator_weight: float | np.ndarray,
 ) -> tuple[Float[np.ndarray, "*samples m"], Float[np.ndarray, "*samples m"]]:
-    """The navigator's weight in each row, and the factor of the neighbours' weights, whose sum is
-    `total`.
+    """The navigator's weight in each row; the factor of neighbours' weights, whose sum is `total`.
 
     A vehicle that hears no neighbour hears the navigator alone.
     """

@@ -60,9 +60,9 @@ class Law(Kind):
     def way(self) -> Way:
         """Return how vehicles follow the law between ticks.
 
-        `solved`: for all vehicles together at every instant, as the theory asks. `held`: by the q of
-        the last tick. `local`: at every instant, each vehicle alone. `linearised`: by inputs that are
-        linear in the error of the state.
+        `solved`: for all vehicles together at every instant, as the theory asks. `held`: by the q
+        of the last tick. `local`: at every instant, each vehicle alone. `linearised`: by inputs
+        that are linear in the error of the state.
         """
         return "held" if self.holds else "local" if self.local else "solved"
 
@@ -71,14 +71,14 @@ class Law(Kind):
         return self.way() == "held"
 
     def solves(self) -> bool:
-        """Return whether the law is solved for all vehicles at every instant, as the theory asks."""
+        """Whether the law is solved for all vehicles at every instant, as the theory asks."""
         return self.way() == "solved"
 
     def couples(self) -> bool:
         """Return whether a vehicle's q depends on those of its neighbours, which tell them.
 
-        Such a law needs a navigator and has no solution for vehicles that are cut off, which may keep
-        their drive. It does not depend on the strength of a row of weights.
+        Such a law needs a navigator and has no solution for vehicles that are cut off, which may
+        keep their drive. It does not depend on the strength of a row of weights.
         """
         return not self.local
 
@@ -91,7 +91,7 @@ class Law(Kind):
         return not self.holds and (self.local or extrapolated)
 
     def iterates(self) -> bool:
-        """Return whether it is Jacobi's iteration, of which a sufficient number of rounds is known."""
+        """Whether it is Jacobi's iteration, of which a sufficient number of rounds is known."""
         return False
 
     def gives_demand(self) -> bool:
@@ -99,7 +99,7 @@ class Law(Kind):
         return False
 
     def own_gain(self, gain: Any) -> Any:
-        """Return the gains by which a vehicle's own jets move it between ticks: 0 where it holds q."""
+        """The gains by which a vehicle's own jets move it between ticks: 0 where it holds q."""
         return 0.0 * gain if self.needs_ticks() else gain
 
     def singular_at_rest(self) -> bool:

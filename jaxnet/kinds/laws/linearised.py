@@ -1,6 +1,4 @@
-"""The law that the paper argues against: feedback of the state's error, linearised about the
-navigator.
-"""
+"""The law that the paper argues against: feedback of the error, linearised about the navigator."""
 
 from collections.abc import Iterator
 from typing import ClassVar
@@ -39,9 +37,7 @@ class LinearisedLaw(Law):
         return False
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault where vehicles may keep a drive, or where the navigator's state is
-        unknown.
-        """
+        """Yield a fault where vehicles may keep a drive or the navigator's state is unknown."""
         yield from super().faults(scenario)
         if scenario.defence.coasts():
             message = f"{self.kind} knows no drive that a vehicle could keep: give isolated: fail"

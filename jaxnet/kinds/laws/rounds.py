@@ -33,9 +33,7 @@ class Rounds(Law):
     )
 
     def drawn(self, draw: LaneDraw, name: str) -> "Rounds":
-        """Return the law with `rounds` as a number of each lane, so that one program serves all
-        values.
-        """
+        """Return the law with `rounds` as a number of each lane: one program serves all values."""
         drawn = super().drawn(draw, name)
         return self.filled({**vars(drawn), "rounds": draw.same(self.rounds)})
 

@@ -79,8 +79,7 @@ class Navigator(Kind):
 
 
 def sizes_up_to(order: int, navigator: NavigatorPath, start: float, end: float) -> np.ndarray:
-    """The greatest norms of the path and its derivatives up to an order, or the third if that is
-    higher.
+    """Greatest norms of the path and its derivatives up to an order, or the third if higher.
 
     The norms of derivatives above the third are those at SPEED_SAMPLES times.
     """

@@ -57,7 +57,6 @@ class Driven(Navigator):
         )
 
     def drawn(self, draw, name):
-        """The path with its pieces as arrays, lanes last."""
         table, duration = self.pieces()
         return self.filled(
             {"table": np.moveaxis(draw.same(table), 0, -1), "duration": draw.same(duration)}

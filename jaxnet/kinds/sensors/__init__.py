@@ -37,10 +37,7 @@ class Sensor(ErrorsAtTicks):
         return self.errors(time, last[0].shape[1])
 
     def stays(self, time: LaneTimes, vehicles: int) -> VehicleMask | None:
-        """Whether what a vehicle senses at a tick is what it sensed at the last one, (m, lanes).
-
-        None, the default, means never.
-        """
+        """Whether each vehicle senses what it did at the last tick, (m, lanes); None: never."""
         return None
 
     def breaks(self):

@@ -1,5 +1,4 @@
-"""Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md
-O4).
+"""Vehicles that are flat with order r: r integrators per axis of the position (theorems.md O4).
 
 The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ,
 …) determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A wheeled robot

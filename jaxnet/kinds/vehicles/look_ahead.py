@@ -1,5 +1,4 @@
-"""A unicycle whose output is a point ahead of its axle, the usual way to steer one as a single
-integrator.
+"""A unicycle with a point ahead of its axle as output, usually steered as a single integrator.
 
 The heading follows the point's velocity q by `θ̇ = n·q / l`. With complex numbers for vectors of
 the plane and `u ∝ exp(iθ/2)`, this equation is linear:
@@ -121,8 +120,7 @@ def heading_after(
 def turn(heading: VehicleNumbers, by: Generator) -> VehicleNumbers:
     """The angle [rad] by which the exponential of a generator turns headings.
 
-    The square of a generator is the number `|s|² - r²`. u is scaled so that the exponential stays
-    finite.
+    The square of a generator is the number `|s|² - r²`. u is scaled to keep exponentials finite.
     """
     xp, along = (
         heading.__array_namespace__(),

@@ -1,6 +1,4 @@
-"""The unicycle with an acceleration as input (Oriolo, De Luca and Vendittelli, IEEE Trans. CST 10,
-2002).
-"""
+"""The unicycle driven by acceleration (Oriolo, De Luca, Vendittelli, IEEE Trans. CST 10, 2002)."""
 
 from jaxnet.kinds.vehicles import SPEED, Wheeled, directions
 from jaxnet.model.circle import angle

@@ -1,6 +1,4 @@
-"""Figures for print, as PNG and PDF. Figure names stand here, so that the command line need not
-draw.
-"""
+"""Figures for print, as PNG and PDF. Their names stand here: the command line need not draw."""
 
 ULTIMATE = ("ultimate", "ultimate_mean")
 HEAT = ("heat", "heat_worst")

@@ -116,7 +116,6 @@ def sensitivity_figure(
 
 
 def draw_indices(panel: Axes, rows: pd.DataFrame, names: Sequence[str]) -> None:
-    """Draw the indices of one cell with their intervals."""
     places = np.array([names.index(name) for name in rows["quantity"]])
     for order, look in INDEX_STYLES.items():
         value, low, high = (rows[f"{order}{end}"].to_numpy(float) for end in ("", "_low", "_high"))

@@ -55,7 +55,6 @@ class LackingError(FolderError):
 
 
 def lacking_error(results: Results, what: str, remedy: str) -> LackingError:
-    """The error that names the lacking data and the remedy."""
     return LackingError(f"{results.place} has no {what}: run the study with {remedy}")
 
 

@@ -1,5 +1,4 @@
-"""A quantity of cells against a swept key, with intervals: a colour per value of a second key,
-panels.
+"""A quantity against a swept key, with intervals: a colour per value of a second key, panels.
 
 Numbers are on x. Other values have a named row each, and the quantity is across.
 """
@@ -253,8 +252,7 @@ def x_ticks(panel: Panel, values: Sequence[Any], log: bool, room: float) -> None
 def value_ticks(values: Sequence[int | float], log: bool, room: float) -> list[str]:
     """Labels of ticks at these values on an axis of this room [in], none over another.
 
-    The labels have as many digits as there is room for. Where two digits are too many, some are
-    empty.
+    Labels have as many digits as there is room for. Where two are too many, some are empty.
     """
     size = FontProperties(size=mpl.rcParams["xtick.labelsize"]).get_size_in_points() / 72
     given = np.log(values) if log else np.asarray(values, float)

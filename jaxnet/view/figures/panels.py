@@ -1,6 +1,4 @@
-"""The paper's figure: a row per attack, with trajectories of each topology and all errors over
-time.
-"""
+"""The paper's figure: a row per attack; trajectories of each topology, and all errors over time."""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
@@ -46,11 +44,9 @@ def panels_figure(
     trajectories: bool,
     errors: bool,
 ) -> Figure:
-    """Draw a row for each combination of swept keys other than topology; errors stand last in a
-    row.
+    """Draw a row for each choice of swept keys other than topology; errors stand last in a row.
 
-    Only the first MOST_A_SIDE rows and topologies are drawn. In a narrow figure a row takes several
-    lines.
+    Only the first MOST_A_SIDE rows and topologies are drawn. Narrow figures wrap their rows.
     """
     whole, narrow = rows_of_cells(cells), width < style.FIGURE_WIDTH
     planes = min(MOST_A_SIDE, max(map(len, whole))) if trajectories else 0
@@ -221,9 +217,7 @@ def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
 def fleet_centre(
     places: Float[np.ndarray, "times m 2"], attacked: Sequence[int]
 ) -> Float[np.ndarray, "times 2"]:
-    """The mean place of the vehicles that are not attacked [m], of all where all are; attacked ones
-    count from 1.
-    """
+    """Mean place [m] of vehicles not attacked, or of all if none; `attacked` counts from 1."""
     honest = np.delete(places, np.array(attacked, int) - 1, axis=1)
     return (honest if honest.shape[1] else places).mean(axis=1)
 
@@ -269,9 +263,7 @@ def draw_errors(
     title: str,
     key: bool,
 ) -> None:
-    """Draw ẽ, or the spread, above ε̃ on log axes, as a median over lanes with a band from 5 to 95
-    %.
-    """
+    """Draw ẽ, or the spread, above ε̃ on log axes: a median over lanes, a band from 5 to 95 %."""
     inner = place.subgridspec(2, 1, hspace=0.0)
     upper: Axes | None = None
     for number, variable in enumerate((variable_over_time(cells), "disagreement")):

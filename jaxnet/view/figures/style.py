@@ -1,6 +1,4 @@
-"""Style of all figures: type for a two-column journal, colours that survive grey and colour
-blindness.
-"""
+"""Style of all figures: type for two columns, colours that survive grey and colour blindness."""
 
 import io
 from os import PathLike

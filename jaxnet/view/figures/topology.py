@@ -56,10 +56,7 @@ LINK_STYLES: dict[str, dict[str, Any]] = {
 
 
 def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
-    """Draw a panel per graph, each with the most attacked links of the study.
-
-    A graph with random weights is drawn with their medians.
-    """
+    """Draw a panel a graph with the most links attacked, random weights as medians."""
     there = [(cell, situation_of(cell.scenario)) for cell in most_attacked(cells)]
     across = graphs_per_row([network.graph for _, network in there], width)
     columns = min(across, len(there))
@@ -138,10 +135,7 @@ def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
 
 
 def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None:
-    """Draw a graph of this size [pt]; arrows point from the source to the vehicle that hears it.
-
-    A large graph is drawn as a density of links.
-    """
+    """Draw a graph of this size [pt], arrows towards listeners, large graphs as densities."""
     panel.set_title(graph_title(cell, network.graph), pad=2)
     if too_large(network.graph):
         draw_adjacency(panel, network, attacked_vehicles(cell))

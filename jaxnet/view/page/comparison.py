@@ -15,7 +15,6 @@ MOST_CHANGED = 1000  # lanes that the page lists
 
 
 def comparison_page(found: Comparison) -> str:
-    """Return the comparison as an HTML page."""
     a, b = (escape(PurePath(folder).name) for folder in found.folders)
     lead = f"B is {b}, A is {a}. {escape(comparison.comparison_legend(found))}"
     rows = comparison.comparison_rows(found)

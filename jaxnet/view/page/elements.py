@@ -201,7 +201,6 @@ def filter_html(keys: Mapping[str, tuple[str, Sequence[str]]]) -> str:
 
 
 def folded_text(name: str, text: str) -> str:
-    """Text that unfolds on a click."""
     return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
 
 

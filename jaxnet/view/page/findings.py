@@ -44,10 +44,7 @@ def finding_sentences(results: Results, found: Sequence[Curve], fit: str) -> lis
 
 
 def errors_per_size(results: Results) -> tuple[pd.Series, str]:
-    """Mean tail errors by cell and their unit: per ā, or in metres if no ā is known.
-
-    Without a navigator they are mean spreads in metres.
-    """
+    """Mean tail errors by cell and unit: per ā, or in metres without ā; spreads if leaderless."""
     metric = judged_metric(results.study.cells)
     errors: Any = pd.Series(results.cells[f"{metric}_mean"].to_numpy(dtype=float))
     known = cell_magnitudes(results)
@@ -165,7 +162,6 @@ def kind_sentence(
 
 
 def failures_sentence(results: Results) -> str:
-    """The number of failed lanes, by the kind of failure."""
     lanes = results.manifest["lanes"]
     if not lanes["failed"]:
         return f"All {count(lanes['total'], 'lane')} came to their end; none failed."

@@ -168,7 +168,6 @@ def run_section(results: Results) -> Section:
 
 
 def summary_section(results: Results) -> Section:
-    """The table of all cells."""
     shown, constant = columns.split_constant(columns.summary_columns(results))
     notes = [*filter(None, [constant]), *tables.summary_notes(results, shown)]
     many = len(results.study.cells)
@@ -310,7 +309,6 @@ def search_section(results: Results) -> Section | None:
 
 
 def lanes_section(results: Results) -> Section:
-    """Lanes in motion."""
     name, (found, many) = "Lanes in motion", trajectories.lanes_data(results)
     if many and not found:
         return Section("lanes", name, paragraph(TOO_LARGE))

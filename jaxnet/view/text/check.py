@@ -133,7 +133,6 @@ def amplitude_advice(study: Study) -> str:
 
 
 def swept(study: Study) -> str:
-    """The values of each swept key."""
     labels = study.cells[0].labels
     lines = ["swept, the last fastest:"] if labels else []
     for key in labels:
@@ -148,7 +147,6 @@ def network_title(network: AlikeCells) -> str:
 
 
 def titled(title: str, lines: Mapping[str, str]) -> str:
-    """A title with a line for each fact below it."""
     width = max(map(len, lines), default=0)
     return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in lines.items())])
 

@@ -38,8 +38,8 @@ COMPARISON_DROP_ORDER = (
     [f"{words} median {end}" for words in MAIN for end in ("low", "high")],
 )
 ERROR_LEGEND = (
-    "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median; low,"
-    " high: 95 % intervals. A mean has none where few lanes are as skewed as these."
+    "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median;"
+    " low, high: 95 % intervals. A mean has none where few lanes are as skewed as these."
 )
 AGREEMENT_LEGEND = (
     "spread: greatest distance of two vehicles that are not attacked, over the tail; outside:"

@@ -9,10 +9,7 @@ from jaxnet.view.text.printer import table_text
 
 
 def folders_text(root: str) -> str:
-    """Return a table of all results folders below a root, or an empty string.
-
-    The path stands last and in full, so that it can be copied.
-    """
+    """Return a table of results folders below a root, or ""; the path stands last, to copy."""
     found = list(find_results(root))
     if not found:
         return ""

@@ -37,8 +37,7 @@ def markdown(columns: Sequence[Column]) -> str:
 
 
 def latex(columns: Sequence[Column]) -> str:
-    r"""Return a LaTeX `tabular` of the package booktabs; what is the same in all cells is a
-    comment.
+    r"""A LaTeX `tabular` of the package booktabs; what is the same in all cells is a comment.
 
     A value of a swept key stands once where rows below it repeat it, and `\addlinespace` parts the
     groups of the first key.

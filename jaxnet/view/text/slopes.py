@@ -125,10 +125,7 @@ def slope_interval_text(found: tuple[float, float, float] | None) -> str:
 
 
 def bound_ratios(results: Results) -> pd.DataFrame:
-    """By group, the worst error per ā and the ratio of each bound to it.
-
-    The ratios are NaN where all lanes recovered.
-    """
+    """Worst error per ā and each bound over it, by group; NaN where all lanes recovered."""
     return pd.DataFrame([curve.group.labels | group_ratios(curve) for curve in curves(results)])
 
 

@@ -1,6 +1,4 @@
-"""What a liar announces, where the defence judges by announcements (theorems.md O11, assumption
-B1).
-"""
+"""What a liar announces where the defence judges announcements (theorems.md O11, assumption B1)."""
 
 import jax
 import jax.numpy as jnp

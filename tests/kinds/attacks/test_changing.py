@@ -20,9 +20,7 @@ def paths(**keys):
 
 
 def test_constant_offsets_superpose_piece_by_piece():
-    """Each piece adds `(S(t - t_p) - S(t - t_{p+1})) L⁻¹ W_p a` with the step response S of one
-    axis.
-    """
+    """Each piece adds `(S(t - t_p) - S(t - t_{p+1})) L⁻¹ W_p a`, S the step response of an axis."""
     found, times, results = paths(engine="exact", defence="none", attack=BIAS)
     (cell,) = results.study.cells
     navigator, kind = cell.scenario.navigator, cell.scenario.vehicle

@@ -1,6 +1,4 @@
-"""What each link carries under each attack, on either channel: trajectories against a plain
-program.
-"""
+"""What links carry under each attack, on either channel: trajectories against a plain program."""
 
 import numpy as np
 import pytest

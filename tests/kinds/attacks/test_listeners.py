@@ -10,9 +10,7 @@ ATTACKED = [2, 5, 8, 11]
 
 
 def test_each_listener_is_told_its_own():
-    """As the plain program that adds to every link what that link carries; no two are told the
-    same.
-    """
+    """As the plain program that adds to every link what it carries; no two hear the same."""
     attack = {"kind": "rotating", "magnitude": 3.0, "listeners": "each"}
     study = systems.study(engine="exact", attack=attack, defence="none", horizon=12.0, tail=1.0)
     one = systems.lanes(study, 2)
@@ -52,9 +50,7 @@ def test_each_listener_is_told_its_own():
 
 
 def test_attackers_are_drawn_for_each_lane_and_for_all_cells_alike():
-    """Four of twelve in each of 200 lanes, everybody about as often; the same in cells that differ
-    in ā.
-    """
+    """Four of twelve in each of 200 lanes, all about as often; equal in cells that differ in ā."""
     attack = {"kind": "bias", "vehicles": {"random": 4}, "magnitude": 5.0}
     keys = {"defence": "none", "engine": "exact", "horizon": 2.0, "tail": 1.0}
     study = systems.study(attack=attack, sweep={"attack.magnitude": [5.0, 2.0]}, **keys)

@@ -31,9 +31,7 @@ def results_of(**keys):
 
 
 def test_a_liar_is_where_it_tells_to_be():
-    """Positions, velocities, inputs and metrics of space, of double integrators in the nonlinear
-    engine.
-    """
+    """Positions, velocities, inputs, metrics of space; double integrators, nonlinear engine."""
     attack = PATH | {"vehicles": [2], "moves": "as_told"}
     keys = NOBODY_LEADS | {"vehicle": "double_integrator", "vehicles": 5, "defence": "w_msr"}
     results = results_of(

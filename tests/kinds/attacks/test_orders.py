@@ -38,9 +38,7 @@ def test_orders_that_are_zero_do_nothing():
 
 
 def test_a_lane_moves_as_an_independent_integration():
-    """Chirped acceleration and position, drawn gains: `R(E_i) = Σ w_ij (R(E_j) + R(a_j))`, by
-    SciPy.
-    """
+    """Chirped acceleration, position, drawn gains: `R(E_i) = Σ w_ij (R(E_j) + R(a_j))`, SciPy."""
     attack = {"kind": "chirp", "frequency": 0.9, "rate": 0.3, "magnitude": 3.0, "orders": [0, 2]}
     gain = [{"uniform": [0.9, 1.1]}, 3, {"uniform": [3, 4]}]
     keys = {"defence": "none", "horizon": 4.0, "tail": 1.0, "gain": gain}

@@ -1,6 +1,4 @@
-"""Numbers that attacked vehicles have each for itself, listed or drawn: exact answers, the bound of
-each.
-"""
+"""Numbers of each attacked vehicle's own, listed or drawn: exact answers, the bound of each."""
 
 import jax
 import numpy as np

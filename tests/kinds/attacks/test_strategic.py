@@ -1,6 +1,4 @@
-"""Attackers that choose at every tick: what they come to where nobody trims, and what trimming
-sees.
-"""
+"""Attackers that choose at every tick: how far they come untrimmed, and what trimming sees."""
 
 import numpy as np
 import pytest
@@ -23,9 +21,7 @@ def test_a_greedy_attacker_finds_the_worst_constant(kind, gain):
 
 
 def test_one_mimic_alone_is_believed_whenever_it_lies_and_could_not_lie_more():
-    """What it says passes; a part more of ā, in its place at that tick, would be dropped by a
-    listener.
-    """
+    """What it says passes; a part more of ā, at that tick, would be dropped by a listener."""
     attack = {"kind": "mimic", "magnitude": 8.0, "vehicles": [5], "direction": 0.5}
     study = systems.study(attack=attack, engine="exact", **{**CLOCK, "output_step": 0.1})
     outcome = systems.simulate(systems.lanes(study, 3))

@@ -1,6 +1,4 @@
-"""What replaces a word: a path of some time ago, a last word that is held; exact answers of both
-engines.
-"""
+"""What replaces a word: a path of the past, a last word held; exact answers of both engines."""
 
 import numpy as np
 
@@ -26,9 +24,7 @@ def test_a_frozen_message_is_the_first_one():
 
 
 def test_the_freeform_attack_is_what_its_coefficients_say():
-    """A circle is the rotating attack, of any size; and a multisine is one with coefficients of its
-    own.
-    """
+    """A circle is the rotating attack of any size; a multisine is one with its coefficients."""
     keys = {"magnitude": 3.0, "vehicles": [2, 5]}
     circle = {
         "kind": "freeform",

@@ -1,6 +1,4 @@
-"""The centerpoint: its depth, that it is the middle one and its weights the least, and what liars
-can do.
-"""
+"""The centerpoint: its depth, that it is in the middle, its least weights, what liars can do."""
 
 import itertools
 import math
@@ -16,9 +14,7 @@ WEIGHTS = jax.jit(centerpoint.weights)
 
 
 def drawn(seed, heard=0.8):
-    """10,000 neighbourhoods on whole numbers, so with ties and many on one line, and the weights
-    found.
-    """
+    """10,000 neighbourhoods on whole numbers, with ties and many on a line, and weights found."""
     rng = np.random.default_rng(seed)
     shape = (SLOTS, VEHICLES, LANES)
     position = rng.integers(-3, 4, (2, *shape)).astype(float)
@@ -28,8 +24,7 @@ def drawn(seed, heard=0.8):
 
 
 def depth(position, heard, point):
-    """Fewest positions in a closed half-plane through a point: brute force, a little beside each of
-    them.
+    """Fewest positions in a closed half-plane through a point, by brute force beside each of them.
 
     Positions are (2, slots, …), points (2, …); a half-plane is as good as another while no position
     enters or leaves it, so those are looked at whose edge has just passed one.
@@ -101,9 +96,7 @@ def least(positions, weights, point):
 
 
 def test_it_is_the_middle_with_the_least_weights():
-    """300 points to 1e-6 m against a polygon cut out, 40 weights to 1e-5 against all sets of
-    sources.
-    """
+    """300 points to 1e-6 m of a cut polygon, 40 weights to 1e-5 against all sets of sources."""
     position, weights = drawn(2)
     found = np.asarray(WEIGHTS(position, weights))
     for lane in range(300):
@@ -119,9 +112,7 @@ def test_it_is_the_middle_with_the_least_weights():
 
 @pytest.mark.parametrize("liars", [1, 2])
 def test_fewer_than_a_third_cannot_pull_it_out_of_the_honest(liars):
-    """One of six stays in their hull wherever he says he is; two, a third, pull it as far as they
-    like.
-    """
+    """One liar of six stays in their hull wherever it is; two, a third, pull it anywhere."""
     position, weights = drawn(3, heard=1.0)
     position[:, :liars] = 1e3 * np.random.default_rng(4).normal(size=(2, 1, VEHICLES, LANES))
     point = (np.asarray(WEIGHTS(position, weights))[None] * position).sum(axis=1)

@@ -58,8 +58,7 @@ REMEMBERING = {
 @pytest.mark.long
 @pytest.mark.parametrize("defence", [EachItsOwn(), "trust"], ids=["each its own", "trust"])
 def test_both_engines_agree_on_every_rule(defence):
-    """Positions to 1e-6 m and weights in force to 1e-8; each hears five and one of seven transmits
-    falsely.
+    """Positions to 1e-6 m, weights in force to 1e-8; each hears five, one of seven lies.
 
     In one fleet each vehicle has another rule, in the other all remember. Messages are lost.
     """

@@ -16,9 +16,7 @@ NOISY = {"noise": jnp.full(LANES, NOISE), "key": KEY, "drop_trusted": False}
 
 
 def dropped(rule, places, shared=()):
-    """How often sources at these places on a line are dropped by a vehicle at 0 that trusts the
-    first.
-    """
+    """How often sources at these places on a line are dropped by one at 0 that trusts the first."""
     weights = jnp.ones((len(places), 1, LANES))
     trusted = jnp.arange(len(places))[:, None] == 0
     position = jnp.stack(

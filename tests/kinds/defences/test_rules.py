@@ -24,9 +24,7 @@ TICKS = 3
 
 
 class Around:
-    """What one vehicle has before it: its own position, those received with weights, and whom it
-    trusts.
-    """
+    """What one vehicle has before it: its position, those received, weights, and whom it trusts."""
 
     def __init__(self, own, received, weights, trusted):
         self.own, self.weights, self.trusted = tuple(own), list(weights), list(trusted)
@@ -76,9 +74,7 @@ def geometric_median(around, smoothing=0.5, rounds=4):
 
 
 def coordinate_median(around):
-    """By axis: who is at the lower or upper median of a list with each value 4w times, and the
-    trusted.
-    """
+    """By axis: who is at the lower or upper median, each value 4w times, and the trusted."""
     by_axis = []
     for axis in (0, 1):
         value = [y[axis] for y in around.received]
@@ -179,9 +175,7 @@ def test_trust_is_earned_tick_by_tick():
     ],
 )
 def test_trusted_sources_can_be_judged_as_others_are(kind, keys):
-    """With `drop_trusted` it is the rule of who trusts nobody, and another than the one that spares
-    them.
-    """
+    """`drop_trusted` gives the rule of who trusts nobody, not the one that spares the trusted."""
     own, received, weights, trusted = neighbourhoods(2)
 
     def decided(trusted, drop):
@@ -195,11 +189,9 @@ def test_trusted_sources_can_be_judged_as_others_are(kind, keys):
 
 
 def test_random_trust_errs_as_often_as_coins_do():
-    """Of 60,000 links after each tick, the honest and the attacked ones, against the binomial
-    distribution.
+    """Honest and attacked ones of 60,000 links after each tick, against the binomial distribution.
 
-    A source is retained while half of its observations or more speak for it; Hoeffding's bound
-    holds.
+    A source is retained while at least half of its observations speak for it; Hoeffding holds.
     """
     lanes, ticks, accuracy = 15_000, 12, 0.7
     attacked = np.zeros((4, 1, lanes), bool)

@@ -1,6 +1,4 @@
-"""Liars who are equally far off: whom vehicles retain does not depend on the last bit of any
-number.
-"""
+"""Liars equally far off: whom vehicles retain does not depend on the last bit of a number."""
 
 import jax
 import numpy as np
@@ -21,9 +19,7 @@ LANES = 24
 
 
 def a_bit_off(one, seed):
-    """The lanes with each number of the start and the attack the next one above or below, or the
-    same.
-    """
+    """The lanes with each number of start and attack the next above or below, or the same."""
     rng, lane = np.random.default_rng(seed), one.inputs.lane
 
     def moved(number):
@@ -39,9 +35,7 @@ def a_bit_off(one, seed):
 @pytest.mark.long
 @pytest.mark.parametrize("defence", DEFENCES, ids=str)
 def test_the_last_bit_moves_nobody(defence):
-    """Four attackers tell the navigator's path with an offset of one size; two starts differ by
-    rounding.
-    """
+    """Four liars tell the navigator's path with offsets of one size; starts differ by rounding."""
     attack = {
         "kind": "bias" if defence == "coordinate_median" else "rotating",
         "threat": "replaces",
@@ -60,9 +54,7 @@ def test_the_last_bit_moves_nobody(defence):
 
 @pytest.mark.parametrize("defence", ["trusted_trim", "ms_norm"])
 def test_of_equal_ones_the_lower_number_is_dropped(defence):
-    """At t = 0, by whoever hears two of four liars who are all as far from the navigator, whom it
-    trusts.
-    """
+    """At t = 0, by whoever hears two of four liars as far from the navigator, whom it trusts."""
     attack = {"kind": "rotating", "threat": "replaces", "magnitude": 1e3}
     initial = {"position": 0.0}
     study = systems.study(defence=defence, attack=attack, initial=initial, **KEYS)

@@ -1,6 +1,4 @@
-"""Whom vehicles trust: nobody, a share at random, those nearest the navigator; and what follows
-from it.
-"""
+"""Whom vehicles trust: nobody, a random share, those nearest the navigator; and what follows."""
 
 import numpy as np
 import pytest
@@ -32,9 +30,7 @@ def test_nobody_is_trusted_where_none_is_said():
 
 @given(st.integers(0, 2**32), st.floats(0, 1))
 def test_a_share_is_that_of_each_listener_rounded(seed, share):
-    """Up or down; of links alone, the navigator besides; the same by the same seed, and more of the
-    same.
-    """
+    """Up or down; of links, not the navigator; equal by equal seeds, and more of the same."""
     weights = ErdosRenyi(seed=seed, navigator={"share": 0.5}).weights(9)
     found = trusts(weights, share=share, seed=seed)
     heard = dense(weights) > 0
@@ -47,9 +43,7 @@ def test_a_share_is_that_of_each_listener_rounded(seed, share):
 
 
 def test_the_nearest_are_by_links_from_the_navigator():
-    """Of a grid of 3 × 3 in which 1 hears it: 5 trusts 2 and 4, two links off, before 6 and 8,
-    four.
-    """
+    """3 × 3 grid, 1 hears it: 5 trusts 2 and 4, two links off, before 6 and 8, four links off."""
     weights = Grid(rows=3, columns=3, navigator=[1]).weights(9)
     found = [set(np.flatnonzero(row)) for row in trusts(weights, nearest=2)]
     assert found == [{0, 2}, {1, 3}, {2, 6}, {1, 5}, {2, 4}, {3, 5}, {4, 8}, {5, 7}, {6, 8}]

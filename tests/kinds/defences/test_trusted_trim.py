@@ -30,8 +30,7 @@ seeds = st.integers(0, 2**32 - 1)
 class Situation:
     """A network with its defence, what all receive, and whom they dropped before; NumPy.
 
-    Arrays are (listeners, sources, …); the package is given a slot for every source, in their
-    order.
+    Arrays are (listeners, sources, …); the package gets a slot for every source, in order.
     """
 
     def __init__(self, weights, received, trusted, theta, memory=None):
@@ -138,8 +137,7 @@ def test_who_was_dropped_last_stays_dropped_unless_clearly_nearer(before, distan
 
 
 def test_a_standing_scene_is_decided_the_same_at_every_tick():
-    """Three trusted sources: a score is then a third of a sum, and rounded; it must be so only
-    once.
+    """Three trusted sources: a score is a third of a sum, and rounded; it must be so only once.
 
     A compiler that rounds it otherwise where it stands for "theirs" than where it stands for "ours"
     puts the source that was dropped last behind itself, and it is back at every other tick.
@@ -196,11 +194,9 @@ def test_renumbered_vehicles_decide_the_same(seed, order):
 
 @given(seeds, st.floats(-3.0, 6.0), st.sampled_from([2, 3]))
 def test_an_attacked_neighbour_never_seems_farther_than_another(seed, size, attacked):
-    """On a ring with ϑ = 1 whom a vehicle retains seems no farther from the navigator than one not
-    attacked.
+    """On a ring with ϑ = 1 a retained source seems no farther from the navigator than honest ones.
 
-    In a ring of five, what 2 or 3 transmits carries an attack of its own to each listener, of any
-    size.
+    In a ring of five, what 2 or 3 transmits carries attacks of any size, one for each listener.
     """
     rng = np.random.default_rng(seed)
     received = np.broadcast_to(

@@ -33,9 +33,7 @@ class Always(Detector):
 
 
 class Parity(Detector):
-    """An alarm where a residual has an odd number of bits that are 1: another bit changes the
-    alarm.
-    """
+    """An alarm where a residual has an odd number of 1 bits: another bit changes the alarm."""
 
     def alarms(self, words, memory):
         bits = jax.lax.bitcast_convert_type(words.residuals, jnp.uint64)
@@ -69,9 +67,7 @@ def test_a_constant_bias_is_seen_as_published(size, seen):
 
 
 def test_all_noisy_orders_count_together_and_sensors_too():
-    """Position and velocity: χ² of four degrees. A source's own errors add to the variance of its
-    words.
-    """
+    """Position and velocity: χ² of four degrees. A source's own errors add to a word's variance."""
     noise, sensing = {"position": 0.03, "velocity": 0.2}, {"position": 0.04}
     keys = {"channel": {"noise": noise}, "sensing": sensing}
     _, honest = shares(**keys, **SILENT)
@@ -127,9 +123,7 @@ def test_a_vehicle_that_moves_as_it_tells_is_covert():
 
 
 def test_only_words_that_arrive_are_judged():
-    """Every word that arrives alarms; where all are lost there is no share, nor without attacked
-    links.
-    """
+    """Every word that arrives alarms; no share where all are lost or without attacked links."""
     loss = {"kind": "bernoulli", "probability": 0.4}
     keys = {
         "channel": KEYS["channel"] | {"loss": loss, "missing": "hold"},

@@ -55,9 +55,7 @@ def test_a_csv_is_the_edges_that_it_lists(tmp_path):
 
 
 def test_a_graph_written_as_graphml_is_read_back(tmp_path):
-    """Bit for bit with its weights; one without direction both ways, without weights with equal
-    ones.
-    """
+    """Bit for bit with weights; undirected ones both ways, unweighted ones with equal weights."""
     given = matrix_of(
         ErdosRenyi(probability=0.5, navigator={"share": 0.5}, weighting="metropolis"), 3
     )
@@ -70,9 +68,7 @@ def test_a_graph_written_as_graphml_is_read_back(tmp_path):
 
 
 def test_the_study_holds_what_the_file_held(tmp_path):
-    """A stored study needs no file; with another file it is another study, and its folder refuses
-    that.
-    """
+    """A stored study needs no file; another file makes another study, which its folder refuses."""
     file = written(tmp_path)
     results = jaxnet.run(file, out=tmp_path / "out")
     first = jaxnet.load(file)
@@ -472,9 +468,7 @@ ALONE |= {"attack": "none", "defence": "none", "engine": "exact"}
     ids=["square", "laplacian", "a0 | A", "graph", "named", "directed", "network"],
 )
 def test_without_a_navigator_every_node_is_a_vehicle(given, weights, tmp_path):
-    """Eight vehicles from an object, and from a file of the same network, also where networks take
-    turns.
-    """
+    """Eight vehicles from an object, and a file of the network, also where networks take turns."""
     if isinstance(given, np.ndarray):
         np.savetxt(tmp_path / "ring.csv", given, fmt="%g", delimiter=",")
     elif isinstance(given, nx.Graph):

@@ -1,6 +1,4 @@
-"""Graphs of a pattern: links against networkx, spectra, who hears the navigator, the rules of
-weights.
-"""
+"""Graphs of a pattern: links against networkx, spectra, hearers of the navigator, weight rules."""
 
 import networkx as nx
 import numpy as np
@@ -95,9 +93,7 @@ def test_who_hears_no_vehicle_hears_the_navigator_alone():
 
 
 def test_metropolis_weights_by_hand():
-    """On a grid of 2 × 3 vehicles 2 and 5 have three neighbours, so `1/(1 + 3)`; 1 and 4 two, `1/(1
-    + 2)`.
-    """
+    """On a 2 × 3 grid 2 and 5 have three neighbours, so `1/(1 + 3)`; 1 and 4 two, `1/(1 + 2)`."""
     weights = matrix_of(Grid(rows=2, columns=3, weighting="metropolis"), 6)
     np.testing.assert_allclose(weights[0], [0.1, 0, 0.9 * 3 / 7, 0, 0.9 * 4 / 7, 0, 0], rtol=1e-15)
     np.testing.assert_allclose(weights[1], [0.1, 0.3, 0, 0.3, 0, 0.3, 0], rtol=1e-15)
@@ -105,9 +101,7 @@ def test_metropolis_weights_by_hand():
 
 @pytest.mark.parametrize("weighting", ["uniform", "metropolis"])
 def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
-    """The lane's graph is the one with this weight; who does not hear the navigator stays as it
-    was.
-    """
+    """The lane's graph has this weight; a vehicle that does not hear the navigator stays."""
     keys = {"rows": 2, "columns": 3, "navigator": [1, 6], "weighting": weighting}
     drawn = {"kind": "grid", **keys, "navigator_weight": {"uniform": [0.2, 0.8]}}
     given = systems.study(topology=drawn, vehicles=6, engine="exact", attack="none")

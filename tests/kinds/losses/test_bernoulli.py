@@ -26,9 +26,7 @@ def test_a_vehicle_with_one_source_keeps_its_drive_as_often_as_messages_are_lost
 
 
 def test_who_never_hears_anything_goes_on_as_it_began():
-    """Its drive stays P(y) of the start, where the jerk was 0: y‴ + P(y - y*) = 0 with `k0 y* =
-    P(y)`.
-    """
+    """Its drive stays P(y) of the start with jerk 0: y‴ + P(y - y*) = 0, `k0 y* = P(y)`."""
     keys = QUIET | {"engine": "exact", "channel": loss(1.0), "horizon": 10.0, "tail": 1.0}
     lanes = systems.lanes(systems.study(**keys), 2)
     outcome = systems.simulate(lanes)

@@ -1,6 +1,4 @@
-"""Losses tick by tick without a fleet: shares, bursts, intervals; and a range in a fleet that
-closes up.
-"""
+"""Losses by tick without a fleet: shares, bursts, intervals; a range in a fleet that closes up."""
 
 import jax
 import jax.numpy as jnp
@@ -16,9 +14,7 @@ TICK = 0.1
 
 
 def lost_words(loss, ticks, lanes=4, **keys):
-    """Which words are lost, (ticks, listeners, sources, lanes); everybody hears everybody, far
-    apart.
-    """
+    """Words that are lost, (ticks, listeners, sources, lanes); all hear all, far apart."""
     keys = {
         "topology": "complete",
         "vehicles": 5,
@@ -155,9 +151,7 @@ class Ramp(Navigator):
 
 
 def test_a_vehicle_joins_at_the_tick_at_which_it_is_near():
-    """A chain closes up from 200 m as 200 e^(-t)(1 + t + t²/2); its end hears the navigator from 10
-    m on.
-    """
+    """A chain closes up as 200 m e^(-t)(1 + t + t²/2); its end hears the navigator from 10 m on."""
     m = 25
     edges = [[i, i - 1, 1] for i in range(1, m + 1)] + [[m, 0, 1]]
     places = [[8.0 * i, 0.0] for i in range(1, m + 1)]

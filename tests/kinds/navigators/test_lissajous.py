@@ -1,6 +1,4 @@
-"""The Lissajous figure: its derivatives against autodiff, its slowest moment against dense
-sampling.
-"""
+"""The Lissajous figure: derivatives against autodiff, slowest moment against dense sampling."""
 
 import jax
 import jax.numpy as jnp

@@ -63,9 +63,7 @@ OUTLIERS = {"outliers": 0.05, "outlier_factor": 6.0}
 
 @pytest.mark.long
 def test_engines_draw_the_same_errors():
-    """Path by path to 1e-5 m, with outliers, errors of jerks and held readings, where lost words
-    are held.
-    """
+    """Path by path to 1e-5 m: outliers, errors of jerks, held readings; lost words are held."""
     loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
     noise = {**SIZES, "correlation": 0.3, "jerk": 0.1, **OUTLIERS}
     keys = {
@@ -89,9 +87,7 @@ def test_engines_draw_the_same_errors():
 
 @pytest.mark.long
 def test_the_highest_derivative_of_single_integrators_is_their_velocity():
-    """Its errors drive as those of `k0 y` do: variance `(1 - e^(-h))² / (1 - e^(-2h))` of both
-    together.
-    """
+    """Its errors drive as `k0 y`'s do: variance `(1 - e^(-h))² / (1 - e^(-2h))` of both."""
     noise = {"position": 0.3, "jerk": 0.4, "velocity": 7.0}  # a velocity of order 1 is `jerk` alone
     keys = QUIET | {
         "engine": "exact",
@@ -115,9 +111,7 @@ def test_vehicles_under_the_local_law_tell_no_jerk():
 
 
 def test_variances_are_those_of_the_discrete_lyapunov_equation():
-    """At ticks of 0.05 and 0.1 s, of a lower order too: order 1 has `h² / (1 - e^(-2h))` of held
-    noise.
-    """
+    """At ticks of 0.05 and 0.1 s; order 1 has `h² / (1 - e^(-2h))` of held noise."""
     assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.1) - 0.0187448) < 1e-7
     assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.05) - WHITE) < 1e-8
     assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.05, 1.0) - CORRELATED) < 1e-6

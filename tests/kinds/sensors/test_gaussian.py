@@ -21,9 +21,7 @@ def drive_variance(sizes):
 
 
 def test_the_variance_of_the_error_is_that_of_the_theory():
-    """Inside its 99 % interval. Vehicles tell what they sense, so that their errors are
-    independent.
-    """
+    """Inside its 99 % interval. Vehicles tell what they sense, so their errors are independent."""
     study = systems.study(sensing=SIZES, horizon=20.0, output_step=20.0, **QUIET)
     outcome = systems.simulate(systems.lanes(study, 200))
     positions = outcome.series["state"][:, -1, :, :2]
@@ -37,9 +35,7 @@ def test_the_variance_of_the_error_is_that_of_the_theory():
 
 
 def test_readings_that_drop_out_leave_vehicles_ahead():
-    """Behind a navigator at v a reading is old by h d / (1 - d) on average: mean E = v h d / (1 -
-    d).
-    """
+    """Behind a navigator at v readings are old by h d / (1 - d): mean E = v h d / (1 - d)."""
     navigator = Powers(x=[0.0, 10.0], y=[0.0])
     keys = QUIET | {"navigator": navigator, "tick": 0.1, "horizon": 20.0, "output_step": 10.0}
     one = systems.lanes(systems.study(sensing={"dropout": 0.5}, **keys), 100)

@@ -6,9 +6,7 @@ import numpy as np
 
 
 def assert_flat(vehicle, state, inputs, tolerance=1e-9):
-    """Each jet's rate along `motion` is the next jet, the last one's is `σ + ψ u`; `inputs_for`
-    inverts.
-    """
+    """Each jet's rate along `motion` is the next jet, the last `σ + ψ u`; `inputs_for` inverts."""
     assert len(vehicle.states) == len(vehicle.units) == len(state)
     jets, rates = jax.jvp(vehicle.output_jets, (state,), (vehicle.motion(state, inputs),))
     assert len(jets) == vehicle.order

@@ -1,6 +1,4 @@
-"""The car: two descriptions of one vehicle, its motion, and the fleet of cars that moves as one of
-robots.
-"""
+"""The car: two descriptions of one vehicle, its motion; a fleet of cars moves as one of robots."""
 
 import jax
 import jax.numpy as jnp
@@ -97,9 +95,7 @@ def test_the_closed_loop_is_the_exact_solution(fleets):
 
 
 def exact_from_robot(fleets, lane):
-    """The exact solution of a robot that starts as the car does: with its pose and speed, and all
-    else 0.
-    """
+    """The exact solution of a robot that starts with the car's pose and speed, and all else 0."""
     one, _ = fleets["exact", "robot"]
     car, _ = fleets["exact", "car"]
     np.testing.assert_array_equal(systems.lane(one, lane).initial, systems.lane(car, lane).initial)

@@ -1,6 +1,4 @@
-"""The point ahead of a unicycle: flat in every state, and its heading follows where the point
-goes.
-"""
+"""The point ahead of a unicycle: flat in every state; its heading follows where the point goes."""
 
 import math
 
@@ -54,9 +52,7 @@ def alone(samples, **keys):
 
 
 def test_the_heading_follows_a_plain_integration():
-    """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by a Runge–Kutta method in the
-    test.
-    """
+    """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by Runge–Kutta here."""
     path, data = alone(2, navigator=Powers(x=[3.0, 9.0, -4.0, 0.5], y=[0.0, -5.0, 3.0, 0.2]))
 
     def rates(time, state):
@@ -77,11 +73,9 @@ def test_the_heading_follows_a_plain_integration():
 
 
 def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
-    """`tan(θ/2) = tan(θ(0)/2) exp(-v t / l)` for a point that moves along x with speed v; θ = π
-    stays.
+    """`tan(θ/2) = tan(θ(0)/2) exp(-v t / l)` for a point that moves along x with v; θ = π stays.
 
-    The point starts on the navigator, so E = 0. l is short: the heading turns by up to exp(-250) in
-    a tick.
+    The point starts on the navigator: E = 0. l is short: a tick turns headings by up to exp(-250).
     """
     headings, speed, ahead = [0.4, -1.6, 3.1, -math.pi], 5.0, 0.02
     keys = {

@@ -1,6 +1,4 @@
-"""The planar quadrotor: one motion in two coordinates, by differentiating along it; its rest is a
-hover.
-"""
+"""The planar quadrotor: one motion in two coordinates, by differentiating along it; it hovers."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -1,6 +1,4 @@
-"""What engines take for granted of a vehicle is tried; an engine that does not know a limit refuses
-it.
-"""
+"""What engines presume of a vehicle is tried; an engine that does not know a limit refuses it."""
 
 import jax.numpy as jnp
 import numpy as np

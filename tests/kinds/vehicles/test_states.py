@@ -38,8 +38,7 @@ for vehicle in sys.argv[2:]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """All vehicles by the exact and the nonlinear engine, with the compiler's options that users
-    have.
+    """All vehicles by the exact and the nonlinear engine, with users' compiler options.
 
     Other tests run programs that are not optimised, which hides a compiler's faults.
     """

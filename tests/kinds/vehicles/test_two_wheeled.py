@@ -1,6 +1,4 @@
-"""The two-wheeled robot and its flat outputs: one motion in two coordinates, by differentiating
-along it.
-"""
+"""The two-wheeled robot's flat outputs: one motion in two coordinates, differentiated along it."""
 
 import jax
 import jax.numpy as jnp

@@ -40,8 +40,6 @@ def test_jets_determine_the_state_of_a_robot_that_goes_ahead(seed):
 
 
 def test_it_circles_as_its_equation_says():
-    """At 2 m/s and 3 rad/s a unicycle moves along a circle: ẋ = 2 cos θ, ẏ = 2 sin θ, θ̇ = 3, v̇ =
-    5.
-    """
+    """At 2 m/s and 3 rad/s it moves on a circle: ẋ = 2 cos θ, ẏ = 2 sin θ, θ̇ = 3, v̇ = 5."""
     rates = ROBOT.motion(jnp.array([7.0, 8.0, np.pi / 6, 2.0])[:, None], jnp.array([[5.0], [3.0]]))
     np.testing.assert_allclose(rates[:, 0], [np.sqrt(3), 1, 3, 5], rtol=1e-15)
