@@ -27,7 +27,6 @@ from jaxnet.view.text import (
     width,
     worst,
 )
-from jaxnet.view.text import sensitivity as indices
 
 indices_of = LazyModule("jaxnet.explore.sensitivity")
 
@@ -85,10 +84,10 @@ def tell_sensitivity(
     if metric not in known:
         told = f"one of {', '.join(known)} (got {metric})"
         raise click.BadParameter(told, param_hint="--metric")
-    echo(indices.plan_text(indices_of.lanes_needed(study, samples), samples), err=True)
+    echo(analyses.plan_text(indices_of.lanes_needed(study, samples), samples), err=True)
     with progress.report_steps() as told:
         written = list(writing.write_sensitivity(study, samples, out, told))
-    echo(indices.indices_text(read_table(written[0]), study, metric))
+    echo(analyses.indices_text(read_table(written[0]), study, metric))
     tell_written(written)
 
 

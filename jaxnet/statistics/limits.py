@@ -83,7 +83,7 @@ def bounds_of(scenario: Scenario) -> dict[str, Bound]:
     """Bounds of a scenario by name; not-a-number where the attack gain is unknown."""
     reach = scenario_gain(scenario)
     if reach is None:
-        return bounds.unknown_bounds(scenario.vehicles)
+        return dict.fromkeys(bounds.BOUND_KEYS, Bound(np.full(scenario.vehicles, np.nan), np.nan))
     return bounds.ultimate_bounds(reach, np.array(scenario.gain))
 
 

@@ -38,7 +38,7 @@ from jaxnet.view.page import drawings, findings, trajectories
 from jaxnet.view.page.elements import Section, folded_text, sortable_table, views_html
 from jaxnet.view.page.setting import setting_rows
 from jaxnet.view.text import check, tables, worst
-from jaxnet.view.text.sensitivity import SENSITIVITY_LEGEND
+from jaxnet.view.text.analyses import SENSITIVITY_LEGEND
 
 MOST_PAGE_ROWS = 10_000
 MOST_LISTED = 200
