@@ -17,16 +17,7 @@ from jaxnet.lazy import LazyModule
 from jaxnet.store import folder as storage
 from jaxnet.store.tables import read_table
 from jaxnet.view import columns as summary
-from jaxnet.view.text import (
-    analyses,
-    comparison,
-    formats,
-    progress,
-    slopes,
-    tables,
-    width,
-    worst,
-)
+from jaxnet.view.text import analyses, comparison, formats, progress, slopes, tables, width, worst
 
 indices_of = LazyModule("jaxnet.explore.sensitivity")
 
@@ -157,12 +148,7 @@ def draw_figure(
 
 
 def replay_lane(
-    results: str,
-    cell: int,
-    sample: int,
-    engine: str | None,
-    out: str | None,
-    **code: Any,
+    results: str, cell: int, sample: int, engine: str | None, out: str | None, **code: Any
 ) -> None:
     opened = jaxnet.open(results, out, **code)
     again = opened.replay(cell, sample, engine)

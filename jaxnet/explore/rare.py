@@ -40,12 +40,7 @@ Chains = Int[np.ndarray, " points"]  # number of each point's chain
 Height = Callable[[Normals, Chains], Heights]
 
 
-def count_rare(
-    study: Study,
-    folder: Folder,
-    points: int,
-    progress: Steps = no_progress,
-) -> UPath:
+def count_rare(study: Study, folder: Folder, points: int, progress: Steps = no_progress) -> UPath:
     """Write `rare.csv` cell by cell; a stored row with as many points is not computed again.
 
     Raises FolderError if the study has no `recovery`.

@@ -46,10 +46,7 @@ def lanes_needed(study: Study, samples: int) -> dict[int, int]:
 
 
 def write_indices(
-    study: Study,
-    folder: Folder,
-    samples: int,
-    progress: Steps = no_progress,
+    study: Study, folder: Folder, samples: int, progress: Steps = no_progress
 ) -> UPath:
     """Write `sensitivity.csv`; a stored row with as many samples is not computed again."""
     table = CellTable(study, folder, SENSITIVITY_FILE, "samples", samples)
@@ -71,11 +68,7 @@ def write_indices(
 
 
 def pick_freeze_outcomes(
-    cell: Cell,
-    keyed: Keyed,
-    names: Sequence[str],
-    samples: int,
-    load_done: Callable[[int], None],
+    cell: Cell, keyed: Keyed, names: Sequence[str], samples: int, load_done: Callable[[int], None]
 ) -> list[Outcome]:
     """Outcomes of the first samples, the later samples, and the mixed samples per quantity.
 

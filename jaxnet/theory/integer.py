@@ -122,9 +122,8 @@ def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> Robustn
     Each node of a set hears at most r nodes outside its set.
     """
     n, degrees = len(heard), heard.sum(axis=1)
-    slack = np.maximum(
-        degrees - known.low, 0
-    )  # r ≥ low: the row of a node outside a set always holds
+    # r ≥ low: the row of a node outside a set always holds
+    slack = np.maximum(degrees - known.low, 0)
     rows = sparse.hstack([twice(np.diag(slack) - heard), -np.ones((2 * n, 1))])
     cost = np.append(np.zeros(2 * n), 1)
     found = solve(

@@ -211,10 +211,12 @@ class Plots:
     results
         Results of a finished run.
 
-    Notes ----- Each method takes `where`, the wanted value or values of swept keys, and `column`,
-    "one" or "two", the figure's width in columns of a journal. `note=False` leaves out the small
-    line at the top, for a paper whose caption says it. `curve` and the heat maps take `x`, `hue`
-    and `panel`, swept keys; `curve` takes `y` too. Each method returns a matplotlib figure.
+    Notes
+    -----
+    Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or
+    "two", the figure's width in columns of a journal. `note=False` leaves out the small line at the
+    top, for a paper whose caption says it. `curve` and the heat maps take `x`, `hue` and `panel`,
+    swept keys; `curve` takes `y` too. Each method returns a matplotlib figure.
 
     Raises
     ------

@@ -152,10 +152,8 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
     names = link_names(cell, network)
     for (i, j), called in names.items():
         bend = 0.16 if is_bent(i, j, names, places) else 0.0
-        rim: dict[str, Any] = {
-            "shrinkA": across / 2 + 0.5,
-            "shrinkB": across / 2 + 0.5,
-        }  # [pt] of a node
+        edge = across / 2 + 0.5  # [pt] of a node
+        rim: dict[str, Any] = {"shrinkA": edge, "shrinkB": edge}
         ends, look = (tuple(places[j]), tuple(places[i + 1])), rim | LINK_STYLES[called] | ARROW
         panel.add_patch(FancyArrowPatch(*ends, connectionstyle=f"arc3,rad={bend}", **look))
     if network.graph.vehicles <= MOST_ON_CIRCLE or not weight_classes(network.graph):

@@ -232,7 +232,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     return paragraph(SLOPES_NOTE + f" {sentence_case(NO_SLOPE)}." * flat) + table
 
 
-def label_columns(labels: Mapping[str, object]) -> dict[str, Any]:
+def label_columns(labels: Mapping[str, object]) -> dict[str, object]:
     """Swept values by the names of their keys; text is a name too, numbers sort as numbers."""
     return {
         quantity(key): value_alone(key, value) if isinstance(value, str) else value

@@ -7,13 +7,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.naming import quantity, value_alone
-from jaxnet.statistics.curves import (
-    NO_SLOPE,
-    Curve,
-    curves,
-    no_magnitudes,
-    stored_table,
-)
+from jaxnet.statistics.curves import NO_SLOPE, Curve, curves, no_magnitudes, stored_table
 from jaxnet.statistics.fits import NO_CURVE_INTERVAL, whole_draws
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.intervals import below_greatest
