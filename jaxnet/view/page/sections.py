@@ -15,7 +15,7 @@ from jaxnet.model.wording import count, count_between
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics.axes import choose_axes
-from jaxnet.statistics.bands import error_bands
+from jaxnet.statistics.bands import error_bands, vehicle_table
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     LOG_FLOOR,
@@ -30,7 +30,6 @@ from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.tiles import tiling
-from jaxnet.statistics.vehicles import vehicle_table
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results
 from jaxnet.view import columns
