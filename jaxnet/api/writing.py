@@ -38,7 +38,7 @@ def write_sensitivity(
     folder = Folder(default_out(study, out))
     with folder.writing():
         claim(folder, study.config)
-        yield sensitivity.write_indices(study, folder, samples, progress=told)
+        yield sensitivity.write_indices(study, folder, samples, told)
         yield from figures.draw_figures(Results(folder.path, folder), SENSITIVITY, told)
 
 
@@ -48,7 +48,7 @@ def write_rare(study: Study, points: int, out: AnyPath | None, told: Steps = no_
     folder = Folder(default_out(study, out))
     with folder.writing():
         claim(folder, study.config)
-        return rare.count_rare(study, folder, points, progress=told)
+        return rare.count_rare(study, folder, points, told)
 
 
 def write_comparison(found: pairs.Comparison, out: AnyPath) -> Iterator[UPath]:

@@ -17,17 +17,7 @@ from jaxnet.lazy import LazyModule
 from jaxnet.store import folder as storage
 from jaxnet.store.tables import read_table
 from jaxnet.view import columns as summary
-from jaxnet.view.text import (
-    analyses,
-    comparison,
-    formats,
-    progress,
-    slopes,
-    tables,
-    width,
-    worst,
-)
-from jaxnet.view.text import sensitivity as indices
+from jaxnet.view.text import analyses, comparison, formats, progress, slopes, tables, width, worst
 
 indices_of = LazyModule("jaxnet.explore.sensitivity")
 
@@ -85,10 +75,10 @@ def tell_sensitivity(
     if metric not in known:
         told = f"one of {', '.join(known)} (got {metric})"
         raise click.BadParameter(told, param_hint="--metric")
-    echo(indices.plan_text(indices_of.lanes_needed(study, samples), samples), err=True)
+    echo(analyses.plan_text(indices_of.lanes_needed(study, samples), samples), err=True)
     with progress.report_steps() as told:
         written = list(writing.write_sensitivity(study, samples, out, told))
-    echo(indices.indices_text(read_table(written[0]), study, metric))
+    echo(analyses.indices_text(read_table(written[0]), study, metric))
     tell_written(written)
 
 
@@ -158,12 +148,7 @@ def draw_figure(
 
 
 def replay_lane(
-    results: str,
-    cell: int,
-    sample: int,
-    engine: str | None,
-    out: str | None,
-    **code: Any,
+    results: str, cell: int, sample: int, engine: str | None, out: str | None, **code: Any
 ) -> None:
     opened = jaxnet.open(results, out, **code)
     again = opened.replay(cell, sample, engine)

@@ -46,9 +46,8 @@ from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 from jaxnet.kinds.refusals import suggestion
 
 AnyScenario = TypeVar("AnyScenario", bound=Scenario)
-Locate = Callable[
-    ..., str
-]  # from candidate keys to the FILE:LINE:COL of the first that was written
+# from candidate keys to the FILE:LINE:COL of the first that was written
+Locate = Callable[..., str]
 Validated = tuple[Any, list[Problem]]  # the value of a key, None with problems
 
 MOST_SWEPT_CELLS = 1_000_000

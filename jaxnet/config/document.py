@@ -26,9 +26,8 @@ LONGEST_PART = 2000  # characters of each part of a problem's line
 TOO_DEEP = f"more than {MOST_DEPTH} mappings and lists inside each other"
 TOO_MANY = f"aliases repeat more than {MOST_REPEATED:,} values"
 
-CONTROLS = re.compile(
-    "[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]"
-)  # also of direction
+# also of direction
+CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 NO_CHARACTERS = re.compile("[\x00\ud800-\udfff]")  # in no file name and in no UTF-8 text
 
 FLOAT = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"

@@ -93,17 +93,17 @@ def keys_beside(location: Keys, data: Plain) -> list[str]:
     models: list[type[BaseModel]] = [Config]
     for part in location[:-1]:
         if str(part).startswith(MARK):
-            tag = str(part).removeprefix(MARK)
-            models = [each for each in models if is_tagged(each, tag.lower())]
+            tag = str(part).removeprefix(MARK).lower()
+            models = [
+                each
+                for each in models
+                if tag in each.model_fields or each.__name__.lower().startswith(tag)
+            ]
             continue
         data = data.get(part) if isinstance(data, dict) else None
         fields = [each.model_fields[part] for each in models if part in each.model_fields]
         models = [model for field in fields for model in models_in(field, data or "")]
     return list(dict.fromkeys(key for each in models for key in each.model_fields))
-
-
-def is_tagged(model: type[BaseModel], tag: str) -> bool:
-    return tag in model.model_fields or model.__name__.lower().startswith(tag)
 
 
 class KnownKeys:

@@ -188,9 +188,8 @@ SOLUTION = (  # of the exact solution for known decisions at ticks (theorems.md 
     *("leader", *EVERY_MESSAGE, "one gain", "by law", "solved", "flat"),
     *("added path", "ticks"),
 )
-OF_GRAPHS: dict[
-    str, Callable[[Scenario], bool]
-] = {  # premises that are asked last, as they take time
+# Premises that are asked last, as they take time.
+OF_GRAPHS: dict[str, Callable[[Scenario], bool]] = {
     "settled": lambda one: settles(one),
     "retained": lambda one: situation_of(one).retained is not None,
 }

@@ -19,7 +19,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.config.study import Study
 from jaxnet.engine import batch
-from jaxnet.engine.batch import EVERYTHING, Machine
+from jaxnet.engine.batch import EVERYTHING
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.cells import AnalysisRow, CellTable
 from jaxnet.lanes.uniforms import Keyed
@@ -40,13 +40,7 @@ Chains = Int[np.ndarray, " points"]  # number of each point's chain
 Height = Callable[[Normals, Chains], Heights]
 
 
-def count_rare(
-    study: Study,
-    folder: Folder,
-    points: int,
-    machine: Machine = EVERYTHING,
-    progress: Steps = no_progress,
-) -> UPath:
+def count_rare(study: Study, folder: Folder, points: int, progress: Steps = no_progress) -> UPath:
     """Write `rare.csv` cell by cell; a stored row with as many points is not computed again.
 
     Raises FolderError if the study has no `recovery`.
@@ -57,12 +51,12 @@ def count_rare(
     for number, cell in enumerate(study.cells):
         progress("cells", number, len(study.cells))
         if cell.number not in table.known and threshold(cell, study.config.recovery) > 0:
-            found = rare_row(study, cell, points, machine)
+            found = rare_row(study, cell, points)
             table.add([{"cell": cell.number, **cell.labels, **found}])
     return table.path
 
 
-def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> AnalysisRow:
+def rare_row(study: Study, cell: Cell, points: int) -> AnalysisRow:
     """Share unrecovered of a cell and its interval.
 
     `plain_lanes` is the number of random lanes that give an interval as narrow. Random graphs take
@@ -73,7 +67,7 @@ def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> Analysi
 
     def height(where: np.ndarray, chains: np.ndarray) -> np.ndarray:
         nonlocal failed
-        outcome = batch.simulate(box.lanes(special.ndtr(where), chains), machine)
+        outcome = batch.simulate(box.lanes(special.ndtr(where), chains), EVERYTHING)
         failed += int(np.count_nonzero(outcome.status))
         return np.where(outcome.status == 0, outcome.metrics[cell.scenario.judged], -math.inf)
 

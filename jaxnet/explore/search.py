@@ -26,9 +26,8 @@ from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
 
-SEARCH_VERSION = (
-    4  # raise it when the algorithm changes: older stored searches are then not resumed
-)
+# raise it when the algorithm changes: older stored searches are then not resumed
+SEARCH_VERSION = 4
 POPULATIONS = 16  # side by side; more for large budgets
 INITIAL_SIGMA = 0.15  # of a new population, per edge of the box
 POLISH, SCREEN = 0.1, 0.2  # of the budget: for the line search, and for the first points

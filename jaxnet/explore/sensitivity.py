@@ -15,7 +15,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.config.study import Study
 from jaxnet.engine import batch
-from jaxnet.engine.batch import EVERYTHING, Machine
+from jaxnet.engine.batch import EVERYTHING
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.explore.cells import AnalysisRow, CellTable
@@ -43,11 +43,7 @@ def lanes_needed(study: Study, samples: int) -> dict[int, int]:
 
 
 def write_indices(
-    study: Study,
-    folder: Folder,
-    samples: int,
-    machine: Machine = EVERYTHING,
-    progress: Steps = no_progress,
+    study: Study, folder: Folder, samples: int, progress: Steps = no_progress
 ) -> UPath:
     """Write `sensitivity.csv`; a stored row with as many samples is not computed again."""
     table = CellTable(study, folder, SENSITIVITY_FILE, "samples", samples)
@@ -62,19 +58,14 @@ def write_indices(
     for cell in study.cells:
         if cell.number in needed.keys() - table.known:
             names, keyed = quantities(study, cell), Keyed(study.config.seed)
-            outcomes = pick_freeze_outcomes(cell, keyed, names, samples, machine, load_done)
+            outcomes = pick_freeze_outcomes(cell, keyed, names, samples, load_done)
             over = threshold(cell, study.config.recovery)
             table.add(index_rows(cell, names, outcomes, over))
     return table.path
 
 
 def pick_freeze_outcomes(
-    cell: Cell,
-    keyed: Keyed,
-    names: Sequence[str],
-    samples: int,
-    machine: Machine,
-    load_done: Callable[[int], None],
+    cell: Cell, keyed: Keyed, names: Sequence[str], samples: int, load_done: Callable[[int], None]
 ) -> list[Outcome]:
     """Outcomes of the first samples, the later samples, and the mixed samples per quantity.
 
@@ -85,7 +76,7 @@ def pick_freeze_outcomes(
     one = job(cell.scenario, keyed, [0])
     inputs = (job(cell.scenario, source, range(samples)).inputs for source in sources)
     alike, lanes = (one.network, one.clock, one.plan), samples * len(sources)
-    return list(batch.simulate_each(inputs, lanes, *alike, machine, load_done))
+    return list(batch.simulate_each(inputs, lanes, *alike, EVERYTHING, load_done))
 
 
 def index_rows(

@@ -49,10 +49,6 @@ CHOSEN_STORE = "trajectories.zarr"
 ChosenLane = tuple[Cell, int]  # a cell and a sample
 
 
-def local_executor(machine: Machine) -> Executor:
-    return lambda work, todo, load_done: shards.simulate_shards(work, todo, machine, load_done)
-
-
 class Run:
     def __init__(
         self,
@@ -68,7 +64,9 @@ class Run:
             most = max(study.samples, self.before.get("samples", 0))
             study = study.model_copy(update={"samples": most})
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
-        self.crew = crew or local_executor(machine)
+        self.crew = crew or (
+            lambda work, todo, told: shards.simulate_shards(work, todo, machine, told)
+        )
         self.modules = modules_of(study)
         self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
         self.progress = progress

@@ -1,20 +1,27 @@
-"""Bands of ẽ(t): quantiles over lanes of the fleet's mean error, or of the leaderless spread."""
+"""Quantiles of errors over the lanes of a cell.
+
+Bands of ẽ(t) are of the mean error of the fleet, or of the spread without a navigator. The table of
+vehicles is of the mean error of each vehicle over the tail.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, MOST_PANELS, decades
-from jaxnet.statistics.groups import Group, Label, labels_without_magnitude
+from jaxnet.statistics.groups import scenes
+from jaxnet.statistics.recovery import threshold
 from jaxnet.store.results import Results
 
 MOST_TIMES = 300  # instants of a band
 FEWEST_TIMES = 60  # instants of a band next to many others
 MOST_NUMBERS = 180_000  # in all bands together, so that a page of hundreds of cells stays small
+VEHICLE_COLUMNS = ["cell", "vehicle", "lanes", "low", "median", "q95", "greatest", "unrecovered"]
 
 
 class Band(NamedTuple):
@@ -73,9 +80,21 @@ def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
     )
 
 
-def scenes(cells: Sequence[Cell]) -> list[Group]:
-    """Groups of cells that differ only in ā, fixed or drawn, in the study's order."""
-    members: dict[tuple[tuple[str, Label], ...], list[Cell]] = {}
+def vehicle_table(results: Results, cells: Sequence[Cell]) -> pd.DataFrame:
+    """Return a row for each cell and vehicle: quantiles of its mean errors over the ok lanes [m].
+
+    `low` is the 5 % quantile. `unrecovered` is the share of lanes [%] in which the error exceeds
+    the threshold of a recovery, not-a-number without one. Cells without an ok lane have no rows.
+    """
+    errors, found = results.vehicles["tail_mean"], []
     for cell in cells:
-        members.setdefault(tuple(labels_without_magnitude(cell).items()), []).append(cell)
-    return [Group(dict(labels), tuple(group)) for labels, group in members.items()]
+        values = errors.isel(cell=cell.number).values.astype(float)
+        values = np.minimum(values[~np.isnan(values).any(axis=1)], GREATEST_SHOWN)
+        if not len(values):
+            continue
+        limit = threshold(cell, results.study.config.recovery)
+        off = 100 * (values > limit).mean(axis=0) if limit == limit else np.nan
+        quantiles = np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0)
+        columns = [cell.number, np.arange(1, values.shape[1] + 1), len(values), *quantiles, off]
+        found.append(pd.DataFrame(dict(zip(VEHICLE_COLUMNS, columns, strict=True))))
+    return pd.concat(found or [pd.DataFrame(columns=VEHICLE_COLUMNS)], ignore_index=True)

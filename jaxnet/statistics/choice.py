@@ -56,9 +56,8 @@ def plain_spaces(words: str) -> str:
 def matching_labels(cells: Sequence[Cell], key: str, value: object) -> set[Label]:
     """Labels of a swept key that a wanted value means."""
     first = {cell.labels[key]: cell for cell in reversed(cells)}  # the first cell of each label
-    named = next(
-        each for each in cells[0].labels if each == key
-    )  # with the name that the config gives it
+    # with the name that the config gives it
+    named = next(each for each in cells[0].labels if each == key)
     return {
         label
         for label, cell in first.items()

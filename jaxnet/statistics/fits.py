@@ -27,13 +27,7 @@ from jaxtyping import Int
 from jaxnet.config.cells import is_leaderless
 from jaxnet.engine.cores import cores
 from jaxnet.statistics.groups import Group, Label, attacked_groups
-from jaxnet.statistics.intervals import (
-    CONFIDENCE,
-    UNKNOWN,
-    Ends,
-    is_near_normal,
-    student_interval,
-)
+from jaxnet.statistics.intervals import CONFIDENCE, UNKNOWN, Ends, is_near_normal, student_interval
 from jaxnet.statistics.regression import (
     ENVELOPE,
     MODELS,

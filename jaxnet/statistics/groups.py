@@ -29,17 +29,20 @@ def swept_values_of(cells: Sequence[Cell]) -> dict[str, list[Label]]:
     return {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in cells[0].labels}
 
 
-def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
-    """Groups of the attacked cells whose ā is not drawn."""
+def scenes(cells: Sequence[Cell]) -> list[Group]:
+    """Groups of cells that differ only in ā, fixed or drawn, in the study's order."""
     members: dict[tuple[tuple[str, Label], ...], list[Cell]] = {}
     for cell in cells:
-        attack = cell.scenario.attack
-        if attack.present and not is_drawn(attack.amplitude()):
-            members.setdefault(tuple(labels_without_magnitude(cell).items()), []).append(cell)
-    return [
-        Group(dict(labels), tuple(sorted(group, key=magnitude)))
-        for labels, group in members.items()
-    ]
+        members.setdefault(tuple(labels_without_magnitude(cell).items()), []).append(cell)
+    return [Group(dict(labels), tuple(group)) for labels, group in members.items()]
+
+
+def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
+    """Groups of the attacked cells whose ā is not drawn."""
+    attacks = [(cell, cell.scenario.attack) for cell in cells]
+    fixed = [cell for cell, each in attacks if each.present and not is_drawn(each.amplitude())]
+    groups = scenes(fixed)
+    return [each._replace(cells=tuple(sorted(each.cells, key=magnitude))) for each in groups]
 
 
 def labels_without_magnitude(cell: Cell) -> dict[str, Label]:

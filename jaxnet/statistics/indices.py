@@ -40,9 +40,8 @@ def sobol_indices(
     """
     if len(a) < FEWEST_ROWS or not np.ptp([a, b]) > LEAST_VARIATION * max(1.0, np.abs(a).max()):
         return Indices(*np.full((3, 2, len(mixed)), np.nan))
-    size = np.abs(
-        np.concatenate([a[None], b[None], mixed])
-    ).max()  # squares of great values overflow
+    # squares of great values overflow
+    size = np.abs(np.concatenate([a[None], b[None], mixed])).max()
     a, b, mixed = a / size, b / size, mixed / size
     centre = np.mean([a, b])
     a, b, mixed = a - centre, b - centre, mixed - centre
@@ -53,9 +52,8 @@ def sobol_indices(
     def ratios(weights: Float[np.ndarray, "some rows"]) -> Float[np.ndarray, "some indices"]:
         means = weights @ terms.T / len(a)
         variance = (means[:, -1] - means[:, -2] ** 2)[:, None]
-        return means[:, :-2] / np.where(
-            variance > 0, variance, np.nan
-        )  # a resample of equal rows has no variance
+        # a resample of equal rows has no variance
+        return means[:, :-2] / np.where(variance > 0, variance, np.nan)
 
     found = ratios(np.ones((1, len(a))))[0]
     blank = np.full_like(found, np.nan)

@@ -32,9 +32,8 @@ from jaxnet.theory.bounds import Bound
 from jaxnet.theory.spread import scenario_gain
 
 LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
-MOST_LIMITS = (
-    2**20
-)  # in memory at a time, over vehicles, times and lanes; a few arrays of this size exist
+# in memory at a time, over vehicles, times and lanes; a few arrays of this size exist
+MOST_LIMITS = 2**20
 
 
 class Violation(NamedTuple):
@@ -51,9 +50,8 @@ class Violation(NamedTuple):
 VIOLATION_COLUMNS = Violation._fields
 
 Limits = Float[np.ndarray, "times m lanes"]
-Response = Callable[
-    [np.ndarray], np.ndarray | float
-]  # jets (3, 2, signals, lanes) to (3, 2, m, lanes)
+# jets (3, 2, signals, lanes) to (3, 2, m, lanes)
+Response = Callable[[np.ndarray], np.ndarray | float]
 
 
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
@@ -83,7 +81,7 @@ def bounds_of(scenario: Scenario) -> dict[str, Bound]:
     """Bounds of a scenario by name; not-a-number where the attack gain is unknown."""
     reach = scenario_gain(scenario)
     if reach is None:
-        return bounds.unknown_bounds(scenario.vehicles)
+        return dict.fromkeys(bounds.BOUND_KEYS, Bound(np.full(scenario.vehicles, np.nan), np.nan))
     return bounds.ultimate_bounds(reach, np.array(scenario.gain))
 
 

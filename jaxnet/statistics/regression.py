@@ -26,9 +26,8 @@ MOST_BINS = 4096  # of one magnitude; with more lanes, neighbours share their me
 
 PerFit = Float[np.ndarray, "n j"]  # a row per fit, a column per magnitude
 Shapes = Float[np.ndarray, " n"]
-FitLoss = Callable[
-    [PerFit, PerFit], tuple[Shapes, Shapes]
-]  # best scale and its loss, of offset and growth
+# best scale and its loss, of offset and growth
+FitLoss = Callable[[PerFit, PerFit], tuple[Shapes, Shapes]]
 
 
 class Errors(NamedTuple):
@@ -187,9 +186,8 @@ class BentCurve(NamedTuple):
     """A curve of curves u(x) = offset + scale·growth by their shape."""
 
     bent: Callable[[np.ndarray, np.ndarray], tuple[PerFit, PerFit]]  # offset and growth
-    through: Callable[
-        [np.ndarray, PerFit], np.ndarray
-    ]  # shapes of the curves through pairs of points
+    # shapes of the curves through pairs of points
+    through: Callable[[np.ndarray, PerFit], np.ndarray]
     read: Callable[[np.ndarray, Shapes, Shapes], tuple[Shapes, Shapes]]  # parameters
 
     def candidates(self, x: np.ndarray, minimisers: PerFit) -> Float[np.ndarray, "n grid"]:

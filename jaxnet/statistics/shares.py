@@ -7,7 +7,7 @@
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -75,7 +75,7 @@ def shares_of(study: Config, cells: Sequence[Cell]) -> list[Share]:
     return [share for name, share in LANE_SHARES.items() if asked[name]]
 
 
-def share_columns(share: Share, counted: Counted, confidence: float) -> dict[str, Any]:
+def share_columns(share: Share, counted: Counted, confidence: float) -> dict[str, object]:
     """Share and both ends of its exact interval; not-a-number without a lane."""
     names = share_names(share.name)
     if counted is None or not len(counted):

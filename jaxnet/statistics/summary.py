@@ -37,7 +37,9 @@ def summarise(
     Statistics and shares are over the lanes that ended. `samples` are the numbers of samples of
     the cells.
     """
-    table, metrics, shares = [], summarised_metrics(study), shares_of(study, cells)
+    beyond = study.measured()[len(CONTRACT) :]
+    table, metrics = [], [*SUMMARISED, *(metric.name for metric in beyond)]
+    shares = shares_of(study, cells)
     for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
         counts = {"lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
@@ -53,11 +55,6 @@ def summarise(
     return pd.DataFrame(table)
 
 
-def summarised_metrics(study: Config) -> list[str]:
-    """Metrics of tables: the tail errors, and the study's metrics beyond the contract."""
-    return [*SUMMARISED, *(metric.name for metric in study.measured()[len(CONTRACT) :])]
-
-
 def independent_units(
     study: Config, samples: Int[np.ndarray, " lanes"]
 ) -> Int[np.ndarray, " lanes"] | None:
@@ -67,13 +64,6 @@ def independent_units(
     return samples // (study.samples // RANDOMISATIONS)
 
 
-def interval_basis(study: Config) -> str:
-    """Name the independent numbers over which intervals of means are computed."""
-    return (
-        "lanes" if study.draws == "random" else f"the means of {RANDOMISATIONS} scrambled sequences"
-    )
-
-
 def metric_statistics(
     values: Float[np.ndarray, " lanes"],
     units: Int[np.ndarray, " lanes"] | None = None,
@@ -81,22 +71,17 @@ def metric_statistics(
 ) -> dict[str, float]:
     """Statistics of a metric over lanes, by the ends of their columns' names in `cells.csv`.
 
-    Lanes of one unit depend on each other; the `units` are independent. Numbers that are not known
+    Lanes of one unit depend on each other, and their median has no interval; the `units` are
+    independent. Numbers that are not known
     are not-a-number.
     """
     if not len(values):
         return dict.fromkeys(COLUMNS_OF_METRIC, np.nan)
     mean = float(values.mean()), *mean_interval(values, confidence, units)
-    median = quantile_of(values, 0.5), *median_ends(values, units, confidence)
+    ends = UNKNOWN if units is not None else quantile_interval(values, 0.5, confidence)
+    median = quantile_of(values, 0.5), *ends
     rest = quantile_of(values, 0.05), quantile_of(values, 0.95), float(values.max())
     return dict(zip(COLUMNS_OF_METRIC, (*mean, *median, *rest), strict=True))
-
-
-def median_ends(
-    values: Float[np.ndarray, " lanes"], units: object, confidence: float
-) -> tuple[float, float]:
-    """Interval of the median; lanes that depend on each other have none."""
-    return UNKNOWN if units is not None else quantile_interval(values, 0.5, confidence)
 
 
 def quantile_of(values: Float[np.ndarray, " lanes"], quantile: float) -> float:

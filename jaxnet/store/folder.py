@@ -46,9 +46,8 @@ OURS = ("study.yaml", "manifest.json", *TABLES, *STORES, *OWN_FOLDERS, "worst.ya
 # In a folder beside the results: of which rows it holds what was made.
 DERIVED_FROM = "made-of.json"
 GATED = frozenset((*OURS, DERIVED_FROM, ".lock", "results.mat", "csv"))  # what is read and written
-ANSWER = (
-    10  # [s] in which a store must answer at first; later it may take as many tries as it likes
-)
+# [s] in which a store must answer at first; later it may take as many tries as it likes
+ANSWER = 10
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 MOST_SHARD = 2**20  # samples of a shard
 

@@ -57,10 +57,6 @@ def ultimate_bounds(reach: AttackGain, gain: LawGain) -> dict[str, Bound]:
     }
 
 
-def unknown_bounds(vehicles: int) -> dict[str, Bound]:
-    return dict.fromkeys(BOUND_KEYS, Bound(np.full(vehicles, np.nan), np.nan))
-
-
 def static(reach: AttackGain) -> Bound:
     """`s_i = Σ_l (L⁻¹)_il Σ_j w_lj` over attacked links (l, j); the fleet's slope is ‖s‖₂.
 

@@ -119,9 +119,8 @@ def degree_bracket(heard: Heard) -> RobustnessBracket:
 def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> RobustnessBracket:
     """Bounds on the greatest r by minimising r: a set's nodes hear at most r nodes outside."""
     n, degrees = len(heard), heard.sum(axis=1)
-    slack = np.maximum(
-        degrees - known.low, 0
-    )  # r ≥ low: the row of a node outside a set always holds
+    # r ≥ low: the row of a node outside a set always holds
+    slack = np.maximum(degrees - known.low, 0)
     rows = sparse.hstack([twice(np.diag(slack) - heard), -np.ones((2 * n, 1))])
     cost = np.append(np.zeros(2 * n), 1)
     found = solve(
@@ -129,11 +128,10 @@ def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> Robustn
     )
     if found is None:
         return known
-    high = (
-        known.high
-        if found.x is None
-        else min(known.high, most_outside(heard, both_sets(found.x, n)))
-    )
+    high = known.high
+    if found.x is not None:
+        outside = [outside_counts(heard, nodes).max() for nodes in both_sets(found.x, n)]
+        high = min(high, int(max(outside)))
     return RobustnessBracket(min(high, max(known.low, proved(found))), high)
 
 
@@ -259,10 +257,6 @@ def both_sets(x: Float[np.ndarray, " variables"], n: int) -> Bool[np.ndarray, "2
 
 def outside_counts(heard: Heard, nodes: Bool[np.ndarray, " n"]) -> Any:
     return heard[nodes][:, ~nodes].sum(axis=1)
-
-
-def most_outside(heard: Heard, sets: Bool[np.ndarray, "2 n"]) -> int:
-    return max(int(outside_counts(heard, nodes).max()) for nodes in sets)
 
 
 def reachable(heard: Heard, sets: Bool[np.ndarray, "2 n"], r: int) -> int:

@@ -22,9 +22,8 @@ from jaxnet.theory.response import LawGain
 
 Gains = Float[np.ndarray, " m"]
 GAIN_TOLERANCE = 1e-12  # relative; a smaller improvement ends the iteration
-LEAST_GAIN_SHARE = (
-    1e-15  # of the greatest gain; smaller gains, far from every attack, are not improved
-)
+# of the greatest gain; smaller gains, far from every attack, are not improved
+LEAST_GAIN_SHARE = 1e-15
 LEAST_NORMAL = float(np.finfo(float).tiny)  # smaller numbers have no relative precision
 
 
@@ -32,9 +31,8 @@ class AttackGain(NamedTuple):
     """Gains from attacks to the errors of a network's vehicles."""
 
     gains: Gains  # γ
-    fixed: (
-        Digraph | None
-    )  # weights in force for good; None where retained neighbours, or attacks, may jump
+    # weights in force for good; None where retained neighbours, or attacks, may jump
+    fixed: Digraph | None
     norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the fixed weights; not-a-number without, or if too large
     orders: tuple[int, ...] = ORDERS  # of the received derivatives that attacks falsify
     shares: tuple[float, ...] | None = None  # of ā, the magnitudes of these orders; None: each is ā

@@ -1,15 +1,6 @@
 """All theorems that `jaxnet check` asks; a theorem more is a line here and its module."""
 
-from jaxnet.theory import (
-    announced,
-    certificate,
-    delay,
-    exact,
-    noise,
-    rounds,
-    safe,
-    tolerance,
-)
+from jaxnet.theory import announced, certificate, delay, exact, noise, rounds, safe, tolerance
 
 THEOREMS = (
     certificate.INVERSE_NORM,

@@ -28,6 +28,7 @@ from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION
 from jaxnet.statistics.amplitude import magnitude_of, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import cell_magnitudes
+from jaxnet.statistics.groups import Label
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
 from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic
 from jaxnet.statistics.shares import LANE_SHARES
@@ -153,7 +154,7 @@ def without_rounding(value: float, size: float) -> float:
     return 0.0 if is_rounding(value, size) else value
 
 
-def is_unknown(value: Any) -> bool:
+def is_unknown(value: object) -> bool:
     return isinstance(value, float) and math.isnan(value)
 
 
@@ -172,10 +173,7 @@ def bracketed(low: float, high: float) -> str:
 
 
 def summary_columns(
-    results: Results,
-    names: Sequence[str] = (),
-    where: Where | None = None,
-    sort: str | None = None,
+    results: Results, names: Sequence[str] = (), where: Where | None = None, sort: str | None = None
 ) -> list[Column]:
     """Return columns of the summary, a value a cell; the number of the cell and swept keys first.
 
@@ -233,7 +231,7 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
     return [*(each.at(first) for each in rows), *across]
 
 
-def across_column(column: Column, key: Column, value: Any) -> Column:
+def across_column(column: Column, key: Column, value: Label) -> Column:
     above = column.latex if is_kind(key.name) else f"{column.latex} by {key.latex}"
     return column._replace(
         name=f"{key.name}={value}:{column.name}",
@@ -269,7 +267,7 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     return [name for name in dict.fromkeys([first, *tail, *own, "ok", "failed"]) if name in table]
 
 
-def key_column(key: str, labels: Iterable[Any]) -> Column:
+def key_column(key: str, labels: Iterable[Label]) -> Column:
     name = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
     words = latex_title(name or key_name(key).translate(LATEX_ESCAPES), unit(key))
     return Column(key, quantity(key), words, list(labels), key=key)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.statistics.vehicles import vehicle_table
+from jaxnet.statistics.bands import vehicle_table
 from jaxnet.store.folder import FolderError
 from jaxnet.view.page import sections
 

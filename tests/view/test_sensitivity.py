@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from jaxnet.view.figures import analyses, style
-from jaxnet.view.text import sensitivity as words
+from jaxnet.view.text import analyses as words
 from tests import systems
 
 NAMES = ["initial.position", "initial.heading", "initial.speed", "attack.phase", "gain"]

@@ -13,14 +13,13 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.statistics.axes import choose_axes
-from jaxnet.statistics.bands import all_bands
+from jaxnet.statistics.bands import all_bands, vehicle_table
 from jaxnet.statistics.choice import Where, as_list, select_cells
 from jaxnet.statistics.curves import curves, no_magnitudes
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
-from jaxnet.statistics.vehicles import vehicle_table
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import MissingKindError
 from jaxnet.store.results import Results
@@ -210,10 +209,12 @@ class Plots:
     results
         Results of a finished run.
 
-    Notes ----- Each method takes `where`, the wanted value or values of swept keys, and `column`,
-    "one" or "two", the figure's width in columns of a journal. `note=False` leaves out the small
-    line at the top, for a paper whose caption says it. `curve` and the heat maps take `x`, `hue`
-    and `panel`, swept keys; `curve` takes `y` too. Each method returns a matplotlib figure.
+    Notes
+    -----
+    Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or
+    "two", the figure's width in columns of a journal. `note=False` leaves out the small line at the
+    top, for a paper whose caption says it. `curve` and the heat maps take `x`, `hue` and `panel`,
+    swept keys; `curve` takes `y` too. Each method returns a matplotlib figure.
 
     Raises
     ------

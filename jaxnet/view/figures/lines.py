@@ -123,7 +123,7 @@ def numbers_figure(
     shown = multiples.panels_fitting(labels, width, LINES_HEIGHT)
     titles = quantity(axes.x or ""), found.axis
     drawn, panels = multiples.panel_grid(labels[:shown], *titles, width, LINES_HEIGHT)
-    for panel, place, mine in cells_by_colour(panels, groups, axes, looks):
+    for panel, place, mine in cells_by_colour(panels, groups, axes):
         look, ordered = looks[place].look, sorted(mine, key=lambda cell: cell.labels[key])
         factor, shift = dodge(place, len(looks), values, log)
         places = np.array([cell.labels[key] for cell in ordered], float) * factor + shift
@@ -168,7 +168,7 @@ def rows_figure(
     shown = multiples.panels_fitting(labels, width, height, most)
     few = labels[:shown]
     drawn, panels = multiples.panel_grid(few, found.axis, "", width, height, most, margin)
-    for panel, place, mine in cells_by_colour(panels, groups, axes, looks):
+    for panel, place, mine in cells_by_colour(panels, groups, axes):
         look, shift = looks[place].look, 0.7 * ((place + 0.5) / len(looks) - 0.5)
         fitting = [cell for cell in mine if key is None or cell.labels[key] in values]
         rows = [shift + (values.index(cell.labels[key]) if key else 0) for cell in fitting]
@@ -186,7 +186,7 @@ def rows_figure(
 
 
 def cells_by_colour(
-    panels: Sequence[Panel], groups: Sequence[Any], axes: Axes, looks: Sequence[Look]
+    panels: Sequence[Panel], groups: Sequence[Any], axes: Axes
 ) -> list[tuple[Panel, int, list[Cell]]]:
     """Each panel's cells of each colour, where there are any."""
     hues = ordered_values([cell for _, cells in groups for cell in cells], axes.hue)

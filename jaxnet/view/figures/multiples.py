@@ -108,16 +108,11 @@ def write_legend(drawn: Figure, handles: Sequence[Any], most: int, **look: Any) 
     drawn.legend(handles=handles, loc="outside lower center", **look)
 
 
-def shared_labels(labels: Sequence[Labels]) -> Labels:
-    """Labels that all panels share; a single panel shares none."""
-    if len(labels) < 2:
-        return {}
-    return {k: v for k, v in labels[0].items() if all(v == each[k] for each in labels)}
-
-
 def distinct_titles(drawn: Figure, labels: Sequence[Labels]) -> list[str]:
     """A title for each panel or row of the labels that differ; a note has the others."""
-    common = shared_labels(labels)
+    common = {}
+    if len(labels) > 1:
+        common = {k: v for k, v in labels[0].items() if all(v == each[k] for each in labels)}
     if common:
         write_note(drawn, f"all with {escape_dollars(labels_title(common))}")
     return [labels_title({k: v for k, v in each.items() if k not in common}) for each in labels]

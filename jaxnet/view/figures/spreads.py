@@ -13,8 +13,9 @@ from matplotlib.ticker import MaxNLocator
 
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Recovery
-from jaxnet.statistics.bands import Band, bands_span, scenes, variable_over_time
+from jaxnet.statistics.bands import Band, bands_span, variable_over_time
 from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, magnitude_words
+from jaxnet.statistics.groups import scenes
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows

@@ -1,7 +1,7 @@
 """Graphs of a study with weights, attacked links and trusted links."""
 
 import math
-from collections.abc import Collection, Container, Sequence
+from collections.abc import Container, Sequence
 from textwrap import shorten
 from typing import Any
 
@@ -146,10 +146,8 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
     names = link_names(cell, network)
     for (i, j), called in names.items():
         bend = 0.16 if is_bent(i, j, names, places) else 0.0
-        rim: dict[str, Any] = {
-            "shrinkA": across / 2 + 0.5,
-            "shrinkB": across / 2 + 0.5,
-        }  # [pt] of a node
+        edge = across / 2 + 0.5  # [pt] of a node
+        rim: dict[str, Any] = {"shrinkA": edge, "shrinkB": edge}
         ends, look = (tuple(places[j]), tuple(places[i + 1])), rim | LINK_STYLES[called] | ARROW
         panel.add_patch(FancyArrowPatch(*ends, connectionstyle=f"arc3,rad={bend}", **look))
     if network.graph.vehicles <= MOST_ON_CIRCLE or not weight_classes(network.graph):
@@ -266,7 +264,7 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
 
 def write_name(panel: Axes, name: str, x: float, y: float, across: float) -> None:
     """Write the name of a vehicle beside its node of a diameter [pt], away from the centre."""
-    side, anchor = (1, "bottom") if is_upper(y) else (-1, "top")
+    side, anchor = (1, "bottom") if y > 0.1 else (-1, "top")  # above nodes in the upper half
     panel.annotate(
         multiples.escape_dollars(shorten(name, MOST_NAME, placeholder="…")),
         (x, y),
@@ -278,11 +276,6 @@ def write_name(panel: Axes, name: str, x: float, y: float, across: float) -> Non
         zorder=5,
         path_effects=[withStroke(linewidth=2.0, foreground="white")],
     )
-
-
-def is_upper(y: float) -> bool:
-    """Whether a node stands in the upper half of a circle, where names stand above their nodes."""
-    return y > 0.1
 
 
 def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
@@ -297,7 +290,9 @@ def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Pa
         look = node | rim | {"marker": "o", "color": "white"}
         handles.append(Line2D([], [], label="attacked vehicle", **look))
     present = {called for cell, network in small for called in link_names(cell, network).values()}
-    plain = {"other link": link_word([cell for cell, _ in small], present)} if small else {}
+    plain = {}
+    if small and (len(present) == 1 or is_leaderless([cell for cell, _ in small])):
+        plain = {"other link": "link"}
     looks = [(called, look) for called, look in LINK_STYLES.items() if called in present]
     handles += [Line2D([], [], **look, label=plain.get(called, called)) for called, look in looks]
     if large:
@@ -307,11 +302,6 @@ def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Pa
         look: dict[str, Any] = {"linestyle": "", "marker": "v", "color": style.RED}
         handles.append(Line2D([], [], label="attacked vehicles", markersize=4, **look))
     return handles
-
-
-def link_word(cells: Sequence[Cell], present: Collection[str]) -> str:
-    """What a legend calls links that are neither trusted nor attacked, beside the links present."""
-    return "link" if is_leaderless(cells) or len(present) == 1 else "other link"
 
 
 def too_large(graph: Digraph) -> bool:

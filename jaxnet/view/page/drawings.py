@@ -64,7 +64,7 @@ def curve(
     color: str,
     *,
     hover: str = "",
-    symbol: Any = "",
+    symbol: str | list[str] = "",
     ends: tuple[np.ndarray, np.ndarray] | None = None,
     across: bool = False,
     **look: Any,
@@ -86,7 +86,7 @@ def curve(
     return trace
 
 
-def decades_axis(low: float, high: float, title: str) -> dict[str, Any]:
+def decades_axis(low: float, high: float, title: str) -> dict[str, object]:
     """A log axis with ticks at powers of ten, all or every other one."""
     first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
     powers = range(first, last + 1, 2 if last - first > 4 else 1)
@@ -104,7 +104,7 @@ def power_text(power: int) -> str:
     return f"{10.0**power:g}" if -4 < power < 5 else f"10<sup>{power}</sup>".replace("-", "−")
 
 
-def roomy_axis(low: float, high: float, title: str) -> dict[str, Any]:
+def roomy_axis(low: float, high: float, title: str) -> dict[str, object]:
     """A log axis with room at its ends; of few decades, with ticks at round numbers."""
     low, high = low / ROOM, high * ROOM
     span, powers = log10(high / low), range(floor(log10(low)), floor(log10(high)) + 1)
@@ -114,17 +114,17 @@ def roomy_axis(low: float, high: float, title: str) -> dict[str, Any]:
     return decades_axis(low, high, title) | (given if span <= 2 else {})
 
 
-def linear_axis(low: float, high: float, title: str) -> dict[str, Any]:
+def linear_axis(low: float, high: float, title: str) -> dict[str, object]:
     room = 0.04 * ((high - low) or 1.0)
     return {"range": [low - room, high + room], "nticks": 6, "title": {"text": title}}
 
 
-def names_axis(key: str | None, values: Sequence[Label], falling: bool) -> dict[str, Any]:
+def names_axis(key: str | None, values: Sequence[Label], falling: bool) -> dict[str, object]:
     """An axis of names at 0, 1, …, from the top if `falling`."""
     names = [on_lines(value_alone(key, value)) for value in values] if key else [""]
     ends = [-0.5, len(names) - 0.5]
-    ticks = {"tickvals": [*range(len(names))], "ticktext": names}
-    return ticks | {"range": ends[::-1] if falling else ends}
+    reach = ends[::-1] if falling else ends
+    return {"tickvals": [*range(len(names))], "ticktext": names, "range": reach}
 
 
 def on_lines(name: str) -> str:
@@ -187,13 +187,13 @@ def answer_html(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> str:
     return panels_html(panels, in_a_row(panels, cells), tall, title)
 
 
-def x_place(cell: Cell, x: str | None, values: Sequence[Label], numbers: bool) -> Any:
+def x_place(cell: Cell, x: str | None, values: Sequence[Label], numbers: bool) -> Label:
     if x is None:
         return 0
     return cell.labels[x] if numbers else values.index(cell.labels[x])
 
 
-def x_name(place: float, x: str | None, values: Sequence[Label], numbers: bool) -> Any:
+def x_name(place: float, x: str | None, values: Sequence[Label], numbers: bool) -> Label:
     """A number on a scale, or the name of a row."""
     if numbers or x is None:
         return place if numbers else ""
@@ -202,7 +202,7 @@ def x_name(place: float, x: str | None, values: Sequence[Label], numbers: bool) 
 
 def answer_series(
     found: Quantity, look: lines.Look, place: int, at: np.ndarray, table: np.ndarray, numbers: bool
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Values with intervals; on a log axis what lies below stands on it."""
     given: Any = look.look["color"]
     colour = COLOURS.get(given, given) if isinstance(given, str) else to_hex(given)
@@ -219,7 +219,7 @@ def answer_series(
     return line | {"mode": "lines+markers", "connectgaps": True}
 
 
-def answer_text(found: Quantity, axes: Axes, hue: str, name: Any, row: np.ndarray) -> str:
+def answer_text(found: Quantity, axes: Axes, hue: str, name: Label, row: np.ndarray) -> str:
     value, low, high = row
     unit = " %" if found.share else ""
     ends = (
@@ -300,7 +300,7 @@ def bands_html(found: Mapping[int, Band], label: str, cells: Sequence[Cell]) -> 
     return panels_html(panels, in_a_row(panels, cells))
 
 
-def over_time(name: str, y: Any, **look: Any) -> dict[str, Any]:
+def over_time(name: str, y: Any, **look: Any) -> dict[str, object]:
     return curve(name, [], y, hover=f"{name} %{{y:.3~g}} m at %{{x:.3~g}} s", **look)
 
 

@@ -68,7 +68,7 @@ class Panel(NamedTuple):
     extra: dict[str, Any] = {}  # noqa: RUF012
 
     @property
-    def figure(self) -> dict[str, Any]:
+    def figure(self) -> dict[str, object]:
         named = {"data": self.traces, "layout": self.layout, "columns": self.columns}
         return named | self.extra
 

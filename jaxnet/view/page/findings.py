@@ -229,9 +229,8 @@ def certainty_sentence(results: Results) -> str:
     """The number of lanes of a cell, and the interval of the greatest mean."""
     samples = f"Each cell has {count_between(results.samples, 'lane')}."
     metric = judged_metric(results.study.cells)
-    means: Any = results.cells[
-        f"{metric}_mean"
-    ].dropna()  # in metres: the greatest per ā is another
+    # in metres: the greatest per ā is another
+    means: Any = results.cells[f"{metric}_mean"].dropna()
     if means.empty:
         return samples
     place = int(means.idxmax())

@@ -15,7 +15,7 @@ from jaxnet.model.wording import count, count_between
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics.axes import choose_axes
-from jaxnet.statistics.bands import error_bands
+from jaxnet.statistics.bands import error_bands, vehicle_table
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     LOG_FLOOR,
@@ -30,7 +30,6 @@ from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.tiles import tiling
-from jaxnet.statistics.vehicles import vehicle_table
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results
 from jaxnet.view import columns
@@ -38,7 +37,7 @@ from jaxnet.view.page import drawings, findings, trajectories
 from jaxnet.view.page.elements import Section, folded_text, sortable_table, views_html
 from jaxnet.view.page.setting import setting_rows
 from jaxnet.view.text import check, tables, worst
-from jaxnet.view.text.sensitivity import SENSITIVITY_LEGEND
+from jaxnet.view.text.analyses import SENSITIVITY_LEGEND
 
 MOST_PAGE_ROWS = 10_000
 MOST_LISTED = 200
@@ -231,7 +230,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     return paragraph(SLOPES_NOTE + f" {sentence_case(NO_SLOPE)}." * flat) + table
 
 
-def label_columns(labels: Mapping[str, object]) -> dict[str, Any]:
+def label_columns(labels: Mapping[str, object]) -> dict[str, object]:
     """Swept values by the names of their keys; text is a name too, numbers sort as numbers."""
     return {
         quantity(key): value_alone(key, value) if isinstance(value, str) else value

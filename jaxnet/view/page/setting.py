@@ -55,20 +55,20 @@ def setting_rows(study: Study) -> dict[str, str]:
         if name == "attack" and words != "none":
             rows["attacked signals"] = among(attacked_words)
             if shows_magnitude(study):
-                rows["magnitude ā"] = among(size_words) + size_unit(cells)
+                rows["magnitude ā"] = among(size_words)
+                if not any(cell.scenario.attack.by_order() for cell in cells):
+                    rows["magnitude ā"] += " m"
     for key in cells[0].labels:
         if key not in OWN_ROWS and not is_kind(key):
             values = [value_alone(key, value) for value in ordered_values(cells, key)]
             rows[key_name(key)] = " ".join(filter(None, [alternatives(values), unit(key)]))
-    rows["time"] = among(time_words)
+    rows["time"] = among(
+        lambda cell: f"{cell.scenario.horizon:g} s; the tail is the last {cell.scenario.tail:g} s"
+    )
     rows["engine"] = among(
         lambda cell: f"{cell.scenario.engine.reference()}, ticks of {cell.scenario.tick:g} s"
     )
     return rows
-
-
-def time_words(cell: Cell) -> str:
-    return f"{cell.scenario.horizon:g} s; the tail is the last {cell.scenario.tail:g} s"
 
 
 def alternatives(words: Sequence[str]) -> str:
@@ -115,11 +115,6 @@ def size_words(cell: Cell) -> str:
     if sizes is not None:
         return f"({orders_in_words(sizes)})"
     return plain_words(amount.model_dump()) if isinstance(amount, BaseModel) else f"{amount:.4g}"
-
-
-def size_unit(cells: Sequence[Cell]) -> str:
-    """The unit of ā behind its values, "" where the values have units."""
-    return "" if any(cell.scenario.attack.by_order() for cell in cells) else " m"
 
 
 def kind_words(key: str, cell: Cell) -> str:

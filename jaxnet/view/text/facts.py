@@ -420,9 +420,8 @@ def decay_words(found: Decay, scenario: Scenario) -> str:
     return f"{line}; the start has not died away: {left}"
 
 
-PHRASES: dict[
-    str, Callable[[Any, Scenario], str]
-] = {  # what a theorem's value says, by its quantity
+# What a theorem's value says, by its quantity.
+PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": lambda norm, scenario: f"{norm:.4g}",
     "honest paths": path_words,
     "cut off": lambda lost, scenario: f"{ranges(lost)} may be, by whom they drop",

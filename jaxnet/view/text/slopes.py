@@ -7,13 +7,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.naming import quantity, value_alone
-from jaxnet.statistics.curves import (
-    NO_SLOPE,
-    Curve,
-    curves,
-    no_magnitudes,
-    stored_table,
-)
+from jaxnet.statistics.curves import NO_SLOPE, Curve, curves, no_magnitudes, stored_table
 from jaxnet.statistics.fits import NO_CURVE_INTERVAL, whole_draws
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.intervals import below_greatest
@@ -124,12 +118,8 @@ def slope_interval_text(found: tuple[float, float, float] | None) -> str:
     return f"{estimate:.4g}{ends}"
 
 
-def bound_ratios(results: Results) -> pd.DataFrame:
-    """Worst error per ā and each bound over it, by group; NaN where all lanes recovered."""
-    return pd.DataFrame([curve.group.labels | group_ratios(curve) for curve in curves(results)])
-
-
 def group_ratios(curve: Curve) -> dict[str, float]:
+    """The worst error per ā, and the ratio of each bound to it: NaN where all lanes recovered."""
     over = curve.worst if curve.worst > LEAST_UNRECOVERED else np.nan
     return {"worst error / ā": without_rounding(curve.worst, 1.0)} | {
         name: curve.slope(*bound) / over for name, bound in BOUND_COLUMNS.items()
@@ -138,8 +128,9 @@ def group_ratios(curve: Curve) -> dict[str, float]:
 
 def conservatism_text(results: Results) -> str:
     title = "each bound over the worst error found, of the worst vehicle or of the whole fleet"
-    group = curves(results)[0].group
-    return group_table(title, bound_ratios(results), group, BOUNDS_DROP_ORDER, "bounds.csv")
+    found = curves(results)
+    rows = pd.DataFrame([curve.group.labels | group_ratios(curve) for curve in found])
+    return group_table(title, rows, found[0].group, BOUNDS_DROP_ORDER, "bounds.csv")
 
 
 def violations_text(results: Results) -> str:

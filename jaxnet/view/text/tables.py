@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless
-from jaxnet.config.keys import Config, Sequential
+from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
 from jaxnet.model.wording import cells_named, count, count_between
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
@@ -18,7 +18,6 @@ from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.shares import LANE_SHARES, hull_note
-from jaxnet.statistics.summary import interval_basis
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -144,10 +143,13 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
     sure = f"{100 * confidence_told(config.samples):g} %"
     exact = "exact binomial " if config.draws == "random" else "binomial "
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
+    independent = f"the means of {RANDOMISATIONS} scrambled sequences"
+    if config.draws == "random":
+        independent = "lanes"
     kinds = {
         "share": f"{exact}{sure} intervals (Clopper and Pearson)",
         "median": f"{sure} intervals of order statistics",
-        "mean": f"{sure} intervals of a mean over {interval_basis(config)} (Student)",
+        "mean": f"{sure} intervals of a mean over {independent} (Student)",
     }
     found: dict[str, list[str]] = {}
     for each in shown:

@@ -89,9 +89,8 @@ def metric_with_unit(results: Results) -> str:
 def metric_unit(results: Results) -> str:
     config = results.study.config
     assert config.search is not None
-    return {each.name: each.column_unit for each in config.measured()}.get(
-        config.search.maximise, ""
-    )
+    units = {each.name: each.column_unit for each in config.measured()}
+    return units.get(config.search.maximise, "")
 
 
 def worst_rows(results: Results) -> pd.DataFrame:
