@@ -61,6 +61,7 @@ def test_a_compiled_peer_simulates_the_same_lanes(what):
     assert found["error"] < 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("many_side_by_side")
 def test_the_loop_by_hand_simulates_the_same_study():
     """Mean tail error and share over 0.1 m of 4,096 lanes each, within four standard errors."""

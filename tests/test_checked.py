@@ -18,6 +18,7 @@ WRONG = {
 }
 
 
+@pytest.mark.long  # with JAXNET_CHECK_SHAPES alone
 @pytest.mark.parametrize("wrong", WRONG)
 def test_what_an_annotation_rules_out_is_refused(wrong):
     """By functions with arrays and without."""

@@ -83,7 +83,8 @@ def trimmed():
 
 
 @pytest.mark.parametrize(
-    ("engine", "accuracy", "knife_edge"), [("nonlinear", 1e-4, 1e-6), ("exact", 1e-9, 1e-9)]
+    ("engine", "accuracy", "knife_edge"),
+    [pytest.param("nonlinear", 1e-4, 1e-6, marks=pytest.mark.long), ("exact", 1e-9, 1e-9)],
 )
 def test_trimming_at_ticks_decides_and_moves_as_the_reference(
     trimmed, engine, accuracy, knife_edge

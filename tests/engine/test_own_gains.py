@@ -77,6 +77,7 @@ def test_on_a_star_each_vehicle_has_its_own_free_response():
             np.testing.assert_allclose(own, known, atol=1e-6)
 
 
+@pytest.mark.long
 def test_equal_gains_are_one_gain():
     """With sensors' errors, trimming and an attack with false derivatives, default vehicle."""
     keys = {"vehicles": 5, "horizon": 2.0, "tail": 1.0, "samples": 2, "topology": "complete"}

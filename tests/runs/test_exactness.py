@@ -6,6 +6,7 @@ from jaxnet.runs.exactness import deviations, lanes_at_ticks
 from tests import systems
 
 
+@pytest.mark.long
 def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
     """With trimming under attack; a tolerance of 1e-3 is seen at once."""
     keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1}

@@ -43,6 +43,7 @@ def errors_of_trajectories(results):
     return np.linalg.norm(position - data["navigator"].values[:, None, :, None], axis=-1)
 
 
+@pytest.mark.long
 def test_the_errors_of_each_vehicle_are_those_of_its_trajectory(results):
     """Mean and maximum over the tail, also of samples that came later; rows have the fleet's."""
     known, stored = errors_of_trajectories(results), results.vehicles

@@ -85,6 +85,7 @@ def fleets():
     return found
 
 
+@pytest.mark.long
 def test_the_closed_loop_is_the_exact_solution(fleets):
     """O2 with O1 in it, to 1e-5 m, for each lane's wheelbase."""
     one, outcome = fleets["nonlinear", "car"]
