@@ -32,6 +32,7 @@ from jaxnet.config.keys import (
     Config,
     Geomspace,
     Linspace,
+    Save,
     Scenario,
     known_metric,
 )
@@ -174,7 +175,7 @@ def swept_values(given: list[Plain] | Linspace | Geomspace) -> list[Plain]:
 
 
 def refuse_sweep(
-    save: Any, values: Mapping[str, list[Plain]], known: KnownKeys
+    save: Save | None, values: Mapping[str, list[Plain]], known: KnownKeys
 ) -> Iterator[tuple[str, str]]:
     """Yield the key and message of each fault of a sweep before its cells are validated."""
     if math.prod(map(len, values.values())) > MOST_SWEPT_CELLS:

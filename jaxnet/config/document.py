@@ -192,13 +192,13 @@ class Reader:
             return parse_scalar(kind, text)
         raise self.error(node.start_mark, keys, f"the tag {node.tag} has no meaning here")
 
-    def at(self, mark: Any) -> str:
+    def at(self, mark: yaml.Mark | None) -> str:
         """Name a place, FILE:LINE:COL; lines and columns count from 1."""
         if not self.source or self.within:
             return self.source
         return f"{self.source}:{mark.line + 1}:{mark.column + 1}" if mark else f"{self.source}:1:1"
 
-    def error(self, mark: Any, keys: Keys, message: str) -> ConfigError:
+    def error(self, mark: yaml.Mark | None, keys: Keys, message: str) -> ConfigError:
         key = dotted_key((*self.within, *keys))
         return ConfigError([Problem(self.at(mark), key, message)])
 

@@ -156,7 +156,7 @@ def nested(value: object) -> str:
     return depth
 
 
-def form_of_type(annotation: Any) -> str:
+def form_of_type(annotation: object) -> str:
     while typing.get_origin(annotation) is Annotated:
         annotation = typing.get_args(annotation)[0]
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):

@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy import sparse
 
 from jaxnet.theory.robustness import most_local
@@ -196,7 +196,7 @@ def total_bracket(heard: Heard, known: RobustnessBracket, seconds: float) -> Rob
     return found
 
 
-def violation(heard: Heard, r: int, most: int, cost: Any, seconds: float) -> Any:
+def violation(heard: Heard, r: int, most: int, cost: np.ndarray, seconds: float) -> Any:
     """Solver's result for two sets that violate (r, most + 1)-robustness, or None without time.
 
     Each set contains a node that is not r-reachable, and both sets together at most `most`
@@ -229,7 +229,9 @@ def twice(block: Float[np.ndarray, "n n"] | Any) -> Any:
     return sparse.block_diag([sparse.csr_array(block)] * 2)
 
 
-def solve(cost: Any, rows: Sequence[Constraint], last: RobustnessBracket, seconds: float) -> Any:
+def solve(
+    cost: np.ndarray, rows: Sequence[Constraint], last: RobustnessBracket, seconds: float
+) -> Any:
     """SciPy's result for a program with binary variables, or None if no time is left.
 
     The last variable is a whole number within the bounds `last`.
@@ -255,7 +257,7 @@ def both_sets(x: Float[np.ndarray, " variables"], n: int) -> Bool[np.ndarray, "2
     return x[: 2 * n].reshape(2, n) > 0.5
 
 
-def outside_counts(heard: Heard, nodes: Bool[np.ndarray, " n"]) -> Any:
+def outside_counts(heard: Heard, nodes: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " inside"]:
     return heard[nodes][:, ~nodes].sum(axis=1)
 
 

@@ -1,7 +1,7 @@
 """Findings about a results folder, in sentences."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
@@ -64,7 +64,7 @@ def where_words(results: Results, numbers: Sequence[int]) -> str:
     return f"with {escape(labels_title(labels))} (cell {numbers[0]}){more}"
 
 
-def at_ends(results: Results, values: pd.Series, words: Any) -> list[str]:
+def at_ends(results: Results, values: pd.Series, words: Callable[[float, int], str]) -> list[str]:
     """The least and the greatest value in words, each with its cells; one if they read alike."""
     ends = {}
     for end in (values.min(), values.max()):
