@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import yaml
 from upath import UPath
@@ -105,6 +105,14 @@ class ConfigError(ValueError):
         super().__init__("\n".join(map(str, problems)))
 
 
+@runtime_checkable
+class Mark(Protocol):
+    """A place in a text, of the parser in C or in Python; counted from 0."""
+
+    line: int
+    column: int
+
+
 class Reader:
     """Converts one YAML text to plain data, and fills `places` and `problems`.
 
@@ -192,13 +200,13 @@ class Reader:
             return parse_scalar(kind, text)
         raise self.error(node.start_mark, keys, f"the tag {node.tag} has no meaning here")
 
-    def at(self, mark: yaml.Mark | None) -> str:
+    def at(self, mark: Mark | None) -> str:
         """Name a place, FILE:LINE:COL; lines and columns count from 1."""
         if not self.source or self.within:
             return self.source
         return f"{self.source}:{mark.line + 1}:{mark.column + 1}" if mark else f"{self.source}:1:1"
 
-    def error(self, mark: yaml.Mark | None, keys: Keys, message: str) -> ConfigError:
+    def error(self, mark: Mark | None, keys: Keys, message: str) -> ConfigError:
         key = dotted_key((*self.within, *keys))
         return ConfigError([Problem(self.at(mark), key, message)])
 
