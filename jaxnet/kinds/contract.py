@@ -165,7 +165,11 @@ def memory_misfit(value: Any, sizes: AxisSizes, known: dict[str, Any]) -> Misfit
 
 
 def like(one: Any, other: Any) -> bool:
-    return np.shape(one) == np.shape(other) and np.result_type(one) == np.result_type(other)
+    return np.shape(one) == np.shape(other) and dtype_of(one) == dtype_of(other)
+
+
+def dtype_of(value: Any) -> np.dtype:
+    return value.dtype if hasattr(value, "dtype") else np.result_type(value)
 
 
 def described(value: Any) -> str:
