@@ -91,7 +91,7 @@ class Motion(ABC, Generic[MotionState]):
 
     @abstractmethod
     def states(self, state: MotionState) -> States:
-        """The vehicles' states."""
+        """States of the vehicles, (n, m, lanes)."""
 
     @abstractmethod
     def placed(self, state: MotionState, which: VehicleFlags, states: States) -> MotionState:

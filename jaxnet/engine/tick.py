@@ -183,7 +183,7 @@ class DecisionState(eqx.Module):
         return RowStrengths(lane.strength.of(retained.sum(axis=1)))
 
     def live_known(self, lane: Lane, weights: AxisWeights) -> Known:
-        """What is known until the next tick where no message is late."""
+        """Known part of the drives until the next tick, where no message is delayed."""
         if not (self.heard.stands or self.coasting.drives or self.links.present):
             return Known()
         constant = self.constant_drive(lane, weights, self.heard.degrees)

@@ -63,7 +63,7 @@ class Reception(eqx.Module):
     def listen(
         self, now: Moment, last: "Reception", late: OnTime, spoke: Speakers, speak: Speakers
     ) -> "Reception":
-        """The same with what stands in for messages from this tick on.
+        """Messages of this tick, with the substitutes that act from now on.
 
         `last` are those of the tick before, in which vehicles `spoke` as told.
         """

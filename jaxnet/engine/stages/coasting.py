@@ -31,7 +31,7 @@ class Coasting(eqx.Module):
     drives: ClassVar[bool] = False  # whether kept drives act
 
     def next(self, now: Moment, judged: Judged, heard: Reception, sensed: Sensed) -> "Coasting":
-        """Those that no believed message reaches at a tick."""
+        """Vehicles that no believed message reaches at a tick keep their drive."""
         return self
 
     def moving(self, weights: AxisWeights) -> AxisWeights:
@@ -51,7 +51,7 @@ class Coasting(eqx.Module):
         return jnp.zeros((len(weights), *weights.shape[2:]))
 
     def cut_off(self, lane: Lane) -> VehicleFlags:
-        """Those that decisions alone cut off; nobody where their lane fails."""
+        """Vehicles that decisions alone cut off; none where the lane fails for it."""
         return jnp.zeros(lane.weights.shape[1:], bool)
 
     def may_stop(self, lane: Lane) -> VehicleFlags:
@@ -149,7 +149,7 @@ class Coasts(Unheard):
 
 
 class Stops(Coasts):
-    """The same, where vehicles that are cut off stop where they come to rest."""
+    """Vehicles that are cut off keep their drive, and stop where they come to rest."""
 
     standing: VehicleFlags  # they stand still for good
     soon: VehicleFlags  # they stop before the next tick

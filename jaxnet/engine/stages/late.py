@@ -168,7 +168,7 @@ class OnTime(eqx.Module):
         return weights
 
     def known_or(self, compute: Callable[[], Known]) -> Known:
-        """What is known until the next tick; `compute` gives it for live messages."""
+        """Known part of the drives until the next tick; `compute` gives that of live messages."""
         return compute()
 
 

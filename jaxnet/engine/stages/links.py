@@ -45,7 +45,7 @@ class LinkErrors(eqx.Module):
 
 
 class Noisy(LinkErrors):
-    """Noise."""
+    """Errors of messages, drawn anew at each tick for each link."""
 
     noise: SomeReceived
 

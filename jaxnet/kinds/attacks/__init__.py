@@ -364,7 +364,7 @@ class Attack(AnyAttack):
         return found if found[0][0] == 0 else [(0.0, []), *found]
 
     def chosen(self, draw):
-        """Those listed, or those with the least random numbers."""
+        """Vehicles that the config lists, or vehicles with the least random numbers."""
         if not isinstance(self.vehicles, DrawnVehicles):
             return super().chosen(draw)
         lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T

@@ -85,7 +85,7 @@ class AnyDefence(DrawsAtTicks):
     guarantee: ClassVar[str] = "none is known"
 
     def promise(self) -> str:
-        """What is guaranteed of the defence as configured, in words: by default `guarantee`."""
+        """The guarantee of the defence with its keys, in words; by default `guarantee`."""
         return self.guarantee
 
     def needs_ticks(self) -> bool:
