@@ -400,3 +400,32 @@ def test_nothing_of_results_becomes_html(results, tmp_path, monkeypatch):
         assert "onerror=alert" in text, "it is shown"
         assert "<img src=x" not in text
         assert "<script>alert" not in text
+
+
+def test_a_folder_in_the_place_of_rows_is_told(results):
+    """It cannot be simulated again either."""
+    row_file = next(Path("lanes").glob("*.parquet"))
+    row_file.unlink()
+    row_file.mkdir()
+    with pytest.raises(FolderError, match=r"is a folder, where a file of rows is due$"):
+        read_rows(UPath(row_file.absolute()))
+
+
+def test_a_manifest_that_is_too_deep_is_told(results):
+    """Instead of a traceback of Python's."""
+    Path("manifest.json").write_text("[" * 100_000)
+    assert "not a manifest" in one_line("show", ".")
+
+
+def test_a_tag_in_a_study_is_told(results):
+    """None of them makes an object."""
+    text = (
+        Path("study.yaml")
+        .read_text()
+        .replace("seed: 0", "seed: !!python/object/apply:os.getcwd []")
+    )
+    Path("study.yaml").write_text(text)
+    assert (
+        "the tag tag:yaml.org,2002:python/object/apply:os.getcwd has no meaning here"
+        in one_line("show", ".")
+    )

@@ -514,3 +514,27 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     np.testing.assert_allclose(
         paths, results.trajectories["states"].values[1, 2, :, :, :2], atol=1e-5
     )
+
+
+def test_one_writer_at_a_time(config, tmp_path):
+    """The second is told who the first is."""
+    folder = Folder(tmp_path / "busy")
+    with folder.writing(), pytest.raises(FolderError, match=f"process {os.getpid()} on"):
+        jaxnet.run(jaxnet.load(config), tmp_path / "busy")
+
+
+def test_a_missing_shard_is_made_again_as_it_was(config, results, tmp_path):
+    """A run that was cut short goes on, and only what is missing is simulated."""
+    shutil.copytree(results.path, tmp_path / "cut")
+    (tmp_path / "cut" / "lanes" / "00002.parquet").unlink()
+    kept = (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns
+    told = []
+    (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").touch()
+    again = jaxnet.run(
+        jaxnet.load(config), tmp_path / "cut", progress=lambda *now: told.append(now)
+    )
+    assert told[0] == (9, 12, 0)
+    assert told[-1] == (12, 12, 0)
+    pd.testing.assert_frame_equal(again.lanes, results.lanes, check_exact=True)
+    assert not (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").exists()
+    assert (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns == kept
