@@ -5,13 +5,12 @@ kinds, and `faults`, check several keys together.
 """
 
 import re
-import typing
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, Field, GetCoreSchemaHandler, PrivateAttr
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic import AfterValidator, BaseModel, Field, PlainSerializer, PrivateAttr
+from pydantic_core import PydanticCustomError
 
 from jaxnet.engine.methods import Engine
 from jaxnet.engine.methods.nonlinear import Nonlinear
@@ -35,6 +34,7 @@ from jaxnet.kinds.fields import (
     Uniform,
     VehicleGains,
     is_drawn,
+    one_form_of,
     ordered,
     value_range,
 )
@@ -56,53 +56,59 @@ from jaxnet.kinds.sensors.gaussian import Gaussian
 from jaxnet.kinds.vehicles import Vehicle
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 
+LARGEST_FLEET = 10_000
+RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
+KINDS = ("topology", "navigator", "vehicle", "attack", "defence")  # keys that take a kind
+KINDS += ("law", "sensing", "detector", "engine")
+INNER_KINDS = {  # families of deeper keys
+    "attack.announces": "announcement",
+    "channel.loss": "loss",
+    "channel.noise": "noise",
+}
+
 
 class Initial(Record):
     """The initial position, heading and speed of the vehicles; turn rate and force are 0."""
 
     position: Positions = Field(
-        default=Uniform(uniform=[-200.0, 200.0]),
+        Uniform(uniform=[-200.0, 200.0]),
         description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a"
         " line",
     )
-    heading: Number = Field(
-        default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis"
-    )
-    speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
+    heading: Number = Field(Uniform(uniform=[-PI, PI]), description="[rad], from the first axis")
+    speed: Positive = Field(Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
 
 
 class Channel(Record):
     """What happens to messages on their way. Attacks act before the channel."""
 
-    label: str | None = Field(default=None, description="what tables call it where it is swept")
-    loss: Annotated[Loss, KindOf("loss")] = Field(
-        default=NoLoss(), description="which messages are lost"
-    )
+    label: str | None = Field(None, description="what tables call it where it is swept")
+    loss: Annotated[Loss, KindOf("loss")] = Field(NoLoss(), description="which messages are lost")
     missing: Literal["drop", "hold", "extrapolate"] = Field(
-        default="drop",
+        "drop",
         description="what stands in for a lost word: drop, nothing, the other weights grow; hold,"
         " the drive heard last; extrapolate, the motion heard last, continued",
     )
     noise: Annotated[ChannelNoise, KindOf("noise", "gaussian")] = Field(
-        default=GaussianNoise(), description="errors of the words that arrive"
+        GaussianNoise(), description="errors of the words that arrive"
     )
     quantisation: NotNegativeByOrder = Field(
-        default=0.0,
+        0.0,
         description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for"
         " all orders or a list, one for each order; 0: none",
     )
     delay: NotNegative = Field(
-        default=0.0,
+        0.0,
         description="[s] by which words are late, a multiple of tick; what is drawn is rounded to"
         " ticks",
     )
     delay_of: Literal["link", "message"] = Field(
-        default="link",
+        "link",
         description="what draws a delay: each link of a lane, or each message; the newest message"
         " counts",
     )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
-        default="none",
+        "none",
         description="what a listener makes of a late word: none, it takes the word as it is; jets,"
         " it continues the derivatives below the order; jerk, also the highest one",
     )
@@ -116,54 +122,25 @@ class Channel(Record):
         return value_range(self.delay)[1] > 0
 
 
-class ByForm:
-    """Mark of a union whose member is chosen by the form of a value, for one message a fault.
+def one_of(refusal: str, *words: str, **members: Any) -> Any:
+    """A union whose member is chosen by the form of a value, for one message a fault.
 
-    A mapping chooses the record whose first key it has, a list the list that is as deeply nested.
-    Anything else chooses the member that is neither. `refusal` says what is allowed.
+    A mapping has the member named like its first known key, a list of lists `lists`, another list
+    `list`, anything else `plain`, where it must be one of the words, if there are any. `refusal`
+    says what is allowed.
     """
 
-    def __init__(self, refusal: str):
-        self.refusal = refusal
+    def form(value: object) -> str | None:
+        if isinstance(value, BaseModel):
+            return MARK + next(iter(type(value).model_fields))
+        if isinstance(value, dict):
+            return next((MARK + str(key) for key in value if str(key) in members), None)
+        if isinstance(value, list):
+            deep = "lists" in members and value and isinstance(value[0], list)
+            return MARK + ("lists" if deep else "list")
+        return MARK + "plain" if not words or value in words else None
 
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
-        """Build a tagged union, whose tags are told from keys by MARK."""
-        members = {form_of_type(each): each for each in typing.get_args(source)}
-        words = typing.get_args(members.get(MARK, Any))  # of a Literal
-
-        def choose(value: object) -> str | None:
-            if isinstance(value, BaseModel):
-                return form_of_type(type(value))
-            if isinstance(value, dict):
-                return next((MARK + str(key) for key in value if MARK + str(key) in members), None)
-            if isinstance(value, list):
-                return MARK + nested(value) if MARK + nested(value) in members else f"{MARK}list"
-            fits = typing.get_origin(members.get(MARK)) is not Literal or value in words
-            return MARK if MARK in members and fits else None
-
-        choices = {form: handler.generate_schema(each) for form, each in members.items()}
-        return core_schema.tagged_union_schema(
-            choices, choose, custom_error_type="form", custom_error_message=self.refusal
-        )
-
-
-def nested(value: object) -> str:
-    depth = ""
-    while isinstance(value, list):
-        depth, value = depth + "list", value[0] if value else None
-    return depth
-
-
-def form_of_type(annotation: object) -> str:
-    while typing.get_origin(annotation) is Annotated:
-        annotation = typing.get_args(annotation)[0]
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return MARK + next(iter(annotation.model_fields))
-    if typing.get_origin(annotation) is list:
-        return MARK + "list" + form_of_type(typing.get_args(annotation)[0]).removeprefix(MARK)
-    return MARK
+    return one_form_of(form, refusal, **members)
 
 
 def known_metric(name: str) -> Metric:
@@ -173,80 +150,156 @@ def known_metric(name: str) -> Metric:
         raise PydanticCustomError("metric", "{error}", {"error": str(error)}) from error
 
 
-class NamedMetric:
-    """The type of a metric that a config gives by its name."""
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
-        named = core_schema.no_info_after_validator_function(known_metric, core_schema.str_schema())
-        written = core_schema.plain_serializer_function_ser_schema(registry.metric_name)
-        return core_schema.json_or_python_schema(named, named, serialization=written)
+Count = Annotated[int, Field(ge=1, le=100_000)]
+Above = Annotated[float, Field(gt=0)]
 
 
-LARGEST_FLEET = 10_000
+class Linspace(Record):
+    """n evenly spaced values from a to b."""
+
+    linspace: Annotated[tuple[float, float, Count], Field(strict=False)]
+
+
+class Geomspace(Record):
+    """n values from a to b with a constant ratio."""
+
+    geomspace: Annotated[tuple[Above, Above, Count], Field(strict=False)]
+
+
+class Samples(Record):
+    """The lanes of the listed samples."""
+
+    samples: list[Annotated[int, Field(ge=0)]]
+
+
+class WorstLanes(Record):
+    """The K lanes of each cell with the greatest final errors."""
+
+    worst: int = Field(ge=1)
+
+
+class ChosenVehicles(Record):
+    """A number of vehicles, which a search chooses."""
+
+    choose: int = Field(ge=1, description="how many")
+
+
+Bounds = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
+
+
+class EachIn(Record):
+    """A number for each attacked vehicle."""
+
+    each: Bounds = Field(description="the bounds, the same for all attacked vehicles")
+
+
+class Criterion(Record):
+    """The criterion that ends the sampling of a cell."""
+
+    half_width: float = Field(gt=0, lt=0.5, description="of the interval of each cell")
+    of: Literal["unrecovered"] = Field("unrecovered", description="the share whose interval it is")
+    confidence: float = Field(0.95, gt=0, lt=1, description="of all intervals of a cell together")
+    at_most: int = Field(100_000, ge=1, lt=2**32, description="samples, whatever the intervals are")
+
+
+class Sequential(Record):
+    """Samples until a criterion holds."""
+
+    until: Criterion
+
+
+if TYPE_CHECKING:
+    NamedMetric = Metric
+    SweptValues = list[Any] | Linspace | Geomspace
+    SavedLanes = Literal["none", "all"] | Samples | WorstLanes
+    SearchRange = list[float] | Literal["each"] | EachIn | list[list[float]] | ChosenVehicles
+    SampleCount = int | Sequential
+else:
+    NamedMetric = Annotated[
+        str, AfterValidator(known_metric), PlainSerializer(registry.metric_name)
+    ]
+    SweptValues = one_of(
+        "must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}",
+        list=Annotated[list[Any], Len(1)],
+        linspace=Linspace,
+        geomspace=Geomspace,
+    )
+    SavedLanes = one_of(
+        "must be none, all, {samples: [...]} or {worst: K}",
+        "none",
+        "all",
+        plain=Literal["none", "all"],
+        samples=Samples,
+        worst=WorstLanes,
+    )
+    SearchRange = one_of(
+        "must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}",
+        "each",
+        list=Bounds,
+        plain=Literal["each"],
+        each=EachIn,
+        lists=list[Bounds],
+        choose=ChosenVehicles,
+    )
+    SampleCount = one_of(
+        "must be a whole number, or {until: {half_width: h}}",
+        plain=Annotated[int, Field(ge=1, lt=2**32)],
+        until=Sequential,
+    )
 
 
 class Scenario(Record):
     """The keys of one cell: everything that determines a lane, except its random draw."""
 
     vehicles: int = Field(
-        default=12,
+        12,
         ge=1,
         le=LARGEST_FLEET,
         description="how many, besides the navigator; as many as the network has, if it has a"
         " number",
     )
-    horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
+    horizon: float = Field(30.0, gt=0, le=1e5, description="[s], how long a lane is")
     tick: float = Field(
-        default=0.05,
+        0.05,
         ge=0,
         description="[s], the communication period; 0: vehicles decide in the vector field",
     )
     output_step: float = Field(
-        default=0.1, gt=0, description="[s], from one output time to the next, whole ticks"
+        0.1, gt=0, description="[s], from one output time to the next, whole ticks"
     )
-    tail: float = Field(
-        default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞"
-    )
-    topology: Annotated[Graph, KindOf("topology")] = Field(
-        default=Cyclic(), description="who hears whom"
-    )
+    tail: float = Field(5.0, ge=0, description="[s], the last output times, that stand for t → ∞")
+    topology: Annotated[Graph, KindOf("topology")] = Field(Cyclic(), description="who hears whom")
     navigator: Annotated[Navigator, KindOf("navigator")] = Field(
-        default=Lissajous(), description="the path to track"
+        Lissajous(), description="the path to track"
     )
-    vehicle: Annotated[Vehicle, KindOf("vehicle")] = Field(
-        default=TwoWheeled(), description="what moves"
-    )
-    initial: Initial = Field(default=Initial(), description="where the vehicles start")
+    vehicle: Annotated[Vehicle, KindOf("vehicle")] = Field(TwoWheeled(), description="what moves")
+    initial: Initial = Field(Initial(), description="where the vehicles start")
     gain: Gains = Field(
-        default=[1.0, 3.0, 3.0],
+        [1.0, 3.0, 3.0],
         description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial"
         " by default: [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or"
         " for each order a 2 × 2 matrix, which couples the axes; or {vehicles: [...]}, a list for"
         " each vehicle",
     )
-    law: Annotated[Law, KindOf("law")] = Field(
-        default=ExactLaw(), description="how the law is solved"
-    )
+    law: Annotated[Law, KindOf("law")] = Field(ExactLaw(), description="how the law is solved")
     attack: Annotated[AnyAttack, KindOf("attack")] = Field(
-        default=Rotating(), description="what is false in what is heard"
+        Rotating(), description="what is false in what is heard"
     )
     defence: Annotated[AnyDefence, KindOf("defence")] = Field(
-        default=TrustedTrim(), description="whom a vehicle believes"
+        TrustedTrim(), description="whom a vehicle believes"
     )
     sensing: Annotated[Sensor, KindOf("sensing")] = Field(
-        default=Gaussian(), description="what vehicles sense of their own motion"
+        Gaussian(), description="what vehicles sense of their own motion"
     )
-    channel: Channel = Field(default=Channel(), description="what happens to messages on their way")
+    channel: Channel = Field(Channel(), description="what happens to messages on their way")
     detector: Annotated[Detector, KindOf("detector")] = Field(
-        default=NoDetector(), description="which words raise an alarm; an alarm does nothing"
+        NoDetector(), description="which words raise an alarm; an alarm does nothing"
     )
     engine: Annotated[Engine, KindOf("engine")] = Field(
-        default=Nonlinear(), description="how lanes are advanced"
+        Nonlinear(), description="how lanes are advanced"
     )
-    metrics: list[Annotated[Metric, NamedMetric()]] = Field(
-        default=[],
+    metrics: list[NamedMetric] = Field(
+        [],
         description="what rows measure besides what all do; without a navigator also spread and"
         " outside",
     )
@@ -285,71 +338,16 @@ class Scenario(Record):
         return "spread" if self.leaderless else "tail_mean"
 
 
-RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
-KINDS = ("topology", "navigator", "vehicle", "attack", "defence")  # keys that take a kind
-KINDS += ("law", "sensing", "detector", "engine")
-INNER_KINDS = {  # families of deeper keys
-    "attack.announces": "announcement",
-    "channel.loss": "loss",
-    "channel.noise": "noise",
-}
-
-
-class Linspace(Record):
-    """n evenly spaced values from a to b."""
-
-    linspace: Annotated[
-        tuple[float, float, Annotated[int, Field(ge=1, le=100_000)]], Field(strict=False)
-    ]
-
-
-class Geomspace(Record):
-    """n values from a to b with a constant ratio."""
-
-    geomspace: Annotated[
-        tuple[
-            Annotated[float, Field(gt=0)],
-            Annotated[float, Field(gt=0)],
-            Annotated[int, Field(ge=1, le=100_000)],
-        ],
-        Field(strict=False),
-    ]
-
-
-class Samples(Record):
-    """The lanes of the listed samples."""
-
-    samples: list[Annotated[int, Field(ge=0)]]
-
-
-class WorstLanes(Record):
-    """The K lanes of each cell with the greatest final errors."""
-
-    worst: int = Field(ge=1)
-
-
 class Save(Record):
     """Arrays that are stored beside the rows."""
 
-    errors: bool = Field(
-        default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr"
-    )
+    errors: bool = Field(False, description="ẽ and ε̃ of every lane over time, in errors.zarr")
     vehicles: bool = Field(
-        default=False,
-        description="errors of every vehicle of every lane over the tail, in vehicles.zarr",
+        False, description="errors of every vehicle of every lane over the tail, in vehicles.zarr"
     )
-    trajectories: Annotated[
-        Literal["none", "all"] | Samples | WorstLanes,
-        ByForm("must be none, all, {samples: [...]} or {worst: K}"),
-    ] = Field(
-        default="none", description="lanes whose states are stored over time, in trajectories.zarr"
+    trajectories: SavedLanes = Field(
+        "none", description="lanes whose states are stored over time, in trajectories.zarr"
     )
-
-
-SweptValues = Annotated[
-    Annotated[list[Any], Len(1)] | Linspace | Geomspace,
-    ByForm("must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}"),
-]
 
 
 def plain_file_name(name: str) -> str:
@@ -365,40 +363,17 @@ class Recovery(Record):
     """The criterion by which a lane has recovered from its attack."""
 
     tau: float = Field(
-        default=0.01,
+        0.01,
         gt=0,
         description="a lane with tail_mean > tau · ā has not recovered; without a navigator, one"
         " with spread > tau · ā",
     )
     of: Literal["magnitude", "amplitude"] = Field(
-        default="magnitude",
+        "magnitude",
         description="what tau multiplies: ā, or the amplitude in force, by which positions are"
         " shifted",
     )
-    worst: int = Field(
-        default=3, ge=0, description="lanes of the study that the report replays, the worst"
-    )
-
-
-class ChosenVehicles(Record):
-    """A number of vehicles, which a search chooses."""
-
-    choose: int = Field(ge=1, description="how many")
-
-
-Bounds = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
-
-
-class EachIn(Record):
-    """A number for each attacked vehicle."""
-
-    each: Bounds = Field(description="the bounds, the same for all attacked vehicles")
-
-
-SearchRange = Annotated[
-    Bounds | Literal["each"] | EachIn | list[Bounds] | ChosenVehicles,
-    ByForm("must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}"),
-]
+    worst: int = Field(3, ge=0, description="lanes of the study that the report replays, the worst")
 
 
 class SearchSettings(Record):
@@ -407,97 +382,63 @@ class SearchSettings(Record):
     over: Annotated[dict[str, SearchRange], Len(1)] = Field(
         description="dotted key: where the search may choose it, [a, b], one for each attacked"
         " vehicle by each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the"
-        " attacked vehicles; `jaxnet run` draws them there",
+        " attacked vehicles; `jaxnet run` draws them there"
     )
     maximise: str = Field(
-        default="tail_max",
+        "tail_max",
         description="a metric of rows, or unrecovered, the share of starts; spread by default"
         " without a navigator",
     )
     subject_to: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default={},
+        {},
         description="a metric of rows: its greatest value; a choice counts only where no start has"
         " more",
     )
-    budget: int = Field(
-        default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell"
-    )
+    budget: int = Field(20_000, ge=1, le=10**9, description="lanes that the search takes, per cell")
     starts: int = Field(
-        default=1,
+        1,
         ge=1,
         le=10_000,
         description="samples from whose start each choice is tried; the mean counts",
     )
     until: float = Field(
-        default=1000.0,
+        1000.0,
         gt=0,
         le=1e5,
         description="[s], to which the best choices are run, or to the horizon if that is later:"
         " of them the worst then is the answer",
     )
     seed: int = Field(
-        default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's"
+        0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's"
     )
-
-
-class Criterion(Record):
-    """The criterion that ends the sampling of a cell."""
-
-    half_width: float = Field(gt=0, lt=0.5, description="of the interval of each cell")
-    of: Literal["unrecovered"] = Field(
-        default="unrecovered", description="the share whose interval it is"
-    )
-    confidence: float = Field(
-        default=0.95, gt=0, lt=1, description="of all intervals of a cell together"
-    )
-    at_most: int = Field(
-        default=100_000, ge=1, lt=2**32, description="samples, whatever the intervals are"
-    )
-
-
-class Sequential(Record):
-    """Samples until a criterion holds."""
-
-    until: Criterion
-
-
-Sweep = Annotated[
-    dict[str, SweptValues], Field(description="dotted key: values; cells are the product")
-]
 
 
 class Config(Scenario):
     """All keys of a study."""
 
-    name: Annotated[
-        str,
-        AfterValidator(plain_file_name),
-        Field(description="of the study, and of its results folder"),
-    ]
-    seed: int = Field(
-        default=0,
-        ge=0,
-        lt=2**63,
-        description="of all draws; a random graph that lanes share has its own",
+    name: Annotated[str, AfterValidator(plain_file_name)] = Field(
+        description="of the study, and of its results folder"
     )
-    samples: Annotated[
-        Annotated[int, Field(ge=1, lt=2**32)] | Sequential,
-        ByForm("must be a whole number, or {until: {half_width: h}}"),
-    ] = Field(default=1, description="lanes per cell")
+    seed: int = Field(
+        0, ge=0, lt=2**63, description="of all draws; a random graph that lanes share has its own"
+    )
+    samples: SampleCount = Field(1, description="lanes per cell")
     draws: Literal["random", "sobol"] = Field(
-        default="random",
+        "random",
         description="random, independent; sobol, samples as even as can be, in 16 sequences"
         " scrambled independently, by which intervals are made",
     )
     recovery: Recovery | None = Field(
-        default=None, description="when a lane counts as saved by its defence"
+        None, description="when a lane counts as saved by its defence"
     )
-    search: SearchSettings | None = Field(default=None, description="what jaxnet search looks for")
-    sweep: Sweep = Field(default={})
+    search: SearchSettings | None = Field(None, description="what jaxnet search looks for")
+    sweep: dict[str, SweptValues] = Field(
+        {}, description="dotted key: values; cells are the product"
+    )
     labels: dict[str, str] = Field(
-        default={}, description="dotted key: the name of this key in figures, tables and pages"
+        {}, description="dotted key: the name of this key in figures, tables and pages"
     )
-    save: Save = Field(default=Save(), description="what is stored besides the rows")
+    save: Save = Field(Save(), description="what is stored besides the rows")
 
     _scope: registry.Scope = PrivateAttr(default_factory=registry.Scope)
 
