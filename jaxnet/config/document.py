@@ -6,9 +6,9 @@ and both need the scalars of YAML 1.2's core schema from here (`1_000` and a dat
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import yaml
 from upath import UPath
@@ -24,7 +24,6 @@ MOST_REPEATED = 100_000  # values that aliases repeat
 LONGEST_INT = 300  # digits; a longer one is a float that is not finite
 LONGEST_PART = 2000  # characters of each part of a problem's line
 TOO_DEEP = f"more than {MOST_DEPTH} mappings and lists inside each other"
-TOO_MANY = f"aliases repeat more than {MOST_REPEATED:,} values"
 
 # also of direction
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
@@ -37,29 +36,19 @@ SCALARS = {
     "int": re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+"),
     "float": re.compile(FLOAT),
 }
-FIRST_CHARACTERS = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
-FIRST_CHARACTERS["float"] = [*FIRST_CHARACTERS["int"], "."]
 TAG = "tag:yaml.org,2002:"
+COLLECTIONS = {yaml.SequenceStartEvent: "seq", yaml.MappingStartEvent: "map"}
 
 
-Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # PyYAML may lack libyaml
-
-
-class Yaml12Loader(Parser):
-    """The parser, with the scalars of YAML 1.2."""
+class Yaml12Dumper(yaml.SafeDumper):
+    """PyYAML's writer that quotes text which YAML 1.2 would read as another type."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own protocol)
 
 
 for kind, pattern in SCALARS.items():
     whole = re.compile(f"^(?:{pattern.pattern})$")
-    Yaml12Loader.add_implicit_resolver(TAG + kind, whole, FIRST_CHARACTERS[kind])
-
-
-class Yaml12Dumper(yaml.SafeDumper):
-    """PyYAML's writer that quotes text which YAML 1.2 would read as another type."""
-
-    yaml_implicit_resolvers = Yaml12Loader.yaml_implicit_resolvers
+    Yaml12Dumper.add_implicit_resolver(TAG + kind, whole, [None])
 
 
 def escape_controls(text: str, but: str = "") -> str:
@@ -105,14 +94,6 @@ class ConfigError(ValueError):
         super().__init__("\n".join(map(str, problems)))
 
 
-@runtime_checkable
-class Mark(Protocol):
-    """A place in a text, of the parser in C or in Python; counted from 0."""
-
-    line: int
-    column: int
-
-
 class Reader:
     """Converts one YAML text to plain data, and fills `places` and `problems`.
 
@@ -123,92 +104,121 @@ class Reader:
         self.source, self.within = source, within
         self.places: dict[Spot, str] = {}
         self.problems: list[Problem] = []
-        self.built: set[yaml.Node] = set()
-        self.repeated = 0
+        self.events: Iterator[yaml.Event] = iter(())
+        self.mark: Any = None  # of the last event
+        self.anchors: dict[str, tuple[Plain, int]] = {}  # values, and how many are in each
+        self.count = self.repeated = 0  # values so far, and those that aliases repeat
 
     def read(self, text: str) -> Plain:
         """Return the value of the text, None if it is empty; raise ConfigError."""
         if len(text) > MOST_CHARACTERS:
-            raise self.error(None, (), f"more than {MOST_CHARACTERS:,} characters")
+            raise self.error((), f"more than {MOST_CHARACTERS:,} characters")
+        self.events = yaml.parse(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
         try:
-            self.refuse_depth(text)  # before libyaml's composer, which would overflow its stack
-            node = yaml.compose(text, Yaml12Loader)
+            if isinstance([self.next(), self.next()][1], yaml.StreamEndEvent):
+                return None
+            data = self.value(self.next(), ())
+            last = [self.next(), self.next()][1]
         except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            raise self.error(mark, (), f"not YAML: {reason_of(error, text)}") from error
+            self.mark = error.problem_mark or error.context_mark
+            raise self.error((), f"not YAML: {reason_of(error, text)}") from error
         except yaml.reader.ReaderError as error:
             before = text[: error.position]
             line, column = before.count("\n"), len(before) - before.rfind("\n") - 1
-            mark = yaml.Mark(self.source, 0, line, column, "", 0)
+            self.mark = yaml.Mark(self.source, 0, line, column, "", 0)
             told = f"not YAML: the character {chr(int(error.character))!r} is not allowed"
-            raise self.error(mark, (), told) from error
-        return None if node is None else self.build(node, (), ())
+            raise self.error((), told) from error
+        if isinstance(last, yaml.DocumentStartEvent):
+            raise self.error((), "not YAML: another document begins here")
+        return data
 
-    def refuse_depth(self, text: str) -> None:
-        depth = 0
-        for event in yaml.parse(text, Yaml12Loader):
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            if depth > MOST_DEPTH:
-                raise self.error(event.start_mark, (), TOO_DEEP)
+    def next(self) -> yaml.Event:
+        event = next(self.events)
+        self.mark = event.start_mark
+        return event
 
-    def build(self, node: yaml.Node, keys: Keys, above: tuple[yaml.Node, ...]) -> Plain:
-        """Return a node's plain data and record places; `above` are the nodes around it."""
-        mark = node.start_mark
-        self.places.setdefault(spot(keys), self.at(mark))
-        if node in above:
-            raise self.error(mark, keys, "an alias inside its own anchor")
-        self.repeated += node in self.built
-        self.built.add(node)
-        if self.repeated > MOST_REPEATED:
-            raise self.error(mark, (), TOO_MANY)
-        if isinstance(node, yaml.ScalarNode):
-            return self.scalar(node, keys)
-        if len(self.within) + len(keys) >= MOST_DEPTH:
-            raise self.error(mark, keys, TOO_DEEP)
-        if isinstance(node, yaml.SequenceNode) and node.tag == f"{TAG}seq":
-            inner = enumerate(node.value)
-            return [self.build(item, (*keys, n), (*above, node)) for n, item in inner]
-        if isinstance(node, yaml.MappingNode) and node.tag == f"{TAG}map":
-            return dict(self.items(node, keys, (*above, node)))
-        raise self.error(mark, keys, f"the tag {node.tag} has no meaning here")
+    def value(self, event: yaml.Event, keys: Keys) -> Plain:
+        """Return the plain data that begins with an event, and record places."""
+        self.places.setdefault(spot(keys), self.at())
+        if isinstance(event, yaml.AliasEvent):
+            return self.repeat(event.anchor, keys)
+        if event.anchor:
+            self.anchors[event.anchor] = None, 0
+        before = self.count
+        self.count += 1
+        if isinstance(event, yaml.ScalarEvent):
+            data = self.scalar(event, keys)
+        elif event.tag not in (None, "!", TAG + COLLECTIONS[type(event)]):
+            raise self.error(keys, f"the tag {event.tag} has no meaning here")
+        elif len(self.within) + len(keys) >= MOST_DEPTH:
+            raise self.error((), TOO_DEEP)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            data = [self.value(each, (*keys, n)) for n, each in enumerate(self.inside())]
+        else:
+            data = dict(self.items(keys))
+        if event.anchor:
+            self.anchors[event.anchor] = data, self.count - before
+        return data
 
-    def items(
-        self, node: yaml.MappingNode, keys: Keys, above: tuple[yaml.Node, ...]
-    ) -> Iterator[tuple[Plain, Plain]]:
+    def inside(self) -> Iterator[yaml.Event]:
+        """Yield the events with which the values of a collection begin."""
+        while not isinstance(event := self.next(), yaml.CollectionEndEvent):
+            yield event
+
+    def items(self, keys: Keys) -> Iterator[tuple[Plain, Plain]]:
         seen = set()
-        for key_node, value_node in node.value:
-            mark = key_node.start_mark
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise self.error(mark, keys, "a key must be text or a number")
-            key = self.scalar(key_node, keys)
+        for event in self.inside():
+            if not isinstance(event, yaml.ScalarEvent):
+                raise self.error(keys, "a key must be text or a number")
+            key = self.scalar(event, keys)
             if key in seen:
-                self.problems += self.error(mark, (*keys, key), "given twice").problems
-                continue
+                self.problems += self.error((*keys, key), "given twice").problems
             seen.add(key)
-            self.places[spot((*keys, key))] = self.at(mark)
-            yield key, self.build(value_node, (*keys, key), above)
+            self.places.setdefault(spot((*keys, key)), self.at())
+            yield key, self.value(self.next(), (*keys, key))
 
-    def scalar(self, node: yaml.ScalarNode, keys: Keys) -> Plain:
-        kind, text = node.tag.removeprefix(TAG), node.value
+    def repeat(self, anchor: str, keys: Keys) -> Plain:
+        """Return the value that an alias repeats."""
+        if anchor not in self.anchors:
+            raise self.error((), f"not YAML: found undefined alias (got *{anchor})")
+        data, size = self.anchors[anchor]
+        if not size:
+            raise self.error(keys, "an alias inside its own anchor")
+        self.count += size
+        self.repeated += size
+        if self.repeated > MOST_REPEATED:
+            raise self.error((), f"aliases repeat more than {MOST_REPEATED:,} values")
+        if len(self.within) + len(keys) + depth_of(data) > MOST_DEPTH:
+            raise self.error((), TOO_DEEP)
+        return data
+
+    def scalar(self, event: yaml.ScalarEvent, keys: Keys) -> Plain:
+        text = event.value
         if found := NO_CHARACTERS.search(text):
-            told = f"the character {found[0]!r} is not allowed"
-            raise self.error(node.start_mark, keys, told)
-        if kind == "str":
-            return text
-        if kind in SCALARS and SCALARS[kind].fullmatch(text):
-            return parse_scalar(kind, text)
-        raise self.error(node.start_mark, keys, f"the tag {node.tag} has no meaning here")
+            raise self.error(keys, f"the character {found[0]!r} is not allowed")
+        fits = [kind for kind, pattern in SCALARS.items() if pattern.fullmatch(text)]
+        if event.tag is None:
+            kind = fits[0] if fits and event.implicit[0] else "str"
+        else:
+            kind = event.tag.removeprefix(TAG)
+        if kind != "str" and kind not in fits:
+            raise self.error(keys, f"the tag {event.tag} has no meaning here")
+        return parse_scalar(kind, text)
 
-    def at(self, mark: Mark | None) -> str:
-        """Name a place, FILE:LINE:COL; lines and columns count from 1."""
+    def at(self) -> str:
+        """Name the place of the last event, FILE:LINE:COL; lines and columns count from 1."""
         if not self.source or self.within:
             return self.source
-        return f"{self.source}:{mark.line + 1}:{mark.column + 1}" if mark else f"{self.source}:1:1"
+        line, column = (self.mark.line, self.mark.column) if self.mark else (0, 0)
+        return f"{self.source}:{line + 1}:{column + 1}"
 
-    def error(self, mark: Mark | None, keys: Keys, message: str) -> ConfigError:
-        key = dotted_key((*self.within, *keys))
-        return ConfigError([Problem(self.at(mark), key, message)])
+    def error(self, keys: Keys, message: str) -> ConfigError:
+        return ConfigError([Problem(self.at(), dotted_key((*self.within, *keys)), message)])
+
+
+def depth_of(data: Plain) -> int:
+    inside = data.values() if isinstance(data, dict) else data if isinstance(data, list) else None
+    return 0 if inside is None else 1 + max(map(depth_of, inside), default=0)
 
 
 def reason_of(error: yaml.MarkedYAMLError, text: str) -> str:
@@ -222,10 +232,8 @@ def reason_of(error: yaml.MarkedYAMLError, text: str) -> str:
 
 def parse_scalar(kind: str, text: str) -> bool | int | float | None:
     """Return the value of a scalar whose text fits the pattern of its type."""
-    if kind == "null":
-        return None
-    if kind == "bool":
-        return text.lower() == "true"
+    if kind in ("null", "str", "bool"):
+        return {"null": None, "str": text, "bool": text.lower() == "true"}[kind]
     base = {"0o": 8, "0x": 16}.get(text[:2], 10)
     if kind == "float" or (base == 10 and len(text) > LONGEST_INT):
         return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
@@ -251,10 +259,10 @@ class Document:
         self.settled = False  # whether the data are the config of a study, with every key written
 
     @classmethod
-    def of(cls, data: dict[Any, Any], settled: bool = False) -> "Document":
+    def of(cls, data: Mapping[Any, Any], settled: bool = False) -> "Document":
         """Make a document of a script's plain data, which has no places."""
         made = cls("", "")
-        made.data, made.settled = data, settled
+        made.data, made.settled = dict(data), settled
         return made
 
     @classmethod
@@ -281,50 +289,35 @@ class Document:
             around = around[:-1]
         return self.places.get(around, f"{self.source}:1:1" if self.source else "")
 
-    def override(self, override: "Override") -> None:
-        """Set a value; what is wrong with it is added to `problems`."""
-        self.problems += override.problems
-        if override.problems and not override.places:
-            return
+    def override(
+        self, key: str, value: Plain, source: str = "", inside: Iterable[Spot] = ()
+    ) -> None:
+        """Set a value by its dotted key; `inside` are the keys in it. A fault is a problem."""
+        keys = split_key(key)
         try:
-            set_value(self.data, override.keys, override.value)
+            set_value(self.data, keys, value)
         except LookupError as error:
-            told = Problem(override.source, override.key, str(error.args[0]))
-            self.problems.append(told)
+            self.problems.append(Problem(source, key, str(error.args[0])))
             return
-        self.overridden.append(override.key)
-        here = spot(override.keys)
+        self.overridden.append(key)
+        here = spot(keys)
         kept = {known: at for known, at in self.places.items() if known[: len(here)] != here}
-        self.places = kept | {(*here, *inner): override.source for inner in override.places}
+        self.places = kept | {(*here, *inner): source for inner in ((), *inside)}
 
-
-class Override(NamedTuple):
-    """A value for a dotted key: that of a command line's word, or a script's."""
-
-    key: str
-    value: Plain
-    source: str = ""
-    places: tuple[Spot, ...] = ((),)  # keys inside the value; none if there is no value
-    problems: tuple[Problem, ...] = ()
-
-    @property
-    def keys(self) -> Keys:
-        return split_key(self.key)
-
-
-def read_override(word: str) -> Override:
-    """Read `KEY=VALUE` with the value in YAML."""
-    source = f"command line '{word}'"
-    key, equals, text = word.partition("=")
-    if not equals or "" in split_key(key):
-        told = "an override is KEY=VALUE, KEY a dotted name"
-        return Override(key, None, source, (), (Problem(source, key, told),))
-    reader = Reader(source, split_key(key))
-    try:
-        value = reader.read(text)
-    except ConfigError as error:
-        return Override(key, None, source, (), tuple(error.problems))
-    return Override(key, value, source, ((), *reader.places), tuple(reader.problems))
+    def override_by(self, word: str) -> None:
+        """Set the value of `KEY=VALUE`, which is YAML."""
+        source = f"command line '{word}'"
+        key, equals, text = word.partition("=")
+        if not equals or "" in split_key(key):
+            told = "an override is KEY=VALUE, KEY a dotted name"
+            self.problems.append(Problem(source, key, told))
+            return
+        reader = Reader(source, split_key(key))
+        try:
+            self.override(key, reader.read(text), source, reader.places)
+        except ConfigError as error:
+            self.problems += error.problems
+        self.problems += reader.problems
 
 
 DOTTED = ("sweep", "search.over")  # keys that hold dotted names

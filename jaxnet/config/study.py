@@ -1,7 +1,6 @@
 """A study: what a YAML file, a mapping or a script asks jaxnet to simulate."""
 
-import contextlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path, PurePath
@@ -22,12 +21,9 @@ from jaxnet.config.document import (
     ConfigError,
     Document,
     Keys,
-    Override,
     Plain,
     Problem,
     dotted_key,
-    read_override,
-    set_value,
 )
 from jaxnet.config.keys import Config
 from jaxnet.config.known import model_of
@@ -121,61 +117,50 @@ def load(source: StudySource, overrides: Overrides = ()) -> Study:
     >>> len(study.cells), study.lanes
     (2, 6)
     """
-    if isinstance(overrides, Mapping):
-        given = [Override(key, value) for key, value in overrides.items()]
-    else:
-        given = [read_override(str(word)) for word in overrides]
+    replaced = overrides if isinstance(overrides, Mapping) else {}
+    words = [] if replaced else [*overrides]
     if isinstance(source, Study):
-        if not given:
+        if not (replaced or words):
             return source
-        with source.config.scope():
-            return read_mapping(cells.to_plain(source.config), given, settled=True)
-    if isinstance(source, Mapping):
-        return read_mapping({"name": "study", **source}, given)
-    document = Document.read(source)
-    with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read_study(document, as_plain(given, document.data), scope)
+        scope = registry.Scope(known=source.config.scope.known)
+        document = Document.of(cells.to_plain(source.config), settled=True)
+    elif isinstance(source, Mapping):
+        scope = registry.Scope(known=registry.scope().known)
+        document = Document.of({"name": "study", **source})
+    else:
+        scope = registry.Scope(Path(str(source)).resolve().parent)
+        document = Document.read(source)
+    with scope():
+        leads = has_navigator(document.data, replaced)
+        if isinstance(source, Mapping):
+            document.data = native(document.data, leads=leads)
+        for key, value in replaced.items():
+            document.override(key, native(value, key, leads=leads))
+    return read_study(document, words, scope)
 
 
-def read_mapping(
-    source: Mapping[str, Any], overrides: Sequence[Override], settled: bool = False
-) -> Study:
-    """Return the study of a script's mapping; raise ConfigError.
-
-    `settled`: the mapping is a study's config, in which `vehicles` follows from the network.
-    """
-    with registry.Scope(known=registry.scope().known)() as scope:
-        data = native(source, leads=has_navigator(source, overrides))
-        return read_study(Document.of(data, settled), as_plain(overrides, source), scope)
-
-
-def read_study(document: Document, overrides: Iterable[Override], scope: registry.Scope) -> Study:
-    for override in overrides:
-        document.override(override)
+def read_study(document: Document, words: Iterable[str], scope: registry.Scope) -> Study:
+    """Return the study of a document in which words KEY=VALUE replace what is written."""
+    for word in words:
+        document.override_by(str(word))
     with scope():
         config, found = cells.read_document(document)
     return Study(config.within(scope), found)
 
 
-def as_plain(overrides: Sequence[Override], known: Mapping[str, Any]) -> list[Override]:
-    """Make plain data of the values of overrides; raise ConfigError."""
-    leads = has_navigator(known, overrides)
-    return [each._replace(value=native(each.value, each.key, leads=leads)) for each in overrides]
-
-
-def has_navigator(known: Mapping[str, Any], overrides: Sequence[Override]) -> bool | None:
+def has_navigator(data: Mapping[Any, Any], overrides: Mapping[str, object]) -> bool | None:
     """Whether the cells of a study have a navigator, None if some have.
 
     A script's network is numbered by that before the study is read.
     """
-    data: dict[str, Plain] = {key: known[key] for key in ("navigator", "sweep") if known.get(key)}
-    for override in overrides:
-        if override.key.split(".")[0] in ("navigator", "sweep"):
-            with contextlib.suppress(LookupError, AttributeError):  # told where the study is read
-                set_value(data, override.keys, override.value)
-    swept = data.get("sweep")
+    roots = ("navigator", "sweep")
+    trial = Document.of({key: data[key] for key in roots if data.get(key)})
+    for key, value in overrides.items():
+        if key.split(".")[0] in roots:
+            trial.override(key, value)
+    swept = trial.data.get("sweep")
     listed = swept.get("navigator") if isinstance(swept, Mapping) else None
-    each = listed if isinstance(listed, list) and listed else [data.get("navigator")]
+    each = listed if isinstance(listed, list) and listed else [trial.data.get("navigator")]
     kinds = [one if isinstance(one, Kind) else model_of("navigator", one) for one in each]
     leads = {getattr(kind, "present", True) for kind in kinds}
     return leads.pop() if len(leads) == 1 else None
@@ -187,7 +172,25 @@ def native(value: object, *keys: str | int, leads: bool | None = True) -> Plain:
     `leads`: whether a node of a network is the navigator, None if in some cells only. Raises
     ConfigError for a value that YAML cannot express, and beyond the limits of `document`.
     """
-    return Native(leads).plain(value, keys)
+    left = iter(range(MOST_VALUES))
+
+    def plain(value: object, keys: Keys) -> Plain:
+        if next(left, None) is None:
+            raise refusal(keys, f"more than {MOST_VALUES:,} values")
+        if type(value) in SCALAR_TYPES:
+            return plain_scalar(value, keys)
+        value = config_form(value, keys, leads)
+        value = value.tolist() if isinstance(value, Listable) else value
+        if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
+            raise refusal(keys, TOO_DEEP)
+        if isinstance(value, Mapping):
+            inner = {plain_scalar(key, keys): each for key, each in value.items()}
+            return {key: plain(each, (*keys, key)) for key, each in inner.items()}
+        if isinstance(value, list | tuple | range):
+            return [plain(each, (*keys, number)) for number, each in enumerate(value)]
+        return plain_scalar(value, keys)
+
+    return plain(value, keys)
 
 
 @runtime_checkable
@@ -195,30 +198,6 @@ class Listable(Protocol):
     """An array or number of NumPy, pandas or JAX."""
 
     def tolist(self) -> object: ...
-
-
-class Native:
-    """Converts a script's values to plain data, and counts them."""
-
-    def __init__(self, leads: bool | None):
-        self.count, self.leads = 0, leads
-
-    def plain(self, value: object, keys: Keys) -> Plain:
-        self.count += 1
-        if self.count > MOST_VALUES:
-            raise refusal(keys, f"more than {MOST_VALUES:,} values")
-        if type(value) in SCALAR_TYPES:
-            return plain_scalar(value, keys)
-        value = config_form(value, keys, self.leads)
-        value = value.tolist() if isinstance(value, Listable) else value
-        if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
-            raise refusal(keys, TOO_DEEP)
-        if isinstance(value, Mapping):
-            inner = {plain_scalar(key, keys): each for key, each in value.items()}
-            return {key: self.plain(each, (*keys, key)) for key, each in inner.items()}
-        if isinstance(value, list | tuple | range):
-            return [self.plain(inner, (*keys, number)) for number, inner in enumerate(value)]
-        return plain_scalar(value, keys)
 
 
 def config_form(value: object, keys: Keys, leads: bool | None) -> object:
