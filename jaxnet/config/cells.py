@@ -7,7 +7,7 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -46,10 +46,11 @@ from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 from jaxnet.kinds.refusals import suggestion
 
+AnyModel = TypeVar("AnyModel", bound=BaseModel)
 AnyScenario = TypeVar("AnyScenario", bound=Scenario)
 # from candidate keys to the FILE:LINE:COL of the first that was written
 Locate = Callable[..., str]
-Validated = tuple[Any, list[Problem]]  # the value of a key, None with problems
+Part = tuple[Any, list[Problem]]  # the value of a key, and what is wrong with it
 
 MOST_SWEPT_CELLS = 1_000_000
 DEFAULT_SCENARIO = Scenario()
@@ -89,78 +90,60 @@ def to_plain(model: BaseModel) -> dict[str, Plain]:
 
 def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     """Return the config and cells of a document; raise ConfigError with all that is wrong."""
-    judges = registry.scope().judges
-    name_kinds(document)
-    if judges:  # a stored study has passed these steps
-        complete_kinds(document)
+    judges = registry.scope().judges  # a stored study has been judged
+    complete_kinds(document, judges)
+    if judges:
         ranges.write_distributions(document)
-    keys, problems = validated_keys(document)
-    values = {key: swept_values(each) for key, each in (keys.get("sweep") or {}).items()}
-    settled = None
-    if not problems:
-        settled = settle(Config.model_construct({*keys}, **keys), document)
-        settled = settle_metrics(settled, values) if judges else settled
-        keys |= {key: each for key, each in settled if key != "topology"}  # cells have their own
+    config, wrong, problems = validated(Config, document.data, document.place)
+    problems += document.problems
+    values = {key: swept_values(each) for key, each in config.sweep.items()}
+    given = given_keys(document, judges)
+    settled = settle(config, given)
+    if judges and not wrong:
+        settled = settle_metrics(settled, values)
     known = KnownKeys(document.data, values)
-    problems += [
-        Problem(document.place(("sweep", key)), f"sweep.{key}", message)
-        for key, message in refuse_sweep(keys.get("save"), values, known)
-    ]
-    names = {key: escape_controls(each) for key, each in (keys.get("labels") or {}).items()}
-    problems += [
-        Problem(document.place(("labels", key)), f"labels.{key}", "unknown key")
-        for key in names
-        if not known.has(key)
-    ]
-    problems += [*document.problems, *idle_overrides(document, values)]
-    spanned: dict[str, list[Plain]] = {
-        Key(key, names.get(key)): each for key, each in values.items() if known.has(key)
-    }
+    refused = [(f"sweep.{key}", told) for key, told in refuse_sweep(config.save, values, known)]
+    refused += [(f"labels.{key}", "unknown key") for key in config.labels if not known.has(key)]
+    problems += [Problem(document.place(split_key(key)), key, told) for key, told in refused]
+    problems += idle_overrides(document, values)
+    names = {key: escape_controls(each) for key, each in config.labels.items()}
+    spanned = {Key(key, names.get(key)): each for key, each in values.items() if known.has(key)}
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
-        with pause_garbage_collection():
-            cells, found = cells_of(document, keys, spanned, {*problems})
+        start = settled.model_copy(update={"topology": config.topology})  # cells settle their own
+        span = Span(document, start, wrong, spanned, given)
+        cells, found = span.cells({*problems})
         problems += found
-    if settled is not None and judges:
+    if judges and not wrong:
         scenarios = [cell.scenario for cell in cells]
         written = [key for key in values if is_written(document, split_key(key))]
-        found = faults.study_faults(settled, scenarios)
-        found = [*found, *faults.replaced_faults(settled, written, scenarios)]
+        found = [*faults.study_faults(settled, scenarios)]
+        found += faults.replaced_faults(settled, written, scenarios)
         problems += [located(fault, document.place) for fault in found]
-    if settled is None or problems:
+    if problems:
         raise ConfigError(sorted(problems, key=line_order))
     return settled, cells
 
 
-def validated_keys(document: Document) -> tuple[dict[str, Any], list[Problem]]:
-    """Return the values of all keys that are right, and the problems of the others."""
-    values: dict[str, Any] = {}
-    problems: list[Problem] = []
-    for key in dict.fromkeys(["name", *document.data]):
-        if key in Config.model_fields:
-            values[key], wrong = validated(key, document.data, document.place)
-            problems += wrong
-        else:
-            told = f"unknown key{suggestion(str(key), list(Config.model_fields))}"
-            problems.append(Problem(document.place((key,)), str(key), told))
-    return values, problems
+def validated(
+    model: type[AnyModel], data: PlainMapping, place: Locate
+) -> tuple[AnyModel, set[str], list[Problem]]:
+    """Return a model of the right keys, the wrong keys, and what is wrong with them."""
+    try:
+        return model.model_validate(data), set(), []
+    except ValidationError as error:
+        found = [(written_keys(one), one) for one in error.errors(include_url=False)]
+    told = [Problem(place(keys), dotted_key(keys), explain(one, data)) for keys, one in found]
+    wrong = {str(keys[0]) for keys, _ in found}
+    right = {key: each for key, each in data.items() if isinstance(key, str) and key not in wrong}
+    return model.model_validate(dict.fromkeys(wrong & {"name"}, "study") | right), wrong, told
 
 
 @functools.cache
 def model_with(key: str) -> type[BaseModel]:
-    field = Config.model_fields[key]
+    """Return the model of one key of a scenario, which is validated sooner than all."""
+    field = Scenario.model_fields[key]
     return create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
-
-
-def validated(key: str, data: PlainMapping, place: Locate) -> Validated:
-    given = {key: data[key]} if key in data else {}
-    try:
-        return getattr(model_with(key).model_validate(given), key), []
-    except ValidationError as error:
-        wrong = [(written_keys(one), one) for one in error.errors(include_url=False)]
-        return None, [
-            Problem(place(keys), dotted_key(keys), explain(one, given)) for keys, one in wrong
-        ]
 
 
 def swept_values(given: list[Plain] | Linspace | Geomspace) -> list[Plain]:
@@ -223,88 +206,34 @@ def line_order(problem: Problem) -> tuple[int, ...]:
     return (int(match[1]), int(match[2])) if match else (2**62,)
 
 
-@contextlib.contextmanager
-def pause_garbage_collection() -> Iterator[None]:
-    """Pause Python's garbage collection, which costs time while many lasting objects are made."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
-
-
 # --- kinds by their names, and what they read from files ------------------------------------------
 
 
-def name_kinds(document: Document) -> None:
-    """Replace the bare name of each kind, or a mapping without a name, by a mapping with a name."""
+def complete_kinds(document: Document, judges: bool) -> None:
+    """Write each kind as a mapping with its name; if `judges`, add what kinds read from files."""
+    swept = swept_in(document)
     for field in KINDS:
+        holders: list[tuple[Plain, Keys]] = []
         if field in document.data:
             document.data[field] = with_kind(field, document.data[field])
             place = document.place((field, "kind"), (field,))
             document.places.setdefault((field, "kind"), place)
-
-
-def complete_kinds(document: Document) -> None:
-    """Add what kinds read from files, also in the sweep."""
-    sweep = document.data.get("sweep")
-    for field in KINDS:
-        if field in document.data:
-            complete(document, field, document.data, (field,))
-        listed = sweep.get(field) if isinstance(sweep, dict) else None
+            holders.append((document.data, (field,)))
+        listed = swept.get(field)
         for number in range(len(listed) if isinstance(listed, list) else 0):
-            complete(document, field, listed, ("sweep", field, number))
-
-
-def complete(document: Document, field: str, holder: Plain, at: Keys) -> None:
-    value = holder[at[-1]]
-    model = model_of(field, value) if isinstance(value, dict) else None
-    if model is None:
-        return
-    try:
-        holder[at[-1]] = model.completed(value, document.folder)
-    except KindError as error:
-        key = (*at, "path")
-        document.problems.append(Problem(document.place(key, at), dotted_key(key), str(error)))
+            holders.append((listed, ("sweep", field, number)))
+        for holder, at in holders if judges else ():
+            value = holder[at[-1]]
+            model = model_of(field, value) if isinstance(value, dict) else None
+            try:
+                holder[at[-1]] = model.completed(value, document.folder) if model else value
+            except KindError as error:
+                key = (*at, "path")
+                place = document.place(key, at)
+                document.problems.append(Problem(place, dotted_key(key), str(error)))
 
 
 # --- keys that follow from others -----------------------------------------------------------------
-
-
-def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
-    """Complete a scenario by what follows from its kinds: a network's nodes, numbers not given."""
-    found: dict[str, Any] = {}
-    if not scenario.navigator.present:
-        found["topology"] = without_leader(ByIdentity(scenario.topology))
-    size = (
-        None if gives(document, "vehicles") else size_of(found.get("topology", scenario.topology))
-    )
-    vehicles = scenario.vehicles if size is None else size
-    found["vehicles"] = vehicles
-    usual = getattr(scenario.attack, "vehicles", None) == USUAL_TARGETS
-    if usual and usual_targets(vehicles) != USUAL_TARGETS and not gives_usual_targets(document):
-        found["attack"] = scenario.attack.on(usual_targets(vehicles))
-    order = scenario.vehicle.order
-    if scenario.order_of_gain != order and not gives(document, "gain"):
-        found["gain"] = [float(math.comb(order, k)) for k in range(order)]
-    changed = {key: each for key, each in found.items() if each is not getattr(scenario, key)}
-    return scenario.model_copy(update=changed) if changed else scenario
-
-
-@functools.lru_cache(maxsize=64)
-def without_leader(itself: ByIdentity) -> Graph:
-    """Return the leaderless graph; the cache keeps one object for the cells of a sweep."""
-    return itself.one.leaderless()
-
-
-def size_of(topology: Graph) -> int | None:
-    """Return the number of a network's vehicles, None if any number fits or its code is missing."""
-    with contextlib.suppress(KindError):
-        size = topology.size()
-        return size if size is not None and 1 <= size <= LARGEST_FLEET else None
-    return None
 
 
 def swept_in(document: Document) -> PlainMapping:
@@ -312,17 +241,26 @@ def swept_in(document: Document) -> PlainMapping:
     return swept if isinstance(swept, dict) else {}
 
 
-def gives(document: Document, root: str) -> bool:
-    """Whether the user gave a key, or something in it, that otherwise follows from a kind."""
-    dotted = [*document.overridden, *swept_in(document)]
-    return is_written(document, (root,)) or any(str(key).split(".")[0] == root for key in dotted)
+def given_keys(document: Document, judges: bool) -> set[str]:
+    """Return the keys that the user gave, or swept, or in which a value was given.
+
+    "attack.vehicles" is one of them if the user gave the list of vehicles that are attacked by
+    default. A stored study, and a study with overrides, have every key; they were not given.
+    """
+    new, swept = judges and not document.settled, swept_in(document)
+    dotted = [*document.overridden, *swept, *(document.data if new else ())]
+    given = {str(key).split(".")[0] for key in dotted}
+    listed = [swept.get(key) for key in ("attack", "attack.vehicles")]
+    attacks, lists = (each if isinstance(each, list) else [] for each in listed)
+    if new or "attack.vehicles" in document.overridden:
+        attacks = [document.data.get("attack"), *attacks]
+    lists = [*lists, *(each.get("vehicles") for each in attacks if isinstance(each, dict))]
+    return given | {"attack.vehicles"} if judges and USUAL_TARGETS in lists else given
 
 
 def is_written(document: Document, keys: Keys) -> bool:
     """Whether a new study, not one that was stored, has a value at these keys."""
-    if not registry.scope().judges or document.settled:
-        return False
-    data: Plain = document.data
+    data: Plain = {} if document.settled else document.data
     for key in keys:
         inside = range(len(data)) if isinstance(data, list) else data
         if not isinstance(data, list | dict) or key not in inside:
@@ -331,19 +269,30 @@ def is_written(document: Document, keys: Keys) -> bool:
     return True
 
 
-def gives_usual_targets(document: Document) -> bool:
-    """Whether the user wrote the list of vehicles that are attacked by default.
+def settle(scenario: AnyScenario, given: Container[str]) -> AnyScenario:
+    """Complete a scenario by what follows from its kinds: a network's nodes, numbers not given."""
+    found: dict[str, Any] = {}
+    topology, vehicles = scenario.topology, scenario.vehicles
+    if not scenario.navigator.present:
+        topology = found["topology"] = without_leader(ByIdentity(topology))
+    if "vehicles" not in given:
+        with contextlib.suppress(KindError):  # the code of a kind from outside may be missing
+            size = topology.size()
+            if size is not None and 1 <= size <= LARGEST_FLEET:
+                vehicles = found["vehicles"] = size
+    usual = getattr(scenario.attack, "vehicles", None) == USUAL_TARGETS
+    if usual and usual_targets(vehicles) != USUAL_TARGETS and "attack.vehicles" not in given:
+        found["attack"] = scenario.attack.on(usual_targets(vehicles))
+    order = scenario.vehicle.order
+    if scenario.order_of_gain != order and "gain" not in given:
+        found["gain"] = [float(math.comb(order, k)) for k in range(order)]
+    return scenario.model_copy(update=found) if found else scenario
 
-    A stored study with fewer vehicles has this list from the default alone.
-    """
-    if not registry.scope().judges:
-        return False
-    listed = [swept_in(document).get(key) for key in ("attack", "attack.vehicles")]
-    attacks, lists = (each if isinstance(each, list) else [] for each in listed)
-    if not document.settled or "attack.vehicles" in document.overridden:
-        attacks = [document.data.get("attack"), *attacks]
-    given = [each.get("vehicles") for each in attacks if isinstance(each, dict)]
-    return USUAL_TARGETS in [*given, *lists]
+
+@functools.lru_cache(maxsize=64)
+def without_leader(itself: ByIdentity) -> Graph:
+    """Return the leaderless graph; the cache keeps one object for the cells of a sweep."""
+    return itself.one.leaderless()
 
 
 def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
@@ -369,33 +318,60 @@ def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
 # --- cells ----------------------------------------------------------------------------------------
 
 
-class CellParts:
-    """The validated values from which cells are composed. Each is validated once for all its cells.
+class Span:
+    """The grid of a sweep. Each value of a key is validated once for all its cells.
 
     Swept values are set into the study with all defaults written out, the form in which it is
     stored: the stored study has the same cells.
     """
 
-    def __init__(self, document: Document, keys: PlainMapping, values: Mapping[str, list[Plain]]):
-        self.document, self.values = document, values
-        self.swept: dict[str, list[str]] = {}
+    def __init__(
+        self,
+        document: Document,
+        config: Config,
+        wrong: set[str],
+        values: Mapping[str, list[Plain]],
+        given: set[str],
+    ):
+        self.document, self.values, self.given = document, values, given
+        self.roots: dict[str, list[str]] = {}
         for key in values:
-            self.swept.setdefault(key.split(".")[0], []).append(key)
-        scenario = {key: each for key, each in keys.items() if key in Scenario.model_fields}
-        self.wrong = {key for key, each in scenario.items() if each is None} - {*self.swept}
-        fixed = {*scenario} - {*self.swept} - self.wrong
-        right = {key: scenario[key] for key in fixed}
-        self.shared = settle(DEFAULT_SCENARIO.model_copy(update=right), document)
-        self.follows = not FOLLOWED.isdisjoint(self.swept)
-        self.base = {root: self.plain(root, scenario.get(root)) for root in self.swept}
-        self.found: dict[tuple[str | int, ...], Validated] = {}
+            self.roots.setdefault(key.split(".")[0], []).append(key)
+        self.wrong = (wrong & {*Scenario.model_fields}) - {*self.roots}
+        fields = {key: getattr(config, key) for key in Scenario.model_fields}
+        self.shared = settle(DEFAULT_SCENARIO.model_copy(update=fields), given)
+        self.follows = not FOLLOWED.isdisjoint(self.roots)
+        self.base = {root: without_empty_labels(fields[root]) for root in self.roots}
+        for root in wrong & {*self.roots} & {*document.data}:  # as it was written
+            written = document.data[root]
+            self.base[root] = full_kind(root, written) if root in KINDS else written
+        self.parts: dict[tuple[str | int, ...], Part] = {}
 
-    def plain(self, root: str, value: object) -> Plain:
-        """Return a key's value before anything is swept, as it is or was written."""
-        if value is None and root in self.document.data:
-            written = self.document.data[root]
-            return full_kind(root, written) if root in KINDS else written
-        return without_empty_labels(getattr(DEFAULT_SCENARIO, root) if value is None else value)
+    def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
+        """Return the cells, the first key slowest, and each new problem with its first cell."""
+        labels = {key: value_labels(key, listed) for key, listed in self.values.items()}
+        cells: list[Cell] = []
+        found: dict[Problem, list[str]] = {}
+        grid = list(itertools.product(*(range(len(each)) for each in self.values.values())))
+        collects = gc.isenabled()
+        gc.disable()  # it would look through all cells again and again
+        for number, indices in enumerate(grid):
+            chosen = dict(zip(self.values, indices, strict=True))
+            named = {key: labels[key][index] for key, index in chosen.items()}
+            scenario, problems = self.scenario(chosen)
+            if scenario is not None:
+                cells.append(Cell(number, named, scenario))
+            for problem in dict.fromkeys(problems):
+                if problem not in known:
+                    found.setdefault(problem, []).append(cell_name(number, named))
+        if collects:
+            gc.enable()
+        told = []
+        for problem, where in found.items():
+            some = len(where) < len(grid) or problem.key.split(".")[0] in self.roots
+            message = f"{problem.message}, in {where[0]}" if some else problem.message
+            told.append(problem._replace(message=message))
+        return tuple(cells), told
 
     def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
         """Return a cell's scenario by the indices of its swept values, or None, and all problems.
@@ -404,15 +380,17 @@ class CellParts:
         """
         problems: list[Problem] = []
         wrong, right = {*self.wrong}, {}
-        for root, keys in self.swept.items():
-            value, found = self.part(root, {key: chosen[key] for key in keys})
+        for root, keys in self.roots.items():
+            mine = root, *(chosen[key] for key in keys)
+            if mine not in self.parts:
+                self.parts[mine] = self.part(root, {key: chosen[key] for key in keys})
+            right[root], found = self.parts[mine]
             problems += found
             if found:
                 wrong.add(root)
-            else:
-                right[root] = value
+                del right[root]
         made = self.shared.model_copy(update=right)
-        made = settle(made, self.document) if self.follows else made
+        made = settle(made, self.given) if self.follows else made
         if registry.scope().judges:
             place = functools.partial(place_in_cell, self.document, chosen)
             problems += [
@@ -422,14 +400,8 @@ class CellParts:
             ]
         return None if wrong else made, problems
 
-    def part(self, root: str, chosen: Mapping[str, int]) -> Validated:
-        """Return the value of a key by the indices of the swept values in it; cached."""
-        mine = root, *chosen.values()
-        if mine not in self.found:
-            self.found[mine] = self.validated(root, chosen)
-        return self.found[mine]
-
-    def validated(self, root: str, chosen: Mapping[str, int]) -> Validated:
+    def part(self, root: str, chosen: Mapping[str, int]) -> Part:
+        """Return the value of a key by the indices of the swept values in it, and its problems."""
         data = {root: self.base[root]}
         for key, index in chosen.items():
             try:
@@ -438,33 +410,9 @@ class CellParts:
                 place = self.document.place(("sweep", key))
                 return None, [Problem(place, f"sweep.{key}", str(error.args[0]))]
             data[root] = with_kind(root, data[root]) if root in KINDS else data[root]
-        return validated(root, data, functools.partial(place_in_cell, self.document, chosen))
-
-
-def cells_of(
-    document: Document, keys: PlainMapping, values: Mapping[str, list[Plain]], known: set[Problem]
-) -> tuple[tuple[Cell, ...], list[Problem]]:
-    """Return the cells, the first key slowest, and each new problem with its first cell."""
-    parts = CellParts(document, keys, values)
-    labels = {key: value_labels(key, listed) for key, listed in values.items()}
-    cells: list[Cell] = []
-    found: dict[Problem, list[str]] = {}
-    grid = list(itertools.product(*(range(len(listed)) for listed in values.values())))
-    for number, indices in enumerate(grid):
-        chosen = dict(zip(values, indices, strict=True))
-        named = {key: labels[key][index] for key, index in chosen.items()}
-        scenario, problems = parts.scenario(chosen)
-        if scenario is not None:
-            cells.append(Cell(number, named, scenario))
-        for problem in dict.fromkeys(problems):
-            if problem not in known:
-                found.setdefault(problem, []).append(cell_name(number, named))
-    told = []
-    for problem, where in found.items():
-        some = len(where) < len(grid) or problem.key.split(".")[0] in parts.swept
-        message = f"{problem.message}, in {where[0]}" if some else problem.message
-        told.append(problem._replace(message=message))
-    return tuple(cells), told
+        place = functools.partial(place_in_cell, self.document, chosen)
+        made, _, problems = validated(model_with(root), data, place)
+        return getattr(made, root), problems
 
 
 def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:

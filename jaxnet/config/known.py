@@ -82,6 +82,8 @@ def explain(error: ErrorDetails, data: Plain) -> str:
 def written_keys(error: ErrorDetails) -> Keys:
     """Return the keys of an error's place as the user writes them, without the tags of unions."""
     keys = tuple(part for part in error["loc"] if not str(part).startswith((MARK, "[key]")))
+    if error["type"] == "invalid_key":
+        return (*keys[:-1], error["input"])
     if error["type"] == "missing" and isinstance(keys[-1], int):
         return keys[:-1]
     in_mapping = error["type"] in ("kind", "kind_name") and isinstance(error["input"], dict)
