@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from jaxnet.kinds.shapes import Memory
+from jaxnet.lazy import jax
 from jaxnet.outside.modules import KindError
 
 NUMBERS = {"bool": "booleans", "int64": "whole numbers", "float64": "double precision"}
@@ -93,7 +94,7 @@ def agrees(axis: str, size: Any, sizes: AxisSizes) -> bool:
 def misfit(
     hint: Any, value: Any, sizes: AxisSizes, known: dict[str, Any], hints: dict[str, Any]
 ) -> Misfit | None:
-    """Part of a result that does not fit its annotation, and what is expected; None if all fits.
+    """Part of a result that does not fit its annotation, and what is expected.
 
     `known` are the arguments, with the annotations `hints`.
     """
@@ -105,12 +106,11 @@ def misfit(
     if hint is bool:
         return None if isinstance(value, int | np.bool_) else (value, "True or False")
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
-        found = [
-            misfit(each, value, sizes, known, hints) for each in parts if each is not type(None)
-        ]
-        return (
-            None if value is None and type(None) in parts else None if None in found else found[0]
-        )
+        if value is None and type(None) in parts:
+            return None
+        some = [each for each in parts if each is not type(None)]
+        found = [misfit(each, value, sizes, known, hints) for each in some]
+        return None if None in found else found[0]
     any_length = parts[1:] == (...,)
     if typing.get_origin(hint) is not tuple or (any_length and not hasattr(parts[0], "dim_str")):
         return None
@@ -130,11 +130,11 @@ def array_misfit(hint: Any, value: Any, sizes: AxisSizes) -> Misfit | None:
     before = dict(sizes)
     if hasattr(value, "dtype") and holds_numbers(value, wanted) and match(axes, value.shape, sizes):
         return None
-    named = ", ".join(told(axis.strip("*"), before) for axis in axes)
+    named = ", ".join(named_size(axis.strip("*"), before) for axis in axes)
     return value, f"{NUMBERS.get(wanted, 'an array')} ({named})"
 
 
-def told(axis: str, sizes: AxisSizes) -> str:
+def named_size(axis: str, sizes: AxisSizes) -> str:
     """An axis by its name and size, "slots = 3"; of a size not known, by its name."""
     size = sizes.get(axis, axis)
     size = " × ".join(map(str, size)) if isinstance(size, tuple) else size
@@ -145,31 +145,24 @@ def holds_numbers(value: Any, wanted: str) -> bool:
     """Whether an array holds numbers of a type; NumPy's whole numbers count as real ones."""
     if wanted == "float64" and not isinstance(value, np.ndarray | np.generic):
         return value.dtype == wanted
-    return value.dtype.kind in {"bool": "b", "int64": "iu", "float64": "fiu"}.get(
-        wanted, value.dtype.kind
-    )
+    kinds = {"bool": "b", "int64": "iu", "float64": "fiu"}
+    return wanted not in kinds or value.dtype.kind in kinds[wanted]
 
 
 def memory_misfit(value: Any, sizes: AxisSizes, known: dict[str, Any]) -> Misfit | None:
     """A memory that is not as the last one, or a first one without lanes, and what is expected."""
-    import jax
-
     leaves, structure = jax.tree.flatten(value)
     if "memory" in known:
         before, same = jax.tree.flatten(known["memory"])
-        alike = structure == same and all(map(like, leaves, before))
+        alike = structure == same and [*map(form_of, leaves)] == [*map(form_of, before)]
         return None if alike else (value, f"a memory as the last one, {described(known['memory'])}")
     lanes = sizes.get("lanes", ())
     apart = [leaf for leaf in leaves if np.shape(leaf)[len(np.shape(leaf)) - len(lanes) :] != lanes]
-    return (apart[0], f"arrays whose last axis is {told('lanes', sizes)}") if apart else None
+    return (apart[0], f"arrays whose last axis is {named_size('lanes', sizes)}") if apart else None
 
 
-def like(one: Any, other: Any) -> bool:
-    return np.shape(one) == np.shape(other) and dtype_of(one) == dtype_of(other)
-
-
-def dtype_of(value: Any) -> np.dtype:
-    return value.dtype if hasattr(value, "dtype") else np.result_type(value)
+def form_of(value: Any) -> tuple[tuple[int, ...], np.dtype]:
+    return np.shape(value), value.dtype if hasattr(value, "dtype") else np.result_type(value)
 
 
 def described(value: Any) -> str:

@@ -1,10 +1,10 @@
 """Types of keys: numbers with limits, and the distributions from which numbers are drawn."""
 
-import functools
 import operator
 import statistics
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+import typing
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
 from annotated_types import Len
@@ -13,12 +13,10 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     RootModel,
-    Tag,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import core_schema
@@ -26,20 +24,78 @@ from pydantic_core import core_schema
 PI = 3.141592653589793
 
 # First character of the tags that identify members of a union. No key of a user has it. pydantic
-# puts tags into the location of an error, and `config.cells.keys_of` removes them.
+# puts tags into the location of an error, and `config.known` removes them.
 MARK = "\0"
 
-STRICT = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+Root = TypeVar("Root")
 
 
-def union_member(name: str) -> Tag:
-    return Tag(MARK + name)
+def setting(default: object, description: str, **limits: Any) -> Any:
+    """A key of a config with its default and its meaning; `limits` are those of `Field`."""
+    return Field(default=default, description=description, **limits)
 
 
 class Record(BaseModel):
     """A mapping with known keys. It converts no types, and it is frozen."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Rooted(RootModel[Root], Generic[Root]):
+    """A list in place of a mapping. It converts no types, and it is frozen."""
+
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+    depth: typing.ClassVar[int] = 0  # of lists in lists; 0: any
+
+
+class OneOf:
+    """Mark of a union: a value is checked as the last member that it looks like.
+
+    A value that looks like none gets the message; without a message it is checked as the first.
+    """
+
+    def __init__(self, message: str | None = None):
+        self.message = message
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        members = {MARK + getattr(each, "__name__", "0"): each for each in typing.get_args(source)}
+        fallback = None if self.message else next(iter(members))
+
+        def tag(value: object) -> str | None:
+            alike = [name for name, member in members.items() if looks_like(value, member)]
+            return alike[-1] if alike else fallback
+
+        return core_schema.tagged_union_schema(
+            {name: handler(member) for name, member in members.items()},
+            tag,
+            custom_error_type="form" if self.message else None,
+            custom_error_message=self.message,
+        )
+
+
+def looks_like(value: object, member: Any) -> bool:
+    """Whether a value has the form of a member of a union; its parts may be wrong."""
+    if typing.get_origin(member) is Annotated:
+        return looks_like(value, typing.get_args(member)[0])
+    if typing.get_origin(member) is Literal:
+        return value in typing.get_args(member) if isinstance(value, str) else False
+    if member is float:
+        return not isinstance(value, dict | list | BaseModel)
+    if typing.get_origin(member) is dict:
+        return isinstance(value, dict) and all(isinstance(each, int) for each in value)
+    if not issubclass(member, BaseModel):
+        return isinstance(value, typing.get_origin(member) or member)
+    if isinstance(value, BaseModel):
+        return isinstance(value, member)
+    if issubclass(member, Rooted):
+        return isinstance(value, list) and member.depth in (0, depth_of(value))
+    return isinstance(value, dict) and not member.model_fields.keys().isdisjoint(value)
+
+
+def depth_of(value: object) -> int:
+    return 1 + depth_of(value[0] if value else None) if isinstance(value, list) else 0
 
 
 def ordered(bounds: list[float]) -> list[float]:
@@ -78,46 +134,12 @@ class DiscreteChoice(Record):
     choice: Annotated[list[float], Len(1)]
 
 
-DISTRIBUTIONS = {"uniform": Uniform, "normal": Normal, "choice": DiscreteChoice}
-
-
 def names_distribution(value: object) -> bool:
-    return isinstance(value, dict) and not DISTRIBUTIONS.keys().isdisjoint(value)
-
-
-def number_tag(value: object) -> str | None:
-    """The tag of a number or distribution, None if a value is neither."""
-    if isinstance(value, BaseModel):
-        return MARK + next(iter(type(value).model_fields))
-    if not isinstance(value, dict):
-        return MARK + "number"
-    name, *others = value or [None]
-    return MARK + name if name in DISTRIBUTIONS and not others else None
-
-
-def numbers_tag(value: object) -> str | None:
-    """The tag of a list, of a number with its scope, or of one number or distribution."""
-    if isinstance(value, list):
-        return MARK + "root"
-    if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
-        return MARK + next(iter(value))
-    return number_tag(value)
-
-
-def one_form_of(
-    tag: Callable[[object], str | None], message: str | None = None, **members: object
-) -> Any:
-    """A union of types by tag; with the message, an error for a value that has none of the tags."""
-    tagged = (Annotated[member, union_member(name)] for name, member in members.items())
-    union = functools.reduce(operator.or_, tagged)
-    kind = "distribution" if message else None
-    return Annotated[
-        union, Discriminator(tag, custom_error_type=kind, custom_error_message=message)
-    ]
+    return isinstance(value, dict) and not {"uniform", "normal", "choice"}.isdisjoint(value)
 
 
 A_NUMBER = "must be a number, {uniform: [a, b]}, {normal: [mean, sd]} or {choice: [...]}"
-ONE_NUMBER = {"number": float, **DISTRIBUTIONS}
+OneNumber = float | Uniform | Normal | DiscreteChoice
 
 # Arrays while lanes are simulated, which a type checker cannot tell from what a config gives.
 if TYPE_CHECKING:
@@ -129,7 +151,7 @@ if TYPE_CHECKING:
     PerVehicle = Any  # one number for all attacked vehicles, or one for each
     Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
 else:
-    Number = one_form_of(number_tag, A_NUMBER, **ONE_NUMBER)
+    Number = Annotated[OneNumber, OneOf(A_NUMBER)]
     Magnitude = Number | np.ndarray
 
 
@@ -145,16 +167,12 @@ class Shared(Record):
     shared: Number = Field(description="drawn once, for all attacked vehicles")
 
 
-class Listed(RootModel[Annotated[list[Number], Len(1)]]):
+class Listed(Rooted[Annotated[list[Number], Len(1)]]):
     """One number for each attacked vehicle, in the order of `attack.vehicles`."""
 
-    model_config = STRICT
 
-
-class EachOrder(RootModel[Annotated[list[float], Len(1)]]):
+class EachOrder(Rooted[Annotated[list[float], Len(1)]]):
     """One magnitude for each order of the received derivatives, lowest first."""
-
-    model_config = STRICT
 
 
 def as_rows(given: list[object]) -> list[object]:
@@ -164,12 +182,8 @@ def as_rows(given: list[object]) -> list[object]:
 Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(as_rows)]
 
 
-class Table(RootModel[Rows]):
-    """Several numbers for each attacked vehicle, one list for each in the order of
-    `attack.vehicles`.
-    """
-
-    model_config = STRICT
+class Table(Rooted[Rows]):
+    """Several numbers for each attacked vehicle, in the order of `attack.vehicles`."""
 
 
 def as_places(given: list[object]) -> list[object]:
@@ -180,30 +194,28 @@ def as_places(given: list[object]) -> list[object]:
 PlacePairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeValidator(as_places)]
 
 
-class EachPosition(RootModel[PlacePairs]):
+class EachPosition(Rooted[PlacePairs]):
     """The position of each vehicle, in the order of their numbers: [x, y], or x alone on a line."""
-
-    model_config = STRICT
 
 
 GainLists = Annotated[list[Annotated[list[float], Len(1, 4)]], AfterValidator(equally_long)]
 AxisPairs = Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]
 
 
-class AxisGains(RootModel[Annotated[GainLists, Len(2, 2)]]):
+class AxisGains(Rooted[Annotated[GainLists, Len(2, 2)]]):
     """Gains of each axis: two lists with a number for each order."""
 
-    model_config = STRICT
+    depth = 2
 
     def matrices(self) -> np.ndarray:
         """The diagonal matrix of each order, (r, 2, 2)."""
         return np.array(self.root).T[:, :, None] * np.eye(2)
 
 
-class MatrixGains(RootModel[Annotated[list[AxisPairs], Len(1, 4)]]):
+class MatrixGains(Rooted[Annotated[list[AxisPairs], Len(1, 4)]]):
     """Gains that couple the axes: a 2 × 2 matrix for each order."""
 
-    model_config = STRICT
+    depth = 3
 
     def matrices(self) -> np.ndarray:
         """The matrix of each order, (r, 2, 2)."""
@@ -222,52 +234,23 @@ class VehicleGains(Record):
         return np.array(self.vehicles)[:, :, None, None] * np.eye(2)
 
 
-def gain_tag(value: object) -> str:
-    """The tag of gains, by how deep the lists are."""
-    if isinstance(value, AxisGains | MatrixGains | VehicleGains):
-        return MARK + type(value).__name__
-    if isinstance(value, dict):
-        return MARK + "VehicleGains"
-    depth = 0
-    while isinstance(value, list) and value:
-        value, depth = value[0], depth + 1
-    return MARK + {2: "AxisGains", 3: "MatrixGains"}.get(depth, "list")
-
-
 if not TYPE_CHECKING:
-    Magnitudes = one_form_of(
-        numbers_tag,
-        f"{A_NUMBER}, or a list with one number for each order",
-        **ONE_NUMBER,
-        root=EachOrder,
-    )
-    Several = one_form_of(
-        numbers_tag,
-        f"{A_NUMBER}, or a list of lists, one for each attacked vehicle",
-        **ONE_NUMBER,
-        root=Table,
-    )
-    Positions = one_form_of(
-        numbers_tag,
-        f"{A_NUMBER}, or a list with x or [x, y] of each vehicle",
-        **ONE_NUMBER,
-        root=EachPosition,
-    )
-    PerVehicle = one_form_of(
-        numbers_tag,
-        f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}}, or a list of them",
-        **ONE_NUMBER,
-        each=Apiece,
-        shared=Shared,
-        root=Listed,
-    )
-    Gains = one_form_of(
-        gain_tag,
-        list=Annotated[list[Number], Len(1, 4)],
-        AxisGains=AxisGains,
-        MatrixGains=MatrixGains,
-        VehicleGains=VehicleGains,
-    )
+    Magnitudes = Annotated[
+        OneNumber | EachOrder, OneOf(f"{A_NUMBER}, or a list with one number for each order")
+    ]
+    Several = Annotated[
+        OneNumber | Table, OneOf(f"{A_NUMBER}, or a list of lists, one for each attacked vehicle")
+    ]
+    Positions = Annotated[
+        OneNumber | EachPosition, OneOf(f"{A_NUMBER}, or a list with x or [x, y] of each vehicle")
+    ]
+    PerVehicle = Annotated[
+        OneNumber | Apiece | Shared | Listed,
+        OneOf(f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}}, or a list of them"),
+    ]
+    Gains = Annotated[
+        Annotated[list[Number], Len(1, 4)] | AxisGains | MatrixGains | VehicleGains, OneOf()
+    ]
 
 
 def is_drawn(number: object) -> bool:
@@ -292,12 +275,10 @@ def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
             return low, high
         case Normal(normal=[mean, deviation]):
             return (mean, mean) if deviation == 0 else (-float("inf"), float("inf"))
-        case DiscreteChoice(choice=values):
+        case DiscreteChoice(choice=values) | EachOrder(root=values):
             return min(values), max(values)
         case Apiece(each=inner) | Shared(shared=inner):
             return value_range(inner)
-        case EachOrder(root=numbers):
-            return min(numbers), max(numbers)
         case Listed(root=numbers):
             low, high = zip(*map(value_range, numbers), strict=True)
             return min(low), max(high)
@@ -325,9 +306,7 @@ LIMITS = {
 
 
 class Within:
-    """Limits on a number, and on each value that a distribution can draw. Keywords are those of
-    `Field`.
-    """
+    """Limits on a number and on all that a distribution can draw; keywords are those of `Field`."""
 
     def __init__(self, **limits: float):
         self.limits = limits

@@ -8,6 +8,7 @@ checked any more. `as_pytree` shows the copy to JAX. Nothing else makes such cop
 import functools
 import inspect
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar, Unpack
 
@@ -56,9 +57,8 @@ else:
 class Kind(Record, metaclass=KindType):
     """One of several alternatives under one key of a config.
 
-    A subclass declares its keys as pydantic fields. The class attribute `kind` is the name of a
-    kind of jaxnet; without it the name is that of the class. `untraced` holds the keys that no
-    method reads while lanes run.
+    A subclass declares its keys as pydantic fields. A kind of jaxnet has the name of its file, one
+    from outside that of its class, if it gives no other as `kind`.
     """
 
     kind: ClassVar[str]
@@ -73,20 +73,20 @@ class Kind(Record, metaclass=KindType):
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
     def __init_subclass__(cls, **options: Unpack[ConfigDict]) -> None:
-        """Set `kind` of a class without one to its name; hold one from outside to its contract."""
+        """Name the class, and hold one from outside to its contract."""
         super().__init_subclass__(**options)
         if "kind" not in vars(cls):
-            cls.kind = cls.__name__
+            in_file = re.fullmatch(r"jaxnet\.\w+\.\w+\.(\w+)", cls.__module__)
+            cls.kind = in_file[1] if in_file else cls.__name__
         if HOLDS_ALL or not cls.__module__.startswith("jaxnet."):
             contract.hold(cls)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: object) -> None:
-        """Forget the inherited `claims` of a class from outside that behaves in its own way.
+        """Reset inherited `claims` of a class from outside that behaves in its own way.
 
-        A claim holds of the methods that stand beside it or above it. A class that overrides
-        anything but claims and `neutral` names has the claims that it makes itself. Its other
-        claims are the family's.
+        A class that overrides anything but claims and `neutral` names has the claims that it makes
+        itself. Its other claims are the family's.
         """
         super().__pydantic_init_subclass__(**options)
         own = {name for name in vars(cls) if not name.startswith("_")} - cls.neutral
@@ -149,14 +149,14 @@ class Kind(Record, metaclass=KindType):
         """A copy whose numbers are arrays, lanes last; `name` is the dotted key of this kind."""
         values: dict[str, object] = {}
         for key, value in self.config_keys().items():
-            dotted = f"{name}.{key}"
+            dotted, number = f"{name}.{key}", is_number(value)
             if isinstance(value, Kind):
                 values[key] = value.drawn(draw, dotted)
             elif key in self.off_at_zero and value == 0:
                 values[key] = None
-            elif is_number(value) and self.drawn_by_vehicle(key):
+            elif number and self.drawn_by_vehicle(key):
                 values[key] = draw.each(value, dotted)[..., 0].T
-            elif is_number(value):
+            elif number:
                 values[key] = draw.one(value, dotted)
             elif isinstance(value, list) and value and all(map(is_number, value)):
                 values[key] = draw.several(value, dotted).T
@@ -187,8 +187,7 @@ def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -
 def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
     """A drawn kind as a pytree of JAX without untraced keys, also inside tuples; else the argument.
 
-    Numbers are leaves; all other keys belong to the structure. Lanes share one compiled program if
-    the classes and structures of their kinds are equal.
+    Numbers are leaves, all other keys structure. Equal classes and structures share a program.
     """
     if isinstance(drawn, tuple):
         return type(drawn)(*map(as_pytree, drawn))
@@ -198,9 +197,8 @@ def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
     values = {key: as_pytree(each) for key, each in values.items() if key not in drawn.untraced}
     if cls not in REGISTERED:
         REGISTERED.add(cls)
-        jax.tree_util.register_pytree_node(
-            cls, flatten_kind, functools.partial(unflatten_kind, cls)
-        )
+        unflatten = functools.partial(unflatten_kind, cls)
+        jax.tree_util.register_pytree_node(cls, flatten_kind, unflatten)
     leaves = tuple(key for key, each in values.items() if isinstance(each, np.ndarray | Kind))
     return cls.filled({**values, "_leaves": leaves})
 
@@ -226,9 +224,8 @@ def flatten_kind(kind: Kind) -> tuple[tuple[object, ...], Structure]:
 
 
 def unflatten_kind(cls: type[Kind], structure: Structure, numbers: Iterable[object]) -> Kind:
-    leaves = structure.leaves
-    values = dict(zip(leaves, numbers, strict=True))
-    return cls.filled({**structure.settings, **values, "_leaves": leaves})
+    values = dict(zip(structure.leaves, numbers, strict=True))
+    return cls.filled({**structure.settings, **values, "_leaves": structure.leaves})
 
 
 REGISTERED: set[type] = set()  # classes that JAX knows as pytrees
@@ -258,11 +255,9 @@ def broken(**premises: bool) -> frozenset[str]:
 
 def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> Iterator[Fault]:
     """A fault for numbers outside `first` … `vehicles`; first is 1 for vehicles, 0 for sources."""
-    beyond = sorted({one for one in listed if not first <= one <= vehicles})
-    if beyond:
-        noun = "vehicles are" if first else "sources are"
-        got = ", ".join(map(str, beyond))
-        yield Fault((key, "vehicles"), f"{noun} {first} to {vehicles} (got {got})")
+    if beyond := sorted({one for one in listed if not first <= one <= vehicles}):
+        noun, got = "vehicles" if first else "sources", ", ".join(map(str, beyond))
+        yield Fault((key, "vehicles"), f"{noun} are {first} to {vehicles} (got {got})")
 
 
 def vehicle_numbers(mask: np.ndarray) -> list[int]:

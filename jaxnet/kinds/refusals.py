@@ -54,13 +54,9 @@ def value_message(error: ErrorDetails) -> str:
     if kind in ("metric", "kind_name"):
         return str(context["error"])
     if kind in ("too_short", "too_long"):
-        word, number = (
-            ("least", context["min_length"])
-            if kind == "too_short"
-            else ("most", context["max_length"])
-        )
-        entries = "1 entry" if number == 1 else f"{number} entries"
-        return f"must have at {word} {entries} (got {shorten_value(given)})"
+        limit, name = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
+        entries = "1 entry" if context[name] == 1 else f"{context[name]} entries"
+        return f"must have at {limit} {entries} (got {shorten_value(given)})"
     message = WORDS[kind].format(**context) if kind in WORDS else error["msg"]
     if kind in ("float_type", "int_type") and names_distribution(given):
         message += ", not a distribution"

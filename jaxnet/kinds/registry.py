@@ -14,7 +14,6 @@ import pkgutil
 from collections.abc import Callable, Iterator, Mapping
 from contextvars import ContextVar
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -36,6 +35,7 @@ from jaxnet.outside.provenance import KindOrMetric, home_of, name_in
 RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
 
 FamilyName = tuple[str, str]  # a family, and the name of a kind in it
+Origins = Mapping[FamilyName, tuple[modules.Origin, str]]
 
 
 class Scope:
@@ -51,13 +51,10 @@ class Scope:
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scope) and self.known == other.known
 
-    __hash__ = None  # pyright: ignore[reportAssignmentType]
-
     def __reduce__(self) -> tuple[Callable[..., "Scope"], tuple[object, ...]]:
         """Pickle modules and names of the classes, from which another process loads the classes."""
-        origins = {
-            key: (provenance.origin_of(each), name_in(each)) for key, each in self.known.items()
-        }
+        known = self.known.items()
+        origins = {key: (provenance.origin_of(each), name_in(each)) for key, each in known}
         return scope_of, (self.folder, origins)
 
     @contextlib.contextmanager
@@ -93,17 +90,13 @@ def scope() -> Scope:
     return CURRENT_SCOPE.get() or Scope()
 
 
-def scope_of(
-    folder: Path | None, origins: Mapping[FamilyName, tuple[modules.Origin, str]]
-) -> Scope:
+def scope_of(folder: Path | None, origins: Origins) -> Scope:
     """A scope that another process has sent; raise KindError if a module differs here."""
-    known = {
-        key: modules.attribute(modules.load_origin(origin), name)
-        for key, (origin, name) in origins.items()
-    }
-    for key, found in known.items():
-        record_found(*key, found)
-    return Scope(folder, known)
+    found = Scope(folder)
+    for key, (origin, name) in origins.items():
+        found.known[key] = modules.attribute(modules.load_origin(origin), name)
+        record_found(*key, found.known[key])
+    return found
 
 
 def kind_names(family: str) -> list[str]:
@@ -118,30 +111,40 @@ def find(family: str, name: str) -> Any:
     if (family, name) in RENAMED:
         raise KindError(f"{name} was renamed to {RENAMED[family, name]}")
     here = scope()
-    found = here.known.get((family, name))
-    if found is None:
-        found = builtin_kind(family, name)
-    if found is None:
-        found = here.outside(family, name)
+    found = here.known.get((family, name)) or builtin_kind(family, name)
+    found = found or here.outside(family, name)
     if found is None:
         raise unknown_kind(family, name)
     if not is_member(found, family):
         shown = found.__name__ if isinstance(found, type) else repr(found)[:60]
         raise KindError(f"{name} is not of the family {base_of(family).__name__} ({shown})")
-    if isinstance(found, type) and issubclass(found, Kind):
-        REFERENCES[found] = name
-    if not home_of(found).startswith("jaxnet."):
-        provenance.refuse_changed(found, name)
-        provenance.made_of(found)  # records the file as it is now
-        here.known[family, name] = found
-        record_found(family, name, found)
+    if home_of(found).startswith("jaxnet."):
+        refer(found, name)
+    else:
+        keep(family, name, found)
     return found
+
+
+def keep(family: str, name: str, found: KindOrMetric) -> None:
+    """Let a name mean a class or metric from outside in this scope.
+
+    Raises KindError if its file has changed, or if the name means another one.
+    """
+    provenance.refuse_changed(found, name)
+    if scope().known.setdefault((family, name), found) is not found:
+        raise KindError(f"two classes are called {name}: rename one of them")
+    provenance.made_of(found)  # records the file as it is now
+    record_found(family, name, found)
 
 
 def record_found(family: str, name: str, found: KindOrMetric) -> None:
     held = LOADED.setdefault((family, name), [])
     if found not in held:
         held.append(found)
+    refer(found, name)
+
+
+def refer(found: KindOrMetric, name: str) -> None:
     if not isinstance(found, type):
         METRIC_REFERENCES[found] = name
     elif issubclass(found, Kind):
@@ -164,33 +167,23 @@ def adopt(given: KindOrMetric) -> str:
     Raises KindError if the class's file has changed, or if two classes have one reference.
     """
     module = home_of(given)
+    ours = module.startswith("jaxnet.")
     if isinstance(given, type):
         reference: str = given.reference()  # pyright: ignore[reportAttributeAccessIssue]
     else:
-        ours = module.startswith("jaxnet.")
         reference = given.name if ours else f"{modules.public_name(module)}:{name_in(given)}"
-    if not module.startswith("jaxnet."):
-        family, here = family_of(given), scope()
-        provenance.refuse_changed(given, reference)
-        if here.known.setdefault((family, reference), given) is not given:
-            raise KindError(f"two classes are called {reference}: rename one of them")
-        provenance.made_of(given)  # records the file as it is now
-        record_found(family, reference, given)
+    if not ours:
+        keep(family_of(given), reference, given)
     return reference
 
 
 @functools.cache
 def builtin_kind(family: str, name: str) -> KindOrMetric | None:
     """The kind in the file of this name in the family's folder, None if there is no such file."""
-    module = f"{FAMILIES[family].package}.{name}"
+    module, base = f"{FAMILIES[family].package}.{name}", base_of(family)
     if not name.isidentifier() or importlib.util.find_spec(module) is None:
         return None
-    return kind_in_module(importlib.import_module(module), family, name)
-
-
-def kind_in_module(module: ModuleType, family: str, name: str) -> KindOrMetric | None:
-    base = base_of(family)
-    for found in vars(module).values():
+    for found in vars(importlib.import_module(module)).values():
         if isinstance(found, base) and getattr(found, "name", None) == name:
             return found
         member = isinstance(found, type) and issubclass(found, base)
@@ -209,8 +202,7 @@ def text_in(data: object) -> Iterator[str]:
 
 
 class KindOf:
-    """A kind of a family: an object, or a mapping with `kind` and the kind's keys, or the name
-    alone.
+    """A kind of a family: an object, a mapping with `kind` and its keys, or the name alone.
 
     A mapping without `kind` means the kind `default`, if there is one.
     """
@@ -219,16 +211,13 @@ class KindOf:
         self.family, self.default = family, default
 
     def validate(self, value: object) -> Kind:
-        base = base_of(self.family)
         if isinstance(value, str):
             value = {"kind": value}
-        if isinstance(value, Kind) and isinstance(value, base):
+        if isinstance(value, Kind) and isinstance(value, base_of(self.family)):
             return value
         if not isinstance(value, dict):
-            known = ", ".join(kind_names(self.family))
-            raise PydanticCustomError(
-                "kind", "must be a mapping, or one of {known}", {"known": known}
-            )
+            known = {"known": ", ".join(kind_names(self.family))}
+            raise PydanticCustomError("kind", "must be a mapping, or one of {known}", known)
         if self.default is not None:
             value = {"kind": self.default, **value}
         try:
@@ -236,20 +225,15 @@ class KindOf:
                 raise unknown_kind(self.family, value.get("kind"))
             found = find(self.family, value["kind"])
         except KindError as error:
-            raise PydanticCustomError(
-                "kind_name", "{error}", {"error": str(error), "family": self.family}
-            ) from error
+            context = {"error": str(error), "family": self.family}
+            raise PydanticCustomError("kind_name", "{error}", context) from error
         return found.model_validate({key: each for key, each in value.items() if key != "kind"})
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(
-            self.validate,
-            serialization=core_schema.plain_serializer_function_ser_schema(
-                lambda kind: kind.model_dump()
-            ),
-        )
+        dumped = core_schema.plain_serializer_function_ser_schema(lambda kind: kind.model_dump())
+        return core_schema.no_info_plain_validator_function(self.validate, serialization=dumped)
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler

@@ -1,11 +1,9 @@
 """Kinds that draw random numbers at ticks, and normal errors of jets among them."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
-from pydantic import Field
-
-from jaxnet.kinds.fields import NotNegative, Positive, Probability, Uniform
+from jaxnet.kinds.fields import NotNegative, Positive, Probability, Uniform, setting
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.shapes import AnyNumbers, HeldErrors, LaneNumbers, LaneTimes, SlotSources
@@ -22,8 +20,6 @@ HIGHEST = "jerk"
 
 Together = Literal["link", "transmitter", "all"]
 
-AnyDrawer = TypeVar("AnyDrawer", bound="DrawsAtTicks")
-
 
 class DrawsAtTicks(Kind):
     """A kind that may draw random numbers at ticks, independent at each tick and in each lane."""
@@ -32,7 +28,7 @@ class DrawsAtTicks(Kind):
         """Whether the kind draws random numbers at ticks."""
         return False
 
-    def drawn(self: AnyDrawer, draw: LaneDraw, name: str) -> AnyDrawer:
+    def drawn(self, draw: LaneDraw, name: str) -> Self:
         """The kind with drawn numbers, and with a key for its random numbers at ticks."""
         found = super().drawn(draw, name)
         if not self.draws():
@@ -65,13 +61,11 @@ class DrawsAtTicks(Kind):
             `draws` does not return True, or the distribution is another one.
         """
         if "key" not in vars(self):
-            raise KindError(
-                f"{self.kind}: a kind that calls random(…) gives draws(self), which returns True"
-            )
+            told = "a kind that calls random(…) gives draws(self), which returns True"
+            raise KindError(f"{self.kind}: {told}")
         if distribution not in chance.SAMPLERS:
-            raise KindError(
-                f"{self.kind}: random(…) draws from 'uniform' or 'normal' (got {distribution!r})"
-            )
+            told = f"random(…) draws from 'uniform' or 'normal' (got {distribution!r})"
+            raise KindError(f"{self.kind}: {told}")
         return chance.drawn(vars(self)["key"], time, purpose, distribution, shape)
 
     def noisy(self, given: Any, size: LaneNumbers, time: LaneTimes, first: int = 0) -> Any:
@@ -82,9 +76,8 @@ class DrawsAtTicks(Kind):
 class DrawsTogether(DrawsAtTicks):
     """A kind that draws one number for each link, for each transmitter, or for all links."""
 
-    of: Together = Field(
-        default="link",
-        description="for whom a draw counts: one link, all links of a transmitter, or all links",
+    of: Together = setting(
+        "link", "for whom a draw counts: one link, all links of a transmitter, or all links"
     )
 
     def random_by_slot(
@@ -141,20 +134,15 @@ class NormalErrors(ErrorsAtTicks):
     orders: ClassVar[tuple[str, ...]] = JET_ORDERS  # names of the keys with standard deviations
     off_at_zero = frozenset({*JET_ORDERS, HIGHEST, "correlation", "outliers", "dropout"})
 
-    position: NotNegative = Field(default=0.0, description="[m], standard deviation on each axis")
-    velocity: NotNegative = Field(default=0.0, description="[m/s], standard deviation on each axis")
-    acceleration: NotNegative = Field(
-        default=0.0, description="[m/s²], standard deviation on each axis"
+    position: NotNegative = setting(0.0, "[m], standard deviation on each axis")
+    velocity: NotNegative = setting(0.0, "[m/s], standard deviation on each axis")
+    acceleration: NotNegative = setting(0.0, "[m/s²], standard deviation on each axis")
+    correlation: NotNegative = setting(
+        0.0, "[s], in which the correlation falls to 1/e; 0: independent ticks"
     )
-    correlation: NotNegative = Field(
-        default=0.0, description="[s], in which the correlation falls to 1/e; 0: independent ticks"
-    )
-
-    outliers: Probability = Field(
-        default=0.0, description="probability that a reading is an outlier, at each tick"
-    )
-    outlier_factor: Positive = Field(
-        default=10.0, description="by which an outlier multiplies the errors drawn at its tick"
+    outliers: Probability = setting(0.0, "probability that a reading is an outlier, at each tick")
+    outlier_factor: Positive = setting(
+        10.0, "by which an outlier multiplies the errors drawn at its tick"
     )
 
     def sizes(self) -> dict[str, Any]:
@@ -187,38 +175,35 @@ class NormalErrors(ErrorsAtTicks):
         grown = jnp.sqrt(1 + self.outliers * (self.outlier_factor**2 - 1))
         return [None if size is None else size * grown for size in sizes]
 
-    def white(
-        self, last: HeldErrors, draw: Callable[[str], AnyNumbers], uniform: Callable[[], AnyNumbers]
+    def normal_errors(
+        self,
+        last: HeldErrors,
+        time: LaneTimes,
+        interval: LaneNumbers,
+        draw: Callable[[str], AnyNumbers],
+        uniform: Callable[[], AnyNumbers],
     ) -> HeldErrors:
-        """Independent errors of all orders.
+        """Errors of all orders, correlated with those of the last tick.
 
         `draw(order)` gives normal numbers, `uniform()` a uniform number for each reading.
         """
-
-        def scaled(order: str, size: Any, zero: AnyNumbers) -> AnyNumbers:
-            return zero if size is None else with_lanes_last(size, zero.ndim) * draw(order)
-
-        zeros = map(jnp.zeros_like, last)
-        sizes = self.sizes().items()
-        errors = tuple(scaled(*each, zero) for each, zero in zip(sizes, zeros, strict=True))
-        if self.outliers is None:
-            return errors
-        lifted = uniform()
-        share = with_lanes_last(self.outliers, lifted.ndim)
-        factor = with_lanes_last(self.outlier_factor, lifted.ndim)
-        grown = jnp.where(lifted < share, factor, 1.0)[None]
-        return tuple(grown * each for each in errors)
-
-    def after(
-        self, last: HeldErrors, white: HeldErrors, time: LaneTimes, interval: LaneNumbers
-    ) -> HeldErrors:
-        """Errors correlated with those of the last tick, from independent ones."""
-        if self.correlation is None:
-            return white
-        kept = jnp.where(time > 0, jnp.exp(-interval / self.correlation), 0.0)
-        kept = with_lanes_last(kept, white[0].ndim)
-        fresh = jnp.sqrt(1.0 - kept**2)
-        return tuple(kept * old + fresh * new for old, new in zip(last, white, strict=True))
+        errors = [
+            jnp.zeros_like(old) if size is None else with_lanes_last(size, old.ndim) * draw(order)
+            for old, (order, size) in zip(last, self.sizes().items(), strict=True)
+        ]
+        if self.outliers is not None:
+            lifted = uniform()
+            share = with_lanes_last(self.outliers, lifted.ndim)
+            factor = with_lanes_last(self.outlier_factor, lifted.ndim)
+            grown = jnp.where(lifted < share, factor, 1.0)[None]
+            errors = [grown * each for each in errors]
+        if self.correlation is not None:
+            kept = jnp.where(time > 0, jnp.exp(-interval / self.correlation), 0.0)
+            kept = with_lanes_last(kept, errors[0].ndim)
+            fresh = jnp.sqrt(1.0 - kept**2)
+            pairs = zip(last, errors, strict=True)
+            errors = [kept * old + fresh * new for old, new in pairs]
+        return tuple(errors)
 
 
 def with_lanes_last(numbers: LaneNumbers, axes: int) -> AnyNumbers:

@@ -8,7 +8,6 @@ class Consistent(Announcement):
     `replaces`.
     """
 
-    kind = "consistent"
     consistent = True
 
     def received(self, honest, carried, attacked, signals, time):

@@ -1,9 +1,7 @@
 from typing import Annotated
 
-from pydantic import Field
-
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.fields import FULL_TURN, Angle, Each, PerVehicle, Uniform, Within
+from jaxnet.kinds.fields import FULL_TURN, Angle, Each, PerVehicle, Uniform, Within, setting
 
 
 class Free(Announcement):
@@ -12,15 +10,13 @@ class Free(Announcement):
     Each attacked vehicle has a vector of its own, or each attacked link if `listeners` is `each`.
     """
 
-    kind = "free"
-
-    size: Annotated[PerVehicle, Within(ge=0.0), Each()] = Field(
-        default=Uniform(uniform=[0.0, 10.0]), description="[m/s³], length of the vector"
+    size: Annotated[PerVehicle, Within(ge=0.0), Each()] = setting(
+        Uniform(uniform=[0.0, 10.0]), "[m/s³], length of the vector"
     )
-    frequency: Annotated[PerVehicle, Each()] = Field(
-        default=Uniform(uniform=[0.0, 4.0]), description="[rad/s], of its turning"
+    frequency: Annotated[PerVehicle, Each()] = setting(
+        Uniform(uniform=[0.0, 4.0]), "[rad/s], of its turning"
     )
-    phase: Angle = Field(default=FULL_TURN, description="[rad], its direction at t = 0")
+    phase: Angle = setting(FULL_TURN, "[rad], its direction at t = 0")
 
     def received(self, honest, carried, attacked, signals, time):
         xp = honest.__array_namespace__()

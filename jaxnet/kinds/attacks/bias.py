@@ -1,22 +1,19 @@
 import numpy as np
-from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, unit_vectors
-from jaxnet.kinds.fields import Angle
-from jaxnet.kinds.protocols import Signal
+from jaxnet.kinds.fields import Angle, setting
 from jaxnet.model.signal import Harmonic
 
 
 class Bias(Attack):
     """A constant offset along a direction of each vehicle."""
 
-    kind = "bias"
     highest = 4
     constant = True
 
-    direction: Angle = Field(default=0.0, description="[rad], along which it acts")
+    direction: Angle = setting(0.0, "[rad], along which it acts")
 
-    def signal(self) -> Signal:
+    def signal(self):
         return Harmonic(0.0)
 
     def vectors(self):

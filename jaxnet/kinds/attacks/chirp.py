@@ -1,25 +1,21 @@
-from typing import Any
-
 import numpy as np
-from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.attacks.rotating import turned
-from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, setting
 from jaxnet.model.circle import circle
 
 
 class Chirp(Attack):
-    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that becomes faster or
+    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that grows faster or
     slower.
     """
 
-    kind = "chirp"
     highest = 4
 
-    frequency: PerVehicle = Field(default=0.2, description="[rad/s], of the turning at t = 0")
-    rate: PerVehicle = Field(default=0.05, description="[rad/s²], by which the frequency grows")
-    phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
+    frequency: PerVehicle = setting(0.2, "[rad/s], of the turning at t = 0")
+    rate: PerVehicle = setting(0.05, "[rad/s²], by which the frequency grows")
+    phase: Angle = setting(FULL_TURN, "[rad], at t = 0")
 
     def basis(self, time):
         """Cos ψ and sin ψ. With z = e^{iψ}: z' = iωz, z'' = (ir - ω²)z, z‴ = -(3rω + iω³)z."""
@@ -33,13 +29,11 @@ class Chirp(Attack):
         return turned(self.phase)
 
     def sizes(self, horizon):
-        """1, ω, √(r² + ω⁴), ω √(9r² + ω⁴), √((ω⁴ - 3r²)² + 36r²ω⁴), with the greatest ω = |ψ'|,
-        which is at one end of [0, horizon].
+        """1, ω, √(r² + ω⁴), ω √(9r² + ω⁴), √((ω⁴ - 3r²)² + 36r²ω⁴) with the greatest ω = |ψ'|.
+
+        It is at one end of [0, horizon].
         """
-        first: Any = self.frequency
-        rate: Any = self.rate
+        first, rate = np.asarray(self.frequency), np.asarray(self.rate)
         w = np.maximum(np.abs(first), np.abs(first + rate * horizon))
-        fourth = np.hypot(w**4 - 3 * rate**2, 6 * rate * w**2)  # z⁗ = (ω⁴ - 3r² - 6irω²)z
-        return np.stack(
-            [np.ones_like(w), w, np.hypot(rate, w**2), w * np.hypot(3 * rate, w**2), fourth]
-        )
+        third, fourth = w * np.hypot(3 * rate, w**2), np.hypot(w**4 - 3 * rate**2, 6 * rate * w**2)
+        return np.stack([np.ones_like(w), w, np.hypot(rate, w**2), third, fourth])

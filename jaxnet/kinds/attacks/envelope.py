@@ -5,7 +5,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import AnyAttack, Attack
-from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, value_range, zip_by_vehicle
+from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, setting, value_range, zip_by_vehicle
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, NumberJets
@@ -24,13 +24,12 @@ class Envelope(Attack):
     attack.
     """
 
-    kind = "envelope"
     highest = 4
 
     of: Annotated[AnyAttack, KindOf("attack"), Field(description="the other attack")]
-    start: PerVehicle = Field(default=0.0, description="[s], when it begins to rise")
-    rise: PositivePerVehicle = Field(default=5.0, description="[s], how long it rises, and falls")
-    stop: PerVehicle | None = Field(default=None, description="[s], when it begins to fall")
+    start: PerVehicle = setting(0.0, "[s], when it begins to rise")
+    rise: PositivePerVehicle = setting(5.0, "[s], how long it rises, and falls")
+    stop: PerVehicle | None = setting(None, "[s], when it begins to fall")
 
     def of_order(self, order):
         found = super().of_order(order)
@@ -49,11 +48,10 @@ class Envelope(Attack):
 
     def basis(self, time):
         """The functions by Leibniz's rule: `(e β)^(k) = Σ_j C(k, j) e^(j) β^(k-j)`."""
-        xp, height = time.__array_namespace__(), self.height(time)
-        inner = up_to(self.told_order, self.of.signal().basis, time)
-        orders = range(self.told_order + 1)
-        return xp.stack(
-            [sum(c * height[j][None] * inner[k - j] for j, c in leibniz(k)) for k in orders]
+        height = self.height(time)[:, None]
+        inner, orders = up_to(self.told_order, self.of.signal().basis, time), len(height)
+        return time.__array_namespace__().stack(
+            [sum(c * height[j] * inner[k - j] for j, c in leibniz(k)) for k in range(orders)]
         )
 
     def vectors(self):
@@ -69,28 +67,21 @@ class Envelope(Attack):
 
     def faults(self, scenario):
         yield from super().faults(scenario)
-        outer = Attack.model_fields
-        inside = [
-            key
-            for key in outer
-            if key != "label" and getattr(self.of, key, None) != outer[key].default
-        ]
-        for key in inside if self.of.present else []:
-            yield Fault(
-                (f"attack.of.{key}", "attack.of", "attack"), f"belongs outside: give attack.{key}"
-            )
+        inner, keys = self.of, ("attack.of", "attack")
+        for key, field in Attack.model_fields.items() if inner.present else ():
+            if key != "label" and getattr(inner, key, None) != field.default:
+                yield Fault((f"attack.of.{key}", *keys), f"belongs outside: give attack.{key}")
         times = [] if self.stop is None else zip_by_vehicle(self.start, self.rise, self.stop)
-        ends = (
-            (value_range(start)[1] + value_range(rise)[1], value_range(stop)[0])
-            for start, rise, stop in times
-        )
-        if any(stop < top * (1 - TIME_ROUNDING) for top, stop in ends):
-            yield Fault(("attack.stop", "attack"), "must not be before start + rise")
-        if self.of.strategic or not self.of.bounded:
-            yield Fault(("attack.of", "attack"), f"{self.of.kind} has no signal of its own")
-        if scenario.vehicle.order > self.of.highest:
-            most = f"{self.of.kind} has derivatives up to {self.of.highest}"
-            yield Fault(("attack.of", "attack"), f"{most}, {scenario.vehicle.kind} needs more")
+        for start, rise, stop in times:
+            top = value_range(start)[1] + value_range(rise)[1]
+            if value_range(stop)[0] < top * (1 - TIME_ROUNDING):
+                yield Fault(("attack.stop", "attack"), "must not be before start + rise")
+                break
+        if inner.strategic or not inner.bounded:
+            yield Fault(keys, f"{inner.kind} has no signal of its own")
+        if scenario.vehicle.order > inner.highest:
+            most = f"{inner.kind} has derivatives up to {inner.highest}"
+            yield Fault(keys, f"{most}, {scenario.vehicle.kind} needs more")
 
 
 def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers, order: int = 3) -> NumberJets:
@@ -102,25 +93,23 @@ def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers, order: int = 3) -> Numb
     xp = x.__array_namespace__()
     x = xp.clip(x, 0.0, 1.0)
     y = 1.0 - x
+    u = x * y
     if order > 3:
-        u = x * y
-        return xp.stack(
-            [
-                x**5 * (126.0 - 420.0 * x + 540.0 * x**2 - 315.0 * x**3 + 70.0 * x**4),
-                630.0 * u**4 / rise,
-                2520.0 * u**3 * (y - x) / rise**2,
-                2520.0 * u**2 * (3.0 - 14.0 * u) / rise**3,
-                15120.0 * u * (1.0 - 7.0 * u) * (y - x) / rise**4,
-            ]
-        )
-    return xp.stack(
-        [
-            x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3),
-            140.0 * x**3 * y**3 / rise,
-            420.0 * x**2 * y**2 * (y - x) / rise**2,
-            840.0 * x * y * (1.0 - 5.0 * x + 5.0 * x**2) / rise**3,
+        jets = [
+            x**5 * (126.0 - 420.0 * x + 540.0 * x**2 - 315.0 * x**3 + 70.0 * x**4),
+            630.0 * u**4 / rise,
+            2520.0 * u**3 * (y - x) / rise**2,
+            2520.0 * u**2 * (3.0 - 14.0 * u) / rise**3,
+            15120.0 * u * (1.0 - 7.0 * u) * (y - x) / rise**4,
         ]
-    )
+    else:
+        jets = [
+            x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3),
+            140.0 * u**3 / rise,
+            420.0 * u**2 * (y - x) / rise**2,
+            840.0 * u * (1.0 - 5.0 * u) / rise**3,
+        ]
+    return xp.stack(jets)
 
 
 def leibniz(order: int) -> list[tuple[int, float]]:

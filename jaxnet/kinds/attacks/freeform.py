@@ -1,8 +1,7 @@
 import numpy as np
-from pydantic import Field
 
-from jaxnet.kinds.fields import Several, Uniform
-from jaxnet.kinds.harmonics import Harmonics
+from jaxnet.kinds.attacks import Harmonics
+from jaxnet.kinds.fields import Several, Uniform, setting
 
 
 class Freeform(Harmonics):
@@ -12,16 +11,14 @@ class Freeform(Harmonics):
     Each attacker has vectors of its own.
     """
 
-    kind = "freeform"
     numbers = (("coefficients", 4),)
 
-    coefficients: Several = Field(
-        default=Uniform(uniform=[-1.0, 1.0]),
-        description="of each harmonic of each attacker x and y of its cosine, then of its sine; "
-        "their size counts for nothing",
+    coefficients: Several = setting(
+        Uniform(uniform=[-1.0, 1.0]),
+        "of each harmonic of each attacker x and y of its cosine, then of its sine; their size "
+        "counts for nothing",
     )
 
     def pairs(self):
-        """The coefficients as vectors, (2, m, 2 · harmonics, lanes)."""
         given = np.asarray(self.coefficients)  # (4 · harmonics, m, lanes)
         return given.reshape(-1, 2, *given.shape[1:]).transpose(1, 2, 0, 3)

@@ -1,7 +1,5 @@
-from pydantic import Field
-
 from jaxnet.kinds.attacks import HeldOffset, unit_vectors
-from jaxnet.kinds.fields import FULL_TURN, Angle
+from jaxnet.kinds.fields import FULL_TURN, Angle, setting
 from jaxnet.kinds.shapes import AnyNumbers, VehicleNumbers
 from jaxnet.lazy import jax, jnp
 
@@ -15,10 +13,8 @@ class Mimic(HeldOffset):
     another's offset.
     """
 
-    kind = "mimic"
-
-    direction: Angle = Field(default=FULL_TURN, description="[rad], of the offset")
-    parts: int = Field(default=16, ge=1, le=1000, description="of ā that are tried")
+    direction: Angle = setting(FULL_TURN, "[rad], of the offset")
+    parts: int = setting(16, "of ā that are tried", ge=1, le=1000)
 
     def aim(self, seen, memory):
         """Try the fractions of ā in ascending order; the greatest that every listener retains."""

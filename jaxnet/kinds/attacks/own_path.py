@@ -1,20 +1,9 @@
-"""A path of the attacker's own, as malicious agents of the literature have."""
-
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Discriminator, Field
 
-from jaxnet.kinds.attacks import Attack, constant_basis
-from jaxnet.kinds.fields import (
-    MARK,
-    Angle,
-    NotNegative,
-    PerVehicle,
-    Vector,
-    union_member,
-    value_range,
-)
+from jaxnet.kinds.attacks import PathInstead, constant_basis
+from jaxnet.kinds.fields import Angle, OneOf, PerVehicle, Vector, setting, value_range
 from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.protocols import NavigatorPath
 from jaxnet.kinds.shapes import AnyTimes, SignalBasis
@@ -22,81 +11,65 @@ from jaxnet.model.plane import length
 from jaxnet.model.signal import Harmonic
 
 
-def centre_tag(value: object) -> str:
-    return MARK + ("word" if isinstance(value, str) else "place")
+class OwnPath(PathInstead):
+    """An attacked link carries `centre + swing · cos(frequency · t + phase)`.
 
-
-class OwnPath(Attack):
-    """An attacked link carries `centre + swing · cos(frequency · t + phase)`, whatever its source
-    does.
-
-    The path follows neither the navigator nor the source. With a swing of [0, 0] it is a constant
-    place.
+    The path follows neither the navigator nor the source, as that of malicious agents of the
+    literature. With a swing of [0, 0] it is a constant place.
     """
 
-    kind = "own_path"
     words = "path of its own"
-    highest = 4
-    bounded = False
 
-    magnitude: NotNegative = Field(
-        default=5.0, description="[m], what recovery is judged by; nothing is scaled to it"
+    centre: Annotated[Literal["start"] | Vector, OneOf("must be start, or a place [x, y]")] = (
+        setting("start", "[m], a place [x, y], or start: where the source starts")
     )
-    threat: Literal["replaces"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
-        default="replaces", description="what is sent is replaced"
-    )
-    centre: Annotated[
-        Annotated[Literal["start"], union_member("word")]
-        | Annotated[Vector, union_member("place")],
-        Discriminator(centre_tag),
-    ] = Field(default="start", description="[m], a place [x, y], or start: where the source starts")
-    swing: Vector = Field(default=[10.0, 0.0], description="[m], of the oscillation on each axis")
-    frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the oscillation")
-    phase: Angle = Field(default=0.0, description="[rad], at t = 0")
+    swing: Vector = setting([10.0, 0.0], "[m], of the oscillation on each axis")
+    frequency: PerVehicle = setting(0.7, "[rad/s], of the oscillation")
+    phase: Angle = setting(0.0, "[rad], at t = 0")
 
     def fastest(self):
         return max(map(abs, value_range(self.frequency)))
 
     def told(self, navigator, start):
-        """The signal and vectors of the path minus the navigator's.
-
-        The functions are a constant, cosine and sine, and the navigator's two coordinates. The
-        constant is as great as the farthest centre, so that the vectors have similar lengths.
-        """
-        m, lanes = start.shape[1:]
         centre = start if isinstance(self.centre, str) else np.asarray(self.centre)[:, None]
-        centre, swing = (
-            np.broadcast_to(each, start.shape) for each in (centre, np.asarray(self.swing)[:, None])
-        )
-        far = np.maximum(1.0, length(centre).max(axis=0))
-        cosine, sine = (np.broadcast_to(turn(self.phase), (m, lanes)) for turn in (np.cos, np.sin))
-        axes = np.broadcast_to(-np.eye(2)[:, None, :, None], (2, m, 2, lanes))
-        own = np.stack([centre / far, swing * cosine, -swing * sine], axis=2)
-        return Oscillation(Harmonic(self.frequency), navigator, far), np.concatenate(
-            [own, axes], axis=2
-        )
+        swing, phase = np.asarray(self.swing)[:, None], np.asarray(self.phase)
+        parts = (centre, swing * np.cos(phase), -swing * np.sin(phase))
+        own = [np.broadcast_to(each, start.shape) for each in parts]
+        return path_about(navigator, *own, harmonic=Harmonic(self.frequency))
 
     def reach(self, navigator, signal: Any, horizon):
-        """The sizes of the constant and the oscillation, plus those of the navigator's path."""
-        path = sizes_up_to(self.told_order, navigator, 0.0, horizon)
-        orders = np.arange(float(len(path)))
-        return (
-            path[:, None]
-            + np.eye(len(path), 1) * signal.far
-            + np.abs(self.frequency) ** orders[:, None]
-        )
+        return signal.sizes(sizes_up_to(self.told_order, navigator, 0.0, horizon))
 
 
-class Oscillation(NamedTuple):
-    """A constant function, a harmonic, and the two coordinates of the navigator."""
+class PlacedPath(NamedTuple):
+    """The functions of a path minus the navigator's: a constant, a harmonic, both coordinates."""
 
-    harmonic: Harmonic
     navigator: NavigatorPath
     far: Any  # (lanes,) [m]
+    harmonic: Harmonic | None
 
     def basis(self, time: AnyTimes) -> SignalBasis:
-        """Five functions: the constant, cosine, sine, and the navigator's two coordinates."""
-        xp, constant = time.__array_namespace__(), self.far[None, None] * constant_basis(time)
-        return xp.concatenate(
-            [constant, self.harmonic.basis(time), self.navigator.jets(time)], axis=1
-        )
+        own = [] if self.harmonic is None else [self.harmonic.basis(time)]
+        constant = self.far[None, None] * constant_basis(time)
+        parts = [constant, *own, self.navigator.jets(time)]
+        return time.__array_namespace__().concatenate(parts, axis=1)
+
+    def sizes(self, path: np.ndarray) -> np.ndarray:
+        """The sizes of the constant and the harmonic, plus those of the navigator's path."""
+        found = path[:, None] + np.eye(len(path), 1) * self.far
+        if self.harmonic is None:
+            return found
+        return found + np.abs(self.harmonic.frequency) ** np.arange(float(len(path)))[:, None]
+
+
+def path_about(
+    navigator: NavigatorPath, centre: np.ndarray, *swings: np.ndarray, harmonic: Harmonic | None
+) -> tuple[PlacedPath, np.ndarray]:
+    """Signal and vectors of a path about a centre (2, m, lanes) [m], minus the navigator's.
+
+    The constant is as great as the farthest centre, so that the vectors have similar lengths.
+    """
+    far = np.maximum(1.0, length(centre).max(axis=0))
+    axes = np.broadcast_to(-np.eye(2)[:, None, :, None], (*centre.shape[:2], 2, centre.shape[2]))
+    own = np.stack([centre / far, *swings], axis=2)
+    return PlacedPath(navigator, far, harmonic), np.concatenate([own, axes], axis=2)

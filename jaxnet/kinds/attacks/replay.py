@@ -1,45 +1,30 @@
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack
-from jaxnet.kinds.fields import NotNegative, PositivePerVehicle
+from jaxnet.kinds.attacks import PathInstead
+from jaxnet.kinds.fields import PositivePerVehicle, setting
 from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.protocols import NavigatorPath
 from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 
 
-class ReplayAttack(Attack):
+class ReplayAttack(PathInstead):
     """An attacked link carries the navigator's path of `delay` seconds ago, in place of its
     source's message.
 
     Before t = delay the link carries the path as it would have been before t = 0.
     """
 
-    kind = "replay"
-    highest = 4
-    bounded = False
-
-    magnitude: NotNegative = Field(
-        default=5.0, description="[m], what recovery is judged by; the path is not scaled to it"
-    )
-    threat: Literal["replaces"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
-        default="replaces", description="what is sent is replaced"
-    )
-    delay: PositivePerVehicle = Field(default=5.0, description="[s], how old the path is")
+    delay: PositivePerVehicle = setting(5.0, "[s], how old the path is")
 
     def told(self, navigator, start):
         return DelayedPath(navigator, self.delay), np.eye(2)[:, None, :, None]
 
     def reach(self, navigator, signal: Any, horizon):
         """Twice the sizes of the path, a bound on the difference of two of its positions."""
-        return (
-            2
-            * sizes_up_to(self.told_order, navigator, -float(np.max(signal.delay)), horizon)[
-                :, None
-            ]
-        )
+        earliest = -float(np.max(signal.delay))
+        return 2 * sizes_up_to(self.told_order, navigator, earliest, horizon)[:, None]
 
 
 class DelayedPath(NamedTuple):

@@ -1,20 +1,15 @@
-"""The rotating attack, the paper's."""
-
 import numpy as np
-from pydantic import Field
 
 from jaxnet.kinds.attacks import Harmonious, unit_vectors
-from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, setting
 from jaxnet.kinds.shapes import AnyNumbers
 
 
 class Rotating(Harmonious):
-    """A unit vector that turns, `[cos, sin](frequency · t + phase)`."""
+    """The paper's attack: a unit vector that turns, `[cos, sin](frequency · t + phase)`."""
 
-    kind = "rotating"
-
-    frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the turning")
-    phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
+    frequency: PerVehicle = setting(0.7, "[rad/s], of the turning")
+    phase: Angle = setting(FULL_TURN, "[rad], at t = 0")
 
     def vectors(self):
         return turned(self.phase)

@@ -1,8 +1,7 @@
 import numpy as np
-from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, unit_vectors
-from jaxnet.kinds.fields import Angle
+from jaxnet.kinds.fields import Angle, setting
 
 
 class Spoof(Attack):
@@ -13,18 +12,16 @@ class Spoof(Attack):
     1/k0 (theorems.md O5).
     """
 
-    kind = "spoof"
     highest = 4
     derived = False
 
-    direction: Angle = Field(default=0.0, description="[rad], of the offset")
+    direction: Angle = setting(0.0, "[rad], of the offset")
 
     def fastest(self):
         return 0.0
 
     def basis(self, time):
-        xp = time.__array_namespace__()
-        return xp.ones((5, 1, *time.shape))
+        return time.__array_namespace__().ones((5, 1, *time.shape))
 
     def vectors(self):
         return unit_vectors(self.direction)[:, :, None]

@@ -2,12 +2,12 @@
 knows of itself.
 """
 
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Discriminator, Field
+from pydantic import Field
 
-from jaxnet.kinds.fields import MARK, NotNegative, Record, union_member
+from jaxnet.kinds.fields import NotNegative, OneOf, Record, setting
 from jaxnet.kinds.kind import Fault, KindError, unknown_vehicles
 from jaxnet.kinds.shapes import (
     AnyMask,
@@ -76,7 +76,12 @@ class Neighbourhood(NamedTuple):
 
 
 class AnyDefence(DrawsAtTicks):
-    """Base class of all defences, with the defaults of their methods."""
+    """Base class of all defences. One that lacks the keys of `Defence` has class attributes."""
+
+    if TYPE_CHECKING:
+        trusted: Any
+        noise: Any
+        isolated: Any
 
     decides: ClassVar[bool] = False
     claims: ClassVar[frozenset[str]] = frozenset(
@@ -94,11 +99,16 @@ class AnyDefence(DrawsAtTicks):
 
     def coasts(self) -> bool:
         """Whether vehicles that decisions cut off from the navigator keep their last drive."""
-        return False
+        return self.isolated == "coast"
+
+    def draws(self):
+        return self.noise is not None and self.noise != 0
 
     def trusts(self, graph: Digraph) -> Links:
-        """The trusted links of a graph: by default all links from the navigator."""
-        return trusted_links(graph, {})
+        """The trusted links of a graph."""
+        if isinstance(self.trusted, ShareOfLinks | NearestSources):
+            return self.trusted.links(graph)
+        return graph.none if self.trusted == "none" else trusted_links(graph, self.trusted)
 
     def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Memory:
         """Arrays that all lanes share, any pytree; by default None.
@@ -112,11 +122,9 @@ class AnyDefence(DrawsAtTicks):
         return None
 
     def announcement(self, memory: Memory) -> VehicleVectors | None:
-        """The announcement `R(y) - R(y_0)` of each vehicle: (2, m, lanes), or None if vehicles
-        announce nothing.
+        """The announcement `R(y) - R(y_0)` of each vehicle, (2, m, lanes); by default None.
 
-        An attacked link adds R of its signal, or carries R of the signal alone if the threat is
-        `replaces`.
+        An attacked link adds R of its signal, or carries it alone if the threat is `replaces`.
         """
         return None
 
@@ -126,16 +134,19 @@ class AnyDefence(DrawsAtTicks):
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
         """Received jets as the decision sees them; the law uses the jets without this change."""
-        return received
+        return received if self.noise is None else self.noisy(received, self.noise, time)
 
     def overheard(
         self, announced: SlotVectors, sources: SlotSources, time: LaneTimes
     ) -> SlotVectors:
         """Announcements (2, slots, m, lanes) [m/s³] as vehicles see them to decide and announce.
 
-        `sources` (slots, m) are the numbers of the sources, 0 is the navigator.
+        `sources` (slots, m) are the numbers of the sources. The navigator, 0, announces 0 exactly.
         """
-        return announced
+        if self.noise is None:
+            return announced
+        (noisy,) = self.noisy((announced,), self.noise, time, first=3)
+        return noisy.__array_namespace__().where((sources > 0)[None, :, :, None], noisy, announced)
 
     def decide(
         self,
@@ -174,9 +185,14 @@ class AnyDefence(DrawsAtTicks):
         """Which sources the defence may retain, for bounds; None, the default, if not known."""
         return None
 
+    def spares(self, trusted: AnyMask) -> AnyMask:
+        """Those of the trusted links or slots whose weight the rule does not change."""
+        return trusted & False
+
     def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """A bound on the sources that the defence drops; by default every source."""
-        return self.retained(graph, trusted) or any_untrusted(graph, graph.none, len(trusted) + 1)
+        """A bound on the sources that the defence drops; by default every unspared source."""
+        known = self.retained(graph, trusted)
+        return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
         """Vehicles that end on the navigator whatever attackers send, by reason, strongest first.
@@ -185,9 +201,8 @@ class AnyDefence(DrawsAtTicks):
         sources upstream are dropped.
         """
         known, none = self.retained(graph, trusted), np.zeros(graph.vehicles, int)
-        reasons = [
-            Safe("untouched", safety.greatest(self.may_drop(graph, trusted), attacked, none))
-        ]
+        dropped = self.may_drop(graph, trusted)
+        reasons = [Safe("untouched", safety.greatest(dropped, attacked, none))]
         if known is not None:
             reasons.append(Safe("by trust", safety.greatest(known.believed(), attacked, none)))
         return reasons
@@ -198,12 +213,10 @@ class AnyDefence(DrawsAtTicks):
 
 
 class ShareOfLinks(Record):
-    """The navigator, and a random share of the vehicles that each listener hears, rounded at
-    random.
-    """
+    """The navigator, and a random share of the vehicles that each hears, rounded at random."""
 
     share: float = Field(ge=0, le=1, description="of each listener's links to vehicles")
-    seed: int = Field(default=0, ge=0, description="of the draw, which all lanes share")
+    seed: int = setting(0, "of the draw, which all lanes share", ge=0)
 
     def links(self, graph: Digraph) -> Links:
         """The trusted links; with one seed, a greater share contains a smaller one."""
@@ -214,26 +227,12 @@ class ShareOfLinks(Record):
 
 
 class NearestSources(Record):
-    """The n sources of each vehicle with the fewest links to the navigator, which counts as a
-    source.
-    """
+    """The n sources of each vehicle with the fewest links to the navigator, a source too."""
 
-    nearest: int = Field(
-        ge=1, le=10_000, description="sources, of those equally far the lowest numbers"
-    )
+    nearest: int = setting(..., "sources, of those equally far the lowest numbers", ge=1, le=10_000)
 
     def links(self, graph: Digraph) -> Links:
-        far = np.append(0.0, hops(graph))
-        return least(graph.heard, far[graph.sources], self.nearest)
-
-
-def trusted_tag(value: object) -> str | None:
-    if isinstance(value, Record):
-        return MARK + next(iter(type(value).model_fields))
-    if not isinstance(value, dict):
-        return MARK + "word" if value == "none" else None
-    listed = MARK + "listed" if all(isinstance(key, int) for key in value) else None
-    return next((MARK + key for key in ("share", "nearest") if key in value), listed)
+        return least(graph.heard, np.append(0.0, hops(graph))[graph.sources], self.nearest)
 
 
 class Defence(AnyDefence):
@@ -268,68 +267,35 @@ class Defence(AnyDefence):
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "trusted"})
 
     trusted: Annotated[
-        Annotated[Literal["none"], union_member("word")]
-        | Annotated[dict[int, list[int]], union_member("listed")]
-        | Annotated[ShareOfLinks, union_member("share")]
-        | Annotated[NearestSources, union_member("nearest")],
-        Discriminator(
-            trusted_tag,
-            custom_error_type="trusted",
-            custom_error_message="must be none, {vehicle: [sources]}, {share: s} or {nearest: n}",
-        ),
-    ] = Field(
-        default={},
-        description="{vehicle: [sources]}, these besides the navigator; {share: s, seed: n}, that "
-        "share of what each hears of others, drawn, besides it; {nearest: n}, the n sources of "
-        "each that are fewest links from it; none, nobody",
+        Literal["none"] | dict[int, list[int]] | ShareOfLinks | NearestSources,
+        OneOf("must be none, {vehicle: [sources]}, {share: s} or {nearest: n}"),
+    ] = setting(
+        {},
+        "{vehicle: [sources]}, these besides the navigator; {share: s, seed: n}, that drawn share "
+        "of what each hears of others, besides it; {nearest: n}, the n sources of each that are "
+        "fewest links from it; none, nobody",
     )
-    noise: NotNegative = Field(
-        default=0.0,
-        description="[m], standard deviation of the error in what is judged, on each axis, of each "
-        "source and tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ "
-        "of what vehicles announce; the law uses what is received without it",
+    noise: NotNegative = setting(
+        0.0,
+        "[m], standard deviation of the error in what is judged, on each axis, of each source and "
+        "tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ of "
+        "announcements; the law uses what is received without it",
     )
-    isolated: Literal["fail", "coast"] = Field(
-        default="fail",
-        description="where decisions cut a vehicle off from the navigator: fail, its lane fails; "
-        "coast, the vehicle keeps its last drive until a believed path reaches it again, or stops "
-        "where it comes to rest; under law: local, a vehicle that retains nobody has q = 0 with "
-        "either",
+    isolated: Literal["fail", "coast"] = setting(
+        "fail",
+        "where decisions cut a vehicle off from the navigator: fail, its lane fails; coast, it "
+        "keeps its last input until a believed path reaches it again, or stops where it comes to "
+        "rest; under law: local, a vehicle that retains nobody has q = 0 with either",
     )
-
-    def coasts(self):
-        return self.isolated == "coast"
-
-    def draws(self):
-        return self.noise != 0
-
-    def observed(self, received, time):
-        return received if self.noise is None else self.noisy(received, self.noise, time)
-
-    def overheard(self, announced, sources, time):
-        """Announcements with noise; the navigator's announcement, always 0, has no noise."""
-        if self.noise is None:
-            return announced
-        (noisy,) = self.noisy((announced,), self.noise, time, first=3)
-        return noisy.__array_namespace__().where((sources > 0)[None, :, :, None], noisy, announced)
-
-    def trusts(self, graph):
-        if isinstance(self.trusted, Record):
-            return self.trusted.links(graph)
-        if self.trusted == "none":
-            return graph.none
-        return trusted_links(graph, self.trusted)
 
     def faults(self, scenario):
         listed = self.trusted if isinstance(self.trusted, dict) else {}
-        yield from unknown_vehicles("defence.trusted", list(listed), scenario.vehicles, first=1)
+        yield from unknown_vehicles("defence.trusted", [*listed], scenario.vehicles, first=1)
         sources = [source for trusted in listed.values() for source in trusted]
         yield from unknown_vehicles("defence.trusted", sources, scenario.vehicles, first=0)
-        topology = scenario.topology
-        if isinstance(self.trusted, NearestSources) and (
-            topology.redrawn() or len(topology.turns()) > 1
-        ):
-            why = "every lane has links of its own" if topology.redrawn() else "networks take turns"
+        redrawn, turns = scenario.topology.redrawn(), len(scenario.topology.turns())
+        if isinstance(self.trusted, NearestSources) and (redrawn or turns > 1):
+            why = "every lane has links of its own" if redrawn else "networks take turns"
             message = f"who is nearest the navigator is not known where {why}"
             yield Fault(("defence.trusted", "topology"), message)
         if (self.needs_ticks() or self.draws()) and scenario.tick == 0:
@@ -342,18 +308,10 @@ class Defence(AnyDefence):
 class Sparing(Defence):
     """A rule that never drops trusted sources, unless `drop_trusted` is true."""
 
-    drop_trusted: bool = Field(
-        default=False, description="whether trusted sources are judged, and dropped, as others are"
-    )
+    drop_trusted: bool = setting(False, "whether trusted sources are judged and dropped as others")
 
-    def spares(self, trusted: AnyMask) -> AnyMask:
-        """Those of the trusted links or slots whose weight the rule does not change."""
+    def spares(self, trusted):
         return trusted & (not self.drop_trusted)
-
-    def may_drop(self, graph, trusted):
-        """A bound on the sources that the rule drops: every source that it does not spare."""
-        known = self.retained(graph, trusted)
-        return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)
 
     def spared(self, around: Neighbourhood) -> SlotMask:
         """The slots (slots, m, lanes) whose weight the rule does not change."""

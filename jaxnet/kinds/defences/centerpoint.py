@@ -19,7 +19,6 @@ class Centerpoint(Sparing):
     centerpoint, 2022. The choice of the interior point is ours.
     """
 
-    kind = "centerpoint"
     guarantee = (
         "none of the motion: with fewer than a third attacked the mean of the positions lies among "
         "the honest ones, but their derivatives are weighed unseen"

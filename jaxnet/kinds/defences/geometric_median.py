@@ -1,9 +1,7 @@
 from typing import Any
 
-from pydantic import Field
-
 from jaxnet.kinds.defences import Defence
-from jaxnet.kinds.fields import Positive
+from jaxnet.kinds.fields import Positive, setting
 from jaxnet.kinds.shapes import SlotNumbers, VehicleVectors
 from jaxnet.model.plane import length
 from jaxnet.model.retained import everybody
@@ -18,14 +16,13 @@ class GeometricMedian(Defence):
     Source: Pillutla, Kakade and Harchaoui, Robust aggregation for federated learning, 2022.
     """
 
-    kind = "geometric_median"
     guarantee = (
         "none of the motion: the mean of the positions stays near the honest ones where they have "
         "more than half of the weight, but derivatives are weighed unseen"
     )
 
-    smoothing: Positive = Field(default=1.0, description="[m], least distance that counts")
-    rounds: int = Field(default=8, ge=1, le=1000, description="of the iteration, at every tick")
+    smoothing: Positive = setting(1.0, "[m], least distance that counts")
+    rounds: int = setting(8, "of the iteration, at every tick", ge=1, le=1000)
 
     def decide(self, own, received, last, memory, around):
         from jax import lax
@@ -34,15 +31,13 @@ class GeometricMedian(Defence):
 
         def weighed(middle: VehicleVectors) -> SlotNumbers:
             apart = length(position - middle[:, None])
-            least = apart.__array_namespace__().maximum(apart, self.smoothing[None, None])
-            return around.weights / least
+            return around.weights / apart.__array_namespace__().maximum(apart, smoothing)
 
         def mean(weights: SlotNumbers) -> VehicleVectors:
-            moment: Any = sum(
-                weight[None] * position[:, slot] for slot, weight in enumerate(weights)
-            )
+            moment: Any = sum(weight[None] * position[:, k] for k, weight in enumerate(weights))
             return moment / weights.sum(axis=0)[None]
 
+        smoothing = self.smoothing[None, None]
         middle = lax.fori_loop(1, self.rounds, lambda _, z: mean(weighed(z)), mean(around.weights))
         return weighed(middle), memory
 

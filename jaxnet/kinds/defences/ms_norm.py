@@ -1,6 +1,5 @@
-from pydantic import Field
-
 from jaxnet.kinds.defences import Sparing
+from jaxnet.kinds.fields import setting
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 from jaxnet.model.retained import any_untrusted
@@ -12,16 +11,13 @@ class MSNorm(Sparing):
     This is the rule of W-MSR with distances in the plane in place of numbers on a line.
     """
 
-    kind = "ms_norm"
     words = "MS-norm"
     guarantee = (
         "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust "
         "where at most F untrusted sources are heard, who are all dropped"
     )
 
-    F: int = Field(
-        default=1, ge=0, le=10_000, description="most attacked sources that a vehicle reckons with"
-    )
+    F: int = setting(1, "most attacked sources that a vehicle reckons with", ge=0, le=10_000)
 
     def decide(self, own, received, last, memory, around):
         """Count the sources farther out; of equal ones (`ties`) the lower slot is dropped first."""

@@ -1,3 +1,5 @@
+from pydantic import ConfigDict
+
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.model.retained import everybody
 
@@ -5,8 +7,9 @@ from jaxnet.model.retained import everybody
 class NoDefence(AnyDefence):
     """Vehicles believe every source."""
 
-    kind = "none"
     guarantee = "none: everybody is believed"
+    model_config = ConfigDict(ignored_types=(object,))  # class attributes are no keys
+    trusted, noise, isolated = {}, None, "fail"
 
     def decide(self, own, received, last, memory, around):
         return last, memory

@@ -1,10 +1,9 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.kinds.fields import Number, Positive, Within
+from jaxnet.kinds.fields import Number, Positive, Within, setting
 from jaxnet.kinds.shapes import SlotNumbers, SlotVectors, VehicleVectors
 from jaxnet.model import safety
 from jaxnet.model.plane import length
@@ -18,8 +17,7 @@ OF_RANDOM_TRUTHS = (
 
 
 class Trust(Sparing):
-    """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the source of
-    greatest β.
+    """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the greatest β.
 
     α is an observation of a source at a tick, in one of two ways:
 
@@ -35,18 +33,14 @@ class Trust(Sparing):
     2022. The α of `deviation` is ours.
     """
 
-    kind = "trust"
     guarantee = "none: whoever stays within the radius is believed"
 
-    observation: Literal["deviation", "random"] = Field(
-        default="deviation",
-        description="what is observed of a source: its deviation, or at random the truth",
+    observation: Literal["deviation", "random"] = setting(
+        "deviation", "what is observed of a source: its deviation, or at random the truth"
     )
-    radius: Positive = Field(
-        default=20.0, description="[m], of deviations: the distance at which α = 1/2"
-    )
-    accuracy: Annotated[Number, Within(gt=0.5, le=1.0)] = Field(
-        default=0.8, description="of random observations: the probability that one is right"
+    radius: Positive = setting(20.0, "[m], of deviations: the distance at which α = 1/2")
+    accuracy: Annotated[Number, Within(gt=0.5, le=1.0)] = setting(
+        0.8, "of random observations: the probability that one is right"
     )
 
     def promise(self):
@@ -60,27 +54,22 @@ class Trust(Sparing):
 
     def decide(self, own, received, last, memory, around):
         xp, heard = own[0].__array_namespace__(), around.weights > 0
-        if self.observation == "random":
-            alpha = self.random_alpha(around)
-        else:
-            alpha = self.alpha(own[0], received[0], around)
-        observed = memory + alpha - 0.5
+        observed = memory + self.alpha(own[0], received[0], around) - 0.5
         memory = observed if around.arrived is None else xp.where(around.arrived, observed, memory)
         greatest = xp.where(heard, memory, -xp.inf).max(axis=0, keepdims=True)
         return self.spared(around) | (memory >= xp.minimum(greatest, 0.0)), memory
 
-    def random_alpha(self, around: Neighbourhood) -> SlotNumbers:
-        drawn = self.random(around.time, "observation", "uniform", around.weights.shape[:-1])
-        right = drawn < self.accuracy[None, None]
-        return (right != around.attacked).astype(float)
-
     def alpha(
         self, own: VehicleVectors, position: SlotVectors, around: Neighbourhood
     ) -> SlotNumbers:
+        if self.observation == "random":
+            drawn = self.random(around.time, "observation", "uniform", around.weights.shape[:-1])
+            right = drawn < self.accuracy[None, None]
+            return (right != around.attacked).astype(float)
         xp, trusts = own.__array_namespace__(), (around.weights > 0) & around.trusted[:, :, None]
         first, radius = trusts & (xp.cumsum(trusts, axis=0) == 1), self.radius[None, None]
-        word = xp.where(first[None], position, 0.0).sum(axis=1)
-        there = xp.where(trusts.any(axis=0)[None], word, own)
+        trusted = xp.where(first[None], position, 0.0).sum(axis=1)
+        there = xp.where(trusts.any(axis=0)[None], trusted, own)
         return radius / (radius + length(position - there[:, None]))
 
     def safe(self, graph, attacked, trusted):
@@ -89,14 +78,11 @@ class Trust(Sparing):
         In the end no attacked source is believed, unless it is spared or its listener hears no
         honest source.
         """
-        reasons, heard, spared = (
-            super().safe(graph, attacked, trusted),
-            graph.heard,
-            self.spares(trusted),
-        )
-        drops, everyone = self.may_drop(graph, trusted), np.ones(graph.vehicles, bool)
-        if self.observation == "random" and safety.stay_joined(drops, everyone).all():
-            believed = attacked & (spared | (attacked == heard).all(axis=1, keepdims=True))
+        reasons, everyone = super().safe(graph, attacked, trusted), np.ones(graph.vehicles, bool)
+        joined = safety.stay_joined(self.may_drop(graph, trusted), everyone).all()
+        if self.observation == "random" and joined:
+            alone = (attacked == graph.heard).all(axis=1, keepdims=True)
+            believed = attacked & (self.spares(trusted) | alone)
             ends = safety.greatest(everybody(graph), believed, np.zeros(graph.vehicles, int))
             reasons.append(Safe("by earned trust", ends))
         return reasons

@@ -1,5 +1,3 @@
-"""Only trusted sources are believed: a baseline for comparisons."""
-
 from jaxnet.kinds.defences import Defence
 from jaxnet.model.retained import DropPolicy
 
@@ -7,13 +5,11 @@ from jaxnet.model.retained import DropPolicy
 class TrustedOnly(Defence):
     """Retain trusted sources alone; a vehicle without a trusted source retains every source.
 
-    What counts are the links of the network in force, also where a message is lost.
-
+    A baseline. What counts are the links of the network in force, also where a message is lost.
     Under any attack a vehicle ends exactly on the navigator if only trusted, honest links join it
     to the navigator.
     """
 
-    kind = "trusted_only"
     guarantee = "by trust: exact for whom no attack reaches over what is retained, whatever it is"
 
     def needs_ticks(self):

@@ -4,17 +4,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
-from pydantic import Discriminator, Field
+from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
-from jaxnet.kinds.fields import (
-    MARK,
-    NotNegative,
-    Positive,
-    names_distribution,
-    union_member,
-    value_range,
-)
+from jaxnet.kinds.fields import NotNegative, OneOf, Positive, setting, value_range
 from jaxnet.kinds.kind import unknown_vehicles, vehicle_numbers
 from jaxnet.kinds.shapes import (
     AnyCounts,
@@ -44,11 +37,6 @@ else:
 
 Score = Literal["position", "jets", "feedback", "announced"]
 Theta = Annotated[int, Field(ge=0, le=10_000)]
-
-
-def theta_tag(value: object) -> str:
-    each = isinstance(value, dict) and not names_distribution(value)
-    return MARK + ("each" if each else "all")
 
 
 # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
@@ -102,33 +90,28 @@ class TrustedTrim(Sparing):
     it; `jaxnet check` states it in full.
     """
 
-    kind = "trusted_trim"
     words = "trusted trimming"
     guarantee = "none: attacks are known that pass the score of positions, of jets and of feedback"
     untraced = frozenset({"label", "theta", "trusted"})
 
-    theta: Annotated[
-        Annotated[Theta, union_member("all")] | Annotated[dict[int, Theta], union_member("each")],
-        Discriminator(theta_tag),
-    ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
-    tolerance: NotNegative = Field(
-        default=OF_ROUNDING,
-        description="[m], by which who was dropped last counts as farther (numerics.md O8)",
+    theta: Annotated[Theta | dict[int, Theta], OneOf()] = setting(
+        1, "ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named"
     )
-    score: Score = Field(
-        default="position",
-        description="what is compared: position, the paper's; jets, position, velocity and "
-        "acceleration; feedback, what the law makes of them; announced, what sources say drives "
-        "them",
+    tolerance: NotNegative = setting(
+        OF_ROUNDING, "[m], by which who was dropped last counts as farther (numerics.md O8)"
     )
-    first_announcement: NotNegative = Field(
-        default=1.0,
-        description="[m/s³], standard deviation on each axis of what vehicles announce at first; "
-        "with 0 and without noise the rule sees any inconsistent word to the last bit",
+    score: Score = setting(
+        "position",
+        "what is compared: position, the paper's; jets, position, velocity and acceleration; "
+        "feedback, what the law makes of them; announced, what sources say drives them",
     )
-    filter: Positive | None = Field(
-        default=None,
-        description="[s], time constant of a low-pass filter on scores; none without it",
+    first_announcement: NotNegative = setting(
+        1.0,
+        "[m/s³], standard deviation on each axis of what vehicles announce at first; with 0 and "
+        "without noise the rule sees any inconsistent message to the last bit",
+    )
+    filter: Positive | None = setting(
+        None, "[s], time constant of a low-pass filter on scores; none without it"
     )
 
     def needs_ticks(self):
@@ -141,11 +124,8 @@ class TrustedTrim(Sparing):
 
     def blurs(self) -> bool:
         """Whether decisions do not compare what sources announce now, but for rounding."""
-        return (
-            self.filter is not None
-            or self.noise != 0
-            or value_range(self.tolerance)[1] > OF_ROUNDING
-        )
+        tolerance = value_range(self.tolerance)[1]
+        return self.filter is not None or self.noise != 0 or tolerance > OF_ROUNDING
 
     def announcing(self):
         return self.score == "announced"
@@ -158,10 +138,8 @@ class TrustedTrim(Sparing):
         return self.announcing() and self.first_announcement != 0
 
     def drawn(self, draw, name):
-        values = {**vars(super().drawn(draw, name))}
-        if not self.wakes():
-            values["first_announcement"] = None
-        return self.filled(values)
+        found = super().drawn(draw, name)
+        return found if self.wakes() else found.with_values(first_announcement=None)
 
     def shared(self, graph, trusted, sources):
         slots = hearing.by_slot(graph, trusted, sources)
@@ -187,10 +165,10 @@ class TrustedTrim(Sparing):
         heard, theta = around.weights > 0, around.shared.theta
         trusts = heard & around.trusted[:, :, None]
         trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
-        shares = (
-            None if self.announcing() else trimming.trusted_shares(trusts, around.shared.references)
-        )
-        return heard & ~self.spared(around) & trims[None], shares
+        dropped = heard & ~self.spared(around) & trims[None]
+        if self.announcing():
+            return dropped, None
+        return dropped, trimming.trusted_shares(trusts, around.shared.references)
 
     def announcement(self, memory):
         return memory.announced if self.announcing() else None
@@ -209,9 +187,8 @@ class TrustedTrim(Sparing):
         if self.announcing():
             score = length(around.announced)
         else:
-            score = trimming.deviation(
-                self.compared(received, around.gain), shares, around.shared.references
-            )
+            vectors = self.compared(received, around.gain)
+            score = trimming.deviation(vectors, shares, around.shared.references)
         if self.filter is not None:
             score = trimming.filtered(score, memory.score, around.time - memory.time, self.filter)
             if around.arrived is not None:
@@ -282,7 +259,5 @@ class TrustedTrim(Sparing):
 
     def faults(self, scenario):
         yield from super().faults(scenario)
-        if isinstance(self.theta, dict):
-            yield from unknown_vehicles(
-                "defence.theta", list(self.theta), scenario.vehicles, first=1
-            )
+        listed = self.theta if isinstance(self.theta, dict) else {}
+        yield from unknown_vehicles("defence.theta", [*listed], scenario.vehicles, first=1)

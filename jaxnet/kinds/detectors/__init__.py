@@ -1,4 +1,4 @@
-"""Detectors: which words raise an alarm at a tick (theorems.md O17)."""
+"""Detectors: which messages raise an alarm at a tick (theorems.md O17)."""
 
 from typing import Any, ClassVar, NamedTuple
 
@@ -9,30 +9,24 @@ from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotSo
 
 
 class JudgedWords(NamedTuple):
-    """The words that arrive at a tick against their predictions, by slot. A listener has a slot for
-    each of its sources.
+    """The messages that arrive at a tick against their predictions, by slot.
 
-    - `time` (lanes,): time of the tick [s]
-    - `sources` (slots, m): number of the source, 0 is the navigator
-    - `residuals` (orders, 2, slots, m, lanes): received minus predicted jets, position first, each
-      divided by the standard deviation of its error; 0 in an order without errors
-    - `orders` (slots, m, lanes): number of orders with errors
-    - `judged` (slots, m, lanes): whether a word arrived, and has errors
-    - `interval` (lanes,): time from tick to tick [s]
+    `residuals` are received minus predicted jets, position first, each divided by the standard
+    deviation of its error; 0 in an order without errors. A listener has a slot for each source.
     """
 
-    time: LaneTimes
-    sources: SlotSources
+    time: LaneTimes  # of the tick [s]
+    sources: SlotSources  # number of the source, 0 is the navigator
     residuals: Float[Any, "orders 2 slots m *lanes"]
-    orders: Int[Any, "slots m *lanes"]
-    judged: SlotMask
-    interval: LaneNumbers
+    orders: Int[Any, "slots m *lanes"]  # number of orders with errors
+    judged: SlotMask  # whether a message arrived, and has errors
+    interval: LaneNumbers  # time from tick to tick [s]
 
 
 class Detector(Kind):
-    """A test of words. A subclass gives `alarms`, and `start` if it has a memory.
+    """A test of messages. A subclass gives `alarms`, and `start` if it has a memory.
 
-    An alarm has no effect on the fleet. Rows have the share of words that raised one.
+    An alarm has no effect on the fleet. Rows have the share of messages that raised one.
     """
 
     present: ClassVar[bool] = True
@@ -42,19 +36,19 @@ class Detector(Kind):
         return None
 
     def alarms(self, words: JudgedWords, memory: Any) -> tuple[SlotMask, Memory]:
-        """The words that raise an alarm at a tick.
+        """The messages that raise an alarm at a tick.
 
         Parameters
         ----------
         words
-            The words that arrive. Without attack their residuals are standard normal, if the errors
-            are normal.
+            The messages that arrive. Without attack their residuals are standard normal if the
+            errors are normal.
         memory
             The memory from the last tick, or from `start`.
 
         Returns
         -------
-            Whether a word raises an alarm, (slots, m, lanes), and the memory. Words that are not
-            judged do not count.
+            Whether a message raises an alarm, (slots, m, lanes), and the memory. Messages that are
+            not judged do not count.
         """
         raise KindError(f"{self.kind}: a detector gives alarms(self, words, memory)")

@@ -1,25 +1,22 @@
 from typing import Annotated
 
-from pydantic import Field
-
 from jaxnet.kinds.detectors import Detector
-from jaxnet.kinds.fields import Number, Within
+from jaxnet.kinds.fields import Number, Within, setting
 from jaxnet.lazy import jnp
 
 
 class ChiSquared(Detector):
-    """A word raises an alarm if its squared residual is improbable by the χ² law.
+    """A message raises an alarm if its squared residual is improbable by the χ² law.
 
     The squared residual is the sum over both axes and all orders with errors, each divided by its
     variance. With errors of positions alone, 1 % of false alarms means a threshold of 9.210340
     (theorems.md O17).
     """
 
-    kind = "chi_squared"
     words = "χ² test"
 
-    false_alarms: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(
-        default=0.01, description="probability of an alarm about an honest word with normal errors"
+    false_alarms: Annotated[Number, Within(gt=0.0, lt=1.0)] = setting(
+        0.01, "probability of an alarm about an honest message with normal errors"
     )
 
     def alarms(self, words, memory):

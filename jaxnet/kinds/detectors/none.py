@@ -2,7 +2,6 @@ from jaxnet.kinds.detectors import Detector
 
 
 class NoDetector(Detector):
-    """Nobody tests words."""
+    """Nobody tests messages."""
 
-    kind = "none"
     present = False

@@ -11,21 +11,21 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from pydantic import AfterValidator, Discriminator, Field
+from pydantic import AfterValidator, Field
 from scipy import sparse
 
 from jaxnet.kinds.fields import (
-    MARK,
     Number,
+    OneOf,
     Record,
     Within,
     is_drawn,
     median,
-    union_member,
+    setting,
     value_range,
 )
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken, unknown_vehicles
-from jaxnet.kinds.protocols import LaneDraw
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
@@ -37,6 +37,8 @@ LEAST_WEIGHT = 1e-15
 TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle
 
 GivenGraph = Any  # a Digraph, or weights (m, m + 1) as an array of NumPy or a sparse array of SciPy
+SlotSourceTable = Int[np.ndarray, "slots m"]
+LaneWeights = Float[np.ndarray, "samples slots m"]
 
 
 class Graph(Kind):
@@ -59,13 +61,13 @@ class Graph(Kind):
 
     linked_by: ClassVar[str] = "topology"  # the key by which the navigator reaches everybody
 
-    own_weight: float = Field(
-        default=0.0,
+    own_weight: float = setting(
+        0.0,
+        "weight of a vehicle on itself, relative to the mean weight of those it hears; 1 gives "
+        "each 1/(d + 1) where it hears d alike; acts under law: local alone",
+        title="weight on oneself",
         ge=0.0,
         le=GREATEST_EDGE_WEIGHT,
-        title="weight on oneself",
-        description="weight of a vehicle on itself, relative to the mean weight of those it hears; "
-        "1 gives each 1/(d + 1) where it hears d alike; acts under law: local alone",
     )
 
     def weights(self, vehicles: int) -> GivenGraph:
@@ -120,15 +122,13 @@ class Graph(Kind):
         """Whether lanes have links of their own, not only weights."""
         return self.differs() and not self.drawn_keys()
 
-    def lane_weights(
-        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
-    ) -> Float[np.ndarray, "samples slots m"]:
+    def lane_weights(self, draw: LaneDraw, vehicles: int, sources: SlotSourceTable) -> LaneWeights:
         """The weights of each lane by slot. Only a graph that differs by lane needs this method."""
         raise NotImplementedError
 
     def weights_by_slot(
-        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
-    ) -> Float[np.ndarray, "samples slots m"]:
+        self, draw: LaneDraw, vehicles: int, sources: SlotSourceTable
+    ) -> LaneWeights:
         """The normalised weights of each lane by slot."""
         if self.differs():
             return self.lane_weights(draw, vehicles, sources)
@@ -147,9 +147,7 @@ class Graph(Kind):
         """The weights as they are given, with those of vehicles on themselves; raise KindError."""
         return self.checked(self.weights(vehicles), vehicles)
 
-    def strength(
-        self, weights: Float[np.ndarray, "samples slots m"], navigator: bool
-    ) -> RowStrength | None:
+    def strength(self, weights: LaneWeights, navigator: bool) -> RowStrength | None:
         """The strength of the rows of each lane, None if it is 1: leaves (samples, m).
 
         `weights` are those of the lanes, and `navigator` says whether the fleet has one.
@@ -163,10 +161,7 @@ class Graph(Kind):
         return WithOwnWeight(share) if share.any() else None
 
     def digraph(self, given: GivenGraph, vehicles: int) -> Digraph:
-        """What `weights` and `links` give as a graph, without weights of vehicles on themselves.
-
-        Raises KindError.
-        """
+        """What `weights` and `links` give as a graph, without loops; raise KindError."""
         found = self.checked(given, vehicles)
         return found.only(found.sources != np.arange(1, vehicles + 1)[:, None])
 
@@ -179,10 +174,8 @@ class Graph(Kind):
                 given = np.empty(())
             given = graph.of_matrix(given) if given.shape == (vehicles, vehicles + 1) else None
         if given is None or given.vehicles != vehicles or not (given.weights >= 0).all():
-            raise KindError(
-                f"{self.kind}: weights must be ({vehicles}, {vehicles + 1}) numbers,"
-                " none of them negative"
-            )
+            shape = f"({vehicles}, {vehicles + 1})"
+            raise KindError(f"{self.kind}: weights must be {shape} numbers, none of them negative")
         if not np.isfinite(given.weights).all():
             raise KindError(f"{self.kind}: weights must be finite")
         return given
@@ -190,14 +183,14 @@ class Graph(Kind):
     def faults(self, scenario):
         """A fault if there is a navigator that does not reach every vehicle: L is singular then."""
         if scenario.law.couples() and (self.own_weight or not self.normalises()):
-            key = "own_weight" if self.own_weight else "normalised"
-            yield Fault((f"topology.{key}", "law"), f"{key} acts under law: local alone")
+            name = "own_weight" if self.own_weight else "normalised"
+            yield Fault((f"topology.{name}", "law"), f"{name} acts under law: local alone")
         if not scenario.navigator.present:
             return
         lost, least = check_reach(ByIdentity(self), scenario.vehicles)
         if lost:
-            words = ", ".join(map(str, lost))
-            yield Fault((self.linked_by, "topology"), f"the navigator does not reach {words}")
+            message = f"the navigator does not reach {', '.join(map(str, lost))}"
+            yield Fault((self.linked_by, "topology"), message)
         elif least < LEAST_WEIGHT:
             message = f"a link has less than {LEAST_WEIGHT:g} of the weights of its listener"
             yield Fault((self.linked_by, "topology"), message)
@@ -216,12 +209,9 @@ class ByIdentity:
         return id(self.one)
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=16)  # the cells of a sweep share their graph
 def check_reach(itself: ByIdentity, vehicles: int) -> tuple[list[int], float]:
-    """The vehicles that the navigator does not reach, and the least weight of a link.
-
-    The cache serves the cells of a sweep, which share their graph.
-    """
+    """The vehicles that the navigator does not reach, and the least weight of a link."""
     found = itself.one.normalised_rows(vehicles)
     return graph.unreachable(found), float(found.weights[found.heard].min(initial=1.0))
 
@@ -230,12 +220,6 @@ class ShareOfVehicles(Record):
     """A share of the vehicles, drawn at random and rounded."""
 
     share: float = Field(gt=0, le=1, description="of the vehicles")
-
-
-def informed_tag(value: object) -> str | None:
-    if isinstance(value, ShareOfVehicles) or (isinstance(value, dict) and "share" in value):
-        return MARK + "share"
-    return {str: MARK + "word", list: MARK + "listed"}.get(type(value))
 
 
 def check_navigator_weight(weight: Number) -> Number:
@@ -255,32 +239,19 @@ class Unweighted(Graph):
     linked_by: ClassVar[str] = "topology.navigator"
 
     navigator: Annotated[
-        Annotated[Literal["all"], union_member("word")]
-        | Annotated[list[int], union_member("listed")]
-        | Annotated[ShareOfVehicles, union_member("share")],
-        Discriminator(
-            informed_tag,
-            custom_error_type="navigator",
-            custom_error_message="must be all, a list of vehicles or {share: s}",
-        ),
-    ] = Field(
-        default="all", description="who hears the navigator: all, those listed, or a {share} drawn"
-    )
+        Literal["all"] | list[int] | ShareOfVehicles,
+        OneOf("must be all, a list of vehicles or {share: s}"),
+    ] = setting("all", "who hears the navigator: all, those listed, or a {share} drawn")
     navigator_weight: Annotated[
         Number, Within(gt=0.0, le=1.0), AfterValidator(check_navigator_weight)
-    ] = Field(
-        default=0.1,
-        description="of the navigator's word where it is heard, the neighbours share the rest",
+    ] = setting(0.1, "of the navigator's message where it is heard, the neighbours share the rest")
+    weighting: Literal["uniform", "metropolis"] = setting(
+        "uniform",
+        "of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many vehicles the "
+        "listener hears, or the source if that is more",
     )
-    weighting: Literal["uniform", "metropolis"] = Field(
-        default="uniform",
-        description="of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many "
-        "vehicles the listener hears, or the source if that is more",
-    )
-    seed: int = Field(
-        default=0,
-        ge=0,
-        description="of a draw for all lanes, repeated until the navigator reaches everybody",
+    seed: int = setting(
+        0, "of a draw for all lanes, repeated until the navigator reaches everybody", ge=0
     )
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
@@ -298,9 +269,8 @@ class Unweighted(Graph):
         """Who hears the navigator; by one generator, a greater share contains a smaller one."""
         everyone = np.arange(1, vehicles + 1)
         if isinstance(self.navigator, ShareOfVehicles):
-            return np.isin(
-                everyone, random.permutation(everyone)[: round(self.navigator.share * vehicles)]
-            )
+            number = round(self.navigator.share * vehicles)
+            return np.isin(everyone, random.permutation(everyone)[:number])
         return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
 
     def connected(self, vehicles: int, random: np.random.Generator) -> Digraph:
@@ -314,32 +284,35 @@ class Unweighted(Graph):
                 return links
         raise KindError(f"{self.kind}: the navigator reaches everybody in none of {TRIES} draws")
 
-    def parts(self, links: Digraph) -> tuple[Float[np.ndarray, "m slots"], Float[np.ndarray, " m"]]:
-        """The relative weights of the neighbours, and their sums."""
-        if self.weighting == "uniform":
-            parts = (links.heard & (links.sources > 0)).astype(float)
-            return parts, parts.sum(axis=1)
-        parts = graph.metropolis(links)
-        return parts, graph.totals(links.sources - 1, parts, links.vehicles)
-
     def weights(self, vehicles):
         """The weights by the rule; for a graph drawn lane by lane, those of one such graph."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
-        return self.weighted(links, median(self.navigator_weight))
+        weights = self.weighted(links, median(self.navigator_weight), links.sources.T)
+        return links._replace(weights=np.ascontiguousarray(weights.T))
 
-    def weighted(self, links: Digraph, navigator_weight: float) -> Digraph:
-        parts, total = self.parts(links)
-        navigator, rest = weight_shares(hears_navigator(links), total, navigator_weight)
-        weights = np.where(links.sources == 0, navigator[:, None], parts * rest[:, None])
-        return links._replace(weights=weights)
+    def weighted(
+        self, links: Digraph, number: float | np.ndarray, sources: SlotSourceTable
+    ) -> Float[np.ndarray, "*samples slots m"]:
+        """The weights by slot, for a navigator's weight () or (samples, 1).
+
+        A vehicle that hears no neighbour hears the navigator alone.
+        """
+        if self.weighting == "uniform":
+            parts = (links.heard & (links.sources > 0)).astype(float)
+            total = parts.sum(axis=1)
+        else:
+            parts = graph.metropolis(links)
+            total = graph.totals(links.sources - 1, parts, links.vehicles)
+        informed = (links.heard & (links.sources == 0)).any(axis=1)
+        navigator = informed * np.where(total > 0, number, 1.0)
+        rest = (1.0 - navigator) / np.where(total > 0, total, 1.0)
+        by_slot = hearing.by_slot(links, parts, sources)
+        return np.where(sources == 0, navigator[..., None, :], by_slot * rest[..., None, :])
 
     def lane_weights(self, draw, vehicles, sources):
         links = self.connected(vehicles, np.random.default_rng(self.seed))
-        parts, total = self.parts(links)
-        numbers = draw.one(self.navigator_weight, "topology.navigator_weight")[:, None]
-        navigator, rest = weight_shares(hears_navigator(links), total, numbers)
-        by_slot = hearing.by_slot(links, parts, sources)
-        return np.where(sources == 0, navigator[:, None], by_slot * rest[:, None])
+        numbers = draw.one(self.navigator_weight, "topology.navigator_weight")
+        return self.weighted(links, numbers[:, None], sources)
 
     def faults(self, scenario):
         listed = self.navigator if isinstance(self.navigator, list) else []
@@ -350,29 +323,10 @@ class Unweighted(Graph):
         yield from found or super().faults(scenario)
 
 
-def hears_navigator(links: Digraph) -> Bool[np.ndarray, " m"]:
-    return (links.heard & (links.sources == 0)).any(axis=1)
-
-
-def weight_shares(
-    informed: Bool[np.ndarray, " m"],
-    total: Float[np.ndarray, " m"],
-    navigator_weight: float | np.ndarray,
-) -> tuple[Float[np.ndarray, "*samples m"], Float[np.ndarray, "*samples m"]]:
-    """The navigator's weight in each row; the factor of neighbours' weights, whose sum is `total`.
-
-    A vehicle that hears no neighbour hears the navigator alone.
-    """
-    navigator = informed * np.where(total > 0, navigator_weight, 1.0)
-    return navigator, (1.0 - navigator) / np.where(total > 0, total, 1.0)
-
-
 class Random(Unweighted):
-    """Links drawn at random: one graph for the study by `seed`, or one for each lane by the study's
-    seed.
-    """
+    """Links drawn at random: one graph by `seed`, or one for each lane by the study's seed."""
 
-    redraw: bool = Field(default=False, description="whether each lane has a graph of its own")
+    redraw: bool = setting(False, "whether each lane has a graph of its own")
 
     def is_random(self):
         return True
@@ -396,8 +350,59 @@ class Random(Unweighted):
             return super().lane_weights(draw, vehicles, sources)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")
         graphs = (self.connected(vehicles, random) for random in draw.generators("topology"))
-        weights = (self.weighted(*each) for each in zip(graphs, numbers, strict=True))
-        return np.stack([hearing.by_slot(each, each.weights, sources) for each in weights])
+        pairs = zip(graphs, numbers, strict=True)
+        return np.stack([self.weighted(links, number, sources) for links, number in pairs])
+
+
+class EdgeGraph(Graph):
+    """A graph by its edges (i, j, w), "i hears j with weight w". A subclass gives `listed`."""
+
+    normalised: bool = setting(
+        True,
+        "whether the weights of a row are divided by their sum; false: law: local takes them as "
+        "they are",
+    )
+
+    def listed(self) -> Sequence[tuple[int, int, Number]]:
+        """The edges; raise KindError if there are none to read."""
+        raise NotImplementedError
+
+    def weights(self, vehicles):
+        edges = [(i, j, median(weight)) for i, j, weight in self.listed() if i != j]
+        return graph.weighted(vehicles, edges)
+
+    def normalises(self):
+        return self.normalised
+
+    def rows_with_loops(self, vehicles):
+        edges = [(i, j, median(weight)) for i, j, weight in self.listed()]
+        listeners, sources, weights = np.array(edges, float).reshape(-1, 3).T
+        return graph.of_links(vehicles, listeners - 1, sources, weights)
+
+    def size(self) -> int | None:
+        return max(max(listener, source) for listener, source, _ in self.listed())
+
+    def edge_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        vehicles, seen = scenario.vehicles, set[tuple[int, int]]()
+        for number, (listener, source, _) in enumerate(self.listed()):
+            keys, pair = (f"topology.edges.{number}", "topology.edges"), f"[{listener}, {source}]"
+            if not (1 <= listener <= vehicles and 0 <= source <= vehicles):
+                message = f"i is 1 to {vehicles} and j 0 to {vehicles} (got {pair})"
+                yield Fault((*keys, "vehicles"), message)
+            elif listener == source and scenario.law.couples():
+                yield Fault(keys, f"{listener} hears itself, which law: local alone allows")
+            elif (listener, source) in seen:
+                yield Fault(keys, f"{pair} is given twice")
+            seen.add((listener, source))
+
+    def faults(self, scenario):
+        last = self.size()
+        if last is not None and last < scenario.vehicles:
+            noun = "vehicle" if last == 1 else "vehicles"
+            message = f"the graph has {last} {noun} (got {scenario.vehicles})"
+            yield Fault(("vehicles", "topology"), message)
+            return
+        yield from super().faults(scenario)
 
 
 def too_many(key: str, number: int, vehicles: int) -> Iterator[Fault]:

@@ -9,15 +9,11 @@ from jaxnet.model import patterns
 
 
 class Circulant(Unweighted):
-    """A ring on which vehicle i hears vehicle i + o for each listed offset o; links need not be
-    mutual.
-    """
+    """A ring on which vehicle i hears vehicle i + o for each offset o; links need not be mutual."""
 
-    kind = "circulant"
-
-    offsets: Annotated[
-        list[int], Len(1), Field(description="from a listener to its sources, around the ring")
-    ]
+    offsets: Annotated[list[int], Len(1)] = Field(
+        description="from a listener to its sources, around the ring"
+    )
 
     def heard(self, vehicles, random):
         return patterns.circulant(vehicles, self.offsets)

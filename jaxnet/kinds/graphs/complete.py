@@ -6,7 +6,5 @@ from jaxnet.kinds.graphs import Unweighted
 class Complete(Unweighted):
     """Every vehicle hears every other vehicle."""
 
-    kind = "complete"
-
     def heard(self, vehicles, random):
         return ~np.eye(vehicles, dtype=bool)

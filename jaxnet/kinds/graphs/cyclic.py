@@ -6,13 +6,10 @@ from jaxnet.model import patterns
 class Cyclic(Unweighted):
     """A ring on which every vehicle hears both its neighbours."""
 
-    kind = "cyclic"
-
     def heard(self, vehicles, random):
         return patterns.circulant(vehicles, (-1, 1))
 
     def impossible(self, vehicles):
         if vehicles < 3:
-            yield Fault(
-                ("vehicles", "topology"), f"a ring has at least 3 vehicles (got {vehicles})"
-            )
+            message = f"a ring has at least 3 vehicles (got {vehicles})"
+            yield Fault(("vehicles", "topology"), message)

@@ -1,70 +1,46 @@
-"""Any weighted digraph, given by its edges."""
-
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Len
 from pydantic import Field, PrivateAttr
 
-from jaxnet.kinds.fields import Number, Within, median
-from jaxnet.kinds.graphs import Graph
+from jaxnet.kinds.fields import Number, Within, setting
+from jaxnet.kinds.graphs import EdgeGraph
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.model import graph
-from jaxnet.model.graph import Digraph
 from jaxnet.networks import GREATEST_EDGE_WEIGHT, NumberedNetwork, check_names, number_nodes
 from jaxnet.networks.objects import object_network
-
-NORMALISED = (
-    "whether the weights of a row are divided by their sum; "
-    "false: law: local takes them as they are"
-)
 
 Edge = Annotated[
     tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]], Field(strict=False)
 ]
 
 
-class Edges(Graph):
-    """Any weighted digraph as a list of edges; the weights of each listener are normalised to sum
-    1.
+class Edges(EdgeGraph):
+    """Any weighted digraph by a list of edges; the weights of a listener are normalised to sum 1.
 
     Under the law `local`, an edge [i, i, w] is the weight of vehicle i on itself. With `normalised:
     false` that law takes the weights as they are, `q_i = -Σ_j w_ij P(y_i - y_j)`, as a Laplacian
     does.
     """
 
-    kind = "edges"
     linked_by = "topology.edges"
 
-    edges: Annotated[
-        list[Edge],
-        Len(1),
-        Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w"),
-    ]
-    normalised: bool = Field(default=True, description=NORMALISED)
-    names: list[str] = Field(default=[], description="of the vehicles 1 … m, or none")
+    edges: Annotated[list[Edge], Len(1)] = Field(
+        description="entries i, j, w: i hears j (0 is the navigator) with weight w"
+    )
+    names: list[str] = setting([], "of the vehicles 1 … m, or none")
 
-    _led: bool | None = PrivateAttr(
-        default=None
-    )  # whether a node of an object led; None: from no object
+    # Whether a node of an object led; None: from no object
+    _led: bool | None = PrivateAttr(default=None)
 
     @property
     def led(self) -> bool:
         """Whether these edges are of an object, one of whose nodes became the navigator."""
         return bool(self._led)
 
-    def weights(self, vehicles):
-        return graph.weighted(
-            vehicles, [(i, j, median(weight)) for i, j, weight in self.edges if i != j]
-        )
-
-    def normalises(self):
-        return self.normalised
-
-    def rows_with_loops(self, vehicles):
-        return as_given(vehicles, [(i, j, median(weight)) for i, j, weight in self.edges])
+    def listed(self):
+        return self.edges
 
     def lane_weights(self, draw, vehicles, sources):
         """The weights of each lane; the draw of edge (i, j) is component j of vehicle i."""
@@ -76,31 +52,20 @@ class Edges(Graph):
         weights[:, slots, rows] = draw.placed(numbers, "topology.edges", links)
         return weights / weights.sum(axis=1, keepdims=True)
 
-    def size(self):
-        return last_vehicle(self.edges)
-
     def vehicle_names(self):
         return self.names
 
     def faults(self, scenario):
-        found = list(edge_faults(self.edges, scenario))
+        found = list(self.edge_faults(scenario))
         if self.drawn_keys() and (not self.normalised or any(i == j for i, j, _ in self.edges)):
-            keys = ("topology.normalised", "topology.edges")
-            found.append(
-                Fault(keys, "weights on oneself, and weights as they are, are numbers, not drawn")
-            )
-        found = (
-            found or size_faults(self.edges, scenario.vehicles) or name_faults(self.names, scenario)
-        )
+            message = "weights on oneself, and weights as they are, are numbers, not drawn"
+            found.append(Fault(("topology.normalised", "topology.edges"), message))
+        if not found and (self.size() or 0) >= scenario.vehicles:
+            try:
+                check_names(self.names, scenario.vehicles)
+            except KindError as error:
+                found.append(Fault(("topology.names",), str(error)))
         yield from found or super().faults(scenario)
-
-
-def name_faults(names: Sequence[str], scenario: ScenarioView) -> list[Fault]:
-    try:
-        check_names(names, scenario.vehicles)
-    except KindError as error:
-        return [Fault(("topology.names",), str(error))]
-    return []
 
 
 def adopt_network(given: object, leads: bool | None = True) -> Edges | None:
@@ -113,9 +78,8 @@ def adopt_network(given: object, leads: bool | None = True) -> Edges | None:
     if found is None:
         return None
     if leads is None:
-        raise KindError(
-            "navigator is none in some cells only: say by jaxnet.network(…, leads=…) who leads"
-        )
+        told = "say by jaxnet.network(…, leads=…) who leads"
+        raise KindError(f"navigator is none in some cells only: {told}")
     return edges_of_network(number_nodes(found, leads=leads), network_label(given), leads)
 
 
@@ -131,41 +95,3 @@ def edges_of_network(network: NumberedNetwork, label: str | None, leads: bool) -
 def network_label(given: object) -> str | None:
     attributes = getattr(given, "graph", None)
     return str(attributes.get("name") or "") or None if isinstance(attributes, Mapping) else None
-
-
-def last_vehicle(edges: Sequence[tuple[int, int, Number]]) -> int:
-    return max(max(listener, source) for listener, source, _ in edges)
-
-
-def size_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> list[Fault]:
-    last = last_vehicle(edges)
-    if last >= vehicles:
-        return []
-    noun = "vehicle" if last == 1 else "vehicles"
-    return [Fault(("vehicles", "topology"), f"the graph has {last} {noun} (got {vehicles})")]
-
-
-def as_given(vehicles: int, edges: Sequence[tuple[int, int, float]]) -> Digraph:
-    """The graph of edges (i, j, w), which may be loops, without normalisation."""
-    listeners, sources, weights = np.array([*edges], float).reshape(-1, 3).T
-    return graph.of_links(vehicles, listeners - 1, sources, weights)
-
-
-def edge_faults(
-    edges: Sequence[tuple[int, int, Number]], scenario: ScenarioView
-) -> Iterator[Fault]:
-    vehicles, seen = scenario.vehicles, set[tuple[int, int]]()
-    for number, (listener, source, _) in enumerate(edges):
-        key = f"topology.edges.{number}"
-        if not (1 <= listener <= vehicles and 0 <= source <= vehicles):
-            yield Fault(
-                (key, "topology.edges", "vehicles"),
-                f"i is 1 to {vehicles} and j 0 to {vehicles} (got [{listener}, {source}])",
-            )
-        elif listener == source and scenario.law.couples():
-            yield Fault(
-                (key, "topology.edges"), f"{listener} hears itself, which law: local alone allows"
-            )
-        elif (listener, source) in seen:
-            yield Fault((key, "topology.edges"), f"[{listener}, {source}] is given twice")
-        seen.add((listener, source))

@@ -5,16 +5,12 @@ from jaxnet.kinds.graphs import Random
 
 
 class ErdosRenyi(Random):
-    """An Erdős–Rényi digraph: every directed link between two vehicles exists with the same
-    probability.
-    """
+    """An Erdős–Rényi digraph: each directed link of two vehicles exists with one probability."""
 
-    kind = "erdos_renyi"
     words = "Erdős–Rényi"
 
     probability: float = Field(default=0.3, gt=0, le=1, description="of each directed link")
 
     def heard(self, vehicles, random):
-        return (random.random((vehicles, vehicles)) < self.probability) & ~np.eye(
-            vehicles, dtype=bool
-        )
+        drawn = random.random((vehicles, vehicles)) < self.probability
+        return drawn & ~np.eye(vehicles, dtype=bool)

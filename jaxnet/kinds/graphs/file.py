@@ -1,23 +1,13 @@
-"""A weighted digraph from a file."""
-
 import functools
 from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field
 from upath import UPath
 
-from jaxnet.kinds.graphs import Graph
-from jaxnet.kinds.graphs.edges import NORMALISED, as_given, edge_faults, last_vehicle, size_faults
+from jaxnet.kinds.fields import setting
+from jaxnet.kinds.graphs import EdgeGraph
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.model import graph
-from jaxnet.networks import (
-    Direction,
-    EdgeList,
-    NumberedNetwork,
-    number_nodes,
-    parse_network,
-    write_network,
-)
+from jaxnet.networks import Direction, NumberedNetwork, number_nodes, parse_network, write_network
 from jaxnet.networks.files import read_network
 
 
@@ -32,7 +22,7 @@ def check_content(content: str) -> str:
     return content
 
 
-class File(Graph):
+class File(EdgeGraph):
     """Any weighted digraph from a file: a list of edges, a matrix, or GraphML.
 
     A link a, b with weight w, or 1 if there is no weight, means that a hears b. The navigator is
@@ -41,7 +31,6 @@ class File(Graph):
     and belong to one version of it.
     """
 
-    kind = "file"
     linked_by = "topology.path"
     leads: ClassVar[bool] = True  # whether a node is the navigator
 
@@ -49,36 +38,28 @@ class File(Graph):
         description="of the file, from the config's folder; .graphml, .npy and .mtx (Matrix "
         "Market), other files are text"
     )
-    direction: Direction = Field(
-        default="hears", description="hears, a link a, b means a hears b; or tells"
+    direction: Direction = setting("hears", "hears, a link a, b means a hears b; or tells")
+    first: int = setting(0, "number of the first node, where nodes have numbers", ge=0, le=1)
+    leader: str | None = setting(
+        None,
+        "name or number of the navigator's node, or null: the first number, or the node called 0, "
+        "navigator or leader",
     )
-    first: int = Field(
-        default=0, ge=0, le=1, description="number of the first node, where nodes have numbers"
-    )
-    leader: str | None = Field(
-        default=None,
-        description="name or number of the navigator's node, or null: the first number, or the "
-        "node called 0, navigator or leader",
-    )
-    names: list[str] = Field(
-        default=[], description="of the vehicles, in place of those in the file"
-    )
-    normalised: bool = Field(default=True, description=NORMALISED)
-    content: dict[str, Annotated[str, AfterValidator(check_content)]] = Field(
-        default={}, description="links a,b,w of the file at a path, as read by jaxnet"
+    names: list[str] = setting([], "of the vehicles, in place of those in the file")
+    content: dict[str, Annotated[str, AfterValidator(check_content)]] = setting(
+        {}, "links a,b,w of the file at a path, as read by jaxnet"
     )
 
     @classmethod
     def completed(cls, given, folder):
-        given = {
-            key: str(value) if key == "leader" and type(value) is int else value
-            for key, value in given.items()
-        }
-        path, content, first = given.get("path"), given.get("content"), given.get("first", 0)
-        if not isinstance(path, str) or (isinstance(content, dict) and path in content):
-            return given
-        network = read_network(UPath(folder) / path, path, 1 if first == 1 else 0)
-        return given | {"content": {path: write_network(network)}}
+        keys: dict[object, object] = {**given}
+        if type(leader := keys.get("leader")) is int:
+            keys["leader"] = str(leader)
+        path, content, first = keys.get("path"), keys.get("content"), keys.get("first", 0)
+        if isinstance(path, str) and not (isinstance(content, dict) and path in content):
+            network = read_network(UPath(folder) / path, path, 1 if first == 1 else 0)
+            keys["content"] = {path: write_network(network)}
+        return keys
 
     def network(self) -> NumberedNetwork:
         """The edges and names of the file at the time when the study was loaded.
@@ -93,21 +74,12 @@ class File(Graph):
     def leaderless(self):
         return self.with_values(leads=False)
 
-    def edges(self) -> EdgeList:
+    def listed(self):
         return self.network().edges
-
-    def weights(self, vehicles):
-        return graph.weighted(vehicles, [edge for edge in self.edges() if edge[0] != edge[1]])
-
-    def normalises(self):
-        return self.normalised
-
-    def rows_with_loops(self, vehicles):
-        return as_given(vehicles, self.edges())
 
     def size(self):
         try:
-            return last_vehicle(self.edges())
+            return super().size()
         except KindError:
             return None
 
@@ -118,25 +90,19 @@ class File(Graph):
         """Faults of the edges. A file that cannot be read is a fault of loading, reported there."""
         if self.path not in self.content:
             if self.content:
-                yield Fault(
-                    ("topology.path",),
-                    f"{self.path} was not read: sweep topology, each with its path",
-                )
+                message = f"{self.path} was not read: sweep topology, each with its path"
+                yield Fault(("topology.path",), message)
             return
         try:
-            edges = self.edges()
+            messages = [fault.message for fault in self.edge_faults(scenario)]
         except KindError as error:
             yield Fault(("topology.path",), f"{self.path}: {error}")
             return
-        found = list(edge_faults(edges, scenario))
-        yield from (
-            Fault(("topology.path", "vehicles"), f"{self.path}: {fault.message}") for fault in found
-        )
-        if not found:
-            yield from size_faults(edges, scenario.vehicles) or super().faults(scenario)
+        found = [Fault(("topology.path", "vehicles"), f"{self.path}: {each}") for each in messages]
+        yield from found or super().faults(scenario)
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=16)  # the cells of a sweep have one file
 def numbered_content(
     content: str,
     direction: Direction,
@@ -145,5 +111,4 @@ def numbered_content(
     names: tuple[str, ...],
     leads: bool,
 ) -> NumberedNetwork:
-    """The edges and names of a stored network. The cache serves the cells of a sweep."""
     return number_nodes(parse_network(content), direction, first, leader, names, leads)

@@ -1,22 +1,17 @@
 from pydantic import Field
 
+from jaxnet.kinds.fields import setting
 from jaxnet.kinds.graphs import Unweighted
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns
 
 
 class Grid(Unweighted):
-    """Rows and columns of vehicles, numbered row by row; each hears those beside, before and behind
-    it.
-    """
-
-    kind = "grid"
+    """Rows and columns, numbered row by row; a vehicle hears those beside, before and behind it."""
 
     rows: int = Field(ge=1, description="how many")
     columns: int = Field(ge=1, description="vehicles in a row")
-    torus: bool = Field(
-        default=False, description="whether the last of a row or column hears the first"
-    )
+    torus: bool = setting(False, "whether the last of a row or column hears the first")
 
     def size(self):
         return self.rows * self.columns
@@ -25,8 +20,7 @@ class Grid(Unweighted):
         return patterns.grid(self.rows, self.columns, self.torus)
 
     def impossible(self, vehicles):
-        if self.rows * self.columns != vehicles:
-            message = (
-                f"times columns must be the {vehicles} vehicles (got {self.rows} × {self.columns})"
-            )
+        if self.size() != vehicles:
+            got = f"(got {self.rows} × {self.columns})"
+            message = f"times columns must be the {vehicles} vehicles {got}"
             yield Fault(("topology.rows", "topology", "vehicles"), message)

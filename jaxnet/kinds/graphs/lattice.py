@@ -13,8 +13,6 @@ Nearest = Annotated[
 class Lattice(Unweighted):
     """A ring on which every vehicle hears the nearest `neighbours` vehicles."""
 
-    kind = "lattice"
-
     neighbours: Nearest = 4
 
     def heard(self, vehicles, random):

@@ -7,7 +7,5 @@ from jaxnet.model import graph
 class Path(Graph):
     """A line: vehicle 1 hears the navigator, vehicle i hears vehicle i - 1."""
 
-    kind = "path"
-
     def weights(self, vehicles):
         return graph.of_links(vehicles, np.arange(vehicles), np.arange(vehicles))

@@ -7,7 +7,5 @@ from jaxnet.model import graph
 class Star(Graph):
     """Every vehicle hears the navigator alone."""
 
-    kind = "star"
-
     def weights(self, vehicles):
         return graph.of_links(vehicles, np.arange(vehicles), np.zeros(vehicles))

@@ -1,12 +1,12 @@
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Len
 from pydantic import Field
 from scipy import sparse
 
 from jaxnet.kinds import registry
-from jaxnet.kinds.fields import NotNegative, is_drawn, value_range
+from jaxnet.kinds.fields import NotNegative, is_drawn, setting, value_range
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators.none import NoNavigator
@@ -25,19 +25,15 @@ class Switching(DrawsAtTicks, Graph):
     where messages are lost. What `check` says of the graph holds for the union of the networks.
     """
 
-    kind = "switching"
     untraced = frozenset({"label", "own_weight", "networks"})
 
     networks: Annotated[list[Annotated[Graph, KindOf("topology")]], Len(2)] = Field(
         description="the networks, each with its kind and keys"
     )
-    every: NotNegative = Field(
-        default=0.0, description="[s], from one change to the next; or give `at`"
-    )
-    at: list[float] = Field(default=[], description="[s], times of the changes, ascending")
-    order: Literal["cyclic", "random"] = Field(
-        default="cyclic",
-        description="cyclic: as listed, again and again; random: drawn at each change",
+    every: NotNegative = setting(0.0, "[s], from one change to the next; or give `at`")
+    at: list[float] = setting([], "[s], times of the changes, ascending")
+    order: Literal["cyclic", "random"] = setting(
+        "cyclic", "cyclic: as listed, again and again; random: drawn at each change"
     )
 
     @classmethod
@@ -65,16 +61,12 @@ class Switching(DrawsAtTicks, Graph):
 
     def weights(self, vehicles):
         """The union of the networks, with the mean of their normalised weights."""
-        each = [network.normalised_rows(vehicles) for network in self.networks]
-        ends = [(*found.edges(), found) for found in each]
-        links = [
-            (found.weights[rows, slots], (rows, found.sources[rows, slots]))
-            for rows, slots, found in ends
-        ]
-        total = sum(
-            sparse.coo_array(link, shape=(vehicles, vehicles + 1)).tocsr() for link in links
-        )
-        return graph.of_matrix(total / len(each))
+        total = sparse.csr_array((vehicles, vehicles + 1))
+        for found in (network.normalised_rows(vehicles) for network in self.networks):
+            rows, slots = found.edges()
+            links = found.weights[rows, slots], (rows, found.sources[rows, slots])
+            total = total + sparse.coo_array(links, shape=total.shape).tocsr()
+        return graph.of_matrix(total / len(self.networks))
 
     def leaderless(self):
         return self.model_copy(update={"networks": [each.leaderless() for each in self.networks]})
@@ -98,8 +90,7 @@ class Switching(DrawsAtTicks, Graph):
         return (drawn * networks).astype(int)
 
     def faults(self, scenario):
-        whole: Any = scenario
-        alone = whole.model_copy(update={"navigator": NoNavigator()})
+        alone = scenario.model_copy(update={"navigator": NoNavigator()})
         found = list(self.time_faults(scenario))
         for number, network in enumerate(self.networks):
             key = f"topology.networks.{number}"
@@ -111,9 +102,8 @@ class Switching(DrawsAtTicks, Graph):
                 message = f"has {network.size()} vehicles (got {scenario.vehicles})"
                 found.append(Fault((key, "vehicles"), message))
             else:
-                found += [
-                    Fault((key, *fault.keys), fault.message) for fault in network.faults(alone)
-                ]
+                inner = network.faults(alone)
+                found += [Fault((key, *fault.keys), fault.message) for fault in inner]
         yield from found or super().faults(scenario)
 
     def time_faults(self, scenario: ScenarioView) -> Iterator[Fault]:

@@ -1,25 +1,25 @@
 """Laws: how vehicles find the jerk q = y‴ that solves `L q = b` (theorems.md O2b, O12)."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken
-from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import VehicleVectors
 
 Way = Literal["solved", "held", "local", "linearised"]
 
 
 class Law(Kind):
-    """A way to solve `L q = b`, which couples all vehicles. A subclass holds q from tick to tick;
-    it gives `exchange`.
+    """A way to solve `L q = b`, which couples all vehicles.
+
+    A subclass holds q from tick to tick; it gives `exchange`.
     """
 
     claims: ClassVar[frozenset[str]] = frozenset({"left", "iterates", "gives_demand"})
     holds: ClassVar[bool] = True  # whether vehicles hold q from tick to tick
-    local: ClassVar[bool] = False  # whether neighbours tell no highest derivative, as q = y‴
+    local: ClassVar[bool] = False  # whether neighbours transmit no highest derivative, as q = y‴
 
     def exchange(
         self,
@@ -27,7 +27,7 @@ class Law(Kind):
         demand: VehicleVectors,
         heard: Callable[[VehicleVectors], VehicleVectors],
     ) -> VehicleVectors:
-        """Return the jerk that vehicles hold from this tick until the next.
+        """The jerk that vehicles hold from this tick until the next.
 
         Parameters
         ----------
@@ -45,20 +45,19 @@ class Law(Kind):
         raise KindError(f"{self.kind}: a law gives exchange(self, last, demand, heard)")
 
     def left(self, eigenvalues: np.ndarray) -> np.ndarray | None:
-        """Return the factor by which an exchange multiplies q - L⁻¹b along eigenvectors of A with
-        these eigenvalues.
+        """The factor by which an exchange multiplies q - L⁻¹b along eigenvectors of A.
 
-        None, the default, means that the factor is not known; `jaxnet check` then reports nothing
-        on stability.
+        None, the default, means that it is not known; `jaxnet check` then says nothing of
+        stability.
         """
         return None
 
     def exchanges(self) -> int:
-        """Return how often neighbours tell each other q at a tick."""
+        """How often neighbours send each other q at a tick."""
         return 1
 
     def way(self) -> Way:
-        """Return how vehicles follow the law between ticks.
+        """How vehicles follow the law between ticks.
 
         `solved`: for all vehicles together at every instant, as the theory asks. `held`: by the q
         of the last tick. `local`: at every instant, each vehicle alone. `linearised`: by inputs
@@ -67,7 +66,6 @@ class Law(Kind):
         return "held" if self.holds else "local" if self.local else "solved"
 
     def needs_ticks(self) -> bool:
-        """Return whether vehicles hold q from tick to tick."""
         return self.way() == "held"
 
     def solves(self) -> bool:
@@ -75,7 +73,7 @@ class Law(Kind):
         return self.way() == "solved"
 
     def couples(self) -> bool:
-        """Return whether a vehicle's q depends on those of its neighbours, which tell them.
+        """Whether a vehicle's q depends on those that its neighbours send.
 
         Such a law needs a navigator and has no solution for vehicles that are cut off, which may
         keep their drive. It does not depend on the strength of a row of weights.
@@ -83,11 +81,11 @@ class Law(Kind):
         return not self.local
 
     def takes_any_message(self) -> bool:
-        """Return whether messages may be lost, late or err."""
+        """Whether messages may be lost, delayed or err."""
         return True
 
     def tells_motion(self, extrapolated: bool) -> bool:
-        """Return whether late messages are power series of the vehicles' motion over a tick."""
+        """Whether delayed messages are power series of the vehicles' motion over a tick."""
         return not self.holds and (self.local or extrapolated)
 
     def iterates(self) -> bool:
@@ -95,7 +93,7 @@ class Law(Kind):
         return False
 
     def gives_demand(self) -> bool:
-        """Return whether q is the demand itself, of which stability is known."""
+        """Whether q is the demand itself, of which stability is known."""
         return False
 
     def own_gain(self, gain: Any) -> Any:
@@ -103,14 +101,13 @@ class Law(Kind):
         return 0.0 * gain if self.needs_ticks() else gain
 
     def singular_at_rest(self) -> bool:
-        """Return whether the inputs are those of `ψ⁻¹`, undefined where ψ is singular."""
+        """Whether the inputs are those of `ψ⁻¹`, undefined where ψ is singular."""
         return True
 
-    def breaks(self) -> frozenset[str]:
+    def breaks(self):
         return broken(solved=not self.solves())
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if the law holds the jerk and the scenario has no ticks."""
+    def faults(self, scenario):
         if self.needs_ticks() and scenario.tick == 0:
-            told = f"{self.kind} holds the jerk from tick to tick: give a tick"
-            yield Fault(("law", "tick"), told)
+            message = f"{self.kind} holds the jerk from tick to tick: give a tick"
+            yield Fault(("law", "tick"), message)

@@ -1,14 +1,7 @@
-"""The paper's law, solved exactly."""
-
-from typing import ClassVar
-
 from jaxnet.kinds.laws import Law
 
 
 class ExactLaw(Law):
-    """Solve the law for all vehicles together at every instant, as if each knew the jerk of all
-    others.
-    """
+    """The paper's law, solved for all vehicles at every instant, as if each knew all jerks."""
 
-    kind = "exact"
-    holds: ClassVar[bool] = False
+    holds = False

@@ -1,11 +1,7 @@
 """The law that the paper argues against: feedback of the error, linearised about the navigator."""
 
-from collections.abc import Iterator
-from typing import ClassVar
-
 from jaxnet.kinds.kind import Fault
-from jaxnet.kinds.laws import Law, Way
-from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.laws import Law
 
 
 class LinearisedLaw(Law):
@@ -24,26 +20,22 @@ class LinearisedLaw(Law):
     `isolated` is `fail`.
     """
 
-    kind = "linearised"
-    holds: ClassVar[bool] = False
+    holds = False
 
-    def way(self) -> Way:
+    def way(self):
         return "linearised"
 
-    def takes_any_message(self) -> bool:
+    def takes_any_message(self):
         return False
 
-    def singular_at_rest(self) -> bool:
+    def singular_at_rest(self):
         return False
 
-    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault where vehicles may keep a drive or the navigator's state is unknown."""
+    def faults(self, scenario):
         yield from super().faults(scenario)
         if scenario.defence.coasts():
             message = f"{self.kind} knows no drive that a vehicle could keep: give isolated: fail"
             yield Fault(("defence", "law"), message)
         if scenario.vehicle.internal:
-            message = (
-                f"{self.kind} needs the navigator's state, which its path does not determine for"
-            )
-            yield Fault(("law", "vehicle"), f"{message} {scenario.vehicle.kind}")
+            message = "needs the navigator's state, which its path does not determine for"
+            yield Fault(("law", "vehicle"), f"{self.kind} {message} {scenario.vehicle.kind}")

@@ -1,19 +1,14 @@
 """The law without the highest derivative of neighbours: the protocol of most of the literature."""
 
-from collections.abc import Callable
-from typing import ClassVar
-
-from pydantic import Field
-
+from jaxnet.kinds.fields import setting
 from jaxnet.kinds.laws import Law
-from jaxnet.kinds.shapes import VehicleVectors
 
 
 class LocalLaw(Law):
     """`q_i = -P(ε_i)`, plus the navigator's derivative where a vehicle hears it, held from tick to
     tick or not.
 
-    q is the derivative of the vehicles' order r. No neighbour tells its q, so a fleet lags behind a
+    q is the derivative of the vehicles' order r. No neighbour sends its q, so a fleet lags behind a
     navigator that moves. A vehicle that hears or retains nobody has q = 0: an agent of order 1
     stands still, one of order 2 keeps its velocity. No lane fails as disconnected, whatever the
     defence's `isolated` is. Single integrators with the gain k0 = 1/tick that hold q step by `x ← W
@@ -23,27 +18,18 @@ class LocalLaw(Law):
     systems, 2007.
     """
 
-    kind = "local"
-    local: ClassVar[bool] = True
+    local = True
 
-    hold: bool = Field(
-        default=True,
-        description="whether vehicles hold q from tick to tick; false: q follows at every instant",
+    hold: bool = setting(
+        True, "whether vehicles hold q from tick to tick; false: q follows at every instant"
     )
 
     @property
-    def holds(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Return the key `hold`."""
+    def holds(self):  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.hold
 
-    def exchange(
-        self,
-        last: VehicleVectors,
-        demand: VehicleVectors,
-        heard: Callable[[VehicleVectors], VehicleVectors],
-    ) -> VehicleVectors:
-        """Return the demand: nothing is exchanged."""
+    def exchange(self, last, demand, heard):
         return demand
 
-    def gives_demand(self) -> bool:
+    def gives_demand(self):
         return True

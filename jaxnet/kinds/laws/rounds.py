@@ -1,22 +1,9 @@
-"""The law solved by rounds of exchanges with neighbours."""
+from typing import Any
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
-
-import numpy as np
-from pydantic import Field
-
+from jaxnet.kinds.fields import setting
 from jaxnet.kinds.laws import Law
-from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.shapes import AnyCounts, VehicleVectors
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax
-    import jax.numpy as jnp
-else:
-    jax = LazyModule("jax")
-    jnp = LazyModule("jax.numpy")
+from jaxnet.lazy import jax, jnp
 
 
 class Rounds(Law):
@@ -26,36 +13,27 @@ class Rounds(Law):
     next tick.
     """
 
-    kind = "rounds"
+    rounds: int = setting(1, "exchanges with the neighbours at each tick", ge=1, le=10_000)
 
-    rounds: int = Field(
-        default=1, ge=1, le=10_000, description="exchanges with the neighbours at each tick"
-    )
+    def drawn(self, draw, name):
+        """The law with `rounds` as a number of each lane: one program serves all values."""
+        return super().drawn(draw, name).with_values(rounds=draw.same(self.rounds))
 
-    def drawn(self, draw: LaneDraw, name: str) -> "Rounds":
-        """Return the law with `rounds` as a number of each lane: one program serves all values."""
-        drawn = super().drawn(draw, name)
-        return self.filled({**vars(drawn), "rounds": draw.same(self.rounds)})
-
-    def exchange(
-        self,
-        last: VehicleVectors,
-        demand: VehicleVectors,
-        heard: Callable[[VehicleVectors], VehicleVectors],
-    ) -> VehicleVectors:
-        """Return the jerk after the rounds of Jacobi's iteration."""
+    def exchange(self, last, demand, heard):
+        """The jerk after the rounds of Jacobi's iteration."""
+        rounds: Any = self.rounds
 
         def once(number: AnyCounts, jerk: VehicleVectors) -> VehicleVectors:
-            return jnp.where((number < self.rounds)[None, None], heard(jerk) + demand, jerk)
+            return jnp.where((number < rounds)[None, None], heard(jerk) + demand, jerk)
 
-        return jax.lax.fori_loop(0, self.rounds.max(), once, last)  # pyright: ignore[reportAttributeAccessIssue]
+        return jax.lax.fori_loop(0, rounds.max(), once, last)
 
-    def exchanges(self) -> int:
+    def exchanges(self):
         return self.rounds
 
-    def iterates(self) -> bool:
+    def iterates(self):
         return True
 
-    def left(self, eigenvalues: np.ndarray) -> np.ndarray | None:
-        """Return λ^r, the factor after r rounds."""
+    def left(self, eigenvalues):
+        """λ^r, the factor after r rounds."""
         return eigenvalues**self.rounds

@@ -8,25 +8,17 @@ from jaxnet.kinds.ticks import DrawsAtTicks
 
 
 class Messages(NamedTuple):
-    """The messages on their way at a tick, by slot. A listener has a slot for each of its sources.
+    """The messages on their way at a tick, by slot. A listener has one for each source."""
 
-    - `time` (lanes,): time of the tick [s]
-    - `sources` (slots, m): number of the source, 0 is the navigator
-    - `present` (slots, m, lanes): whether the slot has a message
-    - `distance` (slots, m, lanes): distance from the source to the listener [m]
-    - `interval` (lanes,): time from tick to tick [s]
-    """
-
-    time: LaneTimes
-    sources: SlotSources
-    present: SlotMask
-    distance: SlotNumbers
-    interval: LaneNumbers
+    time: LaneTimes  # of the tick [s]
+    sources: SlotSources  # number of the source, 0 is the navigator
+    present: SlotMask  # whether the slot has a message
+    distance: SlotNumbers  # from the source to the listener [m]
+    interval: LaneNumbers  # time from tick to tick [s]
 
 
 class Loss(DrawsAtTicks):
-    """A rule by which a channel loses messages. A subclass gives `lost`, and `start` if it has a
-    memory.
+    """A rule by which a channel loses messages. A subclass gives `lost`, with a memory `start`.
 
     A message that is lost at a tick is missing until the next tick. Its listener drops the source,
     and divides the other weights by their sum. A vehicle that hears nobody keeps its last drive.
@@ -75,9 +67,8 @@ class Loss(DrawsAtTicks):
         if scenario.tick == 0:
             yield Fault(("channel.loss", "tick"), "messages are lost at ticks: give a tick")
         if scenario.defence.announcing():
-            told = "a defence by announcements needs every message"
-            message = f"{told}: give loss: none, or another defence"
-            yield Fault(("channel.loss", "defence"), message)
+            message = "a defence by announcements needs every message: give loss: none"
+            yield Fault(("channel.loss", "defence"), f"{message}, or another defence")
         if not scenario.law.takes_any_message():
             message = f"under {scenario.law.kind} a vehicle has no drive to keep: give loss: none"
             yield Fault(("channel.loss", "law"), message)

@@ -10,7 +10,6 @@ from jaxnet.kinds.ticks import DrawsTogether
 class Bernoulli(DrawsTogether, Loss):
     """Messages are lost with one probability, independently at each tick."""
 
-    kind = "bernoulli"
     words = "Bernoulli"
 
     probability: Annotated[Number, Within(ge=0.0, le=1.0)] = Field(
@@ -21,9 +20,8 @@ class Bernoulli(DrawsTogether, Loss):
         return self.probability == 0
 
     def of_whole_ticks(self):
-        return (
-            float(self.probability) if self.of == "all" and not is_drawn(self.probability) else None
-        )
+        known = self.of == "all" and not is_drawn(self.probability)
+        return float(self.probability) if known else None
 
     def draws(self):
         return not self.perfect()

@@ -1,5 +1,3 @@
-"""Loss in bursts: each channel is a Markov chain of two states."""
-
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -11,13 +9,12 @@ from jaxnet.lazy import jnp
 
 
 class GilbertElliott(DrawsTogether, Loss):
-    """A channel is good or bad, and loses every message while it is bad.
+    """A channel is good or bad, a Markov chain, and loses every message while it is bad.
 
     The share of lost messages is `fail / (fail + recover)`, and the mean burst takes `1 / recover`
     ticks. A channel starts in the stationary distribution.
     """
 
-    kind = "gilbert_elliott"
     words = "Gilbert–Elliott"
 
     fail: Annotated[Number, Within(ge=0.0, le=1.0)] = Field(

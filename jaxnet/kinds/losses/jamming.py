@@ -1,12 +1,12 @@
 from typing import Annotated, NamedTuple
 
 from annotated_types import Len
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
-from jaxnet.kinds.fields import NotNegative, Number, Positive, Within, ordered
+from jaxnet.kinds.fields import NotNegative, Number, Positive, Within, ordered, setting
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.losses import Loss, Messages
-from jaxnet.kinds.shapes import LaneMask, LaneTimes, SlotMask, SlotNumbers
+from jaxnet.kinds.shapes import SlotMask, SlotNumbers
 from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsTogether, Together
 from jaxnet.lazy import jnp
 
@@ -29,28 +29,16 @@ class Jamming(DrawsTogether, Loss):
     turns on or off; it does so if both limits allow it.
     """
 
-    kind = "jamming"
-
-    of: Together = Field(default="all", description="for whom a drawn interval counts, as above")
-    intervals: list[Interval] = Field(
-        default=[], description="[s], begin and end of each listed interval"
-    )
-    period: NotNegative = Field(
-        default=0.0, description="[s], from begin to begin of periodic intervals; 0: none"
-    )
-    length: NotNegative = Field(default=0.0, description="[s], of each periodic interval")
-    first: Number = Field(default=0.0, description="[s], begin of the first periodic interval")
-    starts: NotNegative = Field(
-        default=0.0, description="η, drawn intervals that may begin at once, 0: none"
-    )
-    spacing: Positive = Field(
-        default=1.0, description="τ_D [s], least mean time from begin to begin"
-    )
-    seconds: NotNegative = Field(
-        default=0.0, description="κ [s], length of drawn intervals at once"
-    )
-    ratio: Annotated[Number, Within(gt=1.0)] = Field(
-        default=2.0, description="T, least mean ratio of the time to the length of drawn intervals"
+    of: Together = setting("all", "for whom a drawn interval counts, as above")
+    intervals: list[Interval] = setting([], "[s], begin and end of each listed interval")
+    period: NotNegative = setting(0.0, "[s], from begin to begin of periodic intervals; 0: none")
+    length: NotNegative = setting(0.0, "[s], of each periodic interval")
+    first: Number = setting(0.0, "[s], begin of the first periodic interval")
+    starts: NotNegative = setting(0.0, "η, drawn intervals that may begin at once, 0: none")
+    spacing: Positive = setting(1.0, "τ_D [s], least mean time from begin to begin")
+    seconds: NotNegative = setting(0.0, "κ [s], length of drawn intervals at once")
+    ratio: Annotated[Number, Within(gt=1.0)] = setting(
+        2.0, "T, least mean ratio of the time to the length of drawn intervals"
     )
 
     def periodic(self) -> bool:
@@ -66,27 +54,21 @@ class Jamming(DrawsTogether, Loss):
         if "key" not in vars(self):
             return None
         nobody = jnp.zeros_like(messages.present)
-        starts, seconds = (
-            jnp.broadcast_to(each[None, None], nobody.shape) for each in (self.starts, self.seconds)
-        )
+        limits = (each[None, None] for each in (self.starts, self.seconds))
+        starts, seconds = (jnp.broadcast_to(each, nobody.shape) for each in limits)
         return Budget(starts, seconds, nobody)
 
     def lost(self, messages, memory):
-        jams = jnp.broadcast_to(self.planned(messages.time)[None, None], messages.present.shape)
+        time = messages.time + TICK_ROUNDING
+        phase = (time - self.first) % jnp.where(self.period > 0, self.period, 1.0)
+        jams = (self.period > 0) & (time >= self.first) & (phase < self.length)
+        for begin, end in self.intervals:
+            jams = jams | ((time >= begin) & (time < end))
+        jams = jnp.broadcast_to(jams[None, None], messages.present.shape)
         if memory is None:
             return jams, memory
         memory = self.spent(messages, memory)
         return jams | memory.jams, memory
-
-    def planned(self, time: LaneTimes) -> LaneMask:
-        time = time + TICK_ROUNDING
-        jams = (self.period > 0) & (time >= self.first)
-        jams = jams & (
-            (time - self.first) % jnp.where(self.period > 0, self.period, 1.0) < self.length
-        )
-        for begin, end in self.intervals:
-            jams = jams | ((time >= begin) & (time < end))
-        return jams
 
     def spent(self, messages: Messages, left: Budget) -> Budget:
         """The budget after a tick: the jammer starts or goes on if it wants to and may."""

@@ -2,7 +2,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.fields import NotNegative, setting
 from jaxnet.kinds.losses import Loss
 from jaxnet.lazy import jnp
 
@@ -10,13 +10,11 @@ from jaxnet.lazy import jnp
 class Range(Loss):
     """A message arrives if its source is within a radius of the listener at the tick."""
 
-    kind = "range"
-
     radius: Annotated[float, Field(ge=0.0, allow_inf_nan=True)] = Field(
         description="[m], greatest distance at which a source is heard; .inf: every message arrives"
     )
-    hysteresis: NotNegative = Field(
-        default=0.0, description="[m], by how much farther a source goes until it is lost again"
+    hysteresis: NotNegative = setting(
+        0.0, "[m], by how much farther a source goes until it is lost again"
     )
 
     def perfect(self):
@@ -27,8 +25,6 @@ class Range(Loss):
 
     def lost(self, messages, memory):
         """The messages from too far away; `memory` holds those that were heard at the last tick."""
-        reach = jnp.asarray(self.radius)[None, None] + jnp.where(
-            memory, self.hysteresis[None, None], 0.0
-        )
-        heard = messages.distance <= reach
+        farther = jnp.where(memory, self.hysteresis[None, None], 0.0)
+        heard = messages.distance <= jnp.asarray(self.radius)[None, None] + farther
         return ~heard, heard

@@ -79,9 +79,8 @@ class Metric:
         allowed |= {"vehicles": get_args(Reduction), "undefined": get_args(Undefined)}
         for field, known in allowed.items():
             if (given := getattr(self, field)) not in known:
-                raise KindError(
-                    f"metric {self.name}: {field} is one of {', '.join(known)} (got {given!r})"
-                )
+                message = f"{field} is one of {', '.join(known)} (got {given!r})"
+                raise KindError(f"metric {self.name}: {message}")
 
     @property
     def column_unit(self) -> str:

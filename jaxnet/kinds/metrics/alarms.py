@@ -4,9 +4,9 @@ from jaxnet.kinds.shapes import VehicleNumbers
 
 
 def alarm_share(seen: FleetView, links: int) -> VehicleNumbers:
-    """Alarms over words until now, (m, lanes), of attacked links (0) or of honest links (1).
+    """Alarms over messages until now, (m, lanes), of attacked links (0) or of honest links (1).
 
-    The share is not-a-number without a detector, and where no word was judged.
+    The share is not-a-number without a detector, and where no message was judged.
     """
     xp = seen.error.__array_namespace__()
     share = xp.nan if seen.alarms is None else seen.alarms[links]
@@ -17,9 +17,7 @@ ALARMS = Metric(
     "alarms",
     "",
     lambda seen: alarm_share(seen, 0),
-    "run",
-    "last",
-    "max",
-    "alarms about words of attacked links, a share of these words",
-    "blank",
+    time="last",
+    words="alarms about words of attacked links, a share of these words",
+    undefined="blank",
 )

@@ -5,9 +5,7 @@ FALSE_ALARMS = Metric(
     "false_alarms",
     "",
     lambda seen: alarm_share(seen, 1),
-    "run",
-    "last",
-    "max",
-    "alarms about words of honest links, a share of these words",
-    "blank",
+    time="last",
+    words="alarms about words of honest links, a share of these words",
+    undefined="blank",
 )

@@ -16,9 +16,8 @@ MIN_SEPARATION = Metric(
     "min_separation",
     "m",
     nearest,
-    "run",
-    "min",
-    "min",
-    "least distance of two vehicles",
-    "infinite",
+    time="min",
+    vehicles="min",
+    words="least distance of two vehicles",
+    undefined="infinite",
 )

@@ -21,6 +21,4 @@ def beyond(seen: FleetView) -> VehicleNumbers:
     return xp.where(honest, outside, 0.0)
 
 
-OUTSIDE_HULL = Metric(
-    "outside", "m", beyond, "run", "max", "max", "way out of the hull of the starts"
-)
+OUTSIDE_HULL = Metric("outside", "m", beyond, words="way out of the hull of the starts")

@@ -71,11 +71,10 @@ class Navigator(Kind):
             return
         slowest, when = self.slowest(scenario.horizon)
         if not slowest >= LEAST_NAVIGATOR_SPEED:
-            yield Fault(
-                ("navigator", "horizon"),
-                f"slows to {slowest:.3g} m/s at t = {when:.4g} s; at least {LEAST_NAVIGATOR_SPEED}"
-                " m/s is needed, for the law is singular where a vehicle stands still",
-            )
+            least = f"at least {LEAST_NAVIGATOR_SPEED} m/s is needed"
+            why = "the law is singular where a vehicle stands still"
+            message = f"slows to {slowest:.3g} m/s at t = {when:.4g} s; {least}, for {why}"
+            yield Fault(("navigator", "horizon"), message)
 
 
 def sizes_up_to(order: int, navigator: NavigatorPath, start: float, end: float) -> np.ndarray:
@@ -86,7 +85,5 @@ def sizes_up_to(order: int, navigator: NavigatorPath, start: float, end: float) 
     known = navigator.sizes(start, end)
     if len(known) > order:
         return known
-    more = np.asarray(up_to(order, navigator.jets, np.linspace(start, end, SPEED_SAMPLES)))[
-        len(known) :
-    ]
-    return np.concatenate([known, np.linalg.norm(more, axis=1).max(axis=1)])
+    jets = np.asarray(up_to(order, navigator.jets, np.linspace(start, end, SPEED_SAMPLES)))
+    return np.concatenate([known, np.linalg.norm(jets[len(known) :], axis=1).max(axis=1)])

@@ -5,19 +5,16 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Len
 from jaxtyping import Float
-from pydantic import Field
 
-from jaxnet.kinds.fields import Vector
+from jaxnet.kinds.fields import Vector, setting
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.shapes import AnyTimes, PathJets
 from jaxnet.model.circle import circle
 from jaxnet.model.shapes import Numbers
 
-NODES, SHARES = (
-    (np.polynomial.legendre.leggauss(8)[0] + 1) / 2,
-    np.polynomial.legendre.leggauss(8)[1] / 2,
-)
+GAUSS_LEGENDRE = np.polynomial.legendre.leggauss(8)
+NODES, SHARES = (GAUSS_LEGENDRE[0] + 1) / 2, GAUSS_LEGENDRE[1] / 2
 MOST_TURN = 0.5  # [rad] within a piece, over which the quadrature is exact to rounding
 SPEED, TURN_RATE = slice(0, 4), slice(4, 8)  # coefficients; then heading, x, y
 
@@ -33,34 +30,29 @@ class Driven(Navigator):
     The position is integrated by Gauss–Legendre quadrature, to rounding.
     """
 
-    kind = "driven"
     words = "driven robot"
 
-    speed: Annotated[list[float], Len(2)] = Field(
-        default=[20.0, 20.0],
-        description="[m/s], at the times 0, `every`, 2 `every`, …; below 0 backwards",
+    speed: Annotated[list[float], Len(2)] = setting(
+        [20.0, 20.0], "[m/s], at the times 0, `every`, 2 `every`, …; below 0 backwards"
     )
-    turn_rate: Annotated[list[float], Len(2)] = Field(
-        default=[0.4, 0.4], description="[rad/s], at the same times; above 0 to the left"
+    turn_rate: Annotated[list[float], Len(2)] = setting(
+        [0.4, 0.4], "[rad/s], at the same times; above 0 to the left"
     )
-    every: float = Field(default=60.0, gt=0, description="[s], from one value to the next")
-    position: Vector = Field(default=[0.0, 0.0], description="[m], at t = 0")
-    heading: float = Field(default=0.0, description="[rad], at t = 0, from the first axis")
+    every: float = setting(60.0, "[s], from one value to the next", gt=0)
+    position: Vector = setting([0.0, 0.0], "[m], at t = 0")
+    heading: float = setting(0.0, "[rad], at t = 0, from the first axis")
 
     def pieces(self) -> Pieces:
         """The numbers of each piece of the path, and the duration of a piece [s]."""
         drawn = vars(self)
         if "table" in drawn:
             return drawn["table"], drawn["duration"]
-        return pieces_of(
-            tuple(self.speed), tuple(self.turn_rate), self.every, *self.position, self.heading
-        )
+        speed, turn_rate = tuple(self.speed), tuple(self.turn_rate)
+        return pieces_of(speed, turn_rate, self.every, *self.position, self.heading)
 
     def drawn(self, draw, name):
-        table, duration = self.pieces()
-        return self.filled(
-            {"table": np.moveaxis(draw.same(table), 0, -1), "duration": draw.same(duration)}
-        )
+        table, duration = map(draw.same, self.pieces())
+        return self.filled({"table": np.moveaxis(table, 0, -1), "duration": duration})
 
     def jets(self, time):
         """The position by quadrature, and its derivatives from v, ω and their derivatives."""
@@ -68,20 +60,16 @@ class Driven(Navigator):
 
     def faults(self, scenario):
         """A fault of lists of unequal lengths, or that end before the horizon."""
-        if len(self.speed) != len(self.turn_rate):
-            message = (
-                f"must have as many values as speed, {len(self.speed)} (got {len(self.turn_rate)})"
-            )
+        speeds, turns = len(self.speed), len(self.turn_rate)
+        end = self.every * (speeds - 1)
+        if speeds != turns:
+            message = f"must have as many values as speed, {speeds} (got {turns})"
             yield Fault(("navigator.turn_rate",), message)
-            return
-        end = self.every * (len(self.speed) - 1)
-        if end < scenario.horizon:
-            message = (
-                f"ends at {end:g} s, before the horizon of {scenario.horizon:g} s: give more values"
-            )
-            yield Fault(("navigator.speed", "horizon"), message)
-            return
-        yield from super().faults(scenario)
+        elif end < scenario.horizon:
+            message = f"ends at {end:g} s, before the horizon of {scenario.horizon:g} s"
+            yield Fault(("navigator.speed", "horizon"), f"{message}: give more values")
+        else:
+            yield from super().faults(scenario)
 
 
 @functools.lru_cache
@@ -95,9 +83,8 @@ def pieces_of(
 ) -> Pieces:
     """The numbers of each piece, and the duration of a piece [s].
 
-    The numbers are the coefficients of v and ω, and heading and position where the piece begins.
-    Pieces are parts of the intervals between values, within which the robot turns by MOST_TURN at
-    most.
+    The numbers are the coefficients of v and ω, and heading and position where the piece begins. A
+    piece is a part of an interval between values, in which the robot turns by at most MOST_TURN.
     """
     from scipy.interpolate import CubicSpline
 
@@ -109,16 +96,15 @@ def pieces_of(
     starts = duration * np.arange(parts * intervals)
     rows = [splines(starts, k) / math.factorial(k) for k in range(3)]
     rows.append(splines(starts + duration / 2, 3) / 6)  # which jumps from value to value
-    table = np.concatenate(
-        [np.stack(rows).transpose(2, 0, 1).reshape(8, -1), np.zeros((3, len(starts)))]
-    )
+    table = np.zeros((11, len(starts)))
+    table[:8] = np.stack(rows).transpose(2, 0, 1).reshape(8, -1)
 
     def accumulated(first: float, changes: np.ndarray) -> np.ndarray:
         return first + np.concatenate([[0.0], np.cumsum(changes[:-1])])
 
     table[8] = accumulated(heading, polynomial_jets(table[TURN_RATE], duration)[0])
-    _, *changes = after(table, np.full(len(starts), duration))
-    table[9:] = [accumulated(*each) for each in zip((x, y), changes, strict=True)]
+    _, east, north = after(table, np.full(len(starts), duration))
+    table[9:] = accumulated(x, east), accumulated(y, north)
     return table, duration
 
 
@@ -147,24 +133,15 @@ def jets_in(table: Any, duration: Any, time: AnyTimes) -> PathJets:
     table, lanes = xp.asarray(table), table.shape[2:]
     duration = xp.asarray(duration).reshape(*[1] * (time.ndim - len(lanes)), *lanes)
     number = xp.clip(xp.floor(time / duration), 0, table.shape[1] - 1).astype(int)
-    if lanes:
-        piece = table[:, number, xp.broadcast_to(xp.arange(lanes[0]), number.shape)]
-    else:
-        piece = table[:, number]
+    every = [xp.broadcast_to(xp.arange(lanes[0]), number.shape)] if lanes else []
+    piece = table[(slice(None), number, *every)]
     since = time - number.astype(float) * duration
     heading, x, y = after(piece, since)
     _, v, acceleration, force_rate = polynomial_jets(piece[SPEED], since)
     _, turn, torque, _ = polynomial_jets(piece[TURN_RATE], since)
     cosine, sine = circle(heading)
     along, left = xp.stack([cosine, sine]), xp.stack([-sine, cosine])
-    jerk = (force_rate - v * turn**2)[None] * along + (2 * acceleration * turn + v * torque)[
-        None
-    ] * left
-    return xp.stack(
-        [
-            xp.stack([x, y]),
-            v[None] * along,
-            acceleration[None] * along + (v * turn)[None] * left,
-            jerk,
-        ]
-    )
+    ahead, across = force_rate - v * turn**2, 2 * acceleration * turn + v * torque
+    second = acceleration[None] * along + (v * turn)[None] * left
+    third = ahead[None] * along + across[None] * left
+    return xp.stack([xp.stack([x, y]), v[None] * along, second, third])

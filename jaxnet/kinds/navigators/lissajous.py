@@ -1,9 +1,8 @@
 import functools
 
 import numpy as np
-from pydantic import Field
 
-from jaxnet.kinds.fields import Amplitude, Frequency, Vector
+from jaxnet.kinds.fields import Amplitude, Frequency, Vector, setting
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.model.circle import circle
 
@@ -11,12 +10,11 @@ from jaxnet.model.circle import circle
 class Lissajous(Navigator):
     """A Lissajous figure, `amplitude · sin(frequency · t + phase)` on each axis."""
 
-    kind = "lissajous"
     words = "Lissajous curve"
 
-    amplitude: Amplitude = Field(default=[100.0, 50.0], description="[m], of each axis")
-    frequency: Frequency = Field(default=[0.2, 0.4], description="[rad/s], of each axis")
-    phase: Vector = Field(default=[0.0, 0.0], description="[rad], of each axis")
+    amplitude: Amplitude = setting([100.0, 50.0], "[m], of each axis")
+    frequency: Frequency = setting([0.2, 0.4], "[rad/s], of each axis")
+    phase: Vector = setting([0.0, 0.0], "[rad], of each axis")
 
     def jets(self, time):
         xp = time.__array_namespace__()
@@ -40,20 +38,17 @@ class Lissajous(Navigator):
 AxisPair = tuple[float, float]
 
 
-@functools.lru_cache
+@functools.lru_cache  # the cells of a study mostly share one navigator
 def slowest_instant(
     amplitude: AxisPair, frequency: AxisPair, phase: AxisPair, horizon: float
 ) -> tuple[float, float]:
     """The least speed [m/s] of a Lissajous figure in [0, horizon], and its time [s].
 
     Branch and bound on v²: the slope in an interval's middle and a bound on the second derivative
-    limit how far v² falls. An interval whose limit is above the least speed found is dropped. The
-    cache serves the cells of a study, which mostly share one navigator.
+    limit how far v² falls. An interval whose limit is above the least speed found is dropped.
     """
     path = Lissajous(amplitude=list(amplitude), frequency=list(frequency), phase=list(phase))
-    greatest = [
-        float(np.hypot(*(np.array(amplitude) * np.array(frequency) ** k))) for k in (1, 2, 3)
-    ]
+    greatest = path.sizes(0.0, horizon)[1:].tolist()
     curvature = 2 * (greatest[1] ** 2 + greatest[0] * greatest[2])
     half, middle = horizon / 2, np.array([horizon / 2])
     best, when = np.inf, 0.0

@@ -3,8 +3,7 @@ from jaxnet.kinds.navigators import Navigator
 
 
 class NoNavigator(Navigator):
-    """Nobody leads: links from the navigator do not exist, and the other weights of a vehicle sum
-    to 1.
+    """Nobody leads: links from the navigator do not exist, the other weights of a row sum to 1.
 
     Needs `law: local`. The error of a vehicle is its distance from the mean of the vehicles that
     are not attacked. Rows also have the metrics `spread` and `outside`, which measure agreement and
@@ -12,7 +11,6 @@ class NoNavigator(Navigator):
     alone.
     """
 
-    kind = "none"
     words = "no navigator"
     present = False
 
@@ -22,6 +20,5 @@ class NoNavigator(Navigator):
 
     def faults(self, scenario):
         if scenario.law.couples():
-            yield Fault(
-                ("navigator", "law"), "without a navigator the law has no solution: give law: local"
-            )
+            message = "without a navigator the law has no solution: give law: local"
+            yield Fault(("navigator", "law"), message)

@@ -1,4 +1,4 @@
-"""Noises: errors of the words on links."""
+"""Noises: errors of the messages on links."""
 
 from typing import ClassVar
 
@@ -8,7 +8,7 @@ from jaxnet.kinds.ticks import DrawsTogether, ErrorsAtTicks
 
 
 class ChannelNoise(ErrorsAtTicks, DrawsTogether):
-    """A way in which words arrive with errors. A subclass gives `next_errors`.
+    """A way in which messages arrive with errors. A subclass gives `next_errors`.
 
     A listener hears `y_j + a_ij + n_ij`. An error is drawn at a tick and stays the same until the
     next tick.
@@ -25,24 +25,23 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
         the last tick, 0 before the first. `time` and `interval` (lanes,) are the time of the tick
         and from tick to tick [s], `sources` (slots, m) the number of each slot's source.
         """
-        raise KindError(
-            f"{self.kind}: a noise gives next_errors(self, last, time, interval, sources)"
-        )
+        gives = "next_errors(self, last, time, interval, sources)"
+        raise KindError(f"{self.kind}: a noise gives {gives}")
 
     def exact(self) -> bool:
-        """Whether words have no errors in any order."""
+        """Whether messages have no errors in any order."""
         return not (any(self.erring()) or self.errs_in_highest())
 
     def erring(self) -> tuple[bool, bool, bool]:
-        """Whether position, velocity and acceleration of words may have errors."""
+        """Whether position, velocity and acceleration of messages may have errors."""
         return True, True, True
 
     def errs_in_highest(self) -> bool:
-        """Whether the r-th derivative of words has errors too, for vehicles of order r."""
+        """Whether the r-th derivative of messages has errors too, for vehicles of order r."""
         return False
 
     def exact_links(self, sources: SlotSources) -> SlotLinks:
-        """The links on which words have no errors, by default none."""
+        """The links on which messages have no errors, by default none."""
         return sources < 0
 
     def breaks(self):
@@ -50,6 +49,5 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
 
     def faults(self, scenario):
         if not self.exact() and scenario.tick == 0:
-            yield Fault(
-                ("channel.noise", "tick"), "errors of words are drawn at ticks: give a tick"
-            )
+            message = "errors of words are drawn at ticks: give a tick"
+            yield Fault(("channel.noise", "tick"), message)

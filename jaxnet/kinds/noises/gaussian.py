@@ -1,8 +1,6 @@
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.fields import NotNegative, setting
 from jaxnet.kinds.noises import ChannelNoise
 from jaxnet.kinds.shapes import SlotNumbers, SlotVectors
 from jaxnet.kinds.ticks import HIGHEST, JET_ORDERS, NormalErrors
@@ -16,18 +14,14 @@ class GaussianNoise(NormalErrors, ChannelNoise):
     (theorems.md O15). With errors of transmitters, the navigator's word is exact.
     """
 
-    kind = "gaussian"
     words = "Gaussian"
     orders: ClassVar[tuple[str, ...]] = (*JET_ORDERS, HIGHEST)
 
-    of: Literal["link", "transmitter"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
-        default="link",
-        description="what has errors of its own: each link, or each vehicle that transmits",
+    of: Literal["link", "transmitter"] = setting(  # pyright: ignore[reportIncompatibleVariableOverride]
+        "link", "what has errors of its own: each link, or each vehicle that transmits"
     )
-
-    jerk: NotNegative = Field(
-        default=0.0,
-        description="[m/s³], standard deviation of the highest derivative, the jerk of order 3",
+    jerk: NotNegative = setting(
+        0.0, "[m/s³], standard deviation of the highest derivative, the jerk of order 3"
     )
 
     def erring(self):
@@ -52,4 +46,4 @@ class GaussianNoise(NormalErrors, ChannelNoise):
         def uniform() -> SlotNumbers:
             return self.random_by_slot(time, "outliers", "uniform", sources)
 
-        return self.after(last, self.white(last, draw, uniform), time, interval)
+        return self.normal_errors(last, time, interval, draw, uniform)

@@ -1,9 +1,8 @@
 from typing import Annotated
 
-from pydantic import Field
-
-from jaxnet.kinds.fields import Number, Within
+from jaxnet.kinds.fields import Number, Within, setting
 from jaxnet.kinds.sensors import Sensor
+from jaxnet.kinds.shapes import VehicleNumbers, VehicleVectors
 from jaxnet.kinds.ticks import NormalErrors
 
 
@@ -14,11 +13,10 @@ class Gaussian(NormalErrors, Sensor):
     (theorems.md O13).
     """
 
-    kind = "gaussian"
     words = "Gaussian"
 
-    dropout: Annotated[Number, Within(ge=0.0, lt=1.0)] = Field(
-        default=0.0, description="probability that a vehicle senses what it sensed at the last tick"
+    dropout: Annotated[Number, Within(ge=0.0, lt=1.0)] = setting(
+        0.0, "probability that a vehicle senses what it sensed at the last tick"
     )
 
     def exact(self):
@@ -39,9 +37,11 @@ class Gaussian(NormalErrors, Sensor):
 
     def next_errors(self, last, time, interval):
         shape = last[0].shape[:2]
-        white = self.white(
-            last,
-            lambda order: self.random(time, order, "normal", shape),
-            lambda: self.random(time, "outliers", "uniform", shape[1:]),
-        )
-        return self.after(last, white, time, interval)
+
+        def draw(order: str) -> VehicleVectors:
+            return self.random(time, order, "normal", shape)
+
+        def uniform() -> VehicleNumbers:
+            return self.random(time, "outliers", "uniform", shape[1:])
+
+        return self.normal_errors(last, time, interval, draw, uniform)

@@ -72,9 +72,8 @@ class Vehicle(Kind):
         if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
             yield Fault(("vehicle",), f"{self.kind}: a vehicle gives {' and '.join(lacking)}")
         if not 1 <= self.order <= MOST_ORDER:
-            yield Fault(
-                ("vehicle",), f"an order of 1 to {MOST_ORDER} is possible (got {self.order})"
-            )
+            message = f"an order of 1 to {MOST_ORDER} is possible (got {self.order})"
+            yield Fault(("vehicle",), message)
 
     def start(
         self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
@@ -124,9 +123,8 @@ class Vehicle(Kind):
         `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative
         of order r. The error shrinks with the fifth power of the span, at least.
         """
-        raise KindError(
-            f"{self.kind}: an internal vehicle gives inner_after(self, inner, jets, span)"
-        )
+        gives = "inner_after(self, inner, jets, span)"
+        raise KindError(f"{self.kind}: an internal vehicle gives {gives}")
 
     def pace(
         self, state: VehicleState, inputs: VehicleInput

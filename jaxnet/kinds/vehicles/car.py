@@ -4,9 +4,7 @@ With the curvature κ = tan δ / L of the path: `ẏ = v h`, `ÿ = a h + v² κ 
 (3 v a κ + v² δ̇ / (L cos² δ)) n`.
 """
 
-from pydantic import Field
-
-from jaxnet.kinds.fields import Positive
+from jaxnet.kinds.fields import Positive, setting
 from jaxnet.kinds.shapes import VehicleNumbers, VehicleState
 from jaxnet.kinds.vehicles import SPEED, Wheeled, directions
 from jaxnet.model.circle import angle
@@ -20,13 +18,12 @@ class Car(Wheeled):
     v = 0.
     """
 
-    kind = "car"
     states = ("x", "y", "heading", "speed", "steering", "acceleration")
     units = ("m", "m", "rad", "m/s", "rad", "m/s²")
     inputs = ("acceleration_rate", "steering_rate")
     input_units = ("m/s³", "rad/s")
 
-    wheelbase: Positive = Field(default=0.5, description="[m], from axle to axle")
+    wheelbase: Positive = setting(0.5, "[m], from axle to axle")
 
     def curvature(self, state: VehicleState) -> VehicleNumbers:
         """The curvature `κ = tan δ / L` [1/m]."""
@@ -36,11 +33,8 @@ class Car(Wheeled):
         """Position, velocity `v h` and acceleration `a h + v² κ n`."""
         along, left = directions(state)
         v, bend = state[SPEED], self.curvature(state)
-        return (
-            state[:2],
-            v[None] * along,
-            state[ACCELERATION][None] * along + (v**2 * bend)[None] * left,
-        )
+        second = state[ACCELERATION][None] * along + (v**2 * bend)[None] * left
+        return state[:2], v[None] * along, second
 
     def drift(self, state):
         """`σ = 3 v a κ n - v³ κ² h`."""

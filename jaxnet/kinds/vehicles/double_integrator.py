@@ -10,7 +10,6 @@ class DoubleIntegrator(Integrators):
     The initial velocity has the speed `initial.speed` along `initial.heading`.
     """
 
-    kind = "double_integrator"
     order = 2
     words = "double integrators"
     states = ("x", "y", "velocity_x", "velocity_y")

@@ -13,9 +13,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from pydantic import Field
-
-from jaxnet.kinds.fields import Positive
+from jaxnet.kinds.fields import Positive, setting
 from jaxnet.kinds.shapes import VehicleNumbers, VehicleVectors
 from jaxnet.kinds.vehicles import Wheeled, directions
 from jaxnet.model.circle import angle, circle
@@ -30,7 +28,6 @@ class LookAhead(Wheeled):
     back turns round. `initial.speed` has no effect.
     """
 
-    kind = "look_ahead"
     order = 1
     singular = 0
     internal = True
@@ -39,7 +36,7 @@ class LookAhead(Wheeled):
     inputs = ("speed", "turn_rate")
     input_units = ("m/s", "rad/s")
 
-    ahead: Positive = Field(default=0.1, description="[m], l, from the axle to the output point")
+    ahead: Positive = setting(0.1, "[m], l, from the axle to the output point")
 
     def start(self, position, heading, speed):
         return position.__array_namespace__().stack([position[0], position[1], heading])
@@ -107,9 +104,8 @@ def heading_after(
     three = Generator((10 / 3) * (last - 2 * middle + first), still)
     outer = bracket(one, two)
     nested = added((-1 / 60, bracket(one, added((2.0, three), (1.0, outer)))))
-    sixth = bracket(
-        added((-20.0, one), (-1.0, three), (1.0, outer)), added((1.0, two), (1.0, nested))
-    )
+    others = added((-20.0, one), (-1.0, three), (1.0, outer))
+    sixth = bracket(others, added((1.0, two), (1.0, nested)))
     mean = added((1.0, one), (1 / 12, three))
     whole = added((1.0, mean), (1 / 240, sixth))
     apart = added((1.0, whole), (-1.0, mean), (1 / 12, outer))
@@ -122,10 +118,8 @@ def turn(heading: VehicleNumbers, by: Generator) -> VehicleNumbers:
 
     The square of a generator is the number `|s|² - r²`. u is scaled to keep exponentials finite.
     """
-    xp, along = (
-        heading.__array_namespace__(),
-        heading.__array_namespace__().stack([*circle(heading)]),
-    )
+    xp = heading.__array_namespace__()
+    along = xp.stack([*circle(heading)])
     square = dot(by.s, by.s) - by.r**2
     root = xp.sqrt(xp.maximum(xp.abs(square), 1e-300))
     even = xp.where(square > 0, 1.0, xp.cos(root))

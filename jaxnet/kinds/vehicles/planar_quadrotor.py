@@ -18,7 +18,6 @@ class PlanarQuadrotor(Vehicle):
     `initial.speed` have no effect.
     """
 
-    kind = "planar_quadrotor"
     flat = True
     words = "quadrotors"
     order = 4
@@ -42,18 +41,14 @@ class PlanarQuadrotor(Vehicle):
     def drift(self, state):
         """`σ = -2 Ṫ φ̇ h - T φ̇² n`."""
         along, thrust_axis = axes(state)
-        rate = state[PITCH_RATE][None]
-        return (
-            -2 * state[THRUST_RATE][None] * rate * along
-            - state[THRUST][None] * rate**2 * thrust_axis
-        )
+        rate, thrust = state[PITCH_RATE][None], state[THRUST][None]
+        return -2 * state[THRUST_RATE][None] * rate * along - thrust * rate**2 * thrust_axis
 
     def decoupling(self, state):
         """`ψ = [n, -T h]`, with `det ψ = T`."""
         along, thrust_axis = axes(state)
-        return state.__array_namespace__().stack(
-            [thrust_axis, -state[THRUST][None] * along], axis=1
-        )
+        columns = [thrust_axis, -state[THRUST][None] * along]
+        return state.__array_namespace__().stack(columns, axis=1)
 
     def inputs_for(self, state, jerk):
         """`[n' (q - σ), -h' (q - σ) / T]` for a fourth derivative q; infinite at T = 0."""
@@ -65,15 +60,8 @@ class PlanarQuadrotor(Vehicle):
     def motion(self, state, inputs):
         """The velocity, the acceleration, `φ̇`, `φ̈`, `Ṫ` and `T̈`."""
         _, velocity, acceleration, _ = self.output_jets(state)
-        rates = [
-            *velocity,
-            *acceleration,
-            state[PITCH_RATE],
-            inputs[1],
-            state[THRUST_RATE],
-            inputs[0],
-        ]
-        return state.__array_namespace__().stack(rates)
+        rates = [state[PITCH_RATE], inputs[1], state[THRUST_RATE], inputs[0]]
+        return state.__array_namespace__().stack([*velocity, *acceleration, *rates])
 
     def state_of(self, jets):
         """The state with `T n = ÿ + g e_2`, `Ṫ = n·y‴` and `φ̇ = -h·y‴ / T`."""

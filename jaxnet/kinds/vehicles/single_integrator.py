@@ -8,7 +8,6 @@ class SingleIntegrator(Integrators):
     `initial.heading` and `initial.speed` have no effect.
     """
 
-    kind = "single_integrator"
     order = 1
     words = "single integrators"
     states = ("x", "y")

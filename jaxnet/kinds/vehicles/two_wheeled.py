@@ -1,5 +1,3 @@
-"""The paper's two-wheeled robot (section 4.1; theorems.md O4)."""
-
 from jaxnet.kinds.vehicles import SPEED, Wheeled, directions
 from jaxnet.model.circle import angle
 from jaxnet.model.plane import dot, pace
@@ -8,11 +6,11 @@ TURN_RATE, FORCE = 4, 5
 
 
 class TwoWheeled(Wheeled):
-    """The paper's two-wheeled robot: state `[x, y, θ, v, ω, F]`, input `u = [Ḟ, ω̇]`; singular at v
-    = 0.
+    """The paper's robot (section 4.1; O4): state `[x, y, θ, v, ω, F]`, input `[Ḟ, ω̇]`.
+
+    It is singular at v = 0.
     """
 
-    kind = "two_wheeled"
     words = "two-wheeled"
     states = ("x", "y", "heading", "speed", "turn_rate", "force")
     units = ("m", "m", "rad", "m/s", "rad/s", "m/s²")
@@ -33,9 +31,8 @@ class TwoWheeled(Wheeled):
 
     def motion(self, state, inputs):
         """`[v cos θ, v sin θ, ω, F, ω̇, Ḟ]`."""
-        return self.moving(
-            state, state[SPEED], state[TURN_RATE], state[FORCE], inputs[1], inputs[0]
-        )
+        rates = state[TURN_RATE], state[FORCE], inputs[1], inputs[0]
+        return self.moving(state, state[SPEED], *rates)
 
     def state_of(self, jets):
         """The state with `v = ‖ẏ‖`, `θ = atan2(ẏ)`, `F = ÿ·h`, `ω = ÿ·n / v`."""

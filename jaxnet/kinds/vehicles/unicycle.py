@@ -8,7 +8,6 @@ from jaxnet.model.plane import length
 class Unicycle(Wheeled):
     """A unicycle: state `[x, y, θ, v]`, input `u = [v̇, θ̇]`, order 2; singular at v = 0."""
 
-    kind = "unicycle"
     words = "unicycles"
     order = 2
     states = ("x", "y", "heading", "speed")
@@ -28,10 +27,8 @@ class Unicycle(Wheeled):
     def state_of(self, jets):
         """The state with `v = ‖ẏ‖` and `θ = atan2(ẏ)`."""
         position, velocity = jets
-        heading = angle(velocity[0], velocity[1])
-        return position.__array_namespace__().stack(
-            [position[0], position[1], heading, length(velocity)]
-        )
+        pose = [*position, angle(velocity[0], velocity[1])]
+        return position.__array_namespace__().stack([*pose, length(velocity)])
 
     def pace(self, state, inputs):
         return state[SPEED], inputs[1]

@@ -15,13 +15,9 @@ SIGNALS = {"constant": {"kind": "bias"}, "rotating": {"kind": "rotating", "frequ
 
 def ring(announces, signal="constant", **defence):
     """The paper's ring, four attacked vehicles, ā = 8 m."""
-    return systems.study(
-        engine="exact",
-        horizon=60.0,
-        output_step=0.5,
-        attack={**SIGNALS[signal], "magnitude": 8.0, "announces": announces},
-        defence=ANNOUNCED | defence,
-    )
+    attack = {**SIGNALS[signal], "magnitude": 8.0, "announces": announces}
+    keys = {"engine": "exact", "horizon": 60.0, "output_step": 0.5}
+    return systems.study(attack=attack, defence=ANNOUNCED | defence, **keys)
 
 
 def ends(study, samples=50):
@@ -36,9 +32,8 @@ def certificate(study):
     scenario = study.cells[0].scenario
     known = situation_of(scenario)
     reasons = safe_in(scenario, known.graph, known.attacked)
-    return {
-        each.why.partition(",")[0]: (np.flatnonzero(each.vehicles) + 1).tolist() for each in reasons
-    }
+    safe = ((each.why.partition(",")[0], np.flatnonzero(each.vehicles) + 1) for each in reasons)
+    return {why: vehicles.tolist() for why, vehicles in safe}
 
 
 @pytest.mark.parametrize("signal", SIGNALS)
@@ -56,16 +51,12 @@ def test_consistent_announcements_expose_the_liar_from_any_first_announcement():
 def test_free_announcements_are_those_asked_for():
     """`s [cos, sin](ω t + φ)` on attacked links, what the source announces on the others."""
     free = {"kind": "free", "size": [1.0, 2.0], "frequency": 3.0, "phase": {"each": 0.5}}
-    study = systems.study(
-        engine="exact",
-        attack={"kind": "bias", "vehicles": [2, 5], "announces": free},
-        defence=ANNOUNCED,
-    )
+    attack = {"kind": "bias", "vehicles": [2, 5], "announces": free}
+    study = systems.study(engine="exact", attack=attack, defence=ANNOUNCED)
     job = systems.lanes(study, 1, ())
     announces, (sources, _, attacked, signals, _) = job.inputs.lane.announces, job.network.hearing
-    drawn = type(announces).filled(
-        {key: vars(announces)[key].T for key in ("size", "frequency", "phase")}
-    )
+    numbers = {key: vars(announces)[key].T for key in ("size", "frequency", "phase")}
+    drawn = type(announces).filled(numbers)
     honest = np.random.default_rng(0).normal(size=(2, *sources.shape, 1))
     nothing = np.full_like(honest, np.nan)
     told = drawn.received(honest, nothing, attacked[..., None], signals, np.array([0.25]))
@@ -93,9 +84,8 @@ def test_announcements_are_overheard_with_noise_but_the_navigators():
     """Standard deviation as asked on each axis, independent of noise on positions; 0 stays 0."""
     study = ring("consistent", noise=2.0)
     defence = systems.lanes(study, 1, ()).inputs.lane.defence
-    drawn = type(defence).filled(
-        {**vars(defence), "noise": jnp.array([2.0]), "key": jnp.array([0.3])}
-    )
+    numbers = {"noise": jnp.array([2.0]), "key": jnp.array([0.3])}
+    drawn = type(defence).filled({**vars(defence), **numbers})
     sources = np.tile(np.array([0, 1, 2]), (4000, 1)).T
     told = jnp.zeros((2, *sources.shape, 1))
     overheard = np.asarray(jax.jit(drawn.overheard)(told, sources, jnp.array([0.5])))

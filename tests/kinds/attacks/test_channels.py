@@ -74,15 +74,8 @@ def test_a_lane_moves_as_its_links_say(kind, threat, channel, topology, sybils):
     """Vehicle by vehicle for 6 s, to 1e-8 m."""
     keys = {"kind": kind, "links": channel, "threat": threat, "sybils": sybils}
     attack = keys | (ADDING | REPLACING)[kind]
-    study = systems.study(
-        engine="exact",
-        attack=attack,
-        defence="none",
-        navigator=NAVIGATOR,
-        topology=topology,
-        **CLOCK,
-    )
-    one = systems.lanes(study, 1)
+    fleet = {"defence": "none", "navigator": NAVIGATOR, "topology": topology}
+    one = systems.lanes(systems.study(engine="exact", attack=attack, **fleet, **CLOCK), 1)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     lane, navigator = systems.lane(one, 0), navigator_at(one, 0)

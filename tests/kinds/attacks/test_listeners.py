@@ -27,19 +27,15 @@ def test_each_listener_is_told_its_own():
         assert len({tuple(np.round(each.ravel(), 9)) for each in told.values()}) == len(links) == 8
 
         def added(t, lane=lane, told=told):
-            found, basis = (
-                np.zeros((3, 12, 13, 2)),
-                np.asarray(lane.signal.basis(np.asarray(t)))[:3],
-            )
+            found = np.zeros((3, 12, 13, 2))
+            basis = np.asarray(lane.signal.basis(np.asarray(t)))[:3]
             for (i, j), vectors in told.items():
                 found[:, i, j] = basis @ vectors.T
             return found
 
         start = reference.flat_jets(lane.initial.T) - navigator(0.0)[:3, None]
-        held = np.stack([lane.weights] * 2), added
-        known = march(
-            lambda *_, held=held: held, np.ones((12, 13), bool), lane.gain, start, 0.1, 120
-        )
+        held, everywhere = (np.stack([lane.weights] * 2), added), np.ones((12, 13), bool)
+        known = march(lambda *_, held=held: held, everywhere, lane.gain, start, 0.1, 120)
         path = np.stack([navigator(t)[0] for t in times])
         ours = outcome.series["state"][number, :, :, :2] - path[:, None]
         assert np.abs(ours - known[:, 0]).max() <= 1e-8
@@ -78,9 +74,8 @@ def test_sybils_outvote_the_trimming():
             weights[i - 1, j] = 0.45
             added[i - 1] += 0.45 * (j in ATTACKED)
         if not {(i - 2) % 12 + 1, i % 12 + 1} & set(ATTACKED):
-            weights[i - 1, (i - 2) % 12 + 1] = (
-                0.0  # of honest ones, all on the navigator, either is dropped
-            )
+            # Of honest ones, all on the navigator, either is dropped
+            weights[i - 1, (i - 2) % 12 + 1] = 0.0
         weights[i - 1, 0] = 0.1
     total = weights.sum(axis=1, keepdims=True)
     known = 2.0 * np.linalg.solve(np.eye(12) - (weights / total)[:, 1:], added / total[:, 0])

@@ -30,11 +30,8 @@ def constant_response(gain, rho, start, times):
 def test_a_star_responds_to_a_constant_disturbance(vehicle, magnitude, gain):
     """ρ = Σ_k k_k ā_k with k_r = 1; orders beyond the list are true; vehicle 2 is not attacked."""
     attack = SPOOF | {"magnitude": magnitude}
-    keys = (
-        STAR
-        | CLOCK
-        | {"vehicle": vehicle, "gain": gain, "attack": attack, "save": {"trajectories": "all"}}
-    )
+    keys = STAR | CLOCK | {"vehicle": vehicle, "gain": gain, "attack": attack}
+    keys |= {"save": {"trajectories": "all"}}
     results = jaxnet.simulate(keys, samples=1, progress=False)
     data = results.trajectories.sel(cell=0, sample=0)
     (study,) = results.study.cells

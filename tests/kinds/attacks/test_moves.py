@@ -6,13 +6,8 @@ import pytest
 import jaxnet
 from tests.engine.test_orders import subsequence
 
-PATH = {
-    "kind": "own_path",
-    "centre": [3.0, -2.0],
-    "swing": [25.0, 10.0],
-    "frequency": 1.3,
-    "phase": 0.4,
-}
+PATH = {"kind": "own_path", "centre": [3.0, -2.0], "swing": [25.0, 10.0]}
+PATH |= {"frequency": 1.3, "phase": 0.4}
 NOBODY_LEADS = {"navigator": "none", "law": "local", "engine": "exact", "topology": "complete"}
 
 
@@ -34,9 +29,8 @@ def test_a_liar_is_where_it_tells_to_be():
     """Positions, velocities, inputs, metrics of space; double integrators, nonlinear engine."""
     attack = PATH | {"vehicles": [2], "moves": "as_told"}
     keys = NOBODY_LEADS | {"vehicle": "double_integrator", "vehicles": 5, "defence": "w_msr"}
-    results = results_of(
-        **keys | {"engine": "nonlinear", "attack": attack, "metrics": ["min_separation"]}
-    )
+    keys |= {"engine": "nonlinear", "attack": attack, "metrics": ["min_separation"]}
+    results = results_of(**keys)
     data, lane = results.trajectories.sel(cell=0, sample=0), results.lanes.iloc[0]
     states, time = data["states"].values, data["time"].values
     np.testing.assert_allclose(states[:, 1, :2], told(time), atol=1e-9)
@@ -45,9 +39,8 @@ def test_a_liar_is_where_it_tells_to_be():
     places = states[..., :2]
     apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1) + 1e9 * np.eye(5)
     assert lane["min_separation"] == pytest.approx(apart.min(), abs=1e-9)
-    assert lane["min_speed"] == pytest.approx(
-        np.linalg.norm(states[..., 2:4], axis=-1).min(), abs=1e-9
-    )
+    slowest = np.linalg.norm(states[..., 2:4], axis=-1).min()
+    assert lane["min_speed"] == pytest.approx(slowest, abs=1e-9)
     honest = np.delete(places[-11:], 1, axis=1)
     spread = np.linalg.norm(honest[:, :, None] - honest[:, None], axis=-1).max()
     assert lane["spread"] == pytest.approx(spread, abs=1e-9)
@@ -59,10 +52,8 @@ def test_a_liar_drops_sources_by_its_own_place():
     keys = NOBODY_LEADS | {"vehicle": "single_integrator", "vehicles": 5, "defence": "w_msr"}
     keys |= {"gain": [0.2], "tick": 1.0, "output_step": 1.0, "horizon": 12.0, "tail": 0.0}
     starts = [[10.0, 7.0], [30.0, -20.0], [60.0, 31.0], [80.0, 2.0], [100.0, -9.0]]
-    keys |= {
-        "initial": {"position": starts},
-        "attack": PATH | {"vehicles": [3], "moves": "as_told"},
-    }
+    keys |= {"initial": {"position": starts}}
+    keys |= {"attack": PATH | {"vehicles": [3], "moves": "as_told"}}
     results = results_of(**keys)
     x, before, switches = np.array(starts), None, 0
     for time in range(13):
@@ -70,9 +61,8 @@ def test_a_liar_drops_sources_by_its_own_place():
         kept, new = [], x.copy()
         for i in range(5):
             others = np.delete(x, i, axis=0)
-            axes = [
-                subsequence(x[i, axis], others[:, axis], np.ones(4), set(), 1) for axis in (0, 1)
-            ]
+            pairs = zip(x[i], others.T, strict=True)
+            axes = [subsequence(own, other, np.ones(4), set(), 1) for own, other in pairs]
             kept.append([each for each, _ in axes])
             new[i] = x[i] - 0.2 * (x[i] - [mean for _, mean in axes])
         states = results.trajectories["states"].sel(cell=0, sample=0).values[time]

@@ -28,12 +28,8 @@ def test_a_constant_in_some_orders(orders):
 
 def test_orders_that_are_zero_do_nothing():
     """A harmonic that may have the frequency 0 is a constant then, without a velocity."""
-    attack = {
-        "kind": "rotating",
-        "frequency": {"choice": [0.0]},
-        "orders": [1, 3],
-        "magnitude": 2.0,
-    }
+    attack = {"kind": "rotating", "frequency": {"choice": [0.0]}, "orders": [1, 3]}
+    attack |= {"magnitude": 2.0}
     assert (worst_at_the_end(attack) < 1e-9).all()
 
 

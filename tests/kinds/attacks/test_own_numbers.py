@@ -12,6 +12,7 @@ from tests import reference, systems
 from tests.reference import navigator_at
 
 ATTACKED = [2, 5, 8, 11]
+PAIR = {"vehicles": [8, 2]}
 KEYS = {"defence": "none", "horizon": 12.0, "tail": 1.0}
 
 
@@ -35,15 +36,11 @@ def test_lanes_are_exact_with_frequencies_drawn_for_each():
     outcome, times = systems.simulate(one), np.arange(121) * 0.1
     for number in range(2):
         lane = systems.lane(one, number)
-        turning = {
-            j: jets_by_hand(
-                of_vehicle("attack.frequency", frequency, j)[number],
-                of_vehicle("attack.phase", FULL_TURN, j)[number],
-                3.0,
-                times,
-            )
-            for j in ATTACKED
-        }
+        turning = {}
+        for j in ATTACKED:
+            w = of_vehicle("attack.frequency", frequency, j)[number]
+            phase = of_vehicle("attack.phase", FULL_TURN, j)[number]
+            turning[j] = jets_by_hand(w, phase, 3.0, times)
 
         def added(t, lane=lane, turning=turning):
             found = np.zeros((4, 12, 13, 2))
@@ -63,10 +60,8 @@ def signals(attack, samples=40, **keys):
     study = systems.study(attack={"kind": "sinusoid", "magnitude": 2.0, **attack}, **keys)
     made = job(study.cells[0].scenario, Keyed(0), range(samples))
     lane = jax.tree.map(lambda leaf: np.moveaxis(leaf, 0, -1), made.inputs.lane)
-    instants = (0.4, 2.3, 7.0)
-    return np.stack(
-        [signal.jets(lane.vectors, lane.signal.basis(np.full(samples, t)))[0] for t in instants]
-    )
+    each = (lane.signal.basis(np.full(samples, time)) for time in (0.4, 2.3, 7.0))
+    return np.stack([signal.jets(lane.vectors, basis)[0] for basis in each])
 
 
 def test_ways_to_write_the_same_are_the_same():
@@ -79,9 +74,6 @@ def test_ways_to_write_the_same_are_the_same():
         ({"phase": {"each": band}}, {"phase": band}),
         ({"phase": [band] * 4}, {"phase": band}),
         ({"direction": [0.5, 0.5, 0.5, 0.5]}, {"direction": 0.5}),
-        (
-            {"vehicles": [8, 2], "frequency": [1.5, 0.2]},
-            {"vehicles": [2, 8], "frequency": [0.2, 1.5]},
-        ),
+        ({**PAIR, "frequency": [1.5, 0.2]}, {"vehicles": [2, 8], "frequency": [0.2, 1.5]}),
     ):
         np.testing.assert_allclose(signals(one), signals(other), rtol=0, atol=1e-12)

@@ -5,13 +5,8 @@ import numpy as np
 import jaxnet
 
 LINE = {"kind": "edges", "edges": [[1, 0, 1.0], [2, 1, 1.0], [3, 2, 1.0]]}
-OWN = {
-    "kind": "own_path",
-    "vehicles": [1],
-    "centre": [40.0, -30.0],
-    "swing": [25.0, 10.0],
-    "phase": 0.4,
-}
+OWN = {"kind": "own_path", "vehicles": [1], "centre": [40.0, -30.0]}
+OWN |= {"swing": [25.0, 10.0], "phase": 0.4}
 
 
 def path(time, centre, swing, frequency, phase):
@@ -36,14 +31,8 @@ def test_each_attacker_swings_about_its_own_start_with_its_own_frequency():
     """What listeners hear, from the stored signals, with a phase drawn for each attacker."""
     attack = {"kind": "own_path", "vehicles": [1, 3], "swing": [0.0, 4.0], "frequency": [0.5, 1.1]}
     keys = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "engine": "exact"}
-    keys |= {
-        "gain": [1.0],
-        "tick": 0.1,
-        "horizon": 3.0,
-        "tail": 0.0,
-        "vehicles": 4,
-        "topology": "complete",
-    }
+    keys |= {"gain": [1.0], "tick": 0.1, "horizon": 3.0, "tail": 0.0}
+    keys |= {"vehicles": 4, "topology": "complete"}
     keys |= {"attack": attack | {"phase": 0.3}, "defence": "none", "save": {"trajectories": "all"}}
     data = jaxnet.simulate(keys, samples=1, progress=False).trajectories.sel(cell=0, sample=0)
     time, signal, starts = data["time"].values, data["attack"].values, data["states"].values[0]

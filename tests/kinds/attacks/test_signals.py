@@ -19,6 +19,7 @@ from tests import systems
 HORIZON, ATTACKED = 20.0, [2, 5, 8, 11]
 CHIRP = {"kind": "chirp", "frequency": 0.9, "rate": -0.07}
 ENVELOPE = {"kind": "envelope", "of": CHIRP, "start": 2.0, "rise": 3.0}
+MULTISINE = {"kind": "multisine", "frequency": 0.5}
 SIGNALS = {
     "bias": {"kind": "bias", "direction": {"uniform": [-7, 7]}},
     "rotating": {"kind": "rotating", "frequency": -1.7},
@@ -26,9 +27,8 @@ SIGNALS = {
     "sinusoid": {"kind": "sinusoid", "frequency": 0.9, "direction": {"uniform": [-7, 7]}},
     "chirp": CHIRP,
     "envelope": ENVELOPE | {"stop": 9.0},
-    "envelope of multisine": ENVELOPE
-    | {"of": {"kind": "multisine", "frequency": 0.5}, "rise": 9.0},
-    "multisine": {"kind": "multisine", "frequency": 0.5},
+    "envelope of multisine": ENVELOPE | {"of": MULTISINE, "rise": 9.0},
+    "multisine": MULTISINE,
     "freeform": {"kind": "freeform", "frequency": 0.3, "harmonics": 6},
 }
 
@@ -40,11 +40,8 @@ def along(angle):
 def risen(x, smoothness):
     """The chance that of 7 or 9 trials, each lucky with probability x, more than half are."""
     trials = 2 * smoothness + 1
-    chances = (
-        math.comb(trials, j) * x**j * (1 - x) ** (trials - j)
-        for j in range(smoothness + 1, trials + 1)
-    )
-    return sum(chances)
+    lucky = range(smoothness + 1, trials + 1)
+    return sum(math.comb(trials, j) * x**j * (1 - x) ** (trials - j) for j in lucky)
 
 
 def formula(kind, smoothness, numbers, t):
@@ -120,9 +117,8 @@ def test_a_signal_is_its_formula_within_the_magnitude_which_is_nearly_reached(na
 def test_a_replaced_message_is_a_path_with_its_derivatives(kind):
     """By differences of sixth order; no function is greater than the sizes that the engines use."""
     keys = {"vehicle": "planar_quadrotor", "horizon": 6.0, "tail": 1.0, "vehicles": 5}
-    one = systems.lanes(
-        systems.study(engine="exact", attack={"kind": kind, "vehicles": [2]}, **keys), 1
-    )
+    attack = {"kind": kind, "vehicles": [2]}
+    one = systems.lanes(systems.study(engine="exact", attack=attack, **keys), 1)
     lane = jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf), 0, -1), one.inputs.lane)
     step, times = 2e-3, np.linspace(0.01, 5.99, 100)
     around = (times[:, None] + step * np.arange(-3, 4)).ravel()
@@ -150,6 +146,7 @@ def test_a_rise_is_smooth_at_both_ends(order):
 
 SETS = {"at": [0.0, 2.0], "sets": [[1], [2]]}
 SPOOF = {"kind": "spoof", "magnitude": [1, 2, 3, 4, 5]}
+DRAWN = {"vehicles": {"random": 2}}
 TOLD = {"threat": "replaces", "moves": "as_told"}
 
 
@@ -182,10 +179,7 @@ TOLD = {"threat": "replaces", "moves": "as_told"}
         ({"frequency": {"each": "x"}}, "attack.frequency.each: must be a number"),
         ({"frequency": {"apiece": 1.0}}, "one of them in {each: ...} or {shared: ...}, or a list"),
         ({"vehicles": {"random": 2}, "phase": [0.0, 1.0]}, "got drawn ones"),
-        (
-            {"vehicles": {"random": 2}, "listeners": "each", "frequency": {"each": 1.0}},
-            "one number for all",
-        ),
+        ({**DRAWN, "listeners": "each", "frequency": {"each": 1.0}}, "one number for all"),
         ({"kind": "multisine", "frequency": [1.0, 1.0, 0.0, 1.0]}, "must be greater than 0"),
         ({"kind": "freeform", "coefficients": [[1, 0, 0, 1]]}, "must be 4 lists, one for each of"),
         ({"kind": "freeform", "coefficients": []}, "at least 1"),

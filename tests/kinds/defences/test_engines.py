@@ -17,10 +17,8 @@ from jaxnet.kinds.defences.w_msr import WMSR
 from tests import systems
 
 NAMES = [name for name in registry.kind_names("defence") if name != "none"]
-LOSSY = {
-    "channel": {"loss": {"kind": "bernoulli", "probability": 0.3}},
-    "sensing": {"position": 0.1},
-}
+LOSSY = {"channel": {"loss": {"kind": "bernoulli", "probability": 0.3}}}
+LOSSY |= {"sensing": {"position": 0.1}}
 GRAPH = {"vehicles": 6, "topology": {"kind": "random_regular", "degree": 4}, "tick": 0.1}
 
 
@@ -32,10 +30,9 @@ class EachItsOwn(Defence):
         vehicle, found = jnp.arange(around.weights.shape[1])[None, None, :, None], None
         for number, rule in enumerate(RULES):
             decision, _ = rule.decide(own, received, last, rule.start(around), around)
-            weights = (
-                jnp.where(decision, around.weights, 0.0) if decision.dtype == bool else decision
-            )
-            weights = jnp.broadcast_to(weights, received[0].shape)
+            if decision.dtype == bool:
+                decision = jnp.where(decision, around.weights, 0.0)
+            weights = jnp.broadcast_to(decision, received[0].shape)
             found = weights if found is None else jnp.where(vehicle >= number, weights, found)
         return found, memory
 
@@ -49,10 +46,8 @@ RULES = [
     WMSR.filled({"F": 1, "drop_trusted": False}),
     TrustedOnly.filled({"trusted": {}}),
 ]
-REMEMBERING = {
-    "trust",
-    "trusted_trim",
-}  # the latter in both engines: tests/engine/test_reference.py
+# The latter in both engines: tests/engine/test_reference.py
+REMEMBERING = {"trust", "trusted_trim"}
 
 
 @pytest.mark.long
@@ -82,9 +77,8 @@ def test_both_engines_agree_on_every_rule(defence):
 def lying(defence):
     """One lies about how he moves, not where he is: rules that judge positions let him pass."""
     attack = {"kind": "spoof", "vehicles": [2], "orders": [1, 2, 3], "magnitude": 10.0}
-    return systems.study(
-        **GRAPH, attack=attack, defence=defence, engine="exact", horizon=60.0, tail=1.0
-    )
+    keys = GRAPH | {"engine": "exact", "horizon": 60.0, "tail": 1.0}
+    return systems.study(attack=attack, defence=defence, **keys)
 
 
 def safe(study):

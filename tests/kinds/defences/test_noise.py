@@ -19,9 +19,7 @@ def dropped(rule, places, shared=()):
     """How often sources at these places on a line are dropped by one at 0 that trusts the first."""
     weights = jnp.ones((len(places), 1, LANES))
     trusted = jnp.arange(len(places))[:, None] == 0
-    position = jnp.stack(
-        [jnp.broadcast_to(jnp.asarray(places)[:, None, None], weights.shape), 0 * weights]
-    )
+    position = jnp.stack([jnp.asarray(places)[:, None, None] * weights, 0 * weights])
     time = jnp.full(LANES, 0.1)
     seen = jax.jit(rule.observed)((position,) * 3, time)
     own = (jnp.zeros((2, 1, LANES)),) * 3
@@ -72,8 +70,6 @@ def test_noise_is_of_the_size_it_says_and_of_nobody_else():
     assert stats.kstest(rows.ravel()[::7] / NOISE, "norm").pvalue > 1e-3
     apart = np.corrcoef(rows) - np.eye(len(rows))
     assert np.abs(apart).max() < 5 / np.sqrt(LANES)
-    few = WMSR.filled(
-        {"F": 1, "noise": NOISY["noise"][5:9], "key": KEY[5:9], "drop_trusted": False}
-    )
+    few = WMSR.filled({"F": 1, **NOISY, "noise": NOISY["noise"][5:9], "key": KEY[5:9]})
     alone = jax.jit(few.observed)(jax.tree.map(lambda jet: jet[..., 5:9], jets), jnp.full(4, 0.1))
     np.testing.assert_array_equal(np.stack(alone), now[..., 5:9])

@@ -62,14 +62,9 @@ def geometric_median(around, smoothing=0.5, rounds=4):
     """Weights."""
     weights = list(around.weights)
     for _ in range(rounds):
-        total = sum(weights)
-        middle = [
-            sum(w * y[axis] for w, y in zip(weights, around.received, strict=True)) / total
-            for axis in (0, 1)
-        ]
-        weights = [
-            w / max(smoothing, around.apart(k, middle)) for k, w in enumerate(around.weights)
-        ]
+        middle = np.average(around.received, axis=0, weights=weights)
+        apart = [max(smoothing, around.apart(k, middle)) for k in range(SLOTS)]
+        weights = [w / far for w, far in zip(around.weights, apart, strict=True)]
     return weights
 
 
@@ -109,12 +104,8 @@ def neighbourhoods(seed):
 
 def plain(own, received, weights, trusted, vehicle, lane):
     """One of them, for a reference."""
-    return Around(
-        own[:, vehicle, lane],
-        received[:, :, vehicle, lane].T,
-        weights[:, vehicle, lane],
-        trusted[:, vehicle],
-    )
+    at = slice(None), vehicle, lane
+    return Around(own[at], received[:, *at].T, weights[at], trusted[:, vehicle])
 
 
 @pytest.mark.parametrize(("rule", "reference"), RULES, ids=[rule.kind for rule, _ in RULES])
@@ -136,9 +127,8 @@ def test_it_is_the_rule(rule, reference):
 
 def test_trust_is_earned_tick_by_tick():
     """Over three ticks, by plain sums; the first trusted source is who others are compared with."""
-    rule = Trust.filled(
-        {"observation": "deviation", "radius": np.full(1, 2.0), "drop_trusted": False}
-    )
+    keys = {"observation": "deviation", "radius": np.full(1, 2.0), "drop_trusted": False}
+    rule = Trust.filled(keys)
     ticks = [neighbourhoods(seed) for seed in range(TICKS)]
     weights, trusted = ticks[0][2:]
     around = Neighbourhood(None, weights, trusted, None, None, ())
@@ -147,18 +137,13 @@ def test_trust_is_earned_tick_by_tick():
         last, memory = rule.decide((own,) * 3, (received,) * 3, last, memory, around)
     for vehicle in range(VEHICLES):
         for lane in range(LANES):
-            told = [
-                plain(own, received, weights, trusted, vehicle, lane) for own, received, *_ in ticks
-            ]
+            told = [plain(*each[:2], weights, trusted, vehicle, lane) for each in ticks]
             believed = [j for j in told[0].heard if trusted[j, vehicle]]
             there = [tick.received[believed[0]] if believed else tick.own for tick in told]
-            earned = {
-                k: math.fsum(
-                    2.0 / (2.0 + tick.apart(k, at)) - 0.5
-                    for tick, at in zip(told, there, strict=True)
-                )
-                for k in told[0].heard
-            }
+            earned = {}
+            for k in told[0].heard:
+                apart = [tick.apart(k, at) for tick, at in zip(told, there, strict=True)]
+                earned[k] = math.fsum(2.0 / (2.0 + far) - 0.5 for far in apart)
             least = min(0.0, max(earned.values()))
             for k in earned:
                 if k in believed or abs(earned[k] - least) > 1e-12:
@@ -200,9 +185,8 @@ def test_random_trust_errs_as_often_as_coins_do():
     keys = {"observation": "random", "drop_trusted": False, "accuracy": np.full(lanes, accuracy)}
     rule = Trust.filled(keys | {"key": jnp.asarray(chance)})
     weights = jnp.ones((4, 1, lanes))
-    around = Neighbourhood(
-        None, weights, jnp.zeros((4, 1), bool), None, None, (), (), jnp.asarray(attacked)
-    )
+    nobody, truth = jnp.zeros((4, 1), bool), jnp.asarray(attacked)
+    around = Neighbourhood(None, weights, nobody, None, None, (), attacked=truth)
     own, received, everybody = jnp.zeros((2, 1, lanes)), jnp.zeros((2, 4, 1, lanes)), weights > 0
     memory = rule.start(around)
 
@@ -214,9 +198,7 @@ def test_random_trust_errs_as_often_as_coins_do():
     for tick in range(1, ticks + 1):
         memory = after(memory, jnp.full(lanes, 0.1 * tick))
         positive = np.asarray(memory) >= 0
-        against = (
-            tick - 1
-        ) // 2  # observations that still retain an attacked source, of those that err
+        against = (tick - 1) // 2  # errors that still retain an attacked source
         rates = (~positive[:2]).mean(), positive[2:].mean()
         exact = binom.cdf(against, tick, accuracy), binom.sf(-(-tick // 2) - 1, tick, 1 - accuracy)
         for rate, known in zip(rates, exact, strict=True):

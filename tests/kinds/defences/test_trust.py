@@ -69,10 +69,8 @@ def test_the_nearest_are_by_links_from_the_navigator():
 def test_what_cannot_be_trusted_is_said(trusted, says, tmp_path):
     """With the file, the key, what was given and what is allowed."""
     file = tmp_path / "bad.yaml"
-    file.write_text(
-        "name: bad\ntopology: {kind: small_world, redraw: true}\n"
-        f"defence: {{trusted: {trusted}}}\n"
-    )
+    text = "name: bad\ntopology: {kind: small_world, redraw: true}\n"
+    file.write_text(f"{text}defence: {{trusted: {trusted}}}\n")
     with pytest.raises(jaxnet.ConfigError) as raised:
         jaxnet.load(file)
     (problem,) = raised.value.problems

@@ -63,16 +63,10 @@ class Situation:
 @jax.jit
 def decide(weights, received, trusted, memory, shared):
     """The decision of one moment in one lane: weights in force and slots dropped."""
-    keys = {
-        "tolerance": jnp.full(1, TOLERANCE),
-        "score": "position",
-        "filter": None,
-        "drop_trusted": False,
-    }
-    rule = TrustedTrim.filled(keys)
-    around = Neighbourhood(
-        jnp.asarray(SOURCES), weights[..., None], trusted, jnp.ones((3, 1)), None, shared
-    )
+    keys = {"tolerance": jnp.full(1, TOLERANCE), "score": "position", "filter": None}
+    rule, sources = TrustedTrim.filled(keys | {"drop_trusted": False}), jnp.asarray(SOURCES)
+    gain = jnp.ones((3, 1))
+    around = Neighbourhood(sources, weights[..., None], trusted, gain, None, shared)
     jets = (received[..., None],) * 3
     own = (received[:, 0, :, None],) * 3
     decision, _ = rule.decide(own, jets, ~memory[..., None], rule.start(around), around)
@@ -143,10 +137,8 @@ def test_a_standing_scene_is_decided_the_same_at_every_tick():
     puts the source that was dropped last behind itself, and it is back at every other tick.
     """
     edges = [(1, j, 1.0) for j in (0, 2, 3, 4, 5)] + [(i, 0, 1.0) for i in range(2, FLEET + 1)]
-    weights, trusted = (
-        graph.dense(graph.weighted(FLEET, edges)),
-        np.zeros((FLEET, FLEET + 1), dtype=bool),
-    )
+    weights = graph.dense(graph.weighted(FLEET, edges))
+    trusted = np.zeros((FLEET, FLEET + 1), dtype=bool)
     trusted[0, [0, 2, 3]] = True
     received = np.random.default_rng(0).normal(0.0, 100.0, (100, FLEET, FLEET + 1, 2))
     for scene in received:
@@ -158,40 +150,6 @@ def test_a_standing_scene_is_decided_the_same_at_every_tick():
         np.testing.assert_array_equal(second, first)
 
 
-@given(seeds)
-def test_a_decision_takes_no_notice_of_anybodys_frame(seed):
-    """Each listener may turn, mirror and shift all that it receives in its own way."""
-    situation = drawn(seed)
-    assume(situation.expected()[2] > 1e-6)
-    rng = np.random.default_rng(seed + 1)
-    turn = np.linalg.qr(rng.normal(size=(FLEET, 2, 2)))[0]
-    shift = rng.normal(0.0, 1e3, (FLEET, 1, 2))
-    moved = np.einsum("ixy,isy->isx", turn, situation.received) + shift
-    kept, dropped = situation.decided()
-    situation.received = moved
-    kept_moved, dropped_moved = situation.decided()
-    np.testing.assert_array_equal(dropped_moved, dropped)
-    np.testing.assert_array_equal(kept_moved, kept)
-
-
-@given(seeds, st.permutations(range(FLEET)))
-def test_renumbered_vehicles_decide_the_same(seed, order):
-    situation = drawn(seed)
-    assume(situation.expected()[2] > 1e-6)
-    new = np.ix_(order, [0, *(i + 1 for i in order)])
-    renumbered = Situation(
-        situation.weights[new],
-        situation.received[new],
-        situation.trusted[new],
-        situation.theta[order],
-        situation.memory[new],
-    )
-    kept, dropped = situation.decided()
-    kept_renumbered, dropped_renumbered = renumbered.decided()
-    np.testing.assert_array_equal(dropped_renumbered, dropped[new])
-    np.testing.assert_allclose(kept_renumbered, kept[new], rtol=1e-14)
-
-
 @given(seeds, st.floats(-3.0, 6.0), st.sampled_from([2, 3]))
 def test_an_attacked_neighbour_never_seems_farther_than_another(seed, size, attacked):
     """On a ring with ϑ = 1 a retained source seems no farther from the navigator than honest ones.
@@ -199,9 +157,7 @@ def test_an_attacked_neighbour_never_seems_farther_than_another(seed, size, atta
     In a ring of five, what 2 or 3 transmits carries attacks of any size, one for each listener.
     """
     rng = np.random.default_rng(seed)
-    received = np.broadcast_to(
-        rng.normal(0.0, 100.0, (1, FLEET + 1, 2)), (FLEET, FLEET + 1, 2)
-    ).copy()
+    received = rng.normal(0.0, 100.0, (1, FLEET + 1, 2)).repeat(FLEET, axis=0)
     received[:, attacked] += 10.0**size * rng.normal(size=(FLEET, 2))
     navigator = np.zeros((FLEET, FLEET + 1), dtype=bool)
     navigator[:, 0] = True
@@ -241,10 +197,10 @@ def test_protected_vehicles_hear_and_trust_enough(heard, trusted, theta):
 
 
 CONDITION = "ϑ = 1, |N_i| ≥ 2ϑ + 1 with ϑ trusted: "
-EVERYBODY, NOBODY = (
-    "holds for every vehicle",
-    "nobody is protected, so everybody keeps whom they hear",
-)
+EVERYBODY = "holds for every vehicle"
+NOBODY = "nobody is protected, so everybody keeps whom they hear"
+SOME = "holds for 3, 5 only; 1, 2, 4, 6-12 unprotected"
+TWO_THETAS = CONDITION.replace("1", "0, 1", 1)
 OUTNUMBERED = "; more than ϑ attacked sources, or a trusted one, at "
 
 
@@ -254,23 +210,11 @@ OUTNUMBERED = "; more than ϑ attacked sources, or a trusted one, at "
         (Star, [2, 5, 8, 11], {}, CONDITION + NOBODY),
         (Path, [2, 5, 8, 11], {}, CONDITION + NOBODY),
         (Cyclic, [2, 5, 8, 11], {}, CONDITION + EVERYBODY),
-        (
-            Cyclic,
-            [2, 4],
-            {},
-            CONDITION + EVERYBODY + OUTNUMBERED + "3",
-        ),  # between two that are attacked
+        # Between two that are attacked
+        (Cyclic, [2, 4], {}, CONDITION + EVERYBODY + OUTNUMBERED + "3"),
         (Cyclic, [2], {"trusted": {3: [2], 5: [4]}}, CONDITION + EVERYBODY + OUTNUMBERED + "3"),
         (Cyclic, [2, 4], {"theta": 0}, CONDITION.replace("1", "0", 1) + NOBODY),
-        (
-            Cyclic,
-            [2, 4],
-            {"theta": {3: 1, 5: 1}},
-            CONDITION.replace("1", "0, 1", 1)
-            + "holds for 3, 5 only; 1, 2, 4, 6-12 unprotected"
-            + OUTNUMBERED
-            + "3",
-        ),
+        (Cyclic, [2, 4], {"theta": {3: 1, 5: 1}}, TWO_THETAS + SOME + OUTNUMBERED + "3"),
     ],
 )
 def test_the_paper_s_assumption_is_told_of_each_network(kind, attacked, keys, expected):

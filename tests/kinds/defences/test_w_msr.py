@@ -45,9 +45,8 @@ def test_it_is_the_rule_of_the_paper(f):
         for lane in range(lanes):
             candidates = [k for k in range(1, slots) if weights[k, i, lane] > 0]
             for axis in (0, 1):
-                known = retained(
-                    own[axis, i, lane], received[axis, :, i, lane].tolist(), candidates, f
-                )
+                values = received[axis, :, i, lane].tolist()
+                known = retained(own[axis, i, lane], values, candidates, f)
                 assert decision[axis, :, i, lane].tolist() == known
 
 

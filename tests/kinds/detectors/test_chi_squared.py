@@ -72,11 +72,8 @@ def test_all_noisy_orders_count_together_and_sensors_too():
     keys = {"channel": {"noise": noise}, "sensing": sensing}
     _, honest = shares(**keys, **SILENT)
     assert inside(honest.mean(), 0.01, 8 * TICKS * 18)
-    attack = {
-        "kind": "bias",
-        "magnitude": 0.15,
-        "vehicles": [1, 4],
-    }  # three deviations √(0.03² + 0.04²)
+    # Three deviations √(0.03² + 0.04²)
+    attack = {"kind": "bias", "magnitude": 0.15, "vehicles": [1, 4]}
     attacked, _ = shares(**keys, attack=attack)
     seen = stats.ncx2.sf(stats.chi2.ppf(0.99, 4), 4, 9)
     assert inside(attacked.mean(), seen, 8 * TICKS * 4)
@@ -101,14 +98,12 @@ def test_p_values_are_those_of_chi_squared():
     for vehicle in range(4):
         residuals[: vehicle + 1, :, 0, vehicle, 0] = size[vehicle]
     known = np.array([stats.chi2.sf(2 * (v + 1) * size[v] ** 2, 2 * (v + 1)) for v in range(4)])
-    words = JudgedWords(
-        np.zeros(1), orders[..., 0], jnp.asarray(residuals), orders, judged, np.ones(1)
-    )
+    given = orders[..., 0], jnp.asarray(residuals), orders, judged
+    words = JudgedWords(np.zeros(1), *given, np.ones(1))
     for factor, expected in ((1.000001, True), (0.999999, False)):
         for vehicle in range(4):
-            rule = ChiSquared(false_alarms=0.5).filled(
-                {"false_alarms": jnp.asarray(known[vehicle : vehicle + 1] * factor)}
-            )
+            share = jnp.asarray(known[vehicle : vehicle + 1] * factor)
+            rule = ChiSquared.filled({"false_alarms": share})
             assert bool(rule.alarms(words, None)[0][0, vehicle, 0]) is expected
 
 
@@ -125,11 +120,8 @@ def test_a_vehicle_that_moves_as_it_tells_is_covert():
 def test_only_words_that_arrive_are_judged():
     """Every word that arrives alarms; no share where all are lost or without attacked links."""
     loss = {"kind": "bernoulli", "probability": 0.4}
-    keys = {
-        "channel": KEYS["channel"] | {"loss": loss, "missing": "hold"},
-        "detector": Always(),
-        "horizon": 2.0,
-    }
+    keys = {"channel": KEYS["channel"] | {"loss": loss, "missing": "hold"}}
+    keys |= {"detector": Always(), "horizon": 2.0}
     attacked, honest = shares(2, **keys, **bias(2.0))
     assert attacked.tolist() == honest.tolist() == [1.0, 1.0]
     attacked, _ = shares(2, **keys, **SILENT)

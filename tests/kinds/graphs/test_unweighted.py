@@ -16,15 +16,12 @@ from jaxnet.lanes.uniforms import Keyed
 from tests import systems
 from tests.matrices import matrix_of
 
+SIDES = ((3, 4), (4, 3), (1, 5), (5, 5))
+
 
 def heard(graph, vehicles):
     """Who hears whom of the vehicles."""
     return matrix_of(graph, vehicles)[:, 1:] > 0
-
-
-def theirs(network):
-    """The same of a graph of networkx, its nodes in order."""
-    return nx.to_numpy_array(network, nodelist=sorted(network)) > 0
 
 
 @pytest.mark.parametrize(
@@ -37,34 +34,22 @@ def theirs(network):
         (Circulant(offsets=[2, -2, 5, -5]), nx.circulant_graph(13, [2, 5])),
         (SmallWorld(neighbours=6, rewired=0.0), nx.watts_strogatz_graph(11, 6, 0.0)),
         (ErdosRenyi(probability=1.0), nx.gnp_random_graph(6, 1.0, directed=True)),
-        *(
-            (
-                Grid(rows=rows, columns=columns, torus=torus),
-                nx.grid_2d_graph(rows, columns, periodic=torus),
-            )
-            for rows, columns in ((3, 4), (4, 3), (1, 5), (5, 5))
-            for torus in (False, True)
-        ),
+        *((Grid(rows=a, columns=b), nx.grid_2d_graph(a, b)) for a, b in SIDES),
+        *((Grid(rows=a, columns=b, torus=True), nx.grid_2d_graph(a, b, True)) for a, b in SIDES),
     ],
     ids=lambda each: getattr(each, "kind", ""),
 )
 def test_links_are_those_of_networkx(ours, network):
     """Everybody hears the navigator too."""
-    np.testing.assert_array_equal(heard(ours, len(network)), theirs(network))
+    theirs = nx.to_numpy_array(network, nodelist=sorted(network)) > 0
+    np.testing.assert_array_equal(heard(ours, len(network)), theirs)
     assert (matrix_of(ours, len(network))[:, 0] == 0.1).all()
 
 
 def test_offsets_need_not_be_mutual():
     """Vehicle 1 of 5 hears 2 and 4."""
-    assert np.argwhere(heard(Circulant(offsets=[1, 3]), 5))[:4].tolist() == [
-        [0, 1],
-        [0, 3],
-        [1, 2],
-        [1, 4],
-    ]
-
-
-# --- who hears the navigator ----------------------------------------------------------------------
+    found = np.argwhere(heard(Circulant(offsets=[1, 3]), 5))[:4]
+    assert found.tolist() == [[0, 1], [0, 3], [1, 2], [1, 4]]
 
 
 def test_a_share_is_drawn_by_the_seed_whatever_the_pattern():
@@ -89,9 +74,6 @@ def test_who_hears_no_vehicle_hears_the_navigator_alone():
     np.testing.assert_array_equal(weights[:, 0], np.where(alone, 1.0, 0.1))
 
 
-# --- the rule of weights --------------------------------------------------------------------------
-
-
 def test_metropolis_weights_by_hand():
     """On a 2 × 3 grid 2 and 5 have three neighbours, so `1/(1 + 3)`; 1 and 4 two, `1/(1 + 2)`."""
     weights = matrix_of(Grid(rows=2, columns=3, weighting="metropolis"), 6)
@@ -114,81 +96,28 @@ def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
         np.testing.assert_allclose(weights, matrix_of(expected, 6), rtol=1e-14)
 
 
-# --- what there is no graph of --------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("topology", "vehicles", "says"),
     [
-        (
-            "{kind: lattice, neighbours: 3}",
-            12,
-            "topology.neighbours: must be a multiple of 2 (got 3)",
-        ),
-        (
-            "{kind: lattice, neighbours: 6}",
-            6,
-            "topology.neighbours: must be less than the 6 vehicles (got 6)",
-        ),
-        (
-            "{kind: small_world, neighbours: 8}",
-            6,
-            "topology.neighbours: must be less than the 6 vehicles",
-        ),
+        ("{kind: lattice, neighbours: 3}", 12, "neighbours: must be a multiple of 2 (got 3)"),
+        ("{kind: lattice, neighbours: 6}", 6, "must be less than the 6 vehicles (got 6)"),
+        ("{kind: small_world, neighbours: 8}", 6, "neighbours: must be less than the 6 vehicles"),
         ("{kind: small_world, rewired: 2}", 6, "topology.rewired: must be at most 1 (got 2)"),
         ("{kind: circulant, offsets: [1, 6]}", 6, "topology.offsets: must lead to other vehicles"),
         ("{kind: circulant, offsets: [1, -5]}", 6, "around 6 (got [1, -5])"),
-        (
-            "{kind: circulant, offsets: []}",
-            6,
-            "topology.offsets: must have at least 1 entry (got [])",
-        ),
-        (
-            "{kind: grid, rows: 3, columns: 4}",
-            10,
-            "topology.rows: times columns must be the 10 vehicles (got 3 × 4)",
-        ),
-        (
-            "{kind: erdos_renyi, probability: 0}",
-            6,
-            "topology.probability: must be greater than 0 (got 0)",
-        ),
-        ("{kind: complete, navigator: [7]}", 6, "topology.navigator: vehicles are 1 to 6 (got 7)"),
-        (
-            "{kind: complete, navigator: []}",
-            6,
-            "topology.navigator: the navigator does not reach 1, 2, 3",
-        ),
-        (
-            "{kind: circulant, offsets: [2, -2], navigator: [1]}",
-            6,
-            "the navigator does not reach 2, 4, 6",
-        ),
-        (
-            "{kind: complete, navigator: some}",
-            6,
-            "topology.navigator: must be 'all' (got \"some\")",
-        ),
-        (
-            "{kind: complete, navigator: 3}",
-            6,
-            "must be all, a list of vehicles or {share: s} (got 3)",
-        ),
-        (
-            "{kind: complete, navigator: {share: 0}}",
-            6,
-            "topology.navigator.share: must be greater than 0 (got 0)",
-        ),
-        (
-            "{kind: complete, navigator: {share: 0.01}}",
-            6,
-            "reaches everybody in none of 1000 draws",
-        ),
-        (
-            "{kind: complete, weighting: equal}",
-            6,
-            "topology.weighting: must be 'uniform' or 'metropolis'",
-        ),
+        ("{kind: circulant, offsets: []}", 6, "offsets: must have at least 1 entry (got [])"),
+        ("{kind: grid, rows: 3, columns: 4}", 10, "must be the 10 vehicles (got 3 × 4)"),
+        ("{kind: erdos_renyi, probability: 0}", 6, "must be greater than 0 (got 0)"),
+        ("{kind: random_regular, degree: 5}", 5, "less than the 5 vehicles"),
+        ("{kind: random_regular, degree: 3}", 5, "must be even"),
+        ("{kind: complete, navigator: [7]}", 6, "navigator: vehicles are 1 to 6 (got 7)"),
+        ("{kind: complete, navigator: []}", 6, "the navigator does not reach 1, 2, 3"),
+        ("{kind: circulant, offsets: [2, -2], navigator: [1]}", 6, "does not reach 2, 4, 6"),
+        ("{kind: complete, navigator: some}", 6, "must be all, a list of vehicles or {share: s}"),
+        ("{kind: complete, navigator: 3}", 6, "a list of vehicles or {share: s} (got 3)"),
+        ("{kind: complete, navigator: {share: 0}}", 6, "share: must be greater than 0 (got 0)"),
+        ("{kind: complete, navigator: {share: 0.01}}", 6, "in none of 1000 draws"),
+        ("{kind: complete, weighting: equal}", 6, "must be 'uniform' or 'metropolis'"),
     ],
 )
 def test_what_cannot_be_is_said(topology, vehicles, says, tmp_path):

@@ -7,21 +7,16 @@ import pytest
 
 from jaxnet.config.document import ConfigError
 from jaxnet.kinds.losses import Messages
-from jaxnet.kinds.navigators import Navigator
 from tests import systems
+from tests.reference import Powers
 
 TICK = 0.1
 
 
 def lost_words(loss, ticks, lanes=4, **keys):
     """Words that are lost, (ticks, listeners, sources, lanes); all hear all, far apart."""
-    keys = {
-        "topology": "complete",
-        "vehicles": 5,
-        "engine": "exact",
-        "tick": TICK,
-        "attack": "none",
-    } | keys
+    keys = {"topology": "complete", "vehicles": 5, "engine": "exact", "tick": TICK} | keys
+    keys["attack"] = "none"
     one = systems.lanes(systems.study(channel={"loss": loss}, **keys), lanes)
     lane = jax.tree.map(lambda leaf: jnp.moveaxis(jnp.asarray(leaf), 0, -1), one.inputs.lane)
     sources = jnp.asarray(one.network.hearing.sources)
@@ -70,9 +65,8 @@ def test_bursts_are_as_long_and_as_frequent_as_the_chain_says(fail, recover):
     assert abs(lost[0].mean() - share) <= width
     assert abs(lost.mean() - share) <= width * np.sqrt((1 + memory) / (1 - memory) / len(lost))
     bursts = runs(lost)
-    assert abs(bursts.mean() - 1 / recover) <= 2.576 * np.sqrt(1 - recover) / recover / np.sqrt(
-        len(bursts)
-    )
+    deviation = np.sqrt(1 - recover) / recover / np.sqrt(len(bursts))
+    assert abs(bursts.mean() - 1 / recover) <= 2.576 * deviation
 
 
 @pytest.mark.parametrize("kind", ["bernoulli", "gilbert_elliott", "jamming"])
@@ -83,10 +77,8 @@ def test_words_are_lost_together(kind):
         "gilbert_elliott": {"fail": 0.3, "recover": 0.5},
         "jamming": {"starts": 3.0, "spacing": 0.2, "seconds": 2.0, "ratio": 1.5},
     }[kind]
-    lost = {
-        of: lost_words({"kind": kind, "of": of, **keys}, 300)
-        for of in ("link", "transmitter", "all")
-    }
+    every = ("link", "transmitter", "all")
+    lost = {of: lost_words({"kind": kind, "of": of, **keys}, 300) for of in every}
     one, other = lost["all"][:, :1, :1], lost["all"][:, 2:3, 4:5]
     assert (one == other).all()
     assert one.any()
@@ -102,21 +94,15 @@ def test_words_are_lost_together(kind):
 def test_drawn_intervals_keep_their_limits_in_every_window():
     """Number and length, for each pair of ticks; the jammer uses what it has."""
     starts, spacing, seconds, ratio = 2.0, 1.3, 0.7, 3.0
-    loss = {
-        "kind": "jamming",
-        "starts": starts,
-        "spacing": spacing,
-        "seconds": seconds,
-        "ratio": ratio,
-    }
+    loss = {"kind": "jamming", "starts": starts, "spacing": spacing}
+    loss |= {"seconds": seconds, "ratio": ratio}
     lost = lost_words(loss, 400, lanes=8)[:, 0, 2].astype(float)
     begun = np.diff(lost, axis=0, prepend=0.0) > 0
     after = np.arange(401) * TICK
     for values, least, rate in [(begun, starts, 1 / spacing), (TICK * lost, seconds, 1 / ratio)]:
         total = np.concatenate([np.zeros((1, 8)), values.cumsum(axis=0)])
-        slack = (total[None] - total[:, None]) - (least + (after[None] - after[:, None]) * rate)[
-            ..., None
-        ]
+        most = least + (after[None] - after[:, None]) * rate
+        slack = (total[None] - total[:, None]) - most[..., None]
         later = np.triu(np.ones((401, 401), bool))
         assert slack[later].max() <= 1e-9
     assert lost.mean() > 0.1
@@ -124,13 +110,8 @@ def test_drawn_intervals_keep_their_limits_in_every_window():
 
 def test_listed_and_periodic_intervals_begin_and_end_at_their_times():
     """An interval holds its begin, not its end."""
-    loss = {
-        "kind": "jamming",
-        "intervals": [[0.3, 0.6], [2.05, 2.15]],
-        "period": 1.0,
-        "length": 0.2,
-        "first": 4.0,
-    }
+    loss = {"kind": "jamming", "intervals": [[0.3, 0.6], [2.05, 2.15]]}
+    loss |= {"period": 1.0, "length": 0.2, "first": 4.0}
     lost = lost_words(loss, 70)
     ticks = [3, 4, 5, 21, 40, 41, 50, 51, 60, 61]
     np.testing.assert_array_equal(np.flatnonzero(lost[:, 1, 3, 2]), ticks)
@@ -138,33 +119,14 @@ def test_listed_and_periodic_intervals_begin_and_end_at_their_times():
     assert (every == every[:, :1]).all()
 
 
-class Ramp(Navigator):
-    """A straight line at constant speed."""
-
-    speed: float = 1.0
-
-    def jets(self, time):
-        xp, zero = time.__array_namespace__(), 0.0 * time
-        speed = zero + self.speed
-        along = [self.speed * time, speed, zero, zero]
-        return xp.stack([xp.stack([each, zero]) for each in along])
-
-
 def test_a_vehicle_joins_at_the_tick_at_which_it_is_near():
     """A chain closes up as 200 m e^(-t)(1 + t + t²/2); its end hears the navigator from 10 m on."""
     m = 25
     edges = [[i, i - 1, 1] for i in range(1, m + 1)] + [[m, 0, 1]]
     places = [[8.0 * i, 0.0] for i in range(1, m + 1)]
-    keys = {
-        "initial": {"position": places, "heading": 0.0, "speed": 99.0},
-        "navigator": Ramp(speed=99.0),
-    }
-    keys |= {
-        "vehicles": m,
-        "topology": {"kind": "edges", "edges": edges},
-        "attack": "none",
-        "defence": "none",
-    }
+    keys = {"initial": {"position": places, "heading": 0.0, "speed": 99.0}}
+    keys |= {"navigator": Powers(x=[0.0, 99.0], y=[0.0]), "vehicles": m}
+    keys |= {"topology": {"kind": "edges", "edges": edges}, "attack": "none", "defence": "none"}
     keys |= {"engine": "exact", "tick": 0.05, "output_step": 0.05, "horizon": 8.0, "tail": 1.0}
     loss = {"kind": "range", "radius": 10.0}
     outcome = systems.simulate(systems.lanes(systems.study(channel={"loss": loss}, **keys), 1))

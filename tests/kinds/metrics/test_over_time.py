@@ -45,11 +45,8 @@ def test_sums_and_integrals_are_those_of_the_trajectory():
     assert found["two_counted"] == pytest.approx(2.0 * 21)
     assert found["two_counted_late"] == pytest.approx(2.0 * 6)
     efforts = np.abs(outcome.series["inputs"][..., 0])  # (lanes, times, m)
-    whole, late = (
-        np.trapezoid(each, dx=0.1, axis=1).max(axis=1) for each in (efforts, efforts[:, -6:])
-    )
-    assert found["effort"] == pytest.approx(whole)
-    assert found["late_effort"] == pytest.approx(late)
+    for name, each in (("effort", efforts), ("late_effort", efforts[:, -6:])):
+        assert found[name] == pytest.approx(np.trapezoid(each, dx=0.1, axis=1).max(axis=1))
     assert found["summed"] == pytest.approx(efforts.sum(axis=1).min(axis=1))
     assert found["hardest"] == pytest.approx(efforts.max(axis=(1, 2)))
 
@@ -71,11 +68,8 @@ NEVER = Metric("never", "s", never, "run", "last", "max", undefined="infinite")
 def test_a_number_that_is_none_is_no_metric_of_an_ok_lane():
     """The lane has a status of its own; what may be infinite is so in an ok lane and its cell."""
     keys = {"vehicles": 1, "topology": "star", "attack": "none", "engine": "exact", "horizon": 0.2}
-    keys |= {
-        "tail": 0.1,
-        "output_step": 0.1,
-        "metrics": [f"{__name__}:{name}" for name in ("ROOT", "NEVER")],
-    }
+    keys |= {"tail": 0.1, "output_step": 0.1}
+    keys["metrics"] = [f"{__name__}:{name}" for name in ("ROOT", "NEVER")]
     results = jaxnet.simulate(keys, 6, progress=False)
     ok = results.lanes["status"] == "ok"
     assert {*results.lanes["status"]} == {"ok", "unmeasured"}
@@ -102,9 +96,6 @@ def test_a_quantile_of_infinite_values_is_one_of_them():
 
 def test_the_column_of_an_integral_has_seconds_in_its_unit():
     """A sum keeps the unit."""
-    assert [each.column_unit for each in (TWO_IN_ALL, TWO_COUNTED, EFFORT)] == [
-        "m·s",
-        "m",
-        "m/s³·s",
-    ]
+    units = [each.column_unit for each in (TWO_IN_ALL, TWO_COUNTED, EFFORT)]
+    assert units == ["m·s", "m", "m/s³·s"]
     assert Metric("lasting", "", two, time="integral").column_unit == "s"

@@ -27,20 +27,14 @@ def along_figure(every):
 
 
 def test_constant_inputs_give_a_circle():
-    given = Driven(
-        speed=[12.0, 12.0], turn_rate=[-0.8, -0.8], every=30.0, position=[3.0, -4.0], heading=0.5
-    )
-    angle = 0.5 - 0.8 * TIMES
-    radius = 12.0 / -0.8
-    expected = [
-        3.0 + radius * (np.sin(angle) - np.sin(0.5)),
-        -4.0 - radius * (np.cos(angle) - np.cos(0.5)),
-    ]
-    found = given.jets(TIMES)
-    np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(
-        found[1], 12.0 * np.stack([np.cos(angle), np.sin(angle)]), rtol=0, atol=1e-12
-    )
+    start = {"position": [3.0, -4.0], "heading": 0.5}
+    given = Driven(speed=[12.0, 12.0], turn_rate=[-0.8, -0.8], every=30.0, **start)
+    angle, radius = 0.5 - 0.8 * TIMES, 12.0 / -0.8
+    x = 3.0 + radius * (np.sin(angle) - np.sin(0.5))
+    y = -4.0 - radius * (np.cos(angle) - np.cos(0.5))
+    found, along = given.jets(TIMES), np.stack([np.cos(angle), np.sin(angle)])
+    np.testing.assert_allclose(found[0], [x, y], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found[1], 12.0 * along, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found[3], -(0.8**2) * found[1], rtol=0, atol=1e-11)
 
 
@@ -68,9 +62,8 @@ def test_jets_are_derivatives_across_pieces_and_lanes():
 
     drawn = WEAVING.drawn(Alike(), "navigator")
     for given in (times, np.stack([times, times[::-1]]), jnp.asarray(times)):
-        np.testing.assert_allclose(
-            drawn.jets(given), WEAVING.jets(np.asarray(given)), rtol=0, atol=1e-12
-        )
+        known = WEAVING.jets(np.asarray(given))
+        np.testing.assert_allclose(drawn.jets(given), known, rtol=0, atol=1e-12)
     before, behind = (WEAVING.jets(np.array([10.1, 20.2]) + side) for side in (-1e-9, 1e-9))
     np.testing.assert_allclose(before, behind, rtol=0, atol=1e-5)
 

@@ -34,9 +34,8 @@ def test_the_gains_of_errors_are_those_of_the_theory():
     """Ring 5.242067 and path i for links; ring 9.009307 and path i - 1 for transmitters."""
     for of, ring, first in (("link", 5.242067, 1), ("transmitter", 9.009307, 0)):
         np.testing.assert_allclose(np.diag(covariance("cyclic", of)), ring, rtol=0, atol=1e-6)
-        np.testing.assert_allclose(
-            np.diag(covariance("path", of)), first + np.arange(12), rtol=0, atol=1e-9
-        )
+        path = np.diag(covariance("path", of))
+        np.testing.assert_allclose(path, first + np.arange(12), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -53,9 +52,8 @@ def test_words_with_errors_drive_the_fleet_as_the_theory_says(topology, of, corr
     width = 2.576 * np.sqrt(2 * (known**2).sum() / len(error))
     assert abs((error**2).sum(axis=1).mean() - np.trace(known)) <= width
     each = np.diag(known)
-    assert (
-        np.abs((error**2).mean(axis=0) - each) <= 3.6 * np.sqrt(2 / len(error)) * each + 1e-7
-    ).all()
+    off = np.abs((error**2).mean(axis=0) - each)
+    assert (off <= 3.6 * np.sqrt(2 / len(error)) * each + 1e-7).all()
 
 
 OUTLIERS = {"outliers": 0.05, "outlier_factor": 6.0}
@@ -66,22 +64,13 @@ def test_engines_draw_the_same_errors():
     """Path by path to 1e-5 m: outliers, errors of jerks, held readings; lost words are held."""
     loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
     noise = {**SIZES, "correlation": 0.3, "jerk": 0.1, **OUTLIERS}
-    keys = {
-        "attack": "none",
-        "defence": "none",
-        "vehicles": 4,
-        "tick": 0.1,
-        "horizon": 3.0,
-        "tail": 1.0,
-    }
+    keys = {"attack": "none", "defence": "none", "vehicles": 4}
+    keys |= {"tick": 0.1, "horizon": 3.0, "tail": 1.0}
     keys["channel"] = {"noise": noise, "loss": loss, "missing": "hold"}
     keys["sensing"] = {"position": 0.1, "correlation": 0.2, "dropout": 0.2, **OUTLIERS}
-    exact, nonlinear = (
-        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).series["state"][
-            ..., :2
-        ]
-        for engine in ("exact", "nonlinear")
-    )
+    studies = (systems.study(engine=engine, **keys) for engine in ("exact", "nonlinear"))
+    outcomes = [systems.simulate(systems.lanes(study, 2)) for study in studies]
+    exact, nonlinear = (each.series["state"][..., :2] for each in outcomes)
     assert np.abs(exact - nonlinear).max() <= 1e-5
 
 
@@ -89,16 +78,10 @@ def test_engines_draw_the_same_errors():
 def test_the_highest_derivative_of_single_integrators_is_their_velocity():
     """Its errors drive as `k0 y`'s do: variance `(1 - e^(-h))² / (1 - e^(-2h))` of both."""
     noise = {"position": 0.3, "jerk": 0.4, "velocity": 7.0}  # a velocity of order 1 is `jerk` alone
-    keys = QUIET | {
-        "engine": "exact",
-        "topology": "star",
-        "vehicle": "single_integrator",
-        "horizon": 10.0,
-    }
-    keys |= {"output_step": 10.0, "tick": 0.1, "channel": {"noise": noise}}
-    positions = systems.simulate(systems.lanes(systems.study(**keys), 200)).series["state"][
-        :, -1, :, :2
-    ]
+    keys = QUIET | {"engine": "exact", "topology": "star", "vehicle": "single_integrator"}
+    keys |= {"horizon": 10.0, "output_step": 10.0, "tick": 0.1, "channel": {"noise": noise}}
+    outcome = systems.simulate(systems.lanes(systems.study(**keys), 200))
+    positions = outcome.series["state"][:, -1, :, :2]
     squares = (positions - positions.mean(axis=(0, 1))) ** 2
     known = (0.3**2 + 0.4**2) * (1 - np.exp(-0.1)) ** 2 / (1 - np.exp(-0.2))
     assert abs(squares.mean() - known) <= 2.576 * squares.std() / np.sqrt(squares.size)
@@ -118,9 +101,8 @@ def test_variances_are_those_of_the_discrete_lyapunov_equation():
     h = 0.3
     assert abs(noise.held_variance([1.0], h) - (1 - np.exp(-h)) ** 2 / (1 - np.exp(-2 * h))) < 1e-12
     for topology in ("cyclic", "path"):
-        weights = dense(
-            systems.study(topology=topology).cells[0].scenario.topology.normalised_rows(12)
-        )
+        (cell,) = systems.study(topology=topology).cells
+        weights = dense(cell.scenario.topology.normalised_rows(12))
         for of in ("link", "transmitter"):
             known = np.diag(covariance(topology, of))
             np.testing.assert_allclose(noise.link_gains(weights, of), known, rtol=0, atol=1e-9)

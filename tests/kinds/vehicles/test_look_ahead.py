@@ -2,44 +2,16 @@
 
 import math
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import jaxnet
-from jaxnet.kinds.vehicles.look_ahead import LookAhead
-from jaxnet.lanes.draws import Draw
-from jaxnet.lanes.uniforms import Keyed
 from tests import systems
-from tests.kinds.vehicles.flatness import assert_flat
 from tests.reference import Powers
 
-DRAWN = LookAhead(ahead={"uniform": [0.05, 0.5]}).drawn(Draw(Keyed(0), range(2), 6), "vehicle")
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_it_is_an_integrator_for_each_axis(seed):
-    """Never singular: det ψ = l in every state."""
-    rng = np.random.default_rng(seed)
-    state = jnp.asarray(rng.uniform(-10, 10, (3, 6, 2)))
-    inputs = jnp.asarray(rng.uniform(-10, 10, (2, 6, 2)))
-    assert_flat(DRAWN, state, inputs)
-    determinant = np.linalg.det(np.moveaxis(np.asarray(DRAWN.decoupling(state)), (0, 1), (-2, -1)))
-    np.testing.assert_allclose(determinant, np.broadcast_to(DRAWN.ahead, (6, 2)), rtol=1e-9)
-    np.testing.assert_array_equal(DRAWN.pace(state, inputs), [abs(inputs[0]), inputs[1]])
-
-
-KEYS = {
-    "vehicles": 1,
-    "topology": "star",
-    "attack": "none",
-    "defence": "none",
-    "horizon": 4.0,
-    "tail": 1.0,
-}
+KEYS = {"vehicles": 1, "topology": "star", "attack": "none", "defence": "none"}
+KEYS |= {"horizon": 4.0, "tail": 1.0}
 KEYS |= {"vehicle": {"kind": "look_ahead", "ahead": 0.7}, "gain": [1.5]}
 
 
@@ -63,9 +35,7 @@ def test_the_heading_follows_a_plain_integration():
 
     times = np.arange(41) * 0.1
     for states in data:
-        known = solve_ivp(
-            rates, (0, 4), states[0], t_eval=times, rtol=1e-11, atol=1e-11, method="DOP853"
-        )
+        known = solve_ivp(rates, (0, 4), states[0], "DOP853", times, rtol=1e-11, atol=1e-11)
         apart = states - known.y.T
         np.testing.assert_allclose(apart[:, :2], 0.0, atol=1e-7)
         # headings are told in (-π, π]
@@ -78,12 +48,8 @@ def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
     The point starts on the navigator: E = 0. l is short: a tick turns headings by up to exp(-250).
     """
     headings, speed, ahead = [0.4, -1.6, 3.1, -math.pi], 5.0, 0.02
-    keys = {
-        "horizon": 1.0,
-        "tail": 0.5,
-        "output_step": 0.05,
-        "navigator": Powers(x=[0.0, speed], y=[0.0]),
-    }
+    keys = {"horizon": 1.0, "tail": 0.5, "output_step": 0.05}
+    keys |= {"navigator": Powers(x=[0.0, speed], y=[0.0])}
     keys |= {"vehicle": {"kind": "look_ahead", "ahead": ahead}}
     places = [[[-ahead * math.cos(each), -ahead * math.sin(each)]] for each in headings]
     _, states = alone(1, **keys, sweep={"initial.heading": headings, "initial.position": places})
@@ -91,36 +57,23 @@ def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
     turned = 2 * np.arctan(np.tan(np.array(headings) / 2) * np.exp(-speed * times[:, None] / ahead))
     off = np.sin((states[..., 2] - turned) / 2)
     np.testing.assert_allclose(off[:, :3], 0.0, atol=1e-9)
-    point = states[..., :2] + ahead * np.stack(
-        [np.cos(states[..., 2]), np.sin(states[..., 2])], axis=-1
-    )
-    np.testing.assert_allclose(
-        point - np.array([speed, 0.0]) * times[:, None, None], 0.0, atol=1e-9
-    )
+    along = np.stack([np.cos(states[..., 2]), np.sin(states[..., 2])], axis=-1)
+    path = np.array([speed, 0.0]) * times[:, None, None]
+    np.testing.assert_allclose(states[..., :2] + ahead * along - path, 0.0, atol=1e-9)
 
 
 FLEET = KEYS | {"vehicles": 4, "topology": "complete", "horizon": 3.0, "tick": 0.1, "samples": 2}
 FLEET["save"] = {"trajectories": "all"}
 FLEET["attack"] = {"kind": "rotating", "vehicles": [2], "magnitude": 5.0, "frequency": 1.7}
+LOCAL = {"law": {"kind": "local", "hold": False}, "defence": {"kind": "w_msr", "F": 1}}
+LOSSY = {"channel": {"missing": "extrapolate", "loss": {"kind": "bernoulli", "probability": 0.3}}}
+LOSSY |= {"sensing": {"kind": "gaussian", "position": 0.1}}
+LOSSY |= {"attack": {"kind": "spoof", "vehicles": [2], "magnitude": [5.0, 2.0]}}
 TIGHT = {"kind": "nonlinear", "solver": "dopri8", "rtol": 1e-11, "atol": 1e-11}
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "keys",
-    [
-        {"law": {"kind": "local", "hold": False}, "defence": {"kind": "w_msr", "F": 1}},
-        {
-            "channel": {
-                "missing": "extrapolate",
-                "loss": {"kind": "bernoulli", "probability": 0.3},
-            },
-            "sensing": {"kind": "gaussian", "position": 0.1},
-            "attack": {"kind": "spoof", "vehicles": [2], "magnitude": [5.0, 2.0]},
-        },
-    ],
-    ids=["local", "channel"],
-)
+@pytest.mark.parametrize("keys", [LOCAL, LOSSY], ids=["local", "channel"])
 def test_engines_agree(keys):
     """In every state, and in speeds and turn rates at output times.
 

@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 
 import jaxnet
+from jaxnet.kinds import registry
 
-VEHICLES = (
-    "single_integrator",
-    "double_integrator",
-    "unicycle",
-    "look_ahead",
-    "two_wheeled",
-    "car",
-    "planar_quadrotor",
-)
+VEHICLES = registry.kind_names("vehicle")
 KEYS = {
     "vehicles": 3,
     "topology": "complete",
