@@ -170,4 +170,4 @@ def compare_results(a: str, b: str, form: str, out: str | None) -> None:
     if form == "text":
         echo(comparison.comparison_text(found))
     else:
-        echo(formats.in_format(formats.columns_of(comparison.comparison_rows(found)), form))
+        echo(formats.in_format(comparison.comparison_columns(found), form))

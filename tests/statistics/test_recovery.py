@@ -11,7 +11,7 @@ import jaxnet
 from experiments import stopping
 from jaxnet.config import keys as config
 from jaxnet.engine.methods.exact import Exact
-from jaxnet.statistics import intervals, recovery, shares
+from jaxnet.statistics import intervals, recovery, summary
 from jaxnet.store.folder import Folder, FolderError
 from tests import systems
 
@@ -44,13 +44,12 @@ def test_counts():
     """By hand: over τ ā, and no share where nobody is attacked."""
     study = jaxnet.load({"sweep": {"attack.magnitude": [0, 2]}, "recovery": {"tau": 0.01}})
     lanes = pd.DataFrame({"tail_mean": [0.021, 0.02, 0.5]})
-    unrecovered = shares.LANE_SHARES["unrecovered"]
+    unrecovered = summary.LANE_SHARES["unrecovered"]
     assert unrecovered.which(study.config, study.cells[0], lanes) is None
     counted = unrecovered.which(study.config, study.cells[1], lanes)
     assert counted.tolist() == [True, False, True]
-    found = shares.share_columns(unrecovered, counted, 0.95)
-    assert found["unrecovered"] == pytest.approx(2 / 3)
-    assert np.isnan([*shares.share_columns(unrecovered, counted[:0], 0.95).values()]).all()
+    assert summary.share_estimate(counted, 0.95)[0] == pytest.approx(2 / 3)
+    assert np.isnan(summary.share_estimate(counted[:0], 0.95)).all()
 
 
 def test_the_table_has_the_shares(tmp_path):
