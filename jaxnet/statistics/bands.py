@@ -57,10 +57,9 @@ def error_bands(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
     for cell in cells:
         values = whole_lanes(stored.isel(cell=cell.number).values[:, instants])
         if len(values):
+            low, median, high, greatest = np.quantile(values, BAND_QUANTILES, axis=0)
             time = stored["time"].values[instants]
-            found[cell.number] = Band(
-                time, *np.quantile(values, BAND_QUANTILES, axis=0), len(values)
-            )
+            found[cell.number] = Band(time, low, median, high, greatest, len(values))
     return found
 
 

@@ -78,7 +78,7 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     pairs, metrics = paired_cells(*both), compared_metrics(*both)
     criteria = [results.study.config.recovery for results in both]
     each = [mark_unrecovered(join_lanes(both, pair, metrics), pair, criteria) for pair in pairs]
-    lanes = pd.concat(each, keys=range(len(pairs)))
+    lanes: Any = pd.concat(each, keys=range(len(pairs)))
     labels = pd.DataFrame([cell_labels(pair) for pair in pairs])
     rows = [comparison_row(mine, metrics, first.study.config) for mine in each]
 

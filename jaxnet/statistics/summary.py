@@ -126,7 +126,8 @@ def summarise(
     table = []
     metrics = [*SUMMARISED, *(each.name for each in study.measured()[len(CONTRACT) :])]
     for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
-        cell, ok = cells[number], lanes[lanes["status"] == "ok"]
+        cell = cells[number]
+        ok: Any = lanes[lanes["status"] == "ok"]
         row: dict[str, Any] = {**cell.labels, "lanes": len(lanes)}
         row |= {"ok": len(ok), "failed": len(lanes) - len(ok)}
         sure = confidence_of(study.samples, samples[number])

@@ -124,10 +124,11 @@ class Column(NamedTuple):
 
     def numbers(self, name: str) -> list[Any]:
         """Numbers in the unit of the title, of which rounding is 0, and labels."""
-        sizes = self.entries.get("size", [0.0] * len(self.entries))
+        values = self.entries[name].tolist()
+        sizes = self.entries["size"] if "size" in self.entries else [0.0] * len(values)
         return [
             without_rounding(self.scale * value, size) if isinstance(value, float) else value
-            for value, size in zip(self.entries[name].tolist(), sizes, strict=True)
+            for value, size in zip(values, sizes, strict=True)
         ]
 
     def scaled(self) -> list[Any]:

@@ -32,11 +32,6 @@ def test_the_table_has_a_block_for_each_group():
     assert ring["static"].isna().all()
 
 
-def test_cells_without_attack_have_no_bounds():
-    """There is no ā that an error could be held against."""
-    assert slopes_table(jaxnet.load({"attack": "none"}).cells).empty
-
-
 @pytest.mark.parametrize(
     "drawn",
     [

@@ -5,6 +5,8 @@ from collections.abc import Hashable, Mapping, Sequence
 from textwrap import fill
 from typing import NamedTuple
 
+from rich.filesize import decimal
+
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Scenario, Sequential
@@ -108,16 +110,8 @@ def study_head(study: Study) -> str:
     return wrap_lines(
         f"{settled.name}: {count(len(study.cells), 'cell')} × {samples},"
         f" {settled.engine.kind} engine, nothing wrong\n"
-        f"about {byte_size(memory)} of memory; at most {byte_size(float(disk))} on disk"
+        f"about {decimal(round(memory))} of memory; at most {decimal(disk)} on disk"
     )
-
-
-def byte_size(count_bytes: float) -> str:
-    for unit in ("B", "kB", "MB", "GB"):
-        if count_bytes < 1000:
-            return f"{count_bytes:.3g} {unit}"
-        count_bytes /= 1000
-    return f"{count_bytes:.3g} TB"
 
 
 def amplitude_advice(study: Study) -> str:
@@ -187,12 +181,9 @@ def factor_table(name: str, labels: CellLabels, lines: Sequence[str], most: int 
     for one, line in zip(labels, lines, strict=True):
         where.setdefault(line, set()).add(tuple(one[key] for key in keys))
     every = [list(dict.fromkeys(one[key] for one in labels)) for key in keys]
-    last_words = [key.rpartition(".")[2] for key in labels[0]]
-    titles = [key.rpartition(".")[2] for key in keys]
-    titles = [
-        title if last_words.count(title) == 1 else key
-        for key, title in zip(keys, titles, strict=True)
-    ]
+    short = {key: key.rpartition(".")[2] for key in labels[0]}
+    last_words = [*short.values()]
+    titles = [short[key] if last_words.count(short[key]) == 1 else key for key in keys]
     boxes = [(box, line) for line, those in where.items() if line for box in boxes_of(those)]
     rows, before = [], ""
     for box, line in boxes[:MOST_TABLE_ROWS]:

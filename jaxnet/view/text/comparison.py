@@ -61,7 +61,7 @@ def comparison_legend(found: Comparison) -> str:
 
 def comparison_columns(found: Comparison) -> list[Column]:
     """A row per pair of cells; columns without any number are left out."""
-    table = found.cells
+    table: Any = found.cells
     keys = list(table)[1 : list(table).index("pairs")]
     columns = [plain_column("cell", table["cell"].tolist())]
     columns += [plain_column(key, table[key].tolist(), key=key) for key in keys]
@@ -87,12 +87,13 @@ def comparison_text(found: Comparison) -> str:
     if len(found.cells) > MOST_ROWS:
         lines.append(f"… {len(found.cells) - MOST_ROWS} more pairs of cells in differences.csv")
     lines += left_out_note(left_out, "differences.csv")
-    changed = found.changed["unrecovered_A"].astype(bool)
+    changed: Any = found.changed
+    saved = changed["unrecovered_A"].astype(bool)
     parts = [
         "\n".join(settings_lines(found)),
         "\n".join(lines),
-        named_lanes("saved", found.changed[changed]),
-        named_lanes("lost", found.changed[~changed]),
+        named_lanes("saved", changed[saved]),
+        named_lanes("lost", changed[~saved]),
         named_lanes("failed", found.failed),
     ]
     return "\n\n".join(filter(None, parts))

@@ -11,7 +11,7 @@ from jaxnet.kinds.fields import EachOrder, is_drawn, value_range
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.graph import unreachable
 from jaxnet.model.safety import Vehicles
-from jaxnet.model.wording import count, plural_s, ranges
+from jaxnet.model.wording import count, orders_in_words, plural_s, ranges
 from jaxnet.theory import integer
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.certificate import MOST_TRIED, HonestPaths, Margin
@@ -23,13 +23,14 @@ from jaxnet.theory.theorem import Case, Finding, rows
 from jaxnet.theory.theorems import THEOREMS
 from jaxnet.theory.tolerance import VehiclesAlone
 
-ORDER_UNITS = ("m", "m/s", "m/s²", "m/s³")
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_NAMED_VEHICLES = 60
 MOST_NAMED_SETS = 12
 DIED_AWAY = 1e-3  # of ‖η(0)‖: less is millimetres of a fleet that starts metres away
 NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, and are not tried"
 ONE_LIVE_NETWORK = {"one network", "on time", "every message"}
+OF_NETWORKS, OF_SENSORS, OF_NOISE = ("reach", "nominal"), ("sensors leave",), ("messages leave",)
+OF_LOSSES = ("in mean square", "while reached")
 OF_DELAYS = ("lag", "follows lines", "greatest delay", "growth when late")
 
 Facts = dict[str, str]
@@ -132,54 +133,34 @@ def attack_line(case: Case) -> str:
 
 def world_lines(scenario: Scenario, told: Facts) -> Facts:
     """What no bound covers: networks in turn, errors of sensors and messages, loss and delay."""
-    channel, sensing, turns = scenario.channel, scenario.sensing, len(scenario.topology.turns())
+    channel, turns = scenario.channel, len(scenario.topology.turns())
+    sensing, loss, noise = scenario.sensing, channel.loss, channel.noise
     low, high = value_range(channel.delay)
     late = f"{low:g} s"
     if is_drawn(channel.delay):
         late = f"{low:g} to {high:g} s, drawn for each {channel.delay_of},"
-    take_turns = f"{count(turns, 'network')} take turns; the lines above hold for the union"
-    lines = [  # with the quantities of theorems that are told beside
-        ("networks", turns > 1, f"{take_turns}, not for a network alone", ("reach", "nominal")),
-        (
-            "sensing",
-            not sensing.exact(),
-            f"{sensing.kind}: vehicles sense with errors",
-            ("sensors leave",),
-        ),
-        (
-            "channel",
-            not channel.loss.perfect(),
-            f"loss {channel.loss.kind}: messages are lost",
-            ("in mean square", "while reached"),
-        ),
-        (
-            "noise",
-            not channel.noise.exact(),
-            f"{channel.noise.kind}: messages arrive with errors",
-            ("messages leave",),
-        ),
-        ("rounding", channel.rounded, "numbers in messages are rounded", ()),
-        ("delay", channel.late, f"messages are {late} late", OF_DELAYS),
-    ]
+    union = "the lines above hold for the union, not for a network alone"
+    lines = {  # whether it is so, in words, and the quantities of theorems that are told beside
+        "networks": (turns > 1, f"{count(turns, 'network')} take turns; {union}", OF_NETWORKS),
+        "sensing": (not sensing.exact(), f"{sensing.kind}: vehicles sense with errors", OF_SENSORS),
+        "channel": (not loss.perfect(), f"loss {loss.kind}: messages are lost", OF_LOSSES),
+        "noise": (not noise.exact(), f"{noise.kind}: messages arrive with errors", OF_NOISE),
+        "rounding": (channel.rounded, "numbers in messages are rounded", ()),
+        "delay": (channel.late, f"messages are {late} late", OF_DELAYS),
+    }
     found = {
         name: f"{line}; no bound holds" + "".join(told.get(each, "") for each in beside)
-        for name, broken, line, beside in lines
-        if broken
+        for name, (is_so, line, beside) in lines.items()
+        if is_so
     }
     if channel.rounded:
-        found["rounding"] += rounding_text(scenario)
+        steps = channel.quantisation
+        size = f"{value_range(steps)[1] / 2:g}"
+        if isinstance(steps, EachOrder):
+            size = orders_in_words([step / 2 for step in steps.root])
+        where = "on each axis, on every link and in every order transmitted"
+        found["rounding"] += f"; they act like an attack of at most {size} {where}"
     return found
-
-
-def rounding_text(scenario: Scenario) -> str:
-    steps = scenario.channel.quantisation
-    if isinstance(steps, EachOrder):
-        sizes = zip(steps.root, ORDER_UNITS, strict=False)
-        told = " and ".join(f"{step / 2:g} {unit}" for step, unit in sizes)
-    else:
-        told = f"{value_range(steps)[1] / 2:g}"
-    where = "on each axis, on every link and in every order told"
-    return f"; they act like an attack of at most {told} {where}"
 
 
 def motion_lines(scenario: Scenario, found: dict[str, Finding], told: Facts) -> Facts:

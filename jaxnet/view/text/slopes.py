@@ -118,7 +118,7 @@ def group_ratios(curve: Curve) -> dict[str, float]:
 def violations_text(results: Results) -> str:
     found: Any = results.violations
     lines = [
-        f"VIOLATION: {lane_title(results, row)}:\n"
+        f"VIOLATION: {lane_title(results, row.cell, row.sample)}:\n"
         f"  tail_max {row.tail_max:.6g} m is over {row.bound}, {row.limit:.6g} m\n  {row.command}"
         for row in found.head(MOST_VIOLATIONS).itertuples()
     ]

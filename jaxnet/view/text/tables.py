@@ -3,7 +3,7 @@
 import shlex
 from collections.abc import Sequence
 from html import escape
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import pandas as pd
 
@@ -41,14 +41,6 @@ FAILURE_REASONS = {
     "diverged": "an error over 1e100 m",
     "unmeasured": "a metric of the study is no finite number (extending.md: undefined)",
 }
-
-
-@runtime_checkable
-class LaneRow(Protocol):
-    """A row of a table of lanes, as `itertuples` gives it."""
-
-    cell: int
-    sample: int
 
 
 def summary_text(
@@ -137,12 +129,13 @@ def missing_lines(results: Results, shown: Sequence[Column]) -> list[str]:
     """Notes on cells whose lanes all agree, and on those whose mean has no interval."""
     alike, without = set[int](), set[int]()
     for each in shown:
-        if "alike" in each.entries:
-            agree = each.entries["alike"].astype(bool)
-            alike |= {*each.entries.index[agree]}
+        entries: Any = each.entries
+        if "alike" in entries:
+            agree = entries["alike"].astype(bool)
+            alike |= {*entries.index[agree]}
             if each.name.endswith("_mean"):
-                none = each.entries["value"].notna() & each.entries["low"].isna()
-                without |= {*each.entries.index[none & ~agree]}
+                none = entries["value"].notna() & entries["low"].isna()
+                without |= {*entries.index[none & ~agree]}
     notes = [f"{NO_MEAN_INTERVAL}: {cells_named(sorted(without))}"] * bool(without)
     if alike and results.study.config.draws == "random":
         fewest = min(results.cells["ok"][sorted(alike)].tolist())
@@ -184,24 +177,21 @@ def summary_html(results: Results) -> str:
     return f"<p>{escape(head)}</p>{html}" + (f"<p>{escape(constant)}</p>" if constant else "")
 
 
-def written_text(results: Results) -> str:
+def outcome_text(results: Results) -> str:
+    """What a run did, why it stopped, its failed lanes, and what comes next."""
     lanes = results.manifest["lanes"]
-    stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
-    names = ["cells.csv", "lanes/", *(name for name in stores if (results.path / name).exists())]
-    return (
-        f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
-        f" wrote {results.path}: {', '.join(names)}{stop_reason(results)}"
-    )
-
-
-def nothing_to_do_text(results: Results) -> str:
-    lanes = results.manifest["lanes"]
-    words = f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
-    return words + stop_reason(results)
-
-
-def next_command(results: Results) -> str:
-    return f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
+    if results.found_all:
+        words = f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
+    else:
+        stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
+        there = [name for name in stores if (results.path / name).exists()]
+        words = (
+            f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
+            f" wrote {results.path}: {', '.join(['cells.csv', 'lanes/', *there])}"
+        )
+    after = f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
+    parts = [words, filled(stop_reason(results)), failures_text(results), after]
+    return "\n".join(filter(None, parts))
 
 
 def part_text(run: Part) -> str:
@@ -231,7 +221,7 @@ def stop_reason(results: Results) -> str:
         )
         share = recovery.share_name(results.study.cells)
         words += f"the widest interval of the share {share} is ± {halves.max():.2g}, {why}"
-    return f"\n{filled(words)}"
+    return words
 
 
 def failures_text(results: Results) -> str:
@@ -242,7 +232,7 @@ def failures_text(results: Results) -> str:
     for row in rows:
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
-        lines.append(f"failed: {lane_title(results, row)}: {row.status}{since}")
+        lines.append(f"failed: {lane_title(results, row.cell, row.sample)}: {row.status}{since}")
         lines.append(f"  {results.replay_command(row.cell, row.sample)}")
     if many > MOST_FAILURES:
         lines.append(f"… {many - MOST_FAILURES} more; see the column status in lanes/")
@@ -251,9 +241,9 @@ def failures_text(results: Results) -> str:
     return "\n".join(lines)
 
 
-def lane_title(results: Results, row: LaneRow) -> str:
-    title = cell_title(results.study.cells[row.cell], terminal_width() - 40)
-    return f"{title}, sample {row.sample}"
+def lane_title(results: Results, cell: int, sample: int) -> str:
+    title = cell_title(results.study.cells[cell], terminal_width() - 40)
+    return f"{title}, sample {sample}"
 
 
 def lane_text(results: Results, row: pd.Series) -> str:

@@ -1,5 +1,7 @@
 """Output of `jaxnet search`: the worst choice in each cell, beside random lanes and bounds."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -56,7 +58,8 @@ def starts_text(results: Results) -> str:
 
 def limit_lines(results: Results) -> list[str]:
     """Limits of `subject_to`, how many further starts fulfil them, and where no choice does."""
-    limits, found = asked_search(results).subject_to, results.worst
+    limits = asked_search(results).subject_to
+    found: Any = results.worst
     if not limits:
         return []
     told = ", ".join(f"{name} ≤ {most:g}" for name, most in limits.items())
@@ -104,12 +107,12 @@ def worst_rows(results: Results) -> pd.DataFrame:
 
     Bounds are left out where none is known.
     """
-    found, labels = results.worst, list(results.study.cells[0].labels)
+    found: Any = results.worst
     ratio = found["bound"] / found["found"]
     lengths = found.assign(ratio=ratio)[list(LENGTHS)]
     if is_per_size(results):
         lengths = lengths.div(found["magnitude"], axis="index").assign(ratio=ratio)
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
         lengths = lengths.drop(columns=["bound", "ratio"])
-    who = found[["cell", *labels, "attacked"]]
+    who = found[["cell", *results.study.cells[0].labels, "attacked"]]
     return pd.concat([who, lengths.rename(columns=LENGTHS), found["lanes"]], axis="columns")
