@@ -2,8 +2,8 @@
 
 Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, with w lognormal and the
 sample's own at all magnitudes, as its draw is in each cell, and e lognormal from lane to lane. The
-logarithm of y/x is normal with the variance of both, which gives the slopes that quantile
-regression looks for: the median and the 0.95 quantile of y/x. Counts over many such studies how
+logarithm of y/x is normal with the variance of both, which gives the slopes that the fits look
+for: the median and the 0.95 quantile of y/x. Counts over many such studies how
 often the bootstrap's interval holds the slope. A thousand studies tell a share of 94 % to ± 1.5 %
 alone. The slope of least squares is a mean, and experiments/means.py measures its interval.
 
@@ -20,7 +20,7 @@ from scipy import special
 from jaxnet.engine.cores import cores
 from jaxnet.runs.cache import enable
 from jaxnet.statistics import fits as fit
-from jaxnet.statistics.regression import Errors
+from jaxnet.statistics.fits import Errors
 
 SPREADS = {"samples alike at all magnitudes": (0.8, 0.05), "both": (0.5, 0.5), "lanes": (0.05, 0.8)}
 
@@ -51,7 +51,7 @@ def coverage(
     def covers(repeat: int) -> np.ndarray:
         errors = synthetic(np.random.default_rng([seed, repeat]), spread, magnitudes, samples)
         quantiles = list(fit.FITTED_QUANTILES)
-        drawn = [fit.drawn_slopes(errors, each, quantiles) for each in counts]
+        drawn = [fit.quantile_slopes(errors, each, quantiles) for each in counts]
         low, high = fit.percentile_interval(np.concatenate(drawn))
         return (low <= slopes) & (slopes <= high)
 

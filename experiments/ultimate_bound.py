@@ -64,7 +64,7 @@ def ranking(results: Results) -> pd.DataFrame:
     """Mean error per ā by topology, attack and defence, and the share that does not recover."""
     rows = []
     for curve in curves(results):
-        shares = curve.shares()[0]
+        shares = 100 * curve.cells["unrecovered"]
         rows.append(
             {
                 **curve.group.labels,

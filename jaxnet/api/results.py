@@ -115,7 +115,7 @@ class Results(stored.Results):
         >>> results = jaxnet.simulate(keys, samples=3, progress=False)
         >>> fits = results.fit()
         >>> fits["model"].unique().tolist()
-        ['proportional', 'affine', 'power', 'constant']
+        ['proportional', 'constant']
         """
         written = self if out is None else stored.written_into(self, out)
         for _ in writing.write_fits(written):

@@ -17,7 +17,7 @@ from jaxnet.explore import rare, sensitivity, worst
 from jaxnet.runs import replay, watched
 from jaxnet.runs.cache import enable
 from jaxnet.runs.cluster import executor
-from jaxnet.statistics import pairs, ultimate
+from jaxnet.statistics import fits, pairs
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.admission import claim
 from jaxnet.store.folder import Folder
@@ -92,7 +92,7 @@ def write_fits(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     enable()
     with results.folder.writing():
         results.tell_missing("bounds that need it are")
-        yield from ultimate.write_ultimate_error(results, told)
+        yield from fits.write_ultimate_error(results, told)
         yield from figures.draw_figures(results, ULTIMATE, told)
 
 
@@ -140,10 +140,10 @@ def write_report(
         _ = results.cells  # refuses an unfinished run
         results.tell_missing("lanes simulated again, and what is told of networks and bounds, are")
         if (
-            known_or(False, lambda: ultimate.has_fixed_magnitude(results))
+            known_or(False, lambda: fits.has_fixed_magnitude(results))
             and not results.file("fit.csv").exists()
         ):
-            yield from ultimate.write_ultimate_error(results, told)
+            yield from fits.write_ultimate_error(results, told)
         if replayed and not results.missing:
             yield from watched.replay_watched(results, told)
         yield from figures.draw_figures(results, told=told)

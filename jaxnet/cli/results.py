@@ -47,9 +47,7 @@ def simulate_study(
         results = jaxnet.run(study, out, fresh, True, **machines)
         failed = results.manifest["lanes"]["failed"]
         echo(tables.summary_text(results))
-        done = tables.nothing_to_do_text if results.found_all else tables.written_text
-        said = [done(results), tables.failures_text(results), tables.next_command(results)]
-        echo("\n".join(filter(None, said)), err=True)
+        echo(tables.outcome_text(results), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
 
@@ -170,4 +168,4 @@ def compare_results(a: str, b: str, form: str, out: str | None) -> None:
     if form == "text":
         echo(comparison.comparison_text(found))
     else:
-        echo(formats.in_format(formats.columns_of(comparison.comparison_rows(found)), form))
+        echo(formats.in_format(comparison.comparison_columns(found), form))

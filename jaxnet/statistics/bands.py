@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
@@ -21,6 +20,7 @@ from jaxnet.store.results import Results
 MOST_TIMES = 300  # instants of a band
 FEWEST_TIMES = 60  # instants of a band next to many others
 MOST_NUMBERS = 180_000  # in all bands together, so that a page of hundreds of cells stays small
+BAND_QUANTILES = [0.05, 0.5, 0.95, 1.0]
 VEHICLE_COLUMNS = ["cell", "vehicle", "lanes", "low", "median", "q95", "greatest", "unrecovered"]
 
 
@@ -35,21 +35,6 @@ class Band(NamedTuple):
     lanes: int
 
 
-def error_band(stored: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
-    """The 5 % quantile, median, 95 % quantile and maximum over samples; None if no lane is ok.
-
-    The band has at most `most` instants.
-    """
-    times = stored.sizes["time"]
-    instants = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
-    values = stored.isel(cell=cell.number).values[:, instants]
-    values = np.minimum(values[~np.isnan(values).any(axis=1)], GREATEST_SHOWN, dtype=float)
-    if not len(values):
-        return None
-    low, median, high, greatest = np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0)
-    return Band(stored["time"].values[instants], low, median, high, greatest, len(values))
-
-
 def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, Band]:
     """Return the bands of the first MOST_PANELS scenes, by number of the cell.
 
@@ -60,11 +45,27 @@ def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, B
 
 
 def error_bands(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
-    """Return bands by cell; more cells have fewer instants each, FEWEST_TIMES at least."""
+    """Return bands by cell: the 5 % quantile, median, 95 % quantile and maximum over ok lanes.
+
+    Cells without an ok lane have none. More cells have fewer instants each, FEWEST_TIMES at least.
+    """
     stored = results.errors[variable_over_time(cells)]
     most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
-    found = {cell.number: error_band(stored, cell, most) for cell in cells}
-    return {number: each for number, each in found.items() if each is not None}
+    times = stored.sizes["time"]
+    instants = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
+    found = {}
+    for cell in cells:
+        values = whole_lanes(stored.isel(cell=cell.number).values[:, instants])
+        if len(values):
+            low, median, high, greatest = np.quantile(values, BAND_QUANTILES, axis=0)
+            time = stored["time"].values[instants]
+            found[cell.number] = Band(time, low, median, high, greatest, len(values))
+    return found
+
+
+def whole_lanes(values: Float[np.ndarray, "lanes n"]) -> Float[np.ndarray, "ok n"]:
+    """The lanes that ended, with errors up to the greatest that an axis shows."""
+    return np.minimum(values[~np.isnan(values).any(axis=1)], GREATEST_SHOWN, dtype=float)
 
 
 def variable_over_time(cells: Sequence[Cell]) -> str:
@@ -88,13 +89,12 @@ def vehicle_table(results: Results, cells: Sequence[Cell]) -> pd.DataFrame:
     """
     errors, found = results.vehicles["tail_mean"], []
     for cell in cells:
-        values = errors.isel(cell=cell.number).values.astype(float)
-        values = np.minimum(values[~np.isnan(values).any(axis=1)], GREATEST_SHOWN)
+        values = whole_lanes(errors.isel(cell=cell.number).values)
         if not len(values):
             continue
         limit = threshold(cell, results.study.config.recovery)
         off = 100 * (values > limit).mean(axis=0) if limit == limit else np.nan
-        quantiles = np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0)
+        quantiles = np.quantile(values, BAND_QUANTILES, axis=0)
         columns = [cell.number, np.arange(1, values.shape[1] + 1), len(values), *quantiles, off]
         found.append(pd.DataFrame(dict(zip(VEHICLE_COLUMNS, columns, strict=True))))
     return pd.concat(found or [pd.DataFrame(columns=VEHICLE_COLUMNS)], ignore_index=True)

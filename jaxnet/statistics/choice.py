@@ -24,9 +24,11 @@ def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
     Raises FolderError for a key that is not swept, and for a value without a cell.
     """
     swept = swept_values_of(cells)
-    listing = "; ".join(
-        f"{key}: {', '.join(shown_values(key, values))}" for key, values in swept.items()
-    )
+    shown = {
+        key: ", ".join(plain_spaces(value_alone(key, value)) for value in values)
+        for key, values in swept.items()
+    }
+    listing = "; ".join(f"{key}: {values}" for key, values in shown.items())
     found = list(cells)
     for key, wanted in where.items():
         if key not in swept:
@@ -41,10 +43,6 @@ def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
     return found
 
 
-def shown_values(key: str, values: Sequence[Label]) -> list[str]:
-    return [plain_spaces(value_alone(key, value)) for value in values]
-
-
 def as_list(values: object) -> list[object]:
     return list(values) if isinstance(values, list | tuple) else [values]
 
@@ -56,8 +54,7 @@ def plain_spaces(words: str) -> str:
 def matching_labels(cells: Sequence[Cell], key: str, value: object) -> set[Label]:
     """Labels of a swept key that a wanted value means."""
     first = {cell.labels[key]: cell for cell in reversed(cells)}  # the first cell of each label
-    # with the name that the config gives it
-    named = next(each for each in cells[0].labels if each == key)
+    named = next(each for each in cells[0].labels if each == key)  # with the config's name for it
     return {
         label
         for label, cell in first.items()
@@ -66,10 +63,7 @@ def matching_labels(cells: Sequence[Cell], key: str, value: object) -> set[Label
 
 
 def matches_label(key: str, value: object, label: Label) -> bool:
-    """Return whether a value equals a label, or is written as tables or titles show the label.
-
-    A number may equal the label to the four digits that tables show.
-    """
+    """Whether a value equals a label, to four digits, or is written as tables or titles show it."""
     if isinstance(value, dict):
         return value_text(value) == label
     if isinstance(label, float) and canonical_value(value) == canonical_value(format_value(label)):

@@ -14,8 +14,8 @@ from jaxtyping import Float
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import Number, is_drawn
 from jaxnet.model.wording import orders_in_words
-from jaxnet.statistics.groups import Group, Label, attacked_groups, labels_without_magnitude
-from jaxnet.statistics.recovery import attack_size
+from jaxnet.statistics.amplitude import attack_size
+from jaxnet.statistics.groups import Group, attacked_groups, labels_without_magnitude
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.store.tables import read_table
@@ -34,6 +34,11 @@ BOUND_NAMES = {
     "lyapunov_best": "Lyapunov, best Q",
     "lyapunov_corrected": "Lyapunov, corrected",
     "lyapunov_printed": "Lyapunov, as printed",
+}
+STORED_COLUMNS: dict[str, dict[str, Any]] = {
+    "bounds": {"bound": str, "vehicle": str, "slope": float},
+    "fit": {"metric": str, "model": str, "parameter": str}
+    | {"quantile": float, "estimate": float, "low": float, "high": float},
 }
 Fit = tuple[float, float, float]  # slope s and the ends of its interval
 
@@ -57,10 +62,6 @@ class Curve(NamedTuple):
     def spread(self, metric: str, *names: str) -> list[Float[np.ndarray, " cells"]]:
         return [self.cells[f"{metric}_{name}"].to_numpy(dtype=float) for name in names]
 
-    def shares(self) -> list[Float[np.ndarray, " cells"]]:
-        """Share unrecovered and both ends of its interval, by ascending ā [%]."""
-        return [100 * self.cells[name].to_numpy(dtype=float) for name in SHARE_COLUMNS]
-
     @property
     def worst(self) -> float:
         """Greatest error of any vehicle in any lane, per ā."""
@@ -83,7 +84,7 @@ class Curve(NamedTuple):
         return found
 
     def fit(self, metric: str, quantile: float | None = None) -> Fit | None:
-        """Slope s of the proportional model and its ends by least squares or at a quantile."""
+        """Slope s and its ends by least squares or at a quantile; None where there is no slope."""
         found = self.fits.get((metric, quantile))
         return None if found is None or np.isnan(found[0]) else found
 
@@ -96,70 +97,42 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
 
     `of` restricts the groups to some cells. Raises FolderError for an unfinished run.
     """
-    cells = results.cells
-    bounds, fits = stored_table(results, "bounds"), stored_table(results, "fit")
-    groups = attacked_groups(results.study.cells if of is None else of)
-    return [
-        Curve(
-            group,
-            cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values())),
-            bound_slopes(bounds.of(group.labels)),
-            proportional_slopes(fits.of(group.labels)),
-        )
-        for group in groups
-        if group.attacked
-    ]
+    cells, found = results.cells, []
+    bounds, fits = rows_by_group(results, "bounds"), rows_by_group(results, "fit")
+    for group in attacked_groups(results.study.cells if of is None else of):
+        if not group.attacked:
+            continue
+        labels = canonical_values(group.labels.values())
+        mine = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
+        slopes = {(row.bound, row.vehicle): float(row.slope) for row in bounds.get(labels, [])}
+        fitted = {
+            (row.metric, None if np.isnan(row.quantile) else row.quantile): (
+                row.estimate,
+                row.low,
+                row.high,
+            )
+            for row in fits.get(labels, [])
+            if (row.model, row.parameter) == ("proportional", "s")
+        }
+        found.append(Curve(group, mine, slopes, fitted))
+    return found
 
 
-def bound_slopes(table: pd.DataFrame) -> dict[tuple[str, str], float]:
-    found: Any = table.itertuples()
-    return {(row.bound, row.vehicle): float(row.slope) for row in found}
-
-
-def proportional_slopes(table: pd.DataFrame) -> dict[tuple[str, float | None], Fit]:
-    """Slopes s of `fit.csv` with intervals; not-a-number where there is no slope."""
-    found: Any = table[
-        (table["model"] == "proportional") & (table["parameter"] == "s")
-    ].itertuples()
-    return {
-        (row.metric, None if np.isnan(row.quantile) else row.quantile): (
-            row.estimate,
-            row.low,
-            row.high,
-        )
-        for row in found
-    }
-
-
-STORED_COLUMNS: dict[str, dict[str, Any]] = {
-    "bounds": {"bound": str, "vehicle": str, "slope": float},
-    "fit": {"metric": str, "model": str, "parameter": str}
-    | {"quantile": float, "estimate": float, "low": float, "high": float},
-}
-
-
-class GroupTable:
-    """A table with rows of each group of cells that differ in ā alone."""
-
-    def __init__(self, rows: pd.DataFrame, keys: Sequence[str]):
-        self.rows, self.keys = rows, list(keys)
-        texts = [[canonical_value(value) for value in rows[key].tolist()] for key in keys]
-        self.places: dict[tuple[str, ...], list[int]] = {}
-        for place, values in enumerate(zip(*texts, strict=True) if texts else [()] * len(rows)):
-            self.places.setdefault(values, []).append(place)
-
-    def of(self, labels: Mapping[str, Label]) -> pd.DataFrame:
-        wanted = tuple(canonical_value(labels[key]) for key in self.keys)
-        return self.rows.iloc[self.places.get(wanted, [])]
-
-
-def stored_table(results: Results, name: str) -> GroupTable:
-    """A table stored beside `cells.csv`, without rows if there is no file."""
+def rows_by_group(results: Results, name: str) -> dict[tuple[str, ...], list[Any]]:
+    """Rows of `bounds.csv` or `fit.csv` by the labels of their group; none without the file."""
     file, keys = results.file(f"{name}.csv"), [*labels_without_magnitude(results.study.cells[0])]
-    types = STORED_COLUMNS[name]
     if not file.exists():
-        return GroupTable(pd.DataFrame(columns=[*keys, *types]).astype(types), keys)
-    return GroupTable(read_table(file, 0, [*keys, *types], types), keys)
+        return {}
+    table = read_table(file, 0, [*keys, *STORED_COLUMNS[name]], STORED_COLUMNS[name])
+    labels = zip(*(table[key] for key in keys), strict=True) if keys else [()] * len(table)
+    found: dict[tuple[str, ...], list[Any]] = {}
+    for values, row in zip(labels, table[[*STORED_COLUMNS[name]]].itertuples(), strict=True):
+        found.setdefault(canonical_values(values), []).append(row)
+    return found
+
+
+def canonical_values(values: Any) -> tuple[str, ...]:
+    return tuple(map(canonical_value, values))
 
 
 def canonical_value(value: Any) -> str:
@@ -224,7 +197,7 @@ def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:
 
 
 def magnitude_words(cell: Cell) -> str:
-    amount, sizes = configured_magnitude(cell), cell.scenario.attack.by_order()
+    amount, sizes = cell.scenario.attack.amplitude(), cell.scenario.attack.by_order()
     if sizes is not None and amount:
         return f"ā = ({orders_in_words(sizes)})"
     if is_drawn(amount):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE
 from jaxnet.kinds.fields import is_drawn
+from jaxnet.statistics.amplitude import attack_size
 
 Label = int | float | str  # a swept value as tables show it
 
@@ -18,7 +19,8 @@ class Group(NamedTuple):
 
     @property
     def attacked(self) -> dict[int, float]:
-        return {cell.number: magnitude(cell) for cell in self.cells if magnitude(cell) > 0}
+        sizes = {cell.number: attack_size(cell) for cell in self.cells}
+        return {number: size for number, size in sizes.items() if size > 0}
 
     def __str__(self) -> str:
         return ", ".join(f"{key}={value}" for key, value in self.labels.items()) or "all cells"
@@ -41,8 +43,12 @@ def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
     """Groups of the attacked cells whose ā is not drawn."""
     attacks = [(cell, cell.scenario.attack) for cell in cells]
     fixed = [cell for cell, each in attacks if each.present and not is_drawn(each.amplitude())]
-    groups = scenes(fixed)
-    return [each._replace(cells=tuple(sorted(each.cells, key=magnitude))) for each in groups]
+    return [
+        group._replace(
+            cells=tuple(sorted(group.cells, key=lambda one: one.scenario.attack.amplitude()))
+        )
+        for group in scenes(fixed)
+    ]
 
 
 def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
@@ -52,7 +58,3 @@ def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
         for key, label in cell.labels.items()
         if key != MAGNITUDE or isinstance(label, str)
     }
-
-
-def magnitude(cell: Cell) -> float:
-    return cell.scenario.attack.amplitude()

@@ -90,17 +90,15 @@ def mean_interval(
 def is_near_normal(values: Values) -> bool:
     """Whether the mean of so many numbers of this skewness is nearly normal: n ≥ 28 + 25 G²."""
     count = len(values)
-    if count < LEAST_LANES or not np.isfinite(values).all() or are_alike(values):
+    if count < LEAST_LANES or not np.isfinite(values).all():
         return False
-    apart = values / np.abs(values).max()
+    size = np.abs(values).max()
+    if np.ptp(values) <= ROUNDING_SPREAD * size:
+        return False
+    apart = values / size
     apart -= apart.mean()
     skewness = np.mean(apart**3) / np.mean(apart**2) ** 1.5
     return bool(count >= LEAST_LANES + LANES_PER_SKEWNESS * skewness**2)
-
-
-def are_alike(values: Values) -> bool:
-    """Whether numbers differ by rounding alone."""
-    return bool(np.ptp(values) <= ROUNDING_SPREAD * np.abs(values).max())
 
 
 def student_interval(sums: Values, counts: Values, confidence: float) -> Ends:

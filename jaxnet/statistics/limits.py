@@ -47,8 +47,6 @@ class Violation(NamedTuple):
     command: str  # that replays the lane
 
 
-VIOLATION_COLUMNS = Violation._fields
-
 Limits = Float[np.ndarray, "times m lanes"]
 # jets (3, 2, signals, lanes) to (3, 2, m, lanes)
 Response = Callable[[np.ndarray], np.ndarray | float]
@@ -61,45 +59,31 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
     where lanes have bounds of their own, because weights or gains are drawn. They are also blank
     where nothing is known of the retained neighbours, and where the law holds a jerk.
     """
-    blocks = []
+    rows, columns = [], [*labels_without_magnitude(cells[0]), "bound", "vehicle", "slope"]
     for group in attacked_groups(cells):
-        for name, bound in bounds_of(group.cells[0].scenario).items():
-            numbered = {
-                str(number): slope for number, slope in enumerate(bound.vehicles.tolist(), 1)
-            }
-            slopes = numbered | {"worst": bound.worst, "fleet": bound.fleet}
-            blocks += [
-                {**group.labels, "bound": name, "vehicle": vehicle, "slope": s}
-                for vehicle, s in slopes.items()
+        scenario = group.cells[0].scenario
+        reach, unknown = scenario_gain(scenario), Bound(np.full(scenario.vehicles, np.nan), np.nan)
+        known = dict.fromkeys(bounds.BOUND_KEYS, unknown)
+        if reach is not None:
+            known = bounds.ultimate_bounds(reach, np.array(scenario.gain))
+        vehicles = [*map(str, range(1, scenario.vehicles + 1)), "worst", "fleet"]
+        for name, bound in known.items():
+            slopes = [*bound.vehicles.tolist(), bound.worst, bound.fleet]
+            rows += [
+                {**group.labels, "bound": name, "vehicle": vehicle, "slope": slope}
+                for vehicle, slope in zip(vehicles, slopes, strict=True)
             ]
-    return pd.DataFrame(
-        blocks, columns=[*labels_without_magnitude(cells[0]), "bound", "vehicle", "slope"]
-    )
+    return pd.DataFrame(rows, columns=columns)
 
 
-def bounds_of(scenario: Scenario) -> dict[str, Bound]:
-    """Bounds of a scenario by name; not-a-number where the attack gain is unknown."""
-    reach = scenario_gain(scenario)
-    if reach is None:
-        return dict.fromkeys(bounds.BOUND_KEYS, Bound(np.full(scenario.vehicles, np.nan), np.nan))
-    return bounds.ultimate_bounds(reach, np.array(scenario.gain))
-
-
-def unchecked_cells(cells: Sequence[Cell]) -> dict[str, list[int]]:
-    """Numbers of the attacked cells that `violations_table` leaves out, by reason."""
+def unchecked_words(cells: Sequence[Cell]) -> str:
+    """Attacked cells that `violations_table` leaves out, by reason; "" if there are none."""
     found: dict[str, list[int]] = {}
     for cell in cells:
         scenario = cell.scenario
         if scenario.attack.present and (why := broken_premise(scenario, BOUNDS)):
             found.setdefault(why, []).append(cell.number)
-    return found
-
-
-def unchecked_words(cells: Sequence[Cell]) -> str:
-    """Cells for which no bound is known, with the reasons; "" if there are none."""
-    return "; ".join(
-        f"{cells_named(numbers)}: {why}" for why, numbers in unchecked_cells(cells).items()
-    )
+    return "; ".join(f"{cells_named(numbers)}: {why}" for why, numbers in found.items())
 
 
 def violations_table(results: Results) -> pd.DataFrame:
@@ -124,15 +108,15 @@ def violations_table(results: Results) -> pd.DataFrame:
         at_once = max(1, MOST_LIMITS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
         for first in range(0, len(rows), at_once):
             found += excesses(results, cell, source, rows.iloc[first : first + at_once])
-    return pd.DataFrame(found, columns=list(VIOLATION_COLUMNS))
+    return pd.DataFrame(found, columns=list(Violation._fields))
 
 
 def suspect_lanes(
     scenario: Scenario, source: Source, rows: pd.DataFrame
 ) -> Bool[np.ndarray, " lanes"]:
     """Lanes that exceed a bound without its transient; no other lane can violate the bound."""
-    magnitude = magnitudes(scenario, Draw(source, rows["sample"].tolist(), scenario.vehicles))
-    errors = rows["tail_max"].to_numpy()
+    draw = Draw(source, rows["sample"].tolist(), scenario.vehicles)
+    errors, magnitude = rows["tail_max"].to_numpy(), magnitudes(scenario, draw)
     least = [
         error_limit(scenario, bound, magnitude).max(axis=0)
         for bound, _ in valid_bounds(scenario).values()
@@ -183,10 +167,10 @@ def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
     assert reach is not None
     gain = np.array(scenario.gain)
     found: dict[str, tuple[Bound, Response]] = {
-        "peak_gain": (bounds.peak_gain(reach, gain), zero_response)
+        "peak_gain": (bounds.peak_gain(reach, gain), lambda attack: 0.0)
     }
     if scenario.attack.harmonic() and scenario.attack.consistent():
-        found["harmonic"] = bounds.harmonic(reach, gain), zero_response
+        found["harmonic"] = bounds.harmonic(reach, gain), lambda attack: 0.0
     if reach.fixed is not None and not np.isinf(reach.norms):
         word = reach.fixed.only(~(known.attacked & scenario.attack.replaces()))
         found["static"] = (
@@ -194,10 +178,6 @@ def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
             forced_response(scenario, word, reach.fixed.only(known.attacked)),
         )
     return found
-
-
-def zero_response(attack: np.ndarray) -> float:
-    return 0.0
 
 
 def forced_response(scenario: Scenario, word: Digraph, added: Digraph) -> Response:

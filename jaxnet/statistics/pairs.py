@@ -9,7 +9,7 @@ is below 0.05.
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +18,9 @@ from jaxtyping import Bool
 from scipy import special
 
 from jaxnet.config.cells import Cell, is_leaderless, to_plain
-from jaxnet.config.keys import Recovery
+from jaxnet.config.keys import Config, Recovery
 from jaxnet.kinds.metrics import AGREEMENT
-from jaxnet.statistics.curves import canonical_value
+from jaxnet.statistics.curves import canonical_values
 from jaxnet.statistics.intervals import CONFIDENCE, paired_share_interval
 from jaxnet.statistics.recovery import threshold
 from jaxnet.statistics.summary import SUMMARISED, independent_units, metric_statistics
@@ -75,26 +75,33 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     """Compare two studies lane by lane; raises FolderError if no lanes can be paired."""
     both = first, second
     _ = first.cells, second.cells  # refuses an unfinished run
-    pairs = paired_cells(first, second)
+    pairs, metrics = paired_cells(*both), compared_metrics(*both)
     criteria = [results.study.config.recovery for results in both]
-    lanes = [mark_unrecovered(join_lanes(first, second, pair), pair, criteria) for pair in pairs]
-    if not any(map(len, lanes)):
-        raise FolderError(f"{first.path} and {second.path} have no sample in common")
-    changed = [
-        each.loc[each["ok"] & (each["unrecovered_A"] != each["unrecovered_B"])].dropna()
-        for each in lanes
+    each = [mark_unrecovered(join_lanes(both, pair, metrics), pair, criteria) for pair in pairs]
+    lanes: Any = pd.concat(each, keys=range(len(pairs)))
+    labels = pd.DataFrame([cell_labels(pair) for pair in pairs])
+    rows = [comparison_row(mine, metrics, first.study.config) for mine in each]
+
+    def named(which: pd.Series, names: list[str]) -> pd.DataFrame:
+        some = lanes.loc[which, names].dropna()
+        cells = labels.iloc[some.index.get_level_values(0)].reset_index(drop=True)
+        return cells.join(some.reset_index(drop=True))
+
+    sides = [f"{name}{side}" for name in (metrics[0], "unrecovered") for side in SIDES]
+    changed = lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])
+    alone = [
+        f"{cell} of {'AB'[side]}"
+        for side, results in enumerate(both)
+        for cell in results.study.cells
+        if all(pair[side] is not cell for pair in pairs)
     ]
-    failed = [each.loc[~each["ok"]] for each in lanes]
-    metric = compared_metrics(first, second)[0]
-    told = [f"{name}{side}" for name in (metric, "unrecovered") for side in SIDES]
-    rows = [comparison_row(pair, each, both) for pair, each in zip(pairs, lanes, strict=True)]
     return Comparison(
         (str(first.path), str(second.path)),
         differing_settings(first, second),
-        unpaired_cells(first, second, pairs),
-        pd.DataFrame(rows),
-        lane_table(pairs, changed, ["sample", *told]),
-        lane_table(pairs, failed, ["sample", "status_A", "status_B"]),
+        alone,
+        labels.join(pd.DataFrame(rows)),
+        named(changed, ["sample", *sides]),
+        named(~lanes["ok"], ["sample", "status_A", "status_B"]),
     )
 
 
@@ -109,17 +116,22 @@ def paired_cells(first: Results, second: Results) -> list[CellPair]:
 
     Raises FolderError if seeds or draws differ, or if there is no such pair.
     """
+    a, b = first.study.config, second.study.config
     paired = "lanes are paired by their draws"
-    for name, (a, b) in {
-        "seed": [results.study.config.seed for results in (first, second)],
-        "draws": [draw_design(results) for results in (first, second)],
-    }.items():
-        if a != b:
-            words = f"{paired}, so the seed must be the same" if name == "seed" else paired
-            raise FolderError(f"{name}: {a} in {first.path}, {b} in {second.path}; {words}")
+    same_seed = f"{paired}, so the seed must be the same"
+    designs = [
+        each.draws if each.draws == "random" else f"{each.draws} with {each.samples} samples"
+        for each in (a, b)
+    ]
+    for name, values, words in (
+        ("seed", [a.seed, b.seed], same_seed),
+        ("draws", designs, paired),
+    ):
+        if values[0] != values[1]:
+            told = f"{values[0]} in {first.path}, {values[1]} in {second.path}"
+            raise FolderError(f"{name}: {told}; {words}")
     common = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
-    cells_a = by_values(first, common, second)
-    cells_b = by_values(second, common, first)
+    cells_a, cells_b = by_values(first, common, second), by_values(second, common, first)
     pairs = [(cell, cells_b[values]) for values, cell in cells_a.items() if values in cells_b]
     if not pairs:
         swept = "; ".join(
@@ -131,19 +143,13 @@ def paired_cells(first: Results, second: Results) -> list[CellPair]:
     return pairs
 
 
-def draw_design(results: Results) -> str:
-    """How samples are drawn; for Sobol's sequences with their length."""
-    study = results.study.config
-    return study.draws if study.draws == "random" else f"{study.draws} with {study.samples} samples"
-
-
 def by_values(
     results: Results, common: Sequence[str], other: Results
 ) -> dict[tuple[str, ...], Cell]:
     """Cells by their values of some swept keys; raises FolderError if two have equal values."""
     found: dict[tuple[str, ...], Cell] = {}
     for cell in results.study.cells:
-        values = tuple(canonical_value(cell.labels[key]) for key in common)
+        values = canonical_values(cell.labels[key] for key in common)
         if values in found:
             more = ", ".join(key for key in cell.labels if key not in common)
             raise FolderError(
@@ -159,13 +165,15 @@ def swept_values_text(results: Results, key: str) -> str:
     return ", ".join(dict.fromkeys(str(cell.labels[key]) for cell in results.study.cells))
 
 
-def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
+def join_lanes(
+    studies: tuple[Results, Results], pair: CellPair, metrics: Sequence[str]
+) -> pd.DataFrame:
     """Rows of the samples that both cells have, with columns marked A and B."""
-    sides, metrics = [], compared_metrics(first, second)
-    for results, cell, side in zip((first, second), pair, SIDES, strict=True):
-        columns = dict.fromkeys(("status", *metrics, cell.scenario.judged))
+    sides = []
+    for results, cell, side in zip(studies, pair, SIDES, strict=True):
+        columns = [*dict.fromkeys(("status", *metrics, cell.scenario.judged))]
         found = next(lanes for _, lanes in results.by_cell("sample", *columns, cells=[cell.number]))
-        sides.append(found.set_index("sample")[[*columns]].add_suffix(side))
+        sides.append(found.set_index("sample")[columns].add_suffix(side))
     return sides[0].join(sides[1], how="inner").sort_index().reset_index()
 
 
@@ -189,13 +197,11 @@ def mark_unrecovered(
     return lanes.assign(ok=(lanes["status_A"] == "ok") & (lanes["status_B"] == "ok"), **judged)
 
 
-def comparison_row(
-    pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results]
-) -> Mapping[str, object]:
+def comparison_row(lanes: pd.DataFrame, metrics: Sequence[str], study: Config) -> dict[str, object]:
     ok: Any = lanes[lanes["ok"]]
-    row = cell_numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
-    units = independent_units(studies[0].study.config, ok["sample"].to_numpy())
-    for metric in compared_metrics(*studies):
+    row: dict[str, object] = {"pairs": len(ok), "failed": len(lanes) - len(ok)}
+    units = independent_units(study, ok["sample"].to_numpy())
+    for metric in metrics:
         apart = (ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float)
         found = metric_statistics(apart, units)
         row |= {f"{metric}_{name}": found[of] for name, of in DIFFERENCE.items()}
@@ -224,30 +230,15 @@ def share_shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) ->
     return Shift(saved, lost, (lost - saved) / count, low, high, float(p))
 
 
-def cell_numbers(pair: CellPair) -> dict[str, int]:
+def cell_labels(pair: CellPair) -> dict[str, Any]:
     a, b = (cell.number for cell in pair)
-    return {"cell": a} if a == b else {"cell": a, "cell_B": b}
-
-
-def lane_table(
-    pairs: Sequence[CellPair], lanes: Sequence[pd.DataFrame], columns: list[str]
-) -> pd.DataFrame:
-    found = [
-        pd.DataFrame(
-            {
-                key: [value] * len(rows)
-                for key, value in (cell_numbers(pair) | pair[0].labels).items()
-            }
-            | {name: rows[name].to_numpy() for name in columns}
-        )
-        for pair, rows in zip(pairs, lanes, strict=True)
-    ]
-    return pd.concat([each for each in found if len(each)] or found, ignore_index=True)
+    return {"cell": a} | ({} if a == b else {"cell_B": b}) | pair[0].labels
 
 
 def differing_settings(first: Results, second: Results) -> pd.DataFrame:
     """Keys in which two studies differ, without the keys that both sweep."""
-    a, b = (by_dotted_key(to_plain(results.study.config)) for results in (first, second))
+    plain = (pd.json_normalize(to_plain(each.study.config)) for each in (first, second))
+    a, b = ({key: str(value) for key, value in each.iloc[0].items()} for each in plain)
     swept = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     hidden = tuple(f"{key}." for key in ("name", "save", *swept))
     rows = [
@@ -256,22 +247,3 @@ def differing_settings(first: Results, second: Results) -> pd.DataFrame:
         if a.get(key) != b.get(key) and not f"{key}.".startswith(hidden)
     ]
     return pd.DataFrame(rows, columns=["key", "A", "B"])
-
-
-def by_dotted_key(data: Mapping[str, object], before: str = "") -> dict[str, str]:
-    found: dict[str, str] = {}
-    for key, value in data.items():
-        if isinstance(value, Mapping) and value:
-            found |= by_dotted_key(value, f"{before}{key}.")
-        else:
-            found[f"{before}{key}"] = str(value)
-    return found
-
-
-def unpaired_cells(first: Results, second: Results, pairs: Sequence[CellPair]) -> list[str]:
-    found = []
-    for side, results in enumerate((first, second)):
-        paired = {pair[side].number for pair in pairs}
-        alone = [cell for cell in results.study.cells if cell.number not in paired]
-        found += [f"{cell} of {'AB'[side]}" for cell in alone]
-    return found

@@ -1,6 +1,6 @@
-"""A quantity of lanes for each cell, with its interval: a share, or a statistic of a metric.
+"""A quantity of the study's table for each cell, with its interval, unit and words.
 
-Figures and the page draw a `Quantity`. `intervals` says which intervals there are.
+Figures and the page draw a `Quantity`; a terminal's table and those for papers print it.
 """
 
 from collections.abc import Sequence
@@ -15,27 +15,20 @@ from jaxnet.config.keys import Config
 from jaxnet.kinds.metrics import DETECTION, Metric
 from jaxnet.model.wording import count
 from jaxnet.statistics.curves import LOG_FLOOR, decades
-from jaxnet.statistics.intervals import (
-    CONFIDENCE,
-    UNKNOWN,
-    clopper_pearson,
-    mean_interval,
-    quantile_interval,
-)
+from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.shares import LANE_SHARES, share_names, shares_of
-from jaxnet.statistics.summary import QUANTILES, independent_units, quantile_of
+from jaxnet.statistics.summary import (
+    LANE_SHARES,
+    LANE_STATISTICS,
+    asked_shares,
+    independent_units,
+    lane_estimate,
+    share_names,
+)
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
-STATISTIC_WORDS = {
-    "median": "median of lanes",
-    "mean": "mean of lanes",
-    "q05": "5 % quantile of lanes",
-    "q95": "95 % quantile of lanes",
-    "max": "greatest of lanes",
-}
 LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
 LEAST_SHARE_OF_LOG = 1e-5  # of the greatest value, the least that a log axis shows
 SPREAD_WORDS = "spread: greatest distance of two vehicles that are not attacked"
@@ -134,25 +127,51 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     study = results.study.config
     table: pd.DataFrame = results.cells.loc[[cell.number for cell in cells]]
     of = "ok"
-    if name in (share.name for share in shares_of(study, cells)):
-        share = LANE_SHARES[name]
-        values = 100 * table.reindex(columns=share_names(name)).astype(float)
-        values = values.set_axis(VALUE_COLUMNS, axis=1)
-        words, sure = f"lanes {share.words(cells)}", confidence_told(study.samples)
-        found = Quantity(name, words, "%", True, sure, values, share.note(study, cells))
+    if name in asked_shares(study, cells):
+        values = 100 * stored_values(table, share_names(name))
+        words, note = (
+            f"lanes {LANE_SHARES[name].words(cells)}",
+            LANE_SHARES[name].note(study, cells),
+        )
+        sure = confidence_told(study.samples)
+        found = Quantity(name, words, "%", True, sure, values, note)
     elif name == "failed":
-        of, values = "lanes", failed_shares(table)
+        of, counts = "lanes", (table["failed"].to_numpy(), table["lanes"].to_numpy())
+        columns = counts[0] / counts[1], *clopper_pearson(*counts, CONFIDENCE)
+        frame = dict(zip(VALUE_COLUMNS, columns, strict=True))
+        values = 100 * pd.DataFrame(frame, index=table.index)
         found = Quantity(name, "lanes failed", "%", True, CONFIDENCE, values)
     else:
         metric, statistic = metric_and_statistic(study, name)
-        values = statistic_table(results, cells, metric, statistic)
         note = AGREEMENT_NOTES.get(metric.name, "") if is_leaderless(cells) else ""
-        words = f"{metric.words or metric.name.replace('_', ' ')}, {STATISTIC_WORDS[statistic]}"
-        if metric.over == "tail":
-            words = words.replace(",", " over the tail,", 1)
+        tail = " over the tail" if metric.over == "tail" else ""
+        words = f"{metric.words or metric.name.replace('_', ' ')}{tail}"
+        words += f", {LANE_STATISTICS[statistic].words}"
+        values = row_values(results, cells, metric, statistic)
         found = Quantity(name, words, metric.column_unit, False, CONFIDENCE, values, note)
     lanes = set(table.loc[values["value"].dropna().index, of].tolist())
     return found._replace(lanes=int(lanes.pop()) if len(lanes) == 1 else 0)
+
+
+def stored_values(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """Value, low and high from these columns of `cells.csv`; what it lacks is not-a-number."""
+    found = pd.DataFrame(np.nan, table.index, VALUE_COLUMNS)
+    for column, name in zip(VALUE_COLUMNS, names, strict=False):
+        if name in table:
+            found[column] = pd.to_numeric(table[name], errors="coerce")
+    return found
+
+
+def row_values(
+    results: Results, cells: Sequence[Cell], metric: Metric, statistic: str
+) -> pd.DataFrame:
+    """A statistic of a metric over the lanes that ended, with its interval, from the rows."""
+    found, wanted = {}, {cell.number for cell in cells}
+    for number, lanes in results.by_cell("sample", metric.name, where=rows.OK, cells=wanted):
+        values = lanes[metric.name].to_numpy(dtype=float)
+        units = independent_units(results.study.config, lanes["sample"].to_numpy())
+        found[number] = lane_estimate(statistic, values, units)
+    return pd.DataFrame.from_dict(found, orient="index", columns=VALUE_COLUMNS, dtype=float)
 
 
 def metric_and_statistic(study: Config, name: str) -> tuple[Metric, str]:
@@ -161,34 +180,9 @@ def metric_and_statistic(study: Config, name: str) -> tuple[Metric, str]:
     if name in metrics:
         return metrics[name], "median"
     stem, _, statistic = name.rpartition("_")
-    if stem in metrics and statistic in STATISTIC_WORDS:
+    if stem in metrics and statistic in LANE_STATISTICS:
         return metrics[stem], statistic
     raise FolderError(
         f"y: must be one of {', '.join(known_quantities(study))}, or a metric with _median, _mean,"
         f" _q05, _q95 or _max (got {name})"
     )
-
-
-def failed_shares(table: pd.DataFrame) -> pd.DataFrame:
-    failed, lanes = table["failed"].to_numpy(), table["lanes"].to_numpy()
-    columns = failed / lanes, *clopper_pearson(failed, lanes, CONFIDENCE)
-    return 100 * pd.DataFrame(dict(zip(VALUE_COLUMNS, columns, strict=True)), index=table.index)
-
-
-def statistic_table(
-    results: Results, cells: Sequence[Cell], metric: Metric, statistic: str
-) -> pd.DataFrame:
-    """A statistic of a metric over the lanes that ended, with its interval, from the rows."""
-    found, wanted = {}, {cell.number for cell in cells}
-    for number, lanes in results.by_cell("sample", metric.name, where=rows.OK, cells=wanted):
-        values = lanes[metric.name].to_numpy(dtype=float)
-        units = independent_units(results.study.config, lanes["sample"].to_numpy())
-        if statistic == "mean":
-            found[number] = values.mean(), *mean_interval(values, CONFIDENCE, units)
-        elif statistic == "max":
-            found[number] = values.max(), *UNKNOWN
-        else:
-            at = QUANTILES[statistic]
-            ends = UNKNOWN if units is not None else quantile_interval(values, at, CONFIDENCE)
-            found[number] = quantile_of(values, at), *ends
-    return pd.DataFrame.from_dict(found, orient="index", columns=VALUE_COLUMNS, dtype=float)

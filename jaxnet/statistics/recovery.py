@@ -23,7 +23,7 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Criterion, Recovery, Sequential
 from jaxnet.config.naming import NO_BREAK
 from jaxnet.config.study import Study
-from jaxnet.kinds.fields import is_drawn
+from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.groups import labels_without_magnitude
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 
@@ -72,12 +72,6 @@ def same_thresholds(study: Study, table: pd.DataFrame) -> Bool[np.ndarray, " row
     wanted = [threshold(study.cells[number], study.config.recovery) for number in table["cell"]]
     made = table["threshold"] if "threshold" in table else np.full(len(table), -1.0)
     return np.isclose(wanted, made, rtol=1e-12, atol=0.0, equal_nan=True)
-
-
-def attack_size(cell: Cell) -> float:
-    """Magnitude ā of the cell [m]; not-a-number without an attack, or if ā is drawn."""
-    amplitude = cell.scenario.attack.amplitude()
-    return float(amplitude) if not is_drawn(amplitude) and amplitude > 0 else np.nan
 
 
 def samples_at(look: int) -> int:
@@ -143,7 +137,7 @@ def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[
     The list takes the worst lane of each group of cells that differ only in ā, then the second of
     each group, and so on. Otherwise one group would often fill the list with similar lanes.
     """
-    sizes = np.array([attack_size(cell) for cell in cells])
+    sizes = np.array([*map(attack_size, cells)])
     groups = np.array([str(labels_without_magnitude(cell)) for cell in cells])
     lanes = rows[["cell", "sample"]].assign(
         ratio=rows[judged_metric(cells)] / sizes[rows["cell"]], group=groups[rows["cell"]]

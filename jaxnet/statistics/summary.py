@@ -1,28 +1,115 @@
-"""Summary of rows: one line of `cells.csv` per cell."""
+"""The table of a study, cell by quantity by statistic: what `cells.csv` has, a line a cell.
 
-from collections.abc import Sequence
-from typing import Any
+A quantity is a metric, whose `LANE_STATISTICS` are over the lanes that ended, or one of the
+`LANE_SHARES` of these lanes. Each has its interval where theory gives one (`intervals`). A metric
+more is a kind's or a study's; a share more is a line of `LANE_SHARES`.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
 from jaxnet.kinds.metrics import CONTRACT
-from jaxnet.statistics.intervals import CONFIDENCE, UNKNOWN, mean_interval, quantile_interval
-from jaxnet.statistics.recovery import confidence_of
-from jaxnet.statistics.shares import share_columns, shares_of
+from jaxnet.statistics.amplitude import amplitude_note, attack_size
+from jaxnet.statistics.intervals import (
+    CONFIDENCE,
+    UNKNOWN,
+    clopper_pearson,
+    mean_interval,
+    quantile_interval,
+)
+from jaxnet.statistics.recovery import (
+    confidence_of,
+    share_definition,
+    share_name,
+    threshold,
+)
 from jaxnet.store import rows
 from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard
 
 SUMMARISED = ("tail_mean", "tail_max")
 QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
-COLUMNS_OF_METRIC = (
-    *("mean", "low", "high", "median", "median_low", "median_high"),
-    *("q05", "q95", "max"),
-)
+
+Estimated = tuple[float, float, float]  # value and both ends; an end that is not known is NaN
+Units = Int[np.ndarray, " lanes"] | None  # independent units of the lanes; None: each lane is one
+Counted = Bool[np.ndarray, " lanes"] | None  # None in a cell that has no such share
+
+
+class Statistic(NamedTuple):
+    """A statistic of a metric over lanes: its words, and the ends of its columns' names."""
+
+    words: str
+    columns: tuple[str, ...]  # value, and both ends of the interval if `cells.csv` has them
+
+
+LANE_STATISTICS = {
+    "mean": Statistic("mean of lanes", ("mean", "low", "high")),
+    "median": Statistic("median of lanes", ("median", "median_low", "median_high")),
+    "q05": Statistic("5 % quantile of lanes", ("q05",)),
+    "q95": Statistic("95 % quantile of lanes", ("q95",)),
+    "max": Statistic("greatest of lanes", ("max",)),
+}
+COLUMNS_OF_METRIC = tuple(name for each in LANE_STATISTICS.values() for name in each.columns)
+
+
+class Share(NamedTuple):
+    """A share of the lanes that ended: its words, its note, and which lanes count."""
+
+    words: Callable[[Sequence[Cell]], str]
+    note: Callable[[Config, Sequence[Cell]], str]
+    which: Callable[[Config, Cell, pd.DataFrame], Counted]
+
+
+def count_unrecovered(study: Config, cell: Cell, ok: pd.DataFrame) -> Counted:
+    """Whether the tail error, or the spread without a navigator, stays above τ ā (O6)."""
+    if not attack_size(cell) > 0:
+        return None
+    return ok[cell.scenario.judged].to_numpy() > threshold(cell, study.recovery)
+
+
+def unrecovered_note(study: Config, cells: Sequence[Cell]) -> str:
+    if study.recovery is None:
+        return ""
+    reduced = amplitude_note(cells) if study.recovery.of == "magnitude" else ""
+    return "; ".join(filter(None, [share_definition(study.recovery, cells), reduced]))
+
+
+def count_in_hull(study: Config, cell: Cell, ok: pd.DataFrame) -> Counted:
+    """Whether no vehicle leaves the hull of the starts, attacked vehicles aside.
+
+    `outside` is at most the accuracy of the engine, 1e-8 m for the exact engine and 1e-5 m for
+    others.
+    """
+    if not cell.scenario.leaderless:
+        return None
+    return ok["outside"].to_numpy() <= cell.scenario.engine.accuracy
+
+
+def hull_note(study: Config, cells: Sequence[Cell]) -> str:
+    tolerance = max(cell.scenario.engine.accuracy for cell in cells)
+    who = "no vehicle that is not attacked leaves the convex hull of their starts"
+    return f"in the hull (in_hull): {who} by over {tolerance:g} m"
+
+
+LANE_SHARES = {
+    "in_hull": Share(lambda cells: "in the hull", hull_note, count_in_hull),
+    "unrecovered": Share(share_name, unrecovered_note, count_unrecovered),
+}
+
+
+def asked_shares(study: Config, cells: Sequence[Cell]) -> list[str]:
+    alone = any(cell.scenario.leaderless for cell in cells)
+    return ["in_hull"] * alone + ["unrecovered"] * (study.recovery is not None)
+
+
+def share_names(name: str) -> list[str]:
+    return [name, f"{name}_low", f"{name}_high"]
 
 
 def summarise(
@@ -34,30 +121,28 @@ def summarise(
 ) -> pd.DataFrame:
     """Return `cells.csv`: swept keys, numbers of lanes, statistics of metrics, and shares.
 
-    Statistics and shares are over the lanes that ended. `samples` are the numbers of samples of
-    the cells.
+    `samples` are the numbers of samples of the cells.
     """
-    beyond = study.measured()[len(CONTRACT) :]
-    table, metrics = [], [*SUMMARISED, *(metric.name for metric in beyond)]
-    shares = shares_of(study, cells)
+    table = []
+    metrics = [*SUMMARISED, *(each.name for each in study.measured()[len(CONTRACT) :])]
     for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
+        cell = cells[number]
         ok: Any = lanes[lanes["status"] == "ok"]
-        counts = {"lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
-        row = cells[number].labels | counts
+        row: dict[str, Any] = {**cell.labels, "lanes": len(lanes)}
+        row |= {"ok": len(ok), "failed": len(lanes) - len(ok)}
         sure = confidence_of(study.samples, samples[number])
         units = independent_units(study, ok["sample"].to_numpy())
         for metric in metrics:
             found = metric_statistics(ok[metric].to_numpy(), units, sure)
             row |= {f"{metric}_{name}": value for name, value in found.items()}
-        for share in shares:
-            row |= share_columns(share, share.which(study, cells[number], ok), sure)
+        for name in asked_shares(study, cells):
+            counted = LANE_SHARES[name].which(study, cell, ok)
+            row |= dict(zip(share_names(name), share_estimate(counted, sure), strict=True))
         table.append(row)
     return pd.DataFrame(table)
 
 
-def independent_units(
-    study: Config, samples: Int[np.ndarray, " lanes"]
-) -> Int[np.ndarray, " lanes"] | None:
+def independent_units(study: Config, samples: Int[np.ndarray, " lanes"]) -> Units:
     """Number of each sample's scrambled sequence; None if the samples are independent."""
     if study.draws == "random" or not isinstance(study.samples, int):
         return None
@@ -65,23 +150,37 @@ def independent_units(
 
 
 def metric_statistics(
-    values: Float[np.ndarray, " lanes"],
-    units: Int[np.ndarray, " lanes"] | None = None,
-    confidence: float = CONFIDENCE,
+    values: Float[np.ndarray, " lanes"], units: Units = None, confidence: float = CONFIDENCE
 ) -> dict[str, float]:
-    """Statistics of a metric over lanes, by the ends of their columns' names in `cells.csv`.
+    """Statistics of a metric over lanes, by the ends of their columns' names in `cells.csv`."""
+    found: dict[str, float] = {}
+    for name, (_, columns) in LANE_STATISTICS.items():
+        told = lane_estimate(name, values, units, confidence, ends=len(columns) > 1)
+        found |= dict(zip(columns, told, strict=False))
+    return found
 
-    Lanes of one unit depend on each other, and their median has no interval; the `units` are
-    independent. Numbers that are not known
-    are not-a-number.
+
+def lane_estimate(
+    statistic: str,
+    values: Float[np.ndarray, " lanes"],
+    units: Units = None,
+    confidence: float = CONFIDENCE,
+    ends: bool = True,
+) -> Estimated:
+    """A statistic of lanes and, if asked, its interval.
+
+    Lanes of one unit depend on each other, so their quantiles have no interval; a maximum has none.
     """
     if not len(values):
-        return dict.fromkeys(COLUMNS_OF_METRIC, np.nan)
-    mean = float(values.mean()), *mean_interval(values, confidence, units)
-    ends = UNKNOWN if units is not None else quantile_interval(values, 0.5, confidence)
-    median = quantile_of(values, 0.5), *ends
-    rest = quantile_of(values, 0.05), quantile_of(values, 0.95), float(values.max())
-    return dict(zip(COLUMNS_OF_METRIC, (*mean, *median, *rest), strict=True))
+        return np.nan, *UNKNOWN
+    if statistic == "mean":
+        return float(values.mean()), *mean_interval(values, confidence, units)
+    if statistic == "max":
+        return float(values.max()), *UNKNOWN
+    at = QUANTILES[statistic]
+    known = ends and units is None
+    interval = quantile_interval(values, at, confidence) if known else UNKNOWN
+    return quantile_of(values, at), *interval
 
 
 def quantile_of(values: Float[np.ndarray, " lanes"], quantile: float) -> float:
@@ -89,3 +188,12 @@ def quantile_of(values: Float[np.ndarray, " lanes"], quantile: float) -> float:
     with np.errstate(invalid="ignore"):  # inf - inf, and 0 inf
         between = float(np.quantile(values, quantile))
     return between if between == between else float(np.quantile(values, quantile, method="higher"))
+
+
+def share_estimate(counted: Counted, confidence: float) -> Estimated:
+    """Share and both ends of its exact interval; not-a-number without a lane."""
+    if counted is None or not len(counted):
+        return np.nan, *UNKNOWN
+    many = np.count_nonzero(counted)
+    low, high = clopper_pearson(np.array([many]), np.array([len(counted)]), confidence)
+    return many / len(counted), float(low[0]), float(high[0])

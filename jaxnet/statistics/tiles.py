@@ -13,6 +13,7 @@ from jaxtyping import Int
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import count_between, counted
+from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
 from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kinds
 from jaxnet.statistics.groups import Label
@@ -64,10 +65,11 @@ def tile_table(results: Results) -> pd.DataFrame:
     numbers.
     """
     cells: Any = results.cells
+    worst = cells["tail_max_max"] / cell_magnitudes(results)
+    if is_leaderless(results.study.cells):
+        worst = cells["spread_max"]
     found = 100 * cells.reindex(columns=SHARE_COLUMNS).astype(float)
-    alone = is_leaderless(results.study.cells)
-    per_size = cells["spread_max"] if alone else cells["tail_max_max"] / cell_magnitudes(results)
-    found = found.assign(worst=per_size, ok=cells["ok"], failed=cells["failed"])
+    found = found.assign(worst=worst, ok=cells["ok"], failed=cells["failed"])
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
     found["interval"] = [interval_text(low, high) if low < high else "" for low, high in ends]
     pairs = zip(results.study.cells, cells["ok"], strict=True)
@@ -77,10 +79,9 @@ def tile_table(results: Results) -> pd.DataFrame:
 
 def blank_reason(cell: Cell, ok: int) -> str:
     """Say why a cell has no share and no number per ā; empty if it has them."""
-    size = cell.scenario.attack.amplitude()
-    if is_drawn(size):
-        return "ā is drawn"
-    return "no attack" if size <= 0 else "" if ok else "no lane ended"
+    if np.isnan(attack_size(cell)):
+        return "ā is drawn" if is_drawn(cell.scenario.attack.amplitude()) else "no attack"
+    return "" if ok else "no lane ended"
 
 
 def blank_reasons(found: pd.DataFrame, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
@@ -120,7 +121,7 @@ def tile_text(metric: str, value: float, whole: bool = False) -> str:
         return told
     if value <= 50:
         return two_digits(value)
-    return plain_text(100 - Decimal(two_digits(100 - value, ROUND_HALF_DOWN)))
+    return f"{100 - Decimal(two_digits(100 - value, ROUND_HALF_DOWN)):f}"
 
 
 def two_digits(value: float, way: str = ROUND_HALF_UP) -> str:
@@ -128,13 +129,7 @@ def two_digits(value: float, way: str = ROUND_HALF_UP) -> str:
     given = Decimal(f"{value:.9g}")  # 36.5 where a float is 36.499999999999996
     if not given:
         return "0"
-    return plain_text(given.quantize(Decimal(1).scaleb(given.adjusted() - 1), way))
-
-
-def plain_text(value: Decimal) -> str:
-    """A number without an exponent and without zeros at its end."""
-    text = f"{value:f}"
-    return text.rstrip("0").rstrip(".") if "." in text else text
+    return f"{given.quantize(Decimal(1).scaleb(given.adjusted() - 1), way).normalize():f}"
 
 
 def interval_text(low: float, high: float) -> str:

@@ -1,16 +1,15 @@
 """Columns of the summary table: swept keys, what the study asks for, metrics, and numbers of lanes.
 
-A column has a name (that of `cells.csv`), a title in words and one in LaTeX, and its values. A
-statistic also carries both ends of its interval, where `cells.csv` has them.
+A column has a name (that of `cells.csv`), a title in words and one in LaTeX, and a value for each
+row. A statistic also carries both ends of its interval, where `cells.csv` has them.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from pandas.api.types import is_numeric_dtype
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
@@ -25,16 +24,16 @@ from jaxnet.config.naming import (
     value_name,
 )
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION
-from jaxnet.statistics.amplitude import magnitude_of, reduced_amplitudes
+from jaxnet.statistics.amplitude import attack_size, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import cell_magnitudes
-from jaxnet.statistics.groups import Label
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
-from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic
-from jaxnet.statistics.shares import LANE_SHARES
+from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic, stored_values
+from jaxnet.statistics.summary import LANE_SHARES, LANE_STATISTICS, share_names
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
+from jaxnet.view.text.width import digits_text
 
 COUNTS = ("ok", "failed", "lanes")
 ERROR_COLUMNS = ("tail_mean_median", "tail_mean_mean", "tail_mean_q95", "tail_max_max")
@@ -42,9 +41,6 @@ AGREEMENT_COLUMNS = (
     *("spread_median", "spread_mean", "spread_q95", "spread_max"),
     *("in_hull", "outside_max"),
 )
-TITLES = {"tail_max_max": "worst"}
-STATISTIC_TITLES = {"max": "worst"}
-ENDS_OF = {"mean": ("low", "high"), "median": ("median_low", "median_high")}
 LATEX_SYMBOLS = {
     "attack.magnitude": r"$\bar a$",
     "attack.frequency": r"$\omega$",
@@ -74,72 +70,81 @@ LATEX_ESCAPES = str.maketrans(
 
 
 class Column(NamedTuple):
-    """One column: values by cell as in `cells.csv`, and the ends of their intervals."""
+    """One column: by row a `value` as in `cells.csv`, and what text needs beside it.
+
+    `entries` may have `low` and `high`, the ends of intervals; `alike`, whether all lanes of a cell
+    agree; `size`, the ā beside which an error may be rounding.
+    """
 
     name: str
     title: str
     latex: str
-    values: list[Any]
-    ends: tuple[list[float], list[float]] | None = None
+    entries: pd.DataFrame
+    ends: tuple[str, str] | None = None  # names of the ends in a CSV table
     scale: float = 1.0  # by which text multiplies the values: 100 for shares
     key: str | None = None  # the swept key whose labels the values are
-    sizes: Sequence[float] | None = None  # of the cells' attacks, where the values are errors
-    alike: Sequence[bool] | None = None  # whether all lanes of a cell agree
     across: str = ""  # in a pivoted table, the LaTeX title above the columns of one quantity
 
-    def at(self, places: Sequence[int]) -> "Column":
-        def chosen(values: Any) -> Any:
-            return values and [values[place] for place in places]
-
-        ends = self.ends and (chosen(self.ends[0]), chosen(self.ends[1]))
-        return self._replace(
-            values=[self.values[place] for place in places],
-            ends=ends,
-            sizes=chosen(self.sizes),
-            alike=chosen(self.alike),
-        )
-
-    def texts(self, intervals: bool = True) -> list[str]:
-        """Values as text: numbers to four digits, intervals in brackets to three."""
-        sizes = self.sizes or [0.0] * len(self.values)
-        texts = [self.text(value, size) for value, size in zip(self.values, sizes, strict=True)]
-        if not intervals:
-            return texts
-        pairs = zip(texts, self.intervals(), strict=True)
-        return [f"{text} {interval}".rstrip() for text, interval in pairs]
-
-    def intervals(self) -> list[str]:
-        """Intervals as text: a dash where there is none, empty where no cell has one."""
-        found = [""] * len(self.values)
-        if self.ends is not None:
-            sizes = self.sizes or [0.0] * len(self.values)
-            found = [
-                bracketed(*(without_rounding(self.scale * end, size) for end in ends))
-                for *ends, size in zip(*self.ends, sizes, strict=True)
-            ]
-            known = zip(found, self.values, strict=True)
-            found = ["" if is_unknown(value) else text for text, value in known]
-        if self.alike is None:
-            return found
-        return ["(alike)" if same else text for text, same in zip(found, self.alike, strict=True)]
-
-    def scaled(self) -> list[Any]:
-        """Numbers in the unit of the title, and other values as text."""
-        if not self.numeric:
-            return self.texts(intervals=False)
-        return self.values if self.scale == 1.0 else [self.scale * value for value in self.values]
-
-    def text(self, value: Any, size: float = 0.0) -> str:
-        """One value as text; an error that is rounding, beside an attack of this size, is 0."""
-        if self.key is not None and not isinstance(value, int | float):
-            return value_alone(self.key, value)
-        if not isinstance(value, float):
-            return digits_text(self.scale * value if self.scale != 1.0 else value, 4)
-        return digits_text(without_rounding(self.scale * value, size), 4)
+    @property
+    def values(self) -> list[Any]:
+        return self.entries["value"].tolist()
 
     @property
     def numeric(self) -> bool:
         return all(isinstance(value, int | float) for value in self.values)
+
+    def at(self, places: Sequence[int] | slice) -> "Column":
+        return self._replace(entries=self.entries.iloc[places])
+
+    def bare(self) -> "Column":
+        """The column without intervals."""
+        left = self.entries.drop(columns=["low", "high", "alike"], errors="ignore")
+        return self._replace(entries=left, ends=None)
+
+    def texts(self) -> list[str]:
+        """Values as text: numbers to four digits, intervals in brackets to three."""
+        pairs = zip(self.numbers("value"), self.intervals(), strict=True)
+        return [f"{self.text(number)} {interval}".rstrip() for number, interval in pairs]
+
+    def text(self, value: Any) -> str:
+        if self.key is not None and not isinstance(value, int | float):
+            return value_alone(self.key, value)
+        return digits_text(value, 4)
+
+    def intervals(self) -> list[str]:
+        """Intervals as text: a dash where there is none, empty where no cell has one."""
+        found = [""] * len(self.entries)
+        if self.ends is not None:
+            ends = zip(self.values, self.numbers("low"), self.numbers("high"), strict=True)
+            found = ["" if is_unknown(value) else bracketed(*each) for value, *each in ends]
+        if "alike" not in self.entries:
+            return found
+        pairs = zip(found, self.entries["alike"], strict=True)
+        return ["(alike)" if same else text for text, same in pairs]
+
+    def numbers(self, name: str) -> list[Any]:
+        """Numbers in the unit of the title, of which rounding is 0, and labels."""
+        values = self.entries[name].tolist()
+        sizes = self.entries["size"] if "size" in self.entries else [0.0] * len(values)
+        return [
+            without_rounding(self.scale * value, size) if isinstance(value, float) else value
+            for value, size in zip(values, sizes, strict=True)
+        ]
+
+    def scaled(self) -> list[Any]:
+        """Numbers in the unit of the title, and other values as text."""
+        if not self.numeric:
+            return [self.text(value) for value in self.values]
+        return self.values if self.scale == 1.0 else [self.scale * value for value in self.values]
+
+
+def plain_column(
+    name: str, values: Sequence[Any], title: str = "", latex: str = "", key: str | None = None
+) -> Column:
+    """A column of values without intervals."""
+    entries = pd.DataFrame({"value": pd.Series(list(values), dtype=object)})
+    title = title or name
+    return Column(name, title, latex or title.translate(LATEX_ESCAPES), entries, key=key)
 
 
 def is_rounding(value: float, size: float) -> bool:
@@ -156,13 +161,6 @@ def without_rounding(value: float, size: float) -> float:
 
 def is_unknown(value: object) -> bool:
     return isinstance(value, float) and math.isnan(value)
-
-
-def digits_text(value: object, digits: int) -> str:
-    """A number to so many digits, a dash for not-a-number, other values as text."""
-    if not isinstance(value, float):
-        return str(value)
-    return "-" if math.isnan(value) else f"{value:.{digits}g}"
 
 
 def bracketed(low: float, high: float) -> str:
@@ -184,26 +182,29 @@ def summary_columns(
     """
     table, every = results.cells, results.study.cells
     cells, keys = select_cells(every, where or {}), list(every[0].labels)
-    rows = table.iloc[[cell.number for cell in cells]]
     if sort:
         name = known_column(sort.removeprefix("-"), table, keys)
-        values = [cell.labels[name] for cell in cells] if name in keys else rows[name].tolist()
+        values = [cell.labels[name] if name in keys else table[name][cell.number] for cell in cells]
         ordered = pd.Series(values).sort_values(ascending=not sort.startswith("-"), kind="stable")
-        order = ordered.index.tolist()
-        cells, rows = [cells[place] for place in order], rows.iloc[order]
-    numbers = Column("cell", "cell", "cell", [cell.number for cell in cells])
-    swept = [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
-    study = results.study.config
+        cells = [cells[place] for place in ordered.index]
+    numbers = [cell.number for cell in cells]
+    found = [plain_column("cell", numbers)]
+    found += [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
     wanted = [known_column(name, table, keys) for name in names]
     if not names:
-        wanted = default_columns(study, table, every)
+        wanted = default_columns(results.study.config, table, every)
         if reduced := reduced_amplitudes(cells):
-            swept.append(amplitude_column(cells, reduced))
-    sizes = known_or(np.full(len(every), np.nan), lambda: cell_magnitudes(results))
-    of_cells = sizes[numbers.values].tolist()
-    found = [statistic_column(each, rows, study, every) for each in wanted if each not in keys]
-    found = [each._replace(sizes=of_cells) if "[m]" in each.title else each for each in found]
-    return [numbers, *swept, *found]
+            # by which attacks shift positions, below ā where they are fast
+            sizes = [reduced.get(cell.number, attack_size(cell)) for cell in cells]
+            title = "attack amplitude [m]"
+            found.append(plain_column("amplitude", sizes, title, "amplitude [m]", MAGNITUDE))
+    sizes = known_or(np.full(len(every), np.nan), lambda: cell_magnitudes(results))[numbers]
+    for name in wanted:
+        if name not in keys:
+            made = statistic_column(name, table.iloc[numbers], results.study.config, every)
+            lengths = {"size": sizes} if "[m]" in made.title else {}
+            found.append(made._replace(entries=made.entries.assign(**lengths)))
+    return found
 
 
 def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
@@ -217,28 +218,28 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
     swept = {each.name: each for each in columns if each.key == each.name}
     if key not in swept:
         raise FolderError(f"pivot: {key} is not swept (swept are {', '.join(swept) or 'no keys'})")
-    rows = [each for name, each in swept.items() if name != key]
+    rows, across = [each for name, each in swept.items() if name != key], swept[key]
     places: dict[tuple[Any, ...], dict[Any, int]] = {}
-    for place, value in enumerate(swept[key].values):
-        places.setdefault(tuple(each.values[place] for each in rows), {})[value] = place
-    across = [
-        across_column(each, swept[key], value).at([found[value] for found in places.values()])
-        for each in columns[1:]
-        if each.key is None
-        for value in dict.fromkeys(swept[key].values)
-    ]
-    first = [min(found.values()) for found in places.values()]
-    return [*(each.at(first) for each in rows), *across]
-
-
-def across_column(column: Column, key: Column, value: Label) -> Column:
-    above = column.latex if is_kind(key.name) else f"{column.latex} by {key.latex}"
-    return column._replace(
-        name=f"{key.name}={value}:{column.name}",
-        title=f"{column.title}, {value_name(key.name, value)}",
-        latex=value_alone(key.name, value),
-        across=above,
-    )
+    combinations = zip(*(each.values for each in rows), strict=True) if rows else None
+    for place, value in enumerate(across.values):
+        combination = next(combinations) if combinations else ()
+        places.setdefault(combination, {})[value] = place
+    found = [each.at([min(mine.values()) for mine in places.values()]) for each in rows]
+    for each in columns[1:]:
+        if each.key is not None:
+            continue
+        above = each.latex if is_kind(across.name) else f"{each.latex} by {across.latex}"
+        for value in dict.fromkeys(across.values):
+            before = f"{across.name}={value}:"
+            made = each._replace(
+                name=f"{before}{each.name}",
+                title=f"{each.title}, {value_name(across.name, value)}",
+                latex=value_alone(across.name, value),
+                ends=each.ends and (before + each.ends[0], before + each.ends[1]),
+                across=above,
+            )
+            found.append(made.at([mine[value] for mine in places.values()]))
+    return found
 
 
 def known_column(name: str, table: pd.DataFrame, keys: Sequence[str]) -> str:
@@ -267,50 +268,36 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     return [name for name in dict.fromkeys([first, *tail, *own, "ok", "failed"]) if name in table]
 
 
-def key_column(key: str, labels: Iterable[Label]) -> Column:
-    name = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
-    words = latex_title(name or key_name(key).translate(LATEX_ESCAPES), unit(key))
-    return Column(key, quantity(key), words, list(labels), key=key)
-
-
-def amplitude_column(cells: Sequence[Cell], reduced: Mapping[int, float]) -> Column:
-    """Distance by which attacks shift positions, below ā where they are fast."""
-    values = [reduced.get(cell.number, magnitude_of(cell)) for cell in cells]
-    return Column("amplitude", "attack amplitude [m]", "amplitude [m]", values, key=MAGNITUDE)
+def key_column(key: str, labels: Sequence[Any]) -> Column:
+    symbol = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
+    latex = latex_title(symbol or key_name(key).translate(LATEX_ESCAPES), unit(key))
+    return plain_column(key, labels, quantity(key), latex, key)
 
 
 def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequence[Cell]) -> Column:
     """A column of `cells.csv` with its interval, if it has one."""
-    values = rows[name].tolist()
     if name in COUNTS:
-        return Column(name, name, name, values)
-    share = name.removesuffix("_low").removesuffix("_high")
-    if share in LANE_SHARES:
-        end = name.removeprefix(share).lstrip("_")
-        words = ", ".join(filter(None, [LANE_SHARES[share].words(cells), end]))
-        ends = None if end else interval_ends(rows, f"{name}_low", f"{name}_high")
-        return Column(name, f"{words} [%]", latex_title(words, "%"), values, ends, 100.0)
-    metric, statistic = metric_and_statistic(study, name.removesuffix("_low").removesuffix("_high"))
-    end = name.removeprefix(f"{metric.name}_")
-    which = STATISTIC_TITLES.get(end, end.replace("_", " "))
-    words = TITLES.get(name, f"{metric.name.replace('_', ' ')}, {which}")
-    symbol = LATEX_SYMBOLS.get(metric.name, metric.name.translate(LATEX_ESCAPES))
-    told = latex_title(symbol if name in TITLES else f"{symbol}, {which}", metric.column_unit)
-    title = f"{words} [{metric.column_unit}]" if metric.column_unit else words
-    found = Column(name, title, told, values)
-    if end != statistic or end not in ENDS_OF:
-        return found
-    ends = interval_ends(rows, *(f"{metric.name}_{each}" for each in ENDS_OF[end]))
-    return found._replace(ends=ends, alike=alike_cells(rows, metric.name))
-
-
-def interval_ends(
-    rows: pd.DataFrame, low: str, high: str
-) -> tuple[list[float], list[float]] | None:
-    if not {low, high} <= {*rows} or not all(is_numeric_dtype(rows[end]) for end in (low, high)):
-        return None  # a folder of an earlier version
-    known = rows[[low, high]].notna().to_numpy().any()
-    return (rows[low].tolist(), rows[high].tolist()) if known else None
+        return plain_column(name, rows[name].tolist())
+    stem = name.removesuffix("_low").removesuffix("_high")
+    names, entries = [name], stored_values(rows, [name])
+    if stem in LANE_SHARES:
+        end = name.removeprefix(stem).lstrip("_")
+        title = symbol = ", ".join(filter(None, [LANE_SHARES[stem].words(cells), end]))
+        of, scale, names = "%", 100.0, [name] if end else share_names(name)
+    else:
+        metric, statistic = metric_and_statistic(study, stem)
+        end, of, scale = name.removeprefix(f"{metric.name}_"), metric.column_unit, 1.0
+        which = ", worst" if end == "max" else f", {end.replace('_', ' ')}"
+        title = "worst" if name == "tail_max_max" else f"{metric.name.replace('_', ' ')}{which}"
+        symbol = LATEX_SYMBOLS.get(metric.name, metric.name.translate(LATEX_ESCAPES))
+        symbol += which * (name != "tail_max_max")
+        if end == statistic and len(LANE_STATISTICS[statistic].columns) > 1:
+            names = [f"{metric.name}_{each}" for each in LANE_STATISTICS[statistic].columns]
+            entries["alike"] = alike_cells(rows, metric.name)
+    entries[["low", "high"]] = stored_values(rows, names)[["low", "high"]]
+    ends = (names[1], names[2]) if entries[["low", "high"]].notna().to_numpy().any() else None
+    title = f"{title} [{of}]" if of else title
+    return Column(name, title, latex_title(symbol, of), entries, ends, scale)
 
 
 def alike_cells(rows: pd.DataFrame, metric: str) -> list[bool]:
@@ -331,7 +318,7 @@ def split_constant(columns: Sequence[Column]) -> tuple[list[Column], str]:
 
     The cell's number and the first quantity stay. A table of one cell keeps all its columns.
     """
-    if len(columns[0].values) < 2:
+    if len(columns[0].entries) < 2:
         return list(columns), ""
     first = next((each.name for each in columns[1:] if each.key is None), "")
     kept, constant = [], []
@@ -348,6 +335,5 @@ def as_frame(columns: Sequence[Column]) -> pd.DataFrame:
     for each in columns:
         found[each.name] = each.values
         if each.ends is not None:
-            stem = each.name.removesuffix("_mean")
-            found[f"{stem}_low"], found[f"{stem}_high"] = each.ends
+            found |= dict(zip(each.ends, each.entries[["low", "high"]].T.to_numpy(), strict=True))
     return pd.DataFrame(found)

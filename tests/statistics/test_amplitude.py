@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import jaxnet
+from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.keys import Recovery
-from jaxnet.statistics.amplitude import amplitude_in_force, amplitude_note
+from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.quantities import quantity_of
 from jaxnet.statistics.recovery import threshold
 from tests import systems
@@ -26,7 +27,7 @@ def test_lanes_show_the_amplitude(name):
     study = systems.study(attack=KINDS[name] | {"vehicles": [2]}, **keys)
     shown = systems.simulate(systems.lanes(study, 4)).series["attack"]
     greatest = np.linalg.norm(shown, axis=-1).max()
-    amplitude = amplitude_in_force(study.cells[0].scenario)
+    amplitude = known_amplitude(study.cells[0].scenario)
     assert 0.99 * amplitude <= greatest <= amplitude * (1 + 1e-12)
 
 
@@ -34,12 +35,12 @@ def test_it_is_known_by_formula_and_said():
     """ā / ω³ above 1 rad/s; unknown where lanes differ; a note gives the least share of ā."""
     sweep = {"attack.frequency": [0.5, 1.0, 2.0, 4.0]}
     study = systems.study(attack={"kind": "rotating", "magnitude": 8.0}, sweep=sweep)
-    found = [amplitude_in_force(cell.scenario) for cell in study.cells]
+    found = [known_amplitude(cell.scenario) for cell in study.cells]
     assert found == pytest.approx([8.0, 8.0, 1.0, 0.125], rel=1e-15)
     assert "a position is shifted by less, 0.016 ā at least" in amplitude_note(study.cells)
     assert amplitude_note(study.cells[:2]) == ""
     drawn = systems.study(attack={"kind": "rotating", "frequency": {"uniform": [1.0, 2.0]}})
-    assert np.isnan(amplitude_in_force(drawn.cells[0].scenario))
+    assert np.isnan(known_amplitude(drawn.cells[0].scenario))
 
 
 STAR = {

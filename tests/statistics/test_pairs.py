@@ -24,6 +24,8 @@ KEYS = {
     "sweep": {"topology": ["cyclic", "path"], "attack.magnitude": [1, 5]},
 }
 
+METRICS = ("tail_mean", "tail_max")
+
 
 @pytest.fixture(scope="module")
 def without():
@@ -104,14 +106,14 @@ def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
     """In whichever study it failed."""
     whole = jaxnet.compare(without, trimmed)
     pair = pairs.paired_cells(without, trimmed)[0]
-    lanes = pairs.join_lanes(without, trimmed, pair)
+    lanes = pairs.join_lanes((without, trimmed), pair, METRICS)
     lanes.loc[3, ["status_B", "tail_mean_B", "tail_max_B"]] = ["max_steps", np.nan, np.nan]
     judged = pairs.mark_unrecovered(lanes, pair, [Recovery(tau=0.3)] * 2)
-    row = pairs.comparison_row(pair, judged, (without, trimmed))
+    row = pairs.comparison_row(judged, METRICS, without.study.config)
     assert (row["pairs"], row["failed"]) == (9, 1)
     kept = (lanes["tail_mean_B"] - lanes["tail_mean_A"]).drop(3)
     assert row["tail_mean_difference"] == pytest.approx(kept.mean())
-    named = pairs.lane_table([pair], [judged[~judged["ok"]]], ["sample", "status_A", "status_B"])
+    named = judged[~judged["ok"]].assign(cell=0)
     said = comparison.comparison_text(whole._replace(failed=named))
     assert "failed: 1 lanes: cell 0 sample 3 (ok in A, max_steps in B)" in said
 
@@ -151,12 +153,7 @@ def test_what_cannot_be_paired_is_refused(without, keys, words):
 
 def test_lanes_without_recovery_have_no_sides(without):
     """Blank where one study does not say when a lane has recovered."""
-    assert pd.isna(pairs.comparison_row(*unjudged(without), (without, without))["p"])
-
-
-def unjudged(results):
-    """A pair of cells, and its lanes judged without a threshold."""
-    pair = (results.study.cells[0],) * 2
-    return pair, pairs.mark_unrecovered(
-        pairs.join_lanes(results, results, pair), pair, [None, Recovery(tau=0.3)]
-    )
+    pair = (without.study.cells[0],) * 2
+    lanes = pairs.join_lanes((without, without), pair, METRICS)
+    judged = pairs.mark_unrecovered(lanes, pair, [None, Recovery(tau=0.3)])
+    assert pd.isna(pairs.comparison_row(judged, METRICS, without.study.config)["p"])

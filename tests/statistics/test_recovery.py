@@ -11,7 +11,7 @@ import jaxnet
 from experiments import stopping
 from jaxnet.config import keys as config
 from jaxnet.engine.methods.exact import Exact
-from jaxnet.statistics import intervals, recovery, shares
+from jaxnet.statistics import intervals, recovery, summary
 from jaxnet.store.folder import Folder, FolderError
 from tests import systems
 
@@ -44,13 +44,12 @@ def test_counts():
     """By hand: over τ ā, and no share where nobody is attacked."""
     study = jaxnet.load({"sweep": {"attack.magnitude": [0, 2]}, "recovery": {"tau": 0.01}})
     lanes = pd.DataFrame({"tail_mean": [0.021, 0.02, 0.5]})
-    unrecovered = shares.LANE_SHARES["unrecovered"]
+    unrecovered = summary.LANE_SHARES["unrecovered"]
     assert unrecovered.which(study.config, study.cells[0], lanes) is None
     counted = unrecovered.which(study.config, study.cells[1], lanes)
     assert counted.tolist() == [True, False, True]
-    found = shares.share_columns(unrecovered, counted, 0.95)
-    assert found["unrecovered"] == pytest.approx(2 / 3)
-    assert np.isnan([*shares.share_columns(unrecovered, counted[:0], 0.95).values()]).all()
+    assert summary.share_estimate(counted, 0.95)[0] == pytest.approx(2 / 3)
+    assert np.isnan(summary.share_estimate(counted[:0], 0.95)).all()
 
 
 def test_the_table_has_the_shares(tmp_path):
@@ -203,36 +202,6 @@ def test_the_last_interval_of_a_run_covers(share):
         low, high = intervals.clopper_pearson(np.array([failed]), np.array([ended]), confidence)
         held += bool(low[0] <= share <= high[0])
     assert held >= 0.95 * 1000
-
-
-def test_an_easy_case_is_done_at_the_first_look(tmp_path):
-    """256 lanes, none of which recovers, in one file; the interval has the first look's part."""
-    given = systems.study(samples=until(0.03), **{**keys(), "sweep": {}, "recovery": {"tau": 1e-9}})
-    results = jaxnet.run(given, tmp_path / "out")
-    assert results.manifest["samples"] == 256
-    assert results.cells["unrecovered_low"][0] == pytest.approx(0.0125 ** (1 / 256))
-    assert [path.name for path in (results.path / "lanes").iterdir()] == ["00000.parquet"]
-
-
-def test_a_shard_that_is_there_in_part_is_gone_on_with(tmp_path, monkeypatch):
-    """Rows and arrays are those of an undivided run; only missing samples are simulated."""
-    monkeypatch.setattr(Exact, "shard", 8)
-    given = {**keys(), "save": {"errors": True, "trajectories": "all"}}
-    told = []
-    for samples in (3, 6, 11, 20):
-        told.clear()
-        grown = jaxnet.run(
-            systems.study(samples=samples, **given),
-            tmp_path / "a",
-            progress=lambda *now: told.append(now),
-        )
-        assert told[-1][0] == told[-1][1] == 3 * samples
-        assert told[0][0] == {3: 0, 6: 9, 11: 18, 20: 33}[samples]
-    whole = jaxnet.run(systems.study(samples=20, **given), tmp_path / "b")
-    pd.testing.assert_frame_equal(grown.lanes, whole.lanes, check_exact=True)
-    pd.testing.assert_frame_equal(grown.cells, whole.cells, check_exact=True)
-    assert grown.errors.equals(whole.errors)
-    assert grown.trajectories.equals(whole.trajectories)
 
 
 @pytest.mark.long

@@ -309,7 +309,7 @@ def test_text_figure_and_page_say_that_there_is_no_slope(folder):
     """A blank slope is no line, no number, and words; the words stand nowhere else."""
     results = jaxnet.open(folder)
     found = curves.curves(results)
-    text = " ".join(slopes_text(results).split())
+    text = " ".join(slopes_text(results, curves.curves(results)).split())
     assert re.search(r"star tail_mean - - .* no slope: errors do not rise with ā", text)
     flat = [each._replace(fits={("tail_max", None): (np.nan,) * 3}) for each in found]
     assert "No slope: errors" in sections.slopes_html(flat)

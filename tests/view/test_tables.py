@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 from upath import UPath
 
+from jaxnet.statistics.curves import Curve
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.summary import COLUMNS_OF_METRIC
 from jaxnet.store.folder import FolderError
@@ -107,7 +108,7 @@ def test_long_labels_are_wrapped(monkeypatch):
 
 
 def test_numbers_stand_at_the_right_and_brackets_are_no_markup():
-    table = pd.DataFrame({"name": ["[red]a", "b"], "size of it all": [1.5, float("nan")]})
+    table = {"name": ["[red]a", "b"], "size of it all": [1.5, float("nan")]}
     assert printer.table_text(table, ["name"]).splitlines() == [
         "        size of",
         "name     it all",
@@ -137,7 +138,7 @@ def test_a_table_for_a_paper():
         r"\bottomrule",
         r"\end{tabular}",
     ]
-    small = columns.Column("x", "x", "x", [1e-7, 2.5e12])
+    small = columns.plain_column("x", [1e-7, 2.5e12])
     typeset = [r"1$\cdot10^{-7}$", r"2.5$\cdot10^{12}$"]
     assert [formats.latex_text(text) for text in small.texts()] == typeset
     assert formats.latex_number("-3.5 [-4, -]") == "$-$3.5 [$-$4, --]"
@@ -198,8 +199,8 @@ def test_values_of_a_key_stand_across():
     found = columns.pivoted(asked, "defence")
     across = ["defence=none:unrecovered", "defence=w_msr:unrecovered"]
     assert [each.name for each in found] == ["attack.magnitude", "tick", *across]
-    assert found[2].texts(intervals=False) == ["0", "10", "40", "50"]
-    assert found[3].texts(intervals=False) == ["20", "30", "60", "70"]
+    assert found[2].bare().texts() == ["0", "10", "40", "50"]
+    assert found[3].bare().texts() == ["20", "30", "60", "70"]
     assert formats.in_format(found, "latex").splitlines()[1:8] == [
         r"\begin{tabular}{rrrr}",
         r"\toprule",
@@ -226,9 +227,9 @@ def test_a_long_table_is_cut_only_if_asked():
 
 def test_fits_show_swept_values_as_the_summary_does():
     """Names of kinds, drawn vehicles and units; what is rounding is 0."""
-    rows = {"attack.vehicles": ['{"random": 1}'], "defence": ["w_msr"], "mean": ["0.1"]}
     group = Group({"attack.vehicles": '{"random": 1}', "defence": "w_msr"}, ())
-    text = slopes.group_table("slopes", pd.DataFrame(rows), group, (), "fit.csv")
+    curve = Curve(group, pd.DataFrame(), {}, {})
+    text = slopes.group_table("slopes", [(curve, {"mean": "0.1"})], (), "fit.csv")
     assert text.splitlines()[-1].split() == ["1", "drawn", "W-MSR", "0.1"]
     assert "attacked" in text.splitlines()[1]
     assert slopes.slope_interval_text((5e-20, 4e-20, 0.35)) == "0 (0 to 0.35)"

@@ -17,13 +17,15 @@ MOST_CHANGED = 1000  # lanes that the page lists
 def comparison_page(found: Comparison) -> str:
     a, b = (escape(PurePath(folder).name) for folder in found.folders)
     lead = f"B is {b}, A is {a}. {escape(comparison.comparison_legend(found))}"
-    rows = comparison.comparison_rows(found)
-    lengths = dict.fromkeys(comparison.length_columns(rows), np.ones(len(rows)))
+    columns = comparison.comparison_columns(found)
+    rows = pd.DataFrame({each.title: each.scaled() for each in columns})
+    lengths = {each.title: np.ones(len(rows)) for each in columns if "[m]" in each.title}
+    intervals = {each.title: each.intervals() for each in columns if each.ends is not None}
     changed = lanes_table(found.changed, "No lane changed sides.")
     failed = lanes_table(found.failed, "No lane failed in either study.")
     shown = [
         Section("differ", "What differs", settings_table(found)),
-        Section("differences", "Differences, B − A", sortable_table(rows, lengths)),
+        Section("differences", "Differences, B − A", sortable_table(rows, lengths, intervals)),
         Section("changed", "Lanes that changed sides", changed),
         Section("failed", "Failed lanes", failed),
     ]

@@ -11,11 +11,9 @@ from jaxnet.config.study import Study
 from jaxnet.model.wording import count
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_text, table_text
-from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
+from jaxnet.view.text.width import MOST_ROWS, filled
 from jaxnet.view.text.worst import search_text
 
-INDICES_FILE = "sensitivity.csv"
-INTERVAL_SUFFIXES = ("", "_low", "_high")
 SENSITIVITY_LEGEND = (
     "parts of the variance over the lanes, with 95 % intervals. first: of the quantity alone;"
     " total: with its interactions. A dash: nothing varies. No interval: few lanes make up"
@@ -34,7 +32,7 @@ def analyses_text(results: Results) -> str:
 
 
 def rare_text(table: pd.DataFrame) -> str:
-    return table_text(table.drop(columns=["points", "threshold"]).head(MOST_ROWS))
+    return table_text(table.drop(columns=["points", "threshold"]).head(MOST_ROWS).to_dict("list"))
 
 
 def plan_text(lanes: Mapping[int, int], samples: int) -> str:
@@ -56,24 +54,15 @@ def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
     chosen: Any = table[table["metric"] == metric]
     labels = list(study.cells[0].labels)
     swept = [study.cells[number].labels for number in chosen["cell"]]
-    rows = pd.DataFrame(
-        {"cell": chosen["cell"].tolist()}
-        | {key: [each[key] for each in swept] for key in labels}
-        | {"quantity": chosen["quantity"].tolist()}
-        | {
-            order: [
-                in_hundredths(*ends)
-                for ends in chosen[[f"{order}{end}" for end in INTERVAL_SUFFIXES]].to_numpy()
-            ]
-            for order in ("first", "total")
-        }
-        | {"left out": chosen["left_out"].tolist()}
-    )
-    rows = rows if any(rows["left out"].tolist()) else rows.drop(columns="left out")
-    text, left_out = fitted_text(rows.head(MOST_ROWS), labels, [["left out"]])
-    lines = [f"{metric}:", text]
-    if len(rows) > MOST_ROWS:
-        lines.append(f"… {len(rows) - MOST_ROWS} more lines in {INDICES_FILE}")
-    if "left out" in rows:
+    rows = {"cell": chosen["cell"].tolist()}
+    rows |= {key: [each[key] for each in swept] for key in labels}
+    rows["quantity"] = chosen["quantity"].tolist()
+    for order in ("first", "total"):
+        indices = zip(*(chosen[f"{order}{end}"] for end in ("", "_low", "_high")), strict=True)
+        rows[order] = [in_hundredths(*each) for each in indices]
+    lines = [f"{metric}:"]
+    if chosen["left_out"].any():
+        rows["left out"] = chosen["left_out"].tolist()
         lines.append(f"left out: samples of which a lane failed, of {table['samples'].iloc[0]:,}")
-    return "\n".join([*lines, filled(SENSITIVITY_LEGEND), *left_out_note(left_out, INDICES_FILE)])
+    text = fitted_text(rows, labels, [["left out"]], "sensitivity.csv")
+    return "\n".join([lines[0], text, *lines[1:], filled(SENSITIVITY_LEGEND)])

@@ -5,8 +5,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from textwrap import fill
 from typing import NamedTuple
 
-from rich.console import Console
-from rich.table import Table
+from rich.filesize import decimal
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
@@ -18,6 +17,7 @@ from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.store import layout
 from jaxnet.view.text.facts import Facts, facts
+from jaxnet.view.text.printer import table_text
 from jaxnet.view.text.width import cut_text, terminal_width
 
 MOST_NETWORKS = 20  # with searches over sets of vehicles
@@ -42,27 +42,30 @@ class AlikeCells(NamedTuple):
     cells: list[Cell]
     facts: Facts
 
+    @property
+    def text(self) -> str:
+        numbers = sorted(cell.number for cell in self.cells)
+        title = f"{self.cells[0].scenario.topology.kind}, {cells_named(numbers)}"
+        return titled(title, self.facts)
+
 
 def check_text(study: Study, number: int | None = None) -> str:
     """The whole report; of one cell if `number` is given."""
     cells = study.cells if number is None else [study.cells[number]]
     found = networks(cells)
-    parts = [study_head(study), wrap_lines(amplitude_note(study.cells) + amplitude_advice(study))]
-    if len(found) == 1:
-        title = network_title(found[0])
-        parts[1:1] = [swept(study)] if number is None else []
-        parts.append(wrap_lines(titled(title, found[0].facts)))
-    else:
-        parts[1:1] = [swept(study)]
-        parts += differing(found)
+    parts = [study_head(study)]
+    if number is None or len(found) > 1:
+        parts.append(wrap_lines(swept_text(study)))
+    parts.append(wrap_lines(amplitude_note(study.cells) + amplitude_advice(study)))
+    parts += [wrap_lines(found[0].text)] if len(found) == 1 else differing(found)
     if idle := idle_keys(study):
         parts.append(wrap_lines(titled("keys without effect", idle)))
-    return "\n\n".join(part for part in parts if part)
+    return "\n\n".join(filter(None, parts))
 
 
 def certificates(cells: Sequence[Cell]) -> list[str]:
     """All that is known of each network, with the cells that share it."""
-    return [titled(network_title(each), each.facts) for each in networks(cells)]
+    return [each.text for each in networks(cells)]
 
 
 def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
@@ -73,9 +76,8 @@ def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
     seconds = PROGRAM_SECONDS / len(groups) if len(groups) <= MOST_NETWORKS else 0.0
     found: dict[Hashable, AlikeCells] = {}
     for group in groups.values():
-        scenario = group[0].scenario
-        known = facts(scenario, seconds)
-        key = scenario.topology.kind, tuple(known.items())
+        known = facts(group[0].scenario, seconds)
+        key = group[0].scenario.topology.kind, tuple(known.items())
         found.setdefault(key, AlikeCells([], known)).cells.extend(group)
     return list(found.values())
 
@@ -108,16 +110,8 @@ def study_head(study: Study) -> str:
     return wrap_lines(
         f"{settled.name}: {count(len(study.cells), 'cell')} × {samples},"
         f" {settled.engine.kind} engine, nothing wrong\n"
-        f"about {byte_size(memory)} of memory; at most {byte_size(float(disk))} on disk"
+        f"about {decimal(round(memory))} of memory; at most {decimal(disk)} on disk"
     )
-
-
-def byte_size(count_bytes: float) -> str:
-    for unit in ("B", "kB", "MB", "GB"):
-        if count_bytes < 1000:
-            return f"{count_bytes:.3g} {unit}"
-        count_bytes /= 1000
-    return f"{count_bytes:.3g} TB"
 
 
 def amplitude_advice(study: Study) -> str:
@@ -132,18 +126,13 @@ def amplitude_advice(study: Study) -> str:
     )
 
 
-def swept(study: Study) -> str:
-    labels = study.cells[0].labels
-    lines = ["swept, the last fastest:"] if labels else []
-    for key in labels:
-        values = list(dict.fromkeys(format_value(cell.labels[key]) for cell in study.cells))
-        lines.append(f"  {key}: {few_values(values)}")
-    return wrap_lines("\n".join(lines))
-
-
-def network_title(network: AlikeCells) -> str:
-    numbers = sorted(cell.number for cell in network.cells)
-    return f"{network.cells[0].scenario.topology.kind}, {cells_named(numbers)}"
+def swept_text(study: Study) -> str:
+    values = {
+        key: dict.fromkeys(format_value(cell.labels[key]) for cell in study.cells)
+        for key in study.cells[0].labels
+    }
+    lines = [f"  {key}: {few_values([*each])}" for key, each in values.items()]
+    return "\n".join(["swept, the last fastest:", *lines] if lines else [])
 
 
 def titled(title: str, lines: Mapping[str, str]) -> str:
@@ -192,24 +181,22 @@ def factor_table(name: str, labels: CellLabels, lines: Sequence[str], most: int 
     for one, line in zip(labels, lines, strict=True):
         where.setdefault(line, set()).add(tuple(one[key] for key in keys))
     every = [list(dict.fromkeys(one[key] for one in labels)) for key in keys]
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    last_words = [key.rpartition(".")[2] for key in labels[0]]
-    for key in keys:
-        word = key.rpartition(".")[2]
-        title = word if last_words.count(word) == 1 else key
-        table.add_column(title, max_width=MOST_KEY_LETTERS, overflow="fold")
-    table.add_column(name)
-    rows = [(box, line) for line, those in where.items() if line for box in boxes_of(those)]
-    before = ""
-    for box, line in rows[:MOST_TABLE_ROWS]:
+    short = {key: key.rpartition(".")[2] for key in labels[0]}
+    last_words = [*short.values()]
+    titles = [short[key] if last_words.count(short[key]) == 1 else key for key in keys]
+    boxes = [(box, line) for line, those in where.items() if line for box in boxes_of(those)]
+    rows, before = [], ""
+    for box, line in boxes[:MOST_TABLE_ROWS]:
         told = "as above" if line == before else beside(before, line)
         told = told if most is None else cut_text(told, most)
-        table.add_row(*map(values_text, box, every), told)
+        values = map(values_text, box, every)
+        rows.append([*(fill(each, MOST_KEY_LETTERS) for each in values), told])
         before = line
-    if len(rows) > MOST_TABLE_ROWS:
-        table.add_row(*[""] * len(keys), f"and {count(len(rows) - MOST_TABLE_ROWS, 'row')} more …")
-    first, *rest = rendered(table).splitlines()
-    return "\n".join([first, *(f"  {line}" for line in rest)])
+    if len(boxes) > MOST_TABLE_ROWS:
+        more = f"and {count(len(boxes) - MOST_TABLE_ROWS, 'row')} more …"
+        rows.append([*[""] * len(keys), more])
+    columns = dict(zip([*titles, name], zip(*rows, strict=True), strict=True))
+    return table_text(columns, [*columns], terminal_width() - 2).replace("\n", "\n  ")
 
 
 def beside(before: str, line: str) -> str:
@@ -273,10 +260,3 @@ def boxes_of(combinations: set[Combination]) -> list[list[Combination]]:
     for first, rest in rests.items():
         alike.setdefault(frozenset(rest), []).append(first)
     return [[tuple(firsts), *box] for rest, firsts in alike.items() for box in boxes_of({*rest})]
-
-
-def rendered(table: Table) -> str:
-    console = Console(width=terminal_width() - 2, color_system=None, markup=False, highlight=False)
-    with console.capture() as captured:
-        console.print(table)
-    return "\n".join(line.rstrip() for line in captured.get().rstrip().splitlines())

@@ -1,45 +1,47 @@
 """Output of `jaxnet compare`: settings, differences, and lanes whose recovery differs."""
 
+from collections.abc import Sequence
 from textwrap import shorten
 from typing import Any
 
 import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
-from jaxnet.view.text.printer import fitted_text
+from jaxnet.statistics.quantities import stored_values
+from jaxnet.view.columns import Column, plain_column
+from jaxnet.view.text.printer import columns_text, narrow_columns
 from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
 MOST_NAMED_LANES = 20  # lanes of a kind
-ROUNDING_DIFFERENCE = 1e-9  # [m] what two errors may differ by in arithmetic alone
-COMPARED = {"tail_mean": "mean", "tail_max": "max", "spread": "spread", "outside": "outside"}
-COMPARISON_COLUMNS = {
-    f"{metric}_{name}": f"{words} {told}"
-    for metric, words in COMPARED.items()
-    for name, told in {
-        "median": "median [m]",
-        "median_low": "median low",
-        "median_high": "median high",
-        "difference": "[m]",
-        "low": "low",
-        "high": "high",
-    }.items()
-} | {"unrecovered_low": "share low", "unrecovered_high": "share high"}
-COUNT_COLUMNS = ("cell", "cell_B", "pairs", "failed", "saved", "lost", "unrecovered", "p")
-MAIN, OTHER = ("mean", "spread"), ("max", "outside")  # what is shown to the last, and to the first
-COMPARISON_DROP_ORDER = (
-    ["failed"],
-    [f"{words} {end}" for words in (*MAIN, *OTHER) for end in ("low", "high")],
-    [f"{words} median {end}" for words in OTHER for end in ("low", "high")],
-    [f"{words} [m]" for words in OTHER],
-    ["share low", "share high"],
-    [f"{words} median [m]" for words in OTHER],
-    *(["p"], ["pairs"], ["unrecovered"]),
-    [f"{words} [m]" for words in MAIN],
-    [f"{words} median {end}" for words in MAIN for end in ("low", "high")],
-)
+FIRST_METRICS = {"tail_mean": "mean", "spread": "spread"}  # metrics that are shown to the last
+SECOND_METRICS = {"tail_max": "max", "outside": "outside"}
+
+
+def of_metrics(metrics: dict[str, str], end: str, title: str) -> list[tuple[str, ...]]:
+    stem = "_median" if end == "median" else ""
+    return [
+        (f"{metric}_{end}", f"{words}{title} [m]", f"{metric}{stem}", f"{words}{title}")
+        for metric, words in metrics.items()
+    ]
+
+
+# Columns of differences.csv, what matters most first: name, title, and how the names of the ends of
+# its interval begin, there and as titles.
+DIFFERENCES = [
+    *of_metrics(FIRST_METRICS, "median", " median"),
+    ("saved", "saved"),
+    ("lost", "lost"),
+    ("unrecovered", "unrecovered", "unrecovered", "share"),
+    *of_metrics(FIRST_METRICS, "difference", ""),
+    ("p", "p"),
+    ("pairs", "pairs"),
+    *of_metrics(SECOND_METRICS, "median", " median"),
+    *of_metrics(SECOND_METRICS, "difference", ""),
+    ("failed", "failed"),
+]
 ERROR_LEGEND = (
     "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median;"
-    " low, high: 95 % intervals. A mean has none where few lanes are as skewed as these."
+    " [low, high]: 95 % intervals. A mean has none where few lanes are as skewed as these."
 )
 AGREEMENT_LEGEND = (
     "spread: greatest distance of two vehicles that are not attacked, over the tail; outside:"
@@ -57,31 +59,42 @@ def comparison_legend(found: Comparison) -> str:
     return f"All differences are B - A, of the same draws. {measured} {SHARE_LEGEND}"
 
 
-def length_columns(table: pd.DataFrame) -> list[str]:
-    """Columns with differences of lengths, in which rounding is no difference."""
-    return [name for name in map(str, table) if name.startswith(tuple(COMPARED.values()))]
-
-
-def comparison_rows(found: Comparison) -> pd.DataFrame:
-    """A row per pair of cells with readable column names, without empty columns."""
-    return found.cells.rename(columns=COMPARISON_COLUMNS).dropna(axis="columns", how="all")
+def comparison_columns(found: Comparison) -> list[Column]:
+    """A row per pair of cells; columns without any number are left out."""
+    table: Any = found.cells
+    keys = list(table)[1 : list(table).index("pairs")]
+    columns = [plain_column("cell", table["cell"].tolist())]
+    columns += [plain_column(key, table[key].tolist(), key=key) for key in keys]
+    for name, title, *stems in DIFFERENCES:
+        if name not in table or table[name].isna().all():
+            continue
+        column = plain_column(title, table[name].tolist())
+        if stems:
+            entries = stored_values(table, [name, f"{stems[0]}_low", f"{stems[0]}_high"])
+            sized = entries.assign(size=1.0 if "[m]" in title else 0.0)
+            ends = f"{stems[1]} low", f"{stems[1]} high"
+            known = ends if entries[["low", "high"]].notna().to_numpy().any() else None
+            column = column._replace(entries=sized, ends=known)
+        columns.append(column)
+    return columns
 
 
 def comparison_text(found: Comparison) -> str:
-    table = comparison_rows(found)
-    errors = length_columns(table)
-    table[errors] = table[errors].where(~(table[errors].abs() < ROUNDING_DIFFERENCE), 0.0)
-    labels = [name for name in table if name not in {*COMPARISON_COLUMNS.values(), *COUNT_COLUMNS}]
-    text, left_out = fitted_text(table.head(MOST_ROWS), labels, COMPARISON_DROP_ORDER)
-    lines = [text, "", filled(comparison_legend(found))]
-    if len(table) > MOST_ROWS:
-        lines.append(f"… {len(table) - MOST_ROWS} more pairs of cells in differences.csv")
+    shown, left_out = narrow_columns(
+        [each.at(slice(MOST_ROWS)) for each in comparison_columns(found)]
+    )
+    lines = [columns_text(shown), "", filled(comparison_legend(found))]
+    if len(found.cells) > MOST_ROWS:
+        lines.append(f"… {len(found.cells) - MOST_ROWS} more pairs of cells in differences.csv")
     lines += left_out_note(left_out, "differences.csv")
+    changed: Any = found.changed
+    saved = changed["unrecovered_A"].astype(bool)
     parts = [
         "\n".join(settings_lines(found)),
         "\n".join(lines),
-        changes_text(found),
-        failed_lanes_text(found),
+        named_lanes("saved", changed[saved]),
+        named_lanes("lost", changed[~saved]),
+        named_lanes("failed", found.failed),
     ]
     return "\n\n".join(filter(None, parts))
 
@@ -96,24 +109,14 @@ def settings_lines(found: Comparison) -> list[str]:
     return head
 
 
-def changes_text(found: Comparison) -> str:
-    lines = []
-    for words, in_a in (("saved", True), ("lost", False)):
-        lanes: Any = found.changed[found.changed["unrecovered_A"].astype(bool) == in_a].itertuples()
-        named = [f"cell {lane.cell} sample {lane.sample}" for lane in lanes]
-        lines += [filled(f"{words}: {len(named)} lanes: {first_names(named)}")] * bool(named)
-    return "\n".join(lines)
+def named_lanes(what: str, lanes: pd.DataFrame) -> str:
+    named = []
+    for lane in lanes.to_dict("records"):
+        ends = f" ({lane['status_A']} in A, {lane['status_B']} in B)" if "status_A" in lane else ""
+        named.append(f"cell {lane['cell']} sample {lane['sample']}{ends}")
+    return filled(f"{what}: {len(named)} lanes: {first_names(named)}") if named else ""
 
 
-def failed_lanes_text(found: Comparison) -> str:
-    lanes: Any = found.failed.itertuples()
-    named = [
-        f"cell {lane.cell} sample {lane.sample} ({lane.status_A} in A, {lane.status_B} in B)"
-        for lane in lanes
-    ]
-    return filled(f"failed: {len(named)} lanes: {first_names(named)}") if named else ""
-
-
-def first_names(named: list[str]) -> str:
+def first_names(named: Sequence[str]) -> str:
     more = len(named) - MOST_NAMED_LANES
     return ", ".join(named[:MOST_NAMED_LANES]) + (f" and {more} more" if more > 0 else "")

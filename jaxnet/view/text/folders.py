@@ -1,6 +1,5 @@
 """Output of `jaxnet list`: a line per results folder."""
 
-import pandas as pd
 from upath import UPath
 
 from jaxnet.store.folder import Manifest, find_results, samples_of_cells
@@ -13,11 +12,11 @@ def folders_text(root: str) -> str:
     found = list(find_results(root))
     if not found:
         return ""
-    rows = pd.DataFrame([folder_row(path, manifest) for path, manifest in found])
+    rows = [folder_row(path, manifest) for path, manifest in found]
+    lines = table_text({name: [row[name] for row in rows] for name in rows[0]}).splitlines()
     paths = ["results", *(str(path) for path, _ in found)]
-    lines = zip(table_text(rows).splitlines(), paths, strict=True)
-    width = max(len(line) for line in table_text(rows).splitlines())
-    return "\n".join(f"{line:{width}}  {path}" for line, path in lines)
+    width = max(map(len, lines))
+    return "\n".join(f"{line:{width}}  {path}" for line, path in zip(lines, paths, strict=True))
 
 
 def folder_row(path: UPath, manifest: Manifest) -> dict[str, object]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from jaxnet.store.tables import csv_text
-from jaxnet.view.columns import LATEX_ESCAPES, Column, as_frame, split_constant
+from jaxnet.view.columns import LATEX_ESCAPES, Column, as_frame, plain_column, split_constant
 
 
 def in_format(columns: Sequence[Column], name: str, notes: Sequence[str] = ()) -> str:
@@ -21,10 +21,7 @@ def in_format(columns: Sequence[Column], name: str, notes: Sequence[str] = ()) -
 
 
 def columns_of(table: pd.DataFrame) -> list[Column]:
-    values = {str(name): table[name].tolist() for name in table}
-    return [
-        Column(name, name, name.translate(LATEX_ESCAPES), each) for name, each in values.items()
-    ]
+    return [plain_column(str(name), table[name].tolist()) for name in table]
 
 
 def markdown(columns: Sequence[Column]) -> str:

@@ -4,30 +4,34 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from textwrap import wrap
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
-from jaxnet.view.text.width import GREATEST_WIDTH, four_digits, terminal_width
+from jaxnet.view.text.width import (
+    GREATEST_WIDTH,
+    MOST_ROWS,
+    digits_text,
+    left_out_note,
+    terminal_width,
+)
+
+if TYPE_CHECKING:
+    from jaxnet.view.columns import Column
 
 LEAST_TITLE = 9  # letters of a line of a title
 LEAST_LABEL = 20  # letters that a label is wrapped to, at least
 GAP = 2  # letters between columns
 NUMBER = re.compile(r"-?(\d|inf|nan).*|-|")
 
-# A step of narrowing: the titles of columns that go, or shorter texts of columns.
-Narrowing = Sequence[str] | Mapping[str, Sequence[str]]
-
-
-def shown(value: object) -> str:
-    if not isinstance(value, float):
-        return str(value)
-    return "-" if value != value else four_digits(value)
+TableColumns = Mapping[
+    Any, Sequence[object]
+]  # values by title; of a pandas table, `to_dict("list")`
 
 
 def table_text(
-    table: pd.DataFrame, labels: Sequence[str] = (), width: int = 2 * GREATEST_WIDTH
+    table: TableColumns, labels: Sequence[str] = (), width: int = 2 * GREATEST_WIDTH
 ) -> str:
     """Table as text of this width; the columns of `labels` are wrapped to fit."""
     drawn = Table(box=None, padding=(0, GAP, 0, 0), pad_edge=False, header_style="")
@@ -49,11 +53,8 @@ def table_text(
     return "\n".join(line.rstrip() for line in page.getvalue().rstrip("\n").split("\n"))
 
 
-def texts_of(table: pd.DataFrame) -> dict[str, list[str]]:
-    return {
-        str(name): [shown(value) for value in table.iloc[:, place].tolist()]
-        for place, name in enumerate(table)
-    }
+def texts_of(table: TableColumns) -> dict[str, list[str]]:
+    return {name: [digits_text(value, 4) for value in values] for name, values in table.items()}
 
 
 def title_lines(title: str, texts: Sequence[str]) -> list[str]:
@@ -62,33 +63,61 @@ def title_lines(title: str, texts: Sequence[str]) -> list[str]:
     return wrap(title, room, break_long_words=False, break_on_hyphens=False) or [""]
 
 
-def least_width(table: pd.DataFrame, labels: Sequence[str]) -> int:
-    """Letters that a table takes with its labels wrapped."""
+def fits_terminal(table: TableColumns, labels: Sequence[str]) -> bool:
+    """Whether a terminal is as wide as a table with its labels wrapped."""
     total = -GAP
     for name, texts in texts_of(table).items():
         whole = max(map(len, [*title_lines(name, texts), *texts]))
         total += GAP + (min(whole, LEAST_LABEL) if name in labels else whole)
-    return total
-
-
-def fit_columns(
-    table: pd.DataFrame, labels: Sequence[str], steps: Sequence[Narrowing]
-) -> pd.DataFrame:
-    """Table that fits the terminal: take the steps in turn, then drop labels from the last on."""
-    for step in [*steps, *([label] for label in reversed(labels))]:
-        if least_width(table, labels) <= terminal_width():
-            break
-        if isinstance(step, Mapping):
-            table = table.assign(**step)
-        else:
-            table = table.drop(columns=list(step), errors="ignore")
-    return table
+    return total <= terminal_width()
 
 
 def fitted_text(
-    table: pd.DataFrame, labels: Sequence[str], steps: Sequence[Narrowing]
-) -> tuple[str, list[str]]:
-    """Table that fits the terminal as text, and the titles of the columns left out."""
-    narrow = fit_columns(table, labels, steps)
-    left_out = [str(name) for name in table if name not in narrow]
-    return table_text(narrow, labels, terminal_width()), left_out
+    table: TableColumns, labels: Sequence[str], steps: Sequence[Sequence[str]], file: str
+) -> str:
+    """The first rows of a table in a terminal's width, and what it leaves out of the file.
+
+    The columns of each step go until the rest fits, then labels from the last on.
+    """
+    shown = {name: values[:MOST_ROWS] for name, values in table.items()}
+    for titles in [*steps, *([label] for label in reversed(labels))]:
+        if fits_terminal(shown, labels):
+            break
+        shown = {name: values for name, values in shown.items() if name not in titles}
+    lines = [table_text(shown, labels, terminal_width())]
+    more = max(map(len, table.values()), default=0) - MOST_ROWS
+    lines += [f"… {more} more rows; all are in {file}"] * (more > 0)
+    left_out = [name for name in table if name not in shown]
+    return "\n".join([*lines, *left_out_note(left_out, file)])
+
+
+def columns_text(shown: Sequence["Column"]) -> str:
+    """TableColumns as text in a terminal's width; labels are wrapped to fit."""
+    return table_text(*with_labels(shown), terminal_width())
+
+
+def with_labels(shown: Sequence["Column"]) -> tuple[TableColumns, list[str]]:
+    labels = [each.title for each in shown if each.key is not None and not each.numeric]
+    return {each.title: each.texts() for each in shown}, labels
+
+
+def narrow_columns(whole: Sequence["Column"]) -> tuple[list["Column"], list[str]]:
+    """TableColumns that fit the terminal, and what is left out.
+
+    The first quantity keeps its interval. The others lose theirs, then the last columns go; pivoted
+    quantities lose theirs together. Then keys of numbers go, finally labels, from the last on.
+    """
+    quantities = [each.name for each in whole if each.key is None and each.name != "cell"]
+    first = 0 if any(each.across for each in whole) else 1
+    keys = sorted((each for each in whole if each.key is not None), key=lambda each: each.numeric)
+    steps = [[*whole]]
+    steps.append([each.bare() if each.name in quantities[first:] else each for each in whole])
+    for name in [*reversed(quantities[1:]), *(each.name for each in reversed(keys))]:
+        steps.append([each for each in steps[-1] if each.name != name])
+    shown = next((each for each in steps if fits_terminal(*with_labels(each))), steps[-1])
+    kept = {each.name: each for each in shown}
+    lost = [each for each in whole if each.name in kept and each.ends and not kept[each.name].ends]
+    which = f"intervals of {', '.join(each.title for each in lost)}"
+    if not any(each.ends for each in shown):
+        which = "all intervals"
+    return shown, [which] * bool(lost) + [each.title for each in whole if each.name not in kept]

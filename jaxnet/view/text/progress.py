@@ -47,34 +47,42 @@ def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
     if not bar and not progress:
         yield lambda tally: None
         return
-    with report_by_bar() if bar else report_by_lines() as report:
-        yield report
-
-
-@contextlib.contextmanager
-def report_by_bar() -> Iterator[ShowTally]:
-    """Yield a function that updates a live bar, with the cells' results so far below it."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-
-    fields = [TextColumn("{task.fields[speed]}"), TextColumn("{task.fields[failed]} failed")]
-    bar = [TextColumn("lanes"), BarColumn(), MofNCompleteColumn()]
     speed, now = Speed(), list["Tally"]()
-
-    def below() -> "Iterable[RenderableType]":
-        if now:
-            live.update(task, speed=speed.words(now[0]))
-            yield from standing_lines(now[0], live.console.width, live.console.height)
-
-    live = live_bar([*bar, *fields, TimeRemainingColumn()], below)
-    task = live.add_task("lanes", total=None, speed="", failed=0)
 
     def report(tally: "Tally") -> None:
         now[:] = [tally]
         speed.note(tally.done)
-        live.update(task, completed=tally.done, total=tally.aim, failed=tally.failed)
 
-    with live:
+    def line() -> str:
+        if not now:
+            return ""
+        done, aim, failed = now[0].done, now[0].aim, now[0].failed
+        words = f"{done}/{aim} lanes", speed.words(now[0]), f"{failed} failed"
+        return "  ".join([*words, f"{speed.left(aim - done)} left"])
+
+    with show_bar(speed, now) if bar else print_regularly(line):
         yield report
+
+
+@contextlib.contextmanager
+def show_bar(speed: "Speed", now: list["Tally"]) -> Iterator[None]:
+    """Show a live bar of the tally in `now`, with the cells' results so far below it."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    fields = [TextColumn("{task.fields[speed]}"), TextColumn("{task.fields[failed]} failed")]
+    bar = [TextColumn("lanes"), BarColumn(), MofNCompleteColumn()]
+
+    def below() -> "Iterable[RenderableType]":
+        for tally in now:
+            live.update(task, completed=tally.done, total=tally.aim)
+            live.update(task, speed=speed.words(tally), failed=tally.failed)
+            yield from standing_lines(tally, live.console.width, live.console.height)
+
+    live = live_bar([*bar, *fields, TimeRemainingColumn()], below)
+    task = live.add_task("lanes", total=None, speed="", failed=0)
+    with live:
+        yield
+        live.refresh()
         now.clear()  # the summary comes next
 
 
@@ -95,26 +103,6 @@ def live_bar(
     if console.is_jupyter and not importlib.util.find_spec("ipywidgets"):  # which rich asks for
         console = Console(stderr=True, force_jupyter=False, force_terminal=True)
     return Live(*columns, console=console, refresh_per_second=REFRESH)
-
-
-@contextlib.contextmanager
-def report_by_lines() -> Iterator[ShowTally]:
-    """Yield a function that takes the tally; a line appears each half minute, even without news."""
-    speed, now = Speed(), list["Tally"]()
-
-    def report(tally: "Tally") -> None:
-        now[:] = [tally]
-        speed.note(tally.done)
-
-    def line() -> str:
-        if not now:
-            return ""
-        done, aim, failed = now[0].done, now[0].aim, now[0].failed
-        words = f"{done}/{aim} lanes", speed.words(now[0]), f"{failed} failed"
-        return "  ".join([*words, f"{speed.left(aim - done)} left"])
-
-    with print_regularly(line):
-        yield report
 
 
 @contextlib.contextmanager

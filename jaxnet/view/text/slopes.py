@@ -4,26 +4,23 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from jaxnet.config.naming import quantity, value_alone
-from jaxnet.statistics.curves import NO_SLOPE, Curve, curves, no_magnitudes, stored_table
-from jaxnet.statistics.fits import NO_CURVE_INTERVAL, whole_draws
-from jaxnet.statistics.groups import Group
+from jaxnet.statistics.curves import NO_SLOPE, Curve, Fit, curves, no_magnitudes
+from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVAL, whole_draws
 from jaxnet.statistics.intervals import below_greatest
 from jaxnet.statistics.limits import unchecked_words
-from jaxnet.statistics.regression import ENVELOPE
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
 from jaxnet.view.columns import without_rounding
-from jaxnet.view.text.printer import Narrowing, fitted_text
+from jaxnet.view.text.printer import fitted_text
 from jaxnet.view.text.tables import lane_title
-from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
+from jaxnet.view.text.width import filled
 
 MOST_VIOLATIONS = 20
 LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 SLOPE_QUANTILES = {"mean": None, "median": 0.5, "95 %": 0.95, "envelope": ENVELOPE}
-SLOPES_DROP_ORDER = (("p",), ("95 %",), ("median",), ("envelope",))
+SLOPES_DROP_ORDER = (("95 %",), ("median",), ("envelope",))
 # Of one vehicle, the worst; of the fleet, the norm of all vehicles' errors.
 BOUND_COLUMNS = {
     "static": ("static", "worst"),
@@ -45,37 +42,35 @@ BOUNDS_DROP_ORDER = tuple(
 
 
 def fit_text(results: Results) -> str:
-    parts = [slopes_text(results)]
-    parts += [conservatism_text(results)] if (results.path / "bounds.csv").exists() else []
-    parts += [violations_text(results)] if (results.path / "violations.csv").exists() else []
-    parts += [filled(no_magnitudes(curves(results)))]
-    return "\n\n".join(filter(None, parts))
+    found = curves(results)
+    parts = [slopes_text(results, found)]
+    if results.file("bounds.csv").exists():
+        title = "each bound over the worst error found, of the worst vehicle or of the whole fleet"
+        rows = [(curve, group_ratios(curve)) for curve in found]
+        parts.append(group_table(title, rows, BOUNDS_DROP_ORDER, "bounds.csv"))
+    if results.file("violations.csv").exists():
+        parts.append(violations_text(results))
+    return "\n\n".join(filter(None, [*parts, filled(no_magnitudes(found))]))
 
 
-def slopes_text(results: Results) -> str:
-    """Slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p."""
-    fits, found = stored_table(results, "fit"), curves(results)
-    rows = []
+def slopes_text(results: Results, found: Sequence[Curve]) -> str:
+    """Slopes s of s·ā with 95 % intervals, and notes on what is blank."""
+    told, rows = [], []
     for curve in found:
         for metric in SUMMARISED:
-            slopes = {
-                name: slope_interval_text(curve.fit(metric, quantile))
-                for name, quantile in SLOPE_QUANTILES.items()
-            }
-            exponent = power_exponent(fits.of(curve.group.labels), metric)
-            told = {"metric": metric, **slopes, "p": slope_interval_text(exponent)}
-            rows.append({**curve.group.labels, **told})
-    title = "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p"
-    lines = [group_table(title, pd.DataFrame(rows), found[0].group, SLOPES_DROP_ORDER, "fit.csv")]
+            fits = {name: curve.fit(metric, each) for name, each in SLOPE_QUANTILES.items()}
+            told += [(name, fit) for name, fit in fits.items() if fit is not None]
+            texts = {name: slope_interval_text(fit) for name, fit in fits.items()}
+            rows.append((curve, {"metric": metric} | texts))
+    title = "ultimate error per ā: slopes s of s·ā with 95 % intervals"
+    lines = [group_table(title, rows, SLOPES_DROP_ORDER, "fit.csv")]
     if any(curve.is_flat(metric) for curve in found for metric in SUMMARISED):
         lines.append(filled(NO_SLOPE))
-    told = fits.rows["model"].eq("proportional") & fits.rows["quantile"].ne(ENVELOPE)
-    ends: Any = fits.rows.loc[told & fits.rows["estimate"].notna(), ["low", "high"]]
-    if ends.isna().any(axis=None):
-        lines.append(filled(NO_CURVE_INTERVAL))
-    alone = results.study.config.draws == "random"
-    draws = alone and min(whole_draws(results, curve.group) for curve in found)
-    if draws and any(curve.fit(metric, ENVELOPE) for curve in found for metric in SUMMARISED):
+    if any(name != "envelope" and np.isnan(fit[1:]).any() for name, fit in told):
+        lines.append(filled(NO_SLOPE_INTERVAL))
+    independent = results.study.config.draws == "random"
+    draws = independent and min(whole_draws(results, curve.group) for curve in found)
+    if draws and any(name == "envelope" for name, _ in told):
         words = (
             f"envelope: with 95 % confidence at least {below_greatest(draws):.2%} of all draws stay"
             f" below it at every ā simulated ({draws} draws)"
@@ -85,31 +80,25 @@ def slopes_text(results: Results) -> str:
 
 
 def group_table(
-    title: str, table: pd.DataFrame, group: Group, steps: Sequence[Narrowing], file: str
+    title: str,
+    rows: Sequence[tuple[Curve, dict[str, Any]]],
+    steps: Sequence[Sequence[str]],
+    file: str,
 ) -> str:
     """Titled table of groups, no wider than a terminal; swept values read as in `show`."""
-    names = {key: quantity(key) for key in group.labels}
-    worded = {
-        key: [value_alone(key, each) if isinstance(each, str) else each for each in table[key]]
-        for key in names
-    }
-    named = table.assign(**worded).rename(columns=names).head(MOST_ROWS)
-    text, left_out = fitted_text(named, list(names.values()), steps)
-    lines = [filled(title), text]
-    if len(table) > MOST_ROWS:
-        lines.append(f"… {len(table) - MOST_ROWS} more lines; all are in {file}")
-    return "\n".join([*lines, *left_out_note(left_out, file)])
-
-
-def power_exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float] | None:
-    """Exponent p of the least-squares power law with its interval, or None."""
-    mine: Any = fits[
-        (fits["metric"] == metric) & (fits["parameter"] == "p") & fits["quantile"].isna()
+    named = [
+        {
+            quantity(key): value_alone(key, value) if isinstance(value, str) else value
+            for key, value in curve.group.labels.items()
+        }
+        for curve, _ in rows
     ]
-    return tuple(mine[["estimate", "low", "high"]].iloc[0]) if len(mine) else None
+    whole = [labels | told for labels, (_, told) in zip(named, rows, strict=True)]
+    table = {name: [row[name] for row in whole] for name in whole[0]}
+    return f"{filled(title)}\n{fitted_text(table, list(named[0]), steps, file)}"
 
 
-def slope_interval_text(found: tuple[float, float, float] | None) -> str:
+def slope_interval_text(found: Fit | None) -> str:
     """An estimate with its interval, or a dash for None."""
     if found is None:
         return "-"
@@ -126,17 +115,10 @@ def group_ratios(curve: Curve) -> dict[str, float]:
     }
 
 
-def conservatism_text(results: Results) -> str:
-    title = "each bound over the worst error found, of the worst vehicle or of the whole fleet"
-    found = curves(results)
-    rows = pd.DataFrame([curve.group.labels | group_ratios(curve) for curve in found])
-    return group_table(title, rows, found[0].group, BOUNDS_DROP_ORDER, "bounds.csv")
-
-
 def violations_text(results: Results) -> str:
     found: Any = results.violations
     lines = [
-        f"VIOLATION: {lane_title(results, row)}:\n"
+        f"VIOLATION: {lane_title(results, row.cell, row.sample)}:\n"
         f"  tail_max {row.tail_max:.6g} m is over {row.bound}, {row.limit:.6g} m\n  {row.command}"
         for row in found.head(MOST_VIOLATIONS).itertuples()
     ]

@@ -3,9 +3,8 @@
 import shlex
 from collections.abc import Sequence
 from html import escape
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless
@@ -17,13 +16,13 @@ from jaxnet.statistics.choice import Where
 from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.shares import LANE_SHARES, hull_note
+from jaxnet.statistics.summary import LANE_SHARES, hull_note
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
 from jaxnet.view import columns
-from jaxnet.view.columns import Column, is_unknown
-from jaxnet.view.text.printer import fit_columns, table_text
+from jaxnet.view.columns import Column
+from jaxnet.view.text.printer import columns_text, narrow_columns
 from jaxnet.view.text.width import (
     MOST_ROWS,
     cell_title,
@@ -44,14 +43,6 @@ FAILURE_REASONS = {
 }
 
 
-@runtime_checkable
-class LaneRow(Protocol):
-    """A row of a table of lanes, as `itertuples` gives it."""
-
-    cell: int
-    sample: int
-
-
 def summary_text(
     results: Results,
     names: Sequence[str] = (),
@@ -68,18 +59,14 @@ def summary_text(
     asked = asked_columns(results, names, where, sort, pivot)
     whole = columns.pivoted(asked, pivot) if pivot else asked
     varied, constant = columns.split_constant(whole)
-    rows = len(whole[0].values)
-    few = range(rows if most is None else min(most, rows))
-    table, left_out, bare = narrow_table([each.at(few) for each in varied])
-    shown = asked if pivot else [each.at(few) for each in varied if each.title in table]
-    plain = {each.title for each in shown} if pivot and bare else {*bare}
-    shown = [
-        each._replace(ends=None, alike=None) if each.title in plain else each for each in shown
-    ]
-    lines = [table_text(table, label_titles(varied), terminal_width())]
-    if len(few) < rows:
+    rows = len(whole[0].entries)
+    shown, left_out = narrow_columns([each.at(slice(most)) for each in varied])
+    lines = [columns_text(shown)]
+    if most is not None and most < rows:
         hint = "`show --all` has all, `show --where KEY=VALUE` some"
-        lines.append(f"… {rows - len(few)} more rows: {hint}")
+        lines.append(f"… {rows - most} more rows: {hint}")
+    if pivot:
+        shown = asked if any(each.ends for each in shown) else [each.bare() for each in asked]
     notes = filter(None, [constant, *summary_notes(results, shown)])
     return "\n".join([*lines, *map(filled, notes), *left_out_note(left_out, "cells.csv")])
 
@@ -93,30 +80,6 @@ def asked_columns(
         return found
     quantities = [each.name for each in found[1:] if each.key is None]
     return [each for each in found if each.name not in quantities[1:]]
-
-
-def label_titles(shown: Sequence[Column]) -> list[str]:
-    return [each.title for each in shown if each.key is not None and not each.numeric]
-
-
-def narrow_table(shown: Sequence[Column]) -> tuple[pd.DataFrame, list[str], list[str]]:
-    """Return the table that fits the terminal, what is left out, and the titles without intervals.
-
-    The first quantity keeps its interval. The others lose theirs, then the last columns go; pivoted
-    quantities lose theirs together. Finally columns of labels go, from the last on.
-    """
-    quantities = [each for each in shown if each.key is None and each.name != "cell"]
-    first = 0 if any(each.across for each in shown) else 1
-    bare = {each.title: each.texts(intervals=False) for each in quantities[first:] if each.ends}
-    numbers = [each for each in shown if each.key is not None and each.numeric]
-    drops = [[each.title] for each in [*reversed(quantities[1:]), *reversed(numbers)]]
-    whole = pd.DataFrame({each.title: each.texts() for each in shown})
-    narrow = fit_columns(whole, label_titles(shown), [bare, *drops])
-    lost = [title for title, texts in bare.items() if title in narrow and [*narrow[title]] == texts]
-    every = not any(each.ends and each.title in narrow and each.title not in lost for each in shown)
-    which = "all intervals" if every else f"intervals of {', '.join(lost)}"
-    left_out = [str(title) for title in whole if title not in narrow]
-    return narrow, [which] * bool(lost) + left_out, lost
 
 
 def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
@@ -140,17 +103,16 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
+    """How the intervals of shares, medians and means are made."""
     sure = f"{100 * confidence_told(config.samples):g} %"
-    exact = "exact binomial " if config.draws == "random" else "binomial "
-    at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
-    independent = f"the means of {RANDOMISATIONS} scrambled sequences"
-    if config.draws == "random":
-        independent = "lanes"
+    independent = config.draws == "random"
+    lanes = "lanes" if independent else f"the means of {RANDOMISATIONS} scrambled sequences"
     kinds = {
-        "share": f"{exact}{sure} intervals (Clopper and Pearson)",
+        "share": f"{'exact ' * independent}binomial {sure} intervals (Clopper and Pearson)",
         "median": f"{sure} intervals of order statistics",
-        "mean": f"{sure} intervals of a mean over {independent} (Student)",
+        "mean": f"{sure} intervals of a mean over {lanes} (Student)",
     }
+    at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
     found: dict[str, list[str]] = {}
     for each in shown:
         if each.ends:
@@ -165,22 +127,18 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
 
 def missing_lines(results: Results, shown: Sequence[Column]) -> list[str]:
     """Notes on cells whose lanes all agree, and on those whose mean has no interval."""
-    numbers = next((each.values for each in shown if each.name == "cell"), [])
     alike, without = set[int](), set[int]()
     for each in shown:
-        same = each.alike or [False] * len(numbers)
-        alike |= {number for number, agree in zip(numbers, same, strict=True) if agree}
-        if each.name.endswith("_mean") and each.alike:
-            low = each.ends[0] if each.ends else [np.nan] * len(numbers)
-            lanes = zip(numbers, each.values, low, same, strict=True)
-            without |= {
-                number
-                for number, value, end, agree in lanes
-                if is_unknown(end) and not is_unknown(value) and not agree
-            }
+        entries: Any = each.entries
+        if "alike" in entries:
+            agree = entries["alike"].astype(bool)
+            alike |= {*entries.index[agree]}
+            if each.name.endswith("_mean"):
+                none = entries["value"].notna() & entries["low"].isna()
+                without |= {*entries.index[none & ~agree]}
     notes = [f"{NO_MEAN_INTERVAL}: {cells_named(sorted(without))}"] * bool(without)
     if alike and results.study.config.draws == "random":
-        fewest = min(results.cells["ok"].iloc[sorted(alike)].tolist())
+        fewest = min(results.cells["ok"][sorted(alike)].tolist())
         share = 1 - below_greatest(fewest)
         words = (
             f"all lanes of {cells_named(sorted(alike))} agree ({count(fewest, 'lane')} at least)"
@@ -219,24 +177,21 @@ def summary_html(results: Results) -> str:
     return f"<p>{escape(head)}</p>{html}" + (f"<p>{escape(constant)}</p>" if constant else "")
 
 
-def written_text(results: Results) -> str:
+def outcome_text(results: Results) -> str:
+    """What a run did, why it stopped, its failed lanes, and what comes next."""
     lanes = results.manifest["lanes"]
-    stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
-    names = ["cells.csv", "lanes/", *(name for name in stores if (results.path / name).exists())]
-    return (
-        f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
-        f" wrote {results.path}: {', '.join(names)}{stop_reason(results)}"
-    )
-
-
-def nothing_to_do_text(results: Results) -> str:
-    lanes = results.manifest["lanes"]
-    words = f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
-    return words + stop_reason(results)
-
-
-def next_command(results: Results) -> str:
-    return f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
+    if results.found_all:
+        words = f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
+    else:
+        stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
+        there = [name for name in stores if (results.path / name).exists()]
+        words = (
+            f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
+            f" wrote {results.path}: {', '.join(['cells.csv', 'lanes/', *there])}"
+        )
+    after = f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
+    parts = [words, filled(stop_reason(results)), failures_text(results), after]
+    return "\n".join(filter(None, parts))
 
 
 def part_text(run: Part) -> str:
@@ -266,7 +221,7 @@ def stop_reason(results: Results) -> str:
         )
         share = recovery.share_name(results.study.cells)
         words += f"the widest interval of the share {share} is ± {halves.max():.2g}, {why}"
-    return f"\n{filled(words)}"
+    return words
 
 
 def failures_text(results: Results) -> str:
@@ -277,7 +232,7 @@ def failures_text(results: Results) -> str:
     for row in rows:
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
-        lines.append(f"failed: {lane_title(results, row)}: {row.status}{since}")
+        lines.append(f"failed: {lane_title(results, row.cell, row.sample)}: {row.status}{since}")
         lines.append(f"  {results.replay_command(row.cell, row.sample)}")
     if many > MOST_FAILURES:
         lines.append(f"… {many - MOST_FAILURES} more; see the column status in lanes/")
@@ -286,9 +241,9 @@ def failures_text(results: Results) -> str:
     return "\n".join(lines)
 
 
-def lane_title(results: Results, row: LaneRow) -> str:
-    title = cell_title(results.study.cells[row.cell], terminal_width() - 40)
-    return f"{title}, sample {row.sample}"
+def lane_title(results: Results, cell: int, sample: int) -> str:
+    title = cell_title(results.study.cells[cell], terminal_width() - 40)
+    return f"{title}, sample {sample}"
 
 
 def lane_text(results: Results, row: pd.Series) -> str:

@@ -1,5 +1,6 @@
 """How wide a terminal is, and text that fits it."""
 
+import math
 import shutil
 from collections.abc import Sequence
 from textwrap import fill
@@ -38,6 +39,13 @@ def cell_title(cell: Cell, room: int) -> str:
 
 def four_digits(value: float) -> str:
     return f"{value:.4g}"
+
+
+def digits_text(value: object, digits: int) -> str:
+    """A number to so many digits, a dash for not-a-number, other values as text."""
+    if not isinstance(value, float):
+        return str(value)
+    return "-" if math.isnan(value) else f"{value:.{digits}g}"
 
 
 def left_out_note(left_out: Sequence[str], file: str) -> list[str]:

@@ -1,13 +1,16 @@
 """Output of `jaxnet search`: the worst choice in each cell, beside random lanes and bounds."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless
+from jaxnet.config.keys import SearchSettings
 from jaxnet.statistics.recovery import criterion_words
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_text
-from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
+from jaxnet.view.text.width import filled
 
 SEARCH_DROP_ORDER = (
     ("lanes",),
@@ -16,26 +19,37 @@ SEARCH_DROP_ORDER = (
     ("nonlinear",),
     ("bound / found",),
 )
+LENGTHS = {  # columns of worst.csv that are told per ā, with their titles
+    "found": "found",
+    "late": "late",
+    "greatest": "greatest",
+    "random": "random lanes",
+    "bound": "bound",
+    "ratio": "bound / found",
+    "fresh": "fresh mean",
+    "fresh_low": "fresh least 5 %",
+    "nonlinear": "nonlinear",
+}
 
 
 def search_text(results: Results) -> str:
-    labels = list(results.study.cells[0].labels)
-    text, left_out = fitted_text(worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER)
+    labels, file = list(results.study.cells[0].labels), str(results.path / "worst.csv")
     late = f"late: at {late_times(results)}; fresh: from other starts"
     head = f"the worst {maximised_text(results)}; {late}"
-    notes = [filled(each) for each in (starts_text(results), *limit_lines(results))]
-    return "\n".join(
-        [head, text, *notes, *left_out_note(left_out, str(results.path / "worst.csv"))]
-    )
+    text = fitted_text(worst_rows(results).to_dict("list"), labels, SEARCH_DROP_ORDER, file)
+    return "\n".join([head, text, *map(filled, [starts_text(results), *limit_lines(results)])])
+
+
+def asked_search(results: Results) -> SearchSettings:
+    asked = results.study.config.search
+    assert asked is not None
+    return asked
 
 
 def starts_text(results: Results) -> str:
     """From how many starts a choice is tried, beside those of random lanes."""
-    asked = results.study.config.search
-    assert asked is not None
-    same = (
-        "the same start" if asked.starts == 1 else f"the same {asked.starts:,} starts, their mean"
-    )
+    starts = asked_search(results).starts
+    same = "the same start" if starts == 1 else f"the same {starts:,} starts, their mean"
     return (
         f"found: every choice from {same}; random lanes: each a choice and a start of its"
         " own, the greatest lane; so random lanes may be above what was found, from a worse start"
@@ -44,18 +58,19 @@ def starts_text(results: Results) -> str:
 
 def limit_lines(results: Results) -> list[str]:
     """Limits of `subject_to`, how many further starts fulfil them, and where no choice does."""
-    asked = results.study.config.search
-    assert asked is not None
-    if not asked.subject_to:
+    limits = asked_search(results).subject_to
+    found: Any = results.worst
+    if not limits:
         return []
-    told = ", ".join(f"{name} ≤ {most:g}" for name, most in asked.subject_to.items())
-    shares = results.worst["fresh_allowed"].where(results.worst["found"].notna()).dropna()
-    nowhere = results.worst["cell"][results.worst["found"].isna()].tolist()
+    told = ", ".join(f"{name} ≤ {most:g}" for name, most in limits.items())
     lines = [f"subject to {told} from every start of the search"]
+    none = found["found"].isna()
+    shares = found["fresh_allowed"][~none].dropna()
     if len(shares):
         lines.append(f"of other starts {shares.min():.1%} to {shares.max():.1%} fulfil it")
-    if nowhere:
-        cells = f"cells {', '.join(map(str, nowhere))}" if len(results.worst) > 1 else "the study"
+    if none.any():
+        numbers = ", ".join(map(str, found["cell"][none]))
+        cells = f"cells {numbers}" if len(found) > 1 else "the study"
         lines.append(
             f"no choice that was tried in {cells} fulfils it: search where more of them do"
         )
@@ -63,8 +78,7 @@ def limit_lines(results: Results) -> list[str]:
 
 
 def late_times(results: Results) -> str:
-    times = results.worst["until"]
-    return " or ".join(f"{time:g} s" for time in sorted(set(times)))
+    return " or ".join(f"{time:g} s" for time in sorted(set(results.worst["until"])))
 
 
 def maximised_text(results: Results) -> str:
@@ -74,23 +88,18 @@ def maximised_text(results: Results) -> str:
 
 def is_per_size(results: Results) -> bool:
     """Whether lengths are told per ā: every cell follows a navigator and has a known ā > 0."""
-    sized = (results.worst["magnitude"] > 0).all()
-    return metric_unit(results) == "m" and not is_leaderless(results.study.cells) and bool(sized)
+    sized = bool((results.worst["magnitude"] > 0).all())
+    led = not is_leaderless(results.study.cells)
+    return sized and led and metric_with_unit(results).endswith(" [m]")
 
 
 def metric_with_unit(results: Results) -> str:
-    asked = results.study.config.search
-    assert asked is not None
-    told = f"{asked.maximise} [{metric_unit(results)}]".removesuffix(" []")
-    criterion = results.study.config.recovery if asked.maximise == "unrecovered" else None
-    return f"{told} ({criterion_words(criterion, results.study.cells)})" if criterion else told
-
-
-def metric_unit(results: Results) -> str:
-    config = results.study.config
-    assert config.search is not None
-    units = {each.name: each.column_unit for each in config.measured()}
-    return units.get(config.search.maximise, "")
+    config, metric = results.study.config, asked_search(results).maximise
+    unit = {each.name: each.column_unit for each in config.measured()}.get(metric)
+    told = f"{metric} [{unit}]" if unit else metric
+    if metric != "unrecovered" or config.recovery is None:
+        return told
+    return f"{told} ({criterion_words(config.recovery, results.study.cells)})"
 
 
 def worst_rows(results: Results) -> pd.DataFrame:
@@ -98,16 +107,12 @@ def worst_rows(results: Results) -> pd.DataFrame:
 
     Bounds are left out where none is known.
     """
-    found, labels = results.worst, list(results.study.cells[0].labels)
-    size = found["magnitude"] if is_per_size(results) else 1.0
-    titles = {"found": "found", "late": "late", "greatest": "greatest", "random": "random lanes"}
-    titles |= {"bound": "bound", "ratio": "bound / found"}
-    titles |= {"fresh": "fresh mean", "fresh_low": "fresh least 5 %", "nonlinear": "nonlinear"}
+    found: Any = results.worst
     ratio = found["bound"] / found["found"]
-    per = {
-        title: ratio if name == "ratio" else found[name] / size for name, title in titles.items()
-    }
+    lengths = found.assign(ratio=ratio)[list(LENGTHS)]
+    if is_per_size(results):
+        lengths = lengths.div(found["magnitude"], axis="index").assign(ratio=ratio)
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
-        per = {name: values for name, values in per.items() if "bound" not in name}
-    who = {"cell": found["cell"], **found[labels], "attacked": found["attacked"]}
-    return pd.DataFrame({**who, **per, "lanes": found["lanes"]})
+        lengths = lengths.drop(columns=["bound", "ratio"])
+    who = found[["cell", *results.study.cells[0].labels, "attacked"]]
+    return pd.concat([who, lengths.rename(columns=LENGTHS), found["lanes"]], axis="columns")
