@@ -1,9 +1,10 @@
 """Types of keys: numbers with limits, and the distributions from which numbers are drawn."""
 
+import functools
 import operator
 import statistics
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
@@ -13,10 +14,12 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     RootModel,
+    Tag,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import core_schema
@@ -61,11 +64,14 @@ class OneOf:
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
         members = {MARK + getattr(each, "__name__", "0"): each for each in typing.get_args(source)}
-        fallback = None if self.message else next(iter(members))
+        first = next(iter(members))
 
         def tag(value: object) -> str | None:
-            alike = [name for name, member in members.items() if looks_like(value, member)]
-            return alike[-1] if alike else fallback
+            strict = self.message is not None
+            alike = [name for name, each in members.items() if looks_like(value, each, strict)]
+            if strict and isinstance(value, dict) and len(alike) > 1:
+                return None
+            return alike[-1] if alike else None if strict else first
 
         return core_schema.tagged_union_schema(
             {name: handler(member) for name, member in members.items()},
@@ -75,16 +81,27 @@ class OneOf:
         )
 
 
-def looks_like(value: object, member: Any) -> bool:
-    """Whether a value has the form of a member of a union; its parts may be wrong."""
+def one_form_of(tag: Callable[[object], str | None], message: str, **members: object) -> Any:
+    """A union of types by tag, with a message for a value that has none of the tags."""
+    tagged = (Annotated[member, Tag(MARK + name)] for name, member in members.items())
+    union = functools.reduce(operator.or_, tagged)
+    return Annotated[union, Discriminator(tag, "form", message)]
+
+
+def looks_like(value: object, member: Any, strict: bool) -> bool:
+    """Whether a value has the form of a member of a union; its parts may be wrong.
+
+    `strict` asks for the numbers of a mapping of numbers.
+    """
     if typing.get_origin(member) is Annotated:
-        return looks_like(value, typing.get_args(member)[0])
+        return looks_like(value, typing.get_args(member)[0], strict)
     if typing.get_origin(member) is Literal:
         return value in typing.get_args(member) if isinstance(value, str) else False
     if member is float:
         return not isinstance(value, dict | list | BaseModel)
     if typing.get_origin(member) is dict:
-        return isinstance(value, dict) and all(isinstance(each, int) for each in value)
+        named = isinstance(value, dict) and any(isinstance(each, str) for each in value)
+        return isinstance(value, dict) and not (named and (strict or names_distribution(value)))
     if not issubclass(member, BaseModel):
         return isinstance(value, typing.get_origin(member) or member)
     if isinstance(value, BaseModel):

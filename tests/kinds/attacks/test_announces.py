@@ -28,7 +28,6 @@ def ends(study, samples=50):
 
 
 def certificate(study):
-    """Vehicles that are safe, by reason."""
     scenario = study.cells[0].scenario
     known = situation_of(scenario)
     reasons = safe_in(scenario, known.graph, known.attacked)

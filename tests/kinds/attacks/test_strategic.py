@@ -1,4 +1,4 @@
-"""Attackers that choose at every tick: how far they come untrimmed, and what trimming sees."""
+"""Attackers that choose at every tick; what frozen and freeform messages are."""
 
 import numpy as np
 
@@ -38,3 +38,42 @@ def test_one_mimic_alone_is_believed_whenever_it_lies_and_could_not_lie_more():
             farther = np.linalg.norm(error[4] + 8.0 * more * unit, axis=1)
             assert (farther > others.min() - 1e-6).all()
     assert lied > 20
+
+
+ATTACKED = [2, 5, 8, 11]
+
+
+def test_a_frozen_message_is_the_first_one():
+    """It carries the output of its source at t = 0, for `look_ahead` not the axle's place."""
+    vehicle = {"kind": "look_ahead", "ahead": 0.5}
+    one = systems.lanes(systems.study(attack="freeze", vehicle=vehicle), 2)
+    for number in range(2):
+        lane = systems.lane(one, number)
+        navigator = lane.navigator.jets(np.zeros(1))[0]
+        carried = (lane.vectors @ lane.signal.basis(np.zeros(1))[0])[..., 0] + navigator
+        ahead = 0.5 * np.array([np.cos(lane.initial[2]), np.sin(lane.initial[2])])
+        of, known = np.array(ATTACKED) - 1, lane.initial[:2] + ahead
+        np.testing.assert_allclose(carried[:, of], known[:, of], rtol=1e-12)
+
+
+def test_the_freeform_attack_is_what_its_coefficients_say():
+    """A circle is the rotating attack of any size; a multisine is one with its coefficients."""
+    keys = {"magnitude": 3.0, "vehicles": [2, 5]}
+    circle = {"kind": "freeform", "frequency": 0.6, "harmonics": 1}
+    circle |= {"coefficients": [[9, 0, 0, 9], [0, 1, -1, 0]]}
+    turning = {"kind": "rotating", "frequency": 0.6, "phase": [0.0, np.pi / 2]}
+    phases, directions = [[0.1, 2.0], [3.0, 4.0]], [[0.5, 1.0], [2.5, 6.0]]
+    sine = {"kind": "multisine", "frequency": 0.4, "harmonics": 2}
+    sine |= {"phase": phases, "direction": directions}
+    turns = np.stack([np.cos(phases), -np.sin(phases)], axis=-1)
+    along = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
+    given = (turns[..., None] * along[..., None, :]).reshape(2, -1).tolist()
+    free = {"kind": "freeform", "frequency": 0.4, "harmonics": 2, "coefficients": given}
+    for one, other, size in ((circle, turning, np.cos(np.pi / 32)), (free, sine, 1.0)):
+        signals = []
+        for attack in (one, other):
+            study = systems.study(attack={**keys, **attack}, engine="exact")
+            lane = systems.lane(systems.lanes(study, 1), 0)
+            basis = np.asarray(lane.signal.basis(np.linspace(0.0, 30.0, 301)))
+            signals.append(np.einsum("xjb,kbt->kxjt", lane.vectors, basis))
+        np.testing.assert_allclose(signals[0], size * signals[1], rtol=0, atol=1e-12)

@@ -26,7 +26,6 @@ class EachItsOwn(Defence):
     """Vehicle i follows rule i of a list, the last one from there on."""
 
     def decide(self, own, received, last, memory, around):
-        """Weights of each rule, of which each vehicle takes those of its own."""
         vehicle, found = jnp.arange(around.weights.shape[1])[None, None, :, None], None
         for number, rule in enumerate(RULES):
             decision, _ = rule.decide(own, received, last, rule.start(around), around)
@@ -82,7 +81,6 @@ def lying(defence):
 
 
 def safe(study):
-    """Whether each vehicle is safe for one reason or another."""
     known = situation_of(study.cells[0].scenario)
     reasons = safe_in(study.cells[0].scenario, known.graph, known.attacked)
     return np.any([each.vehicles for each in reasons], axis=0).tolist()

@@ -6,9 +6,11 @@ import statistics
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import binom
 
+import jaxnet
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.defences.clipping import Clipping
 from jaxnet.kinds.defences.coordinate_median import CoordinateMedian
@@ -18,6 +20,9 @@ from jaxnet.kinds.defences.trust import Trust
 from jaxnet.kinds.defences.trusted_only import TrustedOnly
 from jaxnet.kinds.defences.w_msr import WMSR
 from jaxnet.model import retained
+from jaxnet.statistics import limits
+from jaxnet.view.text import check
+from tests import systems
 
 SLOTS, VEHICLES, LANES = 6, 4, 600
 TICKS = 3
@@ -32,25 +37,21 @@ class Around:
         self.heard = [k for k, weight in enumerate(weights) if weight > 0]
 
     def apart(self, k, there):
-        """Distance of what is received in a slot from a point."""
         return math.dist(self.received[k], there)
 
 
 def trusted_only(around):
-    """Weights."""
     believed = [k for k in around.heard if around.trusted[k]] or around.heard
     return [around.weights[k] if k in believed else 0.0 for k in range(SLOTS)]
 
 
 def ms_norm(around, f=2):
-    """Weights."""
     candidates = [k for k in around.heard if not around.trusted[k]]
     farthest = sorted(candidates, key=lambda k: (-around.apart(k, around.own), k))[:f]
     return [0.0 if k in farthest else around.weights[k] for k in range(SLOTS)]
 
 
 def clipping(around, radius=2.5):
-    """Weights."""
     weights = list(around.weights)
     for k in around.heard:
         if not around.trusted[k] and around.apart(k, around.own) > radius:
@@ -59,7 +60,6 @@ def clipping(around, radius=2.5):
 
 
 def geometric_median(around, smoothing=0.5, rounds=4):
-    """Weights."""
     weights = list(around.weights)
     for _ in range(rounds):
         middle = np.average(around.received, axis=0, weights=weights)
@@ -103,7 +103,6 @@ def neighbourhoods(seed):
 
 
 def plain(own, received, weights, trusted, vehicle, lane):
-    """One of them, for a reference."""
     at = slice(None), vehicle, lane
     return Around(own[at], received[:, *at].T, weights[at], trusted[:, vehicle])
 
@@ -204,3 +203,53 @@ def test_random_trust_errs_as_often_as_coins_do():
         for rate, known in zip(rates, exact, strict=True):
             assert abs(rate - known) < 4 * math.sqrt(known * (1 - known) / (2 * lanes))
             assert known <= math.exp(-2 * tick * (accuracy - 0.5) ** 2)
+
+
+def kept_values(own, values, candidates, f):
+    """Which values of one vehicle on one axis it retains, by LeBlanc et al. (2013), section IV.A.
+
+    "If there are less than F values strictly larger than its own, the node removes all values that
+    are strictly larger than its own. Otherwise, it removes precisely the largest F values in the
+    sorted list"; so for the smaller ones. Of equal ones those that come first.
+    """
+    keep = [True] * len(values)
+    for side in (1, -1):
+        beyond = sorted((-side * values[k], k) for k in candidates if side * (values[k] - own) > 0)
+        for _, k in beyond[: min(f, len(beyond))]:
+            keep[k] = False
+    return keep
+
+
+@pytest.mark.parametrize("f", [0, 1, 2, 3, 9])
+def test_it_is_the_rule_of_the_paper(f):
+    """On 10,000 neighbourhoods of whole numbers, most of them with ties, some of a few sources."""
+    slots, m, lanes = 7, 4, 2500
+    rng = np.random.default_rng(f)
+    own = rng.integers(-3, 4, (2, m, lanes)).astype(float)
+    received = rng.integers(-3, 4, (2, slots, m, lanes)).astype(float)
+    weights = rng.random((slots, m, lanes)) * (rng.random((slots, m, lanes)) < 0.8)
+    trusted = np.zeros((slots, m), bool)
+    trusted[0] = True
+    around = Neighbourhood(None, weights, trusted, None, None, ())
+    last = np.ones(weights.shape, bool)
+    decision, _ = WMSR(F=f).decide((own,) * 3, (received,) * 3, last, (), around)
+    assert decision.shape == received.shape
+    for i in range(m):
+        for lane in range(lanes):
+            candidates = [k for k in range(1, slots) if weights[k, i, lane] > 0]
+            for axis in (0, 1):
+                values = received[axis, :, i, lane].tolist()
+                known = kept_values(own[axis, i, lane], values, candidates, f)
+                assert decision[axis, :, i, lane].tolist() == known
+
+
+def test_no_bound_is_told():
+    """Not in the table of bounds, of violations, nor by `check`, which says so."""
+    study = jaxnet.load({"defence": "w_msr", "engine": "exact", "name": "test"})
+    table = limits.slopes_table(study.cells)
+    assert len(table) == 6 * 14
+    assert table["slope"].isna().all()
+    assert limits.unchecked_words(study.cells) == "cell 0: the defence may retain any neighbour"
+    assert "so no bound is told" in " ".join(check.check_text(study).split())
+    rows = pd.DataFrame({"cell": [0], "sample": [0], "status": ["ok"], "tail_max": [1e9]})
+    assert limits.violations_table(systems.results_of(study, rows)).empty

@@ -17,7 +17,6 @@ RING = Cyclic().weights(12)
 
 
 def trusts(weights, **keys):
-    """Links that are trusted."""
     return whole(weights, TrustedOnly(trusted=keys).trusts(weights))
 
 
@@ -67,7 +66,6 @@ def test_the_nearest_are_by_links_from_the_navigator():
     ],
 )
 def test_what_cannot_be_trusted_is_said(trusted, says, tmp_path):
-    """With the file, the key, what was given and what is allowed."""
     file = tmp_path / "bad.yaml"
     text = "name: bad\ntopology: {kind: small_world, redraw: true}\n"
     file.write_text(f"{text}defence: {{trusted: {trusted}}}\n")

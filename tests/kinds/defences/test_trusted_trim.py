@@ -62,7 +62,6 @@ class Situation:
 
 @jax.jit
 def decide(weights, received, trusted, memory, shared):
-    """The decision of one moment in one lane: weights in force and slots dropped."""
     keys = {"tolerance": jnp.full(1, TOLERANCE), "score": "position", "filter": None}
     rule, sources = TrustedTrim.filled(keys | {"drop_trusted": False}), jnp.asarray(SOURCES)
     gain = jnp.ones((3, 1))

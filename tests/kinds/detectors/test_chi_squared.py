@@ -26,8 +26,6 @@ SILENT = {"attack": "none"}
 
 
 class Always(Detector):
-    """An alarm about each word."""
-
     def alarms(self, words, memory):
         return words.judged, memory
 
@@ -41,19 +39,16 @@ class Parity(Detector):
 
 
 def shares(lanes=8, /, **keys):
-    """The shares of alarms by lane, of attacked links and of honest links."""
     found = systems.simulate(systems.lanes(systems.study(**KEYS | keys), lanes, save=()))
     assert (found.status == 0).all()
     return found.metrics["alarms"], found.metrics["false_alarms"]
 
 
 def bias(size, vehicles=(1,), **more):
-    """A constant offset of so many standard deviations."""
     return {"attack": {"kind": "bias", "magnitude": size * SIGMA, "vehicles": [*vehicles], **more}}
 
 
 def inside(share, known, words):
-    """Whether a share of so many independent words is inside the 99 % interval of a probability."""
     return abs(share - known) <= 2.576 * np.sqrt(known * (1 - known) / words)
 
 

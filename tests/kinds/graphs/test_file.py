@@ -33,7 +33,6 @@ def written(path, text=None, topology="{kind: file, path: mine.csv}", study=STUD
 
 
 def weights_of(study):
-    """The graph of a study of one cell."""
     return matrix_of(study.cells[0].scenario.topology, study.config.vehicles)
 
 
@@ -123,7 +122,6 @@ def test_files_are_found_from_the_config_and_swept_as_kinds(tmp_path, monkeypatc
     ],
 )
 def test_what_is_wrong_with_a_file_is_told_once(text, says, tmp_path):
-    """At the config's place, with the file and its line."""
     file = written(tmp_path, text)
     with pytest.raises(jaxnet.ConfigError) as raised:
         jaxnet.load(file)
@@ -155,7 +153,6 @@ def test_a_file_that_is_not_what_its_ending_says_is_refused_in_a_line(
 
 
 def test_without_networkx_it_is_said_what_to_install(tmp_path, monkeypatch):
-    """And CSV is read all the same."""
     (tmp_path / "mine.graphml").write_text("")
     monkeypatch.setitem(sys.modules, "networkx", None)
     jaxnet.load(written(tmp_path))
@@ -209,7 +206,6 @@ NO_WEIGHTS = (None, np.nan, np.inf, -1.0, 0, "heavy", True)
 
 
 def line_of(*nodes, **attributes):
-    """A directed graph in which each node hears the one before it."""
     network = nx.DiGraph(name=attributes.pop("name", ""))
     network.add_edges_from(zip(nodes[1:], nodes, strict=False), **attributes)
     return network
@@ -236,7 +232,6 @@ def line_of(*nodes, **attributes):
     ],
 )
 def test_networks_that_mean_no_graph_are_config_errors(network, says):
-    """At `topology`, or at what of it is at fault."""
     with pytest.raises(jaxnet.ConfigError, match=re.escape(says)):
         jaxnet.load({"vehicles": 3, "topology": network, "attack": "none"})
 
@@ -257,13 +252,11 @@ def square_of(weights):
 
 
 def laplacian_of(weights):
-    """The Laplacian of the same graph."""
     square = square_of(weights)
     return np.diag(square.sum(axis=1)) - square
 
 
 def written_matrix(path, matrix):
-    """A matrix as a file by its ending."""
     if path.suffix == ".npy":
         np.save(path, matrix)
     elif path.suffix == ".mtx":
@@ -312,7 +305,6 @@ def test_matrices_of_numpy_and_scipy_are_topologies(sparse_rows):
     ],
 )
 def test_objects_that_mean_no_network_are_config_errors(given, says):
-    """With what a matrix is."""
     with pytest.raises(jaxnet.ConfigError, match=re.escape(says)):
         jaxnet.network(given)
 

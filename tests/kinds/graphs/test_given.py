@@ -28,19 +28,15 @@ GIVEN = {
 
 
 class Mine(Graph):
-    """A graph that is given in one way or another."""
-
     kind = "mine"
     way: str = "dense"
 
     def weights(self, vehicles):
-        """Of three vehicles."""
         return GIVEN[self.way]
 
 
 @pytest.mark.parametrize("way", GIVEN)
 def test_arrays_dense_and_sparse_are_one_graph(way):
-    """Its rows of sum 1, its links, and the lanes of it."""
     expected = WEIGHTS / WEIGHTS.sum(axis=1, keepdims=True)
     np.testing.assert_array_equal(graph.dense(Mine(way=way).normalised_rows(3)), expected)
     np.testing.assert_array_equal(links_of(Mine(way=way), 3), WEIGHTS > 0)
@@ -51,7 +47,6 @@ def test_arrays_dense_and_sparse_are_one_graph(way):
 
 @pytest.mark.parametrize("way", GIVEN)
 def test_one_of_another_size_is_refused(way):
-    """By its kind's name, with the shape that is wanted."""
     with pytest.raises(KindError, match=r"mine: weights must be \(4, 5\) numbers, none of them"):
         Mine(way=way).normalised_rows(4)
 

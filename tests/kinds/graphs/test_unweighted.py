@@ -20,7 +20,6 @@ SIDES = ((3, 4), (4, 3), (1, 5), (5, 5))
 
 
 def heard(graph, vehicles):
-    """Who hears whom of the vehicles."""
     return matrix_of(graph, vehicles)[:, 1:] > 0
 
 
@@ -40,7 +39,6 @@ def heard(graph, vehicles):
     ids=lambda each: getattr(each, "kind", ""),
 )
 def test_links_are_those_of_networkx(ours, network):
-    """Everybody hears the navigator too."""
     theirs = nx.to_numpy_array(network, nodelist=sorted(network)) > 0
     np.testing.assert_array_equal(heard(ours, len(network)), theirs)
     assert (matrix_of(ours, len(network))[:, 0] == 0.1).all()
@@ -121,7 +119,6 @@ def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
     ],
 )
 def test_what_cannot_be_is_said(topology, vehicles, says, tmp_path):
-    """With the file, the key, what was given and what is allowed."""
     file = tmp_path / "bad.yaml"
     file.write_text(f"name: bad\nvehicles: {vehicles}\nattack: none\ntopology: {topology}\n")
     with pytest.raises(jaxnet.ConfigError) as raised:

@@ -26,14 +26,12 @@ OWN = ("EFFORT", "HARDEST", "EASIEST", "LATE_EFFORT", "LATE_HARDEST", "LATE_EASI
 
 @pytest.fixture(scope="module")
 def measured():
-    """Lanes that measure everything."""
     metrics = ["min_separation", *(f"{__name__}:{name}" for name in OWN)]
     one = systems.lanes(systems.study(engine="exact", metrics=metrics, **KEYS), 3)
     return one, systems.simulate(one)
 
 
 def test_the_least_separation_is_that_of_the_trajectory(measured):
-    """Over all output times and pairs, in a loop."""
     _, outcome = measured
     assert outcome.status.tolist() == [0] * 3
     for lane in range(3):
@@ -56,7 +54,6 @@ def test_a_metric_of_one_s_own_is_reduced_as_it_says(measured, name):
 
 
 def test_one_vehicle_is_infinitely_far_from_the_next():
-    """In lanes that are ok, and in the cell."""
     alone = {"vehicles": 1, "topology": "star", "attack": "none", "engine": "exact"}
     results = jaxnet.simulate({"metrics": ["min_separation"], **alone, **KEYS}, 2, progress=False)
     assert results.lanes["status"].tolist() == ["ok", "ok"]

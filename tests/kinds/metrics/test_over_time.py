@@ -14,12 +14,10 @@ KEYS = {"horizon": 2.0, "tail": 0.5, "output_step": 0.1, "defence": "none"}
 
 
 def two(seen):
-    """The number 2 for each vehicle."""
     return 0.0 * seen.speed + 2.0
 
 
 def effort(seen):
-    """Magnitude of the first input."""
     return abs(seen.inputs[0])
 
 
@@ -95,7 +93,6 @@ def test_a_quantile_of_infinite_values_is_one_of_them():
 
 
 def test_the_column_of_an_integral_has_seconds_in_its_unit():
-    """A sum keeps the unit."""
     units = [each.column_unit for each in (TWO_IN_ALL, TWO_COUNTED, EFFORT)]
     assert units == ["m·s", "m", "m/s³·s"]
     assert Metric("lasting", "", two, time="integral").column_unit == "s"

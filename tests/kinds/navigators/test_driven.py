@@ -55,8 +55,6 @@ def test_jets_are_derivatives_across_pieces_and_lanes():
     np.testing.assert_allclose(WEAVING.jets(times), expected, rtol=0, atol=1e-7)
 
     class Alike:
-        """The draw of six lanes."""
-
         def same(self, value):
             return np.broadcast_to(value, (6, *np.shape(value)))
 

@@ -13,7 +13,6 @@ FIGURE_EIGHT = Lissajous()
 
 
 def pairs(low, high):
-    """Any two numbers, one for each axis."""
     return st.lists(st.floats(low, high), min_size=2, max_size=2)
 
 
@@ -24,7 +23,6 @@ navigators = st.builds(
 
 @jax.jit
 def by_autodiff(amplitude, frequency, phase, t):
-    """Position and three derivatives, from the position alone."""
     path = Lissajous.filled({"amplitude": amplitude, "frequency": frequency, "phase": phase})
     derivatives = [lambda t: path.jets(t)[0]]
     for _ in range(3):
@@ -44,7 +42,6 @@ def test_jets_are_the_derivatives_of_the_position(navigator, t):
 
 
 def test_lanes_have_figures_of_their_own():
-    """Drawn numbers have lanes last, and a time for each lane."""
     rng = np.random.default_rng(0)
     amplitude, frequency, phase = rng.uniform(0.1, 2.0, (3, 2, 5))
     times = rng.uniform(0.0, 30.0, 5)

@@ -30,7 +30,6 @@ QUADROTOR = [1.0, 2.0, 3.0, 4.0, np.pi / 6, 5.0, 2.0, 6.0]  # pitched to the lef
 
 
 def vehicle_of(name):
-    """A vehicle with numbers of its own in each of three lanes."""
     vehicle = registry.find("vehicle", name)(**OWN_NUMBERS.get(name, {}))
     return vehicle.drawn(Draw(Keyed(0), range(3), 5), "vehicle")
 

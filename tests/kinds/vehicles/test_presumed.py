@@ -38,7 +38,6 @@ class Forgetful(TwoWheeled):
 
 @pytest.mark.parametrize("name", registry.kind_names("vehicle"))
 def test_every_vehicle_is_what_engines_presume(name):
-    """With numbers of its own in each lane."""
     vehicle = registry.find("vehicle", name)()
     prove_vehicle(vehicle.drawn(Draw(Keyed(0), [0, 1], 3), "vehicle"), 3, True, "exact")
 
