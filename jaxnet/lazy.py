@@ -16,6 +16,13 @@ class LazyModule(ModuleType):
         return getattr(import_module(self.__name__), name)
 
 
+class LazyPackage(ModuleType):
+    """A stand-in for a package, each of whose modules is imported at its first use."""
+
+    def __getattr__(self, name: str) -> Any:
+        return import_module(f"{self.__name__}.{name}")
+
+
 if TYPE_CHECKING:
     import jax as jax
     import jax.numpy as jnp

@@ -43,8 +43,7 @@ class Replay(NamedTuple):
     Examples
     --------
     >>> import jaxnet
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
-    >>> results = jaxnet.simulate(keys, samples=1, progress=False)
+    >>> results = jaxnet.simulate({"engine": "exact", "horizon": 5.0}, samples=2)
     >>> results.replay(cell=0, sample=0)
     Replay(cell=0, sample=0, status='ok')
     """
@@ -78,8 +77,7 @@ class Results(stored.Results):
     Examples
     --------
     >>> import jaxnet
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
-    >>> results = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> results = jaxnet.simulate({"engine": "exact", "horizon": 5.0}, samples=2)
     >>> results.lanes[["cell", "sample", "status"]]
        cell  sample status
     0     0       0     ok
@@ -110,14 +108,12 @@ class Results(stored.Results):
         Examples
         --------
         >>> import jaxnet
-        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
-        >>> keys["sweep"] = {"attack.magnitude": [1, 10]}
-        >>> results = jaxnet.simulate(keys, samples=3, progress=False)
-        >>> fits = results.fit()
+        >>> keys = {"engine": "exact", "horizon": 5.0, "sweep": {"attack.magnitude": [1, 10]}}
+        >>> fits = jaxnet.simulate(keys, samples=2).fit()
         >>> fits["model"].unique().tolist()
         ['proportional', 'constant']
         """
-        written = self if out is None else stored.written_into(self, out)
+        written = into(self, out)
         for _ in writing.write_fits(written):
             pass
         return written.fits
@@ -153,16 +149,13 @@ class Results(stored.Results):
         Examples
         --------
         >>> import jaxnet
-        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
-        >>> results = jaxnet.simulate(keys, samples=1, progress=False)
+        >>> results = jaxnet.simulate({"engine": "exact", "horizon": 5.0}, samples=2)
         >>> dict(results.replay(cell=0, sample=0).trajectory["states"].sizes)
-        {'lane': 1, 'time': 11, 'vehicle': 12, 'state': 6}
+        {'lane': 1, 'time': 51, 'vehicle': 12, 'state': 6}
         """
         enable()
-        written = self if out is None else stored.written_into(self, out)
-        path, row = replays.replay(
-            written, whole_number("cell", cell), whole_number("sample", sample), engine
-        )
+        numbers = whole_number("cell", cell), whole_number("sample", sample)
+        path, row = replays.replay(into(self, out), *numbers, engine)
         return Replay(row, arrays_at(path), path)
 
     def report(self, out: AnyPath | None = None, replay: bool = True) -> UPath:
@@ -178,8 +171,7 @@ class Results(stored.Results):
             Folder for the page and all that it is made of, also for results in memory; None is the
             results' own folder.
         replay
-            Whether to simulate lanes again; if not, the page shows the lanes whose trajectories are
-            stored.
+            Whether to simulate lanes again; if not, the page shows stored trajectories alone.
 
         Returns
         -------
@@ -195,14 +187,12 @@ class Results(stored.Results):
         Examples
         --------
         >>> import jaxnet, tempfile
-        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "attack": "none"}
-        >>> results = jaxnet.simulate(keys, samples=2, progress=False)
+        >>> keys = {"engine": "exact", "horizon": 5.0, "attack": "none"}
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     results.report(folder).name
+        ...     jaxnet.simulate(keys, samples=2).report(folder).name
         'report.html'
         """
-        written = self if out is None else stored.written_into(self, out)
-        *_, page = writing.write_report(written, replayed=replay)
+        *_, page = writing.write_report(into(self, out), replayed=replay)
         return page
 
     def animate(self, cell: SupportsInt, sample: SupportsInt, out: AnyPath | None = None) -> UPath:
@@ -228,15 +218,13 @@ class Results(stored.Results):
         Examples
         --------
         >>> import jaxnet, tempfile
-        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
-        >>> results = jaxnet.simulate(keys, samples=1, progress=False)
+        >>> results = jaxnet.simulate({"engine": "exact", "horizon": 5.0}, samples=2)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     results.animate(cell=0, sample=0, out=f"{folder}/lane.gif").name
         'lane.gif'
         """
-        return writing.write_film(
-            self, whole_number("cell", cell), whole_number("sample", sample), out
-        )
+        numbers = whole_number("cell", cell), whole_number("sample", sample)
+        return writing.write_film(self, *numbers, out)
 
     def export(self, out: AnyPath | None = None, form: str = "mat") -> UPath:
         """Write a file for MATLAB and Octave, or the trajectories as CSV for pandas, R and Excel.
@@ -263,19 +251,14 @@ class Results(stored.Results):
         Examples
         --------
         >>> import jaxnet, tempfile
-        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "save": {"trajectories": "all"}}
-        >>> results = jaxnet.simulate(keys, samples=1, progress=False)
+        >>> results = jaxnet.simulate({"engine": "exact", "horizon": 5.0}, samples=2)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     results.export(f"{folder}/study.mat").name
-        ...     results.export(f"{folder}/csv", form="csv").name
         'study.mat'
-        'csv'
         """
-        if form == "mat":
-            return exports.write_mat(self, out)
-        if form == "csv":
-            return exports.write_csv(self, out)
-        raise FolderError(f"form: one of mat, csv (got {form!r})")
+        if form not in ("mat", "csv"):
+            raise FolderError(f"form: one of mat, csv (got {form!r})")
+        return exports.write_mat(self, out) if form == "mat" else exports.write_csv(self, out)
 
     @property
     def plot(self) -> "Plots":
@@ -286,13 +269,18 @@ class Results(stored.Results):
         return tables.summary_html(self)
 
 
+def into(results: Results, out: AnyPath | None) -> stored.Results:
+    """Results whose files are written into a folder; None is their own."""
+    return results if out is None else stored.written_into(results, out)
+
+
 def open(
     path: AnyPath, out: AnyPath | None = None, trust: bool = False, config: AnyPath | None = None
 ) -> Results:
-    """Open a results folder.
+    """Open a results folder, which runs no code that the folder names.
 
-    Opening a folder runs no code that the folder names. A kind from outside needs its code for
-    replays only. Without its code, the kind is known by the folder's description of it.
+    A kind from outside needs its code for replays only. Without its code, the kind is known by the
+    folder's description of it.
 
     Parameters
     ----------
@@ -318,8 +306,7 @@ def open(
     Examples
     --------
     >>> import jaxnet
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
-    >>> ran = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> ran = jaxnet.simulate({"engine": "exact", "horizon": 5.0}, samples=2)
     >>> len(jaxnet.open(ran.path).lanes)
     2
     """

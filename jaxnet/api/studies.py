@@ -76,19 +76,17 @@ def run(
 
     Raises
     ------
-    ConfigError
-        The study is not valid.
-    FolderError
-        The folder holds another study, or cannot be written.
+    ConfigError, FolderError
+        The study is not valid; the folder holds another study, or cannot be written.
     ClusterError
         The workers are lost or do not answer.
 
     Examples
     --------
     >>> import jaxnet, tempfile
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 2}
+    >>> keys = {"engine": "exact", "horizon": 5.0, "samples": 2}
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     results = jaxnet.run(keys, folder, progress=False)
+    ...     results = jaxnet.run(keys, folder)
     ...     sorted(path.name for path in results.path.iterdir() if not path.name.startswith("."))
     ['cells.csv', 'lanes', 'manifest.json', 'study.yaml']
     """
@@ -148,11 +146,9 @@ def run_part(
     Examples
     --------
     >>> import jaxnet, tempfile
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 2}
+    >>> keys = {"engine": "exact", "horizon": 5.0, "samples": 2}
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     part = jaxnet.run_part(keys, part=0, parts=1, out=folder, progress=False)
-    ...     len(jaxnet.run(keys, folder, progress=False).lanes)
-    2
+    ...     part = jaxnet.run_part(keys, part=0, parts=1, out=folder)
     >>> part.shards, part.simulated, part.failed
     (1, 1, 0)
     """
@@ -201,13 +197,12 @@ def simulate(
     Examples
     --------
     >>> import jaxnet
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
-    >>> keys["sweep"] = {"attack.magnitude": [1, 10]}
-    >>> results = jaxnet.simulate(keys, samples=3, progress=False)
+    >>> keys = {"engine": "exact", "horizon": 5.0, "sweep": {"attack.magnitude": [1, 10]}}
+    >>> results = jaxnet.simulate(keys, samples=2)
     >>> results.cells[["attack.magnitude", "lanes", "ok"]]
        attack.magnitude  lanes  ok
-    0                 1      3   3
-    1                10      3   3
+    0                 1      2   2
+    1                10      2   2
     """
     study = load(study, {} if samples is None else {"samples": samples})
     results = Results(in_memory().path)
@@ -281,11 +276,8 @@ def compare(first: stored.Results | AnyPath, second: stored.Results | AnyPath) -
     Examples
     --------
     >>> import jaxnet
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 4}
-    >>> weak, strong = (
-    ...     jaxnet.simulate(keys | {"attack": {"magnitude": size}}, progress=False)
-    ...     for size in (1, 10)
-    ... )
+    >>> keys = {"engine": "exact", "horizon": 5.0, "samples": 2}
+    >>> weak, strong = (jaxnet.simulate(keys | {"attack": {"magnitude": a}}) for a in (1, 10))
     >>> bool((jaxnet.compare(weak, strong).cells["tail_mean_difference"] > 0).all())
     True
     """
@@ -317,15 +309,13 @@ def sensitivity(
 
     Raises
     ------
-    ConfigError
-        The study is not valid.
-    FolderError
-        The folder holds another study, or cannot be written.
+    ConfigError, FolderError
+        The study is not valid; the folder holds another study, or cannot be written.
 
     Examples
     --------
     >>> import jaxnet, tempfile
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> keys = {"engine": "exact", "horizon": 5.0}
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     indices = jaxnet.sensitivity(keys, samples=16, out=folder)
     >>> indices.loc[indices["metric"] == "tail_mean", "quantity"].to_list()
@@ -367,10 +357,10 @@ def rare(
     Examples
     --------
     >>> import jaxnet, tempfile
-    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "recovery": {"tau": 0.01}}
+    >>> keys = {"engine": "exact", "horizon": 5.0, "recovery": {"tau": 0.01}}
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     estimate = jaxnet.rare(keys, points=20, out=folder)
-    >>> estimate[["cell", "share", "levels", "lanes"]]  # one second is too short to recover
+    >>> estimate[["cell", "share", "levels", "lanes"]]  # five seconds are too few to recover
        cell  share  levels  lanes
     0     0    1.0       1    200
     """
@@ -420,7 +410,7 @@ def search(
     >>> keys["attack"] = {"kind": "rotating", "vehicles": [2], "magnitude": 10.0}
     >>> keys["search"] = {"over": {"attack.frequency": [0.1, 4]}, "budget": 100, "until": 20.0}
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     results = jaxnet.search(keys, folder, progress=False)
+    ...     results = jaxnet.search(keys, folder)
     ...     worst = results.worst
     >>> list(worst.columns[:3]), bool((worst["greatest"] >= worst["found"]).all())
     (['cell', 'found', 'late'], True)

@@ -11,7 +11,7 @@ import sys
 import tempfile
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import click
 
@@ -31,6 +31,11 @@ DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 def echo(message: object, err: bool = False, nl: bool = True) -> None:
     """Print a message; what it quotes of files moves no cursor, and names no window."""
     click.echo(escape_controls(str(message), but="\n\t"), err=err, nl=nl)
+
+
+def tell_written(paths: Iterable[object]) -> None:
+    for path in paths:
+        echo(f"wrote {path}", err=True)
 
 
 @contextlib.contextmanager

@@ -50,7 +50,7 @@ AnyModel = TypeVar("AnyModel", bound=BaseModel)
 AnyScenario = TypeVar("AnyScenario", bound=Scenario)
 # from candidate keys to the FILE:LINE:COL of the first that was written
 Locate = Callable[..., str]
-Part = tuple[Any, list[Problem]]  # the value of a key, and what is wrong with it
+Validated = tuple[Any, list[Problem]]  # the value of a key, and what is wrong with it
 
 MOST_SWEPT_CELLS = 1_000_000
 DEFAULT_SCENARIO = Scenario()
@@ -345,7 +345,7 @@ class Span:
         for root in wrong & {*self.roots} & {*document.data}:  # as it was written
             written = document.data[root]
             self.base[root] = full_kind(root, written) if root in KINDS else written
-        self.parts: dict[tuple[str | int, ...], Part] = {}
+        self.parts: dict[tuple[str | int, ...], Validated] = {}
 
     def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
         """Return the cells, the first key slowest, and each new problem with its first cell."""
@@ -400,7 +400,7 @@ class Span:
             ]
         return None if wrong else made, problems
 
-    def part(self, root: str, chosen: Mapping[str, int]) -> Part:
+    def part(self, root: str, chosen: Mapping[str, int]) -> Validated:
         """Return the value of a key by the indices of the swept values in it, and its problems."""
         data = {root: self.base[root]}
         for key, index in chosen.items():

@@ -128,8 +128,8 @@ def load(source: StudySource, overrides: Overrides = ()) -> Study:
         scope = registry.Scope(known=registry.scope().known)
         document = Document.of({"name": "study", **source})
     else:
-        scope = registry.Scope(Path(str(source)).resolve().parent)
         document = Document.read(source)
+        scope = registry.Scope(Path(str(source)).resolve().parent)
     with scope():
         leads = has_navigator(document.data, replaced)
         if isinstance(source, Mapping):

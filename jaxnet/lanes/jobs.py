@@ -12,7 +12,6 @@ from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of,
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.engine.stages.late import DrawnDelay, SteadyDelay
-from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.fields import EachOrder, Uniform, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
@@ -38,33 +37,57 @@ def job(
     `save` names the series to save, of `metrics.SERIES` and `metrics.VEHICLE_ERRORS`. The numbers
     have double precision, whatever the default of the process is.
     """
-    with jax.enable_x64(True):
-        return build_job(scenario, Draw(source, samples, scenario.vehicles), save)
-
-
-def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
-    """The lanes of one cell for the samples of a draw, in the active precision."""
+    draw, interval = Draw(source, samples, scenario.vehicles), interval_of(scenario)
     sources = sources_of(scenario)
+    with jax.enable_x64(True):
+        gain = gain_of(scenario, draw)
+        lanes = lanes_of(scenario, draw, sources, gain)
+        inputs = Inputs(lanes, scenario.engine.numbers(draw, gain, interval))
+        network = network_of(scenario, sources)
+    ticks = round(scenario.output_step / scenario.tick) if has_ticks(scenario) else 1
+    tail = round(scenario.tail / scenario.output_step) + 1  # the tail includes both of its ends
+    clock = Clock(*map(np.asarray, (interval, ticks, outputs_of(scenario), tail)))  # pyright: ignore[reportArgumentType]
+    plan = Plan(
+        engine=type(scenario.engine),
+        options=scenario.engine.options(),
+        metrics=scenario.measured(),
+        decides=scenario.defence.decides,
+        strategic=scenario.attack.strategic,
+        consistent=scenario.attack.consistent(),
+        missing=scenario.channel.missing,
+        late=late_ticks(scenario),
+        extrapolate=scenario.channel.extrapolate if scenario.channel.late else "none",
+        as_told=scenario.attack.as_told(),
+        in_field=scenario.defence.decides and scenario.tick == 0,
+        save=save,
+        rows=outputs_of(scenario) + 1 if save else 0,
+    )
+    return Job(inputs, network, clock, plan)
+
+
+def gain_of(scenario: Scenario, draw: Draw) -> Any:
+    """The gains of each lane: (samples, r), or (samples, r, 2, 2); the first vehicle's own."""
+    if scenario.own_gains is not None:
+        return draw.same(scenario.own_gains[0])
+    matrices = scenario.gain_matrices
+    return draw.several(scenario.gain, "gain") if matrices is None else draw.same(matrices)
+
+
+def lanes_of(scenario: Scenario, draw: Draw, sources: np.ndarray, gain: Any) -> Lane:
+    topology, attack, own = scenario.topology, scenario.attack, scenario.own_gains
+    loss, noise, detector = scenario.channel.loss, scenario.channel.noise, scenario.detector
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     prove_presumed(scenario, vehicle)
-    navigator, start = (
-        scenario.navigator.drawn(draw, "navigator"),
-        start_of(scenario, vehicle, draw),
-    )
+    navigator = scenario.navigator.drawn(draw, "navigator")
+    start = start_of(scenario, vehicle, draw)
     output = np.asarray(vehicle.output_jets(start)[0])
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, output)
-    attacked = first_attacked(scenario.attack).chosen(draw)
-    weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
+    announcing = draw_of_attack(scenario, draw)
+    weights = weights_of(scenario, draw, sources, topology, first_attacked(attack).chosen(draw))
     prove_finite(scenario.vehicle, "start", start)
     prove_path(navigator, scenario.horizon, len(draw.samples))
-    prove_finite(scenario.topology, "lane_weights", weights)
-    matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
-    detector, own = scenario.detector, scenario.own_gains
-    if own is not None:
-        gain = draw.same(own[0])
-    else:
-        gain = draw.several(scenario.gain, "gain") if matrices is None else draw.same(matrices)
-    lanes = Lane(
+    prove_finite(topology, "lane_weights", weights)
+    return Lane(
         initial=lanes_first(start),
         weights=weights,
         gain=gain,
@@ -75,26 +98,19 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         signal=tree(signal, len(draw.samples)),
         vectors=lanes_first(vectors),
         attack_scale=amplitude,
-        announces=tree(announcement_of(scenario, draw)),
+        announces=tree(attack.announcement().drawn(announcing, "attack.announces")),
         sizes=lanes_first(sizes),
         interval=draw.same(interval_of(scenario)),
         sensor=None if scenario.sensing.exact() else tree(scenario.sensing.drawn(draw, "sensing")),
         loss=None if loss.perfect() else tree(loss.drawn(draw, "channel.loss")),
         noise=None if noise.exact() else tree(noise.drawn(draw, "channel.noise")),
-        strength=strength_of(scenario, weights, scenario.topology),
+        strength=strength_of(scenario, weights, topology),
         turns=turns_of(scenario, draw, sources),
         delay=delay_of(scenario, draw, sources),
         periods=periods_of(scenario, draw, sources),
         gain_apart=None if own is None else draw.same((own - own[0]).T),
         steps=steps_of(scenario, draw),
         detector=tree(detector.drawn(draw, "detector")) if detector.present else None,
-    )
-    numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
-    return Job(
-        Inputs(lanes, numbers),
-        network_of(scenario, sources),
-        clock_of(scenario),
-        plan_of(scenario, save),
     )
 
 
@@ -113,23 +129,22 @@ def source_of(study: Config, scenario: Scenario) -> Source:
     keyed = Keyed(study.seed)
     if study.draws == "random" or not isinstance(study.samples, int):
         return keyed
-    places = sorted(recorded(scenario, keyed).places, key=lambda place: forgotten(scenario, place))
+    attacked = (0, *scenario.attack.targets())
+
+    def importance(place: Place) -> tuple[bool, bool]:
+        """Numbers of the start come last, before them those of attacks on spared vehicles.
+
+        Early Sobol dimensions are evenly spread in pairs even with few points; late ones are not.
+        """
+        spared = place.name.startswith("attack.") and place.vehicle not in attacked
+        return place.name.startswith("initial."), spared
+
+    places = sorted(recorded(scenario, keyed).places, key=importance)
     if len(places) > MOST_DIMENSIONS:
         most = f"sobol takes {MOST_DIMENSIONS:,} numbers of a lane at most (got {len(places):,})"
         raise ConfigError([Problem("study", "draws", most)])
     columns = {place: column for column, place in enumerate(places)}
     return Scrambled(study.seed, study.samples // RANDOMISATIONS, columns)
-
-
-def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
-    """The sort key that puts less important numbers last.
-
-    Numbers of the start come last. Before them come numbers of the attack for vehicles without
-    attack. Early Sobol dimensions are evenly spread in pairs even with few points; late dimensions
-    are not.
-    """
-    spared = place.vehicle not in (0, *scenario.attack.targets())
-    return place.name.startswith("initial."), place.name.startswith("attack.") and spared
 
 
 def first_attacked(attack: AnyAttack) -> AnyAttack:
@@ -143,22 +158,17 @@ def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods |
 
     The times are earlier by a rounding of the times of ticks.
     """
-    attack = scenario.attack
+    attack, weights = scenario.attack, None
     if not attack.periods():
         return None
     at = np.array([time - TICK_ROUNDING for time, _ in attack.periods()])
     sets = [attack.on(vehicles).chosen(draw) for _, vehicles in attack.periods()]
-    owners = hearing.of_transmitters(sources).T.ravel() if attack.by_link() else slice(None)
-    weights: Any = None
     if attack.splits():
-        graph = scenario.topology
-        weights = np.stack(
-            [weights_of(scenario, draw, sources, graph, each) for each in sets], axis=1
-        )
-    attacked = np.stack([each[owners] for each in sets])
-    return Periods(
-        draw.same(at), lanes_first(attacked), None if weights is None else as_array(weights)
-    )
+        each = [weights_of(scenario, draw, sources, scenario.topology, one) for one in sets]
+        weights = as_array(np.stack(each, axis=1))
+    owners = hearing.of_transmitters(sources).T.ravel() if attack.by_link() else slice(None)
+    attacked = lanes_first(np.stack([each[owners] for each in sets]))
+    return Periods(draw.same(at), attacked, weights)
 
 
 def weights_of(
@@ -186,9 +196,8 @@ def weights_of(
 
 def strength_of(scenario: Scenario, weights: Any, graph: Graph) -> RowStrength | None:
     """Strength of each lane's rows with these weights, None where it does not act."""
-    return (
-        graph.strength(weights, scenario.navigator.present) if not scenario.law.couples() else None
-    )
+    couples = scenario.law.couples()
+    return None if couples else graph.strength(weights, scenario.navigator.present)
 
 
 def turns_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Turns | None:
@@ -228,29 +237,8 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
 
 
 def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
-    return (
-        hearing.link_signals(sources)
-        if scenario.attack.by_link()
-        else hearing.of_transmitters(sources)
-    )
-
-
-def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
-    return Plan(
-        engine=type(scenario.engine),
-        options=scenario.engine.options(),
-        metrics=scenario.measured(),
-        decides=scenario.defence.decides,
-        strategic=scenario.attack.strategic,
-        consistent=scenario.attack.consistent(),
-        missing=scenario.channel.missing,
-        late=late_ticks(scenario),
-        extrapolate=scenario.channel.extrapolate if scenario.channel.late else "none",
-        as_told=scenario.attack.as_told(),
-        in_field=scenario.defence.decides and scenario.tick == 0,
-        save=save,
-        rows=outputs_of(scenario) + 1 if save else 0,
-    )
+    by_link = scenario.attack.by_link()
+    return hearing.link_signals(sources) if by_link else hearing.of_transmitters(sources)
 
 
 def late_ticks(scenario: Scenario) -> int:
@@ -288,17 +276,6 @@ def delay_of(
     return SteadyDelay(as_array(ticks.swapaxes(1, 2) * tick))
 
 
-def clock_of(scenario: Scenario) -> Clock:
-    """The clock: tick interval [s], ticks for each output, outputs, and outputs in the tail."""
-    numbers = (
-        interval_of(scenario),
-        round(scenario.output_step / scenario.tick) if has_ticks(scenario) else 1,
-        outputs_of(scenario),
-        round(scenario.tail / scenario.output_step) + 1,  # the tail includes both of its ends
-    )
-    return Clock(*map(np.asarray, numbers))  # pyright: ignore[reportArgumentType]
-
-
 def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
     """The states at t = 0: (n, m, samples)."""
     given = scenario.initial
@@ -324,17 +301,15 @@ def attack_of(
     """
     attack = scenario.attack
     first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]
-    chosen, draw = (
-        attack.chosen(draw),
-        Draw(draw.source, draw.samples, scenario.vehicles, attack.targets()),
-    )
+    chosen, draw = attack.chosen(draw), draw_of_attack(scenario, draw)
     if attack.by_link():
         sources = sources_of(scenario)
-        owners = hearing.of_transmitters(sources).T.ravel()
-        chosen, draw = chosen[owners], EachLink(draw, len(sources))
+        chosen = chosen[hearing.of_transmitters(sources).T.ravel()]
         start = np.concatenate([first[:, None], start], axis=1)[:, sources.T.ravel()]
     else:
-        start = np.where(heard_by(scenario)[None, :, None], first[:, None], start)
+        linked = links_of(scenario)
+        informed = (attack.attacked_links(linked) & (linked.sources == 0)).any(axis=1)
+        start = np.where(informed[None, :, None], first[:, None], start)
     if attack.apart():
         signal, vectors, scale, sizes = basis_by_vehicle(scenario, draw, chosen, start)
     else:
@@ -344,22 +319,10 @@ def attack_of(
     return signal, vectors, scale, np.stack([np.broadcast_to(path, sizes.shape), sizes])
 
 
-def heard_by(scenario: Scenario) -> np.ndarray:
-    linked = links_of(scenario)
-    return (scenario.attack.attacked_links(linked) & (linked.sources == 0)).any(axis=1)
-
-
-def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
-    """The announcements of attacked links.
-
-    The numbers belong to vehicles, or to links if each listener receives a different signal
-    (`hearing.link_signals`).
-    """
-    attack = scenario.attack
-    theirs = Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
-    if attack.by_link():
-        theirs = EachLink(theirs, len(sources_of(scenario)))
-    return attack.announcement().drawn(theirs, "attack.announces")
+def draw_of_attack(scenario: Scenario, draw: Draw) -> Draw:
+    """Draws for vehicles, in the order of the attack's lists; for links if listeners differ."""
+    theirs = Draw(draw.source, draw.samples, scenario.vehicles, scenario.attack.targets())
+    return EachLink(theirs, len(sources_of(scenario))) if scenario.attack.by_link() else theirs
 
 
 def basis_by_vehicle(
@@ -406,18 +369,14 @@ def shared_basis(
         sizes = drawn.sizes(scenario.horizon)
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
         scale = np.broadcast_to(signal_scale(drawn, sizes, order), count)
-    unit = first_vectors(signal, count) if given is None else given
+    if given is None:  # placeholders of a strategic attack, until the first tick
+        functions = np.asarray(signal.basis(np.zeros(count))).shape[1]
+        given = np.ones((2, 1, functions, 1))
     if drawn.falsified() != ORDERS or drawn.by_order() is not None:
         factors = order_factors(drawn, reach, order)
         signal = Falsified(signal, np.broadcast_to(factors, (len(factors), count)))
         reach = factors * reach
-    return signal, unit * scale, scale, np.broadcast_to(reach, (len(reach), count))
-
-
-def first_vectors(signal: Any, count: int) -> np.ndarray:
-    """Placeholders of a strategic attack's vectors, one a function, until the first tick."""
-    functions = np.asarray(signal.basis(np.zeros(count))).shape[1]
-    return np.ones((2, 1, functions, 1))
+    return signal, given * scale, scale, np.broadcast_to(reach, (len(reach), count))
 
 
 def tree(drawn: Any, count: int = 1) -> Any:
@@ -426,10 +385,11 @@ def tree(drawn: Any, count: int = 1) -> Any:
     `drawn` is a kind with its numbers drawn, or another tree of arrays. A single number is repeated
     for `count` lanes.
     """
-    leaves = jax.tree.map(
-        lambda leaf: leaf if np.ndim(leaf) else np.full(count, leaf), as_pytree(drawn)
-    )
-    return jax.tree.map(lanes_first, leaves)
+
+    def first(leaf: Any) -> Any:
+        return lanes_first(leaf if np.ndim(leaf) else np.full(count, leaf))
+
+    return jax.tree.map(first, as_pytree(drawn))
 
 
 def lanes_first(leaf: Any) -> Any:
