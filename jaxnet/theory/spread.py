@@ -17,6 +17,7 @@ from jaxnet.kinds.attacks import heard_orders, magnitude_shares
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import DropPolicy
+from jaxnet.model.safety import percolate, stay_joined
 from jaxnet.model.signal import ORDERS
 from jaxnet.theory.response import LawGain
 
@@ -73,25 +74,12 @@ def attack_gain(
 
 
 def disconnected_vehicles(retained: DropPolicy) -> Bool[np.ndarray, " m"]:
-    """Vehicles that the navigator may not reach, and those that may keep a link from them.
-
-    The unreachable vehicles are the largest set whose members can each drop all sources outside the
-    set. The loop removes vehicles that cannot do so, until none is left to remove.
-    """
+    """Vehicles that the navigator may not reach, and those that may keep a path from them."""
     network, links, number = retained
-    heard, cut = network.heard, np.ones(network.vehicles, bool)
-    while True:
-        outside = heard & ~np.append(False, cut)[network.sources]
-        tied = (outside & ~links).any(axis=1) | ((outside & links).sum(axis=1) > number)
-        if not (cut & tied).any():
-            break
-        cut &= ~tied
-    may_keep = heard & ~(links & (number == links.sum(axis=1))[:, None])
-    newest = cut
-    while newest.any():
-        newest = (may_keep & np.append(False, newest)[network.sources]).any(axis=1) & ~cut
-        cut = cut | newest
-    return cut
+    cut = ~stay_joined(retained, np.ones(network.vehicles, bool))
+    may_keep = network.only(~(links & (number == links.sum(axis=1))[:, None]))
+    one, each = np.ones(network.vehicles, int), np.ones(links.shape, int)
+    return percolate(may_keep, each, one, np.append(False, cut))[1:]
 
 
 def worst_gains(retained: DropPolicy, attacked: Links, carried: Links) -> Gains:

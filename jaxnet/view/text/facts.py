@@ -14,13 +14,13 @@ from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, plural_s, ranges
 from jaxnet.theory import integer
 from jaxnet.theory.announced import Ultimate
-from jaxnet.theory.certificate import MOST_TRIED, HonestPaths, JointReach, Margin
+from jaxnet.theory.case import Case
+from jaxnet.theory.certificate import HonestPaths, JointReach
 from jaxnet.theory.exact import Decay
 from jaxnet.theory.integer import RobustnessBracket
-from jaxnet.theory.rounds import OF_LAWS, MeanSquare, Stability
-from jaxnet.theory.safe import SafeVehicles
-from jaxnet.theory.theorem import Case, Finding, rows
-from jaxnet.theory.theorems import THEOREMS
+from jaxnet.theory.rounds import MeanSquare, Stability
+from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
+from jaxnet.theory.theorems import OF_LAWS, values
 from jaxnet.theory.tolerance import Led, VehiclesAlone
 
 ORDER_UNITS = ("m", "m/s", "m/s²", "m/s³")
@@ -38,8 +38,8 @@ Facts = dict[str, str]
 def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
     """Facts of a scenario by name; `seconds` is the time for searches over sets of vehicles."""
     case = Case(scenario, seconds)
-    found = rows(THEOREMS, case)
-    told = {name: PHRASES[name](row.value, scenario) for name, row in found.items()}
+    found = values(case)
+    told = {name: PHRASES[name](value, scenario) for name, value in found.items()}
     graph, _, trusted, _ = case.situation
     lines = {
         "graph": graph_line(case),
@@ -346,11 +346,11 @@ def flagged(vehicles: Vehicles) -> str:
     return "every vehicle" if vehicles.all() else ranges(vehicle_numbers(vehicles))
 
 
-def announced_lines(scenario: Scenario, found: dict[str, Finding], told: Facts) -> Facts:
+def announced_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Facts:
     """The premise of safety by announcements, B1, and the bound of theorem 3."""
     known = found.get("safe")
     announced = scenario.defence.announcing() and scenario.attack.present
-    if known is None or not known.value.tried or not announced:
+    if known is None or not known.tried or not announced:
         return {}
     if missing(scenario, ("consistent",)):
         why = premise_words(scenario, "consistent")
