@@ -10,7 +10,6 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-import jaxnet
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.theory import exact, lyapunov, response
@@ -150,24 +149,6 @@ def test_lemma_1_bounds_the_flow_of_the_errors(gain):
     flow = [np.linalg.norm(expm(exact.companion(np.array(gain)) * t), 2) for t in times]
     assert (flow <= factor * np.exp(-rate * times) * (1 + 1e-12)).all()
     assert rate > 0
-
-
-@pytest.mark.long
-def test_lemma_1_bounds_the_lanes():
-    """Local errors with their derivatives, of a run without attack, from the vehicles' states."""
-    keys = {"attack": "none", "engine": "exact", "horizon": 20.0, "tail": 1.0, "topology": "path"}
-    keys |= {"save": {"trajectories": "all"}, "defence": "none", "samples": 4}
-    results = jaxnet.simulate(keys, progress=False)
-    factor, rate = exact.decay_constants(GAIN)
-    weights, config = matrix_of(Path(), 12), results.study.config
-    for sample in range(4):
-        data = results.trajectories.sel(cell=0, sample=sample)
-        states, times = np.moveaxis(data["states"].values, -1, 0), data["time"].values
-        own, path = config.vehicle.output_jets(states), np.asarray(config.navigator.jets(times))
-        errors = np.stack(own) - path[:3, ..., None]
-        eta = errors - errors @ weights[:, 1:].T
-        size = np.sqrt((eta**2).sum(axis=(0, 1, 3)))
-        assert (size <= factor * np.exp(-rate * times) * size[0] + 1e-6).all()
 
 
 GRAPHS = {"star": matrix_of(Star(), 12), "cyclic": CYCLIC, "path": matrix_of(Path(), 12)}

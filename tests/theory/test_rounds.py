@@ -99,17 +99,6 @@ def test_no_number_of_rounds_is_stable():
     assert rounds.least_rounds(apart, GAIN, 0.05) is None
 
 
-@pytest.mark.long
-def test_ticks_up_to_the_greatest_are_stable():
-    """And just beyond it is not."""
-    for weights in digraphs():
-        for number in (1, 2, 5):
-            most = greatest_tick(weights, GAIN, number)
-            ticks = most * np.array([0.01, 0.3, 0.7, 0.9999, 1.0001])
-            stable = [spectral_radius(weights, GAIN, tick, number) < 1 for tick in ticks]
-            assert stable == [True, True, True, True, False]
-
-
 LOSSES = [  # tick and critical probability, found by two independent programs
     *((RING, 0.02, 0.413127), (RING, 0.05, 0.0)),  # one round is unstable at 0.05 s
     *((np.eye(1, 2), 0.02, 0.922509), (np.eye(1, 2), 0.2, 0.438192)),
