@@ -80,4 +80,4 @@ def reach_in_turns(case: Case) -> JointReach | None:
 
 def nominal_in_turns(case: Case) -> list[int] | None:
     found = reach_in_turns(case)
-    return None if found is None else found.nominal
+    return found and found.nominal

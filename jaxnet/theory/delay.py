@@ -78,7 +78,8 @@ def message_factors(
 
 def growth_when_late(case: Case) -> float | None:
     """Growth of deviations per tick under a law that holds a derivative and hears late messages."""
-    scenario, law, channel = case.scenario, case.scenario.law, case.scenario.channel
+    scenario = case.scenario
+    law, channel = scenario.law, scenario.channel
     rows, leads = case.situation.graph.weights.T[None], scenario.navigator.present
     known = channel.late and law.needs_ticks() and (law.gives_demand() or law.iterates())
     if not known or scenario.attack.replaces():
@@ -104,10 +105,12 @@ def late_growth(
     with eigenvalue λ, `q = λ w(t - d h) - P(E)`, where w is the message. One exchange has the
     characteristic polynomial of theorems.md, O16.
     """
-    r, (integrators, entry) = len(gain), held_rates(len(gain), tick)
+    r = len(gain)
+    integrators, entry = held_rates(r, tick)
     size = r + 1 + late  # E and its derivatives, q, and the messages on their way, newest first
     loops = np.zeros((len(eigenvalues), size, size), complex)
-    loops[:, r, :r], loops[:, r, -1] = -gain, eigenvalues
+    loops[:, r, :r] = -gain
+    loops[:, r, -1] = eigenvalues
     loops[:, :r, :r] = np.eye(r) + tick * integrators
     loops[:, :r] += tick * entry[None, :, None] * loops[:, r : r + 1]
     loops[:, r + 1, : r + 1] = message

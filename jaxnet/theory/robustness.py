@@ -23,15 +23,13 @@ def pairs(hears: Iterable[object], nodes: int) -> list[int]:
 
     A node of a set is r-reachable if it hears at least r nodes outside the set. The digraph is
     (r, s)-robust if of any two disjoint nonempty sets of nodes one has only r-reachable nodes, or
-    both together have at least s of them (LeBlanc et al., 2013). It is r-robust if it is
-    (r, 1)-robust. The result is exact, by enumeration of all sets.
+    both together have at least s of them (LeBlanc et al., 2013). r-robust means (r, 1)-robust. The
+    result is exact, by enumeration of all sets.
 
     Parameters
     ----------
-    hears : list of [int, int]
-        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
-    nodes : int
-        The number of nodes, from 1 to 16.
+    hears, nodes
+        The links and the number of nodes, at most 16, as `heard_matrix` takes them.
 
     Returns
     -------
@@ -175,10 +173,8 @@ def strong_robustness(hears: Iterable[object], nodes: int, leaders: Iterable[obj
 
     Parameters
     ----------
-    hears : list of [int, int]
-        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
-    nodes : int
-        The number of nodes, of any size.
+    hears, nodes
+        The links and the number of nodes, as `heard_matrix` takes them.
     leaders : list of int
         The leaders. At least one node must be no leader.
 
@@ -221,10 +217,8 @@ def percolated_nodes(
 
     Parameters
     ----------
-    hears : list of [int, int]
-        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
-    nodes : int
-        The number of nodes.
+    hears, nodes
+        The links and the number of nodes, as `heard_matrix` takes them.
     leaders : list of int
         The nodes from which percolation starts.
     F : int

@@ -47,13 +47,14 @@ def loop_rates(mu: LoopFactor, gain: LawGain, tick: float, pull: LoopFactor | No
 
     The tick's new q is `μ q - pull P(E)`. The default pull is 1 - μ.
     """
-    mu, h, r = np.atleast_1d(np.asarray(mu, complex)), tick, len(gain)
-    integrators, entry = held_rates(r, h)
+    mu, r = np.atleast_1d(np.asarray(mu, complex)), len(gain)
+    integrators, entry = held_rates(r, tick)
     wanted = -np.multiply.outer(1 - mu if pull is None else pull, gain)
     rates = np.zeros((len(wanted), r + 1, r + 1), complex)
     rates[:, :r, :r] = integrators + entry[:, None] * wanted[:, None]
     rates[:, :r, r] = entry * mu[:, None]
-    rates[:, r, :r], rates[:, r, r] = wanted / h, (mu - 1) / h
+    rates[:, r, :r] = wanted / tick
+    rates[:, r, r] = (mu - 1) / tick
     return rates
 
 
@@ -146,7 +147,8 @@ def deviating(case: Case, weights: Weights) -> Complex[np.ndarray, " some"]:
 def stability(case: Case) -> Stability | None:
     """Stability of the fleet's law, of which the strict rows are those of honest sources."""
     scenario, (graph, attacked, _, kept) = case.scenario, case.situation
-    law, attack, gain, tick = scenario.law, scenario.attack, case.gain, scenario.tick
+    law, attack = scenario.law, scenario.attack
+    gain, tick = case.gain, scenario.tick
     if law.solves():
         return None
     fixed = None if kept is None else kept.fixed
@@ -191,15 +193,16 @@ class MeanSquare(NamedTuple):
 
 def in_mean_square(case: Case) -> MeanSquare | None:
     """Stability of a law by exchanges if whole ticks are lost."""
-    law, loss, tick = case.scenario.law, case.scenario.channel.loss, case.scenario.tick
+    scenario = case.scenario
+    law, loss = scenario.law, scenario.channel.loss
     lost = None if loss.perfect() else loss.of_whole_ticks()
-    if lost is None or not law.needs_ticks() or case.scenario.attack.replaces():
+    if lost is None or not law.needs_ticks() or scenario.attack.replaces():
         return None
     left = law.left(eigenvalues(case.weights))
     if left is None:
         return None
-    grown = mean_square_growth(left, case.gain, tick, lost)
-    return MeanSquare(grown, critical_loss(left, case.gain, tick))
+    grown = mean_square_growth(left, case.gain, scenario.tick, lost)
+    return MeanSquare(grown, critical_loss(left, case.gain, scenario.tick))
 
 
 def reached_at_ticks(case: Case) -> bool | None:
