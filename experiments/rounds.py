@@ -74,6 +74,20 @@ def main(samples: int) -> None:
     trimmed(samples)
 
 
+def spectral_radius(weights: np.ndarray, gain: np.ndarray, tick: float, number: int) -> float:
+    """Growth factor at each tick for a graph and a number of rounds."""
+    return rounds.growth(rounds.eigenvalues(weights) ** number, gain, tick)
+
+
+def lateness(weights: np.ndarray, tick: float, number: int) -> np.ndarray:
+    """Delay [s] of each vehicle's held jerk behind the navigator's, `h (1/2 + (1 - T)⁻¹T 1)`.
+
+    Behind a slow navigator E tends to this delay times `-d⁴y_0/dt⁴ / k0`.
+    """
+    left, one = np.linalg.matrix_power(weights[:, 1:], number), np.ones(len(weights))
+    return tick * (0.5 + np.linalg.solve(np.eye(len(weights)) - left, left @ one))
+
+
 def greatest_tick(weights: np.ndarray, gain: np.ndarray, number: int) -> float:
     """Tick [s] up to which all ticks are stable.
 
@@ -114,7 +128,7 @@ def tables() -> None:
     for graph in GRAPHS:
         weights = weights_of(graph, 12)
         for tick in TICKS:
-            radii = [rounds.spectral_radius(weights, GAIN, tick, n) for n in (1, 2, 3, 5)]
+            radii = [spectral_radius(weights, GAIN, tick, n) for n in (1, 2, 3, 5)]
             told = " ".join(f"{radius:.4f}" for radius in [*radii, rounds.growth(0.0, GAIN, tick)])
             print(f"  {graph:18} {tick:5.2f} s  {told}")
     print(
@@ -210,7 +224,7 @@ def draw_rates(panel: Any, looks: Any) -> None:
     """The rate of the slowest motion of the paper's ring: theory as lines, simulated as points."""
     ring, ticks = weights_of("ring", 12), np.linspace(0.004, 0.3, 149)
     for (number, place), look in zip(NAMED.items(), looks, strict=False):
-        radii = [rounds.spectral_radius(ring, GAIN, tick, number) for tick in ticks]
+        radii = [spectral_radius(ring, GAIN, tick, number) for tick in ticks]
         panel.plot(ticks, np.log(radii) / ticks, color="black", linestyle=look["linestyle"])
         points = [np.log(seen(tick, number)) / tick for tick in SIMULATED]
         panel.plot(SIMULATED, points, "o", color="black", markerfacecolor="white", markersize=3)
@@ -228,7 +242,7 @@ def late(results: Any) -> None:
     print("\nmean error of the tail [m], the median lane; late [s]; lanes of 8 that failed")
     for cell, row in zip(results.study.cells, results.cells.to_dict("records"), strict=True):
         weights = dense(cell.scenario.topology.normalised_rows(12))
-        by = rounds.lateness(weights, row["tick"], row["law.rounds"]).mean()
+        by = lateness(weights, row["tick"], row["law.rounds"]).mean()
         named = f"{row['topology']:8} {row['tick']:5.2f} s {row['law.rounds']} rounds"
         print(f"  {named}  {row['tail_mean_median']:10.4g}  {by:.4f}  {row['failed']}")
 

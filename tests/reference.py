@@ -48,9 +48,8 @@ class Powers(Navigator):
                 total = total + coefficients[n] * math.perm(n, d) * time ** (n - d)
             return total
 
-        return xp.stack(
-            [xp.stack([derivative(each, d) for each in (self.x, self.y)]) for d in range(4)]
-        )
+        axes = [xp.stack([derivative(each, d) for d in range(4)]) for each in (self.x, self.y)]
+        return xp.stack(axes, axis=1)
 
 
 class Hashed(Loss):
@@ -71,9 +70,8 @@ def is_lost(loss, tick, listener, source):
     """Whether a message is lost at a tick, for NumPy and JAX."""
     a, b, c, d = loss.factors
     listener, source = listener * int(loss.of == "link"), source * int(loss.of != "all")
-    return (
-        a * tick + b * listener + c * source + d * listener * source + tick**2
-    ) % 29 < loss.share
+    mixed = a * tick + b * listener + c * source + d * listener * source + tick**2
+    return mixed % 29 < loss.share
 
 
 class Swinging(Sensor):
@@ -85,19 +83,9 @@ class Swinging(Sensor):
     def errors(self, time, vehicles):
         """Three orders."""
         vehicle, axis = jnp.arange(float(vehicles))[None, :, None], jnp.arange(2.0)[:, None, None]
-        return tuple(
-            swung(
-                jnp,
-                self.size[None, None],
-                self.pace[None, None],
-                time[None, None],
-                vehicle,
-                0.0,
-                axis,
-                k,
-            )
-            for k in range(3)
-        )
+        given = (each[None, None] for each in (self.size, self.pace, time))
+        given = jnp, *given, vehicle, 0.0, axis
+        return tuple(swung(*given, k) for k in range(3))
 
 
 class Humming(ChannelNoise):
@@ -113,17 +101,11 @@ class Humming(ChannelNoise):
 
     def next_errors(self, last, time, interval, sources):
         """Four orders."""
-        listeners, told = (
-            jnp.arange(float(sources.shape[1]))[None, :, None],
-            sources.astype(float)[..., None],
-        )
-        size, pace, time = (each[None, None] for each in (self.size, self.pace, time))
-        return tuple(
-            jnp.stack(
-                [swung(jnp, size, pace, time, listeners, told, float(axis), k) for axis in range(2)]
-            )
-            for k in (0, 1, 2, HIGHEST)[: 3 + self.errs_in_highest()]
-        )
+        listeners = jnp.arange(float(sources.shape[1]))[None, :, None]
+        given = (each[None, None] for each in (self.size, self.pace, time))
+        given = jnp, *given, listeners, sources.astype(float)[..., None]
+        orders = (0, 1, 2, HIGHEST)[: 3 + self.errs_in_highest()]
+        return tuple(jnp.stack([swung(*given, x, k) for x in (0.0, 1.0)]) for k in orders)
 
 
 def swung(xp, size, pace, time, listener, source, axis, order):
@@ -157,9 +139,8 @@ POWERS = [np.linalg.matrix_power(INTEGRALS, n) for n in range(5)]  # from the ti
 def taylor(jets, by):
     """Jets (orders, …) later by a time, of the polynomial with these jets."""
     each = range(len(jets))
-    return np.stack(
-        [sum(jets[n] * by ** (n - k) / math.factorial(n - k) for n in each[k:]) for k in each]
-    )
+    steps = [by**n / math.factorial(n) for n in each]
+    return np.stack([sum(jets[n] * steps[n - k] for n in each[k:]) for k in each])
 
 
 def harmonic(time, order, frequency, phase):
@@ -239,10 +220,7 @@ class Fleet:
         size = given["magnitude"] / max(frequency**k for k in np.flatnonzero(self.falsified()))
         if given["kind"] == "rotating":
             phase = given["phase"][place]
-            axes = [
-                harmonic(time, r, frequency, phase + np.pi / 2),
-                harmonic(time, r, frequency, phase),
-            ]
+            axes = [harmonic(time, r, frequency, phase + turn) for turn in (np.pi / 2, 0.0)]
             return size * np.stack(axes, axis=-1).transpose(1, 0, 2) * self.falsified()
         angle = given["direction"][place]
         wave = harmonic(time, r, frequency, given["phase"][place]).T[..., None]
@@ -290,19 +268,15 @@ class Fleet:
         """What rounding adds to jets at a tick, (orders, 2)."""
         step = np.zeros((self.r + 1, 1))
         step[: self.r, 0] = self.channel["quantisation"]
-        return (
-            np.where(step > 0, step * np.round(jets / np.where(step > 0, step, 1.0)), jets) - jets
-        )
+        nearest = step * np.round(jets / np.where(step > 0, step, 1.0))
+        return np.where(step > 0, nearest - jets, 0.0)
 
     def arrival(self, n, i, j):
         """The tick at which the message was sent that is heard at tick n, None where none is."""
         loss, after = self.channel["loss"], self.newest.get((i, j), -1) + 1
         came = [b for b in range(max(0, n - 3, after), n + 1) if b + self.delays(b, i, j) == n]
-        if (
-            not came
-            or self.network(n)[i, j] == 0
-            or (isinstance(loss, Hashed) and is_lost(loss, n, i, j))
-        ):
+        lost = isinstance(loss, Hashed) and is_lost(loss, n, i, j)
+        if not came or lost or self.network(n)[i, j] == 0:
             return None
         self.newest[i, j] = came[-1]
         return came[-1]
@@ -312,9 +286,8 @@ class Fleet:
         given, jets = self.keys["initial"], np.zeros((self.m, self.r, 2))
         jets[:, 0] = given["position"]
         if self.r in (2, 3):
-            jets[:, 1] = given["speed"] * np.array(
-                [np.cos(given["heading"]), np.sin(given["heading"])]
-            )
+            heading = given["heading"]
+            jets[:, 1] = given["speed"] * np.array([np.cos(heading), np.sin(heading)])
         return jets
 
     def motion(self):
@@ -349,10 +322,8 @@ class Fleet:
         self.kept = {i: self.kept.get(i, (top if self.holds else before)[i]) for i in keeping}
         free = self.free(jets)
         highest = self.solved(n, free, shares, known, live)
-        moved = free + np.stack(
-            [np.einsum("cd,idx->icx", self.integrals[self.r - k], highest) for k in range(self.r)],
-            axis=2,
-        )
+        orders = [self.integrals[self.r - k] for k in range(self.r)]
+        moved = free + np.stack([np.einsum("cd,idx->icx", n, highest) for n in orders], axis=2)
         own = np.concatenate([moved + self.noise[:, None], highest[:, :, None]], axis=2)
         self.sent.append({(i, j): self.carried(t + self.nodes, i, j, own[j - 1]) for i, j in links})
         for link in live:
@@ -385,10 +356,8 @@ class Fleet:
             told = self.carried(np.zeros(1), i, j, own[None, j - 1])[0]
             if self.holds:
                 told = told + self.rounding[0][i, j] + self.errors[i, j]
-            self.words[i, j], self.last[i, j] = (
-                self.value(told) + np.zeros((DEGREE + 1, 1)),
-                (0, told),
-            )
+            self.words[i, j] = self.value(told) + np.zeros((DEGREE + 1, 1))
+            self.last[i, j] = 0, told
 
     def judge(self, own, arrived):
         """Whom vehicles believe of those that arrived."""
@@ -396,7 +365,7 @@ class Fleet:
             came = {j: b for (a, j), b in arrived.items() if a == i and b is not None}
             links = [(b, (i, j)) for j, b in came.items()]
             told = [
-                self.at_tick[b][x][0] + self.rounding[b][x][0] + self.errors[x][0] for b, x in links
+                (self.at_tick[b][x] + self.rounding[b][x] + self.errors[x])[0] for b, x in links
             ]
             self.believed[i, list(came)] = True
             for j, axis in self.dropped(own[i, 0], dict(zip(came, told, strict=True))):
@@ -413,9 +382,8 @@ class Fleet:
                 beyond = [each for each in away if each[1] == axis and sign * away[each] > 0]
                 found += sorted(beyond, key=lambda each: -abs(away[each]))[:count]
             return found
-        if kind == "trusted_trim" and (
-            len(told) < 2 * count + 1 or len(told) - len(others) < count
-        ):
+        few = len(told) < 2 * count + 1 or len(told) - len(others) < count
+        if kind == "trusted_trim" and few:
             return []
         middle = told[0] if kind == "trusted_trim" and count else own
         farthest = sorted(others, key=lambda j: -np.linalg.norm(told[j] - middle))
@@ -477,9 +445,8 @@ class Fleet:
             right[i] += shares[i, j] * values
         for i, j in live:
             added = self.carried(n * self.h + self.nodes, i, j, np.zeros((count, self.r + 1, 2)))
-            right[i] += shares[i, j] * self.value(
-                added + self.rounding[n][i, j] + self.errors[i, j]
-            )
+            added = added + self.rounding[n][i, j] + self.errors[i, j]
+            right[i] += shares[i, j] * self.value(added)
             if j > 0 and not self.is_replaced(i, j):
                 graph[i, j - 1] = shares[i, j]
         hears, solved = shares.any(axis=1), np.zeros((m, count, 2))
@@ -505,11 +472,8 @@ def reached(heard, sources):
     """Vehicles that the navigator or these vehicles reach over links, (m, m + 1)."""
     found, grew = set(sources), True
     while grew:
-        new = {
-            i
-            for i in range(len(heard))
-            if i not in found and (heard[i, 0] or any(heard[i, j + 1] for j in found))
-        }
+        left = set(range(len(heard))) - found
+        new = {i for i in left if heard[i, 0] or any(heard[i, j + 1] for j in found)}
         found, grew = found | new, bool(new)
     return found
 
@@ -539,18 +503,7 @@ def compared(keys):
     return apart[: fleet.fails_at], outcome.status[0], fleet
 
 
-def propagate(
-    weights,
-    navigator,
-    attack,
-    gain,
-    initial,
-    tick,
-    ticks,
-    trusted=None,
-    theta=None,
-    tolerance=1e-9,
-):
+def propagate(weights, navigator, attack, gain, initial, tick, ticks, trusted=None, theta=None):
     """The closed loop tick by tick (theorems.md O2), with or without trimming.
 
     Decisions are taken at ticks 0..ticks inclusive and held in between. `navigator(t)` gives (4, 2)
@@ -575,7 +528,7 @@ def propagate(
             sources = np.vstack([path, error[0] + path])
             for i in range(m):
                 heard = sources + lies(n * tick)[0, i]
-                rule = trusted[i], theta[i], dropped[i], tolerance
+                rule = trusted[i], theta[i], dropped[i]
                 kept[n, i], dropped[i], gap = _trim(weights[i], heard, *rule)
                 margin[n] = min(margin[n], gap)
         return np.stack([kept[n]] * 2), lies
@@ -585,13 +538,12 @@ def propagate(
     error = march(choose, np.ones((m, m + 1), bool), gain, start, tick, ticks)
     choose(ticks, error[-1])
     states = error + paths[:, :, None]
-    named = dict(
-        zip(("positions", "velocities", "accelerations"), states.swapaxes(0, 1), strict=True)
-    )
+    orders = "positions", "velocities", "accelerations"
+    named = dict(zip(orders, states.swapaxes(0, 1), strict=True))
     return named | {"kept": kept, "margin": margin}
 
 
-def _trim(row, received, trusted, theta, dropped_before, tolerance):
+def _trim(row, received, trusted, theta, dropped_before):
     """One vehicle's decision: (weights in force, set of dropped sources, margin).
 
     `row` (m+1,) are its weights, `received` (m+1, 2) the positions that it hears.
@@ -605,12 +557,8 @@ def _trim(row, received, trusted, theta, dropped_before, tolerance):
 
     score = {}
     for k in untrusted:
-        total = 0.0
-        for j in heard_trusted:
-            total += math.hypot(*(received[j] - received[k]))
-        score[k] = total / len(heard_trusted)
-        if k in dropped_before:
-            score[k] += tolerance
+        total = sum(math.hypot(*(received[j] - received[k])) for j in heard_trusted)
+        score[k] = total / len(heard_trusted) + 1e-9 * (k in dropped_before)
 
     # Largest score first; among equal scores the lower number first. A slice never takes more
     # than the untrusted neighbours that there are.

@@ -10,17 +10,9 @@ import jaxnet
 from jaxnet.cli import main
 from jaxnet.store.folder import FolderError
 
-STUDY = {
-    "name": "small",
-    "vehicles": 3,
-    "topology": "star",
-    "engine": "exact",
-    "defence": "none",
-    "horizon": 1.0,
-    "tail": 0.5,
-    "attack": {"kind": "rotating", "vehicles": [2], "frequency": {"uniform": [0.5, 2]}},
-    "recovery": {"tau": 0.2},
-}
+STUDY = {"name": "small", "vehicles": 3, "topology": "star", "engine": "exact", "defence": "none"}
+STUDY |= {"horizon": 1.0, "tail": 0.5, "recovery": {"tau": 0.2}}
+STUDY |= {"attack": {"kind": "rotating", "vehicles": [2], "frequency": {"uniform": [0.5, 2]}}}
 
 
 @pytest.fixture(scope="module")

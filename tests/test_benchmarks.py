@@ -77,6 +77,7 @@ def test_the_loop_by_hand_simulates_the_same_study():
     assert abs((ours > 0.1).mean() - theirs.share) <= 4 * noise * (ours > 0.1).std()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("script", ["speed", "scaling", "memory", "row"])
 def test_a_script_says_what_it_does(script):
     """Under `--help`, with its question or task first."""

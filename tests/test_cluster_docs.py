@@ -20,17 +20,9 @@ from jaxnet.cli import main
 PAGE = (Path(__file__).parents[1] / "docs" / "cluster.md").read_text()
 ARRAY, FINISH = re.findall(r"```bash\n(.*?)```", PAGE, re.DOTALL)
 (DASK,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-SMALL = {
-    "name": "small",
-    "vehicles": 3,
-    "samples": 2,
-    "horizon": 1.0,
-    "tail": 0.5,
-    "engine": "exact",
-    "defence": "none",
-    "attack": "none",
-    "sweep": {"initial.speed": [0.1, 0.2, 0.3, 0.4]},
-}
+SMALL = {"name": "small", "vehicles": 3, "samples": 2, "horizon": 1.0, "tail": 0.5}
+SMALL |= {"engine": "exact", "defence": "none", "attack": "none"}
+SMALL |= {"sweep": {"initial.speed": [0.1, 0.2, 0.3, 0.4]}}
 
 
 @pytest.fixture

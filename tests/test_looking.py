@@ -96,6 +96,13 @@ def results(made, tmp_path, monkeypatch):
     assert not (made.parent / "marker").exists(), "its code was run"
 
 
+def rewrite(name, change):
+    """Change a file of JSON or YAML: a function of its content, or the new content."""
+    load, dump = (yaml.safe_load, yaml.dump) if name == "study.yaml" else (json.loads, json.dumps)
+    content = load(Path(name).read_text())
+    Path(name).write_text(dump(change(content) if callable(change) else change))
+
+
 def said(*words, status=0):
     """What a command prints."""
     done = CliRunner().invoke(main, list(map(str, words)))
@@ -125,12 +132,8 @@ def test_looking_needs_no_code(results, tmp_path, monkeypatch):
     assert opened.errors["tracking"].shape == (4, 2, 5)
     assert opened.missing == [f"their_kinds:{name}" for name in ("Line", "Mine", "Rule", "speed")]
     attack = opened.study.cells[1].scenario.attack
-    assert (attack.reference(), attack.strength, attack.amplitude()) == (
-        "their_kinds:Mine",
-        3.0,
-        10,
-    )
-    assert yaml.safe_load(Path("study.yaml").read_text())["attack"]["kind"] == "their_kinds:Mine"
+    known = attack.reference(), attack.strength, attack.amplitude()
+    assert known == ("their_kinds:Mine", 3.0, 10)
 
 
 def test_what_needs_code_says_what_brings_it(results):
@@ -140,14 +143,10 @@ def test_what_needs_code_says_what_brings_it(results):
         assert line.startswith("the code of their_kinds:Line, their_kinds:Mine, their_kinds:Rule,")
         assert "--config FILE" in line
         assert "--trust" in line
-    assert one_line("figure", ".", "topologies").startswith(
-        "the code of their_kinds:Line is needed"
-    )
-    opened = jaxnet.open(".")
-    for ask in (
-        opened.study.config.attack.describe,
-        lambda: opened.study.config.topology.weights(3),
-    ):
+    refused = one_line("figure", ".", "topologies")
+    assert refused.startswith("the code of their_kinds:Line is needed")
+    config = jaxnet.open(".").study.config
+    for ask in (config.attack.describe, lambda: config.topology.weights(3)):
         with pytest.raises(jaxnet.KindError, match="is needed, and none is run because"):
             ask()
 
@@ -170,9 +169,8 @@ def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch)
     (home / "study.yaml").write_text(STUDY)
     again = said("replay", ".", "--cell", 1, "--sample", 1, "--config", home / "study.yaml")
     assert "the same as the stored row" in again
-    assert "there is no such config" in one_line(
-        "replay", ".", "--cell", 0, "--sample", 0, "--config", "no"
-    )
+    wrong = one_line("replay", ".", "--cell", 0, "--sample", 0, "--config", "no")
+    assert "there is no such config" in wrong
     assert jaxnet.open(".", config=home).missing == []
     registry.LOADED.clear()
     assert jaxnet.open(".").missing != []
@@ -182,22 +180,12 @@ def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch)
 
 
 @pytest.mark.parametrize(
-    "named",
-    [
-        "os:system",
-        "their_kinds:Mine",
-        "/their_kinds:Mine",
-        "..their_kinds:Mine",
-        "unittest.__main__:main",
-    ],
+    "named", ["os:system", "their_kinds:Mine", "/their_kinds:Mine", "..their_kinds:Mine"]
 )
 def test_whatever_a_study_names_is_a_name(named, results):
     """Modules beside it, of Python, at a path: shown, not imported."""
-    study = yaml.safe_load(Path("study.yaml").read_text())
-    study["attack"] = {"kind": named, "vehicles": [2]}
-    Path("study.yaml").write_text(yaml.dump(study))
-    manifest = json.loads(Path("manifest.json").read_text())
-    Path("manifest.json").write_text(json.dumps({**manifest, "kinds": {}, "modules": {}}))
+    rewrite("study.yaml", lambda study: study | {"attack": {"kind": named, "vehicles": [2]}})
+    rewrite("manifest.json", lambda manifest: manifest | {"kinds": {}, "modules": {}})
     assert named in jaxnet.open(".").missing
     assert "Rule" in said("show", ".")
     assert one_line("replay", ".", "--cell", 0, "--sample", 0).startswith("the code of ")
@@ -227,29 +215,19 @@ class Bomb:
 )
 def test_a_manifest_is_told(change, wrong, results):
     """In a line, whichever command reads it."""
-    manifest = json.loads(Path("manifest.json").read_text())
-    Path("manifest.json").write_text(json.dumps(manifest | change if change else change))
+    rewrite("manifest.json", lambda manifest: manifest | change if change else change)
     assert one_line("show", ".") == f"manifest.json: not a manifest of ours: {wrong}"
     assert "unfinished" in said("list", ".")
 
 
 def test_a_study_that_was_edited_is_told(tmp_path):
     """Its rows are those of another study, and bounds that hold for it do not hold for them."""
-    config = {
-        "name": "x",
-        "samples": 2,
-        "horizon": 0.4,
-        "output_step": 0.1,
-        "tail": 0.2,
-        "engine": "exact",
-    }
-    made = jaxnet.run(config, tmp_path / "x", progress=False)
+    keys = {"name": "x", "samples": 2, "horizon": 0.4, "output_step": 0.1, "tail": 0.2}
+    made = jaxnet.run(keys | {"engine": "exact"}, tmp_path / "x", progress=False)
     file = tmp_path / "x" / "study.yaml"
     file.write_text(file.read_text().replace("horizon: 0.4", "horizon: 0.5"))
-    told = one_line("fit", made.path)
-    assert told.endswith(
-        "study.yaml is not the study whose rows the folder holds: it was edited since"
-    )
+    told = "is not the study whose rows the folder holds: it was edited since"
+    assert one_line("fit", made.path).endswith(told)
 
 
 @pytest.mark.parametrize("content", ["", "one,two\n1,2\n", None])
@@ -261,11 +239,6 @@ def test_a_table_that_is_not_ours_is_told(content, results):
     else:
         Path("cells.csv").write_text(content)
     assert "cells.csv is not a table of ours" in one_line("show", ".")
-
-
-def metadata(name):
-    """A file of metadata of a store, changed and written by a test."""
-    return json.loads((Path("errors.zarr") / name / "zarr.json").read_text())
 
 
 @pytest.mark.parametrize(
@@ -282,8 +255,7 @@ def metadata(name):
 )
 def test_an_array_unlike_ours_is_not_read(change, wrong, results):
     """Its own metadata say so, whatever those of all together say, which nothing reads."""
-    file = Path("errors.zarr/time/zarr.json")
-    file.write_text(json.dumps(metadata("time") | change))
+    rewrite("errors.zarr/time/zarr.json", lambda metadata: metadata | change)
     with pytest.raises(FolderError, match="no array of ours: it.* " + re.escape(wrong)):
         _ = jaxnet.open(".").errors
     assert arrays.open_for_writing(jaxnet.open(".").path / "errors.zarr") is None
@@ -296,21 +268,12 @@ def test_a_store_of_version_2_is_not_read(results, made):
     store.mkdir()
     (store / ".zgroup").write_text('{"zarr_format": 2}')
     (store / "time").mkdir()
-    pickled = {
-        "zarr_format": 2,
-        "shape": [1],
-        "chunks": [1],
-        "dtype": "|O",
-        "fill_value": None,
-        "order": "C",
-    }
-    pickled |= {"compressor": None, "filters": [{"id": "pickle", "protocol": 5}]}
+    pickled = {"zarr_format": 2, "shape": [1], "chunks": [1], "dtype": "|O", "fill_value": None}
+    pickled |= {"order": "C", "compressor": None, "filters": [{"id": "pickle", "protocol": 5}]}
     (store / "time" / ".zarray").write_text(json.dumps(pickled))
     (store / "time" / "0").write_bytes(pickle.dumps([Bomb(made.parent / "marker")]))
-    assert "errors.zarr is no store of ours: it has no zarr.json" in one_line(
-        "export", ".", "--mat"
-    )
-    assert "errors.zarr is no store of ours" in one_line("figure", ".", "bands")
+    for words in (["export", ".", "--mat"], ["figure", ".", "bands"]):
+        assert "errors.zarr is no store of ours: it has no zarr.json" in one_line(*words)
 
 
 def test_pickled_arrays_are_not_read(made, results):
@@ -327,20 +290,15 @@ def test_pickled_arrays_are_not_read(made, results):
         shards.read_beside(work, jaxnet.open(".").shards[0], stamp)
 
 
-COLUMNS = {
-    "cell": pa.array([0, 0]),
-    "sample": pa.array([0, 1]),
-    "status": pa.array(["ok", "ok"]),
-    "tail_mean": pa.array([1.0, 2.0]),
-}
+COLUMNS = {"cell": [0, 0], "sample": [0, 1], "status": ["ok", "ok"], "tail_mean": [1.0, 2.0]}
 
 
 @pytest.mark.parametrize(
     ("change", "wrong"),
     [
-        ({"cell": pa.array(["a", "b"])}, "its column cell holds string"),
-        ({"more": pa.array([{"a": 1}, {"a": 2}])}, "its column more holds struct<a: int64>"),
-        ({"more": pa.array([b"x", b"y"])}, "its column more holds binary"),
+        ({"cell": ["a", "b"]}, "its column cell holds string"),
+        ({"more": [{"a": 1}, {"a": 2}]}, "its column more holds struct<a: int64>"),
+        ({"more": [b"x", b"y"]}, "its column more holds binary"),
         ({"status": None}, "it has no column status"),
     ],
 )
@@ -358,13 +316,10 @@ def test_metadata_of_rows_run_nothing(made, results):
     bomb = pickle.dumps(Bomb(made.parent / "marker"))
     kind = {"ARROW:extension:name": "arrow.py_extension_type", "ARROW:extension:metadata": bomb}
     table = pq.read_table("lanes/00000.parquet")
-    fields = [
-        field.with_metadata(kind) if field.name == "steps" else field for field in table.schema
-    ]
-    strange = {
-        "pandas": '{"index_columns": ["cell"], "columns": [{"name": "x"}], "column_indexes": []}'
-    }
-    schema = pa.schema(fields, metadata={**(table.schema.metadata or {}), **strange})
+    place = table.schema.get_field_index("steps")
+    schema = table.schema.set(place, table.schema.field(place).with_metadata(kind))
+    pandas = '{"index_columns": ["cell"], "columns": [{"name": "x"}], "column_indexes": []}'
+    schema = schema.with_metadata({**(table.schema.metadata or {}), "pandas": pandas})
     pq.write_table(pa.table(table.columns, schema=schema), "lanes/00000.parquet")
     assert list(jaxnet.open(".").lanes.columns[:3]) == ["cell", "sample", "defence"]
 
@@ -376,17 +331,18 @@ def test_nothing_of_results_becomes_html(results, tmp_path, monkeypatch):
     """Labels, the words of kinds, statuses, metrics, versions and the folder's name."""
     from jaxnet.view import page
 
-    study = yaml.safe_load(Path("study.yaml").read_text())
-    study["attack"] |= {"label": HTML, "kind": HTML + ":x"}
-    study["sweep"]["defence"] = [
-        {"kind": "none", "label": HTML},
-        {"kind": "none", "label": HTML + "2"},
-    ]
-    Path("study.yaml").write_text(yaml.dump(study))
-    manifest = json.loads(Path("manifest.json").read_text())
-    manifest |= {"versions": {**manifest["versions"], HTML: HTML}, "device": HTML, "seed": 0}
-    manifest["lanes"]["failed"] = 1
-    Path("manifest.json").write_text(json.dumps(manifest))
+    def hostile_study(study):
+        study["attack"] |= {"label": HTML, "kind": HTML + ":x"}
+        labels = (HTML, HTML + "2")
+        study["sweep"]["defence"] = [{"kind": "none", "label": each} for each in labels]
+        return study
+
+    def hostile_manifest(manifest):
+        manifest["versions"][HTML], manifest["lanes"]["failed"] = HTML, 1
+        return manifest | {"device": HTML, "seed": 0}
+
+    rewrite("study.yaml", hostile_study)
+    rewrite("manifest.json", hostile_manifest)
     table = pq.read_table("lanes/00000.parquet")
     place = table.column_names.index("status")
     table = table.set_column(place, "status", pa.array([HTML] * len(table)))
@@ -419,13 +375,7 @@ def test_a_manifest_that_is_too_deep_is_told(results):
 
 def test_a_tag_in_a_study_is_told(results):
     """None of them makes an object."""
-    text = (
-        Path("study.yaml")
-        .read_text()
-        .replace("seed: 0", "seed: !!python/object/apply:os.getcwd []")
-    )
-    Path("study.yaml").write_text(text)
-    assert (
-        "the tag tag:yaml.org,2002:python/object/apply:os.getcwd has no meaning here"
-        in one_line("show", ".")
-    )
+    tag = "seed: !!python/object/apply:os.getcwd []"
+    Path("study.yaml").write_text(Path("study.yaml").read_text().replace("seed: 0", tag))
+    told = "the tag tag:yaml.org,2002:python/object/apply:os.getcwd has no meaning here"
+    assert told in one_line("show", ".")

@@ -1,10 +1,12 @@
 """Kinds from outside are what their files are, not what these are called."""
 
+import os
 import pickle
 import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 import jaxnet
@@ -59,29 +61,29 @@ def measured(study):
     return jaxnet.simulate(study, progress=False).lanes["mine"].tolist()
 
 
+def two_folders(home):
+    """Two folders, each with a module of the same name."""
+    return [folder_with(home / name, factor) for name, factor in (("one", 1.0), ("two", 2.0))]
+
+
 def test_two_folders_may_each_have_a_module_of_one_name(tmp_path):
     """Each study simulates its own class, stores its own file's name, and has a hash of its own."""
-    one, two = (
-        folder_with(tmp_path / name, factor) for name, factor in (("one", 1.0), ("two", 2.0))
-    )
-    studies = [jaxnet.load(folder / "study.yaml") for folder in (one, two)]
+    folders = two_folders(tmp_path)
+    studies = [jaxnet.load(folder / "study.yaml") for folder in folders]
     assert [study.config.attack.factor() for study in studies] == [1.0, 2.0]
     results = [jaxnet.simulate(study, progress=False) for study in studies]
     assert [each.lanes["mine"].tolist() for each in results] == [[1.0], [2.0]]
-    files = [each.manifest["modules"] for each in results]
-    for folder, told in zip((one, two), files, strict=True):
+    for folder, each in zip(folders, results, strict=True):
+        files = {name: module["file"] for name, module in each.manifest["modules"].items()}
         names = ("helper", "late", "own_kinds")
-        assert {name: each["file"] for name, each in told.items()} == {
-            name: str(folder / f"{name}.py") for name in names
-        }
+        assert files == {name: str(folder / f"{name}.py") for name in names}
     assert results[0].manifest["hash"] != results[1].manifest["hash"]
-    assert results[0].study.config.attack.factor() == 1.0, (
-        "found again by its files, though loaded first"
-    )
+    again = results[0].study.config.attack.factor()
+    assert again == 1.0, "found again by its files, though loaded first"
     changed = jaxnet.load(studies[0], {"attack.magnitude": 3.0})
     assert changed.config.attack.factor() == 1.0
     assert not {"own_kinds", "helper", "late"} & set(sys.modules)
-    assert str(one) not in sys.path
+    assert str(folders[0]) not in sys.path
 
 
 def test_a_module_that_a_notebook_edits_is_a_new_one(tmp_path):
@@ -97,9 +99,8 @@ def test_a_module_that_a_notebook_edits_is_a_new_one(tmp_path):
         assert measured(after) == [5.0], module
         assert measured(before) == [1.0], module
         (folder / f"{module}.py").write_text(text)
-        assert type(jaxnet.load(folder / "study.yaml").config.attack) is type(
-            before.config.attack
-        ), module
+        again = jaxnet.load(folder / "study.yaml").config.attack
+        assert type(again) is type(before.config.attack), module
 
 
 SENT = """
@@ -146,12 +147,9 @@ def test_a_class_handed_over_is_refused_once_its_file_has_changed(tmp_path, monk
 
     keys = {"vehicles": 3, "attack": handed_kinds.Handed(vehicles=[2])}
     assert jaxnet.load(keys).config.attack.reference() == "handed_kinds:Handed"
-    file.write_text(
-        text.replace("1", "2 + 20")
-    )  # longer, or Python would take what it has compiled
-    with pytest.raises(
-        KindError, match=r"handed_kinds:Handed was changed since it was imported .*: import it"
-    ):
+    # longer, or Python would take what it has compiled
+    file.write_text(text.replace("1", "2 + 20"))
+    with pytest.raises(KindError, match=r"handed_kinds:Handed was changed since it was imported"):
         jaxnet.load(keys)
     del sys.modules["handed_kinds"]
     import handed_kinds  # pyright: ignore[reportMissingImports]
@@ -162,61 +160,30 @@ def test_a_class_handed_over_is_refused_once_its_file_has_changed(tmp_path, monk
 
 def test_two_modules_of_one_name_in_one_study_are_refused(tmp_path):
     """A manifest tells modules by their names."""
-    folders = [
-        folder_with(tmp_path / name, factor) for name, factor in (("one", 1.0), ("two", 2.0))
-    ]
-    first, second = (jaxnet.load(folder / "study.yaml").config.attack for folder in folders)
-    with pytest.raises(
-        KindError, match="two classes are called own_kinds:Mine: rename one of them"
-    ):
+    studies = [jaxnet.load(folder / "study.yaml") for folder in two_folders(tmp_path)]
+    first, second = (study.config.attack for study in studies)
+    with pytest.raises(KindError, match="two classes are called own_kinds:Mine: rename one"):
         jaxnet.load({"sweep": {"attack": [first, second]}, "vehicles": 3})
 
 
 LIBRARIES = ["zstandard", "bottleneck", "numexpr", "etils", "libtpu", "numcodecs", "cupy"]
-LOOKS = """
-import sys
-from jaxnet.cli import main
-main(["run", sys.argv[1], "--out", sys.argv[2]], standalone_mode=False)
-import importlib.util
-print([name for name in sys.argv[3:] if importlib.util.find_spec(name) and "beside" in
-       str(importlib.util.find_spec(name).origin)])
-"""
 
 
-def test_files_beside_a_config_shadow_no_library(tmp_path):
+@pytest.mark.parametrize("words", [["-m", "jaxnet"], ["-c", "import jaxnet.cli as c; c.main()"]])
+def test_files_beside_a_config_shadow_no_library(tmp_path, words):
     """Whatever libraries look for, nothing is run but what the config names."""
     folder = folder_with(tmp_path / "beside", 1.0)
-    marker = tmp_path / "marker"
-    for name in LIBRARIES:
-        (folder / f"{name}.py").write_text(f"open({str(marker)!r}, 'w')\n")
-    import pandas as pd
-
-    (folder / "own_kinds.py").write_text("import pandas as pd\n" + KINDS)
-    command = [
-        sys.executable,
-        "-c",
-        LOOKS,
-        str(folder / "study.yaml"),
-        str(tmp_path / "out"),
-        *LIBRARIES,
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
-    assert done.stdout.splitlines()[-1] == "[]"
-    assert not marker.exists()
-    assert pd.read_parquet(tmp_path / "out" / "lanes" / "00000.parquet")["mine"].tolist() == [1.0]
-
-
-def test_the_command_as_a_module_finds_no_module_where_it_is_typed(tmp_path):
-    """`python -m jaxnet` is the same as `jaxnet`."""
-    marker = tmp_path / "marker"
+    marker, out = tmp_path / "marker", tmp_path / "out"
     for name in ("yaml", "click", *LIBRARIES):
-        (tmp_path / f"{name}.py").write_text(f"open({str(marker)!r}, 'w')\n")
-    environment = {"PYTHONPATH": str(ROOT), "PATH": ""}
-    command = [sys.executable, "-m", "jaxnet", "check", "study.yaml"]
-    (tmp_path / "study.yaml").write_text("name: one\nvehicles: 3\nattack: none\n")
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+        (folder / f"{name}.py").write_text(f"open({str(marker)!r}, 'w')\n")
+    (folder / "own_kinds.py").write_text("import pandas as pd\n" + KINDS)
+    run = [sys.executable, *words, "run", str(folder / "study.yaml"), "--out", str(out)]
+    typed_there = words[0] == "-m"  # of `-c`, Python itself looks where it is typed
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    where = folder if typed_there else ROOT
+    subprocess.run(run, capture_output=True, check=True, cwd=where, env=environment)
     assert not marker.exists()
+    assert pd.read_parquet(out / "lanes" / "00000.parquet")["mine"].tolist() == [1.0]
 
 
 def test_packages_and_relative_imports_are_found(tmp_path):
@@ -232,9 +199,8 @@ def test_packages_and_relative_imports_are_found(tmp_path):
         "class Mine(Bias):\n"
         "    def found(self):\n        return own_package.one is one is same, ONE\n"
     )
-    (tmp_path / "study.yaml").write_text(
-        "name: one\nvehicles: 3\nattack: {kind: 'own_package.kinds:Mine', vehicles: [2]}\n"
-    )
+    text = "name: one\nvehicles: 3\nattack: {kind: 'own_package.kinds:Mine', vehicles: [2]}\n"
+    (tmp_path / "study.yaml").write_text(text)
     config = jaxnet.load(tmp_path / "study.yaml").config
     assert config.attack.found() == (True, 1.0)
     assert config.attack.reference() == "own_package.kinds:Mine"

@@ -1,1 +1,1 @@
-"""Results without simulation: certificates, bounds, exact solutions; needs `jaxnet.model` alone."""
+"""Results without simulation: theorems with their premises, bounds, exact solutions."""

@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxnet.config.scenario import MOTION
 from jaxnet.theory import response
+from jaxnet.theory.case import Case
 from jaxnet.theory.response import LawGain
 from jaxnet.theory.safe import safe_vehicles
 from jaxnet.theory.spread import AttackGain, Gains, scenario_gain
-from jaxnet.theory.theorem import Case, Theorem
 
 
 def between_ticks(
@@ -23,12 +22,11 @@ def between_ticks(
     ‖a^(k+1)‖ ≤ ā, unless each order has its magnitude. A signal of one frequency also has `Λ ≤ Ω η
     ā`.
     """
-    rates = [1.0 if order + 1 in reach.orders else np.inf for order in reach.orders]
-    if reach.shares is not None:
-        rates = np.inf
-    most = float(
-        reach.factors(gain) @ np.broadcast_to(np.minimum(rates, fastest), len(reach.orders))
-    )
+    rates = np.full(len(reach.orders), fastest)
+    if reach.shares is None:
+        derived = [order + 1 in reach.orders for order in reach.orders]
+        rates[derived] = min(fastest, 1.0)
+    most = float(reach.factors(gain) @ rates)
     if one_frequency:
         most = min(most, fastest * response.harmonic_norm(gain))
     return response.impulse_norm(gain) * reach.gains * most * tick
@@ -43,21 +41,18 @@ class Ultimate(NamedTuple):
 
 def ultimate(case: Case) -> Ultimate | None:
     """Ultimate error that theorem 3 and corollary 1 allow; None if nobody is safe by majority."""
-    scenario = case.scenario
-    if not scenario.defence.announcing() or not scenario.attack.present or case.draws is None:
+    scenario, attack = case.scenario, case.scenario.attack
+    if not scenario.defence.announcing() or not attack.present or case.draws is None:
         return None
     found = safe_vehicles(case)
-    majority, left = found.by_majority(), found.left()
+    majority = found.by_majority()
     if not majority.any():
         return None
-    reach, fastest = scenario_gain(scenario), scenario.attack.fastest()
+    reach, fastest = scenario_gain(scenario), attack.fastest()
     if reach is None or not np.isfinite(fastest):
         return Ultimate(np.nan, np.nan)
-    one_frequency = scenario.attack.harmonic()
-    slopes = between_ticks(reach, case.gain, fastest, scenario.tick, one_frequency)
+    slopes = between_ticks(reach, case.gain, fastest, scenario.tick, attack.harmonic())
+    left = max(each.left for each in found.reasons)  # 2M + δ on links (corollary 1)
     most = float(reach.gains[majority].max())
     rounding = response.impulse_norm(case.gain) * most * left if left else 0.0
     return Ultimate(float(slopes[majority].max()), rounding)
-
-
-THEOREM_3 = Theorem("theorem 3", "ultimate error", "m", ("leader", *MOTION, "consistent"), ultimate)

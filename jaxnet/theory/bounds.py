@@ -5,17 +5,17 @@ Each bound is a constant of one axis times the attack gain of the network (`spre
 axis in E = y - y_0 obeys `‖ρ_i‖ ≤ β γ_i ā` for every sequence of kept sets. If an attack falsifies
 only some of the received derivatives, β has only their terms.
 
-    bound                holds for
-    static               consistent derivatives, kept sets that cannot switch
-    harmonic             attacks of one frequency each, consistent derivatives, switching too (not
-    in tables) peak_gain            any ρ within its bound: inconsistent derivatives and switching
-    too lyapunov_printed     no case in general: it is false (see `lyapunov`) lyapunov_corrected,
-    as peak_gain lyapunov_best, star_norm
+- static: consistent derivatives, kept sets that cannot switch.
+- harmonic: attacks of one frequency each, consistent derivatives, switching too (not in tables).
+- peak_gain, lyapunov_corrected, lyapunov_best, star_norm: any ρ within its bound, so inconsistent
+  derivatives and switching too.
+- lyapunov_printed: no case in general, for it is false (see `lyapunov`).
 
-`static ≤ harmonic ≤ peak_gain ≤` the last three, always: ‖h‖₁ ≥ 1/k0, k0 ≤ η ≤ β, and a sound bound
-on an axis covers the ρ that attains ‖h‖₁.
+`static ≤ harmonic ≤ peak_gain ≤` lyapunov_corrected, lyapunov_best and star_norm, always:
+‖h‖₁ ≥ 1/k0, k0 ≤ η ≤ β, and a sound bound on an axis covers the ρ that attains ‖h‖₁.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -36,25 +36,9 @@ class Bound(NamedTuple):
         return float(self.vehicles.max())
 
 
-BOUND_KEYS = (
-    "static",
-    "peak_gain",
-    "lyapunov_printed",
-    "lyapunov_corrected",
-    "lyapunov_best",
-    "star_norm",
-)
-
-
-def ultimate_bounds(reach: AttackGain, gain: LawGain) -> dict[str, Bound]:
-    return {
-        "static": static(reach),
-        "peak_gain": peak_gain(reach, gain),
-        "lyapunov_printed": lyapunov_printed(reach, gain),
-        "lyapunov_corrected": lyapunov_corrected(reach, gain),
-        "lyapunov_best": lyapunov_best(reach, gain),
-        "star_norm": star_norm(reach, gain),
-    }
+def by_two_norm(slopes: Gains) -> Bound:
+    """A bound on the fleet by the 2-norm of its vehicles' slopes."""
+    return Bound(slopes, float(np.linalg.norm(slopes)))
 
 
 def static(reach: AttackGain) -> Bound:
@@ -64,72 +48,47 @@ def static(reach: AttackGain) -> Bound:
     at any frequency, while the kept set is fixed. Constant attacks in phase attain it. Slopes are
     not-a-number where the kept set may switch.
     """
-    gains = np.full(reach.gains.shape, np.nan) if reach.fixed is None else reach.gains
-    return Bound(gains, float(np.linalg.norm(gains)))
+    return by_two_norm(reach.gains * (np.nan if reach.fixed is None else 1.0))
 
 
 def peak_gain(reach: AttackGain, gain: LawGain) -> Bound:
-    """`β ‖h‖₁ γ_i`; the fleet's slope is the 2-norm of these.
+    """`β ‖h‖₁ γ_i`, for any ρ within its bound.
 
-    The bound holds for any ρ within its bound. Source: ‖h * ρ‖_∞ ≤ ‖h‖₁ ‖ρ‖_∞ (Desoer and
-    Vidyasagar, 1975).
+    Source: ‖h * ρ‖_∞ ≤ ‖h‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
     """
-    return per_vehicle(response.impulse_norm(gain), reach, gain)
+    return by_two_norm(response.impulse_norm(gain) * reach.disturbance(gain) * reach.gains)
 
 
 def harmonic(reach: AttackGain, gain: LawGain) -> Bound:
-    """`η ‖h‖₁ γ_i` for attacks of one frequency.
+    """`η ‖h‖₁ γ_i`: `peak_gain` for attacks of one frequency, with η in place of β.
 
-    η is the greatest ‖R(a)‖ of such an attack (`response.harmonic_norm`). The bound is `peak_gain`
-    with η in place of β. At every instant `‖R(E_i)‖ ≤ γ_i max ‖R(a)‖`, for every choice of retained
-    neighbours (O2b).
+    η is the greatest ‖R(a)‖ of such an attack (`response.harmonic_norm`). At every instant
+    `‖R(E_i)‖ ≤ γ_i max ‖R(a)‖`, for every choice of retained neighbours (O2b).
     """
-    slopes = response.impulse_norm(gain) * response.harmonic_norm(gain) * reach.gains
-    return Bound(slopes, float(np.linalg.norm(slopes)))
+    return by_two_norm(response.impulse_norm(gain) * response.harmonic_norm(gain) * reach.gains)
 
 
-def lyapunov_printed(reach: AttackGain, gain: LawGain) -> Bound:
-    """Paper's `c β s_i` and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` with c = 2‖PB‖ / λ_min(Q) and Q = I.
+# Constants of one axis, and whether something is said where kept sets may switch: ε jumps there.
+CONSTANTS: dict[str, tuple[Callable[[LawGain], float], bool]] = {
+    "lyapunov_printed": (lyapunov.printed_constant, False),
+    "lyapunov_corrected": (lyapunov.corrected_constant, True),
+    "lyapunov_best": (lyapunov.best_constant, True),
+    "star_norm": (response.axis_star_norm, True),
+}
+BOUND_KEYS = ("static", "peak_gain", *CONSTANTS)
 
-    The bound is false in general, because the constant lacks √κ(P). Slopes are not-a-number where
-    kept sets may switch, because ε jumps there.
+
+def ultimate_bounds(reach: AttackGain, gain: LawGain) -> dict[str, Bound]:
+    """All bounds but `harmonic`.
+
+    Those by a constant c of an axis are `c β γ_i`, and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` for a fleet whose kept
+    sets are fixed. The paper's c is false, because it lacks √κ(P) (Khalil, theorem 4.18).
     """
-    return fleet_bound(lyapunov.printed_constant(gain), reach, gain, np.nan)
-
-
-def lyapunov_corrected(reach: AttackGain, gain: LawGain) -> Bound:
-    """Printed bound times √κ(P), and `c β γ_i`, in E, where kept sets may switch.
-
-    The bound holds for any ρ within its bound. Source: Khalil, theorem 4.18.
-    """
-    return fleet_bound(lyapunov.corrected_constant(gain), reach, gain, 1.0)
-
-
-def lyapunov_best(reach: AttackGain, gain: LawGain) -> Bound:
-    """Corrected bound for the best Q ≻ 0 that a numerical search finds."""
-    return fleet_bound(lyapunov.best_constant(gain), reach, gain, 1.0)
-
-
-def star_norm(reach: AttackGain, gain: LawGain) -> Bound:
-    """Corrected bound with the star norm as constant c.
-
-    An invariant ellipsoid proves this bound on the position.
-    """
-    return fleet_bound(response.axis_star_norm(gain), reach, gain, 1.0)
-
-
-def per_vehicle(constant: float, reach: AttackGain, gain: LawGain) -> Bound:
-    """`c β γ_i`; the fleet's slope is the 2-norm of these."""
-    slopes = constant * reach.disturbance(gain) * reach.gains
-    return Bound(slopes, float(np.linalg.norm(slopes)))
-
-
-def fleet_bound(constant: float, reach: AttackGain, gain: LawGain, switching: float) -> Bound:
-    """`c β γ_i`, and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` for a fleet whose kept sets are fixed.
-
-    Where kept sets may switch, the slopes are those of `per_vehicle` times `switching`.
-    """
-    one = per_vehicle(constant, reach, gain)
-    if reach.fixed is None:
-        return Bound(one.vehicles * switching, one.fleet * switching)
-    return one._replace(fleet=float(constant * reach.disturbance(gain) * reach.norms))
+    found = {"static": static(reach), "peak_gain": peak_gain(reach, gain)}
+    for name, (constant, switching) in CONSTANTS.items():
+        slope = constant(gain) * reach.disturbance(gain)
+        if reach.fixed is not None:
+            found[name] = Bound(slope * reach.gains, float(slope * reach.norms))
+        else:
+            found[name] = by_two_norm(reach.gains * (slope if switching else np.nan))
+    return found

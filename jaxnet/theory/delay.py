@@ -1,70 +1,29 @@
 """Late messages: how far a fleet lags, and up to which delay it is stable (theorems.md O16)."""
 
 import math
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from jaxnet.model import graph
 from jaxnet.model.graph import Weights
-from jaxnet.theory import rounds
+from jaxnet.theory.case import Case
 from jaxnet.theory.response import LawGain
-from jaxnet.theory.theorem import Case, Theorem
+from jaxnet.theory.rounds import deviating, held_rates
 
 MOST_DELAY = 1e3  # [s] up to which a margin is sought
 
 
-def lags(weights: Weights, delay: float) -> Float[np.ndarray, " m"]:
+def lag_behind(case: Case) -> Float[np.ndarray, " m"] | None:
     """Time [s] by which each vehicle ends behind a navigator on a line, `τ L⁻¹ 1`.
 
-    Words are late by `delay` [s] and are taken as they are.
+    Messages are delayed by τ [s] and are taken as they are.
     """
-    return delay * np.linalg.solve(graph.laplacian(weights), np.ones(len(weights)))
-
-
-def word_factors(
-    gain: LawGain, delay: float, extrapolate: str, local: bool
-) -> Float[np.ndarray, " factors"]:
-    """Factors of y, ẏ, …, y^(r) in a word that is late by `delay` [s].
-
-    They are those of R, or of R after the delay by Taylor. Under a `local` law y^(r) is not told.
-    """
-    order = len(gain)
-    powers = [
-        delay**n / math.factorial(n) * (extrapolate != "none" or n == 0) for n in range(order + 1)
-    ]
-    factors = [sum(gain[n - j] * powers[j] for j in range(n + 1)) for n in range(order)]
-    jerk = sum(gain[k] * powers[order - k] for k in range(order)) if extrapolate == "jerk" else 0.0
-    return np.array([*factors, 0.0 if local else 1.0 + jerk])
-
-
-def jerk_margin(weights: Weights, gain: LawGain) -> float:
-    """Delay [s] above which a fleet is unstable that extrapolates the highest derivative too.
-
-    There `ρ(A) (1 + k_{r-1} τ + … + k0 τ^r / r!)` is 1, the gain of fast motions from word to word.
-    The margin is infinite on a graph without a cycle.
-    """
-    radius, order = np.abs(np.linalg.eigvals(weights[:, 1:])).max(), len(gain)
-
-    def excess(delay: float) -> float:
-        factor = 1 + sum(
-            gain[k] * delay ** (order - k) / math.factorial(order - k) for k in range(order)
-        )
-        return radius * factor - 1
-
-    if excess(MOST_DELAY) <= 0:
-        return math.inf
-    from scipy.optimize import brentq  # takes 0.15 s to import
-
-    margin: Any = brentq(excess, 0.0, MOST_DELAY, xtol=1e-12)
-    return float(margin)
-
-
-def lag_behind(case: Case) -> Float[np.ndarray, " m"] | None:
     channel = case.scenario.channel
-    plain = channel.late and channel.extrapolate == "none"
-    return lags(case.weights, channel.delay) if plain else None
+    if not channel.late or channel.extrapolate != "none":
+        return None
+    laplacian = graph.laplacian(case.weights)
+    return channel.delay * np.linalg.solve(laplacian, np.ones(len(laplacian)))
 
 
 def follows_lines(case: Case) -> bool | None:
@@ -82,24 +41,78 @@ def greatest_delay(case: Case) -> float | None:
     return margin if np.isfinite(margin) else None
 
 
+def jerk_margin(weights: Weights, gain: LawGain) -> float:
+    """Delay [s] above which a fleet is unstable that extrapolates the highest derivative too.
+
+    There `ρ(A) (1 + k_{r-1} τ + … + k0 τ^r / r!)` is 1, the gain of fast motions from message to
+    message. The margin is infinite on a graph without a cycle.
+    """
+    radius = np.abs(np.linalg.eigvals(weights[:, 1:])).max()
+
+    def excess(delay: float) -> float:
+        return radius * message_factors(gain, delay, "jerk", False)[-1] - 1
+
+    if excess(MOST_DELAY) <= 0:
+        return math.inf
+    from scipy.optimize import brentq  # takes 0.15 s to import
+
+    return float(brentq(excess, 0.0, MOST_DELAY, xtol=1e-12))  # pyright: ignore[reportArgumentType]
+
+
+def message_factors(
+    gain: LawGain, delay: float, extrapolate: str, local: bool
+) -> Float[np.ndarray, " factors"]:
+    """Factors of y, ẏ, …, y^(r) in a message that is delayed by `delay` [s].
+
+    They are those of R, or of R after the delay by Taylor. A `local` law transmits no y^(r).
+    """
+    order = len(gain)
+    after = [delay**n / math.factorial(n) for n in range(order + 1)]
+    factors = np.convolve([*gain, 1.0], [1.0] if extrapolate == "none" else after)[: order + 1]
+    if extrapolate != "jerk":
+        factors[order] = 1.0
+    if local:
+        factors[order] = 0.0
+    return factors
+
+
 def growth_when_late(case: Case) -> float | None:
     """Growth of deviations per tick under a law that holds a derivative and hears late messages."""
-    scenario, law, channel = case.scenario, case.scenario.law, case.scenario.channel
+    scenario = case.scenario
+    law, channel = scenario.law, scenario.channel
     rows, leads = case.situation.graph.weights.T[None], scenario.navigator.present
     known = channel.late and law.needs_ticks() and (law.gives_demand() or law.iterates())
     if not known or scenario.attack.replaces():
         return None
     if not law.couples() and scenario.topology.strength(rows, leads) is not None:
         return None
-    message = word_factors(case.gain, channel.delay, channel.extrapolate, not law.couples())
-    along, late = rounds.deviating(case, case.weights), round(channel.delay / scenario.tick)
-    return rounds.late_growth(along, case.gain, message, scenario.tick, late)
+    along, tick = deviating(case, case.weights), scenario.tick
+    message = message_factors(case.gain, channel.delay, channel.extrapolate, not law.couples())
+    ticks = round(channel.delay / tick)
+    return late_growth(along, case.gain, message, tick, ticks) if len(along) else None
 
 
-OF_DELAY = ("flat", "one network", "every message", "no decisions", "steady delay", "small")
-LATE_FLEETS = (
-    Theorem("O16", "lag", "s", (*OF_DELAY, "solved"), lag_behind),
-    Theorem("O16", "follows lines", "", (*OF_DELAY, "solved"), follows_lines),
-    Theorem("O16", "greatest delay", "s", (*OF_DELAY, "solved", "one gain"), greatest_delay),
-    Theorem("O16", "growth when late", "", (*OF_DELAY, "one gain"), growth_when_late),
-)
+def late_growth(
+    eigenvalues: np.ndarray,
+    gain: LawGain,
+    message: Float[np.ndarray, " factors"],
+    tick: float,
+    late: int,
+) -> float:
+    """Factor of the slowest motion at each tick where messages are `late` ticks late, at least 1.
+
+    `message` are the factors of E, Ė, … and of the held q in a message. Along an eigenvector of A
+    with eigenvalue λ, `q = λ w(t - d h) - P(E)`, where w is the message. One exchange has the
+    characteristic polynomial of theorems.md, O16.
+    """
+    r = len(gain)
+    integrators, entry = held_rates(r, tick)
+    size = r + 1 + late  # E and its derivatives, q, and the messages on their way, newest first
+    loops = np.zeros((len(eigenvalues), size, size), complex)
+    loops[:, r, :r] = -gain
+    loops[:, r, -1] = eigenvalues
+    loops[:, :r, :r] = np.eye(r) + tick * integrators
+    loops[:, :r] += tick * entry[None, :, None] * loops[:, r : r + 1]
+    loops[:, r + 1, : r + 1] = message
+    loops[:, np.arange(r + 2, size), np.arange(r + 1, size - 1)] = 1.0
+    return float(np.abs(np.linalg.eigvals(loops)).max())

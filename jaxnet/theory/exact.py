@@ -12,11 +12,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from jaxnet.config.scenario import MOTION
 from jaxnet.model import graph, safety
 from jaxnet.model.axis import PlaneGains, companion
 from jaxnet.theory import response
-from jaxnet.theory.theorem import Case, Theorem
+from jaxnet.theory.case import Case
 
 Weight = Float[np.ndarray, "r r"]
 ErrorJets = Float[np.ndarray, "r m 2"]
@@ -90,6 +89,3 @@ def decay(case: Case) -> Decay | None:
     begins = scenario.horizon - scenario.tail
     left = max(np.linalg.norm(expm(companion(gain) * begins), 2) for gain in gains)
     return Decay(max(factors), min(rates), norms, bool(joined), float(left), begins)
-
-
-DECAY = Theorem("Lemma 1", "decay", "", ("leader", *MOTION), decay)

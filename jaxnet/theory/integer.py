@@ -5,7 +5,7 @@ r-reachable. HiGHS solves the programs. Source: Usevitch and Panagou, Determinin
 (r,s)-robustness of digraphs using mixed integer linear programming, 2020.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -48,24 +48,27 @@ class RobustnessBracket(NamedTuple):
         """Whether the bounds are equal."""
         return self.low >= self.high
 
+    def narrowed(self, more: Callable[[int], bool | None]) -> "RobustnessBracket":
+        """Bounds after proofs for low + 1, low + 2, …
+
+        `more(low)` tells whether the greatest number is over `low`, None without time to prove it.
+        """
+        low, high = self
+        while low < high and (holds := more(low)) is not None:
+            low, high = (low + 1, high) if holds else (low, low)
+        return RobustnessBracket(low, high)
+
 
 def robustness_bracket(heard: Heard, seconds: float) -> RobustnessBracket:
     """Bounds on the greatest r for which a digraph is r-robust.
 
     The greatest r is the minimum, over disjoint nonempty sets of nodes, of the most sources outside
     its set that any node of the two sets hears. Bounds by the in-degree come first. Half of the
-    time goes to the minimisation of r, and the rest to proofs for r = low + 1, low + 2, ….
+    time goes to the minimisation of r, the rest to proofs for r = low + 1, low + 2, ….
 
-    Times to equal bounds, measured with SciPy 1.17 on two cores:
-
-    - Random digraphs of 20 nodes, a link with probability 0.3 or 0.5: 0.1 to 0.5 s.
-    - 30 nodes, probability 0.2: 0.1 to 0.5 s; 24 nodes, probability 0.5: 2 to 5 s.
-    - 30 nodes, probability 0.5: 3 to 20 s, and once over 60 s; 40 nodes, probability 0.2: 0.2 to 1
-      s.
-    - Each node hears the 6 before it: 0.3 s for 30 nodes, 6 s for 100.
-    - 60 nodes, probability 0.2: still 5 to 7 after 20 s; probability 0.5: still 11 to 18.
-
-    HiGHS may exceed a time limit of 2 s by 1 s, for 150 nodes or more.
+    Times to equal bounds, measured with SciPy 1.17 on two cores: 0.1 to 5 s for random digraphs of
+    20 to 30 nodes, up to 60 s for dense ones of 30. Random digraphs of 60 nodes are open after
+    20 s. HiGHS may exceed a time limit of 2 s by 1 s, for 150 nodes or more.
 
     Parameters
     ----------
@@ -90,16 +93,7 @@ def robustness_bracket(heard: Heard, seconds: float) -> RobustnessBracket:
     end, found = monotonic() + seconds, degree_bracket(heard)
     if not found.known:
         found = minimised(heard, found, seconds / 2)
-    while not found.known:
-        holds = is_robust(heard, found.low + 1, 1, end - monotonic())
-        if holds is None:
-            break
-        found = narrowed(found, holds)
-    return found
-
-
-def narrowed(known: RobustnessBracket, holds: bool) -> RobustnessBracket:
-    return known._replace(low=known.low + 1) if holds else known._replace(high=known.low)
+    return found.narrowed(lambda low: is_robust(heard, low + 1, 1, end - monotonic()))
 
 
 def degree_bracket(heard: Heard) -> RobustnessBracket:
@@ -121,17 +115,14 @@ def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> Robustn
     n, degrees = len(heard), heard.sum(axis=1)
     # r ≥ low: the row of a node outside a set always holds
     slack = np.maximum(degrees - known.low, 0)
-    rows = sparse.hstack([twice(np.diag(slack) - heard), -np.ones((2 * n, 1))])
-    cost = np.append(np.zeros(2 * n), 1)
-    found = solve(
-        cost, [(rows, -np.inf, np.tile(slack - degrees, 2)), *two_sets(n, 1)], known, seconds
-    )
+    outside = sparse.hstack([twice(np.diag(slack) - heard), -np.ones((2 * n, 1))])
+    rows = [(outside, -np.inf, np.tile(slack - degrees, 2)), *two_sets(n, 1)]
+    found = solve(np.append(np.zeros(2 * n), 1), rows, known, seconds)
     if found is None:
         return known
     high = known.high
     if found.x is not None:
-        outside = [outside_counts(heard, nodes).max() for nodes in both_sets(found.x, n)]
-        high = min(high, int(max(outside)))
+        high = min(high, max(int(counts.max()) for counts in outside_counts(heard, found.x)))
     return RobustnessBracket(min(high, max(known.low, proved(found))), high)
 
 
@@ -169,7 +160,9 @@ def s_bracket(heard: Heard, r: int, seconds: float) -> RobustnessBracket:
         return RobustnessBracket(0, n)
     if found.status == INFEASIBLE:
         return RobustnessBracket(n, n)
-    high = n if found.x is None else reachable(heard, both_sets(found.x, n), r)
+    high = n
+    if found.x is not None:
+        high = sum(int((counts >= r).sum()) for counts in outside_counts(heard, found.x))
     return RobustnessBracket(min(high, max(0, proved(found))), high)
 
 
@@ -188,12 +181,7 @@ def total_bracket(heard: Heard, known: RobustnessBracket, seconds: float) -> Rob
     Every (2F + 1)-robust digraph is (F + 1, F + 1)-robust. F is -1 if the digraph is not 1-robust.
     """
     end, found = monotonic() + seconds, RobustnessBracket(most_local(known.low), known.high - 1)
-    while not found.known:
-        holds = is_robust(heard, found.low + 2, found.low + 2, end - monotonic())
-        if holds is None:
-            break
-        found = narrowed(found, holds)
-    return found
+    return found.narrowed(lambda low: is_robust(heard, low + 2, low + 2, end - monotonic()))
 
 
 def violation(heard: Heard, r: int, most: int, cost: np.ndarray, seconds: float) -> Any:
@@ -204,13 +192,14 @@ def violation(heard: Heard, r: int, most: int, cost: np.ndarray, seconds: float)
     sets.
     """
     n = len(heard)
-    slack, one, none = np.maximum(heard.sum(axis=1) - r + 1, 0), np.ones((1, n)), np.zeros((1, n))
+    one, none = np.ones((1, n)), np.zeros((1, n))
+    slack = np.maximum(heard.sum(axis=1) - r + 1, 0)
     outside = sparse.hstack([twice(np.diag(slack) - heard), -twice(np.diag(slack))])
     inside = sparse.hstack([-sparse.eye_array(2 * n), sparse.eye_array(2 * n)])
     other = np.block([[one, none, -one, none], [none, one, none, -one]])
     few = np.block([none, none, one, one])
     rows = [(outside, -np.inf, 0), (inside, -np.inf, 0), (other, 1, np.inf), (few, 0, most)]
-    return solve(cost, [*rows, *two_sets(n, 2 * n)], RobustnessBracket(0, 1), seconds)
+    return solve(cost, [*rows, *two_sets(n, 2 * n)], (0, 1), seconds)
 
 
 def two_sets(n: int, more: int) -> list[Constraint]:
@@ -225,12 +214,12 @@ def two_sets(n: int, more: int) -> list[Constraint]:
     return [(disjoint, 0, 1), (sizes, [1, 0], np.inf)]
 
 
-def twice(block: Float[np.ndarray, "n n"] | Any) -> Any:
+def twice(block: Float[np.ndarray, "n n"]) -> Any:
     return sparse.block_diag([sparse.csr_array(block)] * 2)
 
 
 def solve(
-    cost: np.ndarray, rows: Sequence[Constraint], last: RobustnessBracket, seconds: float
+    cost: np.ndarray, rows: Sequence[Constraint], last: tuple[int, int], seconds: float
 ) -> Any:
     """SciPy's result for a program with binary variables, or None if no time is left.
 
@@ -242,9 +231,13 @@ def solve(
         return None
     low, high = np.zeros(len(cost)), np.ones(len(cost))
     low[-1], high[-1] = last
-    constraints, options = [LinearConstraint(*each) for each in rows], {"time_limit": seconds}
-    bounds = Bounds(low, high)  # pyright: ignore[reportArgumentType]
-    return milp(cost, constraints=constraints, integrality=1, bounds=bounds, options=options)
+    return milp(
+        cost,
+        constraints=[LinearConstraint(*each) for each in rows],
+        integrality=1,
+        bounds=Bounds(low, high),  # pyright: ignore[reportArgumentType]
+        options={"time_limit": seconds},
+    )
 
 
 def proved(found: Any) -> int:
@@ -253,13 +246,9 @@ def proved(found: Any) -> int:
     return 0 if bound is None or not np.isfinite(bound) else int(np.ceil(bound - SOLVER_TOLERANCE))
 
 
-def both_sets(x: Float[np.ndarray, " variables"], n: int) -> Bool[np.ndarray, "2 n"]:
-    return x[: 2 * n].reshape(2, n) > 0.5
-
-
-def outside_counts(heard: Heard, nodes: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " inside"]:
-    return heard[nodes][:, ~nodes].sum(axis=1)
-
-
-def reachable(heard: Heard, sets: Bool[np.ndarray, "2 n"], r: int) -> int:
-    return sum(int((outside_counts(heard, nodes) >= r).sum()) for nodes in sets)
+def outside_counts(
+    heard: Heard, x: Float[np.ndarray, " variables"]
+) -> list[Int[np.ndarray, " inside"]]:
+    """How many sources outside its set each node hears, of the two sets that a solver found."""
+    sets = x[: 2 * len(heard)].reshape(2, -1) > 0.5
+    return [heard[nodes][:, ~nodes].sum(axis=1) for nodes in sets]

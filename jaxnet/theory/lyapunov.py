@@ -16,45 +16,43 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from jaxnet.theory import exact
+from jaxnet.model.axis import companion
+from jaxnet.theory.exact import Weight, lyapunov_matrix
 from jaxnet.theory.response import LawGain
 
 STEPS = 2000
 LEARNING_RATE = 0.1
 
 
-def printed_constant(gain: LawGain, Q: exact.Weight | None = None) -> float:
+def printed_constant(gain: LawGain, Q: Weight | None = None) -> float:
     """`2‖PB‖ / λ_min(Q)`, the paper's constant, which is false in general."""
     least = 1.0 if Q is None else np.linalg.eigvalsh(Q)[0]
-    return float(2 * np.linalg.norm(exact.lyapunov_matrix(gain, Q)[:, -1]) / least)
+    return float(2 * np.linalg.norm(lyapunov_matrix(gain, Q)[:, -1]) / least)
 
 
-def corrected_constant(gain: LawGain, Q: exact.Weight | None = None) -> float:
+def corrected_constant(gain: LawGain, Q: Weight | None = None) -> float:
     """`√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
-    return printed_constant(gain, Q) * float(
-        np.sqrt(np.linalg.cond(exact.lyapunov_matrix(gain, Q)))
-    )
+    return printed_constant(gain, Q) * float(np.sqrt(np.linalg.cond(lyapunov_matrix(gain, Q))))
 
 
 def best_constant(gain: LawGain) -> float:
-    return cached_best_constant(tuple(gain.tolist()))
+    """Corrected constant of the best Q ≻ 0 that a search finds.
+
+    NumPy evaluates the constant of that Q. A poor search gives a greater bound, never a wrong one.
+    """
+    return min(
+        corrected_constant(gain), corrected_constant(gain, best_weight(tuple(gain.tolist())))
+    )
 
 
 @functools.cache
-def cached_best_constant(gain: tuple[float, ...]) -> float:
-    """Minimised corrected constant from a cache.
-
-    NumPy evaluates the constant of the Q that the search finds. A poor search gives a greater
-    bound, never a wrong bound.
-    """
-    given = np.array(gain)
+def best_weight(gain: tuple[float, ...]) -> Weight:
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # optax counts in 32 bits
-        Q = np.asarray(best_weight(jnp.asarray(exact.companion(given))))
-    return min(corrected_constant(given), corrected_constant(given, Q))
+        return np.asarray(descended(jnp.asarray(companion(np.array(gain)))))
 
 
 @jax.jit
-def best_weight(matrix: Float[Array, "r r"]) -> Float[Array, "r r"]:
+def descended(matrix: Float[Array, "r r"]) -> Float[Array, "r r"]:
     """Q with the least corrected constant on a gradient descent (Adam) from the identity."""
     adam = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
 

@@ -1,6 +1,6 @@
 """Steady covariance of E under noise that is drawn at ticks and held (theorems.md O13, O15)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +10,7 @@ from jaxnet.kinds.ticks import ErrorsAtTicks
 from jaxnet.model import graph
 from jaxnet.model.axis import companion
 from jaxnet.model.graph import Weights
-from jaxnet.theory.theorem import Case, Theorem
+from jaxnet.theory.case import Case
 
 
 def held_variance(gain: Sequence[float], interval: float, correlation: float = 0.0) -> float:
@@ -18,13 +18,6 @@ def held_variance(gain: Sequence[float], interval: float, correlation: float = 0
 
     The state is E with its derivatives and the drive: `Σ = F Σ F' + Q`. The correlation of drives
     falls to 1/e in the time `correlation` [s], 0 for independent drives.
-
-    Examples
-    --------
-    >>> round(held_variance([1.0, 3.0, 3.0], 0.05), 8)
-    0.00937435
-    >>> round(held_variance([1.0, 3.0, 3.0], 0.05, correlation=1.0), 6)
-    0.312565
     """
     order = len(gain)
     kept = np.exp(-interval / correlation) if correlation else 0.0
@@ -39,7 +32,7 @@ def held_variance(gain: Sequence[float], interval: float, correlation: float = 0
 
 
 def link_gains(weights: Weights, of: str) -> Float[np.ndarray, " m"]:
-    """Var E of each vehicle over that of one drive, for independent errors of words.
+    """Var E of each vehicle over that of one drive, for independent errors of messages.
 
     `weights` are `[a0 | A]` in force, (m, m + 1). Of a "link": `Σ_l (L⁻¹)²_il Σ_j w²_lj`; of a
     "transmitter": `Σ_j (L⁻¹ A)²_ij`, the navigator's message exact.
@@ -50,30 +43,24 @@ def link_gains(weights: Weights, of: str) -> Float[np.ndarray, " m"]:
     return inverse**2 @ (weights**2).sum(axis=1)
 
 
-def steady_rms(
-    case: Case, errors: ErrorsAtTicks, gains: Callable[[], Float[np.ndarray, " m"]]
-) -> Float[np.ndarray, " m"] | None:
-    """Root mean square of E [m] that errors leave at last; `gains()` as `link_gains`."""
+def held_rms(case: Case, errors: ErrorsAtTicks) -> float | None:
+    """Root mean square of E [m] that errors of one drive leave at last."""
     scenario = case.scenario
     strength = None if errors.exact() else errors.strength(scenario.gain)
     if strength is None:
         return None
     variance, correlation = strength
-    return np.sqrt(variance * held_variance(scenario.gain, scenario.tick, correlation) * gains())
+    return float(np.sqrt(variance * held_variance(scenario.gain, scenario.tick, correlation)))
 
 
 def of_sensors(case: Case) -> Float[np.ndarray, " m"] | None:
-    return steady_rms(case, case.scenario.sensing, lambda: np.ones(1))
+    """Root mean square of E [m], the same of each vehicle."""
+    rms = held_rms(case, case.scenario.sensing)
+    return None if rms is None else np.array([rms])
 
 
 def of_messages(case: Case) -> Float[np.ndarray, " m"] | None:
+    """Root mean square of E [m] of each vehicle."""
     errors = case.scenario.channel.noise
-    return steady_rms(case, errors, lambda: link_gains(case.weights, errors.of))
-
-
-OF_ERRORS = ("solved", "flat", "one gain", "one network", "alike", "every message", "on time")
-OF_ERRORS += ("unrounded messages", "ticks")
-STEADY_ERRORS = (
-    Theorem("O13", "sensors leave", "m", OF_ERRORS, of_sensors),
-    Theorem("O15", "messages leave", "m", (*OF_ERRORS, "no decisions", "small"), of_messages),
-)
+    rms = held_rms(case, errors)
+    return None if rms is None else rms * np.sqrt(link_gains(case.weights, errors.of))

@@ -40,21 +40,13 @@ def impulse_norm(gain: LawGain) -> float:
         left = int(np.ceil((life - begin) / step))
         begin += left * step
         while left > 0:
-            states = march(state, expm(matrix * step), min(left, TIMES))
+            states, flow = state, expm(matrix * step)
+            while states.shape[1] <= min(left, TIMES):  # each pass doubles the times
+                states, flow = np.hstack([states, flow @ states]), flow @ flow
+            states = states[:, : min(left, TIMES) + 1]
             total += variation(states, matrix, step)
             left, state = left - (states.shape[1] - 1), states[:, -1:]
     return total
-
-
-def march(
-    state: StatesInTime, flow: Float[np.ndarray, "states states"], steps: int
-) -> Float[np.ndarray, "states more"]:
-    """State, and the states after each of some steps; each pass doubles their number."""
-    states = state
-    while states.shape[1] <= steps:
-        states = np.hstack([states, flow @ states])
-        flow = flow @ flow
-    return states[:, : steps + 1]
 
 
 def variation(
@@ -62,7 +54,7 @@ def variation(
 ) -> float:
     """∫|h| over some steps: h is the first of the states, ḣ the second, ∫h the last.
 
-    Within a step h may cross zero once, or touch zero and come back.
+    Within a step h turns once at most, so it crosses zero once at most before and after that.
     """
     flows = [expm(matrix * step / 2**halving) for halving in range(1, BISECTIONS + 1)]
 
@@ -75,23 +67,15 @@ def variation(
             found = np.where(same, later, found)
         return found
 
-    before, after = states[:, :-1], states[:, 1:]
-    crosses, turns = before[:2] * after[:2] < 0
-    zero = as_long_as(before[:, crosses], 0)
-    more = extra(before[:, crosses], zero, after[:, crosses])
-    touching = ~crosses & turns & (before[0] * before[1] < 0)
-    least = as_long_as(before[:, touching], 1)
-    below = least[0] * before[0, touching] < 0
-    begin, least, end = before[:, touching][:, below], least[:, below], after[:, touching][:, below]
-    more += extra(begin, as_long_as(begin, 0, 1), as_long_as(least, 0), end)
-    return float(np.abs(after[-1] - before[-1]).sum() + more)
-
-
-def extra(*path: StatesInTime) -> float:
-    """By how much ∫|h| along paths exceeds |∫h|, given the zeros of h between their ends."""
-    integrals = np.stack([states[-1] for states in path])
-    by_parts = np.abs(np.diff(integrals, axis=0)).sum()
-    return float(by_parts - np.abs(integrals[-1] - integrals[0]).sum())
+    begin, end = states[:, :-1], states[:, 1:]
+    turning, turns = end.copy(), begin[1] * end[1] < 0
+    turning[:, turns] = as_long_as(begin[:, turns], 1)
+    total = 0.0
+    for start, stop, signs in ((begin, turning, (0, 1)), (turning, end, (0,))):
+        zero, crosses = start.copy(), start[0] * stop[0] < 0
+        zero[:, crosses] = as_long_as(start[:, crosses], *signs)
+        total += np.abs(np.diff([start[-1], zero[-1], stop[-1]], axis=0)).sum()
+    return total
 
 
 def harmonic_norm(gain: LawGain) -> float:
@@ -113,25 +97,23 @@ def greatest_value(polynomial: Float[np.ndarray, " coefficients"]) -> float:
     return float(np.polyval(polynomial, np.clip([0.0, 1.0, *turns], 0, 1)).max())
 
 
-def axis_star_norm(gain: LawGain, output: Float[np.ndarray, "rows r"] | None = None) -> float:
-    """Least peak-to-peak gain that an invariant ellipsoid proves; default output: the position.
+def axis_star_norm(gain: LawGain) -> float:
+    """Least peak-to-peak gain to the position that an invariant ellipsoid proves.
 
-    The gain is `inf over α of √‖C Q_α C'‖₂` with
-    `A Q + Q A' + α Q + B B'/α = 0` and 0 < α < -2 max Re λ(A). Every such α gives a bound, so the
-    result is a bound even if the minimiser is inexact. Source: Abedor, Nagpal and Poolla, A linear
-    matrix inequality approach to peak-to-peak gain minimization, 1996.
+    The gain is `inf over α of √(Q_α)_00` with `A Q + Q A' + α Q + B B'/α = 0` and
+    0 < α < -2 max Re λ(A). Every such α gives a bound, so the result is a bound even if the
+    minimiser is inexact. Source: Abedor, Nagpal and Poolla, A linear matrix inequality approach to
+    peak-to-peak gain minimization, 1996.
     """
     from scipy.optimize import minimize_scalar  # takes 0.15 s to import
 
     matrix, identity = companion(gain), np.eye(len(gain))
-    entry, output = np.diag(identity[-1]), identity[:1] if output is None else output
-    most = -2 * np.linalg.eigvals(matrix).real.max()
+    most, entry = -2 * np.linalg.eigvals(matrix).real.max(), np.diag(identity[-1])
 
-    def size(alpha: float) -> float:
+    def size(share: float) -> float:
+        alpha = share * most
         ellipsoid = solve_continuous_lyapunov(matrix + alpha / 2 * identity, -entry / alpha)
-        return float(np.linalg.norm(output @ ellipsoid @ output.T, 2))
+        return float(np.abs(ellipsoid[0, 0]))
 
-    shares = minimize_scalar(
-        lambda share: size(share * most), bounds=(1e-6, 1 - 1e-6), method="bounded"
-    )
-    return float(np.sqrt(shares.fun))
+    found = minimize_scalar(size, bounds=(1e-6, 1 - 1e-6), method="bounded")
+    return float(np.sqrt(found.fun))

@@ -1,5 +1,4 @@
-"""r-robustness and its variants: requirements on the graph in the literature's rules without
-trusted sources.
+"""Robustness of digraphs by enumeration and percolation: what rules without trusted sources need.
 
 Sources: LeBlanc, Zhang, Koutsoukos and Sundaram, Resilient asymptotic consensus in robust networks,
 2013, for (r, s)-robustness; Usevitch and Panagou, Resilient leader-follower consensus to arbitrary
@@ -13,8 +12,8 @@ from numbers import Integral
 import numpy as np
 from jaxtyping import Bool
 
-from jaxnet.model.graph import Digraph, Links, dense, of_links
-from jaxnet.model.safety import Nodes, Vehicles, percolate
+from jaxnet.model.graph import Digraph, Links, of_links
+from jaxnet.model.safety import Nodes, percolate
 
 MOST_NODES = 16  # in a graph whose subsets are all enumerated
 
@@ -22,28 +21,20 @@ MOST_NODES = 16  # in a graph whose subsets are all enumerated
 def pairs(hears: Iterable[object], nodes: int) -> list[int]:
     """For r = 1, 2, …, the greatest s for which a digraph is (r, s)-robust, while s > 0.
 
-    Consider any two disjoint nonempty sets of nodes. A node of a set is r-reachable if it hears at
-    least r nodes outside its set. The digraph is (r, s)-robust if at least one of three conditions
-    holds for the two sets (LeBlanc et al., 2013):
-
-    - Every node of the first set is r-reachable.
-    - Every node of the second set is r-reachable.
-    - The two sets together contain at least s r-reachable nodes.
-
-    The digraph is r-robust if it is (r, 1)-robust. The result is exact, by enumeration of all sets.
+    A node of a set is r-reachable if it hears at least r nodes outside the set. The digraph is
+    (r, s)-robust if of any two disjoint nonempty sets of nodes one has only r-reachable nodes, or
+    both together have at least s of them (LeBlanc et al., 2013). r-robust means (r, 1)-robust. The
+    result is exact, by enumeration of all sets.
 
     Parameters
     ----------
-    hears : list of [int, int]
-        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
-    nodes : int
-        The number of nodes, from 1 to 16.
+    hears, nodes
+        The links and the number of nodes, at most 16, as `heard_matrix` takes them.
 
     Returns
     -------
     list of int
-        The greatest s, at place r - 1. Its length is the greatest r for which the digraph is
-        r-robust.
+        The greatest s, at place r - 1. Its length is the greatest r of r-robustness.
 
     Raises
     ------
@@ -97,21 +88,14 @@ def heard_matrix(hears: Iterable[object], nodes: int) -> Bool[np.ndarray, "n n"]
         raise ValueError(f"nodes: must be at least 1 (got {nodes})")
     heard = np.zeros((nodes, nodes), bool)
     for place, pair in enumerate(hears):
-        i, j = checked_pair(pair, nodes, f"hears[{place}]")
-        heard[i - 1, j - 1] = True
+        ends = tuple(pair) if isinstance(pair, Iterable) else ()
+        if len(ends) != 2 or not all(is_node(end, nodes) for end in ends):
+            allowed = f"[listener, source], two nodes from 1 to {nodes}"
+            raise ValueError(f"hears[{place}]: must be {allowed} (got {pair!r})")
+        if ends[0] == ends[1]:
+            raise ValueError(f"hears[{place}]: node {ends[0]} hears itself")
+        heard[ends[0] - 1, ends[1] - 1] = True
     return heard
-
-
-def checked_pair(pair: object, nodes: int, where: str) -> tuple[int, int]:
-    """Listener and source of a pair, or raise ValueError with the pair and its place."""
-    ends = tuple(pair) if isinstance(pair, Iterable) else ()
-    if len(ends) != 2 or not all(is_node(end, nodes) for end in ends):
-        raise ValueError(
-            f"{where}: must be [listener, source], two nodes from 1 to {nodes} (got {pair!r})"
-        )
-    if ends[0] == ends[1]:
-        raise ValueError(f"{where}: node {ends[0]} hears itself")
-    return int(ends[0]), int(ends[1])
 
 
 def is_node(value: object, nodes: int) -> bool:
@@ -119,12 +103,7 @@ def is_node(value: object, nodes: int) -> bool:
 
 
 def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
-    """For r = 1, 2, …, the greatest s for which a graph is (r, s)-robust, while s > 0.
-
-    For every two disjoint sets of nodes: every node of one set has r sources outside its set, or at
-    least s nodes of both sets together do. The graph is r-robust if it is (r, 1)-robust. Exact, for
-    at most 16 nodes.
-    """
+    """`pairs` of a matrix with at most 16 nodes; sets are bits of a number."""
     n = len(heard)
     sets, bits = np.arange(2**n, dtype=np.uint32), np.uint32(1) << np.arange(n, dtype=np.uint32)
     rows = (heard * bits).sum(axis=1, dtype=np.uint32)
@@ -133,7 +112,7 @@ def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
     for r in range(1, (n + 1) // 2 + 1):
         reach = (outside >= r).sum(axis=0)
         fewest = np.where(reach < size, reach, n)
-        inside = fewest.copy()
+        inside = fewest.copy()  # the least of all subsets, one bit after the other
         for bit in range(n):
             halves = inside.reshape(-1, 2, 2**bit)
             np.minimum(halves[:, 1], halves[:, 0], out=halves[:, 1])
@@ -174,19 +153,28 @@ def leader_robustness(graph: Digraph, leaders: Nodes) -> int:
     return r
 
 
+def percolated(graph: Digraph, trusted: Links, leaders: Nodes, F: int = 1) -> Nodes:
+    """Leaders and the nodes that percolation from them reaches despite F-local attackers.
+
+    Percolation reaches a node that hears 2F + 1 reached sources or trusts F + 1 of them. A link
+    counts 1 / (2F + 1), and a trusted link 1 / (F + 1). Leaders whom nobody trusts may be
+    attackers.
+    """
+    votes = np.where(trusted, 2 * F + 1, F + 1)
+    needed = np.full(graph.vehicles, (2 * F + 1) * (F + 1))
+    return percolate(graph, votes, needed, leaders)
+
+
 def strong_robustness(hears: Iterable[object], nodes: int, leaders: Iterable[object]) -> int:
     """Greatest r for which a digraph is strongly r-robust with respect to leaders.
 
     Every nonempty set of nodes without leaders must contain a node that hears at least r nodes
-    outside the set (Usevitch and Panagou, 2020). Percolation with threshold r decides this, for any
-    number of nodes.
+    outside the set (Usevitch and Panagou, 2020).
 
     Parameters
     ----------
-    hears : list of [int, int]
-        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
-    nodes : int
-        The number of nodes.
+    hears, nodes
+        The links and the number of nodes, as `heard_matrix` takes them.
     leaders : list of int
         The leaders. At least one node must be no leader.
 
@@ -208,7 +196,7 @@ def strong_robustness(hears: Iterable[object], nodes: int, leaders: Iterable[obj
     >>> strong_robustness(hears, nodes=5, leaders=[1, 2, 3])
     3
     """
-    network, seeds = led_digraph(hears, nodes, leaders)
+    network, seeds = led_digraph(heard_matrix(hears, nodes), leaders)
     if seeds.all():
         raise ValueError("leaders: at least one node must be no leader")
     return leader_robustness(network, seeds)
@@ -223,17 +211,14 @@ def percolated_nodes(
 ) -> list[int]:
     """Nodes that bootstrap percolation from leaders reaches, with no leader trusted by default.
 
-    A node is reached if it hears 2F + 1 reached nodes. At most F of them are attackers if attackers
-    are F-local, so the honest ones are the majority. Percolation without trust reaches every node
-    if and only if the digraph is strongly (2F + 1)-robust with respect to the leaders (Usevitch and
-    Panagou, 2020).
+    A node is reached if it hears 2F + 1 reached nodes: at most F of them are F-local attackers.
+    Percolation without trust reaches every node if and only if the digraph is strongly
+    (2F + 1)-robust with respect to the leaders (Usevitch and Panagou, 2020).
 
     Parameters
     ----------
-    hears : list of [int, int]
-        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
-    nodes : int
-        The number of nodes.
+    hears, nodes
+        The links and the number of nodes, as `heard_matrix` takes them.
     leaders : list of int
         The nodes from which percolation starts.
     F : int
@@ -264,43 +249,23 @@ def percolated_nodes(
     """
     if F < 0:
         raise ValueError(f"F: must be at least 0 (got {F})")
-    network, seeds = led_digraph(hears, nodes, leaders)
-    marks = trusted_matrix(trusted, dense(network)[:, 1:] > 0)
+    heard = heard_matrix(hears, nodes)
+    network, seeds = led_digraph(heard, leaders)
+    marks = heard_matrix(trusted, nodes)
+    for i, j in np.argwhere(marks & ~heard).tolist():
+        raise ValueError(f"trusted: node {i + 1} does not hear node {j + 1}")
     slots = marks[np.arange(nodes)[:, None], network.sources - 1]
-    reached = percolated_vehicles(network, slots & network.heard, seeds, F)
-    return [int(node) for node in np.flatnonzero(reached) + 1]
+    reached = percolated(network, slots & network.heard, seeds, F)
+    return np.flatnonzero(reached)[1:].tolist()
 
 
-def led_digraph(
-    hears: Iterable[object], nodes: int, leaders: Iterable[object]
-) -> tuple[Digraph, Nodes]:
-    """Graph of pairs and the flags of its leaders; nobody hears the navigator, a leader too."""
+def led_digraph(heard: Bool[np.ndarray, "n n"], leaders: Iterable[object]) -> tuple[Digraph, Nodes]:
+    """Graph of a matrix and the flags of its leaders; nobody hears the navigator, a leader too."""
+    nodes = len(heard)
     seeds = np.arange(nodes + 1) == 0
     for leader in leaders:
         if not is_node(leader, nodes):
             raise ValueError(f"leaders: must be nodes from 1 to {nodes} (got {leader!r})")
         seeds[leader] = True
-    listeners, sources = np.nonzero(heard_matrix(hears, nodes))
+    listeners, sources = np.nonzero(heard)
     return of_links(nodes, listeners, sources + 1), seeds
-
-
-def trusted_matrix(
-    trusted: Iterable[object], heard: Bool[np.ndarray, "n n"]
-) -> Bool[np.ndarray, "n n"]:
-    """Matrix of trusted pairs, or raise ValueError if one is no link."""
-    marks = heard_matrix(trusted, len(heard))
-    for i, j in np.argwhere(marks & ~heard).tolist():
-        raise ValueError(f"trusted: node {i + 1} does not hear node {j + 1}")
-    return marks
-
-
-def percolated_vehicles(graph: Digraph, trusted: Links, leaders: Nodes, F: int = 1) -> Vehicles:
-    """Leaders and the vehicles that percolation from them reaches despite F-local attackers.
-
-    Percolation reaches a vehicle that hears 2F + 1 reached sources or trusts F + 1 of them. A link
-    counts 1 / (2F + 1), and a trusted link 1 / (F + 1). Leaders whom nobody trusts may be
-    attackers.
-    """
-    needed = (2 * F + 1) * (F + 1)
-    votes = np.where(trusted, 2 * F + 1, F + 1)
-    return percolate(graph, votes, np.full(graph.vehicles, needed), leaders)[1:]

@@ -10,18 +10,21 @@ order r have a matrix of r + 1 by r + 1.
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from jaxnet.model.graph import Digraph, Weights, dense
+from jaxnet.theory.case import Case
 from jaxnet.theory.response import LawGain
-from jaxnet.theory.theorem import Case, Theorem
 
 HALVINGS = 40
-LoopMatrices = Complex[np.ndarray, "loops s s"]
 ANGLES = np.exp(1j * np.pi * np.linspace(0, 1, 65))  # points of the upper unit circle
+
+Loops = Complex[np.ndarray, "loops s s"] | Float[np.ndarray, "loops s s"]
+LoopFactor = np.ndarray | complex  # of one eigenvector, or of several
 
 
 def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:
@@ -30,25 +33,36 @@ def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:
     return np.unique(np.real(found) + 1j * np.abs(np.imag(found)))
 
 
-def growth(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> float:
+def growth(mu: LoopFactor, gain: LawGain, tick: float, pull: LoopFactor | None = None) -> float:
     """Factor of the slowest motion at each tick, the greatest over all μ: stable below 1.
 
     With s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps its precision
     for short ticks.
     """
-    return float(np.abs(1 + tick * np.linalg.eigvals(loop_rates(mu, gain, tick))).max())
+    return float(np.abs(1 + tick * np.linalg.eigvals(loop_rates(mu, gain, tick, pull))).max())
 
 
-def loop_rates(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> LoopMatrices:
-    """`(M - 1)/h` for each μ, with M the matrix of (E, Ė, …, q) from one tick to the next."""
-    mu, h, r = np.atleast_1d(np.asarray(mu, complex)), tick, len(gain)
-    integrators, entry = held_rates(r, h)
-    wanted = -(1 - mu)[:, None] * gain
-    rates = np.zeros((len(mu), r + 1, r + 1), complex)
+def loop_rates(mu: LoopFactor, gain: LawGain, tick: float, pull: LoopFactor | None = None) -> Loops:
+    """`(M - 1)/h` for each μ, with M the matrix of (E, Ė, …, q) from one tick to the next.
+
+    The tick's new q is `μ q - pull P(E)`. The default pull is 1 - μ.
+    """
+    mu, r = np.atleast_1d(np.asarray(mu, complex)), len(gain)
+    integrators, entry = held_rates(r, tick)
+    wanted = -np.multiply.outer(1 - mu if pull is None else pull, gain)
+    rates = np.zeros((len(wanted), r + 1, r + 1), complex)
     rates[:, :r, :r] = integrators + entry[:, None] * wanted[:, None]
     rates[:, :r, r] = entry * mu[:, None]
-    rates[:, r, :r], rates[:, r, r] = wanted / h, (mu - 1) / h
+    rates[:, r, :r] = wanted / tick
+    rates[:, r, r] = (mu - 1) / tick
     return rates
+
+
+def held_rates(order: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
+    """`(Φ - 1)/h` and `Γ/h` of as many integrators whose input is held for a tick h [s]."""
+    factors = [tick ** (n - 1) / math.factorial(n) for n in range(1, order + 1)]
+    integrators = sum(np.eye(order, k=n) * factors[n - 1] for n in range(1, order))
+    return integrators + np.zeros((order, order)), np.array(factors[::-1])
 
 
 def mean_square_growth(mu: np.ndarray, gain: LawGain, tick: float, lost: float) -> float:
@@ -67,25 +81,18 @@ def mean_square_growth(mu: np.ndarray, gain: LawGain, tick: float, lost: float) 
 
 def critical_loss(mu: np.ndarray, gain: LawGain, tick: float) -> float:
     """Probability of loss above which second moments grow; 0 if they grow without any loss."""
-    low, high = 0.0, 1.0
-    if mean_square_growth(mu, gain, tick, low) >= 1:
+    if mean_square_growth(mu, gain, tick, 0.0) >= 1:
         return 0.0
+    return bisected(lambda lost: mean_square_growth(mu, gain, tick, lost) < 1)
+
+
+def bisected(holds: Callable[[float], bool]) -> float:
+    """Number between 0 and 1 up to which a condition holds, by bisection."""
+    low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        low, high = (
-            (middle, high) if mean_square_growth(mu, gain, tick, middle) < 1 else (low, middle)
-        )
+        low, high = (middle, high) if holds(middle) else (low, middle)
     return low
-
-
-def local_growth(eigenvalues: np.ndarray, gain: LawGain, tick: float) -> float:
-    """Factor of the slowest motion at each tick under the local law: stable below 1.
-
-    Along an eigenvector of A with eigenvalue λ the law is `q = -(1 - λ) P(E)`, held for a tick.
-    """
-    integrators, entry = held_rates(len(gain), tick)
-    rates = integrators - entry[:, None] * ((1 - eigenvalues)[:, None] * gain)[:, None]
-    return float(np.abs(1 + tick * np.linalg.eigvals(rates)).max())
 
 
 def local_rate(eigenvalues: np.ndarray, gain: LawGain) -> float:
@@ -97,43 +104,6 @@ def local_rate(eigenvalues: np.ndarray, gain: LawGain) -> float:
     return max(float(np.roots([1.0, *each]).real.max()) for each in pulls)
 
 
-def late_growth(
-    eigenvalues: np.ndarray,
-    gain: LawGain,
-    word: Float[np.ndarray, " factors"],
-    tick: float,
-    late: int,
-) -> float:
-    """Factor of the slowest motion at each tick where words are late by a number of ticks >= 1.
-
-    `word` are the factors of E, Ė, … and of the held q in a word. The factor of q is 0 under a
-    local law. Along an eigenvector of A with eigenvalue λ, `q = λ w(t - d h) - P(E)`, where w is
-    the word. One exchange has the characteristic polynomial of theorems.md, O16.
-    """
-    r, (integrators, entry) = len(gain), held_rates(len(gain), tick)
-    size = r + 1 + late  # E and its derivatives, q, and the words on their way, the newest first
-    loops = np.zeros((len(eigenvalues), size, size), complex)
-    loops[:, r, :r], loops[:, r, -1] = -gain, eigenvalues
-    loops[:, :r, :r] = np.eye(r) + tick * integrators
-    loops[:, :r] += tick * entry[None, :, None] * loops[:, r : r + 1]
-    loops[:, r + 1, : r + 1] = word
-    loops[:, np.arange(r + 2, size), np.arange(r + 1, size - 1)] = 1.0
-    return float(np.abs(np.linalg.eigvals(loops)).max())
-
-
-def held_rates(order: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
-    """`(Φ - 1)/h` and `Γ/h` of as many integrators whose input is held for a tick h [s]."""
-    steps = np.arange(order)[None] - np.arange(order)[:, None]
-    factors = [tick ** (n - 1) / math.factorial(n) for n in range(1, order + 1)]
-    integrators = np.array([[factors[n - 1] if n > 0 else 0.0 for n in row] for row in steps])
-    return integrators, np.array(factors[::-1])
-
-
-def spectral_radius(weights: Weights, gain: LawGain, tick: float, rounds: int) -> float:
-    """Growth factor at each tick for a graph and a number of rounds."""
-    return growth(eigenvalues(weights) ** rounds, gain, tick)
-
-
 def least_rounds(weights: Weights, gain: LawGain, tick: float) -> tuple[int, int] | None:
     """Least stable number of rounds, and a number from which on every number is stable.
 
@@ -142,27 +112,15 @@ def least_rounds(weights: Weights, gain: LawGain, tick: float) -> tuple[int, int
     stable. Every number of rounds that moves all μ into the disc is then stable.
     """
     found = eigenvalues(weights)
-    low, high = 0.0, 1.0  # radius of the greatest stable disc
     most, slow = np.abs(found).max(), found[np.real(found).argmax()]
     if growth(0.0, gain, tick) >= 1 or most >= 1:
         return None
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if growth(middle * ANGLES, gain, tick) < 1 else (low, middle)
-    surely = 1 if most <= low else int(np.ceil(np.log(low) / np.log(most)))
+    radius = bisected(lambda radius: growth(radius * ANGLES, gain, tick) < 1)
+    surely = 1 if most <= radius else int(np.ceil(np.log(radius) / np.log(most)))
     for few in range(1, surely):
         if growth(slow**few, gain, tick) < 1 and growth(found**few, gain, tick) < 1:
             return few, surely
     return surely, surely
-
-
-def lateness(weights: Weights, tick: float, rounds: int) -> Float[np.ndarray, " m"]:
-    """Delay [s] of each vehicle's held jerk behind the navigator's, `h (1/2 + (1 - T)⁻¹T 1)`.
-
-    Behind a slow navigator E tends to this delay times `-d⁴y_0/dt⁴ / k0`.
-    """
-    left, one = np.linalg.matrix_power(weights[:, 1:], rounds), np.ones(len(weights))
-    return tick * (0.5 + np.linalg.solve(np.eye(len(weights)) - left, left @ one))
 
 
 class Stability(NamedTuple):
@@ -189,7 +147,8 @@ def deviating(case: Case, weights: Weights) -> Complex[np.ndarray, " some"]:
 def stability(case: Case) -> Stability | None:
     """Stability of the fleet's law, of which the strict rows are those of honest sources."""
     scenario, (graph, attacked, _, kept) = case.scenario, case.situation
-    law, attack, tick = scenario.law, scenario.attack, scenario.tick
+    law, attack = scenario.law, scenario.attack
+    gain, tick = case.gain, scenario.tick
     if law.solves():
         return None
     fixed = None if kept is None else kept.fixed
@@ -200,18 +159,14 @@ def stability(case: Case) -> Stability | None:
         weights = followed_weights(case, fixed, weights)
     along = deviating(case, weights)
     left = law.left(along)
-    if left is None and not law.gives_demand():
+    if not len(along) or (left is None and not law.gives_demand()):
         return None
-    least = least_rounds(weights, case.gain, tick) if law.iterates() else None
+    iterates, while_retained = law.iterates(), fixed is None
+    least = least_rounds(weights, gain, tick) if iterates else None
     if not law.needs_ticks():
-        grown, tick = local_rate(along, case.gain), None
-    elif left is None:
-        grown = local_growth(along, case.gain, tick)
-    else:
-        grown = growth(left, case.gain, tick)
-    return Stability(
-        grown, tick, law.iterates(), least, elsewhere and law.needs_ticks(), fixed is None
-    )
+        return Stability(local_rate(along, gain), None, iterates, least, False, while_retained)
+    grown = growth(0 * along, gain, tick, 1 - along) if left is None else growth(left, gain, tick)
+    return Stability(grown, tick, iterates, least, elsewhere, while_retained)
 
 
 def followed_weights(case: Case, fixed: Digraph | None, weights: Weights) -> Weights:
@@ -225,7 +180,7 @@ def followed_weights(case: Case, fixed: Digraph | None, weights: Weights) -> Wei
         return weights
     kept = graph if fixed is None else graph.only(fixed.heard)
     factor = strength.of(kept.weights.sum(axis=1)[None, None])[0, 0][:, None]
-    own = np.concatenate([np.zeros_like(factor), np.eye(len(weights))], axis=1)
+    own = np.eye(*weights.shape, k=1)
     return own - factor * (own - weights)
 
 
@@ -238,28 +193,18 @@ class MeanSquare(NamedTuple):
 
 def in_mean_square(case: Case) -> MeanSquare | None:
     """Stability of a law by exchanges if whole ticks are lost."""
-    law, loss = case.scenario.law, case.scenario.channel.loss
+    scenario = case.scenario
+    law, loss = scenario.law, scenario.channel.loss
     lost = None if loss.perfect() else loss.of_whole_ticks()
-    if lost is None or not law.needs_ticks() or case.scenario.attack.replaces():
+    if lost is None or not law.needs_ticks() or scenario.attack.replaces():
         return None
     left = law.left(eigenvalues(case.weights))
     if left is None:
         return None
-    tick = case.scenario.tick
-    grown = mean_square_growth(left, case.gain, tick, lost)
-    return MeanSquare(grown, critical_loss(left, case.gain, tick))
+    grown = mean_square_growth(left, case.gain, scenario.tick, lost)
+    return MeanSquare(grown, critical_loss(left, case.gain, scenario.tick))
 
 
 def reached_at_ticks(case: Case) -> bool | None:
     """Whether O1 holds while the navigator reaches every vehicle at each tick."""
     return None if case.scenario.channel.loss.perfect() else True
-
-
-OF_LAWS = ("one gain", "flat", "one network", "every message", "on time", "small")
-IN_MEAN_SQUARE = ("one gain", "flat", "one network", "on time", "drops", "no decisions", "small")
-WHILE_REACHED = ("leader", "solved", "flat", "one network", "on time", "drops")
-STABILITIES = (
-    Theorem("O12", "stability", "", OF_LAWS, stability),
-    Theorem("O12", "in mean square", "", IN_MEAN_SQUARE, in_mean_square),
-    Theorem("O1", "while reached", "", WHILE_REACHED, reached_at_ticks),
-)

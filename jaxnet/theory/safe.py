@@ -1,16 +1,18 @@
 """Vehicles that no attack keeps off the navigator, and the attackers that end the proof (O11)."""
 
+from collections.abc import Callable, Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 
-from jaxnet.config.scenario import MOTION, safe_in, safe_in_all
+from jaxnet.config.scenario import safe_in, safe_in_all
 from jaxnet.model.safety import Safe, Vehicles
-from jaxnet.theory import certificate
-from jaxnet.theory.certificate import Margin
+from jaxnet.theory.case import Case
 from jaxnet.theory.robustness import MOST_NODES
-from jaxnet.theory.theorem import Case, Theorem
+
+MOST_TRIED = 3  # vehicles in a set
 
 
 class SafeVehicles(NamedTuple):
@@ -27,16 +29,19 @@ class SafeVehicles(NamedTuple):
             found = found | each.vehicles if each.consistent else found & ~each.vehicles
         return found
 
-    def left(self) -> float:
-        """What a tolerance of rounding leaves on links, 2M + δ [m/s³] (corollary 1)."""
-        return max((each.left for each in self.reasons), default=0.0)
-
 
 def safe_vehicles(case: Case) -> SafeVehicles:
     graph, attacked, *_ = case.situation
     sets = [attacked] if case.draws is None else case.draws
     reasons = safe_in_all(case.scenario, graph, sets)
     return SafeVehicles(reasons, len(sets) > 1, case.draws is not None)
+
+
+class Margin(NamedTuple):
+    """Attacked sets, of at most three vehicles, that break the safety of each vehicle."""
+
+    sets: list[list[tuple[int, ...]]]  # of each unsafe vehicle, the minimal sets that break it
+    further: Int[np.ndarray, " m"]  # least number of further attackers that break it; 0 if unsafe
 
 
 def proof_ends(case: Case) -> Margin | None:
@@ -51,8 +56,25 @@ def proof_ends(case: Case) -> Margin | None:
         return np.any([each.vehicles for each in reasons], axis=0)
 
     everyone = range(1, graph.vehicles + 1)
-    return certificate.margin(safe, scenario.attack.targets() or everyone, graph.vehicles)
+    return margin(safe, scenario.attack.targets() or everyone, graph.vehicles)
 
 
-SAFE = Theorem("O11", "safe", "", ("leader", *MOTION), safe_vehicles)
-PROOF_ENDS = Theorem("O11", "proof ends", "", ("leader", *MOTION), proof_ends)
+def margin(safe: Callable[[list[int]], Vehicles], attacked: Sequence[int], vehicles: int) -> Margin:
+    """Margin by brute force; `safe(attacked)` is monotone: more attacked, fewer safe vehicles."""
+    sets: list[list[tuple[int, ...]]] = [[] for _ in range(vehicles)]
+    further = np.where(safe([*attacked]), MOST_TRIED + 1, 0)
+    for few in small_sets(attacked, 0):
+        for i in np.flatnonzero(~safe([*few]) & (further == 0)):
+            if not any(set(each) <= set(few) for each in sets[i]):
+                sets[i].append(few)
+    for more in small_sets([i for i in range(1, vehicles + 1) if i not in attacked], 1):
+        if (further <= len(more)).all():
+            break
+        broken = ~safe([*attacked, *more])
+        further = np.where(broken, np.minimum(further, len(more)), further)
+    return Margin(sets, further)
+
+
+def small_sets(vehicles: Sequence[int], least: int) -> list[tuple[int, ...]]:
+    """Subsets of some vehicles with `least` to three members, smaller subsets first."""
+    return [each for size in range(least, MOST_TRIED + 1) for each in combinations(vehicles, size)]

@@ -17,6 +17,7 @@ from jaxnet.kinds.attacks import heard_orders, magnitude_shares
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import DropPolicy
+from jaxnet.model.safety import percolate, stay_joined
 from jaxnet.model.signal import ORDERS
 from jaxnet.theory.response import LawGain
 
@@ -73,25 +74,12 @@ def attack_gain(
 
 
 def disconnected_vehicles(retained: DropPolicy) -> Bool[np.ndarray, " m"]:
-    """Vehicles that the navigator may not reach, and those that may keep a link from them.
-
-    The unreachable vehicles are the largest set whose members can each drop all sources outside the
-    set. The loop removes vehicles that cannot do so, until none is left to remove.
-    """
+    """Vehicles that the navigator may not reach, and those that may keep a path from them."""
     network, links, number = retained
-    heard, cut = network.heard, np.ones(network.vehicles, bool)
-    while True:
-        outside = heard & ~np.append(False, cut)[network.sources]
-        tied = (outside & ~links).any(axis=1) | ((outside & links).sum(axis=1) > number)
-        if not (cut & tied).any():
-            break
-        cut &= ~tied
-    may_keep = heard & ~(links & (number == links.sum(axis=1))[:, None])
-    newest = cut
-    while newest.any():
-        newest = (may_keep & np.append(False, newest)[network.sources]).any(axis=1) & ~cut
-        cut = cut | newest
-    return cut
+    cut = ~stay_joined(retained, np.ones(network.vehicles, bool))
+    may_keep = network.only(~(links & (number == links.sum(axis=1))[:, None]))
+    one, each = np.ones(network.vehicles, int), np.ones(links.shape, int)
+    return percolate(may_keep, each, one, np.append(False, cut))[1:]
 
 
 def worst_gains(retained: DropPolicy, attacked: Links, carried: Links) -> Gains:
@@ -109,17 +97,17 @@ def worst_gains(retained: DropPolicy, attacked: Links, carried: Links) -> Gains:
     sources, weights, links, number, attacked, carried = (each[joined] for each in given)
 
     def gains_of(kept: Float[np.ndarray, "some slots"]) -> Gains:
-        word, added = np.zeros(retained.graph.weights.shape), np.zeros(len(joined))
-        word[joined], added[joined] = kept * carried, (kept * attacked).sum(axis=1)
-        return graph.solver(retained.graph._replace(weights=word))(added)
+        weights, added = np.zeros(retained.graph.weights.shape), np.zeros(len(joined))
+        weights[joined] = kept * carried
+        added[joined] = (kept * attacked).sum(axis=1)
+        return graph.solver(retained.graph._replace(weights=weights))(added)
 
     gains, better = np.zeros(len(joined)), gains_of(weights)
     while True:
         reward = attacked + carried * np.append(0.0, better)[sources]
         better = gains_of(worst_kept_weights(weights, reward, links, number))
-        if (
-            better <= np.maximum(gains * (1 + GAIN_TOLERANCE), LEAST_GAIN_SHARE * better.max())
-        ).all():
+        enough = np.maximum(gains * (1 + GAIN_TOLERANCE), LEAST_GAIN_SHARE * better.max())
+        if (better <= enough).all():
             return np.where(joined, better, np.inf)
         gains = better
 
@@ -130,9 +118,7 @@ def worst_kept_weights(
     links: Bool[np.ndarray, "some slots"],
     number: Int[np.ndarray, " some"],
 ) -> Float[np.ndarray, "some slots"]:
-    """Weights in force that maximise `Σ w r / Σ w` over kept sources.
-
-    `number` of the `links` are dropped.
+    """Weights in force that maximise `Σ w r / Σ w` over kept sources; `number` links are dropped.
 
     At a ratio λ the best choice drops the sources with the least w (r - λ). The ratio of that
     choice is the next λ, until the ratio no longer rises (Dinkelbach, 1967).
@@ -159,14 +145,9 @@ def scenario_gain(scenario: Scenario) -> AttackGain | None:
         return None
     known = situation_of(scenario)
     assert known.retained is not None
-    carried = ~(known.attacked & scenario.attack.replaces())
-    attack = scenario.attack
-    order = scenario.vehicle.order
+    attack, order = scenario.attack, scenario.vehicle.order
+    carried = ~(known.attacked & attack.replaces())
     orders, shares = tuple(heard_orders(attack, order)), magnitude_shares(attack, order)
-    smooth = (
-        attack.consistent()
-        and not attack.strategic
-        and not attack.splits()
-        and not attack.periods()
-    )
+    jumps = attack.strategic or attack.splits() or bool(attack.periods())
+    smooth = attack.consistent() and not jumps
     return attack_gain(known.retained, known.attacked, carried, smooth, orders, shares)

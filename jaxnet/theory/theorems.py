@@ -1,19 +1,61 @@
-"""All theorems that `jaxnet check` asks; a theorem more is a line here and its module."""
+"""All theorems that `jaxnet check` asks: where proved, what they tell, what they need.
 
+A theorem more is a line in THEOREMS, a function of a `Case`, and what its value says in words in
+PHRASES of `view/text/facts.py`.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from jaxnet.config.scenario import MOTION, missing
 from jaxnet.theory import announced, certificate, delay, exact, noise, rounds, safe, tolerance
+from jaxnet.theory.case import Case
+
+
+class Theorem(NamedTuple):
+    """A result and its premises."""
+
+    name: str  # where it is proved: O12 of docs/theorems.md, theorem 3 of docs/guarantees.md
+    quantity: str  # what it tells
+    needs: tuple[str, ...]  # names of premises (`jaxnet.config.scenario.PREMISES`)
+    value: Callable[[Case], Any]  # None where the theorem tells nothing
+
+
+AT_LAST = ("leader", *MOTION)
+LIVE = ("flat", "one network", "every message", "on time")
+OF_LAWS = ("one gain", *LIVE, "small")
+OF_ERRORS = ("solved", "one gain", "alike", *LIVE, "unrounded messages", "ticks")
+OF_DELAY = ("flat", "one network", "every message", "no decisions", "steady delay", "small")
+MEAN_SQUARE = ("one gain", "flat", "one network", "on time", "drops", "no decisions", "small")
+WHILE_REACHED = ("leader", "solved", "flat", "one network", "on time", "drops")
+IN_TURNS = ("leader", "small", "solved", "flat")
 
 THEOREMS = (
-    certificate.INVERSE_NORM,
-    certificate.HONEST_PATHS,
-    certificate.CUT_OFF,
-    certificate.REACH,
-    certificate.NOMINAL,
-    *tolerance.ROBUSTNESSES,
-    *noise.STEADY_ERRORS,
-    *rounds.STABILITIES,
-    *delay.LATE_FLEETS,
-    safe.SAFE,
-    safe.PROOF_ENDS,
-    announced.THEOREM_3,
-    exact.DECAY,
+    Theorem("O5", "inverse norm", ("leader",), certificate.inverse_norm_of),
+    Theorem("Assumption 1", "honest paths", ("leader",), certificate.honest_paths),
+    Theorem("O11", "cut off", ("leader",), certificate.droppable),
+    Theorem("O1", "reach", ("leader", "small"), certificate.reach_in_turns),
+    Theorem("O1", "nominal", IN_TURNS, certificate.nominal_in_turns),
+    Theorem("O9", "alone", (), tolerance.alone),
+    Theorem("O9", "led", ("leader",), tolerance.led),
+    Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors),
+    Theorem("O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages),
+    Theorem("O12", "stability", OF_LAWS, rounds.stability),
+    Theorem("O12", "in mean square", MEAN_SQUARE, rounds.in_mean_square),
+    Theorem("O1", "while reached", WHILE_REACHED, rounds.reached_at_ticks),
+    Theorem("O16", "lag", (*OF_DELAY, "solved"), delay.lag_behind),
+    Theorem("O16", "follows lines", (*OF_DELAY, "solved"), delay.follows_lines),
+    Theorem("O16", "greatest delay", (*OF_DELAY, "solved", "one gain"), delay.greatest_delay),
+    Theorem("O16", "growth when late", (*OF_DELAY, "one gain"), delay.growth_when_late),
+    Theorem("O11", "safe", AT_LAST, safe.safe_vehicles),
+    Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
+    Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
+    Theorem("Lemma 1", "decay", AT_LAST, exact.decay),
 )
+
+
+def values(case: Case) -> dict[str, Any]:
+    """What theorems tell of a case whose premises it has, by quantity."""
+    able = [each for each in THEOREMS if not missing(case.scenario, each.needs)]
+    found = {each.quantity: each.value(case) for each in able}
+    return {quantity: value for quantity, value in found.items() if value is not None}

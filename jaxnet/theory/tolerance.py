@@ -9,10 +9,8 @@ import numpy as np
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.graph import dense
 from jaxnet.theory import integer, robustness
+from jaxnet.theory.case import Case
 from jaxnet.theory.integer import RobustnessBracket
-from jaxnet.theory.theorem import Case, Theorem
-
-KEPT_SEARCHES = 20  # whose searches are kept
 
 
 class VehiclesAlone(NamedTuple):
@@ -40,7 +38,7 @@ def alone(case: Case) -> VehiclesAlone | None:
     return VehiclesAlone(found, RobustnessBracket(r, r), RobustnessBracket(total, total))
 
 
-@lru_cache(maxsize=KEPT_SEARCHES)  # the cells of several attacks share one graph
+@lru_cache(maxsize=20)  # the cells of several attacks share one graph
 def brackets(n: int, heard: bytes, seconds: float) -> tuple[RobustnessBracket, RobustnessBracket]:
     """Bounds on the greatest r, and on the greatest F of F-total attackers."""
     matrix, end = np.frombuffer(heard, bool).reshape(n, n), monotonic() + seconds
@@ -61,12 +59,6 @@ def led(case: Case) -> Led | None:
     leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
     if not leaders[1:].any() or leaders[1:].all():
         return None
-    reached = robustness.percolated_vehicles(graph, trusted, leaders) & ~leaders[1:]
+    reached = robustness.percolated(graph, trusted, leaders)[1:] & ~leaders[1:]
     strongly = robustness.leader_robustness(graph, leaders)
     return Led(np.flatnonzero(leaders).tolist(), strongly, vehicle_numbers(reached))
-
-
-ROBUSTNESSES = (
-    Theorem("O9", "alone", "", (), alone),
-    Theorem("O9", "led", "", ("leader",), led),
-)

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from experiments.rounds import parted, slowest
+from experiments.rounds import lateness, parted, slowest, spectral_radius
 from jaxnet.engine.status import Status
 from jaxnet.kinds.defences import Defence
 from jaxnet.kinds.laws import Law
@@ -119,7 +119,7 @@ def test_growth_is_the_spectral_radius(graph, stable):
     (weights, values, found), gain = growths(study), np.array([1.0, 3.0, 3.0])
     known = [theory.growth(value**rounds, gain, tick) for value in values]
     np.testing.assert_allclose(found, known, rtol=1e-6)
-    radius = theory.spectral_radius(weights, gain, tick, rounds)
+    radius = spectral_radius(weights, gain, tick, rounds)
     assert max(found) == pytest.approx(radius, rel=1e-6)
     assert (radius < 1) == stable
 
@@ -149,7 +149,7 @@ def test_the_fleet_is_late_for_a_slow_navigator(topology):
         np.asarray(navigator.jets(np.asarray(60.0 - 3.0 + by)))[3] for by in (-1e-3, 1e-3)
     )
     weights = dense(study.cells[0].scenario.topology.normalised_rows(12))
-    known = theory.lateness(weights, 0.02, 2) * np.linalg.norm(after - before) / 2e-3
+    known = lateness(weights, 0.02, 2) * np.linalg.norm(after - before) / 2e-3
     found = np.linalg.norm(position - np.asarray(navigator.jets(np.asarray(60.0)))[0], axis=1)
     np.testing.assert_allclose(found, known, rtol=0.02)
 

@@ -32,11 +32,9 @@ def rotating(magnitude, phases, vehicles=12):
     def attack(t):
         signal = np.zeros((4, vehicles, 2))
         for attacked, phase in zip(ATTACKED[vehicles >= ATTACKED], phases, strict=True):
-            for k in range(4):
-                angle = 0.7 * t + phase + k * np.pi / 2
-                signal[k, attacked - 1] = (
-                    magnitude * 0.7**k * np.array([np.cos(angle), np.sin(angle)])
-                )
+            angle = 0.7 * t + phase + np.arange(4) * np.pi / 2
+            turn = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+            signal[:, attacked - 1] = magnitude * 0.7 ** np.arange(4)[:, None] * turn
         return signal
 
     return attack
@@ -54,6 +52,14 @@ def start(seed, vehicles=12):
     return np.stack([position, rng.normal(0.0, 0.3, (vehicles, 2)), np.zeros((vehicles, 2))])
 
 
+def solved(seed, attack, weights, gain, interval):
+    """Positions of the vehicles over time, by the theory."""
+    own = start(seed, weights.shape[1]) - figure_eight(0.0)[:3, None]
+    error = tracking_errors(own, corruption_of(attack), weights, gain, interval)
+    navigator = np.stack([figure_eight(interval * n)[0] for n in range(len(weights))])
+    return error + navigator[:, None]
+
+
 @pytest.mark.parametrize("gain", [GAIN, np.array([2.0, 4.0, 2.5])])
 @pytest.mark.parametrize("trimmed", [True, False])
 def test_agrees_with_the_reference_program_while_it_trims(trimmed, gain):
@@ -64,34 +70,21 @@ def test_agrees_with_the_reference_program_while_it_trims(trimmed, gain):
         added[:, :, 1:] = attack(t)[:, None]
         return added
 
-    answer = reference.propagate(
-        matrix_of(Cyclic(navigator_weight=0.1), 12),
-        figure_eight,
-        on_edges,
-        gain,
-        start(1),
-        0.05,
-        400,
-        trusted=[{0}] * 12 if trimmed else None,
-        theta=[1] * 12 if trimmed else None,
-    )
-    navigator = np.stack([figure_eight(0.05 * n)[0] for n in range(401)])
+    weights, rule = matrix_of(Cyclic(navigator_weight=0.1), 12), {}
+    if trimmed:
+        rule = {"trusted": [{0}] * 12, "theta": [1] * 12}
+    answer = reference.propagate(weights, figure_eight, on_edges, gain, start(1), 0.05, 400, **rule)
     if trimmed:
         changes = (np.diff(answer["kept"] > 0, axis=0)).any(axis=(1, 2)).sum()
         assert changes > 10  # otherwise one solution from 0 to the end would do as well
-    error = tracking_errors(
-        start(1) - figure_eight(0.0)[:3, None], corruption_of(attack), answer["kept"], gain, 0.05
-    )
-    np.testing.assert_allclose(error, answer["positions"] - navigator[:, None], rtol=0, atol=1e-9)
+    found = solved(1, attack, answer["kept"], gain, 0.05)
+    np.testing.assert_allclose(found, answer["positions"], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "weights",
-    [matrix_of(Path(), 5), matrix_of(Figure1(), 5), matrix_of(Cyclic(navigator_weight=0.1), 5)],
-)
-def test_agrees_with_integrating_the_law(weights):
+@pytest.mark.parametrize("kind", [Path(), Figure1(), Cyclic(navigator_weight=0.1)])
+def test_agrees_with_integrating_the_law(kind):
     """The law as a vehicle applies it, to what it receives of moving neighbours, by DOP853."""
-    attack = rotating(10.0, [0.3, 2.0], vehicles=5)
+    attack, weights = rotating(10.0, [0.3, 2.0], vehicles=5), matrix_of(kind, 5)
     laplacian = np.eye(5) - weights[:, 1:]
 
     def law(t, flat):
@@ -108,39 +101,27 @@ def test_agrees_with_integrating_the_law(weights):
 
     times = np.linspace(0.0, 6.0, 7)
     run = solve_ivp(law, (0, 6), start(2, 5).ravel(), "DOP853", times, rtol=1e-11, atol=1e-10)
-    integrated = run.y.T.reshape(7, 3, 5, 2)[:, 0]
-    error = tracking_errors(
-        start(2, 5) - figure_eight(0.0)[:3, None],
-        corruption_of(attack),
-        np.broadcast_to(weights, (7, *weights.shape)).copy(),
-        GAIN,
-        1.0,
-    )
-    navigator = np.stack([figure_eight(t)[0] for t in times])
-    np.testing.assert_allclose(error, integrated - navigator[:, None], rtol=0, atol=1e-7)
+    held = np.broadcast_to(weights, (7, *weights.shape)).copy()
+    found = solved(2, attack, held, GAIN, 1.0)
+    np.testing.assert_allclose(found, run.y.T.reshape(7, 3, 5, 2)[:, 0], rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize(
-    ("weights", "channel", "mean", "greatest"),
+    ("kind", "channel", "mean", "greatest"),
     [
-        (matrix_of(Star(), 12), "navigator", 1 / 3, 1.0),
-        (
-            matrix_of(Path(), 12),
-            "neighbour",
-            22 / 12,
-            4.0,
-        ),  # each vehicle carries all attacks before it
-        (matrix_of(Cyclic(navigator_weight=0.1), 12), "neighbour", 3.0, 90 / 29),
+        (Star(), "navigator", 1 / 3, 1.0),
+        (Path(), "neighbour", 22 / 12, 4.0),  # each vehicle carries all attacks before it
+        (Cyclic(navigator_weight=0.1), "neighbour", 3.0, 90 / 29),
     ],
 )
-def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
+def test_static_gains_of_the_paper_networks(kind, channel, mean, greatest):
     """theorems.md O3: the errors that a constant attack of size 1 leaves, the same on all attacked
     vehicles.
 
     In the ring an attacked vehicle's error x and another's y fulfil x = 0.9 y and y = 0.45 (x + 1)
     + 0.45 y, hence y = 90/29 and x = 81/29, whose mean over the ring is 3.
     """
-    added = np.array([0.6, -0.8])
+    added, weights = np.array([0.6, -0.8]), matrix_of(kind, 12)
     network = of_matrix(weights)
     links = whole(network, Bias(vehicles=ATTACKED.tolist(), links=channel).attacked_links(network))
 
@@ -149,8 +130,7 @@ def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
         return np.stack([share[:, None] * added, np.zeros((12, 2)), np.zeros((12, 2))])
 
     held = np.broadcast_to(weights, (4, *weights.shape)).copy()
-    error = tracking_errors(start(3), corruption, held, GAIN, 20.0)
-    size = np.linalg.norm(error[-1], axis=1)
-    assert size.mean() == pytest.approx(mean, rel=1e-9)
-    assert size.max() == pytest.approx(greatest, rel=1e-9)
-    np.testing.assert_allclose(error[-1], size[:, None] * added, rtol=0, atol=1e-9)
+    error = tracking_errors(start(3), corruption, held, GAIN, 20.0)[-1]
+    size = np.linalg.norm(error, axis=1)
+    assert (size.mean(), size.max()) == pytest.approx((mean, greatest), rel=1e-9)
+    np.testing.assert_allclose(error, size[:, None] * added, rtol=0, atol=1e-9)

@@ -1,15 +1,20 @@
-"""Stability of exchanges: known figures, a polynomial by hand, closed forms, all rounds."""
+"""Stability of held laws: known figures, polynomials by hand, whole fleets, all rounds."""
+
+import math
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
-from experiments.rounds import greatest_tick, least_rate
+from experiments.rounds import greatest_tick, least_rate, spectral_radius
 from jaxnet.kinds.graphs.cyclic import Cyclic
+from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.path import Path
-from jaxnet.theory import rounds
+from jaxnet.theory import delay, rounds
 from tests.matrices import matrix_of
+from tests.theory.test_certificate import case_of
 
 GAIN = np.array([1.0, 3.0, 3.0])
 RING = matrix_of(Cyclic(), 12)
@@ -22,7 +27,7 @@ KNOWN = [  # of the paper's ring, found by two independent programs
 @pytest.mark.parametrize(("tick", "number", "known"), KNOWN)
 def test_the_papers_ring(tick, number, known):
     """To the figures that are known."""
-    assert rounds.spectral_radius(RING, GAIN, tick, number) == pytest.approx(known, abs=5e-5)
+    assert spectral_radius(RING, GAIN, tick, number) == pytest.approx(known, abs=5e-5)
 
 
 NUMBERS = st.floats(-0.99, 0.99)
@@ -36,15 +41,18 @@ NUMBERS = st.floats(-0.99, 0.99)
 )
 def test_growth_is_that_of_the_polynomial(real, imaginary, tick, gain):
     """`(z - μ)(z - 1)³ + (1 - μ) z N(z)`, N from what a held jerk adds over a tick."""
-    mu, (k0, k1, k2), h = real + 1j * imaginary, gain, tick
-    N = (
-        k0 * h**3 / 6 * np.array([1, 4, 1])
-        + k1 * h**2 / 2 * np.array([1, 0, -1])
-        + k2 * h * np.array([1, -2, 1])
-    )
-    polynomial = np.polyadd(np.polymul([1, -mu], np.poly([1, 1, 1])), (1 - mu) * np.append(N, 0))
+    mu = real + 1j * imaginary
+    left = np.polymul([1, -mu], np.poly([1, 1, 1]))
+    polynomial = np.polyadd(left, (1 - mu) * np.append(held_jerk(gain, tick), 0))
     known = np.abs(np.roots(polynomial)).max()
     assert rounds.growth(mu, np.array(gain), tick) == pytest.approx(known, rel=1e-4)
+
+
+def held_jerk(gain, tick):
+    """N(z), the coefficients of what a held jerk adds over a tick."""
+    k0, k1, k2 = gain
+    of_position = k0 * tick**3 / 6 * np.array([1, 4, 1])
+    return of_position + k1 * tick**2 / 2 * np.array([1, 0, -1]) + k2 * tick * np.array([1, -2, 1])
 
 
 def test_the_greatest_tick_of_one_round_on_the_ring():
@@ -58,15 +66,10 @@ def test_the_greatest_tick_of_one_round_on_the_ring():
 def test_short_ticks_ask_for_a_rate_of_exchanges(gain):
     """A slow eigenvalue alone: just below it grows, just above it shrinks, for any rounds."""
     gain = np.array(gain, float)
-    for left in (0.99, 0.999):
-        rate = least_rate(left, gain)
-        for number in (1, 3):
-            tick = number / rate
-            assert (
-                rounds.growth(left**number, gain, 1.1 * tick)
-                > 1
-                > rounds.growth(left**number, gain, 0.9 * tick)
-            )
+    for left, number in ((0.99, 1), (0.99, 3), (0.999, 1), (0.999, 3)):
+        tick = number / least_rate(left, gain)
+        above, below = (rounds.growth(left**number, gain, share * tick) for share in (1.1, 0.9))
+        assert above > 1 > below
 
 
 def digraphs():
@@ -83,72 +86,30 @@ def test_the_least_rounds_by_trying_them_all(tick):
     """None before the first number is stable, and from the second on all are."""
     for weights in digraphs():
         few, surely = rounds.least_rounds(weights, GAIN, tick)
-        stable = [rounds.spectral_radius(weights, GAIN, tick, n) < 1 for n in range(1, surely + 40)]
+        stable = [spectral_radius(weights, GAIN, tick, n) < 1 for n in range(1, surely + 40)]
         assert not any(stable[: few - 1])
         assert stable[few - 1]
         assert all(stable[surely - 1 :])
 
 
-def test_more_rounds_may_be_worse():
-    """At 0.18 s two rounds are stable on the ring, three and five are not; nothing is at 0.75 s."""
-    stable = [rounds.spectral_radius(RING, GAIN, 0.18, n) < 1 for n in range(1, 6)]
-    assert stable == [False, True, False, True, False]
-    assert rounds.least_rounds(RING, GAIN, 0.75) is None
-
-
-def test_no_number_of_rounds_is_enough_for_who_is_cut_off():
-    """Two who hear each other alone."""
+def test_no_number_of_rounds_is_stable():
+    """At a long tick; or for two vehicles that hear each other alone."""
     apart = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 0, 1.0, 0]])
+    assert rounds.least_rounds(RING, GAIN, 0.75) is None
     assert rounds.least_rounds(apart, GAIN, 0.05) is None
 
 
-@pytest.mark.long
-def test_ticks_up_to_the_greatest_are_stable():
-    """And just beyond it is not."""
-    for weights in digraphs():
-        for number in (1, 2, 5):
-            most = greatest_tick(weights, GAIN, number)
-            ticks = most * np.array([0.01, 0.3, 0.7, 0.9999, 1.0001])
-            stable = [rounds.spectral_radius(weights, GAIN, tick, number) < 1 for tick in ticks]
-            assert stable == [True, True, True, True, False]
+LOSSES = [  # tick and critical probability, found by two independent programs
+    *((RING, 0.02, 0.413127), (RING, 0.05, 0.0)),  # one round is unstable at 0.05 s
+    *((np.eye(1, 2), 0.02, 0.922509), (np.eye(1, 2), 0.2, 0.438192)),
+]
 
 
-def test_known_losses_of_whole_ticks():
-    """Of one round on the ring and on stars, found by two independent programs."""
-    ring, star = rounds.eigenvalues(RING), np.zeros(1)
-    assert rounds.mean_square_growth(ring, GAIN, 0.02, 0.3) == pytest.approx(0.988181, abs=5e-7)
-    assert rounds.mean_square_growth(ring, GAIN, 0.02, 0.5) == pytest.approx(1.008875, abs=5e-7)
-    assert rounds.critical_loss(ring, GAIN, 0.02) == pytest.approx(0.413127, abs=5e-7)
-    assert rounds.critical_loss(ring, GAIN, 0.05) == 0.0  # one round is unstable
-    known = {0.02: 0.922509, 0.05: 0.817195, 0.1: 0.666681, 0.2: 0.438192}
-    for tick, critical in known.items():
-        assert rounds.critical_loss(star, GAIN, tick) == pytest.approx(critical, abs=5e-7)
-
-
-def late_polynomial(value, gain, tick, late):
-    """`(z^{d+1} - λ)(z - 1)³ + (z^{d+1} - λ z) N(z)`, by its coefficients."""
-    k0, k1, k2 = gain
-    bracket = k2 * tick * np.poly1d([1, -2, 1]) + k1 * tick**2 / 2 * np.poly1d([1, 0, -1])
-    bracket = bracket + k0 * tick**3 / 6 * np.poly1d([1, 4, 1])
-    ahead = np.poly1d([1.0, *[0.0] * (late + 1)])
-    return (ahead - value) * np.poly1d([1, -1]) ** 3 + (ahead - value * np.poly1d([1, 0])) * bracket
-
-
-def test_radii_of_late_words():
-    """Known on the ring at 0.02 s; on others the roots of the polynomial."""
-    known = {0: 0.986192, 1: 0.986432, 2: 0.986695, 3: 0.988730, 5: 0.992472, 10: 0.995887}
-    ring, word = rounds.eigenvalues(RING), np.append(GAIN, 1.0)
-    for late, radius in known.items():
-        if late:
-            assert rounds.late_growth(ring, GAIN, word, 0.02, late) == pytest.approx(
-                radius, abs=5e-7
-            )
-        roots = [late_polynomial(value, GAIN, 0.02, late).roots for value in ring]
-        assert max(np.abs(each).max() for each in roots) == pytest.approx(radius, abs=5e-6)
-    for weights in digraphs():
-        values = rounds.eigenvalues(weights)
-        roots = [np.abs(late_polynomial(value, GAIN, 0.1, 2).roots).max() for value in values]
-        assert rounds.late_growth(values, GAIN, word, 0.1, 2) == pytest.approx(max(roots), abs=2e-5)
+@pytest.mark.parametrize(("weights", "tick", "critical"), LOSSES)
+def test_known_losses_of_whole_ticks(weights, tick, critical):
+    """Of one round on the ring, and of graphs without a cycle."""
+    found = rounds.critical_loss(rounds.eigenvalues(weights), GAIN, tick)
+    assert found == pytest.approx(critical, abs=5e-7)
 
 
 @pytest.mark.parametrize("lost", [0.2, 0.6])
@@ -167,3 +128,78 @@ def test_second_moments_grow_as_those_of_a_plain_program(lost):
     grown = (sizes[-1] / sizes[9]) ** (1 / 28)
     known = rounds.mean_square_growth(rounds.eigenvalues(weights), gain, tick, lost)
     assert grown == pytest.approx(known, rel=0.03)
+
+
+@pytest.mark.parametrize("gain", [[0.7], [0.4, 3.0], [1.354, 9.748, 0.259], [9.1, 25.0, 11.1, 3.1]])
+@pytest.mark.parametrize("kind", [Cyclic(), ErdosRenyi(probability=0.4, navigator={"share": 0.5})])
+def test_the_local_law_grows_by_the_spectral_radius_of_the_whole_fleet(gain, kind):
+    """Of the step matrix of all vehicles, held for a tick; and the rate of it at every instant."""
+    weights, order, tick, gain = matrix_of(kind, 12), len(gain), 0.3, np.array(gain)
+    pull = np.kron(gain[None], np.eye(12) - weights[:, 1:])
+    whole = np.zeros((12 * (order + 1), 12 * (order + 1)))
+    whole[:-12, :-12] = np.kron(np.eye(order, k=1), np.eye(12))
+    whole[-24:-12, -12:] = np.eye(12)
+    flow = expm(whole * tick)[:-12]
+    radius = np.abs(np.linalg.eigvals(flow[:, :-12] - flow[:, -12:] @ pull)).max()
+    values = rounds.eigenvalues(weights)
+    assert rounds.growth(0 * values, gain, tick, 1 - values) == pytest.approx(radius, rel=1e-6)
+    motion = whole[:-12, :-12].copy()
+    motion[-12:] -= pull
+    rate = np.linalg.eigvals(motion).real.max()
+    assert rounds.local_rate(values, gain) == pytest.approx(rate, abs=1e-6)
+
+
+def test_of_a_fleet_that_hears_nobody_no_stability_is_known():
+    """Vehicles of a star without a navigator have themselves alone."""
+    keys = {"topology": {"kind": "star", "own_weight": 0.5}, "navigator": "none", "attack": "none"}
+    assert rounds.stability(case_of(**keys, law="local", defence="none", vehicles=4)) is None
+
+
+def late_polynomial(value, gain, tick, late):
+    """`(z^{d+1} - λ)(z - 1)³ + (z^{d+1} - λ z) N(z)`, by its coefficients."""
+    ahead, moved = np.poly1d([1.0, *[0.0] * (late + 1)]), np.poly1d(held_jerk(gain, tick))
+    return (ahead - value) * np.poly1d([1, -1]) ** 3 + (ahead - value * np.poly1d([1, 0])) * moved
+
+
+def test_radii_of_late_messages():
+    """Known on the ring at 0.02 s; on others the roots of the polynomial."""
+    known = {1: 0.986432, 2: 0.986695, 3: 0.988730, 5: 0.992472, 10: 0.995887}
+    ring, message = rounds.eigenvalues(RING), np.append(GAIN, 1.0)
+    for late, radius in known.items():
+        found = delay.late_growth(ring, GAIN, message, 0.02, late)
+        assert found == pytest.approx(radius, abs=5e-7)
+    for weights in digraphs():
+        values = rounds.eigenvalues(weights)
+        roots = [np.abs(late_polynomial(value, GAIN, 0.1, 2).roots).max() for value in values]
+        found = delay.late_growth(values, GAIN, message, 0.1, 2)
+        assert found == pytest.approx(max(roots), abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("topology", "each"), [("star", 0.1), ("path", 0.1 * np.arange(1, 13)), ("cyclic", 1.0)]
+)
+def test_lags(topology, each):
+    """The delay once for each link on the way: 1 on a star, i on a path, 10 on the ring."""
+    case = case_of(topology=topology, channel={"delay": 0.1}, tick=0.05)
+    assert delay.lag_behind(case) == pytest.approx(np.zeros(12) + each)
+
+
+def test_margins_of_the_delay():
+    """Known on the ring, by hand at order 1, infinite without a cycle."""
+    assert delay.jerk_margin(RING, GAIN) == pytest.approx(0.0363729, abs=5e-8)
+    assert delay.jerk_margin(RING, np.array([2.0])) == pytest.approx((1 / 0.9 - 1) / 2)
+    assert delay.jerk_margin(matrix_of(Path(), 12), GAIN) == math.inf
+
+
+@pytest.mark.parametrize("extrapolate", ["none", "jets", "jerk"])
+def test_a_message_has_the_value_of_its_polynomial_after_the_delay(extrapolate):
+    """R of the Taylor polynomial of a motion, and the highest derivative as it was sent."""
+    gain, jets, late = np.append(GAIN, 1.0), np.array([2.0, -1.0, 0.5, 4.0]), 0.3
+    known = jets[: 3 + (extrapolate == "jerk")]
+    path = np.polynomial.Polynomial(known / [math.factorial(n) for n in range(len(known))])
+    after = [path.deriv(n)(late if extrapolate != "none" else 0.0) for n in range(4)]
+    after[3] = jets[3]
+    found = delay.message_factors(GAIN, late, extrapolate, local=False)
+    assert found @ jets == pytest.approx(gain @ after)
+    local = delay.message_factors(GAIN, late, extrapolate, local=True)
+    assert local.tolist() == [*found[:3], 0.0]

@@ -14,14 +14,15 @@ from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, orders_in_words, plural_s, ranges
 from jaxnet.theory import integer
 from jaxnet.theory.announced import Ultimate
-from jaxnet.theory.certificate import MOST_TRIED, HonestPaths, Margin
+from jaxnet.theory.case import Case
+from jaxnet.theory.certificate import HonestPaths
 from jaxnet.theory.exact import Decay
 from jaxnet.theory.integer import RobustnessBracket
-from jaxnet.theory.rounds import OF_LAWS, Stability
-from jaxnet.theory.safe import SafeVehicles
-from jaxnet.theory.theorem import Case, Finding, rows
-from jaxnet.theory.theorems import THEOREMS
+from jaxnet.theory.rounds import Stability
+from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
+from jaxnet.theory.theorems import OF_LAWS, values
 from jaxnet.theory.tolerance import VehiclesAlone
+
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_NAMED_VEHICLES = 60
@@ -39,8 +40,8 @@ Facts = dict[str, str]
 def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
     """Facts of a scenario by name; `seconds` is the time for searches over sets of vehicles."""
     case = Case(scenario, seconds)
-    found = rows(THEOREMS, case)
-    told = {name: PHRASES[name](row.value, scenario) for name, row in found.items()}
+    found = values(case)
+    told = {name: PHRASES[name](value, scenario) for name, value in found.items()}
     graph, attacked, trusted, _ = case.situation
     attack, defence = scenario.attack, scenario.defence
     at_once = attacked  # of each listener's links as many as one lane attacks
@@ -163,7 +164,7 @@ def world_lines(scenario: Scenario, told: Facts) -> Facts:
     return found
 
 
-def motion_lines(scenario: Scenario, found: dict[str, Finding], told: Facts) -> Facts:
+def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Facts:
     """Stability of the law, safe vehicles with what they presume, draws, and decay."""
     law, broken = told.get("stability", ""), missing(scenario, OF_LAWS)
     if scenario.law.solves() or {*broken} & ONE_LIVE_NETWORK:
@@ -174,7 +175,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Finding], told: Facts) -> 
     why = [premise_words(scenario, each) for each in missing(scenario, ("leader", *MOTION))]
     safe, announced = told.get("safe") or f"nothing is proved; {'; '.join(why)}", {}
     announcing = scenario.defence.announcing() and scenario.attack.present
-    if announcing and "safe" in found and found["safe"].value.tried:
+    if announcing and "safe" in found and found["safe"].tried:
         announced = {
             "B1": "assumed: attacked links announce what they carry (announces: consistent)",
             "theorem 3": told.get("ultimate error", ""),
