@@ -206,12 +206,11 @@ def test_what_else_a_notebook_holds_changes_no_class(change, monkeypatch):
     assert made_of(CELL.replace(*change), monkeypatch) == made_of(CELL, monkeypatch)
 
 
-def test_what_is_typed_into_a_shell_is_not_given_to_workers():
+def test_what_is_typed_into_a_shell_is_not_given_to_workers(monkeypatch):
     """They could not import it, and would wait for ever."""
-    modules = {"__main__": provenance.Provenance("", "0", None)}
-    work = types.SimpleNamespace(
-        modules=modules, config=types.SimpleNamespace(scope=registry.Scope())
-    )
+    made = provenance.Provenance("", "0", None)
+    monkeypatch.setattr(cluster, "modules_of", lambda config: {"__main__": made})
+    work = types.SimpleNamespace(config=types.SimpleNamespace(scope=registry.Scope()))
     crew = cluster.Cluster(lambda: pytest.fail("workers were called"), None)
     with pytest.raises(
         cluster.ClusterError, match="no worker can import __main__, which has no file"
