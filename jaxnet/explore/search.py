@@ -114,12 +114,10 @@ class Trials:
         found = float(best), float(median)
         return means, Generation(number, phase, self.lanes, self.best, *found, self.failed)
 
-    def simulate(self, points: Coordinates) -> Starts:
-        return self.simulate_in(self.box, points)
-
-    def simulate_in(self, box: Box, points: Coordinates) -> Starts:
+    def simulate(self, points: Coordinates, box: Box | None = None) -> Starts:
+        """Value of each point from each start, in this box or another of the same coordinates."""
         samples = np.tile(np.arange(self.starts), len(points))
-        lanes = box.lanes(points.repeat(self.starts, axis=0), samples)
+        lanes = (box or self.box).lanes(points.repeat(self.starts, axis=0), samples)
         outcome = batch.simulate(lanes, self.machine)
         return self.measure(outcome).reshape(len(points), self.starts)
 
@@ -136,7 +134,7 @@ class Trials:
         longer = scenario.model_copy(update={"horizon": time})
         box = Box(longer, self.box.source, self.box.places)
         points = np.stack([each.point for each in finalists])
-        late = self.simulate_in(box, points).mean(axis=1)
+        late = self.simulate(points, box).mean(axis=1)
         late = np.where(np.isfinite(late), late, math.nan)
         if np.isnan(late).all():
             return LateChoice(leader.point, leader.found, math.nan, time)

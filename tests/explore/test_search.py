@@ -149,9 +149,9 @@ def counts(monkeypatch):
     """Numbers of choices that are simulated, generation by generation."""
     found, simulate = [], Trials.simulate
 
-    def counting(trials, points):
-        found.append(len(points))
-        return simulate(trials, points)
+    def counting(trials, points, *box):
+        found.extend([] if box else [len(points)])
+        return simulate(trials, points, *box)
 
     monkeypatch.setattr(Trials, "simulate", counting)
     monkeypatch.setattr(worst, "FRESH", 48)
@@ -333,7 +333,7 @@ def test_the_choice_is_the_finalist_that_is_worst_at_the_late_time(
     finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)]
     trials.best, trials.point = found[0], points[0]
     trials.finalists = finalists[1:]
-    monkeypatch.setattr(Trials, "simulate_in", lambda *_: np.array(after)[:, None])
+    monkeypatch.setattr(Trials, "simulate", lambda *_: np.array(after)[:, None])
     choice = trials.choose_finalist(1000.0)
     assert (choice.point[0], choice.found, choice.until) == (chosen, found[chosen], 1000.0)
     np.testing.assert_equal(choice.late, after[chosen])

@@ -9,15 +9,11 @@ from upath import UPath
 import jaxnet
 from jaxnet.store import arrays, layout
 from jaxnet.store.folder import FolderError
-from tests.runs.conftest import STUDY
+from tests.runs.conftest import SHARDS, STUDY, done
 
 pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
-SHARDS, LANES = 12, STUDY["samples"]
-
-
-def rows_in(folder):
-    return sorted((folder / "lanes").glob("*.parquet"))
+LANES = STUDY["samples"]
 
 
 def told_by(study, out):
@@ -46,10 +42,10 @@ def test_three_parts_in_any_order(parted, assert_same, tmp_path):
     for part in (2, 0):
         assert jaxnet.run_part(parted, part, 3, out) == (out, 4, 4, 0)
     assert {path.name for path in out.iterdir()} == {"lanes", ".lock"}
-    assert [int(path.stem) % 3 for path in rows_in(out)] == [0, 2] * 4
-    stamps = [path.stat().st_mtime_ns for path in rows_in(out)]
+    assert [int(path.stem) % 3 for path in done(out)] == [0, 2] * 4
+    there = done(out)
     assert jaxnet.run_part(parted, 2, 3, out).simulated == 0
-    assert [path.stat().st_mtime_ns for path in rows_in(out)] == stamps
+    assert done(out) == there
     with pytest.raises(FolderError, match="another study"):
         jaxnet.run_part(jaxnet.load(parted, {"seed": 1}), 1, 3, out)
     (out / "lanes" / "00002.npz").write_bytes(b"PK")
@@ -68,7 +64,7 @@ def test_what_was_torn_is_told_and_done_again(parted, assert_same, tmp_path):
     out, arrays_at = tmp_path / "out", tmp_path / "out" / "errors.zarr"
     jaxnet.run(parted, out)
     other = jaxnet.run(jaxnet.load(parted, {"seed": 1}), tmp_path / "other")
-    kept, _, cut, changed, foreign, gone, *_ = rows_in(out)
+    kept, _, cut, changed, foreign, gone, *_ = done(out)
     written = kept.stat().st_mtime_ns
     cut.write_bytes(cut.read_bytes()[:-100])
     for place in range(300, 400):  # headers of pages have no checksum

@@ -16,19 +16,13 @@ import jaxnet
 from jaxnet.cli import main
 from jaxnet.store import lock
 from jaxnet.store.results import Results
-from tests.runs.conftest import STUDY
+from tests.runs.conftest import SHARDS, STUDY, done
 
 pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
-SHARDS = 12
 IGNORED = ["sh", "-c", 'trap "" INT; exec "$@"', "sh"]  # as a shell starts what ends in &
 WAIT = 120  # [s]
 MORE = 500  # samples of a run that is interrupted
-
-
-def done(out: Path) -> dict[Path, int]:
-    """Shards whose rows are there, and when they were written."""
-    return {path: path.stat().st_mtime_ns for path in out.glob("lanes/*.parquet")}
 
 
 def started(config: Path, out: Path, before: list[str]) -> subprocess.Popen[str]:
