@@ -11,12 +11,12 @@ Run it with `python experiments/accuracy.py`; it takes a minute or two.
 from typing import Any
 
 import jaxnet
+from experiments.exactness import deviations, lanes_at_ticks
 from jaxnet.config.cells import Cell
 from jaxnet.engine.batch import simulate
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
-from jaxnet.runs.exactness import deviations, lanes_at_ticks
 
 TOPOLOGIES = ["star", "path", "cyclic"]
 DIGRAPH = [

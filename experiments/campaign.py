@@ -143,13 +143,13 @@ def compared(results: Results) -> int:
     enable()
     config, shards, count = results.study.config, results.shards, 0
     cells = results.study.cells
-    types, isolation = rows.column_types(config, cells), rows.isolation_columns(cells)
+    columns = rows.row_columns(config, cells)
     for number in np.random.default_rng(0).choice(len(shards), AGAIN, replace=False):
         shard = shards[number]
         outcome = batch.simulate(job(shard.cell.scenario, Keyed(config.seed), shard.samples))
         stored = rows.read_rows(results.path / rows.row_file(shard.number))[0].to_pandas()
         pd.testing.assert_frame_equal(
-            rows.outcome_table(shard, outcome, types, isolation).to_pandas(),
+            columns.table(shard, outcome).to_pandas(),
             stored,
             check_exact=True,
         )

@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 
 import jaxnet
+from experiments.exactness import deviations, lanes_at_ticks
 from jaxnet.runs.cache import enable
-from jaxnet.runs.exactness import deviations, lanes_at_ticks
 from jaxnet.view.figures import every as figures
 
 CONFIG = Path(__file__).parents[1] / "configs" / "paper.yaml"

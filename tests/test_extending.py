@@ -174,12 +174,11 @@ def test_what_a_notebook_changes_of_a_class_makes_it_another_one(change, monkeyp
     assert (changed == made_of(CELL, monkeypatch)) == (change in SAME)
 
 
-def test_what_is_typed_into_a_shell_is_not_given_to_workers():
+def test_what_is_typed_into_a_shell_is_not_given_to_workers(monkeypatch):
     """They could not import it, and would wait for ever."""
-    modules = {"__main__": provenance.Provenance("", "0", None)}
-    work = types.SimpleNamespace(
-        modules=modules, config=types.SimpleNamespace(scope=registry.Scope())
-    )
+    made = provenance.Provenance("", "0", None)
+    monkeypatch.setattr(cluster, "modules_of", lambda config: {"__main__": made})
+    work = types.SimpleNamespace(config=types.SimpleNamespace(scope=registry.Scope()))
     crew = cluster.Cluster(lambda: pytest.fail("workers were called"), None)
     with pytest.raises(
         cluster.ClusterError, match="no worker can import __main__, which has no file"

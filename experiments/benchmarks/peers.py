@@ -32,9 +32,9 @@ from jaxtyping import Float
 from scipy.integrate import solve_ivp
 from scipy.io import loadmat, savemat
 
+from experiments import exactness
 from jaxnet.engine.batch import Job
 from jaxnet.model.signal import Harmonic
-from jaxnet.runs import exactness
 
 RTOL, ATOL = 1e-7, 1e-9
 

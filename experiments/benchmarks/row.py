@@ -147,8 +147,8 @@ def greatest_error(run: Callable[[Any], Any], what: str, scenario: Any, lanes: i
     """Greatest distance [m] from the exact solution over the first lanes, simulated once more."""
     import peers
 
+    from experiments import exactness
     from jaxnet.lanes.jobs import job
-    from jaxnet.runs import exactness
 
     if scenario.defence.kind != "none":
         return float(

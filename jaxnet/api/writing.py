@@ -61,9 +61,7 @@ def write_comparison(found: pairs.Comparison, out: AnyPath) -> Iterator[UPath]:
     }
     for name, table in pages.items():
         yield folder.put(name, functools.partial(write_table, table))
-    yield folder.put(
-        "compare.html", lambda file: file.write(comparison.comparison_page(found).encode())
-    )
+    yield folder.put("compare.html", comparison.comparison_page(found).encode())
 
 
 def write_film(
@@ -81,7 +79,7 @@ def write_film(
         lane, graph = replay.trajectory_of(results, cell, sample)
         if out:
             lane = lane.load()
-            results.folder.clear(["replays"])
+            results.folder.remove("replays")
     chosen = results.study.cells[cell]
     shown = film.film_of(lane, chosen, graph, trajectories.headings(lane["states"]))
     return film.save_film(Folder(place.parent), place.name, shown, chosen, sample, told)

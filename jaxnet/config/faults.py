@@ -187,14 +187,10 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
     """Return the faults that a kind reports, or the error that a kind from outside raised."""
     try:
-        return list(kind.faults(scenario))
+        with blame.blaming():
+            return list(kind.faults(scenario))
     except KindError as error:
         return [Fault((key,), str(error))]
-    except (Exception, SystemExit) as error:
-        blamed = blame.blame(error)
-        if blamed is None:
-            raise
-        return [Fault((key,), str(blamed))]
 
 
 def is_multiple(value: float, of: float) -> bool:

@@ -1,6 +1,5 @@
 """The random numbers of a scenario as points of a box, one coordinate from 0 to 1 per number."""
 
-import functools
 import operator
 from collections.abc import Collection, Sequence
 
@@ -12,7 +11,7 @@ from jaxnet.engine.batch import Job
 from jaxnet.kinds import fields
 from jaxnet.lanes.draws import quantile
 from jaxnet.lanes.jobs import job, recorded
-from jaxnet.lanes.uniforms import Drawn, Entry, Given, Place, Source
+from jaxnet.lanes.uniforms import Given, Place, Source
 
 INSIDE = 2.0**-54  # least distance to the edges, where a normal number is infinite
 TURN = 1e-9  # [rad] tolerance of a full turn
@@ -25,7 +24,7 @@ class Box:
     """Box of some random numbers of a scenario; the other numbers are those of a lane's sample."""
 
     def __init__(self, scenario: Scenario, source: Source, places: Sequence[Place]):
-        self.scenario, self.places, self.source = scenario, list(places), CachedSource(source)
+        self.scenario, self.places, self.source = scenario, list(places), source
         self.columns = {place: column for column, place in enumerate(places)}
         self.lots = [column for place, column in self.columns.items() if place.name == VEHICLES]
         self.turns = np.array(
@@ -65,19 +64,6 @@ class Box:
         return sorted(self.places[self.lots[number]].vehicle for number in order)
 
 
-class CachedSource:
-    """Source that caches its numbers; a box asks for the same numbers many times."""
-
-    def __init__(self, source: Source):
-        self.source, self.known = source, functools.cache(source.uniforms)
-
-    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        return self.known(name, tuple(samples), tuple(places))
-
-    def generator(self, name: str, sample: int) -> np.random.Generator:
-        return self.source.generator(name, sample)
-
-
 def places_of(scenario: Scenario, source: Source) -> list[Place]:
     return list(recorded(scenario, source).places)
 
@@ -93,5 +79,5 @@ def value_at(scenario: Scenario, place: Place) -> object:
 
 
 def is_turn(number: object) -> bool:
-    low, high = fields.value_range(number) if fields.is_drawn(number) else (0.0, 0.0)
-    return isinstance(number, fields.Uniform) and abs(high - low - 2 * fields.PI) < TURN
+    low, high = fields.value_range(number) if isinstance(number, fields.Uniform) else (0.0, 0.0)
+    return abs(high - low - 2 * fields.PI) < TURN

@@ -9,7 +9,6 @@ from upath import UPath
 from jaxnet.config.study import Study
 from jaxnet.statistics.recovery import same_thresholds
 from jaxnet.store.folder import Folder
-from jaxnet.store.results import COLUMNS
 from jaxnet.store.tables import read_table, write_table
 
 AnalysisRow = dict[str, Any]  # of a table, by its columns
@@ -21,7 +20,7 @@ class CellTable:
     def __init__(self, study: Study, folder: Folder, name: str, effort: str, lanes: int):
         self.folder, self.name, self.rows = folder, name, list[AnalysisRow]()
         if self.path.exists():
-            table: Any = read_table(self.path, needed=COLUMNS[name].split())
+            table: Any = read_table(self.path)
             same = (table[effort] == lanes) & same_thresholds(study, table)
             self.rows = table[same].to_dict("records")
         self.known = {row["cell"] for row in self.rows}

@@ -99,46 +99,36 @@ def estimate(
     random: np.random.Generator,
 ) -> Estimate:
     """Share of points whose height exceeds a level; that of a failed lane is minus infinity."""
-    found = [
-        estimate_once(height, coordinates, level, points, number, random)
-        for number in range(repeats)
-    ]
-    shares = np.array([share for share, *_ in found])
-    half = stats.t.ppf((1 + CONFIDENCE) / 2, repeats - 1) * shares.std(ddof=1) / np.sqrt(repeats)
-    low, high = max(0.0, shares.mean() - half), shares.mean() + half
-    levels, spent = max(levels for _, levels, _ in found), sum(spent for *_, spent in found)
-    return Estimate(float(shares.mean()), float(low), float(high), levels, spent)
 
+    def once(repeat: int) -> tuple[float, int, int]:
+        """Share, number of levels and number of evaluations of one repeat."""
+        where = random.standard_normal((points, coordinates))
+        chains = repeat * points + np.arange(points)
+        heights, share, step, spent = height(where, chains), 1.0, 0.5, points
+        levels = 1
+        while True:
+            order = np.argsort(-heights, kind="stable")
+            seeds = order[: points // CHAIN]
+            threshold = heights[order[points // CHAIN]]
+            if threshold >= level or levels == MOST_LEVELS:
+                break
+            levels += 1
+            share *= float((heights > threshold).mean())
+            where, heights, chains = where[seeds], heights[seeds], chains[seeds]
+            parts = [(where, heights, chains)]
+            for _ in range(CHAIN - 1):
+                proposed = np.sqrt(1 - step**2) * where + step * random.standard_normal(where.shape)
+                proposed_heights = height(proposed, chains)
+                over = proposed_heights > threshold
+                where = np.where(over[:, None], proposed, where)
+                heights = np.where(over, proposed_heights, heights)
+                step = float(np.clip(step * np.exp(over.mean() - TARGET_ACCEPTANCE), 0.02, 1.0))
+                parts.append((where, heights, chains))
+                spent += len(proposed)
+            where, heights, chains = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return share * float((heights > level).mean()), levels, spent
 
-def estimate_once(
-    height: Height,
-    coordinates: int,
-    level: float,
-    points: int,
-    repeat: int,
-    random: np.random.Generator,
-) -> tuple[float, int, int]:
-    """Run one repeat; return the share, the number of levels and the number of evaluations."""
-    where = random.standard_normal((points, coordinates))
-    chains = repeat * points + np.arange(points)
-    heights, share, step, spent = height(where, chains), 1.0, 0.5, points
-    for number in range(1, MOST_LEVELS + 1):
-        order = np.argsort(-heights, kind="stable")
-        seeds = order[: points // CHAIN]
-        threshold = heights[order[points // CHAIN]]
-        if threshold >= level or number == MOST_LEVELS:
-            return share * float((heights > level).mean()), number, spent
-        share *= float((heights > threshold).mean())
-        where, heights, chains = where[seeds], heights[seeds], chains[seeds]
-        parts = [(where, heights, chains)]
-        for _ in range(CHAIN - 1):
-            proposed = np.sqrt(1 - step**2) * where + step * random.standard_normal(where.shape)
-            proposed_heights = height(proposed, chains)
-            over = proposed_heights > threshold
-            where = np.where(over[:, None], proposed, where)
-            heights = np.where(over, proposed_heights, heights)
-            step = float(np.clip(step * np.exp(over.mean() - TARGET_ACCEPTANCE), 0.02, 1.0))
-            parts.append((where, heights, chains))
-            spent += len(proposed)
-        where, heights, chains = (np.concatenate(each) for each in zip(*parts, strict=True))
-    raise AssertionError
+    shares, levels, spent = zip(*map(once, range(repeats)), strict=True)
+    half = stats.t.ppf((1 + CONFIDENCE) / 2, repeats - 1) * np.std(shares, ddof=1)
+    half, mean = float(half / np.sqrt(repeats)), float(np.mean(shares))
+    return Estimate(mean, max(0.0, mean - half), mean + half, max(levels), sum(spent))

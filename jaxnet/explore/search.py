@@ -114,21 +114,12 @@ class Trials:
         found = float(best), float(median)
         return means, Generation(number, phase, self.lanes, self.best, *found, self.failed)
 
-    def simulate(self, points: Coordinates) -> Starts:
-        return self.simulate_in(self.box, points)
-
-    def simulate_in(self, box: Box, points: Coordinates) -> Starts:
+    def simulate(self, points: Coordinates, box: Box | None = None) -> Starts:
+        """Value of each point from each start, in this box or another of the same coordinates."""
         samples = np.tile(np.arange(self.starts), len(points))
-        outcome = batch.simulate(
-            box.lanes(points.repeat(self.starts, axis=0), samples), self.machine
-        )
+        lanes = (box or self.box).lanes(points.repeat(self.starts, axis=0), samples)
+        outcome = batch.simulate(lanes, self.machine)
         return self.measure(outcome).reshape(len(points), self.starts)
-
-    def late_means(self, time: float, points: Coordinates) -> Means:
-        """Mean over the starts at each point, for lanes that last until a time [s]."""
-        longer = self.box.scenario.model_copy(update={"horizon": time})
-        box = Box(longer, self.box.source, self.box.places)
-        return self.simulate_in(box, points).mean(axis=1)
 
     def choose_finalist(self, until: float) -> LateChoice:
         """The finalist with the greatest error at the late time; of ties, that at the horizon."""
@@ -140,7 +131,10 @@ class Trials:
         finite = [each for each in self.finalists if np.isfinite(each.found)]
         most = max(POPULATIONS, MOST_LATE_LANES // self.starts)
         finalists = [leader, *sorted(finite, key=lambda each: -each.found)[:most]]
-        late = self.late_means(time, np.stack([each.point for each in finalists]))
+        longer = scenario.model_copy(update={"horizon": time})
+        box = Box(longer, self.box.source, self.box.places)
+        points = np.stack([each.point for each in finalists])
+        late = self.simulate(points, box).mean(axis=1)
         late = np.where(np.isfinite(late), late, math.nan)
         if np.isnan(late).all():
             return LateChoice(leader.point, leader.found, math.nan, time)

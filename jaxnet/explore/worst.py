@@ -11,7 +11,7 @@ import io
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 from upath import UPath
 
 from jaxnet.config.cells import Cell, to_plain
-from jaxnet.config.keys import Config, Scenario, SearchSettings
+from jaxnet.config.keys import Config, SearchSettings
 from jaxnet.config.study import Study, load
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
@@ -44,7 +44,8 @@ from jaxnet.runs.run import Run
 from jaxnet.statistics import limits, recovery
 from jaxnet.statistics.steps import Steps
 from jaxnet.store import gate, rows
-from jaxnet.store.folder import Folder, FolderError, config_text, digest, modules_of
+from jaxnet.store.folder import OURS, Folder, FolderError, config_text
+from jaxnet.store.manifest import digest
 from jaxnet.store.results import Results
 from jaxnet.store.tables import write_table
 from jaxnet.theory.spread import scenario_gain
@@ -184,25 +185,20 @@ class CellSearch:
             "samples": self.settings.starts,
             "recovery": to_plain(self.study)["recovery"],
         }
+        numbers: dict[str, dict[int, list[float]]] = {}  # by key and vehicle
+        for place, column in self.box.columns.items():
+            if place.name != VEHICLES:
+                of_key = numbers.setdefault(place.name, {})
+                of_key.setdefault(place.vehicle, []).append(self.box.number(place, point[column]))
         overrides: dict[str, Any] = {VEHICLES: attacked} if self.box.lots else {}
-        for name in self.settings.over:
-            if name != VEHICLES:
-                overrides[name] = self.key_value(point, name, attacked)
+        for name, each in numbers.items():
+            if 0 in each:
+                overrides[name] = each[0] if name == "gain" else each[0][0]
+            else:
+                chosen = (each[vehicle] for vehicle in attacked)
+                overrides[name] = [own[0] if len(own) == 1 else own for own in chosen]
         with self.study.scope():
             return load(keys, overrides)
-
-    def key_value(
-        self, point: BoxPoint, name: str, attacked: Sequence[int]
-    ) -> float | list[float] | list[float | list[float]]:
-        numbers: dict[int, list[float]] = {}
-        for place, column in self.box.columns.items():
-            if place.name == name:
-                number = self.box.number(place, point[column])
-                numbers.setdefault(place.vehicle, []).append(number)
-        if 0 in numbers:
-            return numbers[0] if name == "gain" else numbers[0][0]
-        by_vehicle = [numbers[vehicle] for vehicle in attacked]
-        return [each[0] if len(each) == 1 else each for each in by_vehicle]
 
     def verify(self, choice: LateChoice, study: Study, results: Results) -> WorstChoice:
         """The choice's row of `worst.csv`.
@@ -219,6 +215,10 @@ class CellSearch:
         allowed = self.allowed(outcomes[0].metrics) & ~np.isnan(again)
         given, finite = found.scenario.attack.amplitude(), again[~np.isnan(again)]
         amplitude, nothing = math.nan if is_drawn(given) else float(given), not finite.size
+        bound, metric = math.nan, self.settings.maximise  # the sharpest that is valid, per ā
+        if metric in REDUCTIONS and scenario_gain(found.scenario) is not None:
+            known = limits.valid_bounds(found.scenario).values()
+            bound = min(float(REDUCTIONS[metric](each.vehicles)) for each, _ in known)
         return WorstChoice(
             cell=self.cell.number,
             found=choice.found,
@@ -228,7 +228,7 @@ class CellSearch:
             magnitude=amplitude,
             attacked=" ".join(map(str, found.scenario.attack.targets())),
             random=self.best_random(results),
-            bound=bound_of(found.scenario, self.settings.maximise) * amplitude,
+            bound=bound * amplitude,
             fresh=math.nan if nothing else float(finite.mean()),
             fresh_low=math.nan if nothing else float(np.quantile(finite, 0.05)),
             fresh_high=math.nan if nothing else float(finite.max()),
@@ -251,14 +251,6 @@ class CellSearch:
         return math.nan
 
 
-def bound_of(scenario: Scenario, metric: str) -> float:
-    """Sharpest valid bound on a metric, per ā; not-a-number where none is known."""
-    if metric not in REDUCTIONS or scenario_gain(scenario) is None:
-        return math.nan
-    known = limits.valid_bounds(scenario).values()
-    return min(float(REDUCTIONS[metric](bound.vehicles)) for bound, _ in known)
-
-
 def search_each(
     results: Results, machine: Machine, progress: Steps, executor: Cluster | None = None
 ) -> Iterator[UPath]:
@@ -271,9 +263,11 @@ def search_each(
     config = study.config
     assert config.search is not None
     if executor is not None:
-        task = functools.partial(search_cell, folder.absolute(), machine.chunk)
+        task = functools.partial(
+            search_cell, Folder(folder.path.absolute(), folder.holds), machine.chunk
+        )
         cells = {f"cell {cell.number}": cell.number for cell in study.cells}
-        ended = executor.deal(task, config.scope, modules_of(config), cells)
+        ended = executor.deal(task, config, cells)
         for done, _ in enumerate(ended, 1):
             progress("cells searched", done, len(study.cells))
     found, generations = list[AnalysisRow](), list[AnalysisRow]()
@@ -288,10 +282,12 @@ def search_each(
         progress(words, config.search.budget, config.search.budget)
         choice, answer = search.worst(results)
         found.append({**labels, **answer._asdict()})
-        yield simulate_choice(choice, folder.inside(f"worst/{cell.number}"), machine)
+        yield simulate_choice(
+            choice, Folder(folder.path / f"worst/{cell.number}", folder.holds), machine
+        )
         name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
         text = config_text(choice.config, name).encode()
-        yield folder.put(name, lambda file, text=text: file.write(text))
+        yield folder.put(name, text)
         for name, rows_of in {"search.csv": generations, "worst.csv": found}.items():
             folder.put(name, functools.partial(write_table, pd.DataFrame(rows_of)))
     yield from (results.path / name for name in ("search.csv", "worst.csv"))
@@ -305,7 +301,7 @@ def simulate_choice(study: Study, folder: Folder, machine: Machine) -> UPath:
     saved = load(study, {"save.trajectories": {"samples": [0]}})
     with folder.writing():
         if folder.manifest.get("hash") != digest(saved.config):
-            folder.clear()
+            folder.remove(*OURS)
         Run(saved.config, saved.cells, folder, lambda tally: None, machine).whole()
     return folder.path
 

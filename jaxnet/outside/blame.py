@@ -34,21 +34,13 @@ def outside_files() -> set[str]:
     return loaded | {each.file for each in provenance.IMPORTED_SOURCES.values() if each.file}
 
 
-def blame(error: BaseException) -> KindError | None:
-    """KindError with the place if an error passed through a file from outside, else None."""
-    files = {file for file, _ in traceback_lines(error)}
-    if isinstance(error, KindError) or not files & outside_files():
-        return None
-    return KindError(with_place(error))
-
-
 @contextlib.contextmanager
 def blaming() -> Iterator[None]:
     """Turn an error or exit of a kind from outside into a KindError with its file and line."""
     try:
         yield
     except (Exception, SystemExit) as error:
-        blamed = blame(error)
-        if blamed is None:
+        files = {file for file, _ in traceback_lines(error)}
+        if isinstance(error, KindError) or not files & outside_files():
             raise
-        raise blamed from error
+        raise KindError(with_place(error)) from error

@@ -8,7 +8,6 @@ import importlib
 import sys
 from importlib import metadata
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple
 
 from jaxnet.outside import modules, provenance
@@ -70,11 +69,21 @@ def entry_points(family: str) -> list[metadata.EntryPoint]:
 def import_reference(reference: str, name: str, folder: Path | None) -> Any:
     """Object at `module:attribute`; raise KindError, in which `name` stands for the reference.
 
-    The module is looked for in the folder first, then among modules that Python can import.
+    The module is loaded from its file in the folder, or else on `sys.path`, unless there it is
+    installed or part of Python. Then, and without a file, it is imported by its name.
     """
     module, _, attribute = reference.partition(":")
+    by_name = module in sys.modules or module.partition(".")[0] in sys.stdlib_module_names
+    others = [] if by_name else map(Path, filter(None, sys.path))
     try:
-        loaded = import_module(module, folder)
+        for place in filter(None, (folder, *others)):
+            elsewhere = place != folder and modules.is_installed(module)
+            if modules.file_of(place, module) is not None and not elsewhere:
+                loaded = modules.module_folder(place).load(module)
+                break
+        else:
+            loaded = importlib.import_module(module)
+            provenance.IMPORTED_SOURCES.setdefault(module, provenance.read_source(module))
     except (Exception, SystemExit) as error:  # the code of another author may raise anything
         if isinstance(error, ModuleNotFoundError) and error.name == module:
             message = f"{error}; modules beside the config can be imported"
@@ -85,19 +94,3 @@ def import_reference(reference: str, name: str, folder: Path | None) -> Any:
         return modules.attribute(loaded, attribute)
     except AttributeError as error:
         raise KindError(f"{name}: {modules.without_private(str(error))}") from error
-
-
-def import_module(module: str, folder: Path | None) -> ModuleType:
-    """Import a module from its file in a folder, or else from `sys.path`, or else by its name.
-
-    A module of `sys.path` is loaded from its file unless it is installed or part of Python.
-    """
-    by_name = module in sys.modules or module.partition(".")[0] in sys.stdlib_module_names
-    others = [] if by_name else map(Path, filter(None, sys.path))
-    for place in filter(None, (folder, *others)):
-        elsewhere = place != folder and modules.is_installed(module)
-        if modules.file_of(place, module) is not None and not elsewhere:
-            return modules.module_folder(place).load(module)
-    found = importlib.import_module(module)
-    provenance.IMPORTED_SOURCES.setdefault(module, provenance.read_source(module))
-    return found

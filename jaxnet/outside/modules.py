@@ -19,11 +19,13 @@ import sys
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import metadata
+from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
 from typing import Any, NamedTuple
 
 PREFIX = "jaxnet_kinds_"
+PACKAGE = "__init__.py"
 PRIVATE = re.compile(rf"{PREFIX}\w+?\.")
 
 
@@ -51,8 +53,11 @@ class Origin(NamedTuple):
     hashes: tuple[tuple[str, str], ...] = ()
 
 
-class ModuleFolder:
-    """The modules of a folder, with the contents that their files had at the first read."""
+class ModuleFolder(MetaPathFinder):
+    """The modules of a folder, with the contents that their files had at the first read.
+
+    Python's import finds them here, under the private name.
+    """
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -64,25 +69,99 @@ class ModuleFolder:
         package = types.ModuleType(self.name, f"Modules in {folder}.")
         package.__path__ = []
         sys.modules[self.name] = package
+        sys.meta_path.insert(0, self)
 
     def read(self, file: Path) -> bytes:
         if file not in self.sources:
             self.sources[file] = file.read_bytes()
         return self.sources[file]
 
-    def current(self) -> bool:
-        held = self.sources.items()
-        return all(file.is_file() and file.read_bytes() == content for file, content in held)
-
     def hashes(self, module: str) -> dict[str, str]:
         """SHA-256 of a module's file and of the neighbours that it imports, by name."""
-        files = closure(self, module)
+        files = self.closure(module)
         return {name: hashlib.sha256(self.read(file)).hexdigest() for name, file in files.items()}
 
     def load(self, module: str) -> types.ModuleType:
         """Import the module of this name from the folder. Any error of its code passes through."""
-        closure(self, module)  # reads all neighbours now, also those that are imported later
+        self.closure(module)  # reads all neighbours now, also those that are imported later
         return importlib.import_module(f"{self.name}.{module}")
+
+    def closure(self, module: str) -> dict[str, Path]:
+        """Files of a module and of all neighbours that it imports, directly or not, by name."""
+        found: dict[str, Path] = {}
+        ahead = [module]
+        self.named.add(module.partition(".")[0])
+        while ahead:
+            name = ahead.pop()
+            file = None if name in found else file_of(self.folder, name)
+            if file is None or (found and not self.has_neighbour(name.partition(".")[0])):
+                continue
+            found[name] = file
+            parts = name.split(".")
+            ahead += [".".join(parts[:end]) for end in range(1, len(parts))]
+            package = name if file.name == PACKAGE else name.rpartition(".")[0]
+            ahead += imports_in(self.read(file), package)
+        return dict(sorted(found.items()))
+
+    def has_neighbour(self, top: str) -> bool:
+        """Whether an import of this name means a file of the folder.
+
+        Modules of Python and installed packages take precedence, but not over names the config
+        uses.
+        """
+        folder = top.isidentifier() and (self.folder / top).is_dir()
+        if file_of(self.folder, top) is None and not folder:
+            return False
+        known = top in sys.stdlib_module_names or top == "jaxnet" or is_installed(top)
+        return top in self.named or not known
+
+    def find_spec(
+        self, fullname: str, path: object = None, target: object = None
+    ) -> ModuleSpec | None:
+        state, _, module = fullname.partition(".")
+        if state != self.name or not module:
+            return None
+        if (file := file_of(self.folder, module)) is not None:
+            inside = [str(file.parent)] if file.name == PACKAGE else None
+            loader = NeighbourLoader(fullname, str(file))
+            return importlib.util.spec_from_file_location(
+                fullname, file, loader=loader, submodule_search_locations=inside
+            )
+        place = self.folder.joinpath(*module.split("."))
+        if not place.is_dir():
+            return None
+        spec = ModuleSpec(fullname, None, is_package=True)
+        spec.submodule_search_locations = [str(place)]
+        return spec
+
+    def import_beside(
+        self,
+        name: str,
+        globals: Mapping[str, object] | None = None,
+        locals: Mapping[str, object] | None = None,
+        fromlist: Sequence[str] | None = (),
+        level: int = 0,
+    ) -> types.ModuleType:
+        """Import a neighbour by its private name, any other module as `__import__` does."""
+        top = name.partition(".")[0]
+        if level or not self.has_neighbour(top):
+            return builtins.__import__(name, globals, locals, fromlist, level)
+        found = builtins.__import__(f"{self.name}.{name}", globals, locals, fromlist, 0)
+        return found if fromlist else sys.modules[f"{self.name}.{top}"]
+
+
+class NeighbourLoader(SourceFileLoader):
+    """Loader that runs the source at its first read, without bytecode, and imports neighbours."""
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        held = STATES[module.__name__.partition(".")[0]]
+        vars(module)["__builtins__"] = {**vars(builtins), "__import__": held.import_beside}
+        try:
+            code = compile(held.read(Path(self.path)), self.path, "exec", dont_inherit=True)
+        except SyntaxError as error:  # of a null byte or a wrong encoding, Python names no file
+            error.filename = error.filename or self.path
+            raise
+        exec(code, vars(module))
 
 
 STATES: dict[str, ModuleFolder] = {}  # by private name
@@ -90,11 +169,14 @@ STATES: dict[str, ModuleFolder] = {}  # by private name
 
 def module_folder(folder: Path) -> ModuleFolder:
     """The modules of a folder for the present contents of its files."""
-    if NeighbourFinder not in sys.meta_path:
-        sys.meta_path.insert(0, NeighbourFinder)
     folder = folder.resolve()
-    held = (each for each in reversed(STATES.values()) if each.folder == folder and each.current())
-    return next(held, None) or ModuleFolder(folder)
+    for held in reversed(STATES.values()):
+        files = held.sources.items()
+        if held.folder == folder and all(
+            file.is_file() and file.read_bytes() == content for file, content in files
+        ):
+            return held
+    return ModuleFolder(folder)
 
 
 def file_of(folder: Path, module: str) -> Path | None:
@@ -102,29 +184,8 @@ def file_of(folder: Path, module: str) -> Path | None:
     if not all(map(str.isidentifier, (*packages, name))) or module.partition(".")[0] == "jaxnet":
         return None
     place = folder.joinpath(*packages)
-    files = (place / name / "__init__.py", place / f"{name}.py")
+    files = (place / name / PACKAGE, place / f"{name}.py")
     return next((file for file in files if file.is_file()), None)
-
-
-def is_package(file: Path) -> bool:
-    return file.name == "__init__.py"
-
-
-def closure(held: ModuleFolder, module: str) -> dict[str, Path]:
-    """Files of a module and of all neighbours that it imports, directly or not, by name."""
-    found: dict[str, Path] = {}
-    ahead = [module]
-    held.named.add(module.partition(".")[0])
-    while ahead:
-        name = ahead.pop()
-        file = None if name in found else file_of(held.folder, name)
-        if file is None or (found and not is_neighbour(held, name.partition(".")[0])):
-            continue
-        found[name] = file
-        parts = name.split(".")
-        ahead += [".".join(parts[:end]) for end in range(1, len(parts))]
-        ahead += imports_in(held.read(file), name if is_package(file) else name.rpartition(".")[0])
-    return dict(sorted(found.items()))
 
 
 def imports_in(source: bytes, package: str) -> Iterator[str]:
@@ -144,76 +205,6 @@ def imports_in(source: bytes, package: str) -> Iterator[str]:
             yield base
 
 
-class NeighbourFinder:
-    @classmethod
-    def find_spec(
-        cls, fullname: str, path: object = None, target: object = None
-    ) -> ModuleSpec | None:
-        state, _, module = fullname.partition(".")
-        held = STATES.get(state)
-        if held is None or not module:
-            return None
-        file = file_of(held.folder, module)
-        if file is not None:
-            loader = NeighbourLoader(fullname, str(file))
-            inside = [str(file.parent)] if is_package(file) else None
-            return importlib.util.spec_from_file_location(
-                fullname, file, loader=loader, submodule_search_locations=inside
-            )
-        place = held.folder.joinpath(*module.split("."))
-        if not place.is_dir():
-            return None
-        spec = ModuleSpec(fullname, None, is_package=True)
-        spec.submodule_search_locations = [str(place)]
-        return spec
-
-
-class NeighbourLoader(SourceFileLoader):
-    """Loader that runs the source at its first read, without bytecode, and imports neighbours."""
-
-    def exec_module(self, module: types.ModuleType) -> None:
-        """Run the module's code; its `import` statements look for neighbours first."""
-        held = STATES[module.__name__.partition(".")[0]]
-        finding = functools.partial(import_beside, held)
-        vars(module)["__builtins__"] = {**vars(builtins), "__import__": finding}
-        try:
-            code = compile(held.read(Path(self.path)), self.path, "exec", dont_inherit=True)
-        except SyntaxError as error:  # of a null byte or a wrong encoding, Python names no file
-            error.filename = error.filename or self.path
-            raise
-        exec(code, vars(module))
-
-
-def import_beside(
-    held: ModuleFolder,
-    name: str,
-    globals: Mapping[str, object] | None = None,
-    locals: Mapping[str, object] | None = None,
-    fromlist: Sequence[str] | None = (),
-    level: int = 0,
-) -> types.ModuleType:
-    """Import a neighbour by its private name, any other module as Python's `__import__` does."""
-    top = name.partition(".")[0]
-    if level or not is_neighbour(held, top):
-        return builtins.__import__(name, globals, locals, fromlist, level)
-    if fromlist:
-        return builtins.__import__(f"{held.name}.{name}", globals, locals, fromlist, 0)
-    importlib.import_module(f"{held.name}.{name}")
-    return sys.modules[f"{held.name}.{top}"]
-
-
-def is_neighbour(held: ModuleFolder, top: str) -> bool:
-    """Whether an import of this name means a file of the folder.
-
-    Modules of Python and installed packages take precedence, but not over names the config uses.
-    """
-    folder = top.isidentifier() and (held.folder / top).is_dir()
-    if file_of(held.folder, top) is None and not folder:
-        return False
-    known = top in sys.stdlib_module_names or top == "jaxnet" or is_installed(top)
-    return top in held.named or not known
-
-
 def without_private(words: str) -> str:
     """A message with private module names replaced by the names in the folders."""
     return PRIVATE.sub("", words)
@@ -223,20 +214,13 @@ def public_name(module: str) -> str:
     return PRIVATE.sub("", module, count=1) if module.startswith(PREFIX) else module
 
 
-def folder_of(module: str) -> Path | None:
-    """Folder from which a module is imported by its name, None if it has no file."""
-    file = getattr(sys.modules[module], "__file__", None)
-    if not file or not Path(file).is_file():
-        return None
-    return Path(file).resolve().parents[module.count(".") + is_package(Path(file))]
-
-
 def is_installed(module: str) -> bool:
     return version_of(module) is not None
 
 
 @functools.cache
 def version_of(module: str) -> str | None:
+    """Version of the installed distribution that a module belongs to."""
     top = module.partition(".")[0]
     for each in metadata.distributions():
         declared = (each.read_text("top_level.txt") or "").split()

@@ -57,9 +57,12 @@ def neighbours_of(found: KindOrMetric) -> ModuleFolder | None:
         return held
     if found in FOLDERS:
         return FOLDERS[found]
+    file = Path(getattr(sys.modules[module], "__file__", None) or "")
     by_name = module == "__main__" or module.startswith("jaxnet.") or modules.is_installed(module)
-    folder = None if by_name else modules.folder_of(module)
-    if folder is None or modules.file_of(folder, module) is None:
+    if by_name or not file.is_file():  # a shell may say "<stdin>"
+        return None
+    folder = file.resolve().parents[module.count(".") + (file.name == modules.PACKAGE)]
+    if modules.file_of(folder, module) is None:
         return None
     return FOLDERS.setdefault(found, modules.module_folder(folder))
 
@@ -96,10 +99,10 @@ def made_of(found: KindOrMetric) -> dict[str, Provenance]:
     held, name = neighbours_of(found), modules.public_name(home_of(found))
     if held is None:
         return {name: IMPORTED_SOURCES.setdefault(name, read_source(name))}
-    hashes = held.hashes(name)
+    files = held.closure(name)
     return {
-        each: Provenance(str(file), hashes[each], None)
-        for each, file in modules.closure(held, name).items()
+        each: Provenance(str(files[each]), content, None)
+        for each, content in held.hashes(name).items()
     }
 
 
@@ -136,10 +139,10 @@ def hash_typed_code(module: str, kinds: list[KindOrMetric]) -> Provenance:
         bases = [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]
         own = [pair for base in bases for pair in vars(base).items()]
         parts = [thing, *(each for key, each in own if not key.startswith("__"))]
-        codes = [code for part in parts for code in codes_of(part)]
+        functions = [function_of(part) for part in parts]
+        codes = [code for function in functions for code in codes_of(function)]
         told[name] = [(code.co_code, code.co_names, as_words(code.co_consts)) for code in codes]
-        for part in parts:
-            function = function_of(part)
+        for part, function in zip(parts, functions, strict=True):
             defaults = [getattr(function, each, None) for each in ARGUMENT_DEFAULTS]
             told[name].append(as_words(part) + as_words(defaults))
         used = {name for code in codes for name in code.co_names}
@@ -153,12 +156,13 @@ def function_of(thing: object) -> object:
     return inspect.unwrap(thing) if callable(thing) else thing
 
 
-def codes_of(thing: object) -> Iterator[types.CodeType]:
-    code = getattr(function_of(thing), "__code__", None)
-    ahead = [code] if code else []
+def codes_of(function: object) -> Iterator[types.CodeType]:
+    """Yield the code of a function and of all functions inside it."""
+    ahead = [getattr(function, "__code__", None)]
     while ahead:
-        yield (code := ahead.pop())
-        ahead += [each for each in code.co_consts if isinstance(each, types.CodeType)]
+        if (code := ahead.pop()) is not None:
+            yield code
+            ahead += [each for each in code.co_consts if isinstance(each, types.CodeType)]
 
 
 def as_words(value: object) -> str:

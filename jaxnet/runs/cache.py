@@ -1,5 +1,6 @@
 """XLA's flags, and its persistent cache of programs for each version and type of machine."""
 
+import contextlib
 import hashlib
 import os
 import platform
@@ -32,7 +33,11 @@ def enable() -> None:
     if "jax" in sys.modules and sys.modules["jax"].config.jax_compilation_cache_dir is not None:
         return
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    machine = hashlib.sha256(f"{platform.machine()} {processor()}".encode()).hexdigest()[:12]
+    processor = platform.processor()
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        processor = "\n".join(line for line in lines if line.startswith(("model name", "flags")))
+    machine = hashlib.sha256(f"{platform.machine()} {processor}".encode()).hexdigest()[:12]
     folder = home / "jaxnet" / "xla" / f"{metadata.version('jaxlib')}-{machine}"
     wanted = {
         "JAX_COMPILATION_CACHE_DIR": folder,
@@ -57,11 +62,3 @@ def refuse_low_limit(least: float) -> None:
     if allowed != resource.RLIM_INFINITY and allowed < least:
         given, needed = f"{allowed / 1e9:.2g} GB of addresses", f"{least / 1e9:g} GB are needed"
         raise MemoryError(f"ulimit -v allows {given}, {needed}")
-
-
-def processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return "\n".join(line for line in lines if line.startswith(("model name", "flags")))

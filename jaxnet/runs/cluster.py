@@ -21,18 +21,19 @@ import uuid
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from importlib import metadata
-from multiprocessing import forkserver, resource_tracker
+from multiprocessing import forkserver
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from upath import UPath
 
-from jaxnet.kinds.registry import Scope
+from jaxnet.config.keys import Config
 from jaxnet.lazy import LazyModule
 from jaxnet.outside import blame
 from jaxnet.runs import cache
-from jaxnet.store.folder import PACKAGES, FolderError, versions
+from jaxnet.store.folder import FolderError
+from jaxnet.store.manifest import PACKAGES, modules_of, versions
 
 if TYPE_CHECKING:
     import dask.config
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
     import distributed.utils
 
     from jaxnet.engine import batch
-    from jaxnet.outside.provenance import Provenance
     from jaxnet.runs import shards
     from jaxnet.runs.shards import Assignment, Done
     from jaxnet.store.layout import Shard
@@ -59,9 +59,6 @@ KEPT = "what is finished is kept, the same command goes on"
 NO_LOGS = logging.CRITICAL + 1  # what is lost is told by us, not by dask
 MOST_LOSSES = 5  # workers that one item may take with it before it is given up
 SETTING_UP = threading.Lock()
-
-
-Connect = Callable[[], contextlib.AbstractContextManager["distributed.Client"]]
 
 
 class ClusterError(RuntimeError):
@@ -84,12 +81,17 @@ class Answer(NamedTuple):
     said: list[str]
 
 
+@contextlib.contextmanager
 def executor(
     folder: UPath, workers: int | None, address: str | None, cores: int, chunk: int | None
-) -> "contextlib.AbstractContextManager[Cluster | None]":
-    """Workers that share these cores, or those at an address; None without either."""
+) -> "Iterator[Cluster | None]":
+    """Workers that share these cores, or those at an address; None without either.
+
+    They start in a thread, while this process does other things.
+    """
     if workers is None and address is None:
-        return contextlib.nullcontext()
+        yield None
+        return
     if workers is not None and address is not None:
         raise ClusterError("give workers or a cluster, not both")
     if folder.protocol == "memory":
@@ -97,25 +99,16 @@ def executor(
         raise ClusterError(f"{folder} {told}")
     if importlib.util.find_spec("distributed") is None:
         raise ClusterError('workers need dask.distributed: pip install "jaxnet-sim[cluster]"')
-    if workers is not None:
-        return Cluster(functools.partial(workers_here, workers, cores), chunk)
-    return Cluster(functools.partial(workers_at, str(address)), chunk)
+    connect = workers_here(workers, cores) if workers is not None else workers_at(str(address))
+    with contextlib.ExitStack() as stack, ThreadPoolExecutor(1) as pool:
+        yield Cluster(pool.submit(stack.enter_context, connect), chunk)
 
 
 class Cluster:
-    """Workers of a dask cluster. They start in a thread, while this process does other things."""
+    """Workers of a dask cluster, once `client` is there."""
 
-    def __init__(self, connect: Connect, chunk: int | None):
-        self.connect, self.chunk = connect, chunk
-        self.stack, self.pool = contextlib.ExitStack(), ThreadPoolExecutor(1)
-
-    def __enter__(self) -> "Cluster":
-        self.client = self.pool.submit(lambda: self.stack.enter_context(self.connect()))
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.pool.shutdown()
-        self.stack.close()
+    def __init__(self, client: "Future[distributed.Client]", chunk: int | None):
+        self.client, self.chunk = client, chunk
 
     def __call__(
         self, work: "Assignment", todo: "Sequence[Shard]", load_done: Callable[[int], None]
@@ -123,29 +116,25 @@ class Cluster:
         """Simulate shards; yield a report on each. Raises ClusterError or FolderError."""
         task = functools.partial(simulate_shard, work, self.chunk)
         items = {f"shard {shard.number}": shard for shard in todo}
-        yield from self.deal(task, work.config.scope, work.modules, items)
+        yield from self.deal(task, work.config, items)
 
     def deal(
-        self,
-        task: Callable[[Item], Result],
-        scope: Scope,
-        modules: "Mapping[str, Provenance]",
-        items: Mapping[str, Item],
+        self, task: Callable[[Item], Result], config: Config, items: Mapping[str, Item]
     ) -> Iterator[Result]:
         """Run the task on each named item; yield the results as they come.
 
-        Workers load the kinds of `scope` from the same files. `modules` are the modules of these
-        kinds. Raises ClusterError, and the errors of the task.
+        Workers load the kinds of the config from the same files. Raises ClusterError, and the
+        errors of the task.
         """
         if not items:
             return
-        if typed := [name for name, made_of in modules.items() if not made_of.file]:
+        if typed := [name for name, made_of in modules_of(config).items() if not made_of.file]:
             told = "which has no file: write its kinds into a module"
             raise ClusterError(f"no worker can import {typed[0]}, {told}")
         try:
             client = self.client.result()
             packed = {name: pickle.dumps(item) for name, item in items.items()}
-            work = functools.partial(run_task, pickle.dumps((task, scope)), versions())
+            work = functools.partial(run_task, pickle.dumps((task, config.scope)), versions())
             yield from worker_answers(client, work, packed)
         except distributed.KilledWorker as error:
             item = str(error.task).split(" of ")[0]
@@ -166,7 +155,15 @@ def worker_answers(
                 told.add(text)
                 warnings.warn(text, stacklevel=2)
 
-    client.subscribe_topic("all", lambda event: tell(lost_workers(event[1], run)))
+    def tell_lost(event: tuple[object, Any]) -> None:
+        found = event[1]
+        if isinstance(found, dict) and found.get("action") == "remove-worker":
+            items = sum(run in str(key) for key in found["processing-tasks"])
+            if items and not found["expected"]:
+                name = f"worker {found['worker']} was lost"
+                tell([f"{name}; others do what it had under way: {items}"])
+
+    client.subscribe_topic("all", tell_lost)
     futures = client.map(task, list(items.values()), key=[f"{name} of {run}" for name in items])
     try:
         for _, answer in distributed.as_completed(futures, with_results=True, loop=client.loop):
@@ -183,8 +180,11 @@ def worker_answers(
 
 @contextlib.contextmanager
 def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
-    quiet_tracker()
-    start_server()
+    # The process from which workers are forked imports their modules once, while this process does
+    # other things. It does not start JAX, which would not survive a fork.
+    modules = ["distributed", "jaxnet.runs.shards"]
+    multiprocessing.get_context("forkserver").set_forkserver_preload(modules)
+    forkserver.ensure_running()
     each = max(1, cores // number)
     settings = {
         "distributed.scheduler.allowed-failures": MOST_LOSSES,
@@ -207,27 +207,6 @@ def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
         yield client
 
 
-def start_server() -> None:
-    """Start the process from which workers are forked.
-
-    It imports the workers' modules once, while this process does other things. It does not start
-    JAX, which would not survive a fork.
-    """
-    modules = ["distributed", "jaxnet.runs.shards"]
-    multiprocessing.get_context("forkserver").set_forkserver_preload(modules)
-    forkserver.ensure_running()
-
-
-def quiet_tracker() -> None:
-    """Start Python's resource tracker without warnings about the leftovers of killed workers."""
-    before = os.environ.get("PYTHONWARNINGS")
-    os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
-    resource_tracker.ensure_running()
-    os.environ.pop("PYTHONWARNINGS")
-    if before is not None:
-        os.environ["PYTHONWARNINGS"] = before
-
-
 @contextlib.contextmanager
 def workers_at(address: str) -> "Iterator[distributed.Client]":
     with contextlib.ExitStack() as stack:
@@ -237,41 +216,28 @@ def workers_at(address: str) -> "Iterator[distributed.Client]":
         except (OSError, ValueError) as error:
             raise ClusterError(f"no scheduler answers at {address}: {error}") from error
         stack.callback(client.close)
-        refuse_strangers(client)
+        # by functions of Python alone, since another version of jaxnet may lack ours
+        asked = {"jaxnet": (pkgutil.resolve_name, "jaxnet:__version__")}
+        asked |= {package: (metadata.version, package) for package in PACKAGES}
+        told: Any = {name: client.run(*ask, on_error="return") for name, ask in asked.items()}
+        for worker in told["jaxnet"]:
+            theirs = {package: said.get(worker) for package, said in told.items()}
+            if not any(each is None or isinstance(each, OSError) for each in theirs.values()):
+                refuse_versions(worker, theirs, versions())
         client.run(get_ready, wait=False, on_error="ignore")
         if not client.nthreads():
-            told = "has no workers yet: waiting for them"
-            warnings.warn(f"the scheduler at {address} {told}", stacklevel=2)
+            warnings.warn(
+                f"the scheduler at {address} has no workers yet: waiting for them", stacklevel=2
+            )
         yield client
 
 
-def refuse_strangers(client: "distributed.Client") -> None:
-    """Raise ClusterError if a worker's versions, on which rows depend, differ from this process.
-
-    The query uses functions of Python alone, since another version of jaxnet may lack ours.
-    """
-    ours: Any = client.run(pkgutil.resolve_name, "jaxnet:__version__", on_error="return")
-    theirs: dict[str, Any] = {"jaxnet": ours}
-    theirs |= {name: client.run(metadata.version, name, on_error="return") for name in PACKAGES}
-    for worker in ours:
-        answered = {package: said.get(worker) for package, said in theirs.items()}
-        if not any(each is None or isinstance(each, OSError) for each in answered.values()):
-            refuse_versions(worker, answered, versions())
-
-
 def refuse_versions(worker: str, theirs: Mapping[str, object], ours: Mapping[str, str]) -> None:
+    """Raise ClusterError if versions on which rows depend differ from those of this process."""
     for package in ("jaxnet", *PACKAGES):
         if theirs[package] != ours[package]:
             versions = f"{package} {theirs[package]}, this is {ours[package]}"
             raise ClusterError(f"worker {worker} has {versions}: the same is needed everywhere")
-
-
-def lost_workers(event: object, run: str) -> Iterator[str]:
-    """Yield the message of an event: that a worker with items of this run was lost."""
-    if isinstance(event, dict) and event.get("action") == "remove-worker" and not event["expected"]:
-        items = sum(run in str(key) for key in event["processing-tasks"])
-        if items:
-            yield f"worker {event['worker']} was lost; others do what it had under way: {items}"
 
 
 def run_task(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
@@ -288,7 +254,8 @@ def run_task(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
     with blame.blaming():
         task, _ = pickle.loads(work)
         found = task(pickle.loads(item))
-    return Answer(found, list(drain(said)))
+    with SETTING_UP:
+        return Answer(found, [said.popleft() for _ in range(len(said))])
 
 
 def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Done":
@@ -310,12 +277,6 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
     if done is None or work.missing(shard, done):
         done = next(shards.simulate_shards(work, [shard], batch.Machine(1, chunk), see))
     return done
-
-
-def drain(said: deque[str]) -> Iterator[str]:
-    with contextlib.suppress(IndexError):
-        while True:
-            yield said.popleft()
 
 
 @functools.cache

@@ -21,22 +21,18 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
         told = "call jax.config.update('jax_enable_x64', True) first"
         raise RuntimeError(f"a vector field needs double precision: {told}")
     scenario = study.cells[cell].scenario
-    attack, defence = scenario.attack, scenario.defence
-    no_ticks, fault = "and a vector field knows of no ticks", ""
-    if attack.strategic or (defence.decides and (defence.needs_ticks() or defence.draws())):
-        kind = (attack if attack.strategic else defence).kind
-        fault = f"{kind} decides at ticks only, {no_ticks}"
-    elif attack.periods():
-        fault = f"attacked vehicles change at ticks, {no_ticks}"
-    elif defence.coasts():
-        fault = f"{defence.kind} has isolated: coast, {no_ticks}"
-    elif not scenario.law.solves():
-        kind = scenario.law.kind
-        fault = f"the vector field is that of the law solved at every instant (got {kind})"
-    elif not is_ideal(scenario):
-        fault = f"vehicles sense, and messages are lost, at ticks, {no_ticks}"
-    if fault:
-        raise ValueError(fault)
+    attack, defence, law = scenario.attack, scenario.defence, scenario.law
+    at_ticks = defence.decides and (defence.needs_ticks() or defence.draws())
+    faults = {
+        f"{attack.kind} decides at ticks only": attack.strategic,
+        f"{defence.kind} decides at ticks only": at_ticks,
+        "attacked vehicles change at ticks": attack.periods(),
+        f"{defence.kind} has isolated: coast": defence.coasts(),
+        f"{law.kind} is not the law solved at every instant": not law.solves(),
+        "vehicles sense, and messages are lost, at ticks": not is_ideal(scenario),
+    }
+    if fault := next((words for words, broken in faults.items() if broken), ""):
+        raise ValueError(f"{fault}, and a vector field knows of no ticks")
     source = source_of(study.config, scenario)
     one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)

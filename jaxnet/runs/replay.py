@@ -41,12 +41,10 @@ def replay(
     outcome = batch.simulate(lane, machine)
     store = store_of(results, cell, sample, engine)
     for name, content in arrays.lane_files(variables, chosen, sample, outcome.series).items():
-        results.folder.put(f"{store}/{name}", lambda file, content=content: file.write(content))
-    types = rows.column_types(study.config, study.cells)
-    isolation = rows.isolation_columns(study.cells)
-    one = Shard(0, chosen, range(sample, sample + 1))
-    row = rows.outcome_table(one, outcome, types, isolation).to_pandas().iloc[0]
-    return results.folder.path / store, row
+        results.folder.put(f"{store}/{name}", content)
+    columns = rows.row_columns(study.config, study.cells)
+    table = columns.table(Shard(0, chosen, range(sample, sample + 1)), outcome)
+    return results.folder.path / store, table.to_pandas().iloc[0]
 
 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:

@@ -28,25 +28,20 @@ from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
 from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.admission import changed_settings
-from jaxnet.store.folder import (
-    DERIVED,
-    Folder,
-    FolderError,
-    TakenError,
+from jaxnet.store.folder import DERIVED, Folder, FolderError, TakenError
+from jaxnet.store.layout import Shard
+from jaxnet.store.manifest import (
+    changed_settings,
     digest,
     manifest_entries,
-    modules_of,
     samples_of_cells,
 )
-from jaxnet.store.layout import Shard
 from jaxnet.store.tables import write_table
 
 ReportTally = Callable[[Tally], None]
 Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
 SEARCHED = ("search.csv", "worst.csv", "worst.yaml", "worst")  # jaxnet search goes on from search/
 CHOSEN_STORE = "trajectories.zarr"
-ChosenLane = tuple[Cell, int]  # a cell and a sample
 
 
 class Run:
@@ -64,18 +59,32 @@ class Run:
             most = max(study.samples, self.before.get("samples", 0))
             study = study.model_copy(update={"samples": most})
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
+        self.progress = progress
         self.crew = crew or (
             lambda work, todo, told: shards.simulate_shards(work, todo, machine, told)
         )
-        self.modules = modules_of(study)
-        self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
-        self.progress = progress
+        self.work = Assignment(
+            folder=Folder(folder.path.absolute(), folder.holds),
+            study=digest(study),
+            config=study,
+            size=self.before.get("shard_size") or layout.shard_size(cells, study),
+            columns=rows.row_columns(study, cells),
+            stores=layout.filled_stores(cells, study.save),
+            filled=None,
+        )
 
     def whole(self) -> bool:
         """Simulate missing lanes, write tables and arrays; return whether lanes were missing."""
         there = samples_of_cells(self.before, len(self.cells))
-        looks = [looks_of(self.study.samples, each) for each in there]  # that each cell has ahead
-        tally = self.tally(sum(ahead[-1] for ahead in looks))
+        asked = self.study.samples
+        looks: Sequence[list[int]] = [  # numbers of samples after which each cell may end
+            list(recovery.looks(each, asked.until.at_most))
+            if isinstance(asked, keys.Sequential)
+            else [asked]
+            for each in there
+        ]
+        lanes = sum(ahead[-1] for ahead in looks)
+        tally = Tally(self.cells, lanes, self.study.recovery is not None)
         self.need_room(sum(ahead[0] for ahead in looks))
         self.folder.remove_torn()
         self.clear_settings()
@@ -85,16 +94,16 @@ class Run:
             before = samples
             samples = [ahead[0] if ahead else end for ahead, end in zip(looks, before, strict=True)]
             tally.aim = sum(samples)
-            shards = layout.shards_of(self.cells, samples, self.size)
-            new = [shard for shard in shards if shard.samples.stop > before[shard.cell.number]]
+            every = layout.shards_of(self.cells, samples, self.work.size)
+            new = [shard for shard in every if shard.samples.stop > before[shard.cell.number]]
             self.begin(samples)
-            simulated += self.simulate(new, self.work(self.prepare(max(samples))), tally)
+            simulated += self.simulate(new, tally)
             looks = self.looks_ahead([ahead[1:] for ahead in looks], samples, tally)
         return self.finish(samples, simulated)
 
     def need_room(self, lanes: int) -> None:
         """Raise FolderError if lanes do not fit the disk; each row file counts as a full shard."""
-        there = sum(1 for _ in self.folder.path.glob("lanes/*.parquet")) * self.size
+        there = sum(1 for _ in self.folder.path.glob("lanes/*.parquet")) * self.work.size
         self.folder.need(layout.disk_bytes(self.study, self.cells, max(0, lanes - there)))
 
     def looks_ahead(
@@ -126,10 +135,10 @@ class Run:
             raise FolderError(told)
         samples = [self.study.samples] * len(self.cells)
         self.need_room(sum(samples) // of)
-        mine = layout.shards_of(self.cells, samples, self.size)[number::of]
-        tally = self.tally(sum(len(shard.samples) for shard in mine))
-        simulated = self.simulate(mine, self.work(None), tally)
-        return len(mine), simulated, tally.failed
+        mine = layout.shards_of(self.cells, samples, self.work.size)[number::of]
+        lanes = sum(len(shard.samples) for shard in mine)
+        tally = Tally(self.cells, lanes, self.study.recovery is not None)
+        return len(mine), self.simulate(mine, tally), tally.failed
 
     def about(self, samples: Sequence[int]) -> dict[str, object]:
         """The manifest's entries on the folder; `samples` are the numbers of the cells."""
@@ -141,42 +150,25 @@ class Run:
             "cells": len(self.cells),
             "samples": max(samples),
             "cell_samples": list(samples) if min(samples) < max(samples) else None,
-            "shard_size": self.size,
+            "shard_size": self.work.size,
         }
 
     def begin(self, samples: Sequence[int]) -> None:
+        """Write the manifest, and make room for these samples in the stores that shards fill."""
         about, before = self.about(samples), self.folder.manifest
         entries = ("save", "samples", "cell_samples")
         same = all(before.get(entry) == about[entry] for entry in entries)
         self.folder.write_manifest(**about, finished=same and before["finished"])
-
-    def prepare(self, samples: int) -> dict[str, str]:
-        """Make room for these samples in the stores that shards fill; return their identities."""
-        identities = {}
-        for name, variables in layout.filled_stores(self.cells, self.study.save).items():
+        filled, size = {}, self.work.size
+        for name, variables in self.work.stores.items():
             path = self.folder.path / name
             with self.folder.naming(name):
-                identities[name] = arrays.prepare(path, variables, self.cells, samples, self.size)
-        return identities
+                filled[name] = arrays.prepare(path, variables, self.cells, max(samples), size)
+        self.work = self.work._replace(filled=filled)
 
-    def work(self, filled: dict[str, str] | None) -> Assignment:
-        return Assignment(
-            folder=self.folder.absolute(),
-            study=digest(self.study),
-            config=self.study,
-            size=self.size,
-            types=rows.column_types(self.study, self.cells),
-            isolation=rows.isolation_columns(self.cells),
-            stores=layout.filled_stores(self.cells, self.study.save),
-            filled=filled,
-            modules=self.modules,
-        )
-
-    def tally(self, lanes: int) -> Tally:
-        return Tally(self.cells, lanes, self.study.recovery is not None)
-
-    def simulate(self, wanted: Sequence[Shard], work: Assignment, tally: Tally) -> int:
+    def simulate(self, wanted: Sequence[Shard], tally: Tally) -> int:
         """Simulate the missing lanes of these shards; return the number of incomplete shards."""
+        work = self.work
         with ThreadPoolExecutor(rows.READERS) as pool:
             found = list(pool.map(lambda shard: shards.find_done(work, shard), wanted))
         missing = [work.missing(shard, done) for shard, done in zip(wanted, found, strict=True)]
@@ -219,29 +211,19 @@ class Run:
         if taken := [name for name in names if (self.folder.path / name).exists()]:
             removed = f"removing what was {told}: {', '.join(taken)} (jaxnet report makes it again)"
             warnings.warn(f"{self.folder.path}: {removed}", stacklevel=2)
-        self.folder.clear((*taken, "cells.csv"))
+        self.folder.remove(*taken, "cells.csv")
 
     def finish(self, samples: Sequence[int], simulated: int) -> bool:
         """Write chosen trajectories and tables of all rows; return whether any were missing."""
         missing = simulated > 0 or not self.folder.manifest["finished"]
-        every = layout.shards_of(self.cells, samples, self.size)
+        every = layout.shards_of(self.cells, samples, self.work.size)
         if not isinstance(self.study.save.trajectories, str):
-            metric = judged_metric(self.cells)
-            lanes = rows.scan_cells(self.folder, every, ("sample", "status", metric))
-            chosen = [
-                (self.cells[number], sample)
-                for number, each in lanes
-                for sample in chosen_samples(self.study.save, each, metric)
-            ]
-            missing = missing or not self.stored(chosen)
-            if missing:
-                self.store_chosen(chosen)
+            missing = self.store_chosen(every, missing) or missing
         table = summary.summarise(self.folder, every, self.cells, self.study, samples)
         self.folder.put("cells.csv", functools.partial(write_table, table))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
         # of parts that saved what is not asked for now
-        for taken in self.folder.path.glob("lanes/*.npz"):
-            self.folder.remove(f"lanes/{taken.name}")
+        self.folder.remove(*(f"lanes/{each.name}" for each in self.folder.path.glob("lanes/*.npz")))
         seconds = self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began
         # all of it once more: an earlier holder's may have arrived late
         self.folder.write_manifest(
@@ -252,14 +234,22 @@ class Run:
         )
         return missing
 
-    def stored(self, chosen: Sequence[ChosenLane]) -> bool:
-        path, variables = self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells)
-        lanes = [(cell.number, sample) for cell, sample in chosen]
-        return arrays.holds_lanes(path, variables, lanes)
+    def store_chosen(self, every: Sequence[Shard], anew: bool) -> bool:
+        """Simulate the chosen lanes again, and write their trajectories into a new store.
 
-    def store_chosen(self, chosen: Sequence[ChosenLane]) -> None:
-        """Simulate the chosen lanes again, and write their trajectories into a new store."""
+        Unless `anew`, a store that holds just these lanes stays. Returns whether it was written.
+        """
         path, variables = self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells)
+        metric = judged_metric(self.cells)
+        lanes = rows.scan_cells(self.folder, every, ("sample", "status", metric))
+        chosen = [
+            (self.cells[number], sample)
+            for number, each in lanes
+            for sample in chosen_samples(self.study.save, each, metric)
+        ]
+        wanted = [(cell.number, sample) for cell, sample in chosen]
+        if not anew and arrays.holds_lanes(path, variables, wanted):
+            return False
         if arrays.open_for_writing(path) is not None:
             told = "holds all lanes, and is replaced by one of those that are chosen"
             warnings.warn(f"{path} {told}", stacklevel=2)
@@ -277,16 +267,7 @@ class Run:
             first += len(samples)
         with self.folder.naming(CHOSEN_STORE):
             arrays.seal(store, path, variables, len(chosen))
-
-
-def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:
-    """Numbers of samples after which a run tests if a cell has enough; `there` samples exist.
-
-    A study with a fixed number of samples has one look.
-    """
-    if not isinstance(samples, keys.Sequential):
-        return [samples]
-    return list(recovery.looks(there, samples.until.at_most))
+        return True
 
 
 def chosen_samples(save: keys.Save, lanes: pd.DataFrame, metric: str) -> list[int]:

@@ -27,7 +27,6 @@ from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.lanes import proofs
 from jaxnet.lanes.jobs import job, source_of
-from jaxnet.outside.provenance import Provenance
 from jaxnet.runs.tally import Done, sums_of
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder
@@ -50,11 +49,9 @@ class Assignment(NamedTuple):
     study: str  # hash
     config: Config  # of the study
     size: int  # samples of a whole shard
-    types: dict[str, pa.DataType]  # of the swept keys' columns
-    isolation: list[str]  # columns on vehicles that decisions cut off
+    columns: rows.RowColumns
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
     filled: dict[str, str] | None  # identities of those stores; None: arrays go beside the rows
-    modules: dict[str, Provenance]  # that kinds from outside came from
 
     @property
     def variables(self) -> dict[str, Variable]:
@@ -105,11 +102,15 @@ def simulate_shards(
     for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
         states = shard.cell.scenario.vehicle.states
         values = arrays.series_values(work.variables, outcome.series, states)
-        if work.filled is None:
-            checksums = write_beside(work, shard, values)
-        else:
+        checksums = {}
+        if work.filled is not None:
             checksums = write_arrays(work, shard, values, stores)
-        table = rows.outcome_table(shard, outcome, work.types, work.isolation)
+        elif values:
+            content = io.BytesIO()
+            np.savez(content, allow_pickle=False, **values)
+            work.folder.put(name_beside(shard.number), content.getvalue())
+            checksums = {BESIDE_ROWS: zlib.crc32(content.getbuffer())}
+        table = work.columns.table(shard, outcome)
         if before := shard.samples.start - work.first(shard):
             there, _ = rows.read_rows(work.folder.path / rows.row_file(shard.number))
             table = pa.concat_tables([there.slice(0, before), table])
@@ -190,15 +191,6 @@ def name_beside(number: int) -> str:
     return rows.row_file(number).replace(".parquet", ".npz")
 
 
-def write_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
-    if not values:
-        return {}
-    content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **values)
-    work.folder.put(name_beside(shard.number), lambda file: file.write(content.getbuffer()))
-    return {BESIDE_ROWS: zlib.crc32(content.getbuffer())}
-
-
 def find_done(work: Assignment, shard: Shard) -> Done | None:
     """Report on a shard if its rows and arrays are in the folder, else return None.
 
@@ -209,7 +201,7 @@ def find_done(work: Assignment, shard: Shard) -> Done | None:
         table, stamp = rows.read_rows(path)
         if stamp._replace(filled={}, checksums={}) != work.stamp(shard, {})._replace(filled={}):
             raise TornError("holds lanes of another study or version, or is parted otherwise")
-        if table.column_names != rows.column_names(shard.cell, work.isolation):
+        if table.column_names != work.columns.names(shard.cell):
             raise TornError("has other columns")
         count = min(table.num_rows, work.rows_of(shard))
         there = range(work.first(shard), work.first(shard) + count)
@@ -220,8 +212,7 @@ def find_done(work: Assignment, shard: Shard) -> Done | None:
     except FileNotFoundError:
         return None
     except TornError as error:
-        work.folder.remove(rows.row_file(shard.number))
-        work.folder.remove(name_beside(shard.number))
+        work.folder.remove(rows.row_file(shard.number), name_beside(shard.number))
         warnings.warn(f"{path}: {error}; its lanes are simulated again", stacklevel=2)
         return None
 

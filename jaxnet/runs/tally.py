@@ -28,15 +28,12 @@ class Done(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """State of a cell during a run: mean of its judged metric [m], share of unrecovered lanes.
-
-    `unrecovered` is not-a-number where no vehicle is attacked or the study has no recovery.
-    """
+    """State of a cell during a run."""
 
     cell: int
     lanes: int
-    mean: float
-    unrecovered: float
+    mean: float  # of its judged metric [m]
+    unrecovered: float  # share; not-a-number without an attack or without recovery
 
 
 def sums_of(cell: Cell, rows: pd.DataFrame, asked: Recovery | None) -> Sums:

@@ -88,17 +88,15 @@ def replayed_lanes(results: Results) -> Iterator[Watched]:
     places = dict.fromkeys((results.folder.path, results.path))
     files = (file for place in places for file in place.glob("replays/cell-*.zarr/zarr.json"))
     stores = {file.parent.name: file.parent for file in files}
-    for path in (stores[name] for name in sorted(stores)):
-        named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
-        if named is None or int(named[1]) >= len(results.study.cells):
-            continue
-        if int(named[2]) < results.samples[int(named[1])]:
-            yield Watched(int(named[1]), int(named[2]), "replayed", named[3], path)
+    for _, path in sorted(stores.items()):
+        if named := re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem):
+            cell, sample = int(named[1]), int(named[2])
+            if cell < len(results.study.cells) and sample < results.samples[cell]:
+                yield Watched(cell, sample, "replayed", named[3], path)
 
 
 def stored_lanes(results: Results) -> Iterator[Watched]:
     path = results.path / "trajectories.zarr"
-    if not path.exists():
-        return
-    for cell, sample in lanes_in(open_store(path, results.sizes)):
-        yield Watched(cell, sample, "stored", None, path)
+    if path.exists():
+        for cell, sample in lanes_in(open_store(path, results.sizes)):
+            yield Watched(cell, sample, "stored", None, path)

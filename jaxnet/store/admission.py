@@ -1,5 +1,6 @@
 """Which folders accept a study: an empty one, or one that holds this study, of this version."""
 
+import contextlib
 import json
 import re
 from textwrap import shorten
@@ -8,18 +9,14 @@ from jaxnet.config.cells import to_plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
 from jaxnet.store import gate, rows
-from jaxnet.store.folder import (
-    DERIVED,
-    DERIVED_FROM,
-    EVALUATED,
+from jaxnet.store.folder import DERIVED, DERIVED_FROM, OURS, Folder, FolderError
+from jaxnet.store.manifest import (
     MANIFEST,
-    OURS,
-    Folder,
-    FolderError,
     Manifest,
+    changed_modules,
+    changed_settings,
     digest,
     manifest_entries,
-    modules_of,
     settings_of,
     unhashed,
 )
@@ -36,7 +33,7 @@ def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
     """
     written_by, holds = version_and_hash(folder)
     if fresh:
-        folder.clear()
+        folder.remove(*OURS)
         return
     why = ""
     if written_by not in (None, __version__):
@@ -52,7 +49,7 @@ def claim(folder: Folder, config: Config) -> None:
     admit(folder, config)
     manifest = folder.manifest
     if not manifest or (not manifest["samples"] and changed_settings(manifest, config)):
-        folder.clear(DERIVED)
+        folder.remove(*DERIVED)
         folder.write_study(config)
         folder.write_manifest(**manifest_entries(config), samples=0, finished=False)
 
@@ -77,7 +74,7 @@ def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
         elsewhere = f"{taken[0]} of something else"
     else:
         text = json.dumps({**rows_of, "settings": now}) + "\n"
-        folder.put(DERIVED_FROM, lambda file: file.write(text.encode()))
+        folder.put(DERIVED_FROM, text.encode())
     if elsewhere:
         raise FolderError(f"{folder.path} holds {elsewhere}: give another folder with --out")
 
@@ -95,13 +92,16 @@ def version_and_hash(folder: Folder) -> tuple[str | None, str | None]:
         strangers = [f"lanes/{name}" for name in inside if not LANES.fullmatch(name)]
     if strangers:
         raise FolderError(f"{folder.path} is not a results folder: it holds {strangers[0]}")
-    stamp = rows.any_stamp(folder)
-    return (stamp.jaxnet, stamp.study) if stamp else (None, None)
+    for path in sorted(folder.path.glob("lanes/[0-9]*.parquet")):
+        with contextlib.suppress(rows.TornError):
+            stamp = rows.read_rows(path)[1]
+            return stamp.jaxnet, stamp.study
+    return None, None
 
 
 def difference(folder: Folder, config: Config) -> str:
     """Keys in which the folder's study differs from a config; "" if its study is unknown."""
-    if changed := changed_modules(folder, config):
+    if changed := changed_modules(folder.manifest, config):
         return f": {changed[0]} was changed since its rows were made"
     file = folder.path / "study.yaml"
     if not file.exists():
@@ -116,6 +116,15 @@ def difference(folder: Folder, config: Config) -> str:
     return f": {', '.join(apart[:3]) or 'its sweep has another order'}"
 
 
+def flatten_keys(value: object, prefix: str = "") -> dict[str, object]:
+    if not isinstance(value, dict) or not value:
+        return {prefix: value}
+    joined = {}
+    for key, each in value.items():
+        joined |= flatten_keys(each, f"{prefix}.{key}" if prefix else str(key))
+    return joined
+
+
 def refuse_edited(folder: Folder, config: Config) -> None:
     """Raise FolderError where `study.yaml` is no longer the study whose rows the folder holds.
 
@@ -127,23 +136,3 @@ def refuse_edited(folder: Folder, config: Config) -> None:
     if written_by == __version__ and holds not in (None, digest(config, modules)):
         told = "is not the study whose rows the folder holds: it was edited since"
         raise FolderError(f"{folder.path}/study.yaml {told}")
-
-
-def changed_modules(folder: Folder, config: Config) -> list[str]:
-    theirs, ours = folder.manifest.get("modules", {}), modules_of(config)
-    return [name for name in theirs if name in ours and ours[name].sha256 != theirs[name]["sha256"]]
-
-
-def changed_settings(manifest: Manifest, config: Config) -> list[str]:
-    """Keys with which the tables of a folder were not made, as far as its manifest tells them."""
-    made, now = manifest.get("settings"), settings_of(config)
-    return [] if made is None else [key for key in EVALUATED if made.get(key) != now[key]]
-
-
-def flatten_keys(value: object, prefix: str = "") -> dict[str, object]:
-    if not isinstance(value, dict) or not value:
-        return {prefix: value}
-    joined = {}
-    for key, each in value.items():
-        joined |= flatten_keys(each, f"{prefix}.{key}" if prefix else str(key))
-    return joined

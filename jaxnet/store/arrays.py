@@ -27,7 +27,6 @@ from jaxnet.store.layout import (
     DIMENSIONS,
     CellLabel,
     Variable,
-    along_lanes,
     cell_variables,
     coordinates,
 )
@@ -51,6 +50,7 @@ else:
 IDENTITY = "identity"  # attribute of a store that shards fill, written last
 CHECKSUMS = "checksums"  # attribute of a store of lanes, written last: by lane and array
 NOBODY = -1  # source of a slot that a cell does not have
+BY_SAMPLE = ("cell", "sample")  # first dimensions of a store that shards fill
 
 Variables = Mapping[str, Variable]
 NamedArrays = Mapping[str, np.ndarray]
@@ -64,13 +64,18 @@ def prepare(
     coords = coordinates(cells, samples)
     group = open_for_writing(path, (*variables, "sample"))
     if group is None or not all(
-        has_layout(array_in(group, name), variable.dims, chunk)
+        has_layout(array_in(group, name), dims_of(variable, BY_SAMPLE), chunk)
         for name, variable in variables.items()
     ):
         group = zarr.open_group(store_at(path), mode="w")
-        create_arrays(group, variables, coords, (1, chunk))
-        if "states" in variables:
-            add_shared(group, cell_variables(variables), cells, coords)
+        create_arrays(group, variables, coords, BY_SAMPLE, (1, chunk))
+        shared = cell_variables(variables) if "states" in variables else {}
+        every = [cell_values(cell, shared, coords["time"]) for cell in cells]
+        for name, variable in shared.items():
+            dims = dims_of(variable, ("cell",))
+            shape = [len(coords[dim]) for dim in dims[1:]]
+            whole = [pad_slots(one[name].astype(variable.dtype), shape) for one in every]
+            add_array(group, name, dims, np.stack(whole), variable.unit, variable.meaning)
         add_labels(group, "cell", swept_labels(cells, cells))
         group.attrs[IDENTITY] = uuid.uuid4().hex
     for name in variables:
@@ -83,8 +88,8 @@ def prepare(
 
 
 def has_layout(array: "zarr.Array", dims: tuple[str, ...], chunk: int) -> bool:
-    known = cast(dict[str, list[str]], array.metadata.to_dict())
-    return tuple(known.get("dimension_names") or ()) == dims and array.chunks[1] == chunk
+    known = getattr(array.metadata, "dimension_names", None) or ()
+    return tuple(known) == dims and array.chunks[1] == chunk
 
 
 def consolidate(group: "zarr.Group") -> None:
@@ -100,11 +105,10 @@ def open_for_writing(
     try:
         store = chunks.GatedStore(store_at(path), str(path), {}, None)
         group = zarr.open_group(store, mode="r+", use_consolidated=False, zarr_format=3)
-        if not {*names} <= {*group.array_keys()}:
-            return None
+        whole = {*names} <= {*group.array_keys()} and mark in group.attrs
     except (FileNotFoundError, ValueError, KeyError):  # none there, torn, or not of ours
         return None
-    return group if mark in group.attrs else None
+    return group if whole else None
 
 
 def open_store(
@@ -154,24 +158,34 @@ def array_in(group: "zarr.Group", name: str) -> "zarr.Array":
     return cast("zarr.Array", group[name])
 
 
+def dims_of(variable: Variable, first: tuple[str, ...]) -> tuple[str, ...]:
+    return (*first, *variable.dims.split())
+
+
 def create_arrays(
-    group: "zarr.Group", variables: Variables, coords: NamedArrays, first: tuple[int, ...]
+    group: "zarr.Group",
+    variables: Variables,
+    coords: NamedArrays,
+    first: tuple[str, ...],
+    chunk: tuple[int, ...],
 ) -> None:
-    """Create empty arrays with chunks of these first sizes, and their coordinates."""
-    for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
+    """Create empty arrays with these first dimensions and chunks along them, and coordinates."""
+    every = (dim for variable in variables.values() for dim in dims_of(variable, first))
+    for dim in dict.fromkeys(every):
         add_array(group, dim, (dim,), coords[dim], *DIMENSIONS[dim])
-    for name, (dims, dtype, unit, meaning, _) in variables.items():
+    for name, variable in variables.items():
+        dims = dims_of(variable, first)
         shape = [len(coords[dim]) for dim in dims]
         array = group.create_array(
             name,
             shape=shape,
-            chunks=(*first, *shape[len(first) :]),
+            chunks=(*chunk, *shape[len(chunk) :]),
             compressors=(zarr.codecs.ZstdCodec(), zarr.codecs.Crc32cCodec()),
-            dtype=dtype,
-            fill_value=fill_value_of(dtype),
+            dtype=variable.dtype,
+            fill_value=fill_value_of(variable.dtype),
             dimension_names=dims,
         )
-        array.attrs.update(units=unit, long_name=meaning)
+        array.attrs.update(units=variable.unit, long_name=variable.meaning)
 
 
 def add_array(
@@ -186,16 +200,6 @@ def add_array(
     array = group.create_array(name, shape=values.shape, dtype=dtype, dimension_names=dims)  # pyright: ignore[reportArgumentType]
     array[...] = values
     array.attrs.update(units=unit, long_name=meaning)
-
-
-def add_shared(
-    group: "zarr.Group", variables: Variables, cells: Sequence[Cell], coords: NamedArrays
-) -> None:
-    each = [cell_values(cell, variables, coords["time"]) for cell in cells]
-    for name, (dims, dtype, unit, meaning, _) in variables.items():
-        shape = [len(coords[dim]) for dim in dims[1:]]
-        whole = np.stack([pad_slots(one[name].astype(dtype), shape) for one in each])
-        add_array(group, name, dims, whole, unit, meaning)
 
 
 def cell_values(cell: Cell, variables: Variables, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -218,7 +222,7 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
         values = values.astype(object) if values.dtype.kind in "UO" else values
         # a swept attack beside the signal `attack`
         names.append(f"{key}_name" if key in group else key)
-        swept = key not in ("cell", "sample")
+        swept = key not in BY_SAMPLE
         told = (naming.unit(key), naming.key_name(key)) if swept else DIMENSIONS[key]
         add_array(group, names[-1], (dim,), values, *told)
     group.attrs["coordinates"] = " ".join(names)
@@ -259,6 +263,14 @@ def fill_value_of(dtype: np.dtype | str) -> int | float:
     return np.nan if np.issubdtype(dtype, np.floating) else NOBODY
 
 
+def chunk_files(
+    path: UPath, variables: Variables, place: ChunkPlace
+) -> Iterator[tuple[str, UPath]]:
+    for name, variable in variables.items():
+        whole = (*place, *[0] * len(variable.dims.split()))
+        yield name, path / name / "c" / "/".join(map(str, whole))
+
+
 def read_checksums(path: UPath, variables: Variables, place: ChunkPlace) -> dict[str, int]:
     return {
         name: chunks.checksum_of(cast(bytes, file.fs.cat_file(file.path, start=-chunks.CHECKSUM)))
@@ -280,20 +292,12 @@ def is_intact(
     return True
 
 
-def chunk_files(
-    path: UPath, variables: Variables, place: ChunkPlace
-) -> Iterator[tuple[str, UPath]]:
-    for name, variable in variables.items():
-        whole = (*place, *[0] * (len(variable.dims) - len(place)))
-        yield name, path / name / "c" / "/".join(map(str, whole))
-
-
 def create_lanes(
     store: "Store", variables: Variables, cells: Sequence[Cell], lanes: Sequence[tuple[Cell, int]]
 ) -> "zarr.Group":
     group = zarr.open_group(store, mode="w")
     coords = coordinates(cells, 0) | {"lane": np.arange(len(lanes))}
-    create_arrays(group, along_lanes(variables), coords, (1,))
+    create_arrays(group, {**variables, **cell_variables(variables)}, coords, ("lane",), (1,))
     place = {"cell": [cell.number for cell, _ in lanes], "sample": [sample for _, sample in lanes]}
     add_labels(group, "lane", place | swept_labels(cells, [cell for cell, _ in lanes]))
     return group
@@ -312,19 +316,19 @@ def write_lanes(
 
 def seal(group: "zarr.Group", path: UPath, variables: Variables, lanes: int) -> None:
     """Store the checksums of all lanes, as the last step of writing."""
-    every = along_lanes(variables)
+    every = {**variables, **cell_variables(variables)}
     group.attrs[CHECKSUMS] = [read_checksums(path, every, (lane,)) for lane in range(lanes)]
     consolidate(group)
 
 
 def holds_lanes(path: UPath, variables: Variables, lanes: Sequence[tuple[int, int]]) -> bool:
     """Whether a store holds exactly these lanes (cell, sample), undamaged."""
-    group = open_for_writing(path, ("cell", "sample"), CHECKSUMS)
+    group = open_for_writing(path, BY_SAMPLE, CHECKSUMS)
     if group is None:
         return False
-    there = [np.asarray(array_in(group, name)[:]).tolist() for name in ("cell", "sample")]
+    there = [np.asarray(array_in(group, name)[:]).tolist() for name in BY_SAMPLE]
     written = cast(list[dict[str, int]], group.attrs[CHECKSUMS])
-    every = along_lanes(variables)
+    every = {**variables, **cell_variables(variables)}
     return list(zip(*there, strict=True)) == list(lanes) and all(
         is_intact(path, every, (lane,), each) for lane, each in enumerate(written)
     )

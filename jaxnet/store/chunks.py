@@ -12,7 +12,7 @@ from typing import Annotated, Literal, NamedTuple, TypeVar
 import google_crc32c
 import numpy as np
 import pyarrow as pa
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import AliasPath, BaseModel, Field, ValidationError
 from zarr.abc.store import ByteRequest, RangeByteRequest, Store
 from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import WrapperStore
@@ -32,14 +32,6 @@ AnyMetadata = TypeVar("AnyMetadata", bound=BaseModel)
 Size = Annotated[int, Field(ge=0, strict=True)]
 
 
-class ChunkShape(BaseModel):
-    chunk_shape: list[Size]
-
-
-class ChunkGrid(BaseModel):
-    configuration: ChunkShape
-
-
 class Codec(BaseModel):
     name: Literal["bytes", "vlen-utf8", "zstd", "crc32c"]
 
@@ -54,30 +46,30 @@ class ArrayMetadata(BaseModel):
     node_type: Literal["array"]
     data_type: Literal["float32", "float64", "int8", "int16", "int32", "int64", "bool", "string"]
     shape: list[Size]
-    chunk_grid: ChunkGrid
+    chunk: list[Size] = Field(
+        validation_alias=AliasPath("chunk_grid", "configuration", "chunk_shape")
+    )
     codecs: list[Codec]
     storage_transformers: Annotated[list[object], Field(max_length=0)] | None = None
     dimension_names: list[str]
 
     def promise(self) -> "Promise":
-        entries = math.prod(self.chunk_grid.configuration.chunk_shape)
-        text = self.data_type == "string"
+        text, entries = self.data_type == "string", math.prod(self.chunk)
         size = None if text else entries * np.dtype(self.data_type).itemsize
         return Promise(entries, size, self.codecs[-1].name == "crc32c")
 
     def faults(self, sizes: Mapping[str, int]) -> Iterator[str]:
         """Yield what no single entry shows, given the sizes that are due along dimensions."""
-        shape, chunk = self.shape, self.chunk_grid.configuration.chunk_shape
         names = [each.name for each in self.codecs]
-        if not len(shape) == len(chunk) == len(self.dimension_names):
-            yield f"it has the shape {shape}, in chunks of {chunk}"
+        if not len(self.shape) == len(self.chunk) == len(self.dimension_names):
+            yield f"it has the shape {self.shape}, in chunks of {self.chunk}"
         if names not in CHAINS or (self.data_type == "string") != (names[0] == "vlen-utf8"):
             yield f"it has the codecs {names}"
             return
-        size = self.promise().size or 8 * math.prod(chunk)
-        if size > MOST_CHUNK or (len(shape) == 1 and shape[0] > MOST_LABELS):
-            yield f"it is too large: {shape}, in chunks of {chunk}"
-        for dim, length, part in zip(self.dimension_names, shape, chunk, strict=False):
+        size = self.promise().size or 8 * math.prod(self.chunk)
+        if size > MOST_CHUNK or (len(self.shape) == 1 and self.shape[0] > MOST_LABELS):
+            yield f"it is too large: {self.shape}, in chunks of {self.chunk}"
+        for dim, length, part in zip(self.dimension_names, self.shape, self.chunk, strict=False):
             due = sizes.get(dim, length)
             if length != due or (dim != "sample" and part > max(length, 1)):
                 yield f"it has {length} along {dim[:60]} in chunks of {part}, and {due} are due"

@@ -47,13 +47,19 @@ def write_mat(results: Results, out: str | Path | UPath | None = None) -> UPath:
 
 
 def structs_of(results: Results) -> Iterator[tuple[str, Struct]]:
-    """Yield the structures of the file: the stores, the rows (`lanes`), `cells`, the swept keys."""
+    """Yield the structures of the file: the stores, the rows (`lanes`), `cells`, the swept keys.
+
+    A store has arrays, coordinates, and `dims`, which names the dimensions of each.
+    """
     for store in STORES:
         name = store.removesuffix(".zarr")
         if (results.path / store).exists():
             data = getattr(results, name)
             refuse_large(store, data.nbytes)
-            yield name, array_struct(data)
+            every = {str(key): each for key, each in data.variables.items() if key != "lane"}
+            dims = {key: np.array(each.dims, dtype=object) for key, each in every.items()}
+            found = {key: plain_array(each.values) for key, each in every.items()}
+            yield name, {**valid_names(found), "dims": valid_names(dims)}
     refuse_large("lanes/", int(results.lanes.memory_usage(deep=True).sum()))
     yield "lanes", column_struct(results.lanes)
     yield "cells", column_struct(results.cells)
@@ -71,14 +77,6 @@ def refuse_large(name: str, size: int) -> None:
 
 def column_struct(table: pd.DataFrame) -> dict[str, np.ndarray]:
     return valid_names({str(name): plain_array(table[name].to_numpy()) for name in table})
-
-
-def array_struct(data: xr.Dataset) -> Struct:
-    """A store as a structure of arrays and coordinates; `dims` names the dimensions of each."""
-    every = {str(name): each for name, each in data.variables.items() if name != "lane"}
-    dims = {name: np.array(each.dims, dtype=object) for name, each in every.items()}
-    arrays = {name: plain_array(each.values) for name, each in every.items()}
-    return {**valid_names(arrays), "dims": valid_names(dims)}
 
 
 def plain_array(values: np.ndarray) -> np.ndarray:

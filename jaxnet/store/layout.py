@@ -1,6 +1,6 @@
 """The arrays of a study's folder, and the split of its lanes into shards, known before a run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,46 +19,35 @@ CellLabel = str | int | float  # value of a swept key, as tables and coordinates
 class Variable(NamedTuple):
     """An array of a store, and the engine's series that it holds."""
 
-    dims: tuple[str, ...]
+    dims: str  # of one lane's part, separated by blanks
     dtype: str
     unit: str
     meaning: str
     series: str
 
 
-def error_array(meaning: str, series: str, along: str = "time") -> Variable:
-    return Variable(("cell", "sample", along), "float32", "m", meaning, series)
-
-
-def path_array(dims: str, dtype: str, unit: str, meaning: str, series: str) -> Variable:
-    return Variable(("cell", "sample", "time", *dims.split()), dtype, unit, meaning, series)
-
-
-SPREAD_ARRAY = error_array("max of ‖y_i - y_j‖ over vehicles that are not attacked", "spread")
+APART = "max of ‖y_i - y_j‖ over vehicles that are not attacked"
+EPSILON = "mean over vehicles of ‖y_i - Σ w_ij y_j‖"
+SPREAD_ARRAY = Variable("time", "float32", "m", APART, "spread")
 ERRORS = {
-    "tracking": error_array("mean over vehicles of ‖y_i - y_0‖", "tracking"),
-    "disagreement": error_array("mean over vehicles of ‖y_i - Σ w_ij y_j‖", "disagreement"),
+    "tracking": Variable("time", "float32", "m", "mean over vehicles of ‖y_i - y_0‖", "tracking"),
+    "disagreement": Variable("time", "float32", "m", EPSILON, "disagreement"),
 }
+MEAN, GREATEST = "mean of ‖y_i - y_0‖ over the tail", "greatest ‖y_i - y_0‖ over the tail"
 VEHICLE_ARRAYS = {
-    "tail_mean": error_array("mean of ‖y_i - y_0‖ over the tail", "vehicle_mean", "vehicle"),
-    "tail_max": error_array("greatest ‖y_i - y_0‖ over the tail", "vehicle_max", "vehicle"),
+    "tail_mean": Variable("vehicle", "float32", "m", MEAN, "vehicle_mean"),
+    "tail_max": Variable("vehicle", "float32", "m", GREATEST, "vehicle_max"),
 }
+SIGNAL, INPUTS = "signal of each attacked vehicle", "control inputs u_i of the vehicles"
 TRAJECTORIES = {
-    "states": path_array("vehicle state", "float64", "", "states of the vehicles", "state"),
-    "inputs": path_array(
-        "vehicle input", "float64", "", "control inputs u_i of the vehicles", "inputs"
-    ),
-    "attack": path_array(
-        "vehicle axis", "float64", "m", "signal of each attacked vehicle", "attack"
-    ),
-    "kept": path_array("slot vehicle", "float32", "1", "weights in force", "kept"),
+    "states": Variable("time vehicle state", "float64", "", "states of the vehicles", "state"),
+    "inputs": Variable("time vehicle input", "float64", "", INPUTS, "inputs"),
+    "attack": Variable("time vehicle axis", "float64", "m", SIGNAL, "attack"),
+    "kept": Variable("time slot vehicle", "float32", "1", "weights in force", "kept"),
 }
-NAVIGATOR = Variable(
-    ("cell", "time", "axis"), "float64", "m", "position y_0 of the navigator", "navigator"
-)
-HEARD_SOURCES = Variable(
-    ("cell", "slot", "vehicle"), "int32", "1", "whom a vehicle hears in a slot", "sources"
-)
+# One for all lanes of a cell.
+NAVIGATOR = Variable("time axis", "float64", "m", "position y_0 of the navigator", "navigator")
+SOURCES = Variable("slot vehicle", "int32", "1", "whom a vehicle hears in a slot", "sources")
 DIMENSIONS = {  # unit and meaning of the labels along each dimension
     "cell": ("1", "number of the cell"),
     "sample": ("1", "number of the sample"),
@@ -87,26 +76,22 @@ def sizes(cells: Sequence[Cell]) -> dict[str, int]:
 
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
     scenario, known = cells[0].scenario, sizes(cells)
+    alike = {}  # cells with equal slots
+    for each in (cell.scenario for cell in cells if cell.scenario.defence.decides):
+        # an attacked source may have several slots
+        several = each.attack.identities() + each.attack.splits() > 1
+        alike[id(each.topology), several and id(each.attack)] = each
+    slots = max((len(sources_of(each)) for each in alike.values()), default=0)
     return {
         "cell": np.arange(known["cell"]),
         "sample": np.arange(samples),
         "time": np.array(multiples(scenario.output_step, range(known["time"]))),
         "vehicle": np.arange(1, known["vehicle"] + 1),
-        "slot": np.arange(slots_of(cells)),
+        "slot": np.arange(slots),
         "axis": np.array(["x", "y"], dtype=object),
         "state": np.array(scenario.vehicle.states, dtype=object),
         "input": np.array(scenario.vehicle.inputs, dtype=object),
     }
-
-
-def slots_of(cells: Sequence[Cell]) -> int:
-    """Largest number of slots of a cell whose defence decides; 0 without such a cell."""
-    alike = {}
-    for scenario in (cell.scenario for cell in cells if cell.scenario.defence.decides):
-        # an attacked source may have several slots
-        several = scenario.attack.identities() + scenario.attack.splits() > 1
-        alike[id(scenario.topology), several and id(scenario.attack)] = scenario
-    return max((len(sources_of(each)) for each in alike.values()), default=0)
 
 
 class Shard(NamedTuple):
@@ -120,19 +105,17 @@ class Shard(NamedTuple):
     samples: range
 
 
-def shards_of(cells: Sequence[Cell], samples: Sequence[int], size: int) -> list[Shard]:
-    """All shards of a study: the first samples of every cell, then the next samples of every cell.
+def shards_of(
+    cells: Sequence[Cell], samples: Sequence[int], size: int, numbers: Iterable[int] | None = None
+) -> list[Shard]:
+    """Shards with these numbers, by default all of a study, without those that are empty.
 
-    `samples` are the numbers of samples of the cells.
+    The first samples of every cell come first. `samples` are the numbers of samples of the cells.
     """
-    numbers = range(-(-max(samples) // size) * len(cells))
-    shards = (shard_of(cells, samples, size, number) for number in numbers)
-    return [shard for shard in shards if shard.samples]
-
-
-def shard_of(cells: Sequence[Cell], samples: Sequence[int], size: int, number: int) -> Shard:
-    cell, held = samples_of_shard(samples, size, number)
-    return Shard(number, cells[cell], held)
+    if numbers is None:
+        numbers = range(-(-max(samples) // size) * len(cells))
+    found = ((number, *samples_of_shard(samples, size, number)) for number in numbers)
+    return [Shard(number, cells[cell], held) for number, cell, held in found if held]
 
 
 def samples_of_shard(samples: Sequence[int], size: int, number: int) -> tuple[int, range]:
@@ -172,8 +155,10 @@ def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
             chosen = count * len(cells)
         case _:
             chosen = 0
-    chosen_bytes = variable_bytes(along_lanes(trajectory_variables(cells)), cells) if chosen else 0
-    return lanes * (ROW_BYTES + lane_bytes(cells, study.save)) + chosen * chosen_bytes
+    if chosen:
+        variables = trajectory_variables(cells)
+        chosen *= variable_bytes(variables | cell_variables(variables), cells)
+    return lanes * (ROW_BYTES + lane_bytes(cells, study.save)) + chosen
 
 
 def error_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
@@ -191,11 +176,9 @@ def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
     States and inputs have one unit for each of their labels, separated by commas.
     """
     vehicle = cells[0].scenario.vehicle
-    units = {"states": ", ".join(vehicle.units), "inputs": ", ".join(vehicle.input_units)}
-    found = {
-        name: variable._replace(unit=units.get(name, variable.unit))
-        for name, variable in TRAJECTORIES.items()
-    }
+    found = dict(TRAJECTORIES)
+    for name, units in {"states": vehicle.units, "inputs": vehicle.input_units}.items():
+        found[name] = found[name]._replace(unit=", ".join(units))
     if not any(cell.scenario.defence.decides for cell in cells):
         del found["kept"]
     return found
@@ -205,26 +188,15 @@ def series_of(variables: Mapping[str, Variable]) -> tuple[str, ...]:
     return tuple(variable.series for variable in variables.values())
 
 
-def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    every = {**variables, **cell_variables(variables)}
-    return {
-        name: variable._replace(dims=("lane", *own_dims(variable)))
-        for name, variable in every.items()
-    }
-
-
 def cell_variables(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    return {"navigator": NAVIGATOR} | ({"source": HEARD_SOURCES} if "kept" in variables else {})
-
-
-def own_dims(variable: Variable) -> tuple[str, ...]:
-    return tuple(dim for dim in variable.dims if dim not in ("cell", "sample", "lane"))
+    """Arrays of a cell that stand beside those of its lanes."""
+    return {"navigator": NAVIGATOR} | ({"source": SOURCES} if "kept" in variables else {})
 
 
 def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> int:
     coords = coordinates(cells, 1)
     return sum(
-        int(np.prod([len(coords[dim]) for dim in own_dims(variable)]))
+        int(np.prod([len(coords[dim]) for dim in variable.dims.split()]))
         * np.dtype(variable.dtype).itemsize
         for variable in variables.values()
     )

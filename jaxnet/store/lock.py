@@ -10,14 +10,7 @@ lock, does not write again. No signal and no thread takes part in this, so it al
 signals are ignored.
 
 Between the look and the write another process may take the folder over. Then at most one file of
-each thread of the earlier holder arrives late:
-
-- The file is whole, since a file is renamed and an object is put whole.
-- A shard of the same study has the same rows and arrays, whoever writes it.
-- Tables and the manifest are written once more by the new holder, at its end.
-- Rows of another study (after `--fresh`) carry its hash: `rows.scan_cells` refuses them, a run
-  replaces them.
-- A chunk of another study differs from the checksum in its shard's rows. A run replaces it.
+each thread of the earlier holder arrives late; docs/results-folder.md says why that does no harm.
 """
 
 import contextlib

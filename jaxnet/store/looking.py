@@ -76,59 +76,40 @@ class Looking(Scope):
 
     def outside(self, family: str, name: str) -> Found | None:
         """The kind or a stand-in; raise KindError if a permitted module fails."""
-        for here in (self.loaded, self.placed, self.installed, self.stand_in):
-            if (found := here(family, name)) is not None:
-                return found
-        return None
-
-    def loaded(self, family: str, name: str) -> Found | None:
-        """The kind that this process has loaded from files equal to those of the results."""
         made = self.manifest.get("modules", {})
-        for found in reversed(LOADED.get((family, name), [])):
-            parts = source.provenance([found])
-            if all(made.get(each, {}).get("sha256") == one.sha256 for each, one in parts.items()):
+        for found in reversed(LOADED.get((family, name), [])):  # from files equal to the results'
+            parts = source.provenance([found]).items()
+            if all(made.get(each, {}).get("sha256") == one.sha256 for each, one in parts):
                 return found
-        return None
-
-    def placed(self, family: str, name: str) -> Found | None:
-        module = name.partition(":")[0]
-        held = (place for place in self.places if modules.file_of(place, module) is not None)
-        place = next(held, None) if ":" in name else None
-        return None if place is None else import_reference(name, name, place)
-
-    def installed(self, family: str, name: str) -> Found | None:
-        """The kind of an installed package: of its entry point, or of `module:attribute`."""
+        for place in self.places if ":" in name else ():
+            if modules.file_of(place, name.partition(":")[0]) is not None:
+                return import_reference(name, name, place)
         offered = {point.name: point.value for point in entry_points(family)}
         reference = offered.get(name, name if ":" in name else "")
         module = reference.partition(":")[0]
         known = name in offered or modules.is_installed(module)
-        foreign = "__main__" in module or self.is_inside(module.partition(".")[0])
-        if not reference or not known or foreign:
-            return None
-        # A kind of another version of the package is shown as a name.
-        with contextlib.suppress(KindError):
-            return import_reference(reference, name, None)
-        return None
-
-    def is_inside(self, top: str) -> bool:
-        """Whether an import of this name would find a file inside the results, or nothing."""
-        try:
-            spec = importlib.util.find_spec(top) if top.isidentifier() else None
-        except ValueError:  # of a module without a spec
-            return True
-        if spec is None or self.results is None:
-            return spec is None
-        places = [*(spec.submodule_search_locations or ()), *filter(None, [spec.origin])]
-        return any(self.results.resolve() in Path(place).resolve().parents for place in places)
-
-    def stand_in(self, family: str, name: str) -> Found:
-        key = family, name
-        if key not in self.stand_ins:
+        if reference and known and "__main__" not in module and self.is_outside(module):
+            # A kind of another version of the package is shown as a name.
+            with contextlib.suppress(KindError):
+                return import_reference(reference, name, None)
+        if (family, name) not in self.stand_ins:
             told = self.manifest.get("kinds", {}).get(name, {})
             told = told if isinstance(told, dict) and told.get("family") == family else {}
             make = metric_like if family == "metrics" else class_like
-            self.stand_ins[key] = make(family, name, told)
-        return self.stand_ins[key]
+            self.stand_ins[family, name] = make(family, name, told)
+        return self.stand_ins[family, name]
+
+    def is_outside(self, module: str) -> bool:
+        """Whether an import of a module finds a file, and none inside the results."""
+        top = module.partition(".")[0]
+        try:
+            spec = importlib.util.find_spec(top) if top.isidentifier() else None
+        except ValueError:  # of a module without a spec
+            return False
+        if spec is None or self.results is None:
+            return spec is not None
+        places = [*(spec.submodule_search_locations or ()), *filter(None, [spec.origin])]
+        return all(self.results.resolve() not in Path(place).resolve().parents for place in places)
 
 
 def describe_outside(

@@ -1,5 +1,6 @@
 """`Results`: the tables and arrays of a results folder, read at their first use."""
 
+import re
 import shlex
 import warnings
 from collections.abc import Container, Iterator, Mapping
@@ -10,17 +11,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
 import pyarrow.dataset as ds
-from pandas.api.types import is_numeric_dtype
 from upath import UPath
 
 from jaxnet.config.document import Document
 from jaxnet.config.study import Study, read_study
 from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.admission import admit_made, changed_modules, changed_settings, refuse_edited
-from jaxnet.store.folder import MANIFEST, Folder, FolderError, Manifest, samples_of_cells
+from jaxnet.store.admission import admit_made, refuse_edited
+from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.looking import Looking, MissingKindError, known_or
+from jaxnet.store.manifest import (
+    MANIFEST,
+    Manifest,
+    changed_modules,
+    changed_settings,
+    samples_of_cells,
+)
 from jaxnet.store.tables import read_table
 
 if TYPE_CHECKING:
@@ -29,18 +36,6 @@ if TYPE_CHECKING:
     from jaxnet.store import chunks
 
 STATISTICS = ("mean", "low", "high", "median", "q05", "q95", "max")  # of a metric in cells.csv
-COLUMNS = {  # that a reader of a table needs
-    "fit.csv": "metric model quantile parameter estimate low high",
-    "bounds.csv": "bound vehicle slope",
-    "violations.csv": "cell sample bound tail_max limit command",
-    "search.csv": "cell generation phase lanes best generation_best generation_median failed",
-    "worst.csv": "cell found late until greatest magnitude attacked random bound fresh nonlinear"
-    " lanes",
-    "sensitivity.csv": "cell metric quantity first first_low first_high total total_low total_high"
-    " threshold",
-    "rare.csv": "cell share low high levels lanes failed plain_lanes points threshold",
-}
-TEXTS = "metric model parameter bound vehicle command attacked phase quantity"  # columns of text
 # What a folder may hold without a run, each with a table of its name.
 ANALYSES = ("sensitivity", "rare")
 
@@ -76,29 +71,25 @@ class Results:
     def study(self) -> Study:
         """Study of the run. A kind from outside without its code has its name and description."""
         local = self.path if isinstance(self.path, Path) else None
-        scope = Looking(local, self.manifest, self.code_places())
-        study = read_study(Document.read(self.path / "study.yaml"), (), scope)
-        own = Folder(self.path)
-        if not scope.missing:
-            refuse_edited(own, study.config)
-        if changed := changed_settings(self.manifest, study.config):
-            told = f"has another {changed[0]} than the tables beside it were made with"
-            raise FolderError(f"{self.path}/study.yaml {told}: jaxnet run makes them again")
-        for name in changed_modules(own, study.config):
-            told = f"{name} was changed since the rows in {self.place} were made"
-            warnings.warn(told, stacklevel=2)
-        return study
-
-    def code_places(self) -> Iterator[Path]:
-        """Yield the folders from which the user permits the code of kinds."""
+        places = list[Path]()  # from which the user permits the code of kinds
         if self.config is not None:
-            yield self.config if self.config.is_dir() else self.config.parent
+            places.append(self.config if self.config.is_dir() else self.config.parent)
         if self.trust:
             for name, made in self.manifest.get("modules", {}).items():
                 above = list(Path(made["file"]).parents)
-                yield from above[name.count(".") + made["file"].endswith("__init__.py") :][:1]
-            if isinstance(self.path, Path):
-                yield self.path
+                places += above[name.count(".") + made["file"].endswith("__init__.py") :][:1]
+            places += [local] if local is not None else []
+        scope = Looking(local, self.manifest, places)
+        study = read_study(Document.read(self.path / "study.yaml"), (), scope)
+        if not scope.missing:
+            refuse_edited(Folder(self.path), study.config)
+        if changed := changed_settings(self.manifest, study.config):
+            told = f"has another {changed[0]} than the tables beside it were made with"
+            raise FolderError(f"{self.path}/study.yaml {told}: jaxnet run makes them again")
+        for name in changed_modules(self.manifest, study.config):
+            told = f"{name} was changed since the rows in {self.place} were made"
+            warnings.warn(told, stacklevel=2)
+        return study
 
     @property
     def missing(self) -> list[str]:
@@ -254,21 +245,14 @@ class Results:
     @cached_property
     def shards(self) -> list[Shard]:
         """Shards whose rows are in the folder."""
-        names = (path.name for path in self.path.glob("lanes/*.parquet"))
-        there = {number for name in names if (number := rows.shard_number(name)) is not None}
+        names = (path.stem for path in self.path.glob("lanes/*.parquet"))
+        there = {int(name) for name in names if re.fullmatch(r"\d{5,12}", name)}
         size, cells = self.manifest["shard_size"], self.study.cells
-        shards = (layout.shard_of(cells, self.samples, size, number) for number in sorted(there))
-        return [shard for shard in shards if shard.samples]
+        return layout.shards_of(cells, self.samples, size, sorted(there))
 
     @cached_property
     def cells(self) -> pd.DataFrame:
-        """Table with a row per cell: means, quantiles and shares of its lanes.
-
-        Raises
-        ------
-        FolderError
-            The run is unfinished.
-        """
+        """Table with a row per cell of a finished run: means, quantiles and shares of its lanes."""
         self.need_run()
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
             told = "holds an unfinished run: the command that began it goes on"
@@ -277,32 +261,18 @@ class Results:
 
     def checked(self, name: str, file: UPath) -> pd.DataFrame:
         """Read a table; raise FolderError if a reader's columns, numbers or cells are not there."""
-        cells = len(self.study.cells)
-        found = read_table(file, sum(self.samples) if self.manifest["finished"] else 0)
+        cells, needed = len(self.study.cells), list[str]()
         if name == "cells.csv":
             own = [metric.name for metric in self.study.config.measured()[len(CONTRACT) :]]
             metrics = ("tail_mean", "tail_max", *own)
             needed = ["lanes", "ok", "failed"]
             needed += [f"{metric}_{each}" for metric in metrics for each in STATISTICS]
-            shares = [each for each in ("unrecovered", "in_hull") if each in found]
+            shares = ["unrecovered"] if self.study.config.recovery else []
             needed += [f"{share}{end}" for share in shares for end in ("", "_low", "_high")]
-        else:
-            needed = COLUMNS[name].split()
-        wrong = ""
-        if missing := [each for each in needed if each not in found]:
-            wrong = f"no column {missing[0]}"
-        elif texts := [
-            each
-            for each in needed
-            if each not in TEXTS.split() and not is_numeric_dtype(found[each])
-        ]:
-            wrong = f"{texts[0]} holds text" if len(found) else ""
-        elif (name == "cells.csv" and len(found) != cells) or (
-            "cell" in needed and not set(found["cell"]) <= set(range(cells))
-        ):
-            wrong = f"the study has {cells} cells"
-        if wrong:
-            raise FolderError(f"{file} is not a table of ours ({wrong})")
+        found = read_table(file, sum(self.samples) if self.manifest["finished"] else 0, needed)
+        foreign = "cell" in found and not set(found["cell"]) <= set(range(cells))
+        if foreign or (name == "cells.csv" and len(found) != cells):
+            raise FolderError(f"{file} is not a table of ours (the study has {cells} cells)")
         return found
 
     @property
@@ -393,35 +363,17 @@ class Results:
 
     @property
     def errors(self) -> "xarray.Dataset":
-        """Mean tracking error [m] and disagreement [m] over (cell, sample, time).
-
-        Raises
-        ------
-        FolderError
-            The study did not save errors.
-        """
+        """Mean tracking error and disagreement [m] over (cell, sample, time), if saved."""
         return self.arrays("errors.zarr", "save.errors=true")
 
     @property
     def vehicles(self) -> "xarray.Dataset":
-        """Mean and greatest error [m] of each vehicle over the tail, over (cell, sample, vehicle).
-
-        Raises
-        ------
-        FolderError
-            The study did not save errors of vehicles.
-        """
+        """Mean and greatest error [m] over the tail, over (cell, sample, vehicle), if saved."""
         return self.arrays("vehicles.zarr", "save.vehicles=true")
 
     @property
     def trajectories(self) -> "xarray.Dataset":
-        """States, the navigator's path [m], attack signals [m] and kept weights over time.
-
-        Raises
-        ------
-        FolderError
-            The study did not save trajectories.
-        """
+        """States, the navigator's path and attack signals [m], kept weights, if saved."""
         return self.arrays("trajectories.zarr", "save.trajectories=all")
 
     def arrays(self, name: str, remedy: str) -> "xarray.Dataset":

@@ -3,10 +3,8 @@
 A reader trusts no file. Truncation, a page's wrong checksum, or lanes of another study raise.
 """
 
-import contextlib
 import itertools
 import json
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -25,8 +23,9 @@ from jaxnet.config.scenario import interval_of
 from jaxnet.config.spacings import multiples
 from jaxnet.lazy import LazyModule
 from jaxnet.store import gate
-from jaxnet.store.folder import MOST_SHARD, Folder, FolderError, Manifest, samples_of_cells
+from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard, samples_of_shard
+from jaxnet.store.manifest import MOST_SHARD, Manifest, samples_of_cells
 
 if TYPE_CHECKING:
     from jaxnet.engine import status
@@ -56,16 +55,6 @@ class Stamp(NamedTuple):
     checksums: dict[str, int]  # of its chunks there by array, or of the file of arrays beside it
 
 
-def column_types(study: Config, cells: Sequence[Cell]) -> dict[str, pa.DataType]:
-    found = {}
-    for key, label in cells[0].labels.items():
-        given = study.sweep[key]
-        whole = isinstance(given, list) and all(isinstance(value, int) for value in given)
-        number = pa.int64() if whole else pa.float64()
-        found[key] = pa.string() if isinstance(label, str) else number
-    return found
-
-
 ROW_COUNTS = ("steps", "switches", "unheard")
 ISOLATION = {  # columns on vehicles that decisions cut off from the navigator, and their types
     "cut_off": pa.int64(),
@@ -76,53 +65,60 @@ ISOLATION = {  # columns on vehicles that decisions cut off from the navigator, 
 }
 
 
-def isolation_columns(cells: Sequence[Cell]) -> list[str]:
-    """Columns of a study on vehicles that decisions cut off, equal in every shard.
+class RowColumns(NamedTuple):
+    """Columns of a study's rows that its keys decide, equal in every shard."""
 
-    A study whose defences cannot cut a vehicle off has none. Where they can, the columns tell who
-    and since when; where such vehicles coast, also how many, for how long, and how many stopped.
+    swept: dict[str, pa.DataType]
+    isolation: list[str]  # on vehicles that decisions cut off
+
+    def names(self, cell: Cell) -> list[str]:
+        metrics = [metric.name for metric in cell.scenario.measured()]
+        return ["cell", "sample", *self.swept, "status", *metrics, *ROW_COUNTS, *self.isolation]
+
+    def table(self, shard: Shard, outcome: "Outcome") -> pa.Table:
+        """Rows of a shard's lanes."""
+        count, scenario = len(shard.samples), shard.cell.scenario
+        columns: dict[str, pa.Array | np.ndarray | list[str]] = {
+            "cell": np.full(count, shard.cell.number, dtype=np.int64),
+            "sample": np.array(shard.samples, dtype=np.int64),
+        }
+        for key, kind in self.swept.items():
+            columns[key] = pa.array([shard.cell.labels[key]] * count, type=kind)
+        columns["status"] = [status.Status(code).name for code in outcome.status]
+        columns |= {metric.name: outcome.metrics[metric.name] for metric in scenario.measured()}
+        columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
+        for name in self.isolation:
+            columns[name] = pa.array(outcome.cut_off[name], type=ISOLATION[name])
+        if self.isolation:  # times as multiples of the tick, rounded once
+            times, tick = outcome.cut_off["cut_off_at"].copy(), interval_of(scenario)
+            known = np.isfinite(times)
+            times[known] = multiples(tick, np.rint(times[known] / tick).astype(int).tolist())
+            columns["cut_off_at"] = times
+        return pa.table(columns)
+
+
+def row_columns(study: Config, cells: Sequence[Cell]) -> RowColumns:
+    """Columns of swept keys with their types, and of vehicles that decisions cut off.
+
+    A study whose defences cannot cut a vehicle off has none of the latter. Where they can, the
+    columns tell who and since when; where such vehicles coast, also how many, for how long, and how
+    many stopped.
     """
+    swept = {}
+    for key, label in cells[0].labels.items():
+        given = study.sweep[key]
+        whole = isinstance(given, list) and all(isinstance(value, int) for value in given)
+        number = pa.int64() if whole else pa.float64()
+        swept[key] = pa.string() if isinstance(label, str) else number
     defences = [cell.scenario.defence for cell in cells if cell.scenario.law.couples()]
-    if any(defence.coasts() for defence in defences):
-        return list(ISOLATION)
-    return ["cut_off", "cut_off_at"] if any(defence.decides for defence in defences) else []
-
-
-def outcome_table(
-    shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataType], isolation: Sequence[str]
-) -> pa.Table:
-    """Rows of a shard's lanes; `isolation` are the study's columns on vehicles that are cut off."""
-    count, scenario = len(shard.samples), shard.cell.scenario
-    columns: dict[str, pa.Array | np.ndarray | list[str]] = {
-        "cell": np.full(count, shard.cell.number, dtype=np.int64),
-        "sample": np.array(shard.samples, dtype=np.int64),
-    }
-    for key, label in shard.cell.labels.items():
-        columns[key] = pa.array([label] * count, type=types[key])
-    columns["status"] = [status.Status(code).name for code in outcome.status]
-    columns |= {metric.name: outcome.metrics[metric.name] for metric in scenario.measured()}
-    columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
-    columns |= {name: pa.array(outcome.cut_off[name], type=ISOLATION[name]) for name in isolation}
-    if isolation:  # times as multiples of the tick, rounded once
-        times, tick = outcome.cut_off["cut_off_at"].copy(), interval_of(scenario)
-        known = np.isfinite(times)
-        times[known] = multiples(tick, np.rint(times[known] / tick).astype(int).tolist())
-        columns["cut_off_at"] = times
-    return pa.table(columns)
-
-
-def column_names(cell: Cell, isolation: Sequence[str]) -> list[str]:
-    metrics = [metric.name for metric in cell.scenario.measured()]
-    return ["cell", "sample", *cell.labels, "status", *metrics, *ROW_COUNTS, *isolation]
+    isolation = list(ISOLATION) if any(defence.coasts() for defence in defences) else []
+    if not isolation and any(defence.decides for defence in defences):
+        isolation = ["cut_off", "cut_off_at"]
+    return RowColumns(swept, isolation)
 
 
 def row_file(number: int) -> str:
     return f"lanes/{number:05d}.parquet"
-
-
-def shard_number(name: str) -> int | None:
-    found = re.fullmatch(r"(\d{5,12})\.parquet", name)
-    return int(found[1]) if found else None
 
 
 def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
@@ -152,20 +148,16 @@ def read_columns(path: UPath, columns: Sequence[str] | None = None) -> pa.Table:
     content = gate.read_whole(path, MOST_FILE)
     try:
         file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
-        if strange := strange_file(file.metadata, file.schema_arrow):
+        strange = strange_columns(file.schema_arrow)
+        groups = map(file.metadata.row_group, range(file.metadata.num_row_groups))
+        size = sum(group.total_byte_size for group in groups)
+        if file.metadata.num_rows > MOST_SHARD or size > MOST_FILE:  # not decompressed yet
+            strange = f"it has {file.metadata.num_rows:,} rows in {size:,} bytes"
+        if strange:
             raise TornError(f"not a row file of ours: {strange}")
         return file.read(columns)
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
-
-
-def strange_file(metadata: pq.FileMetaData, schema: pa.Schema) -> str:
-    """What is wrong with a row file, before its rows are decompressed; "" if nothing is."""
-    groups = map(metadata.row_group, range(metadata.num_row_groups))
-    size = sum(group.total_byte_size for group in groups)
-    if metadata.num_rows > MOST_SHARD or size > MOST_FILE:
-        return f"it has {metadata.num_rows:,} rows in {size:,} bytes"
-    return strange_columns(schema)
 
 
 def refuse_lost(folder: Folder, manifest: Manifest) -> None:
@@ -238,13 +230,6 @@ def strange_columns(schema: pa.Schema) -> str:
     return ""
 
 
-def any_stamp(folder: Folder) -> Stamp | None:
-    for path in sorted(folder.path.glob("lanes/[0-9]*.parquet")):
-        with contextlib.suppress(TornError):
-            return read_rows(path)[1]
-    return None
-
-
 def scan_cells(
     folder: Folder,
     shards: Sequence[Shard],
@@ -273,7 +258,7 @@ def scan_cells(
             raise FolderError(f"{found.fragment.path} {told}")
         return found.record_batch
 
-    try:
+    with gate.reading(f"{folder.path}/lanes", "cannot be read; jaxnet run simulates them again"):
         data = ds.dataset(files, filesystem=folder.path.fs, format=form)
         if strange := strange_columns(data.schema):
             raise FolderError(f"{folder.path}/lanes holds no rows of ours: {strange}")
@@ -283,11 +268,6 @@ def scan_cells(
         batches = (batch for batch in map(checked, scanner.scan_batches()) if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
             yield cell, pa.Table.from_batches(mine).to_pandas()
-    except FolderError:
-        raise
-    except (pa.ArrowException, OSError, ValueError) as error:
-        reason = f"{str(error).splitlines()[0]}; jaxnet run simulates again what is torn"
-        raise FolderError(f"{folder.path}/lanes: {reason}") from error
 
 
 def is_foreign(metadata: Mapping[bytes, bytes] | None, study: str) -> bool:

@@ -18,6 +18,18 @@ from jaxnet.store.gate import FolderError
 
 FORMULA = re.compile(r"'*[=+\-@\t\r]")
 ROW_TEXT = 2**12  # bytes of a lane in a table, at most
+COLUMNS = {  # that readers of a table need
+    "fit.csv": "metric model quantile parameter estimate low high",
+    "bounds.csv": "bound vehicle slope",
+    "violations.csv": "cell sample bound tail_max limit command",
+    "search.csv": "cell generation phase lanes best generation_best generation_median failed",
+    "worst.csv": "cell found late until greatest magnitude attacked random bound fresh nonlinear"
+    " lanes",
+    "sensitivity.csv": "cell metric quantity first first_low first_high total total_low total_high"
+    " threshold",
+    "rare.csv": "cell share low high levels lanes failed plain_lanes points threshold",
+}
+TEXTS = "metric model parameter bound vehicle command attacked phase quantity"  # columns of text
 
 
 def csv_text(table: pd.DataFrame) -> str:
@@ -33,15 +45,20 @@ def read_table(
 ) -> pd.DataFrame:
     """Read a CSV table. Blank entries are not-a-number, and labels like NA and None are text.
 
-    `lanes` are those that the table may tell of, `needed` its columns.
-    Raises FolderError for a file that is no table.
+    `lanes` are those that the table may tell of, `needed` its columns, by default those of a table
+    of this name. Without `types`, they hold numbers unless they are among TEXTS.
+    Raises FolderError for a file that is no such table.
     """
     fault = "is not a table of ours"
     content = gate.read_whole(path, gate.MOST_TEXT + ROW_TEXT * lanes, fault)
     with gate.reading(path, fault):
         found = pd.read_csv(io.BytesIO(content), dtype=types, keep_default_na=False, na_values=[""])  # pyright: ignore
-    if missing := [name for name in needed if name not in found]:
-        raise FolderError(f"{path} {fault} (no column {missing[0]})")
+    for name in needed or COLUMNS.get(path.name, "").split():
+        if name not in found:
+            raise FolderError(f"{path} {fault} (no column {name})")
+        number = is_numeric_dtype(found[name]) or name in TEXTS.split()
+        if types is None and len(found) and not number:
+            raise FolderError(f"{path} {fault} ({name} holds text)")
     return with_texts(found, bare_text)
 
 

@@ -128,10 +128,11 @@ def test_rows_tell_who_since_when_and_how_long(results):
     assert count == 2
     assert failed["cut_off"].tolist() == [3, 4]
     assert "disconnected, vehicle 4 since 1.2 s" in tables.failures_text(results)
-    alone = rows.isolation_columns(jaxnet.load({"defence": "w_msr", "law": "local"}).cells)
-    assert alone == []
-    assert rows.isolation_columns(jaxnet.load({"defence": "w_msr"}).cells) == [
-        "cut_off",
-        "cut_off_at",
-    ]
-    assert rows.isolation_columns(jaxnet.load({"defence": "none"}).cells) == []
+    cut_off = ["cut_off", "cut_off_at"]
+    for law, defence, known in (
+        ("local", "w_msr", []),
+        ("exact", "w_msr", cut_off),
+        ("exact", "none", []),
+    ):
+        given = jaxnet.load({"defence": defence, "law": law})
+        assert rows.row_columns(given.config, given.cells).isolation == known

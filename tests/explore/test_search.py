@@ -19,7 +19,7 @@ from jaxnet.api.places import with_random_lanes
 from jaxnet.config.document import ConfigError
 from jaxnet.config.keys import Scenario
 from jaxnet.engine.batch import Machine
-from jaxnet.explore import search, worst
+from jaxnet.explore import worst
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.search import Finalist, Trials, late_time, search_box
 from jaxnet.lanes.jobs import job
@@ -27,7 +27,6 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs import cluster
 from jaxnet.store.folder import TakenError
 from jaxnet.view.text.worst import search_text as text_of
-from tests import systems
 
 MANY = Machine(devices=1, chunk=64)  # a generation at once
 KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}
@@ -39,13 +38,12 @@ def study(over, budget=1000, **keys):
     return jaxnet.load({"name": "s", **KEYS, "attack": BIAS, **keys, "search": search})
 
 
-def box_of(given):
-    """The box of a study's first cell."""
+def trials_of(given, starts=2, measure=largest, machine=MANY):
+    """Trials in the box of a study's first cell."""
     scenario, source = given.cells[0].scenario, Keyed(given.config.seed)
-    drawn = [
-        place for place in places_of(scenario, source) if place.name in given.config.search.over
-    ]
-    return Box(scenario, source, drawn)
+    over = given.config.search.over
+    drawn = [place for place in places_of(scenario, source) if place.name in over]
+    return Trials(Box(scenario, source, drawn), starts, measure, machine)
 
 
 LONG = pytest.mark.long
@@ -60,7 +58,7 @@ def test_the_worst_is_found_where_it_is_known(case):
     """To 1 %: all directions the same, of constant attacks, of spoofs."""
     topology, attack, over, exact = KNOWN[case]
     keys = {"topology": topology, "attack": attack, "defence": "none", "horizon": 20.0, "tail": 1.0}
-    trials = Trials(box_of(experiment.study_of(over, 1, 4000, 2, **keys)), 2, largest, MANY)
+    trials = trials_of(experiment.study_of(over, 1, 4000, 2, **keys))
     lanes = [generation.lanes for generation in search_box(trials, 4000, 1)]
     assert lanes == sorted(lanes)
     assert lanes[-1] == trials.lanes <= 4000
@@ -70,17 +68,14 @@ def test_the_worst_is_found_where_it_is_known(case):
 @pytest.mark.long
 def test_sets_of_vehicles_are_all_tried():
     """Of six vehicles on a ring, the best pair is that of the exact solution of all pairs."""
-    given = study(
-        {"attack.vehicles": {"choose": 2}}, budget=200, vehicles=6, attack=experiment.IN_PHASE
-    )
-    trials = Trials(box_of(given), 2, largest, MANY)
+    over, attack = {"attack.vehicles": {"choose": 2}}, experiment.IN_PHASE
+    trials = trials_of(study(over, budget=200, vehicles=6, attack=attack))
     (only,) = search_box(trials, 200, 0)
     assert only.phase == "sets"
     assert only.lanes == 2 * math.comb(6, 2)
+    keys = {**KEYS, "vehicles": 6}
     found = {
-        pair: experiment.static_bound(
-            {**KEYS, "vehicles": 6, "attack": {**BIAS, "vehicles": list(pair)}}
-        )
+        pair: experiment.static_bound({**keys, "attack": {**BIAS, "vehicles": list(pair)}})
         for pair in itertools.combinations(range(1, 7), 2)
     }
     best = max(found.values())
@@ -90,20 +85,13 @@ def test_sets_of_vehicles_are_all_tried():
 
 def test_a_point_is_the_lane_that_is_drawn_there():
     """To the last bit, if its coordinates are the numbers of a sample; all else is the sample's."""
-    over = {
-        "attack.phase": "each",
-        "attack.frequency": [0.1, 4.0],
-        "attack.vehicles": {"choose": 3},
-    }
+    over = {"attack.phase": "each", "attack.frequency": [0.1, 4], "attack.vehicles": {"choose": 3}}
     given = study(over, attack={"kind": "rotating"}, search={"maximise": "tail_mean"})
-    box = box_of(given)
+    box = trials_of(given).box
     drawn = [box.source.uniforms(place.name, [5, 8], [place[1:]])[:, 0] for place in box.places]
     ours = box.lanes(np.stack(drawn, axis=1), np.array([5, 8]))
     theirs = job(given.cells[0].scenario, Keyed(0), [5, 8])
-    for one, other in zip(
-        jax.tree.leaves(ours.inputs), jax.tree.leaves(theirs.inputs), strict=True
-    ):
-        np.testing.assert_array_equal(one, other)
+    jax.tree.map(np.testing.assert_array_equal, ours.inputs, theirs.inputs)
 
 
 @pytest.mark.long
@@ -115,45 +103,21 @@ def test_choices_of_which_a_lane_fails_count_less():
     def failing(outcome):
         return np.where(next(count) % 2, largest(outcome), math.nan)
 
-    trials = Trials(box_of(given), 2, failing, MANY)
+    trials = trials_of(given, measure=failing)
     *_, last = search_box(trials, 2000, 0)
     assert last.failed > 500
     assert last.best > 25
 
 
-@pytest.mark.long
-def test_larger_budgets_have_more_populations(monkeypatch):
-    """So many that none has more generations than it is to have."""
-    monkeypatch.setattr(search, "MOST_GENERATIONS", 20)
-    monkeypatch.setattr(
-        Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None]
-    )
-
-    def searching(budget):
-        trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
-        lanes = [each.lanes for each in search_box(trials, budget, 0) if each.phase == "search"]
-        return len(lanes), lanes[1] - lanes[0], trials.best
-
-    (few, small, _), (many, large, best) = searching(2_000), searching(20_000)
-    assert few <= 21
-    assert many <= 21
-    assert large == pytest.approx(10 * small, rel=0.1)
-    assert best == pytest.approx(-8 * 0.2**2, abs=1e-4)  # eight are not attacked, and stay at 0.5
-
-
 OVER = {"attack.phase": "each", "attack.frequency": [0.2, 2.0]}
-TRIMMED = {
-    "attack": {"kind": "rotating", "magnitude": 10.0},
-    "defence": "trusted_trim",
-    "tick": 0.1,
-}
+TRIMMED = {"kind": "rotating", "magnitude": 10.0}
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A search that nobody disturbed, of two cells."""
     over = {"sweep": {"gain": [[1, 3, 3], [1.2, 3, 3]]}, "search": {"until": 40.0}}
-    given = study(OVER, budget=200, **over, **TRIMMED)
+    given = study(OVER, budget=200, attack=TRIMMED, defence="trusted_trim", tick=0.1, **over)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst, "FRESH", 48)
         yield jaxnet.search(given, tmp_path_factory.mktemp("whole") / "s", progress=False), given
@@ -180,17 +144,31 @@ def test_the_worst_is_a_study_of_its_own(whole):
     )
 
 
-def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
+@pytest.fixture
+def counts(monkeypatch):
+    """Numbers of choices that are simulated, generation by generation."""
+    found, simulate = [], Trials.simulate
+
+    def counting(trials, points, *box):
+        found.extend([] if box else [len(points)])
+        return simulate(trials, points, *box)
+
+    monkeypatch.setattr(Trials, "simulate", counting)
+    monkeypatch.setattr(worst, "FRESH", 48)
+    return found
+
+
+def assert_as(whole, place):
+    """A search found what one did that nobody disturbed."""
+    again = jaxnet.open(place)
+    assert again.worst.equals(whole.worst)
+    assert again.searched.equals(whole.searched)
+
+
+def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch, counts):
     """It ends as one that nobody disturbed, and does nothing twice."""
     results, given = whole
     random = studies.run(with_random_lanes(given), tmp_path / "s", progress=False)
-    simulated, simulate = [], Trials.simulate
-
-    def counting(trials, points):
-        simulated.append(len(points))
-        return simulate(trials, points)
-
-    monkeypatch.setattr(Trials, "simulate", counting)
 
     def stop(what, lanes, total):
         if lanes > 100:
@@ -198,15 +176,17 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
 
     with pytest.raises(KeyboardInterrupt):
         list(writing.write_search(random, stop))
-    before = len(simulated)
-    assert before > 1
+    assert len(counts) > 1
     list(writing.write_search(random))
-    again = jaxnet.open(tmp_path / "s")
-    assert again.worst.equals(results.worst)
-    assert again.searched.equals(results.searched)
-    assert len(simulated) == len(results.searched)
+    assert_as(results, tmp_path / "s")
+    assert len(counts) == len(results.searched)
     monkeypatch.setattr(worst.CellSearch, "verify", lambda *_: pytest.fail("again"))
-    list(writing.write_search(again))  # what has ended is kept
+    list(writing.write_search(random))  # what has ended is kept
+
+
+def contents(folder):
+    """All files in a folder."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 @pytest.mark.parametrize("when", ["again from other starts", "tail_max"])
@@ -227,56 +207,38 @@ def test_a_search_whose_folder_is_taken_over_writes_no_more(whole, tmp_path, whe
     assert before == [contents(tmp_path / "s")]
 
 
-def contents(folder):
-    """All files in a folder."""
-    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 class Here(cluster.Cluster):
     """A crew that is this process, which is sent a task as others are."""
 
     def __init__(self):
         """Nobody is called together."""
 
-    def deal(self, task, scope, modules, items):
+    def deal(self, task, config, items):
         """What the task finds of each item."""
-        task, _ = pickle.loads(pickle.dumps((task, scope)))
+        task, _ = pickle.loads(pickle.dumps((task, config.scope)))
         return [task(item) for item in items.values()]
 
 
-def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
+def test_workers_search_whole_cells(whole, tmp_path, monkeypatch, counts):
     """They find what one process finds, and leave it nothing to simulate of the choices."""
     results, given = whole
-    monkeypatch.setattr(worst, "FRESH", 48)
     random = studies.run(with_random_lanes(given), tmp_path / "s", progress=False)
     monkeypatch.setattr(writing, "executor", lambda *_: contextlib.nullcontext(Here()))
-    told, counts, simulate = [], [], Trials.simulate
-
-    def counting(trials, points):
-        counts.append(len(points))
-        return simulate(trials, points)
-
-    def tell(what, done, total):
-        told.append((what, len(counts)))
-
-    monkeypatch.setattr(Trials, "simulate", counting)
-    list(writing.write_search(random, tell, workers=2))
+    told = []
+    list(writing.write_search(random, lambda what, *_: told.append((what, len(counts))), workers=2))
     assert told[1] == ("cells searched", len(results.searched))
     assert len(counts) == len(results.searched)
-    again = jaxnet.open(tmp_path / "s")
-    assert again.worst.equals(results.worst)
-    assert again.searched.equals(results.searched)
+    assert_as(results, tmp_path / "s")
 
 
 @pytest.mark.long
-def test_a_cell_in_which_all_lanes_fail_is_told(tmp_path):
+def test_a_cell_in_which_all_lanes_fail_is_told(tmp_path, monkeypatch):
     """With no number, and ā drawn for each lane has none either."""
+    monkeypatch.setattr(worst, "FRESH", 8)
     keys = {"defence": "w_msr", "topology": "path", "tick": 0.1}
     attack = {"kind": "rotating", "magnitude": {"uniform": [1.0, 2.0]}}
     given = study({"attack.phase": "each"}, budget=200, attack=attack, **keys)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worst, "FRESH", 8)
-        (row,) = jaxnet.search(given, tmp_path / "s", progress=False).worst.to_dict("records")
+    (row,) = jaxnet.search(given, tmp_path / "s", progress=False).worst.to_dict("records")
     for name in ("found", "random", "bound", "fresh", "nonlinear", "magnitude"):
         assert math.isnan(row[name])
     assert row["failed"] >= row["lanes"]
@@ -287,25 +249,19 @@ def test_the_worst_attack_that_is_not_seen(tmp_path, monkeypatch):
     """A bias as great as 2 % of alarms allow, 0.6213 deviations by χ²; honest words raise one."""
     monkeypatch.setattr(worst, "FRESH", 48)
     attack = {"kind": "bias", "vehicles": [1, 3], "magnitude": 1.0}
-    keys = {
-        "vehicles": 4,
-        "topology": "complete",
-        "output_step": 2.0,
-        "tail": 4.0,
-        "attack": attack,
-    }
+    keys = {"vehicles": 4, "topology": "complete", "output_step": 2.0, "tail": 4.0}
     keys |= {"channel": {"noise": {"position": 1.0}}, "detector": {"kind": "chi_squared"}}
-    keys |= {"sweep": {"detector.false_alarms": [0.01, 0.5]}, "horizon": 20.0}
+    keys |= {"sweep": {"detector.false_alarms": [0.01, 0.5]}, "horizon": 20.0, "attack": attack}
     asked = {"subject_to": {"alarms": 0.02}, "starts": 1, "until": 1.0, "maximise": "tail_mean"}
     given = study({"attack.magnitude": [0.0, 3.0]}, budget=200, search=asked, **keys)
     results = jaxnet.search(given, tmp_path / "s", progress=False)
     found = jaxnet.simulate(results.path / "worst" / "0.yaml", progress=False).lanes.iloc[0]
     row, nothing = results.worst.to_dict("records")
     assert found["tail_mean"] == row["found"]
-    # The share rises with the bias in steps of a word.
-    words, share = 2 * 3 * 401, found["alarms"]
-    assert 0.02 - 3 / words < share <= 0.02
-    width = 2.576 * np.sqrt(0.02 * 0.98 / words)
+    # The share rises with the bias in steps of a message.
+    messages, share = 2 * 3 * 401, found["alarms"]
+    assert 0.02 - 3 / messages < share <= 0.02
+    width = 2.576 * np.sqrt(0.02 * 0.98 / messages)
     limits = [bias_seen(0.02 + side * width) for side in (-1, 1)]
     assert limits[0] < row["magnitude"] < limits[1]
     assert 0.1 < row["fresh_allowed"] < 0.9
@@ -337,12 +293,8 @@ def test_what_persists_is_told_apart_from_what_is_transient(tmp_path, monkeypatc
     This one begins to fall at 900 s, and falls as long as it rises.
     """
     monkeypatch.setattr(worst, "FRESH", 8)
-    attack = {
-        "kind": "envelope",
-        "of": {"kind": "bias", "direction": 0.0},
-        "magnitude": 10.0,
-        "stop": 900.0,
-    }
+    bias = {"kind": "bias", "direction": 0.0}
+    attack = {"kind": "envelope", "of": bias, "magnitude": 10.0, "stop": 900.0}
     given = study({"attack.rise": [5.0, 800.0]}, budget=200, topology="cyclic", attack=attack)
     fading = jaxnet.search(given, tmp_path / "s", progress=False)
     (row,) = fading.worst.to_dict("records")
@@ -376,13 +328,12 @@ def test_the_choice_is_the_finalist_that_is_worst_at_the_late_time(
     found, after, chosen, monkeypatch
 ):
     """Of finalists that are equal then, the worst at the horizon."""
-    trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
+    trials = trials_of(study({"attack.direction": "each"}), 1)
     points = np.arange(3.0)[:, None] + np.zeros(len(trials.box.places))
+    finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)]
     trials.best, trials.point = found[0], points[0]
-    trials.finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)][
-        1:
-    ]
-    monkeypatch.setattr(Trials, "late_means", lambda *_: np.array(after))
+    trials.finalists = finalists[1:]
+    monkeypatch.setattr(Trials, "simulate", lambda *_: np.array(after)[:, None])
     choice = trials.choose_finalist(1000.0)
     assert (choice.point[0], choice.found, choice.until) == (chosen, found[chosen], 1000.0)
     np.testing.assert_equal(choice.late, after[chosen])

@@ -103,6 +103,7 @@ def test_intervals_hold_the_indices_as_often_as_they_say():
     assert (np.abs(np.mean(held, axis=0) - 0.95) < 0.05).all()
 
 
+BIAS = {"kind": "bias", "vehicles": [2], "direction": {"shared": {"uniform": [0.0, 6.0]}}}
 RING = {
     "vehicles": 3,
     "engine": "exact",
@@ -111,7 +112,7 @@ RING = {
     "topology": "complete",
     "defence": "none",
     "initial": QUICK["initial"],
-    "attack": {"kind": "bias", "vehicles": [2], "direction": {"shared": {"uniform": [0.0, 6.0]}}},
+    "attack": BIAS,
     "recovery": {"tau": 2.3},
 }
 
@@ -161,17 +162,20 @@ def test_cells_that_are_there_are_not_done_again(tmp_path, monkeypatch):
         done.append(cell.number)
         return pick_freeze_outcomes(cell, *rest)
 
+    def assert_as_whole(*more):
+        found = jaxnet.sensitivity(study, 64, tmp_path / "parts")
+        pd.testing.assert_frame_equal(found, whole)
+        assert done == [*more]
+
     monkeypatch.setattr("jaxnet.explore.sensitivity.pick_freeze_outcomes", interrupted)
     with pytest.raises(KeyboardInterrupt):
         jaxnet.sensitivity(study, 64, tmp_path / "parts")
     assert done == [0, 1]
     done.clear()
-    pd.testing.assert_frame_equal(jaxnet.sensitivity(study, 64, tmp_path / "parts"), whole)
-    assert done == [2]
+    assert_as_whole(2)
     with pytest.warns(UserWarning, match="figures"):  # which jaxnet report draws again
         results = jaxnet.run(study, tmp_path / "parts", progress=False)
-    pd.testing.assert_frame_equal(jaxnet.sensitivity(study, 64, tmp_path / "parts"), whole)
-    assert done == [2]
+    assert_as_whole(2)
     assert results.lanes["status"].eq("ok").all()
     with pytest.raises(jaxnet.FolderError, match="another study"):
         jaxnet.sensitivity(jaxnet.load(study, {"horizon": 3.0}), 64, tmp_path / "parts")

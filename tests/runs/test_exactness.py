@@ -2,7 +2,7 @@
 
 import pytest
 
-from jaxnet.runs.exactness import deviations, lanes_at_ticks
+from experiments.exactness import deviations, lanes_at_ticks
 from tests import systems
 
 

@@ -31,17 +31,24 @@ def test_the_field_is_of_the_lane_and_moves_as_its_vehicles_do():
     assert (other[:3] != start[:3]).all()
 
 
-def test_what_has_no_field_is_refused():
-    """No such cell, rules that need ticks, single precision: each in words that say what to do."""
-    with pytest.raises(ValueError, match="cells 0 to 0"):
-        jaxnet.field(RING, cell=1)
-    with pytest.raises(ValueError, match="sample is a whole number"):
-        jaxnet.field(RING, sample=-1)
-    with pytest.raises(ValueError, match="w_msr decides at ticks only"):
-        jaxnet.field({**RING, "defence": "w_msr"})
-    with pytest.raises(ValueError, match="trusted_trim has isolated: coast"):
-        jaxnet.field({**RING, "defence": {"isolated": "coast"}})
-    with pytest.raises(ValueError, match=r"solved at every instant \(got rounds\)"):
-        jaxnet.field({**RING, "law": "rounds"})
+@pytest.mark.parametrize(
+    ("keys", "given", "words"),
+    [
+        ({}, {"cell": 1}, "cells 0 to 0"),
+        ({}, {"sample": -1}, "sample is a whole number"),
+        ({"defence": "w_msr"}, {}, "w_msr decides at ticks only"),
+        ({"defence": {"isolated": "coast"}}, {}, "trusted_trim has isolated: coast"),
+        ({"law": "rounds"}, {}, "rounds is not the law solved at every instant"),
+        ({"sensing": {"position": 0.1}}, {}, "vehicles sense, and messages are lost, at ticks"),
+    ],
+)
+def test_what_has_no_field_is_refused(keys, given, words):
+    """No such cell, rules that need ticks: each in words."""
+    with pytest.raises(ValueError, match=words):
+        jaxnet.field({**RING, **keys}, **given)
+
+
+def test_single_precision_is_refused():
+    """In words that say what to do."""
     with jax.enable_x64(False), pytest.raises(RuntimeError, match="'jax_enable_x64', True"):
         jaxnet.field(RING)

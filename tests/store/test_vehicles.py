@@ -43,7 +43,6 @@ def errors_of_trajectories(results):
     return np.linalg.norm(position - data["navigator"].values[:, None, :, None], axis=-1)
 
 
-@pytest.mark.long
 def test_the_errors_of_each_vehicle_are_those_of_its_trajectory(results):
     """Mean and maximum over the tail, also of samples that came later; rows have the fleet's."""
     known, stored = errors_of_trajectories(results), results.vehicles
@@ -54,7 +53,7 @@ def test_the_errors_of_each_vehicle_are_those_of_its_trajectory(results):
     np.testing.assert_allclose(stored["tail_mean"].mean("vehicle"), of_rows, rtol=1e-6)
 
 
-def test_the_table_counts_the_lanes_in_which_a_vehicle_is_off(results):
+def test_table_figure_and_page_show_who_tracks(results):
     """By a count over the trajectories, with the threshold tau · ā = 3 m."""
     known = errors_of_trajectories(results).mean(axis=2)
     table = vehicle_table(results, results.study.cells)
@@ -62,24 +61,16 @@ def test_the_table_counts_the_lanes_in_which_a_vehicle_is_off(results):
     np.testing.assert_allclose(table["unrecovered"], 100 * (known > 3.0).mean(axis=1).ravel())
     np.testing.assert_allclose(table["greatest"], known.max(axis=1).ravel(), rtol=1e-6)
     assert 0 < table["unrecovered"].sum() < 1000
-
-
-def test_figure_and_page_show_who_tracks(results):
-    """A panel per cell with five medians, one of them of an attacked vehicle."""
-    figure = results.plot.vehicles()
-    for panel in figure.axes:
+    for panel in results.plot.vehicles().axes:
         points = [line for line in panel.lines if line.get_marker() in ("o", "s")]
         assert sorted(len(line.get_xdata()) for line in points) == [1, 4]
-    words = str(sections.vehicles_section(results))
-    assert "Who tracks" in words
-    assert "lanes off [%]" in words
+    assert "lanes off [%]" in str(sections.vehicles_section(results))
 
 
 def test_a_lane_that_failed_has_no_errors_of_vehicles(tmp_path):
     """Not-a-number for each vehicle; a figure of failed lanes alone is refused."""
-    results = jaxnet.run(
-        {**KEYS, **PATH, "save": {"vehicles": True}}, tmp_path / "out", progress=False
-    )
+    keys = {**KEYS, **PATH, "save": {"vehicles": True}}
+    results = jaxnet.run(keys, tmp_path / "out", progress=False)
     assert (results.lanes["status"] == "disconnected").all()
     assert np.isnan(results.vehicles["tail_mean"]).all()
     with pytest.raises(FolderError, match="no lane of these cells came to its end"):

@@ -2,7 +2,8 @@
 
 from upath import UPath
 
-from jaxnet.store.folder import Manifest, find_results, samples_of_cells
+from jaxnet.store.folder import find_results
+from jaxnet.store.manifest import Manifest, samples_of_cells
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import table_text
 

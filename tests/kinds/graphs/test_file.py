@@ -15,7 +15,7 @@ import jaxnet
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
-from jaxnet.store.folder import digest
+from jaxnet.store.manifest import digest
 from tests.matrices import matrix_of
 
 EDGES = [(1, 0, 1.0), (2, 1, 0.1 + 0.2), (2, 0, 1e-9), (3, 2, 7.0)]
