@@ -13,9 +13,8 @@ from jaxnet.model.graph import dense
 from jaxnet.runs.replay import stored_trajectory, trajectory_of
 from jaxnet.runs.watched import watched
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.view.figures.panels import attacked_vehicles
+from jaxnet.view.drawings.scene import attacked_vehicles
 from jaxnet.view.page import trajectories
-from jaxnet.view.page.trajectories import headings
 from jaxnet.view.text import check
 from tests import systems
 
@@ -37,7 +36,7 @@ def results(tmp_path_factory):
 def film(results, cell):
     """What the film of a cell's first lane shows."""
     lane, graph = trajectory_of(results, cell, 0)
-    return animation.film_of(lane, results.study.cells[cell], graph, headings(lane["states"])), lane
+    return animation.film_of(lane, results.study.cells[cell], graph), lane
 
 
 @pytest.mark.parametrize("cell", range(4))
@@ -45,9 +44,9 @@ def test_a_film_shows_the_lane(results, cell):
     """The errors are those stored, headings the states', weights the graph's."""
     shown, lane = film(results, cell)
     tracking = results.errors["tracking"].values[cell, 0]
-    np.testing.assert_allclose(shown.errors.mean(axis=1), tracking, rtol=1e-6)
+    np.testing.assert_allclose(shown.off.mean(axis=1), tracking, rtol=1e-6)
     np.testing.assert_allclose(
-        np.cos(shown.heading), np.cos(lane["states"].values[:, :, 2]), atol=1e-12
+        np.cos(np.radians(shown.heading)), np.cos(lane["states"].values[:, :, 2]), atol=1e-12
     )
     situation = situation_of(results.study.cells[cell].scenario)
     np.testing.assert_array_equal(shown.links.T, np.argwhere(dense(situation.graph)))
@@ -151,13 +150,13 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         shown = film_of_sample(results, each.sample)
         page = trajectories.lane_data(results, each, 5)
         assert (
-            shown.liars
+            shown.attacked
             == page["attacked"]
             == attacked_vehicles(cell, each.arrays(results))
             == wanted
         )
         said = [(i, j) for i, j, false in page["links"] if false]
-        assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.attacked]]
+        assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.lied]]
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
     assert "rotating on 2 drawn for each lane in what they transmit" in check.check_text(study)
@@ -166,4 +165,4 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
 def film_of_sample(results, sample):
     """What the film of a lane of the first cell shows."""
     lane, graph = trajectory_of(results, 0, sample)
-    return animation.film_of(lane, results.study.cells[0], graph, headings(lane["states"]))
+    return animation.film_of(lane, results.study.cells[0], graph)

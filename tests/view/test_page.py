@@ -18,10 +18,12 @@ from jaxnet.api import writing
 from jaxnet.runs import watched
 from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves
-from jaxnet.statistics.bands import all_bands
 from jaxnet.store.results import Results
 from jaxnet.view import page
-from jaxnet.view.figures import every, ultimate
+from jaxnet.view.drawings.scene import headings
+from jaxnet.view.drawings.ultimate import ultimate_drawing
+from jaxnet.view.figures import every
+from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import findings, sections, trajectories
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
@@ -271,14 +273,16 @@ def test_the_figures_have_the_numbers_of_cells_csv(folder, html):
     assert answer["layout"]["xaxis"]["title"]["text"] == "attack magnitude ā [m]"
     assert answer["data"][0]["name"] == "star"
     points = pd.DataFrame(answer["columns"]).set_index("cell").sort_index()
-    np.testing.assert_array_equal(points["unrecovered"].astype(float), 100 * stored["unrecovered"])
+    np.testing.assert_array_equal(
+        points["lanes unrecovered [%]"].astype(float), 100 * stored["unrecovered"]
+    )
     np.testing.assert_array_equal(points["low"].astype(float), 100 * stored["unrecovered_low"])
     for figure, rows in zip(figures_of(html, "ultimate"), (slice(1, 3), slice(4, 6)), strict=False):
-        for name in ("tail_max_median", "tail_max_max"):
-            assert figure["columns"][name] == stored[name][rows].tolist()
-        assert stored["tail_max_low"].isna().all()  # three lanes are too few for a mean's interval
-        assert figure["columns"]["tail_max_low"] == [None, None]
-    assert figures_of(html, "ultimate")[0]["columns"]["peak gain"] == [12, 120]
+        table = pd.DataFrame(figure["columns"]).set_index("series")["greatest tail error [m]"]
+        for series, name in (("median, 5 to 95 %", "median"), ("maximum", "max")):
+            assert table[series].tolist() == stored[f"tail_max_{name}"][rows].tolist()
+    first = pd.DataFrame(figures_of(html, "ultimate")[0]["columns"]).set_index("series")
+    assert first.loc["peak gain", "greatest tail error [m]"].tolist() == [12, 120]
 
 
 def test_violations_and_failures_have_their_commands(folder, html, monkeypatch):
@@ -315,21 +319,10 @@ def test_text_figure_and_page_say_that_there_is_no_slope(folder):
     assert "No slope: errors" in sections.slopes_html(flat)
     assert "o slope" not in sections.slopes_html(found)
     for metric, told in (("tail_max", False), ("tail_mean", True)):
-        drawn = ultimate.ultimate_figure(found, metric)
+        drawn = printed(ultimate_drawing(found, metric))
         assert ("no slope: errors" in drawn.get_suptitle()) is told
         legend = [each.get_text() for each in drawn.legends[0].get_texts()]
         assert ("least squares s·ā" in legend) is not told
-
-
-def test_bands_are_quantiles_over_samples(folder):
-    """The same lanes sorted by hand."""
-    results = jaxnet.open(folder)
-    band = all_bands(results)[4]
-    values = np.sort(results.errors["tracking"].values[4], axis=0)
-    np.testing.assert_allclose(band.median, values[1], rtol=1e-6)
-    np.testing.assert_allclose(band.greatest, values[2], rtol=1e-6)
-    np.testing.assert_allclose(band.low, 0.9 * values[0] + 0.1 * values[1], rtol=1e-6)
-    assert band.time.tolist() == results.errors["time"].values.tolist()
 
 
 def test_missing_files_leave_their_sections_out(folder, tmp_path):
@@ -463,80 +456,63 @@ def drawn(shown, name: str, mode: str = "markers") -> np.ndarray:
     return points[~np.isnan(points).any(axis=1)]
 
 
-@pytest.mark.long
-def test_the_slider_moves_the_vehicles(opened, folder):
-    """Vehicles stand and look where the store has them."""
-    shown = opened(1400, "light")
-    lane = lane_shown(shown, folder)
-    shown.locator("#lanes .around").select_option("in the plane")
-    shown.locator("#lanes input").press("End")
-    states, honest = lane["states"].values, [0, 2, 3, 5, 6, 8, 9, 11]
-    np.testing.assert_allclose(drawn(shown, "vehicle"), states[-1, honest, :2], rtol=1e-5)
-    ahead = "plot => plot.data.find(t => t.marker?.symbol === 'diamond-tall').marker.angle"
-    angles = np.array(shown.eval_on_selector("#lanes .plane", ahead))
-    heading, speed = states[-1, honest, 2], states[-1, honest, 3]
-    np.testing.assert_allclose(270 - angles, np.degrees(heading + np.pi * (speed < 0)), rtol=1e-4)
-    shown.locator("#lanes input").press("Home")
-    np.testing.assert_allclose(drawn(shown, "vehicle"), states[0, honest, :2], rtol=1e-5)
-    assert shown.locator("#lanes .stage output").inner_text() == "t = 0.00 s"
-    shown.locator("#lanes .stage").press("ArrowRight")
-    assert shown.locator("#lanes .stage output").inner_text() == "t = 0.10 s"
-    cursors = "plots => plots.map(plot => plot.layout.shapes[0].x0)"
-    np.testing.assert_allclose(
-        shown.eval_on_selector_all("#lanes :is(.errors, .raster)", cursors), 0.1, rtol=1e-6
-    )
+HONEST, ATTACKED = [0, 2, 3, 5, 6, 8, 9, 11], [1, 4, 7, 10]
 
 
 @pytest.mark.long
-def test_a_lane_opens_at_its_worst_around_the_navigator(opened, folder):
-    """In the last quarter; places are differences."""
+def test_a_lane_in_motion_is_the_stores(opened, folder):
+    """It opens at its worst around the navigator; slider and keys move vehicles and cursors."""
     shown = opened(1400, "light")
     lane = lane_shown(shown, folder)
-    off = lane["states"].values[..., :2] - lane["navigator"].values[:, None]
+    states, told = lane["states"].values, lane["states"].values[..., :2] + lane["attack"].values
+    centre = lane["navigator"].values
+    off = states[..., :2] - centre[:, None]
     worst = 8 + np.linalg.norm(off, axis=-1).max(axis=1)[8:].argmax()
     assert shown.locator("#lanes input").input_value() == str(worst)
-    np.testing.assert_allclose(
-        drawn(shown, "vehicle"), off[worst, [0, 2, 3, 5, 6, 8, 9, 11]], rtol=1e-4
-    )
-    told = off[worst, [1, 4, 7, 10]] + lane["attack"].values[worst, [1, 4, 7, 10]]
-    np.testing.assert_allclose(drawn(shown, "place that is told"), told, rtol=1e-4)
+    np.testing.assert_allclose(drawn(shown, "vehicle"), off[worst, HONEST], rtol=1e-4)
+    false = (told[worst] - centre[worst])[ATTACKED]
+    np.testing.assert_allclose(drawn(shown, "place that is told"), false, rtol=1e-4)
     np.testing.assert_array_equal(drawn(shown, "navigator"), [[0.0, 0.0]])
     reach = shown.eval_on_selector("#lanes .plane", "plot => plot.layout.xaxis.range[1]")
     assert reach >= 1.1 * np.abs(off[5:]).max()
-
-
-@pytest.mark.long
-def test_what_is_told_and_retained_is_the_stores(opened, folder):
-    """The place told is the true one and the attack; raster and links are those of `kept`."""
-    shown = opened(1400, "light")
-    stored = lane_shown(shown, folder)
     shown.locator("#lanes .around").select_option("in the plane")
+    for key, place in (("End", -1), ("Home", 0)):
+        shown.locator("#lanes input").press(key)
+        np.testing.assert_allclose(drawn(shown, "vehicle"), states[place, HONEST, :2], rtol=1e-5)
+    clock = shown.locator("#lanes .stage output")
+    assert clock.inner_text() == "t = 0.00 s"
+    ahead = "plot => plot.data.find(t => t.marker?.symbol === 'diamond-tall').marker.angle"
+    angles = np.array(shown.eval_on_selector("#lanes .plane", ahead))
+    heading, speed = states[0, HONEST, 2], states[0, HONEST, 3]
+    np.testing.assert_allclose(270 - angles, np.degrees(heading + np.pi * (speed < 0)), rtol=1e-4)
+    shown.locator("#lanes .stage").press("ArrowRight")
+    assert clock.inner_text() == "t = 0.10 s"
+    cursors = "plots => plots.map(plot => plot.layout.shapes[0].x0)"
+    places = shown.eval_on_selector_all("#lanes :is(.errors, .raster)", cursors)
+    np.testing.assert_allclose(places, 0.1, rtol=1e-6)
     for place in (0, 4, 10):
         shown.locator("#lanes input").fill(str(place))
         settle(shown)
-        hold_against(shown, stored.isel(time=place), place)
+        found = drawn(shown, "place that is told")
+        np.testing.assert_allclose(found, told[place, ATTACKED], rtol=1e-5)
+        hold_links(shown, lane.isel(time=place), place)
 
 
-def hold_against(shown, lane, place: int) -> None:
-    """What is drawn at one output time against what is stored of it."""
-    attacked = [1, 4, 7, 10]
-    told = lane["states"].values[attacked, :2] + lane["attack"].values[attacked]
-    np.testing.assert_allclose(drawn(shown, "place that is told"), told, rtol=1e-5)
-    rows = shown.eval_on_selector(
-        "#lanes .raster", f"plot => plot.data[0].text.map(row => row[{place}])"
-    )
+def hold_links(shown, lane, place: int) -> None:
+    """The raster's column and the links that are drawn against those of `kept`."""
+    texts = f"plot => plot.data[0].text.map(row => row[{place}])"
+    rows = shown.eval_on_selector("#lanes .raster", texts)
     said = {
         tuple(map(int, re.findall(r"\d+", row.replace("the navigator", "0"))[:2])): row
         for row in rows
     }
-    weights = systems.of_slots(lane["kept"].values, lane["source"].values)
+    retained = systems.of_slots(lane["kept"].values, lane["source"].values) > 0
     assert len(said) == 36
-    assert {link for link, row in said.items() if ": retained" in row} == {
-        (i + 1, j) for i, j in np.argwhere(weights > 0)
-    }
+    kept = {link for link, row in said.items() if ": retained" in row}
+    assert kept == {(i + 1, j) for i, j in np.argwhere(retained)}
     assert {j for (_, j), row in said.items() if "attacked" in row} == {2, 5, 8, 11}
-    assert len(drawn(shown, "retained link", "lines")) == 2 * (weights > 0).sum()
-    assert len(drawn(shown, "dropped link", "lines")) == 2 * (36 - (weights > 0).sum())
+    assert len(drawn(shown, "retained link", "lines")) == 2 * retained.sum()
+    assert len(drawn(shown, "dropped link", "lines")) == 2 * (36 - retained.sum())
 
 
 @pytest.mark.parametrize(
@@ -571,8 +547,8 @@ def test_headings_are_the_states_or_the_paths():
     values[..., :2] = [[[0.0, 0.0]] * 2, [[0.0, 2.0]] * 2]
     named = xr.DataArray(values, dims=("time", "vehicle", "state"))
     known = named.assign_coords(state=["x", "y", "heading", "speed"])
-    assert trajectories.headings(known).tolist() == [[0, 180]] * 2
-    assert trajectories.headings(known.assign_coords(state=list("xyvw"))).tolist() == [[90, 90]] * 2
+    assert headings(known).tolist() == [[0, 180]] * 2
+    assert headings(known.assign_coords(state=list("xyvw"))).tolist() == [[90, 90]] * 2
 
 
 def test_lanes_say_why_they_are_shown(folder, monkeypatch):
@@ -592,30 +568,30 @@ def test_lanes_say_why_they_are_shown(folder, monkeypatch):
     assert first[:3] == (5, 2, "worst of the study")
 
 
+SHORT = {"engine": "exact", "horizon": 0.5, "tail": 0.1}
+
+
 def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
     """The median and the worst lane of two of three cells; no lane twice."""
     monkeypatch.setattr(watched, "MOST_REPLAYED", 2)
-    sweep = {"attack.magnitude": [1, 2, 3]}
-    study = systems.study(engine="exact", samples=3, horizon=0.5, tail=0.1, sweep=sweep)
+    study = systems.study(samples=3, sweep={"attack.magnitude": [1, 2, 3]}, **SHORT)
     results = jaxnet.run(study, tmp_path / "out")
-    paths = list(watched.replay_watched(results))
     ranked = results.lanes.sort_values("tail_mean").groupby("cell")["sample"]
     wanted = [(cell, sample) for cell in (0, 2) for sample in ranked.get_group(cell).tolist()[1:]]
-    assert {path.stem for path in paths} == {
-        f"cell-{cell}-sample-{sample}" for cell, sample in wanted
-    }
-    before = [(path / "zarr.json").stat().st_mtime_ns for path in paths]
-    assert [
-        (path / "zarr.json").stat().st_mtime_ns for path in watched.replay_watched(results)
-    ] == before
+    times = []
+    for _ in range(2):
+        paths = list(watched.replay_watched(results))
+        times.append([(path / "zarr.json").stat().st_mtime_ns for path in paths])
+        names = {path.stem for path in paths}
+        assert names == {f"cell-{cell}-sample-{sample}" for cell, sample in wanted}
+    assert times[0] == times[1]
 
 
 def test_a_report_without_replays_simulates_nothing(tmp_path, monkeypatch):
     """Where no trajectory is stored the page names the command that replays one."""
     from jaxnet.engine import batch
 
-    study = systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1)
-    results = jaxnet.run(study, tmp_path / "out")
+    results = jaxnet.run(systems.study(samples=2, **SHORT), tmp_path / "out")
     monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
     monkeypatch.setattr(batch, "simulate", lambda *_: pytest.fail("a lane is simulated"))
     (*_, path), out = writing.write_report(results, replayed=False), results.path
@@ -626,19 +602,14 @@ def test_a_report_without_replays_simulates_nothing(tmp_path, monkeypatch):
 
 def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypatch):
     """It says so. A lane holds whom 12 vehicles retain in 3 slots at 6 output times."""
-    results = jaxnet.run(
-        systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1), tmp_path / "out"
-    )
+    results = jaxnet.run(systems.study(samples=2, **SHORT), tmp_path / "out")
     part = 6 * 12 * 3 * 4
-    monkeypatch.setattr(watched, "MOST_BYTES", part)
-    with pytest.warns(
-        UserWarning, match=r"out: lanes of 12 vehicles, 0\.01 MB each, are too large"
-    ):
-        assert list(watched.replay_watched(results)) == []
-    monkeypatch.setattr(watched, "MOST_BYTES", 10 * part)
-    monkeypatch.setattr(watched, "MOST_VEHICLES", 11)
-    with pytest.warns(UserWarning, match=r"out: lanes of 12 vehicles"):
-        assert list(watched.replay_watched(results)) == []
+    for most_bytes, most_vehicles, told in ((part, 12, "0.01 MB each"), (10 * part, 11, "lanes")):
+        monkeypatch.setattr(watched, "MOST_BYTES", most_bytes)
+        monkeypatch.setattr(watched, "MOST_VEHICLES", most_vehicles)
+        with pytest.warns(UserWarning, match="out: lanes of 12 vehicles") as said:
+            assert list(watched.replay_watched(results)) == []
+        assert told in str(said[0].message)
     monkeypatch.setattr(watched, "MOST_VEHICLES", 12)
     assert len(list(watched.replay_watched(results))) == 2
     assert len(trajectories.lanes_data(results)[0]) == 2
@@ -785,12 +756,13 @@ def test_what_is_saved_of_a_plot(opened, folder, tmp_path):
     table = saved("Save data as CSV")
     assert table.suggested_filename == "test_star.csv"
     table.save_as(tmp_path / "star.csv")
-    given = pd.read_csv(tmp_path / "star.csv").set_index("attack.magnitude")
-    stored = pd.read_csv(folder / "cells.csv")[1:3].set_index("attack.magnitude")
-    columns = [name for name in given if name.startswith("tail_max_")]
-    assert len(columns) == 7
-    pd.testing.assert_frame_equal(given[columns], stored[columns], check_dtype=False, rtol=1e-15)
-    assert given["peak gain"].tolist() == [12, 120]
+    given = pd.read_csv(tmp_path / "star.csv").set_index("series")
+    stored, lanes = pd.read_csv(folder / "cells.csv")[1:3], given.loc["median, 5 to 95 %"]
+    assert lanes["attack magnitude ā [m]"].tolist() == stored["attack.magnitude"].tolist()
+    columns = {"greatest tail error [m]": "median", "low": "q05", "high": "q95"}
+    for name, statistic in columns.items():
+        np.testing.assert_array_equal(lanes[name], stored[f"tail_max_{statistic}"])
+    assert given.loc["peak gain", "greatest tail error [m]"].tolist() == [12, 120]
     picture = saved("Save as SVG")
     picture.save_as(tmp_path / "star.svg")
     text = (tmp_path / "star.svg").read_text()

@@ -41,6 +41,8 @@ SERIES_STYLES: list[LineStyle] = [
     {"color": BLACK, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 ]
 
+GREY = "#737373"  # of what stands back
+
 Style = dict[Any, Any]  # settings of matplotlib by name
 
 LAYOUT: Style = {"figure.constrained_layout.use": True}  # what any style of a figure has
