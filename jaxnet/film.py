@@ -23,7 +23,7 @@ from jaxnet.model.graph import Digraph
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.view.drawings.scene import Scene, scene_of
+from jaxnet.view.drawings.scene import LaneScene, scene_of
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -34,7 +34,7 @@ FRAME_RATE = 10  # frames a second
 ARROW_LENGTH = 0.07  # of the frame, that a heading is long
 FILM_FORMATS = (".mp4", ".gif")
 DARK = "0.15"
-LINK_LOOKS: dict[str, dict[str, Any]] = {
+FILM_LINK_LOOKS: dict[str, dict[str, Any]] = {
     "retained link": {"color": "0.6", "linewidth": 0.7},
     "retained link, attacked": {"color": style.RED, "linewidth": 0.9},
     "dropped link": {"color": style.BLUE, "linewidth": 0.7, "linestyle": (0, (1, 1.5))},
@@ -42,27 +42,27 @@ LINK_LOOKS: dict[str, dict[str, Any]] = {
 FALSE_LOOK: dict[str, Any] = {"color": style.RED, "linewidth": 0.6, "linestyle": (0, (1, 1))}
 
 
-def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> Scene:
+def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> LaneScene:
     """The lane in at most MOST_FRAMES_PER_FILM frames."""
     times = lane.sizes["time"]
     frames = np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM)).round().astype(int)
     return scene_of(lane.isel(time=np.unique(frames)), cell, graph)
 
 
-def links_at(film: Scene, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
-    """End points of the links at a frame [m], one array for each of LINK_LOOKS."""
+def links_at(film: LaneScene, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
+    """End points of the links at a frame [m], one array for each of FILM_LINK_LOOKS."""
     places, kept = film.places[frame], film.kept[frame]
     listeners, sources = film.links
     ends = np.stack([places[sources], places[listeners + 1]], axis=1)
     return [ends[chosen] for chosen in (kept & ~film.lied, kept & film.lied, ~kept)]
 
 
-def film_figure(film: Scene, cell: Cell, sample: int) -> tuple[Figure, Callable[[int], None]]:
+def film_figure(film: LaneScene, cell: Cell, sample: int) -> tuple[Figure, Callable[[int], None]]:
     """The figure, and a function that moves it to a frame."""
     drawn = Figure(figsize=FILM_SIZE, dpi=FILM_RESOLUTION)
     plane, below = drawn.subplots(2, 1, height_ratios=[3.2, 1])
     cursor = draw_errors_below(below, film)
-    links = [LineCollection([], zorder=1, **look) for look in LINK_LOOKS.values()]
+    links = [LineCollection([], zorder=1, **look) for look in FILM_LINK_LOOKS.values()]
     false_links = LineCollection([], zorder=2, **FALSE_LOOK)
     for each in (*links, false_links):
         plane.add_collection(each)
@@ -104,7 +104,7 @@ def film_figure(film: Scene, cell: Cell, sample: int) -> tuple[Figure, Callable[
     return drawn, show
 
 
-def draw_errors_below(panel: Axes, film: Scene) -> Line2D:
+def draw_errors_below(panel: Axes, film: LaneScene) -> Line2D:
     """Draw each vehicle's error over time; return the line that marks the current time."""
     for vehicle, errors in enumerate(np.maximum(LOG_FLOOR, film.off).T, 1):
         colour = style.RED if vehicle in film.attacked else "0.55"
@@ -115,7 +115,7 @@ def draw_errors_below(panel: Axes, film: Scene) -> Line2D:
     return panel.axvline(0.0, color=style.BLACK, linewidth=0.8)
 
 
-def film_legend(film: Scene) -> list[Line2D]:
+def film_legend(film: LaneScene) -> list[Line2D]:
     """Legend entries for the links and markers that occur in the film."""
     rim = {"markerfacecolor": "white", "markeredgecolor": style.RED}
     markers: dict[str, dict[str, Any]] = {
@@ -131,7 +131,7 @@ def film_legend(film: Scene) -> list[Line2D]:
         if there
     ]
     fates = film.kept & ~film.lied, film.kept & film.lied, ~film.kept
-    for (called, look), fate in zip(LINK_LOOKS.items(), fates, strict=True):
+    for (called, look), fate in zip(FILM_LINK_LOOKS.items(), fates, strict=True):
         if fate.any():
             handles.append(Line2D([], [], label=called, **look))
     return handles
@@ -161,7 +161,7 @@ def film_format(out: str | None) -> str:
 
 
 def save_film(
-    folder: Folder, name: str, film: Scene, cell: Cell, sample: int, told: Steps
+    folder: Folder, name: str, film: LaneScene, cell: Cell, sample: int, told: Steps
 ) -> UPath:
     ffmpeg = find_ffmpeg()
     look: style.Style = {**style.PRINT_STYLE} | (

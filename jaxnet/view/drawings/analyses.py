@@ -13,13 +13,13 @@ from jaxnet.view.drawings.drawing import (
     Look,
     Panel,
     Scale,
-    Series,
+    Trace,
     distinct_titles,
 )
 from jaxnet.view.figures import style
 
 AXIS_RANGE = 1e3  # of an axis, at most: what is below is next to nothing
-ROOM = 0.7  # below the least value
+BEYOND = 0.7  # below the least value
 SEARCH, RANDOM, BOUND = (
     Look(style.BLUE, width=1.4),
     Look(style.RED, (5, 1.5)),
@@ -53,15 +53,15 @@ def course_drawing(found: Sequence[Course], there: int, words: str) -> Drawing:
     panels, known = [], [*best]
     for each in found:
         series = [
-            Series("search", SEARCH, each.lanes, each.best, "steps"),
-            Series("random lanes", RANDOM, each.random_lanes, each.random_best, "steps"),
+            Trace("search", SEARCH, each.lanes, each.best, "steps"),
+            Trace("random lanes", RANDOM, each.random_lanes, each.random_best, "steps"),
         ]
         if np.isfinite(each.bound):
             ends = np.array([min(lanes), max(lanes)])
             known.append(each.bound)
-            series.append(Series("bound", BOUND, ends, np.full(2, each.bound), "level"))
+            series.append(Trace("bound", BOUND, ends, np.full(2, each.bound), "level"))
         panels.append(Panel(each.cell.labels, [each.cell.number], series))
-    ends = ROOM * max(least, float(min(known))), float(max(known)) / ROOM
+    ends = BEYOND * max(least, float(min(known))), float(max(known)) / BEYOND
     y = Scale(words, ends, log=True)
     x = Scale("lanes", log=True)
     return Drawing(panels, x, y, notes, there=(there, "cells"), where="search.csv")
@@ -77,12 +77,12 @@ def worst_drawing(table: pd.DataFrame, cells: Sequence[Cell], words: str) -> Dra
     least, notes = least_drawn(values)
     at = np.arange(len(shown))
     series = [
-        Series(name, look, value, at, "points")
+        Trace(name, look, value, at, "points")
         for (name, look), value in zip(marks.items(), values.T, strict=True)
     ]
     titles, common = distinct_titles([cell.labels for cell in shown])
     known = values[np.isfinite(values)]
-    x = Scale(words, (ROOM * least, float(known.max(initial=least)) / ROOM), log=True)
+    x = Scale(words, (BEYOND * least, float(known.max(initial=least)) / BEYOND), log=True)
     panel = Panel({}, [cell.number for cell in shown], series)
     y, total = Scale("", names=titles), (there, "cells")
     return Drawing([panel], x, y, [common, *notes], there=total, where="worst.csv")
@@ -101,7 +101,7 @@ def sensitivity_drawing(table: pd.DataFrame, cells: Sequence[Cell]) -> Drawing:
             value, low, high = (
                 mine[f"{order}{end}"].to_numpy(float) for end in ("", "_low", "_high")
             )
-            series.append(Series(name, look, value, places + shift, "points", low, high))
+            series.append(Trace(name, look, value, places + shift, "points", low, high))
         words = "nothing varies" if mine["first"].isna().to_numpy().all() else ""
         panels.append(Panel(cell.labels, [cell.number], series, words))
     notes = []

@@ -32,13 +32,10 @@ class Look(NamedTuple):
     hollow: bool = False
 
 
-LOOKS = [
-    Look(each["color"], () if each["linestyle"] == "-" else each["linestyle"][1])
-    for each in style.SERIES_STYLES
-]
+LOOKS = [Look(color, dash) for color, dash in style.SERIES_LOOKS]
 
 
-class Series(NamedTuple):
+class Trace(NamedTuple):
     """Points of one name: a "line", "steps", "points", "both", or a "band" from `low` to `high`.
 
     Error bars reach from `low` to `high`: along y, along x in a drawing of named rows. They are all
@@ -50,7 +47,7 @@ class Series(NamedTuple):
     look: Look
     x: Any
     y: Any
-    kind: str = "line"
+    form: str = "line"
     low: Any = None
     high: Any = None
     cells: Sequence[int] | None = None  # of each point
@@ -85,7 +82,7 @@ class Panel(NamedTuple):
 
     labels: Mapping[str, Label]
     cells: Sequence[int]
-    series: Sequence[Series]
+    series: Sequence[Trace]
     words: str = ""
     tiles: Tiles | None = None
 

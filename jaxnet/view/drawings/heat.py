@@ -50,8 +50,8 @@ def heat_drawing(results: Results, tiling: Tiling, metric: str) -> Drawing:
     values = np.append(found[metric].to_numpy(dtype=float), np.nan)
     panels = []
     for labels, numbers in zip(tiling.panels, tiling.cells, strict=True):
-        some = [texts[numbers, place] for place in range(3)]
-        tiles = Tiles(numbers, values[numbers], *some, words[numbers])
+        short, full, intervals = np.moveaxis(texts[numbers], -1, 0)
+        tiles = Tiles(numbers, values[numbers], short, full, intervals, words[numbers])
         panels.append(Panel(labels, numbers[numbers >= 0].tolist(), [], tiles=tiles))
     x, y = (
         Scale(quantity(key), names=[value_alone(key, value) for value in each])

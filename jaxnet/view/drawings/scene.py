@@ -12,7 +12,7 @@ from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph, Links
 
 
-class Scene(NamedTuple):
+class LaneScene(NamedTuple):
     """A lane, frame by frame. Source 0 is the navigator, or the fleet's centre without one."""
 
     time: Float[np.ndarray, " times"]
@@ -37,7 +37,7 @@ class Scene(NamedTuple):
         return self.places[:, self.about]
 
 
-def scene_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> Scene:
+def scene_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> LaneScene:
     vehicles, navigator = lane["states"].values[..., :2], lane["navigator"].values
     attack, attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
     listeners, slots = graph.edges()
@@ -55,7 +55,7 @@ def scene_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> Scene:
     kept = np.ones((len(places), len(sources)), bool)
     if cell.scenario.defence.decides:
         kept = hearing.by_link(graph, lane["kept"].values > 0, lane["source"].values)
-    return Scene(
+    return LaneScene(
         lane["time"].values,
         places,
         headings(lane["states"]),

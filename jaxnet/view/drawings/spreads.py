@@ -22,7 +22,7 @@ from jaxnet.view.drawings.drawing import (
     Look,
     Panel,
     Scale,
-    Series,
+    Trace,
     distinct_titles,
 )
 from jaxnet.view.figures import style
@@ -56,8 +56,8 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
         jitter = np.random.default_rng(0).uniform(-JITTER, JITTER, len(dots))
         low, median, high = np.quantile(values, [[0.05], [0.5], [0.95]])
         series += [
-            Series("", DOT, dots, row + jitter, "points"),
-            Series("", MIDDLE, median, np.array(row), "points", low, high),
+            Trace("", DOT, dots, row + jitter, "points"),
+            Trace("", MIDDLE, median, np.array(row), "points", low, high),
         ]
     titles, common = distinct_titles([cell.labels for cell in shown])
     many = max(results.samples) > MOST_DOTS
@@ -86,7 +86,7 @@ def bands_drawing(
     for group in groups:
         few = np.linspace(0, len(group.cells) - 1, min(MOST_MAGNITUDES, len(group.cells)))
         chosen = [group.cells[place] for place in np.unique(few.round().astype(int))]
-        series: list[Series] = []
+        series: list[Trace] = []
         for cell in chosen:
             name = magnitude_words(cell) if by_size else "median of lanes"
             look = looks.setdefault(name, LOOKS[len(looks) % len(LOOKS)])
@@ -103,14 +103,14 @@ def bands_drawing(
                    left_out=left_out)  # fmt: skip
 
 
-def band_series(band: Band, name: str, look: Look, greatest: Look | None = None) -> list[Series]:
+def band_series(band: Band, name: str, look: Look, greatest: Look | None = None) -> list[Trace]:
     """Median, 5 to 95 % and maximum of one cell; one lane is a line."""
-    middle = Series(name, look, band.time, band.median)
+    middle = Trace(name, look, band.time, band.median)
     if band.lanes == 1:
         return [middle._replace(name=name.replace("median of lanes", "one lane"))]
-    found = [Series(QUANTILES_WORDS, look, band.time, None, "band", band.low, band.high)]
+    found = [Trace(QUANTILES_WORDS, look, band.time, None, "band", band.low, band.high)]
     if greatest is not None:
-        found.append(Series("maximum", greatest, band.time, band.greatest))
+        found.append(Trace("maximum", greatest, band.time, band.greatest))
     return [*found, middle]
 
 
@@ -128,14 +128,14 @@ def vehicles_drawing(
         at, low, median, high, greatest = np.maximum(LOG_FLOOR, columns.T)
         lied = np.isin(at, cell.scenario.attack.targets())
         series = [
-            Series("5 to 95 %", VEHICLE_RANGE, at, median, "range", low, high),
-            Series("maximum", VEHICLE_MAXIMUM, at, greatest, "points"),
-            Series("median of lanes", VEHICLE, at[~lied], median[~lied], "points"),
-            Series("of an attacked vehicle", ATTACKED_VEHICLE, at[lied], median[lied], "points"),
+            Trace("5 to 95 %", VEHICLE_RANGE, at, median, "range", low, high),
+            Trace("maximum", VEHICLE_MAXIMUM, at, greatest, "points"),
+            Trace("median of lanes", VEHICLE, at[~lied], median[~lied], "points"),
+            Trace("of an attacked vehicle", ATTACKED_VEHICLE, at[lied], median[lied], "points"),
         ]
         if np.isfinite(limit):
             ends = np.array([0.5, cell.scenario.vehicles + 0.5])
-            series.append(Series("threshold of recovery", LIMIT, ends, np.full(2, limit), "level"))
+            series.append(Trace("threshold of recovery", LIMIT, ends, np.full(2, limit), "level"))
         panels.append(Panel(cell.labels, [cell.number], series))
     known = recovery is not None and np.isfinite(limits).any()
     notes = [share_definition(recovery, cells)] if recovery is not None and known else []

@@ -29,7 +29,7 @@ from jaxnet.view.drawings.drawing import (
     Look,
     Panel,
     Scale,
-    Series,
+    Trace,
 )
 
 ROW_SHARE = 0.7  # of a named row, that its colours take
@@ -45,9 +45,9 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
     rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""])
     shown = Scale(found.axis, found.ends, found.log, found.share)
 
-    def series(place: int, mine: Sequence[Cell]) -> Series:
-        at: list[Any] = [cell.labels[x] if numbers else values.index(cell.labels[x]) if x else 0
-                         for cell in mine]  # fmt: skip
+    def series(place: int, mine: Sequence[Cell]) -> Trace:
+        labels = [cell.labels[x] if x else 0 for cell in mine]
+        at: list[Any] = labels if numbers or not x else [*map(values.index, labels)]
         order = np.argsort(at, kind="stable")
         about = [mine[n].number for n in order]
         table = found.values.reindex(about)[VALUE_COLUMNS].to_numpy(dtype=float)
@@ -58,7 +58,7 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         else:
             shift = ROW_SHARE * ((place + 0.5) / len(looks) - 0.5)
             points = value, where + shift, "points"
-        return Series(names[place], looks[place], *points, low, high, about)
+        return Trace(names[place], looks[place], *points, low, high, about)
 
     panels = [
         Panel(

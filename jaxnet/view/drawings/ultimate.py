@@ -10,7 +10,7 @@ from jaxnet.view.drawings.drawing import (
     Look,
     Panel,
     Scale,
-    Series,
+    Trace,
 )
 from jaxnet.view.figures import style
 
@@ -30,7 +30,7 @@ OF_PAGE = ("95 % of lanes",)  # not in print
 MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D", hollow=True)
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
-STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
+LANE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
 ULTIMATE_WORDS = {"tail_max": "greatest tail error [m]", "tail_mean": "mean tail error [m]"}
 
 
@@ -48,7 +48,7 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
                 slopes[name] = fitted[0], look
         lines = []
         for name, (slope, look) in slopes.items():
-            line = Series(name, look, curve.sizes, slope * curve.sizes, "slope")
+            line = Trace(name, look, curve.sizes, slope * curve.sizes, "slope")
             lines.append(line._replace(of_page=name in OF_PAGE))
         labels, about = curve.group.labels, [*curve.group.attacked]
         panels.append(Panel(labels, about, [*lines, *lane_series(curve, metric, ends[0])]))
@@ -58,20 +58,20 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     return Drawing(panels, x, y, [NO_SLOPE] * flat, there=(len(found), "groups"))
 
 
-def lane_series(curve: Curve, metric: str, floor: float) -> list[Series]:
+def lane_series(curve: Curve, metric: str, floor: float) -> list[Trace]:
     """Median, 5 to 95 %, maximum and mean; a triangle marks a median below the axis."""
-    sizes, statistics = curve.sizes, curve.spread(metric, *STATISTICS)
+    sizes, statistics = curve.sizes, curve.spread(metric, *LANE_STATISTICS)
     q05, median, q95, most, mean, low, high = statistics
-    about = {"kind": "points", "cells": [*curve.group.attacked]}
+    about = {"form": "points", "cells": [*curve.group.attacked]}
     below = median <= floor
     found = [
-        Series("mean, 95 % interval", MEAN, 1.1 * sizes, mean, low=low, high=high, of_page=True)
+        Trace("mean, 95 % interval", MEAN, 1.1 * sizes, mean, low=low, high=high, of_page=True)
     ]
     seen = np.where(below, np.nan, median)
-    found.append(Series("median, 5 to 95 %", MEDIAN, sizes, seen, low=q05, high=q95))
+    found.append(Trace("median, 5 to 95 %", MEDIAN, sizes, seen, low=q05, high=q95))
     if below.any():
         look = MEDIAN._replace(marker="v")
         hidden = np.where(below, median, np.nan)
-        found.append(Series("median below the axis", look, sizes, hidden, low=q05, high=q95))
-    found.append(Series("maximum", MAXIMUM, sizes, most))
+        found.append(Trace("median below the axis", look, sizes, hidden, low=q05, high=q95))
+    found.append(Trace("maximum", MAXIMUM, sizes, most))
     return [each._replace(**about) for each in found]

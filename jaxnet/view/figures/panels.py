@@ -29,11 +29,11 @@ from jaxnet.view.figures.topology import topology_name
 MOST_APART = 100  # vehicles whose paths can be told from each other; those of more are a density
 MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
-LEGEND_HEIGHT = 0.35  # [in]
+PANELS_LEGEND_HEIGHT = 0.35  # [in]
 ERRORS_WIDTH = 1.35  # of a panel of errors, in panels of trajectories
 ROW_LETTERS = 25  # that a line along a row's height takes
 TITLE_LETTERS = 110  # that a line across the page takes
-SYMBOLS = {
+ERROR_SYMBOLS = {
     "tracking": r"$\tilde{e}$ [m]",
     "spread": "spread [m]",
     "disagreement": r"$\tilde{\epsilon}$ [m]",
@@ -65,9 +65,9 @@ def panels_figure(
     panels = planes + errors
     columns = 2 if narrow else panels
     lines = -(-panels // columns)
-    fitting = int((style.GREATEST_HEIGHT - LEGEND_HEIGHT) / (ROW_HEIGHT * lines))
+    fitting = int((style.GREATEST_HEIGHT - PANELS_LEGEND_HEIGHT) / (ROW_HEIGHT * lines))
     rows = [row[:MOST_A_SIDE] for row in whole[: min(MOST_A_SIDE, max(1, fitting))]]
-    drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + LEGEND_HEIGHT))
+    drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + PANELS_LEGEND_HEIGHT))
     widths = [1.0] * columns if narrow else [1.0] * planes + [ERRORS_WIDTH] * errors
     grid = GridSpec(lines * len(rows), columns, figure=drawn, width_ratios=widths)
     paths = results.trajectories if trajectories else None
@@ -214,7 +214,7 @@ def draw_errors(
                 for series in band_series(band, "", look):
                     draw_series(panel, series, ERROR_SCALE)
         multiples.log_axis(panel, "y")
-        panel.set_ylabel(SYMBOLS[variable])
+        panel.set_ylabel(ERROR_SYMBOLS[variable])
         panel.grid(True, axis="y", color="0.9", linewidth=0.5)
     upper.tick_params(labelbottom=False)
     upper.set_title(title, pad=3)

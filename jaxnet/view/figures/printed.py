@@ -14,7 +14,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
-from jaxnet.view.drawings.drawing import Drawing, Look, Scale, Series, Tiles
+from jaxnet.view.drawings.drawing import Drawing, Look, Scale, Tiles, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -69,7 +69,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     is_moved = False
     for place, panel in zip(axes, panels, strict=True):
         for number, series in enumerate(each for each in panel.series if not each.of_page):
-            moved = dodge(number, len(panel.series), drawing.x) if series.kind == "both" else (1, 0)
+            moved = dodge(number, len(panel.series), drawing.x) if series.form == "both" else (1, 0)
             is_moved |= moved != (1, 0)
             if rows:
                 draw_series(place, seen_of(series, len(rows)), drawing.x, rows=True)
@@ -137,7 +137,7 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     return found
 
 
-def seen_of(series: Series, rows: int) -> Series:
+def seen_of(series: Trace, rows: int) -> Trace:
     """A series without what lies below the last named row."""
     seen = series.y < rows - 0.5
     ends = [end if end is None else end[seen] for end in (series.low, series.high)]
@@ -146,7 +146,7 @@ def seen_of(series: Series, rows: int) -> Series:
 
 def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int, float]:
     """Handles of the legend, its columns, and its height [in]; an entry of many colours is grey."""
-    named: dict[str, list[Series]] = {}
+    named: dict[str, list[Trace]] = {}
     for panel in drawing.panels:
         for series in panel.series:
             if series.name and not series.of_page:
@@ -156,6 +156,7 @@ def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int
     room = int(LEGEND_LETTERS_PER_INCH * width / multiples.type_scale("legend.fontsize"))
     labels = [multiples.wrapped(name, room - HANDLE_LETTERS) for name in named]
     widths = [max(map(len, label.split("\n"))) + HANDLE_LETTERS for label in labels]
+    columns, rows = 1, len(named)
     for columns in range(len(named), 0, -1):
         rows = -(-len(named) // columns)
         if sum(max(widths[n : n + rows]) for n in range(0, len(named), rows)) <= room:
@@ -164,10 +165,10 @@ def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int
     for label, (one, *others) in zip(labels, named.values(), strict=True):
         many = any(each.look.color != one.look.color for each in others)
         look = one.look._replace(color="0.5") if many else one.look
-        if one.kind == "band":
+        if one.form == "band":
             handles.append(Patch(color=look.color, alpha=0.25, linewidth=0, label=label))
         else:
-            handles.append(Line2D([], [], label=label, **line_style(look, one.kind)))
+            handles.append(Line2D([], [], label=label, **line_style(look, one.form)))
     lines = rows * max(1 + label.count("\n") for label in labels)
     return handles, columns, LEGEND_LINE * (lines + bool(drawing.key))
 
@@ -183,7 +184,7 @@ def line_style(look: Look, kind: str) -> dict[str, Any]:
 
 def draw_series(
     panel: Axes,
-    series: Series,
+    series: Trace,
     scale: Scale,
     moved: tuple[float, float] = (1.0, 0.0),
     rows: bool = False,
@@ -195,33 +196,33 @@ def draw_series(
     look = series.look
 
     def within(values: Any) -> Any:
-        floor = scale.log and scale.ends and series.kind != "slope"
+        floor = scale.log and scale.ends and series.form != "slope"
         least = scale.ends[0] if floor and scale.ends else -np.inf
         return None if values is None else np.maximum(values, least)
 
     low, high = within(series.low), within(series.high)
     x = within(series.x) if rows else series.x * moved[0] + moved[1]
     y = series.y if rows else within(series.y)
-    if series.kind == "band" or (series.kind == "both" and len(x) > MOST_BARS):
-        alpha = 0.2 if series.kind == "band" else 0.15
+    if series.form == "band" or (series.form == "both" and len(x) > MOST_BARS):
+        alpha = 0.2 if series.form == "band" else 0.15
         panel.fill_between(x, low, high, color=look.color, alpha=alpha, linewidth=0)
-    elif series.kind == "range":
+    elif series.form == "range":
         panel.vlines(x, low, high, color=look.color, linewidth=look.width)
     elif low is not None:
         value = x if rows else y
         ends = np.nan_to_num(np.stack([value - low, high - value]).clip(min=0))
         panel.errorbar(x, y, **{"xerr" if rows else "yerr": ends}, ecolor=look.color, **BAR_STYLE)
-    if series.kind in ("band", "range"):
+    if series.form in ("band", "range"):
         return
-    if series.kind == "level":
-        panel.axhline(y[0], **line_style(look, series.kind))
+    if series.form == "level":
+        panel.axhline(y[0], **line_style(look, series.form))
         return
-    if series.kind == "steps":
-        panel.step(x, y, where="post", **line_style(look, series.kind))
+    if series.form == "steps":
+        panel.step(x, y, where="post", **line_style(look, series.form))
         return
-    is_mark = series.kind in ("points", "both") and look.marker != "."
+    is_mark = series.form in ("points", "both") and look.marker != "."
     front = {"clip_on": False, "zorder": 3} if is_mark else {}
-    panel.plot(x, y, **line_style(look, series.kind), **front)
+    panel.plot(x, y, **line_style(look, series.form), **front)
 
 
 def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, float]) -> None:
@@ -302,7 +303,11 @@ def value_ticks(values: Sequence[int | float], log: bool, room: float) -> list[s
     places = 0.9 * room * (given - given.min()) / (np.ptp(given) or 1.0)
     fitting: list[str] = []
     for digits in DIGITS_OF_TICKS:
-        texts = [tick_text(value, digits) for value in values]
+        texts = []
+        for value in values:  # with four digits where these are too few for it
+            short = float(f"{value:.{digits}g}")
+            is_near = abs(short - value) <= TICK_ERROR * abs(value)
+            texts.append(f"{short if is_near else value:.4g}")
         shown, end = [], -np.inf
         for place, text in zip(places, texts, strict=True):
             half = size * (DIGIT_OF_TICK * len(text) - DOT_OF_TICK * text.count(".")) / 2
@@ -313,9 +318,3 @@ def value_ticks(values: Sequence[int | float], log: bool, room: float) -> list[s
             return texts
         fitting = max(shown, fitting, key=lambda each: len(list(filter(None, each))))
     return fitting
-
-
-def tick_text(value: int | float, digits: int) -> str:
-    """A number to so many digits, or to four where these are too few for it."""
-    short = float(f"{value:.{digits}g}")
-    return f"{short if abs(short - value) <= TICK_ERROR * abs(value) else value:.4g}"

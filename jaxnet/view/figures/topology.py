@@ -30,7 +30,7 @@ INNER_RADIUS = 0.8  # radius of a crowd's second circle
 GRAPH_MARGIN = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
 LEAST_TEXT_SIZE = 6.0  # [pt] type that can be read in print
 NODE_DIAMETER = 11.0  # [pt] diameter of a node where there is room for it
-LEGEND_HEIGHT = 0.55  # [in]
+TOPOLOGY_LEGEND_HEIGHT = 0.55  # [in]
 LEAST_NUMBERED_NODE = 9.5  # [pt] diameter of a node whose number can be read
 WANTED_SPACING = 18.0  # [pt] from one node to the next that panels grow for
 NODE_IN_WAY = 0.08  # of a link's length: a node so near its middle is in the way
@@ -59,7 +59,7 @@ def topology_name(cell: Cell) -> str:
     return str(cell.labels.get("topology", topology.label or topology.kind))
 
 
-class Network:
+class DrawnGraph:
     """A graph as it is drawn: listeners count from 0, sources and places from the navigator."""
 
     def __init__(self, cell: Cell):
@@ -160,9 +160,9 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     across = max(1, min(most, int(72 * width / max(wanted, default=1.0))))
     columns = min(across, len(there))
     size = width / max(columns, min(3, across))
-    shown = there[: columns * max(1, int((style.GREATEST_HEIGHT - LEGEND_HEIGHT) / size))]
+    shown = there[: columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))]
     rows = -(-len(shown) // columns)
-    drawn = Figure(figsize=(width, size * rows + LEGEND_HEIGHT))
+    drawn = Figure(figsize=(width, size * rows + TOPOLOGY_LEGEND_HEIGHT))
     for number, network in enumerate(shown):
         panel = drawn.add_subplot(rows, columns, number + 1)
         panel.set_title(network.title, pad=2)
@@ -179,20 +179,20 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     return drawn
 
 
-def networks_of(cells: Sequence[Cell]) -> list[Network]:
+def networks_of(cells: Sequence[Cell]) -> list[DrawnGraph]:
     """Each graph, of the cell with the most attacked links."""
-    graphs: dict[str, list[Network]] = {}
+    graphs: dict[str, list[DrawnGraph]] = {}
     for cell in cells:
-        graphs.setdefault(topology_name(cell), []).append(Network(cell))
+        graphs.setdefault(topology_name(cell), []).append(DrawnGraph(cell))
 
-    def attacked(network: Network) -> tuple[int, int]:
+    def attacked(network: DrawnGraph) -> tuple[int, int]:
         links = int(network.situation.attacked.sum()) if network.attacked else 0
         return links, network.cell.scenario.attack.number()
 
     return [max(each, key=attacked) for each in graphs.values()]
 
 
-def draw_graph(panel: Axes, network: Network, size: float) -> None:
+def draw_graph(panel: Axes, network: DrawnGraph, size: float) -> None:
     """Draw a graph of this size [pt], arrows towards listeners."""
     places, across = network.places, network.diameter(size)
     edge = across / 2 + 0.5  # [pt] of a node
@@ -244,14 +244,15 @@ def draw_node(panel: Axes, source: int, place: np.ndarray, lies: bool, across: f
     marker, face, ink = ("s", "0.15", "white") if source == 0 else ("o", "white", "black")
     rim, width, front = (style.RED, 1.6, 2.5) if lies else ("0.15", 0.8, 2)
     look: dict[str, Any] = {"markersize": across, "markerfacecolor": face, "zorder": front}
-    panel.plot(*place, marker, markeredgecolor=rim, markeredgewidth=width, **look)
+    x, y = place
+    panel.plot(x, y, marker, markeredgecolor=rim, markeredgewidth=width, **look)
     if across >= LEAST_NUMBERED_NODE:
         size = max(LEAST_TEXT_SIZE, 0.6 * across)
         written: dict[str, Any] = {"ha": "center", "va": "center", "color": ink, "zorder": 3}
-        panel.text(*place, str(source), fontsize=size, **written)
+        panel.text(x, y, str(source), fontsize=size, **written)
 
 
-def draw_matrix(panel: Axes, network: Network, size: float) -> None:
+def draw_matrix(panel: Axes, network: DrawnGraph, size: float) -> None:
     """Draw listeners against sources, the navigator's column apart, and mark attacked sources."""
     graph, attacked = network.graph, network.attacked
     m, (listeners, slots) = graph.vehicles, graph.edges()
@@ -273,7 +274,7 @@ def draw_matrix(panel: Axes, network: Network, size: float) -> None:
     panel.locator_params(nbins=4)
 
 
-def topology_legend(shown: Sequence[Network]) -> list[Line2D | Patch]:
+def topology_legend(shown: Sequence[DrawnGraph]) -> list[Line2D | Patch]:
     large, small = ([each for each in shown if each.is_large == wanted] for wanted in (True, False))
     handles: list[Line2D | Patch] = []
     node: dict[str, Any] = {"linestyle": "", "markersize": 7}

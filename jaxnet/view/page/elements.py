@@ -15,15 +15,11 @@ from jaxnet.view.drawings.drawing import error_text
 PAGE_FOLDER = Path(__file__).parent
 LARGEST_SINGLE = np.finfo(np.float32).max
 NUMBER_CLASS = ' class="number"'
-MENU_WORDS = {
-    "png": "Save as PNG",
-    "svg": "Save as SVG",
-    "csv": "Save data as CSV",
-    "zoom": "Reset zoom",
-}
-MENU_ITEMS = "".join(
-    f'<button type="button" data-keep="{name}">{words}</button>'
-    for name, words in MENU_WORDS.items()
+MENU_ITEMS = (
+    '<button type="button" data-keep="png">Save as PNG</button>'
+    '<button type="button" data-keep="svg">Save as SVG</button>'
+    '<button type="button" data-keep="csv">Save data as CSV</button>'
+    '<button type="button" data-keep="zoom">Reset zoom</button>'
 )
 PAGER = (
     '<div class="controls pager" hidden><output></output><button type="button">Previous</button>'

@@ -26,7 +26,7 @@ from jaxnet.view.drawings.drawing import (
     Look,
     Panel,
     Scale,
-    Series,
+    Trace,
     error_text,
     three_digits,
 )
@@ -38,16 +38,28 @@ from jaxnet.view.page.elements import Plot, packed, plain, plots_html
 
 COLOUR_NAMES = ("BLUE", "ORANGE", "GREEN", "RED", "PURPLE", "SKY", "BLACK")
 COLOURS = {getattr(style, name): f"--{name.lower()}" for name in COLOUR_NAMES}
-SYMBOLS = {"o": "circle", "s": "square", "^": "triangle-up", "D": "diamond", "v": "triangle-down"}
-SYMBOLS |= {"P": "cross", "X": "x", "*": "star", "_": "line-ew", "<": "triangle-left"}
-SYMBOLS |= {">": "triangle-right", "p": "pentagon", "h": "hexagon"}
-DASH_SCALE = 1.2  # [px] of a dash of one width of the line
+PLOTLY_SYMBOLS = {
+    "o": "circle",
+    "s": "square",
+    "D": "diamond",
+    "P": "cross",
+    "X": "x",
+    "*": "star",
+    "^": "triangle-up",
+    "v": "triangle-down",
+    "<": "triangle-left",
+    ">": "triangle-right",
+    "p": "pentagon",
+    "h": "hexagon",
+    "_": "line-ew",
+}
+DASH_SCALE, LEAST_DASH = 1.2, 2.0  # [px] of a dash of one width of the line, and of any
 WIDTH_SCALE = 1.6  # [px] of a line of 1 pt
 MARKER_SIZE = 6  # [px]
 TIME_AXIS = {"title": {"text": "t [s]"}, "rangemode": "tozero"}
 LONE_HEIGHT = 340  # [px] of the only panel
 LETTERS = 26  # of a line of a name on an axis
-ROOM = 1.25  # at the ends of a log axis
+LOG_ROOM = 1.25  # at the ends of a log axis
 MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
 MOST_COLUMNS = 24  # of all maps in a row
 MOST_INTERVALS = 400  # tiles that have room for theirs
@@ -116,7 +128,7 @@ def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
     shared = bool(timed) and all(each.x is timed[0].x for each in many)
     traces = [trace for each in many for trace in traces_of(drawing, each, shared)]
     if shared:
-        saved = (["q05", "q95"] if each.kind == "band" else [each.name] for each in many)
+        saved = (["q05", "q95"] if each.form == "band" else [each.name] for each in many)
         names = [*itertools.chain.from_iterable(saved)]
         extra = {"x": packed(timed[0].x), "names": names, "floor": LOG_FLOOR}
         return Plot(title, about, traces, layout, {}, extra)
@@ -132,35 +144,34 @@ def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
     return Plot(title, about, traces, layout, columns)
 
 
-def traces_of(drawing: Drawing, series: Series, is_packed: bool) -> list[dict[str, Any]]:
+def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str, Any]]:
     """A trace, or the two edges of a band."""
     look = series.look
-    if series.kind == "band":
-        edges = [
-            trace(series.name, look._replace(width=0.0), [], packed(end), f"{name} %{{y:.3~g}}")
-            for name, end in (("5 %", series.low), ("95 %", series.high))
-        ]
-        return [edges[0] | {"showlegend": False},
-                edges[1] | {"fill": "tonexty", "fillcolor": "--band"}]  # fmt: skip
+    if series.form == "band":
+        look, edges = look._replace(width=0.0), []
+        for name, end in (("5 %", series.low), ("95 %", series.high)):
+            edges.append(line_trace(series.name, look, [], packed(end), f"{name} %{{y:.3~g}}"))
+        filled = {"fill": "tonexty", "fillcolor": "--band"}
+        return [edges[0] | {"showlegend": False}, edges[1] | filled]
     if is_packed:
         hover = f"{plain(series.name)} %{{y:.3~g}} m at %{{x:.3~g}} s"
-        return [trace(series.name, look, [], packed(series.y), hover)]
+        return [line_trace(series.name, look, [], packed(series.y), hover)]
     rows = bool(drawing.y.names)
     scale = drawing.x if rows else drawing.y
 
     def within(values: Any) -> Any:
-        floor = scale.log and scale.ends and series.kind != "slope"
+        floor = scale.log and scale.ends and series.form != "slope"
         return np.maximum(values, scale.ends[0]) if floor and scale.ends else values
 
     x, y = (within(series.x), series.y) if rows else (series.x, within(series.y))
-    found = trace(series.name, look, x, y, "%{text}")
+    found = line_trace(series.name, look, x, y, "%{text}")
     found["text"] = hints(drawing, series)
-    if series.kind in ("points", "both"):
-        symbol = SYMBOLS[look.marker] + "-open" * (look.hollow or look.marker == "_")
-        found["mode"] = "markers" if series.kind == "points" else "lines+markers"
+    if series.form in ("points", "both"):
+        symbol = PLOTLY_SYMBOLS[look.marker] + "-open" * (look.hollow or look.marker == "_")
+        found["mode"] = "markers" if series.form == "points" else "lines+markers"
         found["marker"] = {"color": found["line"]["color"], "symbol": symbol, "size": MARKER_SIZE}
         found["connectgaps"] = True
-    if series.kind == "steps":
+    if series.form == "steps":
         found["line"]["shape"] = "hv"
     if series.low is not None:
         middle = x if rows else y
@@ -173,7 +184,7 @@ def traces_of(drawing: Drawing, series: Series, is_packed: bool) -> list[dict[st
     return [found]
 
 
-def hints(drawing: Drawing, series: Series) -> list[str]:
+def hints(drawing: Drawing, series: Trace) -> list[str]:
     """What each point tells: its series, its place, and its value with the interval."""
     rows = bool(drawing.y.names)
     scale, across = (drawing.x, drawing.y) if rows else (drawing.y, drawing.x)
@@ -183,7 +194,7 @@ def hints(drawing: Drawing, series: Series) -> list[str]:
     ends = zip(*(nothing if end is None else end for end in (series.low, series.high)), strict=True)
     found = []
     for place, value, (low, high) in zip(at, values, ends, strict=True):
-        where = across.names[round(place)] if rows else f"{across.title}: {three_digits(place)}"
+        where = across.names[int(place + 0.5)] if rows else f"{across.title}: {three_digits(place)}"
         told = f"{error_text(value)} {unit}".replace("nan", "–")
         if not np.isnan([low, high]).all():
             told += f" ({error_text(low)} to {error_text(high)} {unit})".replace("nan", "?")
@@ -191,24 +202,18 @@ def hints(drawing: Drawing, series: Series) -> list[str]:
     return found
 
 
-def trace(name: str, look: Look, x: Any, y: Any, hover: str = "") -> dict[str, Any]:
+def line_trace(name: str, look: Look, x: Any, y: Any, hover: str = "") -> dict[str, Any]:
     """A line; `hover` is a template of what a point tells."""
-    line = {"color": paint(look.color), "width": WIDTH_SCALE * look.width}
+    code = to_hex(look.color).upper()
+    colour = COLOURS.get(code, "--muted" if code == style.GREY else code)
+    line: dict[str, Any] = {"color": colour, "width": WIDTH_SCALE * look.width}
     if look.dash:
-        line["dash"] = ",".join(f"{DASH_SCALE * each:.3g}px" for each in look.dash)
+        line["dash"] = ",".join(f"{max(LEAST_DASH, DASH_SCALE * each):.3g}px" for each in look.dash)
     found = {"type": "scatter", "name": plain(name), "x": x, "y": y, "mode": "lines"}
     found |= {"line": line, "cliponaxis": False}
     return found | (
         {"hovertemplate": f"{hover}<extra></extra>"} if hover else {"hoverinfo": "skip"}
     )
-
-
-def paint(colour: Any) -> str:
-    """The name of a colour in the style sheet, or its own code."""
-    if isinstance(colour, str) and colour.startswith("--"):
-        return colour
-    code = to_hex(colour).upper()
-    return COLOURS.get(code, "--muted" if code == style.GREY else code)
 
 
 def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
@@ -219,8 +224,8 @@ def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
     title = {"title": {"text": on_lines(scale.title)}}
     low, high = scale.ends or reach_of(drawing, letter)
     if scale.log:
-        room = ROOM if letter == "x" else 1.0
-        return log_axis(low / room, high * room) | title
+        room = LOG_ROOM if letter == "x" else 1.0
+        return decades_axis(low / room, high * room) | title
     if not scale.ends and not scale.ticks:
         return {"rangemode": "tozero"} | title
     room = 0.04 * ((high - low) or 1.0)
@@ -235,11 +240,11 @@ def reach_of(drawing: Drawing, letter: str) -> tuple[float, float]:
     return float(known.min()), float(known.max())
 
 
-def log_axis(low: float, high: float) -> dict[str, Any]:
+def decades_axis(low: float, high: float) -> dict[str, Any]:
     """A log axis with ticks at powers of ten; between other ends with room, and ticks if short."""
     is_short = False
     if any(abs(log10(end) - round(log10(end))) > 1e-9 for end in (low, high)):
-        low, high = low / ROOM, high * ROOM
+        low, high = low / LOG_ROOM, high * LOG_ROOM
         is_short = log10(high / low) <= 2
     first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
     digits: tuple[int, ...] = ((1, 3) if high > 10 * low else (1, 2, 5)) if is_short else (1,)

@@ -1,7 +1,7 @@
 """Sections of the page: a title, what it says, and a figure or a table of what others computed."""
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
@@ -212,19 +212,14 @@ def slopes_html(found: Sequence[Curve]) -> str:
     same = [fleet for name, fleet in fleets.items() if shown[name].equals(shown[fleet])]
     shown = shown.drop(columns=same).dropna(axis=1, how="all")
     slopes = dict.fromkeys(shown, np.ones(len(shown)))
-    labels = pd.DataFrame([label_columns(curve.group.labels) for curve in found])
+    labels = pd.DataFrame(  # text is a name too, numbers sort as numbers
+        {quantity(k): value_alone(k, v) if isinstance(v, str) else v for k, v in labels.items()}
+        for labels in (curve.group.labels for curve in found)
+    )
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about)
     flat = any(curve.is_flat("tail_max") for curve in found)
     return paragraph(SLOPES_NOTE + f" {sentence_case(NO_SLOPE)}." * flat) + table
-
-
-def label_columns(labels: Mapping[str, object]) -> dict[str, object]:
-    """Swept values by the names of their keys; text is a name too, numbers sort as numbers."""
-    return {
-        quantity(key): value_alone(key, value) if isinstance(value, str) else value
-        for key, value in labels.items()
-    }
 
 
 def bands_section(results: Results) -> Section | None:
@@ -265,7 +260,8 @@ def heat_section(results: Results) -> Section | None:
     tiles = tiling(results.study.cells)
     if tiles is None:
         return None
-    known, cells = tile_table(results), results.study.cells
+    known: Any = tile_table(results)
+    cells = results.study.cells
     views = {
         metric_label(metric, cells): tiled(heat_drawing(results, tiles, metric))
         for metric in METRICS

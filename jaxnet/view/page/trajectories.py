@@ -7,7 +7,6 @@ from string import Template
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import labels_title
@@ -17,7 +16,7 @@ from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
 from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, decades
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.drawing import error_text
-from jaxnet.view.drawings.scene import Scene, scene_of
+from jaxnet.view.drawings.scene import LaneScene, scene_of
 from jaxnet.view.page.elements import (
     Plot,
     about,
@@ -29,7 +28,7 @@ from jaxnet.view.page.elements import (
     script_json,
     swatch,
 )
-from jaxnet.view.page.plots import TIME_AXIS, log_axis
+from jaxnet.view.page.plots import TIME_AXIS, decades_axis
 
 MOST_PAGE_BYTES = 1_200_000  # bytes of the page that lanes take, at most
 MOST_PAGE_LANES = 30
@@ -167,7 +166,8 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
     outputs = np.arange(data.sizes["time"])
     data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
     scene = scene_of(data, cell, lane_graph(results, one.cell, one.sample))
-    time, half, leaderless = scene.time, len(scene.time) // 2, scene.leaderless
+    time, leaderless = scene.time, scene.leaderless
+    half, last = len(time) // 2, int(0.75 * len(time))  # it opens at the worst of the last quarter
     lies = np.linalg.norm(scene.told - scene.places[:, :1], axis=-1)
     given = cell.scenario.topology.vehicle_names()
     names = [called(source, given) for source in range(scene.places.shape[1])]
@@ -198,7 +198,7 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "links": links,
         "leaderless": leaderless,
         "shape": "spline" if len(time) <= MOST_CURVED else "linear",
-        "worst": worst_frame(scene.off),
+        "worst": last + int(np.nan_to_num(scene.off[last:]).max(axis=1).argmax()),
         "reach": [
             max(1.0, 1.05 * greatest_finite(np.abs(scene.places))),
             max(1e-3, 1.15 * greatest_finite(scene.off[half:], lies[half:])),
@@ -222,19 +222,13 @@ def greatest_finite(*arrays: np.ndarray) -> float:
     return float(np.max(known, where=np.isfinite(known), initial=0.0))
 
 
-def worst_frame(off: Float[np.ndarray, "times m"]) -> int:
-    """The frame of the last quarter at which a vehicle is farthest off."""
-    first = int(0.75 * len(off))
-    return first + int(np.nan_to_num(off[first:]).max(axis=1).argmax())
-
-
 def called(source: int, names: Sequence[str]) -> str:
     if source == 0:
         return "the navigator"
     return f"vehicle {source}" + (f" ({plain(names[source - 1])})" if names else "")
 
 
-def errors_figure(scene: Scene, names: Sequence[str], centre: str) -> dict[str, Any]:
+def errors_figure(scene: LaneScene, names: Sequence[str], centre: str) -> dict[str, Any]:
     """The error of each vehicle over time, and a cursor."""
     traces, off = [], scene.off
     for vehicle, errors in enumerate(off.T, 1):
@@ -247,14 +241,14 @@ def errors_figure(scene: Scene, names: Sequence[str], centre: str) -> dict[str, 
         traces.append(drawn | {"x": [], "y": packed(errors), "line": line, "hovertemplate": hover})
     known = off[np.isfinite(off) & (off > LOG_FLOOR)]
     ends = decades(known.min(initial=np.inf), known.max()) if known.size else (LOG_FLOOR, 1.0)
-    upwards = log_axis(*ends) | {"title": {"text": f"‖y<sub>i</sub> − {centre}‖ [m]"}}
+    upwards = decades_axis(*ends) | {"title": {"text": f"‖y<sub>i</sub> − {centre}‖ [m]"}}
     layout = {"xaxis": TIME_AXIS, "yaxis": upwards, "shapes": [CURSOR]}
     columns = [f"vehicle {n + 1}" for n in range(off.shape[1])]
     extra = {"x": packed(scene.time), "names": columns, "floor": LOG_FLOOR}
     return Plot("", None, traces, layout, {}, extra).figure
 
 
-def raster_figure(scene: Scene, links: Sequence[list[Any]]) -> dict[str, Any]:
+def raster_figure(scene: LaneScene, links: Sequence[list[Any]]) -> dict[str, Any]:
     """Whom vehicles retain: a row a link, a colour of FATE_COLOURS at each time."""
     fates = 2 * scene.kept.T + scene.lied[:, None]
     steps = [[(n + side) / 4, colour] for n, colour in enumerate(FATE_COLOURS) for side in (0, 1)]
