@@ -5,12 +5,12 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -19,13 +19,12 @@ from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE, labels_title
-from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
+from jaxnet.view.drawings.scene import LaneScene, scene_of
 from jaxnet.view.figures import multiples, style
-from jaxnet.view.figures.panels import attacked_vehicles, falsified_links, fleet_centre
 from jaxnet.view.figures.style import Figure
 
 FILM_SIZE = (5.6, 7.2)  # [in]
@@ -34,116 +33,55 @@ MOST_FRAMES_PER_FILM = 150
 FRAME_RATE = 10  # frames a second
 ARROW_LENGTH = 0.07  # of the frame, that a heading is long
 FILM_FORMATS = (".mp4", ".gif")
-
-
-class Film(NamedTuple):
-    """Data of a film, frame by frame."""
-
-    time: Float[np.ndarray, " times"]
-    places: Float[np.ndarray, "times sources 2"]  # of the navigator, then of the vehicles [m]
-    heading: Float[np.ndarray, "times m"]  # [rad]
-    links: Int[np.ndarray, "2 links"]  # of the graph: listeners, from 0, and sources
-    attacked: Bool[np.ndarray, " links"]
-    kept: Bool[np.ndarray, "times links"]  # whether they are retained
-    told: Float[np.ndarray, "times false 2"]  # where attacked links say that their sources are [m]
-    truth: Float[np.ndarray, "times false 2"]  # and where these are
-    liars: list[int]  # attacked vehicles
-    leaderless: bool  # then the mean of the vehicles that are not attacked stands for the navigator
-
-    @property
-    def errors(self) -> Float[np.ndarray, "times m"]:
-        """Distance of each vehicle from the navigator, or from the mean without one [m]."""
-        return np.hypot(*np.moveaxis(self.places[:, 1:] - self.places[:, :1], -1, 0))
-
-
-def film_of(
-    lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarray, "times m"]
-) -> Film:
-    """Extract a film of at most MOST_FRAMES_PER_FILM frames; `ahead` holds the headings [°]."""
-    times = lane.sizes["time"]
-    frames = np.unique(
-        np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM)).round().astype(int)
-    )
-    vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
-    attack, vehicles_attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
-    false, liars = (
-        falsified_links(cell, graph, vehicles_attacked),
-        np.array(vehicles_attacked, int) - 1,
-    )
-    listeners, slots = graph.edges()
-    sources, lied = graph.sources[listeners, slots], false[listeners, slots]
-    signal = lane["attack"].values[frames][:, liars]
-    from_navigator = bool(lied[sources == 0].any())
-    about_navigator = from_navigator or attack.replaces()
-    truth = (
-        np.repeat(navigator[:, None], len(liars), axis=1) if about_navigator else vehicles[:, liars]
-    )
-    kept = np.ones((len(frames), len(sources)), bool)
-    if cell.scenario.defence.decides:
-        kept = hearing.by_link(graph, lane["kept"].values[frames] > 0, lane["source"].values)
-    leaderless = not cell.scenario.navigator.present
-    centre = fleet_centre(vehicles, vehicles_attacked) if leaderless else navigator
-    return Film(
-        lane["time"].values[frames],
-        np.concatenate([centre[:, None], vehicles], axis=1),
-        np.radians(ahead[frames]),
-        np.stack([listeners, sources]),
-        lied,
-        kept,
-        truth + signal,
-        vehicles[:, liars] if attack.replaces() and not from_navigator else truth,
-        vehicles_attacked,
-        leaderless,
-    )
-
-
-FILM_LINK_STYLES: dict[str, dict[str, Any]] = {
+DARK = "0.15"
+FILM_LINK_LOOKS: dict[str, dict[str, Any]] = {
     "retained link": {"color": "0.6", "linewidth": 0.7},
     "retained link, attacked": {"color": style.RED, "linewidth": 0.9},
     "dropped link": {"color": style.BLUE, "linewidth": 0.7, "linestyle": (0, (1, 1.5))},
 }
+FALSE_LOOK: dict[str, Any] = {"color": style.RED, "linewidth": 0.6, "linestyle": (0, (1, 1))}
 
 
-def links_at(film: Film, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
-    """Return end points of the links at a frame [m], one array per style in FILM_LINK_STYLES."""
+def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> LaneScene:
+    """The lane in at most MOST_FRAMES_PER_FILM frames."""
+    times = lane.sizes["time"]
+    frames = np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM)).round().astype(int)
+    return scene_of(lane.isel(time=np.unique(frames)), cell, graph)
+
+
+def links_at(film: LaneScene, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
+    """End points of the links at a frame [m], one array for each of FILM_LINK_LOOKS."""
     places, kept = film.places[frame], film.kept[frame]
     listeners, sources = film.links
     ends = np.stack([places[sources], places[listeners + 1]], axis=1)
-    return [ends[chosen] for chosen in (kept & ~film.attacked, kept & film.attacked, ~kept)]
+    return [ends[chosen] for chosen in (kept & ~film.lied, kept & film.lied, ~kept)]
 
 
-def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, Callable[[int], None]]:
-    """Return the figure, and a function that moves it to a frame."""
+def film_figure(film: LaneScene, cell: Cell, sample: int) -> tuple[Figure, Callable[[int], None]]:
+    """The figure, and a function that moves it to a frame."""
     drawn = Figure(figsize=FILM_SIZE, dpi=FILM_RESOLUTION)
     plane, below = drawn.subplots(2, 1, height_ratios=[3.2, 1])
-    cursor = draw_errors_below(below, film, cell)
-    links = [LineCollection([], zorder=1, **look) for look in FILM_LINK_STYLES.values()]
-    for each in links:
+    cursor = draw_errors_below(below, film)
+    links = [LineCollection([], zorder=1, **look) for look in FILM_LINK_LOOKS.values()]
+    false_links = LineCollection([], zorder=2, **FALSE_LOOK)
+    for each in (*links, false_links):
         plane.add_collection(each)
-    false_links = LineCollection(
-        [], color=style.RED, linewidth=0.6, linestyle=(0, (1, 1)), zorder=2
-    )
-    plane.add_collection(false_links)
     (false,) = plane.plot([], [], "x", color=style.RED, markersize=5, zorder=4)
-    (navigator,) = plane.plot([], [], "s", color="0.15", markersize=6, zorder=5)
+    (navigator,) = plane.plot([], [], "s", color=DARK, markersize=6, zorder=5)
     if not film.leaderless:
         plane.plot(*film.places[:, 0].T, color="0.8", linewidth=1.0, zorder=0)
-    edges = [style.RED if one + 1 in film.liars else "0.15" for one in range(film.heading.shape[1])]
-    vehicles = plane.scatter(
-        *film.places[0, 1:].T, s=26, c="white", edgecolors=edges, linewidths=1.2, zorder=3
-    )
-    frame_plane(plane, film)
-    reach = plane.get_xlim()[1]
-    arrows = plane.quiver(
-        *film.places[0, 1:].T,
-        *(ARROW_LENGTH * reach * heading_vectors(film, 0)),
-        color=edges,
-        angles="xy",
-        scale_units="xy",
-        scale=1,
-        width=0.004,
-        zorder=3.5,
-    )
+    vehicles = range(1, film.places.shape[1])
+    edges = [style.RED if one in film.attacked else DARK for one in vehicles]
+    rim = {"s": 26, "c": "white", "edgecolors": edges, "linewidths": 1.2}
+    fleet = plane.scatter(*film.places[0, 1:].T, zorder=3, **rim)
+    everything = np.abs(np.concatenate([film.places, film.told], axis=1))
+    reach = float(np.ceil(1.08 * np.nanmax(everything, initial=1.0)))
+    plane.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
+    plane.set_aspect("equal")
+    angles = np.radians(film.heading)
+    ahead = ARROW_LENGTH * reach * np.stack([np.cos(angles), np.sin(angles)])
+    units = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.004}
+    arrows = plane.quiver(*film.places[0, 1:].T, *ahead[:, 0], color=edges, zorder=3.5, **units)
     clock = plane.text(0.98, 0.98, "", transform=plane.transAxes, ha="right", va="top", fontsize=9)
     size = [] if MAGNITUDE in cell.labels else [magnitude_words(cell)]
     named = ", ".join(filter(None, [labels_title(cell.labels), *size, f"sample {sample}"]))
@@ -157,63 +95,44 @@ def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, Callable[[
         false.set_data(*film.told[frame].T)
         if not film.leaderless:
             navigator.set_data(*film.places[frame, :1].T)
-        vehicles.set_offsets(film.places[frame, 1:])
+        fleet.set_offsets(film.places[frame, 1:])
         arrows.set_offsets(film.places[frame, 1:])
-        arrows.set_UVC(*(ARROW_LENGTH * reach * heading_vectors(film, frame)))
+        arrows.set_UVC(*ahead[:, frame])
         clock.set_text(f"t = {film.time[frame]:.1f} s")
         cursor.set_xdata([film.time[frame]] * 2)
 
     return drawn, show
 
 
-def heading_vectors(film: Film, frame: int) -> Float[np.ndarray, "2 m"]:
-    return np.stack([np.cos(film.heading[frame]), np.sin(film.heading[frame])])
-
-
-def frame_plane(plane: Axes, film: Film) -> None:
-    """Set axes around all finite positions of the film, true and falsified."""
-    everything = np.concatenate([film.places, film.told], axis=1)
-    reach = float(np.ceil(1.08 * np.nanmax(np.abs(everything), initial=1.0)))
-    plane.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
-    plane.set_aspect("equal")
-
-
-def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
+def draw_errors_below(panel: Axes, film: LaneScene) -> Line2D:
     """Draw each vehicle's error over time; return the line that marks the current time."""
-    for number, errors in enumerate(film.errors.T):
-        attacked = number + 1 in film.liars
-        panel.plot(
-            film.time,
-            np.maximum(LOG_FLOOR, errors),
-            color=style.RED if attacked else "0.55",
-            linewidth=0.7,
-        )
+    for vehicle, errors in enumerate(np.maximum(LOG_FLOOR, film.off).T, 1):
+        colour = style.RED if vehicle in film.attacked else "0.55"
+        panel.plot(film.time, errors, color=colour, linewidth=0.7)
     distance = r"$\|y_i - \bar{y}\|$ [m]" if film.leaderless else r"$\|y_i - y_0\|$ [m]"
     panel.set(yscale="log", xlabel="t [s]", ylabel=distance, xlim=film.time[[0, -1]])
     multiples.log_ticks(panel.yaxis)
     return panel.axvline(0.0, color=style.BLACK, linewidth=0.8)
 
 
-def film_legend(film: Film) -> list[Line2D]:
-    """Return legend entries for the links and markers that occur in the film."""
+def film_legend(film: LaneScene) -> list[Line2D]:
+    """Legend entries for the links and markers that occur in the film."""
     rim = {"markerfacecolor": "white", "markeredgecolor": style.RED}
     markers: dict[str, dict[str, Any]] = {
-        "navigator": {"marker": "s", "color": "0.15"},
-        "vehicle and heading": {"marker": "o", "color": "0.15", "markerfacecolor": "white"},
+        "navigator": {"marker": "s", "color": DARK},
+        "vehicle and heading": {"marker": "o", "color": DARK, "markerfacecolor": "white"},
         "attacked vehicle": {"marker": "o", **rim},
         "place that is told falsely": {"marker": "x", "color": style.RED},
     }
-    if film.leaderless:
-        del markers["navigator"]
-    if not film.told.size:
-        markers = {called: look for called, look in markers.items() if look.get("color") == "0.15"}
+    shown = [not film.leaderless, True, *[bool(film.told.size)] * 2]
     handles = [
         Line2D([], [], linestyle="", markersize=5, label=called, **look)
-        for called, look in markers.items()
+        for (called, look), there in zip(markers.items(), shown, strict=True)
+        if there
     ]
-    frames = [links_at(film, frame) for frame in range(len(film.time))]
-    for style_number, (called, look) in enumerate(FILM_LINK_STYLES.items()):
-        if any(len(ends[style_number]) for ends in frames):
+    fates = film.kept & ~film.lied, film.kept & film.lied, ~film.kept
+    for (called, look), fate in zip(FILM_LINK_LOOKS.items(), fates, strict=True):
+        if fate.any():
             handles.append(Line2D([], [], label=called, **look))
     return handles
 
@@ -241,12 +160,14 @@ def film_format(out: str | None) -> str:
     return kind
 
 
-def save_film(folder: Folder, name: str, film: Film, cell: Cell, sample: int, told: Steps) -> UPath:
+def save_film(
+    folder: Folder, name: str, film: LaneScene, cell: Cell, sample: int, told: Steps
+) -> UPath:
     ffmpeg = find_ffmpeg()
-    style_of_film: dict[Any, Any] = style.PRINT_STYLE | (
+    look: style.Style = {**style.PRINT_STYLE} | (
         {"animation.ffmpeg_path": ffmpeg} if ffmpeg else {}
     )
-    with mpl.rc_context(style_of_film), tempfile.TemporaryDirectory() as scratch:
+    with mpl.rc_context(look), tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch) / name
         drawn, show = film_figure(film, cell, sample)
         drawn.canvas.draw()

@@ -13,9 +13,8 @@ from jaxnet.model.graph import dense
 from jaxnet.runs.replay import stored_trajectory, trajectory_of
 from jaxnet.runs.watched import watched
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.view.figures.panels import attacked_vehicles
+from jaxnet.view.drawings.scene import attacked_vehicles
 from jaxnet.view.page import trajectories
-from jaxnet.view.page.trajectories import headings
 from jaxnet.view.text import check
 from tests import systems
 
@@ -32,7 +31,7 @@ def results(tmp_path_factory):
 def film(results, cell, sample=0):
     """What the film of a lane shows, and the lane."""
     lane, graph = trajectory_of(results, cell, sample)
-    return animation.film_of(lane, results.study.cells[cell], graph, headings(lane["states"])), lane
+    return animation.film_of(lane, results.study.cells[cell], graph), lane
 
 
 @pytest.mark.parametrize("cell", range(4))
@@ -40,9 +39,9 @@ def test_a_film_shows_the_lane(results, cell):
     """Errors are the stored ones, headings the states', links the graph's; lies are off by ā."""
     shown, lane = film(results, cell)
     tracking = results.errors["tracking"].values[cell, 0]
-    np.testing.assert_allclose(shown.errors.mean(axis=1), tracking, rtol=1e-6)
+    np.testing.assert_allclose(shown.off.mean(axis=1), tracking, rtol=1e-6)
     heading = lane["states"].values[:, :, 2]
-    np.testing.assert_allclose(np.cos(shown.heading), np.cos(heading), atol=1e-12)
+    np.testing.assert_allclose(np.cos(np.radians(shown.heading)), np.cos(heading), atol=1e-12)
     situation = situation_of(results.study.cells[cell].scenario)
     np.testing.assert_array_equal(shown.links.T, np.argwhere(dense(situation.graph)))
     frames = [animation.links_at(shown, frame) for frame in range(len(shown.time))]
@@ -126,9 +125,9 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         shown, _ = film(results, 0, each.sample)
         page = trajectories.lane_data(results, each, 5)
         panels = attacked_vehicles(cell, each.arrays(results))
-        assert shown.liars == page["attacked"] == panels == wanted
+        assert shown.attacked == page["attacked"] == panels == wanted
         said = [(i, j) for i, j, false in page["links"] if false]
-        assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.attacked]]
+        assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.lied]]
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
     assert "rotating on 2 drawn for each lane in what they transmit" in check.check_text(study)

@@ -27,7 +27,7 @@ from jaxnet.store.tables import write_table
 from jaxnet.view import page
 from jaxnet.view.figures import SENSITIVITY, ULTIMATE
 from jaxnet.view.figures import every as figures
-from jaxnet.view.page import comparison, trajectories
+from jaxnet.view.page import comparison
 
 
 def write_sensitivity(
@@ -81,7 +81,7 @@ def write_film(
             lane = lane.load()
             results.folder.remove("replays")
     chosen = results.study.cells[cell]
-    shown = film.film_of(lane, chosen, graph, trajectories.headings(lane["states"]))
+    shown = film.film_of(lane, chosen, graph)
     return film.save_film(Folder(place.parent), place.name, shown, chosen, sample, told)
 
 

@@ -8,6 +8,7 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.config.cells import Cell, judged_metric
+from jaxnet.config.scenario import situation_of
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
@@ -64,10 +65,17 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
     if lane is None:
         path, _ = replay(results, cell, sample)
         lane = open_store(path, results.sizes).isel(lane=0)
+    return lane, lane_graph(results, cell, sample)
+
+
+def lane_graph(results: Results, cell: int, sample: int) -> Digraph:
+    """The graph of a lane, which may differ from the cell's graph."""
     scenario = results.study.cells[cell].scenario
+    if not scenario.topology.differs():
+        return situation_of(scenario).graph
     one = job(scenario, source_of(results.study.config, scenario), [sample])
     sources, weights = one.network.hearing.sources, one.inputs.lane.weights[0]
-    return lane, hearing.graph_of(np.asarray(sources), np.asarray(weights))
+    return hearing.graph_of(np.asarray(sources), np.asarray(weights))
 
 
 def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:

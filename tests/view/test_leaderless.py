@@ -17,9 +17,10 @@ from jaxnet.statistics import pairs
 from jaxnet.statistics.quantities import quantity_of
 from jaxnet.store.folder import FolderError
 from jaxnet.view import columns, page
+from jaxnet.view.drawings.analyses import worst_drawing
 from jaxnet.view.figures import every
+from jaxnet.view.figures.printed import printed
 from jaxnet.view.page.sections import search_section
-from jaxnet.view.page.trajectories import headings
 from jaxnet.view.text import check, comparison, tables, worst
 from tests.view.test_page import read_through, section
 
@@ -183,10 +184,10 @@ def test_what_needs_a_navigator_is_refused(results):
 def test_a_film_has_no_navigator(other):
     """Distances are from the mean of the vehicles that are not attacked."""
     lane, graph = trajectory_of(other, 1, 0)
-    film = film_of(lane, other.study.cells[1], graph, headings(lane["states"]))
+    film = film_of(lane, other.study.cells[1], graph)
     honest = np.delete(lane["states"].values, 1, axis=1)
     apart = np.linalg.norm(lane["states"].values - honest.mean(axis=1, keepdims=True), axis=2)
-    np.testing.assert_allclose(film.errors, apart, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(film.off, apart, rtol=0, atol=1e-12)
     told = lane["attack"].values[:, 1]
     np.testing.assert_array_equal(
         film.told[:, 0], told
@@ -288,5 +289,5 @@ def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
                 [line.get_data()[name == "search"] for line in panel.get_lines()]
             )
             assert np.isfinite(np.log(heights)).all()
-    under_way = every.analyses.bounds_figure(rows.head(1), results.study.cells, "spread", 3.5)
+    under_way = printed(worst_drawing(rows.head(1), results.study.cells, "spread"), 3.5)
     assert any("1 of 2 cells are drawn" in words.get_text() for words in under_way.findobj(Text))

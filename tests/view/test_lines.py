@@ -10,7 +10,10 @@ from matplotlib import text as mpl_text
 
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.quantities import Quantity
-from jaxnet.view.figures import COLUMN_WIDTHS, lines, multiples, style
+from jaxnet.view.drawings.drawing import MARKERS
+from jaxnet.view.drawings.swept import hue_looks, swept_drawing
+from jaxnet.view.figures import COLUMN_WIDTHS, multiples, style
+from jaxnet.view.figures.printed import MOVED_NOTE, printed, value_ticks
 from tests import systems
 
 LONG = [f"a rather long name of the graph, number {number}" for number in range(6)]
@@ -54,13 +57,13 @@ def test_every_cell_is_drawn_at_its_value(sweep, named):
     """Markers lie at the values, whether numbers are across or names down."""
     cells = study_cells(**sweep)
     axes = choose_axes(cells, **named)
-    figure = lines.curve_figure(numbered(cells), axes, cells)
+    figure = printed(swept_drawing(numbered(cells), axes, cells))
     rows = axes.x is None or isinstance(cells[0].labels[axes.x], str)
     drawn = [
         float(value)
         for panel in figure.axes
         for line in panel.lines
-        if line.get_marker() in lines.MARKERS
+        if line.get_marker() in MARKERS
         for value in (line.get_xdata() if rows else line.get_ydata())
     ]
     assert sorted(drawn) == [cell.number for cell in cells]
@@ -95,8 +98,8 @@ def test_no_label_touches_another(cells, column, share):
     found = study_cells(**SIZES[cells])
     assert len(found) == cells
     with mpl.rc_context(style.PRINT_STYLE):
-        figure = lines.curve_figure(
-            numbered(found, share), choose_axes(found), found, COLUMN_WIDTHS[column]
+        figure = printed(
+            swept_drawing(numbered(found, share), choose_axes(found), found), COLUMN_WIDTHS[column]
         )
         figure.draw_without_rendering()
     boxes = [(text.get_text(), text.get_window_extent()) for text in shown_texts(figure)]
@@ -130,9 +133,8 @@ def shown_texts(figure):
 
 def test_more_colours_than_a_palette_has_are_a_scale():
     """Numbers of many values are told apart by a scale of colours and by markers."""
-    many = lines.hue_looks("attack.magnitude", list(range(1, 11)))
-    assert len({str(each.look["color"]) for each in many}) == 10
-    assert [each.label for each in many] == [str(value) for value in range(1, 11)]
+    many = hue_looks(list(range(1, 11)))
+    assert len({str(each.color) for each in many}) == len({each.marker for each in many}) == 10
 
 
 def test_ticks_stand_at_the_values_where_they_are_few():
@@ -140,48 +142,39 @@ def test_ticks_stand_at_the_values_where_they_are_few():
     sweep = {"attack.frequency": [0.1, 0.2, 0.4, 0.8, 1.6, 3.2], "defence": ["none", "w_msr"]}
     cells = study_cells(**sweep)
     with mpl.rc_context(style.PRINT_STYLE):
-        figure = lines.curve_figure(
-            numbered(cells), choose_axes(cells), cells, COLUMN_WIDTHS["one"]
-        )
+        drawing = swept_drawing(numbered(cells), choose_axes(cells), cells)
+        figure = printed(drawing, COLUMN_WIDTHS["one"])
         figure.draw_without_rendering()
     panel = figure.axes[0]
     assert panel.get_xscale() == "log"
     assert panel.get_xticks().tolist() == sweep["attack.frequency"]
-    assert [each.get_text() for each in panel.get_xticklabels()] == [
-        "0.1",
-        "0.2",
-        "0.4",
-        "0.8",
-        "1.6",
-        "3.2",
-    ]
+    texts = [each.get_text() for each in panel.get_xticklabels()]
+    assert texts == ["0.1", "0.2", "0.4", "0.8", "1.6", "3.2"]
     assert set(range(0, 101, 20)) <= set(panel.get_yticks())
-    rates = np.geomspace(0.1, 3, 5).tolist()
-    with mpl.rc_context(style.PRINT_STYLE):
-        assert lines.value_ticks(rates, True, 1.3) == ["0.1", "0.23", "0.55", "1.3", "3"]
-        assert lines.value_ticks([100, 101, 102, 200, 1000], False, 1.0) == [
-            "100",
-            "",
-            "",
-            "",
-            "1000",
-        ]
-        assert lines.value_ticks([123, 1000], False, 3.0) == ["123", "1000"]
 
 
-def test_moved_points_are_said_to_be():
-    """With several colours; one colour stays at its values."""
+@pytest.mark.parametrize(
+    ("values", "log", "room", "texts"),
+    [
+        (np.geomspace(0.1, 3, 5).tolist(), True, 1.3, ["0.1", "0.23", "0.55", "1.3", "3"]),
+        ([100, 101, 102, 200, 1000], False, 1.0, ["100", "", "", "", "1000"]),
+        ([123, 1000], False, 3.0, ["123", "1000"]),
+    ],
+)
+@mpl.rc_context(style.PRINT_STYLE)
+def test_labels_of_ticks_have_the_digits_that_fit(values, log, room, texts):
+    """Some are left out where two digits are too many."""
+    assert value_ticks(values, log, room) == texts
+
+
+def test_the_note_says_what_a_point_is():
+    """Moved sideways with several colours; the lanes of each where all have as many."""
     for defences, told in ((["none", "w_msr"], True), (["none"], False)):
         cells = study_cells(**{"attack.frequency": [0.1, 0.3, 1.0], "defence": defences})
-        drawn = lines.curve_figure(numbered(cells), choose_axes(cells), cells)
-        assert (lines.MOVED_NOTE in drawn.get_suptitle()) == told
-
-
-def test_the_note_says_how_many_lanes_a_point_has():
-    """Where that is equal everywhere."""
-    cells = study_cells(**{"attack.frequency": [0.1, 0.3, 1.0]})
-    assert "200 lanes a point" in numbered(cells)._replace(lanes=200).notes
-    assert "lanes a point" not in numbered(cells).notes
+        drawn = printed(swept_drawing(numbered(cells), choose_axes(cells), cells))
+        assert (MOVED_NOTE in drawn.get_suptitle()) == told
+        assert "200 lanes a point" in numbered(cells)._replace(lanes=200).notes
+        assert "lanes a point" not in numbered(cells).notes
 
 
 def test_labels_of_axes_do_not_touch_in_larger_type():

@@ -5,7 +5,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxnet.view.figures import analyses, style
+from jaxnet.view.drawings.analyses import sensitivity_drawing
+from jaxnet.view.figures import style
+from jaxnet.view.figures.printed import printed
 from jaxnet.view.text import analyses as words
 from tests import systems
 
@@ -31,15 +33,14 @@ def made(cells):
 def test_the_figure_has_what_the_table_says(cells, width):
     """Each panel the cell's numbers beside the quantities; what has no room is told."""
     study, table = made(cells)
-    drawn = analyses.sensitivity_figure(table, study.cells, width)
+    drawn = printed(sensitivity_drawing(table, study.cells), width)
     drawn.canvas.draw()
     panels = [panel for panel in drawn.axes if panel.containers]
     assert [tick.get_text() for tick in panels[0].get_yticklabels()] == NAMES
     for cell, panel in enumerate(panels):
-        for order, container in zip(("first", "total"), panel.containers, strict=True):
-            np.testing.assert_array_equal(
-                container[0].get_xdata(), table[table["cell"] == cell][order]
-            )
+        marked = [line for line in panel.lines if line.get_marker() in ("o", "s")]
+        for order, line in zip(("first", "total"), marked, strict=True):
+            np.testing.assert_array_equal(line.get_xdata(), table[table["cell"] == cell][order])
     assert (
         len(panels) == cells or f"{len(panels)} of {cells} cells are drawn" in drawn.get_suptitle()
     )

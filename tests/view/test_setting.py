@@ -1,5 +1,7 @@
 """What was run, by name: each row from the config that it tells of."""
 
+import pytest
+
 import jaxnet
 from jaxnet.view.page.setting import setting_rows
 
@@ -44,42 +46,30 @@ def test_each_swept_key_has_its_values_and_unit():
     )
 
 
-def test_noise_and_losses_have_their_numbers():
-    """A loss of probability 0 is none."""
-    loss = {"loss": {"kind": "bernoulli", "probability": 0.2}}
-    told = rows(
-        sensing={"position": 0.1}, channel=loss, sweep={"channel.loss.probability": [0, 0.2]}
-    )
-    assert told["sensor errors"] == "Gaussian, position = 0.1"
-    assert told["lost messages"] == "none, Bernoulli"
-    assert told["loss probability"] == "0, 0.2"
-    assert rows(channel=loss)["lost messages"] == "Bernoulli, probability = 0.2"
+LOSS = {"loss": {"kind": "bernoulli", "probability": 0.2}}
+SWEPT_LOSS = {"channel.loss.probability": [0, 0.2]}
+LINKS = {"kind": "rotating", "links": "navigator", "vehicles": [2]}
+CHANGING = {"kind": "spoof", "magnitude": [3, 0.5], "vehicles": {"at": [2], "sets": [[4]]}}
+TOLD = [
+    ({"sensing": {"position": 0.1}}, "sensor errors", "Gaussian, position = 0.1"),
+    ({"channel": LOSS}, "lost messages", "Bernoulli, probability = 0.2"),
+    ({"channel": LOSS, "sweep": SWEPT_LOSS}, "lost messages", "none, Bernoulli"),  # 0 is none
+    ({"channel": LOSS, "sweep": SWEPT_LOSS}, "loss probability", "0, 0.2"),
+    ({"attack": "none"}, "attack", "none"),  # told even where there is none
+    ({"defence": "none"}, "defence", "none"),
+    ({"attack": "none"}, "magnitude ā", None),
+    ({"attack": "none"}, "attacked signals", None),
+    ({"topology": "star", "attack": LINKS}, "attacked signals",
+     "what vehicle 2 hears of the navigator"),
+    ({"attack": {"kind": "own_path"}}, "magnitude ā", None),  # a path has sizes of its own
+    ({"attack": {"kind": "own_path"}, "recovery": {"tau": 0.1}}, "magnitude ā", "5 m"),
+    ({"attack": CHANGING}, "magnitude ā", "(3 m, 0.5 m/s)"),
+    ({"attack": CHANGING}, "attacked signals",
+     "what attacked vehicles (nobody until 2 s, then 4) transmit (derivatives falsified each on its own)"),
+]  # fmt: skip
 
 
-def test_without_an_attack_there_is_no_magnitude():
-    """Attack and defence are told even where there are none."""
-    told = rows(attack="none", defence="none")
-    assert told["attack"] == told["defence"] == "none"
-    assert not {"magnitude ā", "attacked signals"} & set(told)
-
-
-def test_what_is_heard_of_the_navigator_is_told_apart():
-    """By the links that carry the attack; one vehicle hears, two hear."""
-    links = {"kind": "rotating", "links": "navigator", "vehicles": [2]}
-    assert (
-        rows(topology="star", attack=links)["attacked signals"]
-        == "what vehicle 2 hears of the navigator"
-    )
-
-
-def test_a_magnitude_that_scales_nothing_is_left_out():
-    """A liar's path has sizes of its own; ā stands there if recovery compares with it."""
-    assert "magnitude ā" not in rows(attack={"kind": "own_path"})
-    assert rows(attack={"kind": "own_path"}, recovery={"tau": 0.1})["magnitude ā"] == "5 m"
-    told = rows(
-        attack={"kind": "spoof", "magnitude": [3, 0.5], "vehicles": {"at": [2], "sets": [[4]]}}
-    )
-    assert told["magnitude ā"] == "(3 m, 0.5 m/s)"
-    assert told["attacked signals"].startswith(
-        "what attacked vehicles (nobody until 2 s, then 4) transmit"
-    )
+@pytest.mark.parametrize(("keys", "name", "words"), TOLD)
+def test_a_row_is_told_where_there_is_something(keys, name, words):
+    """None: there is no such row."""
+    assert rows(**keys).get(name) == words

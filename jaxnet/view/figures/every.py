@@ -13,29 +13,30 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.statistics.axes import choose_axes
-from jaxnet.statistics.bands import all_bands, vehicle_table
+from jaxnet.statistics.bands import all_bands, variable_over_time, vehicle_table
 from jaxnet.statistics.choice import Where, as_list, select_cells
-from jaxnet.statistics.curves import curves, no_magnitudes
+from jaxnet.statistics.curves import MOST_PANELS, Curve, curves, no_magnitudes
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
+from jaxnet.statistics.groups import scenes
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import MissingKindError
 from jaxnet.store.results import Results
+from jaxnet.view.drawings import analyses, spreads
+from jaxnet.view.drawings.heat import heat_drawing
+from jaxnet.view.drawings.swept import swept_drawing
+from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import (
     COLUMN_WIDTHS,
     FIGURE_NAMES,
-    analyses,
-    heat,
-    lines,
     multiples,
     panels,
-    spreads,
     style,
     topology,
-    ultimate,
 )
+from jaxnet.view.figures.printed import printed
 from jaxnet.view.figures.style import Figure
 from jaxnet.view.text import worst
 
@@ -45,6 +46,7 @@ TWO_KEYS = (
     "two swept keys with two values each among these cells",
     "a sweep of two values at least of two keys, such as defence and attack.frequency",
 )
+OVER_TIME = {"tracking": r"$\tilde{e}$ [m]", "spread": "spread [m]"}
 NO_AXES: Mapping[str, object] = {}
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
@@ -57,125 +59,16 @@ def lacking_error(results: Results, what: str, remedy: str) -> LackingError:
     return LackingError(f"{results.place} has no {what}: run the study with {remedy}")
 
 
-def draw_panels(results: Results, cells: Sequence[Cell], width: float) -> Figure:
-    """Draw the paper's figure: trajectories of each topology, and the errors over time."""
-    there = {name: has_store(results, name) for name in ("trajectories", "errors")}
-    if not any(there.values()):
-        remedy = "save.errors=true or save.trajectories=all"
-        raise lacking_error(results, "errors.zarr or trajectories.zarr", remedy)
-    return panels.panels_figure(results, cells, width, **there)
-
-
-def draw_bands(results: Results, cells: Sequence[Cell], width: float) -> Figure:
-    """Draw the error, or the spread, over time: median, 5 to 95 % and maximum over the lanes."""
-    if not has_store(results, "errors"):
-        raise lacking_error(results, "errors.zarr", "save.errors=true")
-    return spreads.bands_figure(cells, all_bands(results, cells), width)
-
-
-def draw_vehicles(results: Results, cells: Sequence[Cell], width: float) -> Figure:
-    """Draw the mean error of each vehicle over the tail: median, 5 to 95 % and maximum."""
-    if not has_store(results, "vehicles"):
-        raise lacking_error(results, "vehicles.zarr", "save.vehicles=true")
-    found = vehicle_table(results, cells)
-    if found.empty:
-        raise LackingError(f"{results.place}: no lane of these cells came to its end")
-    return spreads.vehicles_figure(found, cells, results.study.config.recovery, width)
-
-
-def draw_curve(
-    results: Results, cells: Sequence[Cell], width: float, y: str | None = None, **axes: Any
-) -> Figure:
-    """Draw a quantity of lanes with its interval against a swept key.
-
-    `x` and `hue` are swept keys: across, and told apart by colour. None chooses: numbers across,
-    kinds in colours. `panel` is the swept key or keys with a panel for each value; None takes all
-    keys that are left. `y` is `unrecovered`, `failed`, `in_hull`, a metric (its median over lanes),
-    or METRIC_STATISTIC with a statistic of mean, median, q05, q95 and max; None takes what the
-    study asks for. As in `results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")`.
-    """
-    chosen = choose_axes(cells, **axes)
-    found = quantity_of(results, cells, y or asked_quantity(results.study.config))
-    if not found.known.size:
-        raise lacking_error(results, *(NO_SHARE if found.name == "unrecovered" else NO_ERROR))
-    return lines.curve_figure(found, chosen, cells, width)
-
-
-def over_two_keys(metric: str) -> Callable[..., Figure]:
-    """Function that draws a heat map of a metric over two swept keys."""
-
-    def draw(results: Results, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
-        tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
-        if tiles is None:
-            raise lacking_error(results, *TWO_KEYS)
-        if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
-            raise lacking_error(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
-        return heat.heat_figure(results, tiles, metric, width)
-
-    return draw
-
-
-def against_magnitude(metric: str) -> Callable[..., Figure]:
-    """Function that draws a tail metric against the attack magnitude ā."""
-
-    def draw(results: Results, cells: Sequence[Cell], width: float) -> Figure:
-        if is_leaderless(cells):
-            raise LackingError(f"{results.place}: {NO_ULTIMATE_ERROR}")
-        found = curves(results, cells)
-        if reason := no_magnitudes(found):
-            remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
-            words = f"{reason.removesuffix('.')}: run the study with {remedy}"
-            raise LackingError(f"{results.place}: {words}")
-        return ultimate.ultimate_figure(found, metric, width)
-
-    return draw
-
-
-def draw_search(results: Results, cells: Sequence[Cell], width: float) -> Figure:
-    """Draw the best value against the number of lanes, for a search and for random lanes."""
-    refuse_unsearched(results, cells)
-    shown = cells[: multiples.panels_fitting([cell.labels for cell in cells], width)]
-    courses, words = list(search_courses(results, shown)), worst.metric_with_unit(results)
-    return analyses.course_figure(courses, len(cells), words, width)
-
-
-def draw_search_worst(results: Results, cells: Sequence[Cell], width: float) -> Figure:
-    """Draw a row per cell: the worst choice found, the worst of random lanes, and the bound."""
-    refuse_unsearched(results, cells)
-    words = f"worst {worst.maximised_text(results)}"
-    return analyses.bounds_figure(worst.worst_rows(results), cells, words, width)
-
-
-def refuse_unsearched(results: Results, cells: Sequence[Cell]) -> None:
-    """Raise LackingError if the folder holds no results of a search of any of these cells."""
-    if results.study.config.search is None or not (results.path / "worst.csv").exists():
-        raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
-    if not set(results.worst["cell"]) & {cell.number for cell in cells}:
-        words = "no search of these cells has ended: jaxnet search goes on"
-        raise LackingError(f"{results.place}: {words}")
-
-
-def parts_of_variance(unrecovered: bool) -> Callable[..., Figure]:
-    """Function that draws Sobol's indices of the judged metric, or of lanes unrecovered."""
-
-    def draw(results: Results, cells: Sequence[Cell], width: float) -> Figure:
-        metric = "unrecovered" if unrecovered else judged_metric(results.study.cells)
-        there = results.file(SENSITIVITY_FILE).exists()
-        table: Any = results.sensitivity if there else pd.DataFrame({"metric": [], "cell": []})
-        wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
-        if not wanted.any():
-            words = f"{SENSITIVITY_FILE} of {metric} in these cells: jaxnet sensitivity makes it"
-            raise LackingError(f"{results.place} has no {words}")
-        return analyses.sensitivity_figure(table[wanted], cells, width)
-
-    return draw
+def need_store(results: Results, name: str) -> None:
+    if not has_store(results, name):
+        raise lacking_error(results, f"{name}.zarr", f"save.{name}=true")
 
 
 def has_store(results: Results, name: str) -> bool:
     return (results.path / f"{name}.zarr").exists()
 
 
-def plot(draw: Callable[..., Figure], words: str = "") -> Callable[..., Figure]:
+def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Method of `Plots` that selects cells and draws them in its style, without `note` no notes."""
 
     def drawn(
@@ -190,14 +83,14 @@ def plot(draw: Callable[..., Figure], words: str = "") -> Callable[..., Figure]:
             raise FolderError(f"column: {' or '.join(COLUMN_WIDTHS)} (got {column})")
         cells = select_cells(self.results.study.cells, where or {})
         with mpl.rc_context(self.style):
-            made = draw(self.results, cells, COLUMN_WIDTHS[column], **axes)
+            made = draw(self, cells, COLUMN_WIDTHS[column], **axes)
         if not note:
             made.suptitle("").set_in_layout(False)
         multiples.show_unparsed(made)
         made.style = self.style
         return made
 
-    drawn.__doc__ = words or draw.__doc__
+    drawn.__doc__ = draw.__doc__
     return drawn
 
 
@@ -230,40 +123,145 @@ class Plots:
         """The same figures in matplotlib's own style: of `matplotlibrc`, or `plt.style.use`."""
         return Plots(self.results, style.LAYOUT)
 
-    topologies = plot(
-        lambda results, cells, width: topology.topology_figure(cells, width),
-        "Draw each graph with its weights and attacked links.",
-    )
-    tails = plot(
-        spreads.tails_figure, "Draw the mean error, or the spread: a dot per lane, a row per cell."
-    )
-    panels = plot(draw_panels)
-    bands = plot(draw_bands)
-    vehicles = plot(draw_vehicles)
-    curve = plot(draw_curve)
-    heat = plot(
-        over_two_keys("unrecovered"), "Draw a heat map of the share of lanes that do not recover."
-    )
-    heat_worst = plot(
-        over_two_keys("worst"),
-        "Draw a heat map of the greatest tail error per ā; without a navigator, of the spread [m].",
-    )
-    ultimate = plot(
-        against_magnitude("tail_max"),
-        "Draw the greatest tail error against ā, with stored bounds and fits.",
-    )
-    ultimate_mean = plot(
-        against_magnitude("tail_mean"),
-        "Draw the mean tail error against ā, with stored bounds and fits.",
-    )
-    search = plot(draw_search)
-    search_worst = plot(draw_search_worst)
-    sensitivity = plot(
-        parts_of_variance(False), "Draw Sobol's indices of the mean tail error, or of the spread."
-    )
-    sensitivity_unrecovered = plot(
-        parts_of_variance(True), "Draw Sobol's indices of the event that a lane does not recover."
-    )
+    @plot
+    def topologies(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw each graph with its weights and attacked links."""
+        return topology.topology_figure(cells, width)
+
+    @plot
+    def tails(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw the mean error, or the spread: a dot per lane, a row per cell."""
+        return printed(spreads.tails_drawing(self.results, cells), width)
+
+    @plot
+    def panels(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw the paper's figure: trajectories of each topology, and the errors over time."""
+        there = {name: has_store(self.results, name) for name in ("trajectories", "errors")}
+        if not any(there.values()):
+            remedy = "save.errors=true or save.trajectories=all"
+            raise lacking_error(self.results, "errors.zarr or trajectories.zarr", remedy)
+        return panels.panels_figure(self.results, cells, width, **there)
+
+    @plot
+    def bands(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw the error, or the spread, over time: median, 5 to 95 % and maximum over lanes."""
+        need_store(self.results, "errors")
+        words, found = OVER_TIME[variable_over_time(cells)], all_bands(self.results, cells)
+        return printed(spreads.bands_drawing(scenes(cells), found, words), width)
+
+    @plot
+    def vehicles(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw the mean error of each vehicle over the tail: median, 5 to 95 % and maximum."""
+        need_store(self.results, "vehicles")
+        found = vehicle_table(self.results, cells)
+        if found.empty:
+            raise LackingError(f"{self.results.place}: no lane of these cells came to its end")
+        recovery = self.results.study.config.recovery
+        return printed(spreads.vehicles_drawing(found, cells, recovery), width)
+
+    @plot
+    def curve(
+        self, cells: Sequence[Cell], width: float, y: str | None = None, **axes: Any
+    ) -> Figure:
+        """Draw a quantity of lanes with its interval against a swept key.
+
+        `x` and `hue` are swept keys: across, and told apart by colour. None chooses: numbers
+        across, kinds in colours. `panel` is the swept key or keys with a panel for each value; None
+        takes all keys that are left. `y` is `unrecovered`, `failed`, `in_hull`, a metric (its
+        median over lanes), or METRIC_STATISTIC with a statistic of mean, median, q05, q95 and max;
+        None takes what the study asks for. As in
+        `results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")`.
+        """
+        chosen = choose_axes(cells, **axes)
+        found = quantity_of(self.results, cells, y or asked_quantity(self.results.study.config))
+        if not found.known.size:
+            lacking = NO_SHARE if found.name == "unrecovered" else NO_ERROR
+            raise lacking_error(self.results, *lacking)
+        return printed(swept_drawing(found, chosen, cells), width)
+
+    @plot
+    def heat(self, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
+        """Draw a heat map of the share of lanes that do not recover."""
+        return self.tiles("unrecovered", cells, width, axes)
+
+    @plot
+    def heat_worst(self, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
+        """Draw a heat map of the greatest tail error per ā; without a navigator, of the spread."""
+        return self.tiles("worst", cells, width, axes)
+
+    def tiles(
+        self, metric: str, cells: Sequence[Cell], width: float, axes: dict[str, Any]
+    ) -> Figure:
+        tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
+        if tiles is None:
+            raise lacking_error(self.results, *TWO_KEYS)
+        if tile_table(self.results).loc[[cell.number for cell in cells], metric].isna().all():
+            raise lacking_error(self.results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
+        return printed(heat_drawing(self.results, tiles, metric), width)
+
+    @plot
+    def ultimate(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw the greatest tail error against ā, with stored bounds and fits."""
+        return printed(ultimate_drawing(self.curves_of(cells), "tail_max"), width)
+
+    @plot
+    def ultimate_mean(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw the mean tail error against ā, with stored bounds and fits."""
+        return printed(ultimate_drawing(self.curves_of(cells), "tail_mean"), width)
+
+    def curves_of(self, cells: Sequence[Cell]) -> list[Curve]:
+        """Curves against ā; raises LackingError if there are none."""
+        if is_leaderless(cells):
+            raise LackingError(f"{self.results.place}: {NO_ULTIMATE_ERROR}")
+        found = curves(self.results, cells)
+        if reason := no_magnitudes(found):
+            remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
+            words = f"{reason.removesuffix('.')}: run the study with {remedy}"
+            raise LackingError(f"{self.results.place}: {words}")
+        return found
+
+    @plot
+    def search(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw the best value against the number of lanes, for a search and for random lanes."""
+        self.need_search(cells)
+        found = list(search_courses(self.results, cells[:MOST_PANELS]))
+        words = worst.metric_with_unit(self.results)
+        return printed(analyses.course_drawing(found, len(cells), words), width)
+
+    @plot
+    def search_worst(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw a row per cell: the worst choice found, the worst of random lanes, the bound."""
+        self.need_search(cells)
+        words = f"worst {worst.maximised_text(self.results)}"
+        return printed(analyses.worst_drawing(worst.worst_rows(self.results), cells, words), width)
+
+    def need_search(self, cells: Sequence[Cell]) -> None:
+        """Raise LackingError if the folder holds no results of a search of any of these cells."""
+        results = self.results
+        if results.study.config.search is None or not (results.path / "worst.csv").exists():
+            raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
+        if not set(results.worst["cell"]) & {cell.number for cell in cells}:
+            words = "no search of these cells has ended: jaxnet search goes on"
+            raise LackingError(f"{results.place}: {words}")
+
+    @plot
+    def sensitivity(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw Sobol's indices of the mean tail error, or of the spread."""
+        return self.indices(judged_metric(self.results.study.cells), cells, width)
+
+    @plot
+    def sensitivity_unrecovered(self, cells: Sequence[Cell], width: float) -> Figure:
+        """Draw Sobol's indices of the event that a lane does not recover."""
+        return self.indices("unrecovered", cells, width)
+
+    def indices(self, metric: str, cells: Sequence[Cell], width: float) -> Figure:
+        there = self.results.file(SENSITIVITY_FILE).exists()
+        table: Any = self.results.sensitivity if there else pd.DataFrame({"metric": [], "cell": []})
+        wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
+        if not wanted.any():
+            words = f"{SENSITIVITY_FILE} of {metric} in these cells: jaxnet sensitivity makes it"
+            raise LackingError(f"{self.results.place} has no {words}")
+        return printed(analyses.sensitivity_drawing(table[wanted], cells), width)
 
 
 def draw_figures(

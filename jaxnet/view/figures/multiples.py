@@ -1,6 +1,6 @@
-"""Shared axes: small multiples, named rows, ticks, notes, legends.
+"""Axes in print: small multiples with common axes, ticks, notes, legends.
 
-Small multiples are a panel per group of cells on common axes; the first swept key chooses the row.
+Small multiples are a panel per group of cells; the first swept key chooses the row.
 """
 
 import textwrap
@@ -17,9 +17,9 @@ from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from jaxnet.config.naming import labels_title
 from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.statistics.groups import Label
+from jaxnet.view.drawings.drawing import distinct_titles
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 
@@ -70,7 +70,7 @@ def escape_dollars(words: str) -> str:
     return words.replace("$", r"\$")
 
 
-def wrapped(words: str, letters: int | float) -> str:
+def wrapped(words: str, letters: float) -> str:
     """Wrap words to lines of so many letters; dollar signs are no formula."""
     return textwrap.fill(escape_dollars(words), max(1, int(letters)))
 
@@ -108,16 +108,6 @@ def write_legend(drawn: Figure, handles: Sequence[Any], most: int, **look: Any) 
     drawn.legend(handles=handles, loc="outside lower center", **look)
 
 
-def distinct_titles(drawn: Figure, labels: Sequence[Labels]) -> list[str]:
-    """A title for each panel or row of the labels that differ; a note has the others."""
-    common = {}
-    if len(labels) > 1:
-        common = {k: v for k, v in labels[0].items() if all(v == each[k] for each in labels)}
-    if common:
-        write_note(drawn, f"all with {escape_dollars(labels_title(common))}")
-    return [labels_title({k: v for k, v in each.items() if k not in common}) for each in labels]
-
-
 def panels_across(width: float) -> int:
     return max(1, round(PANELS_PER_ROW * width / style.FIGURE_WIDTH))
 
@@ -125,8 +115,8 @@ def panels_across(width: float) -> int:
 def panels_fitting(
     labels: Sequence[Labels], width: float, height: float = PANEL_HEIGHT, most: int | None = None
 ) -> int:
-    """How many panels fit a page, in whole rows of at most `most` panels."""
-    rows = int((style.GREATEST_HEIGHT - AXIS_ROOM) / height)
+    """How many panels fit a page, in whole rows of at most `most` panels, at least one row."""
+    rows = max(1, int((style.GREATEST_HEIGHT - AXIS_ROOM) / height))
     return min(len(labels), MOST_PANELS, rows * panel_columns(labels, most or panels_across(width)))
 
 
@@ -146,7 +136,8 @@ def panel_grid(
     across = panel_columns(labels, most or panels_across(width))
     rows = -(-len(labels) // across)
     drawn = Figure(figsize=(width, height * rows + AXIS_ROOM))
-    titles = distinct_titles(drawn, labels)
+    titles, common = distinct_titles(labels)
+    write_note(drawn, escape_dollars(common))
     grid = drawn.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel().tolist()
     letters = TITLE_LETTERS_PER_INCH * (width - margin - LABEL_ROOM) / across
     for panel, named in zip(grid, titles, strict=False):
@@ -173,31 +164,3 @@ def type_scale(setting: str) -> float:
     now: Any = mpl.rcParams
     points = FontProperties(size=now[setting]).get_size_in_points()
     return float(points / style.PRINT_STYLE[setting])
-
-
-def row_heights(labels: Sequence[Labels], width: float) -> tuple[list[str], np.ndarray]:
-    """Row names, wrapped to about a third of the width, and the height of each row [in]."""
-    titles = distinct_titles(Figure(), labels)
-    names = [wrapped(name, LETTERS_PER_INCH * width / 2.8) for name in titles]
-    heights = [max(ROW_HEIGHT, LINE_HEIGHT * (1 + name.count("\n"))) for name in names]
-    return names, np.array(heights)
-
-
-def rows_fitting(labels: Sequence[Labels], width: float, most: int) -> int:
-    """How many of the first `most` rows fit a page; all are as high as the highest."""
-    heights = np.maximum.accumulate(row_heights(labels[:most], width)[1])
-    whole = heights * np.arange(1, len(heights) + 1)
-    return int(np.count_nonzero(whole <= style.GREATEST_HEIGHT - 1.0))
-
-
-def named_rows(labels: Sequence[Labels], width: float, words: str) -> tuple[Figure, Axes]:
-    """Figure with one panel that has a named row per label, from the top down."""
-    names, heights = row_heights(labels, width)
-    drawn = Figure(figsize=(width, heights.max() * len(labels) + 1.0))
-    distinct_titles(drawn, labels)  # writes what all share
-    panel = drawn.add_subplot()
-    panel.set_yticks(range(len(names)) if any(names) else [], names if any(names) else [])
-    panel.set_ylim(len(names) - 0.4, -0.6)
-    panel.grid(True, axis="x", color="0.9", linewidth=0.5)
-    panel.set_xlabel(textwrap.fill(words, int(0.6 * LETTERS_PER_INCH * width)))
-    return drawn, panel

@@ -32,14 +32,18 @@ class LineStyle(TypedDict):
     linestyle: LineStyleType
 
 
-SERIES_STYLES: list[LineStyle] = [
-    {"color": BLUE, "linestyle": "-"},
-    {"color": RED, "linestyle": (0, (5, 1.5))},
-    {"color": GREEN, "linestyle": (0, (1, 1))},
-    {"color": PURPLE, "linestyle": (0, (4, 1, 1, 1))},
-    {"color": ORANGE, "linestyle": (0, (8, 2))},
-    {"color": BLACK, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+SERIES_LOOKS: list[tuple[str, tuple[float, ...]]] = [
+    (BLUE, ()),
+    (RED, (5, 1.5)),
+    (GREEN, (1, 1)),
+    (PURPLE, (4, 1, 1, 1)),
+    (ORANGE, (8, 2)),
+    (BLACK, (3, 1, 1, 1, 1, 1)),
 ]
+SERIES_STYLES: list[LineStyle] = [
+    {"color": color, "linestyle": (0, dash) if dash else "-"} for color, dash in SERIES_LOOKS
+]
+GREY = "#737373"  # of what stands back
 
 Style = dict[Any, Any]  # settings of matplotlib by name
 

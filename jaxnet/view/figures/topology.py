@@ -1,11 +1,13 @@
 """Graphs of a study with weights, attacked links and trusted links."""
 
+import functools
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from textwrap import shorten
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba_array
 from matplotlib.lines import Line2D
@@ -13,16 +15,16 @@ from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
 
 from jaxnet.config.cells import Cell, is_leaderless
-from jaxnet.config.scenario import Situation, situation_of
-from jaxnet.model.graph import Digraph
+from jaxnet.config.scenario import situation_of
 from jaxnet.runs.watched import MOST_VEHICLES
+from jaxnet.view.drawings.scene import attacked_vehicles
 from jaxnet.view.figures import multiples, style
-from jaxnet.view.figures.panels import attacked_vehicles, topology_name
 from jaxnet.view.figures.style import Figure
 
 MOST_IN_ROW = 4  # graphs in a row
 MATRICES_IN_ROW = 2  # of them, where any is shown by its matrix
 LEAST_SNAKE_ROW = 4  # vehicles, at least, in a row of a graph that is more of a chain
+SNAKE_SPACING = 0.62
 MOST_ON_CIRCLE = 16  # more vehicles than this are too many for one circle
 INNER_RADIUS = 0.8  # radius of a crowd's second circle
 GRAPH_MARGIN = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
@@ -34,216 +36,204 @@ WANTED_SPACING = 18.0  # [pt] from one node to the next that panels grow for
 NODE_IN_WAY = 0.08  # of a link's length: a node so near its middle is in the way
 MOST_NAME = 16  # characters of a vehicle's name
 MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
-
+FEWEST_ALIKE, MOST_CLASSES = 9, 3  # links from which few distinct weights are written once each
 MATRIX_BINS = 60  # of listeners, and of sources
 STRIP_WIDTH = 0.05  # of the matrix's width, that the navigator's column takes
-LINK_GREYS = (0.75, 0.15)  # of one link in a bin, and of as many as any bin has
 STRIP_GAP = 0.04  # of the width, from the navigator's column to the matrix
-
-OTHER_LINK = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
-TRUSTED_LINK = {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"}
-ATTACKED_LINK = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
+LINK_GREYS = (0.75, 0.15)  # of one link in a bin, and of as many as any bin has
+LINK_LOOKS: dict[str, dict[str, Any]] = {
+    "trusted link": {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"},
+    "attacked link": {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))},
+    "other link": {"color": "0.55", "linewidth": 0.8, "linestyle": "-"},
+}
 ARROW: dict[str, Any] = {
     "arrowstyle": "-|>,head_length=3.2,head_width=1.5",
     "mutation_scale": 1,
     "zorder": 1,
 }
-LINK_STYLES: dict[str, dict[str, Any]] = {
-    "trusted link": TRUSTED_LINK,
-    "attacked link": ATTACKED_LINK,
-    "other link": OTHER_LINK,
-}
+WEIGHT_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+
+
+def topology_name(cell: Cell) -> str:
+    topology = cell.scenario.topology
+    return str(cell.labels.get("topology", topology.label or topology.kind))
+
+
+class DrawnGraph:
+    """A graph as it is drawn: listeners count from 0, sources and places from the navigator."""
+
+    def __init__(self, cell: Cell):
+        self.cell, self.situation = cell, situation_of(cell.scenario)
+        self.graph, self.attacked = self.situation.graph, attacked_vehicles(cell)
+        self.is_large = self.graph.vehicles > MOST_VEHICLES
+
+    @functools.cached_property
+    def places(self) -> Float[np.ndarray, "sources 2"]:
+        """Places of navigator and vehicles, on a circle or a serpentine.
+
+        The navigator stands in the centre where a third of the vehicles hear it, or nobody does.
+        Many vehicles alternate between two circles, which leaves space for links of neighbours.
+        """
+        m = self.graph.vehicles
+        informed = int((self.graph.heard & (self.graph.sources == 0)).sum())
+        if informed == 0 or informed * 3 >= m:
+            angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
+            circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            if m > MOST_ON_CIRCLE:
+                circle[1::2] *= INNER_RADIUS
+            return np.concatenate([np.zeros((1, 2)), circle])
+        order, across = np.arange(m + 1), max(LEAST_SNAKE_ROW, math.isqrt(m) + 1)
+        row, column = order // across, order % across
+        column = np.where(row % 2, across - 1 - column, column)
+        return np.stack([column, -row], axis=1) * SNAKE_SPACING
+
+    @functools.cached_property
+    def spacing(self) -> float:
+        """Distance from the last node to its nearest neighbour, in widths of the panel."""
+        extent = np.ptp(self.places, axis=0).max() + 2 * GRAPH_MARGIN
+        return float(np.hypot(*(self.places[:-1] - self.places[-1]).T).min() / extent)
+
+    def diameter(self, size: float) -> float:
+        """Diameter of a node [pt] in a panel of a size [pt]."""
+        return min(NODE_DIAMETER, 0.8 * self.spacing * size)
+
+    @functools.cached_property
+    def weights(self) -> dict[tuple[int, int], float]:
+        """Weights by listener and source."""
+        return self.graph.pairs()
+
+    @functools.cached_property
+    def classes(self) -> dict[tuple[bool, float], tuple[int, int]]:
+        """The distinct weights with an example link each, if they are few; else nothing."""
+        found: dict[tuple[bool, float], tuple[int, int]] = {}
+        for (i, j), weight in self.weights.items():
+            found.setdefault((j == 0, round(weight, 6)), (i, j))
+        few = len(self.weights) >= FEWEST_ALIKE and len(found) <= MOST_CLASSES
+        return found if few else {}
+
+    @property
+    def labelled(self) -> list[tuple[int, int]]:
+        """The links that get a weight label: one per weight, or all, or none of too many."""
+        every = [*self.weights] if len(self.weights) <= MOST_WEIGHTS else []
+        return list(self.classes.values()) or every
+
+    @functools.cached_property
+    def names(self) -> dict[tuple[int, int], str]:
+        """The legend's name of each link."""
+        links, decides = self.graph.edges(), self.cell.scenario.defence.decides
+        either = zip(self.situation.attacked[links], self.situation.trusted[links], strict=True)
+        found = {}
+        for ends, (lies, trusts) in zip(self.weights, either, strict=True):
+            found[ends] = "trusted link" if decides and trusts else "other link"
+            if self.attacked and lies:
+                found[ends] = "attacked link"
+        return found
+
+    @property
+    def title(self) -> str:
+        """The graph's name, how many are attacked at random, and weights of a crowd that recur."""
+        attack = self.cell.scenario.attack
+        unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
+        whom = f", attacked: {attack.whom()}" if unmarked else ""
+        caption = multiples.escape_dollars(topology_name(self.cell) + whom)
+        words = [
+            f"{weight:.3g} from {'0' if navigator else 'vehicles'}"
+            for navigator, weight in self.classes
+        ]
+        crowded = self.graph.vehicles > MOST_ON_CIRCLE and words
+        return f"{caption}\nweights: {', '.join(words)}" if crowded else caption
+
+    def bends(self, listener: int, source: int) -> bool:
+        """Whether the arrow of a link is bent: a link back, or a node in the way."""
+        ends = self.places[[source, listener + 1]]
+        others = np.delete(self.places, [source, listener + 1], axis=0)
+        from_middle = np.hypot(*(others - ends.mean(axis=0)).T)
+        blocked = bool((from_middle < NODE_IN_WAY * np.hypot(*(ends[1] - ends[0]))).any())
+        return blocked or (source - 1, listener + 1) in self.weights
 
 
 def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
     """Draw a panel a graph with the most links attacked, random weights as medians."""
-    there = [(cell, situation_of(cell.scenario)) for cell in most_attacked(cells)]
-    across = graphs_per_row([network.graph for _, network in there], width)
+    there = networks_of(cells)
+    wanted = [WANTED_SPACING / each.spacing for each in there if not each.is_large]
+    most = MOST_IN_ROW if len(wanted) == len(there) else MATRICES_IN_ROW
+    across = max(1, min(most, int(72 * width / max(wanted, default=1.0))))
     columns = min(across, len(there))
     size = width / max(columns, min(3, across))
     shown = there[: columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))]
-    graphs = [network.graph for _, network in shown]
     rows = -(-len(shown) // columns)
     drawn = Figure(figsize=(width, size * rows + TOPOLOGY_LEGEND_HEIGHT))
-    for number, (cell, network) in enumerate(shown):
-        draw_graph(drawn.add_subplot(rows, columns, number + 1), cell, network, 72 * size)
+    for number, network in enumerate(shown):
+        panel = drawn.add_subplot(rows, columns, number + 1)
+        panel.set_title(network.title, pad=2)
+        (draw_matrix if network.is_large else draw_graph)(panel, network, 72 * size)
     multiples.write_legend(drawn, topology_legend(shown), 5, handlelength=2.4)
-    words = omitted_labels(graphs, 72 * size)
+    small, words = [each for each in shown if not each.is_large], []
+    if any(each.diameter(72 * size) < LEAST_NUMBERED_NODE for each in small):
+        words.append("the numbers of vehicles that are not attacked")
+    if any(each.weights and not each.labelled for each in small):
+        words.append("the weights of all links")
     if words:
         multiples.write_note(drawn, f"There is no room for {' and '.join(words)}")
     multiples.write_left_out(drawn, (len(shown), len(there), "graphs"), where="study.yaml")
     return drawn
 
 
-def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
-    graphs: dict[str, list[Cell]] = {}
+def networks_of(cells: Sequence[Cell]) -> list[DrawnGraph]:
+    """Each graph, of the cell with the most attacked links."""
+    graphs: dict[str, list[DrawnGraph]] = {}
     for cell in cells:
-        graphs.setdefault(topology_name(cell), []).append(cell)
+        graphs.setdefault(topology_name(cell), []).append(DrawnGraph(cell))
 
-    def most_attack(cell: Cell) -> tuple[int, int]:
-        return attacked_links(cell), cell.scenario.attack.number()
+    def attacked(network: DrawnGraph) -> tuple[int, int]:
+        links = int(network.situation.attacked.sum()) if network.attacked else 0
+        return links, network.cell.scenario.attack.number()
 
-    return [max(each, key=most_attack) for each in graphs.values()]
-
-
-def graphs_per_row(graphs: Sequence[Digraph], width: float) -> int:
-    """The number of graphs in a row that keeps WANTED_SPACING between nodes."""
-    wanted = [WANTED_SPACING / node_spacing(graph, 1.0) for graph in graphs if not too_large(graph)]
-    most = MOST_IN_ROW if len(wanted) == len(graphs) else MATRICES_IN_ROW
-    return max(1, min(most, int(72 * width / max(wanted, default=1.0))))
+    return [max(each, key=attacked) for each in graphs.values()]
 
 
-def node_spacing(graph: Digraph, size: float) -> float:
-    """Distance from the last node to its nearest neighbour [pt] in a panel of a size [pt]."""
-    places = source_positions(graph)
-    extent = np.ptp(places, axis=0).max() + 2 * GRAPH_MARGIN
-    return float(np.hypot(*(places[:-1] - places[-1]).T).min() / extent * size)
-
-
-def node_diameter(graph: Digraph, size: float) -> float:
-    return min(NODE_DIAMETER, 0.8 * node_spacing(graph, size))
-
-
-def omitted_labels(graphs: Sequence[Digraph], size: float) -> list[str]:
-    """Descriptions of the labels that do not fit panels of this size [pt]."""
-    words, graphs = [], [graph for graph in graphs if not too_large(graph)]
-    if any(node_diameter(graph, size) < LEAST_NUMBERED_NODE for graph in graphs):
-        words.append("the numbers of vehicles that are not attacked")
-    if any(graph.heard.any() and not labelled_links(graph) for graph in graphs):
-        words.append("the weights of all links")
-    return words
-
-
-def attacked_links(cell: Cell) -> int:
-    """The number of attacked links; 0 if the attack has magnitude 0."""
-    return int(situation_of(cell.scenario).attacked.sum()) if attacked_vehicles(cell) else 0
-
-
-def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
-    """The legend's name of each link (vehicle from 0, source)."""
-    attacked, decides = attacked_vehicles(cell), cell.scenario.defence.decides
-    links = network.graph.edges()
-    either = zip(network.attacked[links].tolist(), network.trusted[links].tolist(), strict=True)
-    return {
-        ends: "attacked link"
-        if attacked and lies
-        else "trusted link"
-        if decides and trusts
-        else "other link"
-        for ends, (lies, trusts) in zip(network.graph.pairs(), either, strict=True)
-    }
-
-
-def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None:
-    """Draw a graph of this size [pt], arrows towards listeners, large graphs as densities."""
-    panel.set_title(graph_title(cell, network.graph), pad=2)
-    if too_large(network.graph):
-        draw_adjacency(panel, network, attacked_vehicles(cell))
-        return
-    places = source_positions(network.graph)
-    attacked = attacked_vehicles(cell)
-    across = node_diameter(network.graph, size)
-    names = link_names(cell, network)
-    for (i, j), called in names.items():
-        bend = 0.16 if is_bent(i, j, names, places) else 0.0
-        edge = across / 2 + 0.5  # [pt] of a node
-        rim: dict[str, Any] = {"shrinkA": edge, "shrinkB": edge}
-        ends, look = (tuple(places[j]), tuple(places[i + 1])), rim | LINK_STYLES[called] | ARROW
-        panel.add_patch(FancyArrowPatch(*ends, connectionstyle=f"arc3,rad={bend}", **look))
-    if network.graph.vehicles <= MOST_ON_CIRCLE or not weight_classes(network.graph):
-        label_weights(panel, network.graph, places)
-    first = 0 if cell.scenario.navigator.present else 1
-    for source, (x, y) in enumerate(places[first:], start=first):
-        draw_node(panel, source, x, y, source in attacked, across)
-    for name, (x, y) in zip(cell.scenario.topology.vehicle_names(), places[1:], strict=False):
-        write_name(panel, name, x, y, across)
-    panel.set_aspect("equal")
-    panel.axis("off")
-    panel.set_xlim(places[:, 0].min() - GRAPH_MARGIN, places[:, 0].max() + GRAPH_MARGIN)
-    panel.set_ylim(places[:, 1].min() - GRAPH_MARGIN, places[:, 1].max() + GRAPH_MARGIN)
-
-
-def source_positions(graph: Digraph) -> np.ndarray:
-    """Positions of navigator and vehicles in the drawing, on a circle or a serpentine.
-
-    The navigator stands in the centre where a third of the vehicles hear it, or nobody does. Many
-    vehicles alternate between two circles, which leaves space for the links between neighbours.
-    """
-    m = graph.vehicles
-    informed = int((graph.heard & (graph.sources == 0)).sum())
-    if informed == 0 or informed * 3 >= m:
-        angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
-        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        if m > MOST_ON_CIRCLE:
-            circle[1::2] *= INNER_RADIUS
-        return np.concatenate([np.zeros((1, 2)), circle])
-    order, across = np.arange(m + 1), max(LEAST_SNAKE_ROW, math.isqrt(m) + 1)
-    row, column = order // across, order % across
-    column = np.where(row % 2, across - 1 - column, column)
-    return np.stack([column, -row], axis=1) * 0.62
-
-
-def is_bent(
-    listener: int, source: int, links: Container[tuple[int, int]], places: np.ndarray
-) -> bool:
-    """Whether the arrow of a link is bent: there is a link back, or a node stands in the way.
-
-    Listeners count from 0, places and sources from the navigator.
-    """
-    ends = places[[source, listener + 1]]
-    others = np.delete(places, [source, listener + 1], axis=0)
-    from_middle = np.hypot(*(others - ends.mean(axis=0)).T)
-    blocked = bool((from_middle < NODE_IN_WAY * np.hypot(*(ends[1] - ends[0]))).any())
-    return blocked or (source - 1, listener + 1) in links
-
-
-def weight_classes(graph: Digraph) -> dict[tuple[bool, float], tuple[int, int]]:
-    """The distinct weights with an example link each, if they are few; else nothing."""
-    classes: dict[tuple[bool, float], tuple[int, int]] = {}
-    weights = graph.pairs()
-    for (i, j), weight in weights.items():
-        classes.setdefault((j == 0, round(weight, 6)), (i, j))
-    return classes if len(weights) > 8 and len(classes) <= 3 else {}
-
-
-def labelled_links(graph: Digraph) -> list[tuple[int, int]]:
-    """The links that get a weight label: all, or one per weight, or none of too many."""
-    links = list(graph.pairs())
-    return list(weight_classes(graph).values()) or (links if len(links) <= MOST_WEIGHTS else [])
-
-
-def graph_title(cell: Cell, graph: Digraph) -> str:
-    """The title of a graph; the title of a large graph includes the weights that recur."""
-    words = [
-        f"{weight:.3g} from {'0' if navigator else 'vehicles'}"
-        for navigator, weight in weight_classes(graph)
-    ]
-    crowded = graph.vehicles > MOST_ON_CIRCLE and words
-    caption = multiples.escape_dollars(graph_caption(cell))
-    return f"{caption}\nweights: {', '.join(words)}" if crowded else caption
-
-
-def graph_caption(cell: Cell) -> str:
-    """The name of a graph, and the number of attacked vehicles where they are random."""
-    attack = cell.scenario.attack
-    unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
-    return topology_name(cell) + (f", attacked: {attack.whom()}" if unmarked else "")
-
-
-def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
-    weights = graph.pairs()
-    for i, j in labelled_links(graph):
-        middle = 0.5 * (places[i + 1] + places[j])
+def draw_graph(panel: Axes, network: DrawnGraph, size: float) -> None:
+    """Draw a graph of this size [pt], arrows towards listeners."""
+    places, across = network.places, network.diameter(size)
+    edge = across / 2 + 0.5  # [pt] of a node
+    for (i, j), called in network.names.items():
+        look: dict[str, Any] = LINK_LOOKS[called] | ARROW | {"shrinkA": edge, "shrinkB": edge}
+        bend = f"arc3,rad={0.16 if network.bends(i, j) else 0.0}"
+        ends = tuple(places[j]), tuple(places[i + 1])
+        panel.add_patch(FancyArrowPatch(*ends, connectionstyle=bend, **look))
+    middle: dict[str, Any] = {"ha": "center", "va": "center"}
+    crowded = network.graph.vehicles > MOST_ON_CIRCLE and network.classes
+    for i, j in [] if crowded else network.labelled:
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
-        x, y = middle + (0.22 if is_bent(i, j, weights, places) else 0.12) * aside
-        box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-        panel.text(
-            x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4
+        x, y = places[j] + along / 2 + (0.22 if network.bends(i, j) else 0.12) * aside
+        weight = f"{network.weights[i, j]:.3g}"
+        panel.text(x, y, weight, fontsize=6.5, bbox=WEIGHT_BOX, zorder=4, **middle)
+    first = 0 if network.cell.scenario.navigator.present else 1
+    for source, place in enumerate(places[first:], start=first):
+        draw_node(panel, source, place, source in network.attacked, across)
+    given = network.cell.scenario.topology.vehicle_names()
+    for name, (x, y) in zip(given, places[1:], strict=False):
+        side, anchor = (1, "bottom") if y > 0.1 else (-1, "top")  # above nodes in the upper half
+        panel.annotate(
+            multiples.escape_dollars(shorten(name, MOST_NAME, placeholder="…")),
+            (x, y),
+            xytext=(0, side * (across / 2 + 1)),
+            textcoords="offset points",
+            ha="center",
+            va=anchor,
+            fontsize=LEAST_TEXT_SIZE,
+            zorder=5,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )
+    panel.set_aspect("equal")
+    panel.axis("off")
+    (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
+    panel.set_xlim(left - GRAPH_MARGIN, right + GRAPH_MARGIN)
+    panel.set_ylim(low - GRAPH_MARGIN, high + GRAPH_MARGIN)
 
 
-def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: float) -> None:
+def draw_node(panel: Axes, source: int, place: np.ndarray, lies: bool, across: float) -> None:
     """Draw a node of a diameter [pt]; its number is written where the diameter permits.
 
     The navigator is a dark square. Attacked vehicles have the attack's colour. Both are large
@@ -252,66 +242,19 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
     if source == 0 or lies:
         across = max(across, LEAST_NUMBERED_NODE)
     marker, face, ink = ("s", "0.15", "white") if source == 0 else ("o", "white", "black")
-    look: dict[str, Any] = {"markersize": across, "markerfacecolor": face}
-    look |= {"markeredgecolor": style.RED if lies else "0.15"}
-    look |= {"markeredgewidth": 1.6 if lies else 0.8, "zorder": 2.5 if lies else 2}
-    panel.plot(x, y, marker, **look)
+    rim, width, front = (style.RED, 1.6, 2.5) if lies else ("0.15", 0.8, 2)
+    look: dict[str, Any] = {"markersize": across, "markerfacecolor": face, "zorder": front}
+    x, y = place
+    panel.plot(x, y, marker, markeredgecolor=rim, markeredgewidth=width, **look)
     if across >= LEAST_NUMBERED_NODE:
         size = max(LEAST_TEXT_SIZE, 0.6 * across)
         written: dict[str, Any] = {"ha": "center", "va": "center", "color": ink, "zorder": 3}
         panel.text(x, y, str(source), fontsize=size, **written)
 
 
-def write_name(panel: Axes, name: str, x: float, y: float, across: float) -> None:
-    """Write the name of a vehicle beside its node of a diameter [pt], away from the centre."""
-    side, anchor = (1, "bottom") if y > 0.1 else (-1, "top")  # above nodes in the upper half
-    panel.annotate(
-        multiples.escape_dollars(shorten(name, MOST_NAME, placeholder="…")),
-        (x, y),
-        xytext=(0, side * (across / 2 + 1)),
-        textcoords="offset points",
-        ha="center",
-        va=anchor,
-        fontsize=LEAST_TEXT_SIZE,
-        zorder=5,
-        path_effects=[withStroke(linewidth=2.0, foreground="white")],
-    )
-
-
-def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
-    large = [cell for cell, network in shown if too_large(network.graph)]
-    small = [each for each in shown if not too_large(each[1].graph)]
-    handles: list[Line2D | Patch] = []
-    node: dict[str, Any] = {"linestyle": "", "markersize": 7}
-    rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
-    if any(cell.scenario.navigator.present for cell, _ in small):
-        handles.append(Line2D([], [], marker="s", color="0.15", label="navigator", **node))
-    if any(attacked_vehicles(cell) for cell, _ in small):
-        look = node | rim | {"marker": "o", "color": "white"}
-        handles.append(Line2D([], [], label="attacked vehicle", **look))
-    present = {called for cell, network in small for called in link_names(cell, network).values()}
-    plain = {}
-    if small and (len(present) == 1 or is_leaderless([cell for cell, _ in small])):
-        plain = {"other link": "link"}
-    looks = [(called, look) for called, look in LINK_STYLES.items() if called in present]
-    handles += [Line2D([], [], **look, label=plain.get(called, called)) for called, look in looks]
-    if large:
-        handles.append(Patch(color=str(LINK_GREYS[1]), label="links, darker where more"))
-        handles.append(Patch(color=style.BLUE, label="who hears the navigator"))
-    if any(attacked_vehicles(cell) for cell in large):
-        look: dict[str, Any] = {"linestyle": "", "marker": "v", "color": style.RED}
-        handles.append(Line2D([], [], label="attacked vehicles", markersize=4, **look))
-    return handles
-
-
-def too_large(graph: Digraph) -> bool:
-    """Whether a graph has too many vehicles to draw one by one."""
-    return graph.vehicles > MOST_VEHICLES
-
-
-def draw_adjacency(panel: Axes, network: Situation, attacked: list[int]) -> None:
+def draw_matrix(panel: Axes, network: DrawnGraph, size: float) -> None:
     """Draw listeners against sources, the navigator's column apart, and mark attacked sources."""
-    graph = network.graph
+    graph, attacked = network.graph, network.attacked
     m, (listeners, slots) = graph.vehicles, graph.edges()
     sources = graph.sources[listeners, slots]
     edges = np.linspace(0.5, m + 0.5, MATRIX_BINS + 1)
@@ -323,11 +266,33 @@ def draw_adjacency(panel: Axes, network: Situation, attacked: list[int]) -> None
     share = heard / np.histogram(np.arange(1, m + 1), bins=edges)[0]
     left, opaque = -(STRIP_GAP + STRIP_WIDTH) * m, np.where(share > 0, 0.25 + 0.75 * share, 0.0)
     strip = np.stack([to_rgba_array(style.BLUE, alpha) for alpha in opaque])
-    panel.imshow(
-        strip, extent=(left, left + STRIP_WIDTH * m, m + 0.5, 0.5), interpolation="nearest"
-    )
-    panel.plot(
-        attacked, np.full(len(attacked), -0.03 * m), "v", color=style.RED, markersize=3, zorder=3
-    )
+    beside = left, left + STRIP_WIDTH * m, m + 0.5, 0.5
+    panel.imshow(strip, extent=beside, interpolation="nearest")
+    above = np.full(len(attacked), -0.03 * m)
+    panel.plot(attacked, above, "v", color=style.RED, markersize=3, zorder=3)
     panel.set(xlim=(left, m + 0.5), ylim=(m + 0.5, -0.06 * m), xlabel="source", ylabel="listener")
     panel.locator_params(nbins=4)
+
+
+def topology_legend(shown: Sequence[DrawnGraph]) -> list[Line2D | Patch]:
+    large, small = ([each for each in shown if each.is_large == wanted] for wanted in (True, False))
+    handles: list[Line2D | Patch] = []
+    node: dict[str, Any] = {"linestyle": "", "markersize": 7}
+    if any(each.cell.scenario.navigator.present for each in small):
+        handles.append(Line2D([], [], marker="s", color="0.15", label="navigator", **node))
+    if any(each.attacked for each in small):
+        rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
+        handles.append(Line2D([], [], marker="o", label="attacked vehicle", **node, **rim))
+    present = {called for each in small for called in each.names.values()}
+    is_plain = len(present) == 1 or (small and is_leaderless([each.cell for each in small]))
+    for called, look in LINK_LOOKS.items():
+        if called in present:
+            label = "link" if is_plain and called == "other link" else called
+            handles.append(Line2D([], [], label=label, **look))
+    if large:
+        handles.append(Patch(color=str(LINK_GREYS[1]), label="links, darker where more"))
+        handles.append(Patch(color=style.BLUE, label="who hears the navigator"))
+    if any(each.attacked for each in large):
+        marks: dict[str, Any] = {"linestyle": "", "marker": "v", "color": style.RED}
+        handles.append(Line2D([], [], label="attacked vehicles", markersize=4, **marks))
+    return handles

@@ -1,13 +1,12 @@
 """The page `report.html`: one file about a results folder, which works offline.
 
-`sections` lists what the page says, in the words of `findings` and `setting`. `drawings` and
+`sections` lists what the page says, in the words of `findings` and `setting`. `plots`, `heat` and
 `trajectories` make the figures, `elements` the HTML. The scripts draw and filter; they compute
 nothing that is shown.
 """
 
 from collections.abc import Sequence
 from html import escape
-from pathlib import Path
 from string import Template
 
 from plotly.offline import get_plotlyjs
@@ -17,10 +16,8 @@ from jaxnet.config.naming import key_name, value_name
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.store.results import Results
 from jaxnet.view.page import sections
-from jaxnet.view.page.drawings import COLOURS
-from jaxnet.view.page.elements import Section, filter_html, script_json
-
-PAGE_FOLDER = Path(__file__).parent
+from jaxnet.view.page.elements import Section, file_text, filter_html, script_json
+from jaxnet.view.page.plots import COLOURS
 
 
 def write_page(results: Results) -> UPath:
@@ -55,7 +52,3 @@ def page_html(
         plotly="" if data is None else get_plotlyjs(),
         script="\n".join(map(file_text, files)),
     )
-
-
-def file_text(name: str) -> str:
-    return (PAGE_FOLDER / name).read_text(encoding="utf-8")

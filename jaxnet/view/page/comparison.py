@@ -8,7 +8,7 @@ import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
 from jaxnet.view import page
-from jaxnet.view.page.elements import Section, sortable_table
+from jaxnet.view.page.elements import Section, paragraph, sortable_table
 from jaxnet.view.text import comparison
 
 MOST_CHANGED = 1000  # lanes that the page lists
@@ -23,8 +23,14 @@ def comparison_page(found: Comparison) -> str:
     intervals = {each.title: each.intervals() for each in columns if each.ends is not None}
     changed = lanes_table(found.changed, "No lane changed sides.")
     failed = lanes_table(found.failed, "No lane failed in either study.")
+    differing = paragraph("They are the same study.")
+    if len(found.settings):
+        differing = sortable_table(found.settings)
+    if found.alone:
+        alone = escape("; ".join(found.alone))
+        differing += paragraph(f"Not compared, for the other has none like it: {alone}.")
     shown = [
-        Section("differ", "What differs", settings_table(found)),
+        Section("differ", "What differs", differing),
         Section("differences", "Differences, B − A", sortable_table(rows, lengths, intervals)),
         Section("changed", "Lanes that changed sides", changed),
         Section("failed", "Failed lanes", failed),
@@ -32,20 +38,10 @@ def comparison_page(found: Comparison) -> str:
     return page.page_html(f"{b} against {a}", lead, shown)
 
 
-def settings_table(found: Comparison) -> str:
-    """The keys that differ, and the cells that have no counterpart."""
-    same = "<p>They are the same study.</p>"
-    body = sortable_table(found.settings) if len(found.settings) else same
-    if found.alone:
-        alone = escape("; ".join(found.alone))
-        body += f"<p>Not compared, for the other has none like it: {alone}.</p>"
-    return body
-
-
 def lanes_table(lanes: pd.DataFrame, none: str) -> str:
     """The first MOST_CHANGED lanes, or the text `none`."""
     if lanes.empty:
-        return f"<p>{none}</p>"
+        return paragraph(none)
     more = len(lanes) > MOST_CHANGED
-    note = f"<p>The first {MOST_CHANGED:,} of {len(lanes):,}.</p>" if more else ""
+    note = paragraph(f"The first {MOST_CHANGED:,} of {len(lanes):,}.") if more else ""
     return note + sortable_table(lanes.head(MOST_CHANGED))

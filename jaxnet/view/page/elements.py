@@ -4,25 +4,22 @@ import base64
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from jaxnet.view.columns import is_rounding
-from jaxnet.view.text.width import four_digits
+from jaxnet.view.drawings.drawing import error_text
 
+PAGE_FOLDER = Path(__file__).parent
 LARGEST_SINGLE = np.finfo(np.float32).max
 NUMBER_CLASS = ' class="number"'
-MENU_WORDS = {
-    "png": "Save as PNG",
-    "svg": "Save as SVG",
-    "csv": "Save data as CSV",
-    "zoom": "Reset zoom",
-}
-MENU_ITEMS = "".join(
-    f'<button type="button" data-keep="{name}">{words}</button>'
-    for name, words in MENU_WORDS.items()
+MENU_ITEMS = (
+    '<button type="button" data-keep="png">Save as PNG</button>'
+    '<button type="button" data-keep="svg">Save as SVG</button>'
+    '<button type="button" data-keep="csv">Save data as CSV</button>'
+    '<button type="button" data-keep="zoom">Reset zoom</button>'
 )
 PAGER = (
     '<div class="controls pager" hidden><output></output><button type="button">Previous</button>'
@@ -53,11 +50,15 @@ class Section(NamedTuple):
         return f'<section id="{self.id}"><h2>{self.title}</h2>\n{self.body}</section>'
 
 
-class Panel(NamedTuple):
-    """A plot about some cells: a figure for plotly, and columns that are saved as CSV.
+def paragraph(text: str) -> str:
+    return f"<p>{text}</p>"
 
-    Colours are names of the style sheet, such as `--blue`. A column is an array, the number of the
-    trace whose y it is, or "x". `extra`: x of all traces, and the `floor` of their y.
+
+class Plot(NamedTuple):
+    """A figure for plotly about some cells, and columns that are saved as CSV.
+
+    Colours are names of the style sheet, such as `--blue`. `extra`: x of all traces, their
+    `names` in CSV, and the `floor` of their y.
     """
 
     title: str
@@ -71,6 +72,10 @@ class Panel(NamedTuple):
     def figure(self) -> dict[str, object]:
         named = {"data": self.traces, "layout": self.layout, "columns": self.columns}
         return named | self.extra
+
+
+def file_text(name: str) -> str:
+    return (PAGE_FOLDER / name).read_text(encoding="utf-8")
 
 
 def plain(text: str) -> str:
@@ -106,25 +111,25 @@ def about(cells: Iterable[int] | None) -> str:
     return "" if cells is None else f' data-cells="{" ".join(map(str, cells))}"'
 
 
-def panel_html(panel: Panel, look: str = "", height: int = 0) -> str:
-    title = escape(panel.title)
+def plot_html(plot: Plot, look: str = "", height: int = 0) -> str:
+    title = escape(plot.title)
     style = f' style="height: {height}px"' if height else ""
     heading = f"<h3>{title}</h3>" if title else ""
     return (
-        f'<div class="panel"{about(panel.cells)}><div class="head">{heading}'
+        f'<div class="panel"{about(plot.cells)}><div class="head">{heading}'
         f'<details class="menu"><summary aria-label="Keep the plot {title}">⋯</summary>'
         f"<div>{MENU_ITEMS}</div></details></div>"
         f'<div class="plot {look}" role="img" aria-label="{title or "all cells"}"{style}></div>'
-        f"{script_json(panel.figure)}</div>"
+        f"{script_json(plot.figure)}</div>"
     )
 
 
-def panels_html(
-    panels: Sequence[Panel], columns: int, height: int = 0, above: str = "", kind: str = ""
+def plots_html(
+    plots: Sequence[Plot], columns: int, height: int = 0, above: str = "", kind: str = ""
 ) -> str:
     """Small multiples with a key and a pager, at most so many in a row; a `kind` has a style."""
-    key = key_html(trace for panel in panels for trace in panel.traces)
-    drawn = "".join(panel_html(panel, height=height) for panel in panels)
+    key = key_html(trace for plot in plots for trace in plot.traces)
+    drawn = "".join(plot_html(plot, height=height) for plot in plots)
     grid = f'<div class="grid" style="--columns: {columns}">{drawn}</div>'
     return f'<div class="view {kind}">{above}{key}{PAGER}{grid}<output class="told"></output></div>'
 
@@ -250,13 +255,3 @@ def number_cell(value: float | int, scale: float = 0.0, interval: str = "") -> s
     beside = f" <small>{escape(interval)}</small>" if interval else ""
     text = str(value) if isinstance(value, int) else error_text(value, scale)
     return f'<td{NUMBER_CLASS} data-value="{value!r}">{text}{beside}</td>'
-
-
-def error_text(value: float, scale: float = 1.0) -> str:
-    """An error, or an error per ā with scale 1; below rounding "0 (rounding)".
-
-    An unknown scale counts as 1 m. A scale of 0 switches the test for rounding off.
-    """
-    if is_rounding(value, scale):
-        return "0 (rounding)"
-    return "∞" if value == np.inf else four_digits(value)

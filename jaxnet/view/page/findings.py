@@ -21,22 +21,35 @@ from jaxnet.statistics.curves import (
 from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
-from jaxnet.view.page.elements import error_text
+from jaxnet.view.drawings.drawing import error_text
+from jaxnet.view.page.elements import Section
 from jaxnet.view.text.width import four_digits
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MOST_COMPARED = 8  # values of a swept kind in one sentence
 
 
+def findings_section(results: Results, found: Sequence[Curve], fit: str) -> Section:
+    told = finding_sentences(results, found, fit)
+    return Section(
+        "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>"
+    )
+
+
 def finding_sentences(results: Results, found: Sequence[Curve], fit: str) -> list[str]:
     """Each finding as HTML; `fit` is the command that computes the bounds."""
     alone = is_leaderless(results.study.cells)
+    lanes = results.manifest["lanes"]
+    failed = f"All {count(lanes['total'], 'lane')} came to their end; none failed."
+    if lanes["failed"]:
+        kinds = escape(counted(sum(failed_kinds(results).values(), Counter())))
+        failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}."
     sentences = [
         unrecovered_sentence(results),
         extremes_sentence(results),
         outside_sentence(results) if alone else "",
         *kinds_sentences(results),
-        failures_sentence(results),
+        failed,
         "" if alone else bounds_sentence(results, found, fit),
         certainty_sentence(results),
     ]
@@ -70,8 +83,8 @@ def at_ends(results: Results, values: pd.Series, words: Callable[[float, int], s
     for end in (values.min(), values.max()):
         numbers = [int(cell) for cell in values.index[values == end]]
         ends.setdefault(words(end, numbers[0]), numbers)
-    everywhere = [int(cell) for cell in values.index]
     if len(ends) == 1:
+        everywhere = [int(cell) for cell in values.index]
         ends = dict.fromkeys(ends, everywhere)
     return [f"{told} {where_words(results, numbers)}" for told, numbers in ends.items()]
 
@@ -84,11 +97,10 @@ def judged_word(results: Results) -> str:
 def extremes_sentence(results: Results) -> str:
     """The cells with the least and the greatest error."""
     errors, unit = errors_per_size(results)
-    word = judged_word(results)
+    word, per_size = judged_word(results), unit == "ā"
     if errors.empty:
         none = f"No lane came to its end: there is no {word}."
         return "No attacked lane came to its end." if results.manifest["lanes"]["ok"] else none
-    per_size = unit == "ā"
     asked = int(np.sum(cell_magnitudes(results) > 0)) if per_size else len(results.study.cells)
     left = count(asked - len(errors), "attacked cell" if per_size else "cell")
     without = f" {left} without a lane that ended." if len(errors) < asked else ""
@@ -132,13 +144,11 @@ def kinds_sentences(results: Results) -> list[str]:
         what = f"Mean {judged_word(results)} over the tail"
     labels = [results.study.cells[n].labels for n in compared.index]
     swept = pd.DataFrame(labels, compared.index, list(results.study.cells[0].labels)).map(str)
-    kinds = [key for key in swept if is_kind(key) and len({*swept[key]}) > 1]
-    return [kind_sentence(str(key), compared, swept, unit, what) for key in kinds]
+    kinds = [str(key) for key in swept if is_kind(key) and len({*swept[key]}) > 1]
+    return [f"{what} by {compared_words(key, compared, swept, unit)}." for key in kinds]
 
 
-def kind_sentence(
-    key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str, what: str
-) -> str:
+def compared_words(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str) -> str:
     """Compare the values of one swept kind: the range, and in how many settings a value is least.
 
     A setting is a combination of the other swept keys. A value is least where its interval begins
@@ -158,24 +168,17 @@ def kind_sentence(
     if len(rows) > len(told):
         told.append(count(len(rows) - len(told), "other"))
     over = f" over {count(settings.ngroups, 'setting')}, least within intervals" if others else ""
-    return f"{what} by {escape(key_name(key))}{over}: {'; '.join(told)}."
-
-
-def failures_sentence(results: Results) -> str:
-    lanes = results.manifest["lanes"]
-    if not lanes["failed"]:
-        return f"All {count(lanes['total'], 'lane')} came to their end; none failed."
-    kinds = escape(counted(sum(failed_kinds(results).values(), Counter())))
-    return f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}."
+    return f"{escape(key_name(key))}{over}: {'; '.join(told)}"
 
 
 def unrecovered_sentence(results: Results) -> str:
     """The least and the greatest share of lanes unrecovered, if the study asks for it."""
     found, asked = unrecovered_shares(results), results.study.config.recovery
     cells, confidence = results.study.cells, confidence_told(results.study.config.samples)
+    if asked is None and found.empty:
+        return ""
     if found.empty:
-        none = f"No share {share_name(cells)}: no attacked lane came to its end."
-        return "" if asked is None else none
+        return f"No share {share_name(cells)}: no attacked lane came to its end."
 
     def words(share: float, cell: int) -> str:
         low, high = (four_digits(100 * end) for end in found.loc[cell].iloc[1:])
@@ -196,16 +199,17 @@ def bounds_sentence(results: Results, found: Sequence[Curve], fit: str) -> str:
         return f"Bounds of theory: {none}."
     if not results.file("bounds.csv").exists():
         return f"Bounds are not fitted yet: <code>{fit}</code>"
-    over = []
-    of_rounding = sum(curve.worst < ROUNDING_ERROR for curve in found)
-    for curve in found:
-        sound = [each for each in curve.limits("tail_max").items() if each[0] != UNSOUND_BOUND]
-        if sound and curve.worst >= ROUNDING_ERROR:
-            name, slope = min(sound, key=lambda each: each[1])
-            over.append((slope / curve.worst, name, slope, curve))
+    lasting = [curve for curve in found if curve.worst >= ROUNDING_ERROR]
+    tightest = []
+    for curve in lasting:
+        limits = curve.limits("tail_max")
+        sound = [(slope, name) for name, slope in limits.items() if name != UNSOUND_BOUND]
+        if sound:
+            slope, name = min(sound, key=lambda each: each[0])
+            tightest.append((slope / curve.worst, name, slope, curve))
     words = []
-    if over:
-        ratio, name, slope, curve = min(over, key=lambda each: each[0])
+    if tightest:
+        ratio, name, slope, curve = min(tightest, key=lambda each: each[0])
         where = f" with {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
         after = "; the bound holds once the transient is over" if ratio < 1 else ""
         words.append(
@@ -213,12 +217,12 @@ def bounds_sentence(results: Results, found: Sequence[Curve], fit: str) -> str:
             f" worst error found: {four_digits(slope)} ā over"
             f" {four_digits(curve.worst)} ā{where}{after}."
         )
-    groups = f"{count(len(found), 'group')} of cells"
-    if of_rounding:
+    if of_rounding := len(found) - len(lasting):
         words.append(f"In {count(of_rounding, 'group')} of cells the worst error is 0 (rounding).")
-    if silent := len(found) - len(over) - of_rounding:
+    if silent := len(lasting) - len(tightest):
+        groups = f"{count(len(found), 'group')} of cells"
         words.append(f"No bound of theory applies to {silent} of {groups}.")
-    if (over or of_rounding) and results.file("violations.csv").exists():
+    if (tightest or of_rounding) and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
         told = f"<b>{count(many, 'lane')}</b> above a bound that claims to hold: see Violations."
         words.append(told if many else "No lane is above a bound that claims to hold for it.")
@@ -241,7 +245,7 @@ def certainty_sentence(results: Results) -> str:
     lanes = f"over {count(int(worst['ok']), 'ok lane')}{of}"
     if metric == "spread":
         return f"{samples} {where} spread is {mean} m, {lanes}."
-    if np.isnan(worst["tail_mean_high"]):
-        return f"{samples} {where} is {mean} m, {lanes}."
     sure = 100 * confidence_told(results.study.config.samples)
-    return f"{samples} {where} is {mean} m ({sure:g} % interval {low} to {high} m), {lanes}."
+    known = not np.isnan(worst["tail_mean_high"])
+    interval = f" ({sure:g} % interval {low} to {high} m)" if known else ""
+    return f"{samples} {where} is {mean} m{interval}, {lanes}."

@@ -172,14 +172,12 @@ function keep(place, format) {
   return Plotly.downloadImage(figure, { format, ...size });
 }
 
-// The numbers of a plot, below their names: arrays, "x", or the number of a trace whose y they are.
+// The numbers of a plot, below their names: its columns, or the traces over a common x.
 function rowsOf(place) {
   const figure = JSON.parse(place.figure());
-  const array = (given) => (typeof given === "number" ? figure.data[given].y : given);
-  const named = Object.entries(figure.columns);
-  const columns = named.map(([name, given]) => [
-    name, ...numbers(given === "x" ? figure.x : array(given)),
-  ]);
+  const traces = figure.data.map(({ y }, n) => [figure.names?.[n], y]);
+  const named = figure.x ? [["time", figure.x], ...traces] : Object.entries(figure.columns);
+  const columns = named.map(([name, given]) => [name, ...numbers(given)]);
   return columns[0].map((_, row) => columns.map((column) => column[row]));
 }
 

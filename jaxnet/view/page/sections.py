@@ -1,7 +1,7 @@
 """Sections of the page: a title, what it says, and a figure or a table of what others computed."""
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
@@ -26,15 +26,22 @@ from jaxnet.statistics.curves import (
     curves,
     no_magnitudes,
 )
+from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.recovery import share_name
-from jaxnet.statistics.tiles import tiling
+from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results
 from jaxnet.view import columns
-from jaxnet.view.page import drawings, findings, trajectories
-from jaxnet.view.page.elements import Section, folded_text, sortable_table, views_html
+from jaxnet.view.drawings.analyses import course_drawing
+from jaxnet.view.drawings.heat import METRICS, heat_drawing, metric_label
+from jaxnet.view.drawings.spreads import bands_drawing
+from jaxnet.view.drawings.swept import swept_drawing
+from jaxnet.view.drawings.ultimate import ultimate_drawing
+from jaxnet.view.page import findings, trajectories
+from jaxnet.view.page.elements import Section, folded_text, paragraph, sortable_table, views_html
+from jaxnet.view.page.plots import networks_html, plotted, tiled
 from jaxnet.view.page.setting import setting_rows
 from jaxnet.view.text import check, tables, worst
 from jaxnet.view.text.analyses import SENSITIVITY_LEGEND
@@ -73,34 +80,30 @@ CHOICE_OF_LANES = (
 
 def page_sections(results: Results) -> list[Section]:
     """Every section for which the folder has data."""
-    if not results.has_run:
-        makers = [sensitivity_section, rare_section, run_section]
-        return [section for make in makers if (section := make(results)) is not None]
-    alone = is_leaderless(results.study.cells)
-    found = known_or([], lambda: curves(results))
-    makers: list[Callable[[Results], Section | None]] = [
-        answer_section,
-        lambda results: findings_section(results, found),
-        run_section,
-        summary_section,
-        *([] if alone else [lambda results: ultimate_section(results, found)]),
-        bands_section,
-        vehicles_section,
-        heat_section,
-        search_section,
-        lanes_section,
-        *([] if alone else [violations_section]),
-        sensitivity_section,
-        rare_section,
-        failed_section,
-        left_out_section,
-    ]
+    makers: list[Callable[[Results], Section | None]]
+    makers = [sensitivity_section, rare_section, run_section]
+    if results.has_run:
+        found = known_or([], lambda: curves(results))
+        of_navigator = not is_leaderless(results.study.cells)
+        makers = [
+            answer_section,
+            lambda results: findings.findings_section(results, found, fit_command(results)),
+            run_section,
+            summary_section,
+            *[lambda results: ultimate_section(results, found)] * of_navigator,
+            bands_section,
+            vehicles_section,
+            heat_section,
+            search_section,
+            lanes_section,
+            *[violations_section] * of_navigator,
+            sensitivity_section,
+            rare_section,
+            failed_section,
+            left_out_section,
+        ]
     shown = (known_or(None, lambda make=make: make(results)) for make in makers)
     return [section for section in shown if section is not None]
-
-
-def paragraph(text: str) -> str:
-    return f"<p>{text}</p>"
 
 
 def lead_sentence(results: Results) -> str:
@@ -117,7 +120,7 @@ def left_out_section(results: Results) -> Section | None:
     if not results.missing:
         return None
     words = escape(str(MissingKindError(", ".join(results.missing))))
-    return Section("left-out", "Left out", f"<p>What cannot be told without code: {words}</p>")
+    return Section("left-out", "Left out", paragraph(f"What cannot be told without code: {words}"))
 
 
 def answer_section(results: Results) -> Section | None:
@@ -128,16 +131,9 @@ def answer_section(results: Results) -> Section | None:
         return None
     axes = choose_axes(cells)
     over = f" against {key_name(axes.x)}" if axes.x else ""
-    title = f"{found.words[0].upper()}{found.words[1:]}{over}"
     note = paragraph(f"{escape(sentence_case(found.notes))}.")
-    return Section("answer", escape(title), note + drawings.answer_html(found, axes, cells))
-
-
-def findings_section(results: Results, found: Sequence[Curve]) -> Section:
-    told = findings.finding_sentences(results, found, fit_command(results))
-    return Section(
-        "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>"
-    )
+    drawn = plotted(swept_drawing(found, axes, cells))
+    return Section("answer", escape(sentence_case(found.words) + over), note + drawn)
 
 
 def run_section(results: Results) -> Section:
@@ -150,20 +146,16 @@ def run_section(results: Results) -> Section:
             "device": manifest["device"],
             "wall time": f"{manifest['wall_seconds']:.4g} s",
         }
-    versions = manifest["versions"].items()
-    values |= {"seed": str(study.config.seed)}
-    values |= {"versions": ", ".join(f"{package} {version}" for package, version in versions)}
+    versions = (f"{package} {version}" for package, version in manifest["versions"].items())
+    values |= {"seed": str(study.config.seed), "versions": ", ".join(versions)}
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
+    networks = known_or("", lambda: networks_html(study.cells))
     certificates = known_or([], lambda: check.certificates(study.cells))
+    certified = f"Certificates of {count(len(certificates), 'network')}"
     written = (results.path / "study.yaml").read_text()
-    of_networks = f"Certificates of {count(len(certificates), 'network')}"
-    certified = folded_text(of_networks, "\n\n".join(certificates))
-    body = (
-        f"<dl>{rows}</dl>{known_or('', lambda: drawings.networks_html(study.cells))}"
-        f"{folded_text('The study, every default written out', written)}"
-        f"{certified}"
-    )
-    return Section("run", "What was run", body)
+    folded = folded_text("The study, every default written out", written)
+    folded += folded_text(certified, "\n\n".join(certificates))
+    return Section("run", "What was run", f"<dl>{rows}</dl>{networks}{folded}")
 
 
 def summary_section(results: Results) -> Section:
@@ -172,11 +164,10 @@ def summary_section(results: Results) -> Section:
     many = len(results.study.cells)
     if many > MOST_PAGE_ROWS:
         notes.append(f"the first {MOST_PAGE_ROWS:,} of {many:,} cells; all are in cells.csv")
-    magnitudes = cell_magnitudes(results)
     lengths = [each.title for each in shown if each.title.endswith("[m]") and each.key is None]
     table = sortable_table(
         pd.DataFrame({each.title: each.scaled()[:MOST_PAGE_ROWS] for each in shown}),
-        dict.fromkeys(lengths, magnitudes),
+        dict.fromkeys(lengths, cell_magnitudes(results)),
         {each.title: each.intervals() for each in shown if each.ends is not None},
     )
     note = paragraph(" ".join(f"{escape(sentence_case(each))}." for each in notes))
@@ -197,11 +188,8 @@ def ultimate_section(results: Results, found: Sequence[Curve]) -> Section:
     if not any(curve.bounds for curve in found):
         written = f"<code>{fit_command(results)}</code> writes them."
         note += paragraph(f"No bounds.csv and no fit.csv: {written}")
-    titles = {"tail_max": "greatest tail error [m]", "tail_mean": "mean tail error [m]"}
     views = {
-        f"{words} ({metric})": drawings.ultimate_html(
-            found, metric, titles[metric], results.study.cells
-        )
+        f"{words} ({metric})": plotted(ultimate_drawing(found, metric))
         for metric, words in METRIC_NAMES.items()
     }
     return Section("ultimate", name, note + views_html(views) + slopes_html(found))
@@ -211,31 +199,27 @@ def slopes_html(found: Sequence[Curve]) -> str:
     """Errors per ā by group: worst found, fitted, and bounded."""
     rows = []
     for curve in found:
-        row = label_columns(curve.group.labels) | {"worst found": curve.worst}
         fitted = curve.fit("tail_max") or (np.nan,) * 3
+        row = {"worst found": curve.worst}
         row |= dict(zip(("least squares", "low", "high"), fitted, strict=True))
-        row |= {"95 % of lanes": (curve.fit("tail_max", 0.95) or (np.nan,))[0]}
+        row["95 % of lanes"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
         for bound, name in BOUND_NAMES.items():
-            worst, fleet = curve.slope(bound, "worst"), curve.slope(bound, "fleet")
-            row |= {name: worst, f"{name}, fleet": fleet}
+            row[name], fleet = (curve.slope(bound, of) for of in ("worst", "fleet"))
+            row[f"{name}, fleet"] = fleet
         rows.append(row)
     shown: Any = pd.DataFrame(rows)
     fleets = {name: f"{name}, fleet" for name in BOUND_NAMES.values()}
     same = [fleet for name, fleet in fleets.items() if shown[name].equals(shown[fleet])]
     shown = shown.drop(columns=same).dropna(axis=1, how="all")
-    slopes = set(shown) - set(label_columns(found[0].group.labels))
+    slopes = dict.fromkeys(shown, np.ones(len(shown)))
+    labels = pd.DataFrame(  # text is a name too, numbers sort as numbers
+        {quantity(k): value_alone(k, v) if isinstance(v, str) else v for k, v in labels.items()}
+        for labels in (curve.group.labels for curve in found)
+    )
     about = [[cell.number for cell in curve.group.cells] for curve in found]
-    table = sortable_table(shown, dict.fromkeys(slopes, np.ones(len(shown))), cells=about)
+    table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about)
     flat = any(curve.is_flat("tail_max") for curve in found)
     return paragraph(SLOPES_NOTE + f" {sentence_case(NO_SLOPE)}." * flat) + table
-
-
-def label_columns(labels: Mapping[str, object]) -> dict[str, object]:
-    """Swept values by the names of their keys; text is a name too, numbers sort as numbers."""
-    return {
-        quantity(key): value_alone(key, value) if isinstance(value, str) else value
-        for key, value in labels.items()
-    }
 
 
 def bands_section(results: Results) -> Section | None:
@@ -251,7 +235,9 @@ def bands_section(results: Results) -> Section | None:
         name, label = "Spread over time", "spread [m]"
         what = "Greatest distance of two vehicles that are not attacked over time"
     note = paragraph(f"{what}; what is below {LOG_FLOOR:g} m is rounding and drawn there.")
-    return Section("bands", name, note + drawings.bands_html(found, label, cells))
+    groups = [Group(dict(cells[number].labels), (cells[number],)) for number in found]
+    drawn = bands_drawing(groups, found, label, by_size=False)
+    return Section("bands", name, note + plotted(drawn))
 
 
 def vehicles_section(results: Results) -> Section | None:
@@ -274,9 +260,17 @@ def heat_section(results: Results) -> Section | None:
     tiles = tiling(results.study.cells)
     if tiles is None:
         return None
-    drawn = drawings.heat_html(results, tiles)
-    none = paragraph("No lane attacked with a fixed ā came to its end.")
-    return Section("heat", "Heat map", paragraph(HEAT_NOTE) + drawn if drawn else none)
+    known: Any = tile_table(results)
+    cells = results.study.cells
+    views = {
+        metric_label(metric, cells): tiled(heat_drawing(results, tiles, metric))
+        for metric in METRICS
+        if known[metric].notna().any()
+    }
+    if not views:
+        words = "No lane attacked with a fixed ā came to its end."
+        return Section("heat", "Heat map", paragraph(words))
+    return Section("heat", "Heat map", paragraph(HEAT_NOTE) + views_html(views))
 
 
 def search_section(results: Results) -> Section | None:
@@ -300,53 +294,48 @@ def search_section(results: Results) -> Section | None:
         " found."
     )
     starts = f"{escape(sentence_case(worst.starts_text(results)))}."
-    courses = list(search_courses(results, cells))
-    unit = worst.metric_with_unit(results)
-    drawn = drawings.searches_html(courses, unit, cells) if courses else ""
+    courses, unit = list(search_courses(results, cells)), worst.metric_with_unit(results)
+    drawn = plotted(course_drawing(courses, len(cells), unit)) if courses else ""
     body = paragraph(note) + paragraph(starts) + sortable_table(rows) + drawn
     return Section("search", name, body)
 
 
 def lanes_section(results: Results) -> Section:
-    name, (found, many) = "Lanes in motion", trajectories.lanes_data(results)
-    if many and not found:
-        return Section("lanes", name, paragraph(TOO_LARGE))
-    if not found:
-        return Section("lanes", name, paragraph(no_lanes_text(results)))
-    again, report = "results.replay(C, S)", "results.report(DIR)"
-    if not results.in_memory:
-        report = escape(shlex.join(["jaxnet", "report", str(results.path)]))
-        again = escape(results.replay_command(0, 0).removesuffix(" --cell 0 --sample 0"))
-        again += " --cell C --sample S"
-    note = (
-        f"{count(len(found), 'lane')} of the {many:,} whose trajectories are stored. Any other:"
-        f" <code>{again}</code>, then <code>{report}</code>. {CHOICE_OF_LANES}"
-    )
-    return Section("lanes", name, paragraph(note) + trajectories.lanes_html(found))
-
-
-def no_lanes_text(results: Results) -> str:
-    ended = worst_of_cells(results, 1)
-    if ended.empty:
-        return "No lane is ok."
-    row: Any = ended.loc[ended[judged_metric(results.study.cells)].idxmax()]
-    command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
-    return f"No lane was replayed yet; the worst: <code>{command}</code>"
+    found, many = trajectories.lanes_data(results)
+    if found:
+        again, report = "results.replay(C, S)", "results.report(DIR)"
+        if not results.in_memory:
+            report = escape(shlex.join(["jaxnet", "report", str(results.path)]))
+            again = results.replay_command(0, 0).removesuffix(" --cell 0 --sample 0")
+            again = f"{escape(again)} --cell C --sample S"
+        note = (
+            f"{count(len(found), 'lane')} of the {many:,} whose trajectories are stored. Any other:"
+            f" <code>{again}</code>, then <code>{report}</code>. {CHOICE_OF_LANES}"
+        )
+        body = paragraph(note) + trajectories.lanes_html(found)
+    elif many:
+        body = paragraph(TOO_LARGE)
+    elif (ended := worst_of_cells(results, 1)).empty:
+        body = paragraph("No lane is ok.")
+    else:
+        row: Any = ended.loc[ended[judged_metric(results.study.cells)].idxmax()]
+        command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
+        body = paragraph(f"No lane was replayed yet; the worst: <code>{command}</code>")
+    return Section("lanes", "Lanes in motion", body)
 
 
 def violations_section(results: Results) -> Section:
     """Lanes above a bound that claims to hold for them."""
-    name = "Violations of bounds"
     if not results.file("violations.csv").exists():
-        command = f"<code>{fit_command(results)}</code>"
-        return Section("violations", name, paragraph(f"Not looked for yet: {command}"))
-    rows = results.violations
-    if len(rows):
-        return Section("violations", name, lanes_listed(rows.head(MOST_LISTED), len(rows)))
-    words = "None: no lane is above a bound that claims to hold for it."
-    if unchecked := unchecked_words(results.study.cells):
-        words += f" No bound is known for {escape(unchecked)}."
-    return Section("violations", name, paragraph(words))
+        body = paragraph(f"Not looked for yet: <code>{fit_command(results)}</code>")
+    elif len(rows := results.violations):
+        body = lanes_listed(rows.head(MOST_LISTED), len(rows))
+    else:
+        words = "None: no lane is above a bound that claims to hold for it."
+        if unchecked := unchecked_words(results.study.cells):
+            words += f" No bound is known for {escape(unchecked)}."
+        body = paragraph(words)
+    return Section("violations", "Violations of bounds", body)
 
 
 def sensitivity_section(results: Results) -> Section | None:
@@ -388,11 +377,10 @@ def rare_section(results: Results) -> Section | None:
 
 def failed_section(results: Results) -> Section:
     many, shown = results.failed(MOST_LISTED)
-    if not many:
-        return Section("failed", "Failed lanes", "<p>None.</p>")
     places = zip(shown["cell"], shown["sample"], strict=True)
     commands = [results.replay_command(cell, sample) for cell, sample in places]
-    return Section("failed", "Failed lanes", lanes_listed(shown.assign(command=commands), many))
+    body = lanes_listed(shown.assign(command=commands), many) if many else paragraph("None.")
+    return Section("failed", "Failed lanes", body)
 
 
 def lanes_listed(rows: pd.DataFrame, many: int) -> str:

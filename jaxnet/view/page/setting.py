@@ -16,12 +16,11 @@ from jaxnet.statistics.curves import configured_magnitude
 
 MOST_ALTERNATIVES = 8
 # Keys of kinds that other rows tell, or nobody wants told.
-TOLD_ELSEWHERE = (
-    *("kind", "label", "edges", "content", "names", "vehicles", "links", "magnitude"),
-)
+TOLD_ELSEWHERE = "kind", "label", "edges", "content", "names", "vehicles", "links", "magnitude"
 PARAMETER_SYMBOLS = {"theta": "ϑ", "F": "F"}  # parameters that are told even at their defaults
 # Swept keys with a row of their own.
 OWN_ROWS = ("vehicles", "attack.magnitude", "horizon", "tail", "tick")
+ALWAYS_TOLD = ("attack", "defence")
 # Rows about a kind: its key, and whether a scenario goes without.
 KIND_ROWS: dict[str, tuple[str, Callable[[Scenario], bool]]] = {
     "navigator": ("navigator", lambda _: False),
@@ -31,7 +30,7 @@ KIND_ROWS: dict[str, tuple[str, Callable[[Scenario], bool]]] = {
     "law": ("law", lambda scenario: scenario.law.solves()),
     "sensor errors": ("sensing", lambda scenario: scenario.sensing.exact()),
     "lost messages": ("channel.loss", lambda scenario: scenario.channel.loss.perfect()),
-    "errors of words": ("channel.noise", lambda scenario: scenario.channel.noise.exact()),
+    "errors of messages": ("channel.noise", lambda scenario: scenario.channel.noise.exact()),
     "detector": ("detector", lambda scenario: not scenario.detector.present),
 }
 
@@ -50,14 +49,15 @@ def setting_rows(study: Study) -> dict[str, str]:
     rows = {"vehicles": f"{fleet}, {kinds('vehicle', lambda _: False)}"}
     for name, (key, absent) in KIND_ROWS.items():
         words = kinds(key, absent)
-        if words != "none" or name in ("attack", "defence"):
+        if words != "none" or name in ALWAYS_TOLD:
             rows[name] = words
         if name == "attack" and words != "none":
             rows["attacked signals"] = among(attacked_words)
-            if shows_magnitude(study):
-                rows["magnitude ā"] = among(size_words)
-                if not any(cell.scenario.attack.by_order() for cell in cells):
-                    rows["magnitude ā"] += " m"
+            scenarios = [cell.scenario for cell in cells if attacks(cell.scenario)]
+            # ā scales an attack, or `recovery` compares with it
+            if study.config.recovery is not None or any(s.attack.bounded for s in scenarios):
+                orders = any(cell.scenario.attack.by_order() for cell in cells)
+                rows["magnitude ā"] = among(size_words) + ("" if orders else " m")
     for key in cells[0].labels:
         if key not in OWN_ROWS and not is_kind(key):
             values = [value_alone(key, value) for value in ordered_values(cells, key)]
@@ -77,6 +77,10 @@ def alternatives(words: Sequence[str]) -> str:
     return ("; " if any("," in each for each in words) else ", ").join(shown)
 
 
+def attacks(scenario: Scenario) -> bool:
+    return scenario.attack.number() > 0 and scenario.attack.amplitude() != 0
+
+
 def attacked_words(cell: Cell) -> str:
     """Whose signals the attack falsifies, and whether these vehicles hear or transmit them."""
     attack, drawn = cell.scenario.attack, "attack.vehicles.random" in cell.labels
@@ -88,25 +92,15 @@ def attacked_words(cell: Cell) -> str:
         whom = f"attacked vehicles ({attack.whom()})"
     elif attack.targets():
         whom = f"vehicle{'' if one else 's'} {attack.whom()}"
+    elif drawn:
+        whom = "drawn vehicles"
     else:
-        many = f"{count(attack.number(), 'drawn vehicle')} of each lane"
-        whom = "drawn vehicles" if drawn else many
+        whom = f"{count(attack.number(), 'drawn vehicle')} of each lane"
     known = situation_of(cell.scenario)
     heard = (known.attacked & (known.graph.sources == 0)).any()
     caveat = f" ({attack.caveat()})" if attack.caveat() else ""
-    verb = ("hear" if heard else "transmit") + ("s" if one else "")
-    return f"what {whom} {verb}{' of the navigator' if heard else ''}{caveat}"
-
-
-def attacks(scenario: Scenario) -> bool:
-    return scenario.attack.number() > 0 and scenario.attack.amplitude() != 0
-
-
-def shows_magnitude(study: Study) -> bool:
-    """Whether ā scales an attack, or `recovery` compares with it."""
-    judged = study.config.recovery is not None
-    scenarios = [cell.scenario for cell in study.cells if attacks(cell.scenario)]
-    return any(judged or scenario.attack.bounded for scenario in scenarios)
+    verb = ("hear" if heard else "transmit") + "s" * one
+    return f"what {whom} {verb}{' of the navigator' * bool(heard)}{caveat}"
 
 
 def size_words(cell: Cell) -> str:
@@ -122,13 +116,11 @@ def kind_words(key: str, cell: Cell) -> str:
     if key in cell.labels:
         return words_of_kind(key, str(cell.labels[key]))
     kind: Kind = attrgetter(key)(cell.scenario)
-    default = kind.model_dump(exclude_defaults=True)
+    given = {*kind.model_dump(exclude_defaults=True), *PARAMETER_SYMBOLS} - {*TOLD_ELSEWHERE}
     told = [
         f"{PARAMETER_SYMBOLS.get(name, name.replace('_', ' '))} = {plain_words(value)}"
         for name, value in kind.model_dump().items()
-        if (name in default or name in PARAMETER_SYMBOLS)
-        and name not in TOLD_ELSEWHERE
-        and f"{key}.{name}" not in cell.labels
+        if name in given and f"{key}.{name}" not in cell.labels
     ]
     name = kind.words or kind.reference().rpartition(":")[2].replace("_", " ")
     return ", ".join([kind.label or name, *told])

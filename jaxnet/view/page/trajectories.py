@@ -3,35 +3,32 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from html import escape
-from pathlib import Path
 from string import Template
 from typing import Any
 
 import numpy as np
-import xarray as xr
-from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import labels_title
 from jaxnet.config.scenario import situation_of
-from jaxnet.model import hearing
-from jaxnet.model.graph import Digraph
+from jaxnet.runs.replay import lane_graph
 from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
 from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, decades
 from jaxnet.store.results import Results
-from jaxnet.view.figures.panels import attacked_vehicles, falsified_links, fleet_centre
-from jaxnet.view.page.drawings import TIME_AXIS, curve, decades_axis
+from jaxnet.view.drawings.drawing import error_text
+from jaxnet.view.drawings.scene import LaneScene, scene_of
 from jaxnet.view.page.elements import (
-    Panel,
+    Plot,
     about,
-    error_text,
+    file_text,
     key_html,
     packed,
-    panel_html,
     plain,
+    plot_html,
     script_json,
     swatch,
 )
+from jaxnet.view.page.plots import TIME_AXIS, decades_axis
 
 MOST_PAGE_BYTES = 1_200_000  # bytes of the page that lanes take, at most
 MOST_PAGE_LANES = 30
@@ -45,39 +42,43 @@ FATES = ("dropped", "dropped, attacked", "retained", "retained, attacked")
 FATE_COLOURS = ("--line", "--green", "--sky", "--red")
 FALSE = "%{text}: %{customdata:.3~g} m from the truth"
 TOLD, LIAR = "place that is told", "attacked vehicle"
+PLANE_MARGIN = {"l": 62, "r": 12, "t": 6, "b": 48}
 
 
-def filled_trace(
-    fill: str, name: str, color: str, shown: bool = True, **look: Any
-) -> dict[str, Any]:
-    """A trace of the plane, which lanes.js fills."""
-    drawn = curve(name, [], [], color, **look) | {"meta": fill, "showlegend": shown}
-    if "marker" in drawn:
-        rim = 2 if "open" in drawn["marker"]["symbol"] else 0
-        drawn["marker"] |= {"size": 10, "line": {"width": rim}}
-    return drawn
+def line_in_plane(fill: str, name: str, color: str, width: float, dash: str = "") -> dict[str, Any]:
+    """Lines of the plane, which lanes.js fills."""
+    line = {"color": color, "width": width} | ({"dash": dash} if dash else {})
+    drawn = {"type": "scatter", "meta": fill, "name": name, "mode": "lines", "line": line}
+    return drawn | {"hoverinfo": "skip", "cliponaxis": False, "showlegend": "link" in name}
 
 
-def head(fill: str, name: str, color: str, standoff: int) -> dict[str, Any]:
-    """Narrow diamonds, of which the front half looks out of a vehicle as a triangle."""
-    drawn = filled_trace(fill, name, color, False, symbol="diamond-tall")
-    drawn["marker"] |= {"size": 11, "standoff": standoff}
-    return drawn
+def marks_in_plane(fill: str, name: str, color: str, symbol: str, **look: Any) -> dict[str, Any]:
+    """Markers of the plane, which lanes.js fills.
+
+    Narrow diamonds point ahead: their front half looks out of a vehicle as a triangle.
+    """
+    rim = {"width": 2 if "open" in symbol else 0}
+    marker = {"color": color, "symbol": symbol, "size": 10, "line": rim} | look
+    drawn = {"type": "scatter", "meta": fill, "name": name, "mode": "markers", "marker": marker}
+    hover = FALSE if fill == "told" else "%{text}"
+    shown = symbol != "diamond-tall"
+    words = {"hovertemplate": f"{hover}<extra></extra>"} if shown else {"hoverinfo": "skip"}
+    return drawn | words | {"cliponaxis": False, "showlegend": shown}
 
 
 PLANE = [
-    filled_trace("dropped", "dropped link", "--muted", width=1, dash="1px,4px"),
-    filled_trace("retained", "retained link", "--muted", width=0.8),
-    filled_trace("course", "navigator", "--black", False, width=1.5, dash="2px,3px"),
-    filled_trace("trails", "vehicle", "--sky", False, width=1.2),
-    filled_trace("attackedTrails", LIAR, "--red", False, width=1.4, dash="6px,2px"),
-    filled_trace("lies", TOLD, "--purple", False, width=2),
-    filled_trace("told", TOLD, "--purple", symbol="diamond-open", hover=FALSE),
-    filled_trace("honest", "vehicle", "--blue", symbol="circle", hover="%{text}"),
-    head("honest", "vehicle", "--blue", 6),
-    filled_trace("attacked", LIAR, "--red", symbol="diamond", hover="%{text}"),
-    head("attacked", LIAR, "--red", 7),
-    filled_trace("navigator", "navigator", "--black", symbol="square-open", hover="%{text}"),
+    line_in_plane("dropped", "dropped link", "--muted", 1, "1px,4px"),
+    line_in_plane("retained", "retained link", "--muted", 0.8),
+    line_in_plane("course", "navigator", "--black", 1.5, "2px,3px"),
+    line_in_plane("trails", "vehicle", "--sky", 1.2),
+    line_in_plane("attackedTrails", LIAR, "--red", 1.4, "6px,2px"),
+    line_in_plane("lies", TOLD, "--purple", 2),
+    marks_in_plane("told", TOLD, "--purple", "diamond-open"),
+    marks_in_plane("honest", "vehicle", "--blue", "circle"),
+    marks_in_plane("honest", "vehicle", "--blue", "diamond-tall", size=11, standoff=6),
+    marks_in_plane("attacked", LIAR, "--red", "diamond"),
+    marks_in_plane("attacked", LIAR, "--red", "diamond-tall", size=11, standoff=7),
+    marks_in_plane("navigator", "navigator", "--black", "square-open"),
 ]
 
 
@@ -87,26 +88,21 @@ def lanes_html(lanes: Sequence[dict[str, Any]]) -> str:
     there = {"navigator": not alone, LIAR: lies, TOLD: lies}
     there["dropped link"] = any(lane["raster"] for lane in lanes)
     mean = "Distance of each vehicle from the mean of those not attacked"
-    margin = {"l": 62, "r": 12, "t": 6, "b": 48}
     across, up = {"constrain": "domain"}, {"constrain": "domain", "scaleanchor": "x"}
-    plane = Panel("Positions", None, PLANE, {"xaxis": across, "yaxis": up, "margin": margin})
-    errors = Panel(mean if alone else "Error of each vehicle", None, [], {})
-    raster = Panel("Whom vehicles retain", None, [], {})
+    layout = {"xaxis": across, "yaxis": up, "margin": PLANE_MARGIN}
     areas = zip(FATES, FATE_COLOURS, strict=True)
-    fates = "".join(f"<li>{swatch({'fillcolor': colour})}{name}</li>" for name, colour in areas)
     menu = "".join(
         f'<option value="lane-{place}"{about(lane["cells"])}>{escape(lane["label"])}</option>'
         for place, lane in enumerate(lanes)
     )
-    packs = (script_json(lane, f' id="lane-{place}"') for place, lane in enumerate(lanes))
-    return Template((Path(__file__).parent / "lanes.html").read_text(encoding="utf-8")).substitute(
+    return Template(file_text("lanes.html")).substitute(
         lanes=menu,
         key=key_html(trace for trace in PLANE if there.get(trace["name"], True)),
-        plane=panel_html(plane, "plane"),
-        errors=panel_html(errors, "errors"),
-        raster=panel_html(raster, "raster"),
-        fates=fates,
-        packs="".join(packs),
+        plane=plot_html(Plot("Positions", None, PLANE, layout), "plane"),
+        errors=plot_html(Plot(mean if alone else "Error of each vehicle", None, [], {}), "errors"),
+        raster=plot_html(Plot("Whom vehicles retain", None, [], {}), "raster"),
+        fates="".join(f"<li>{swatch({'fillcolor': colour})}{name}</li>" for name, colour in areas),
+        packs="".join(script_json(lane, f' id="lane-{n}"') for n, lane in enumerate(lanes)),
     )
 
 
@@ -125,9 +121,13 @@ def lanes_data(results: Results) -> tuple[list[dict[str, Any]], int]:
     room = MOST_PAGE_BYTES / max(sizes, default=1.0)
     many = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_PAGE_LANES)))
     frames = int(np.clip(room / max(1, many), FEWEST_FRAMES, MOST_FRAMES))
-    return [
-        lane_data(of, each, frames, searched_words(results, of)) for of, each in found[:many]
-    ], len(there)
+    lanes = []
+    for of, each in found[:many]:
+        lane = lane_data(of, each, frames)
+        if of is not results:
+            lane |= searched_words(results, of)
+        lanes.append(lane)
+    return lanes, len(there)
 
 
 def searched_lanes(results: Results) -> Iterator[tuple[Results, Watched]]:
@@ -142,17 +142,15 @@ def searched_lanes(results: Results) -> Iterator[tuple[Results, Watched]]:
             yield from ((alone, each) for each in watched(alone)[:1])
 
 
-def searched_words(results: Results, of: Results) -> tuple[int, str] | None:
-    """Cell and label of a lane that a search found, None for another lane."""
-    if of is results:
-        return None
+def searched_words(results: Results, of: Results) -> dict[str, Any]:
+    """Cell and label of a lane that a search found."""
     number = int(of.path.name)
     where = labels_title(results.study.cells[number].labels)
     alone = is_leaderless(results.study.cells)
     metric, word = ("spread", "spread") if alone else ("tail_max", "greatest tail error")
     size = error_text(float(of.lanes[metric].iloc[0]))
     told = f"found by the search, cell {number}: {word} {size} m"
-    return number, ", ".join(filter(None, [where, told]))
+    return {"cells": [number], "label": ", ".join(filter(None, [where, told]))}
 
 
 def frame_bytes(cell: Cell) -> float:
@@ -162,74 +160,59 @@ def frame_bytes(cell: Cell) -> float:
     return CHARACTERS_PER_BYTE * (4 * numbers + links)
 
 
-def lane_data(
-    results: Results, one: Watched, most: int, searched: tuple[int, str] | None = None
-) -> dict[str, Any]:
+def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
     """A lane with at most `most` frames and the last one."""
     cell, data = results.study.cells[one.cell], one.arrays(results)
     outputs = np.arange(data.sizes["time"])
     data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
-    time, places = data["time"].values, data["states"].values[..., :2]
-    attacked, graph = attacked_vehicles(cell, data), lane_graph(results, one, cell)
-    listeners, slots = graph.edges()
-    sources = graph.sources[listeners, slots]
-    false = falsified_links(cell, graph, attacked)[listeners, slots]
-    leaderless = not cell.scenario.navigator.present
-    centre = fleet_centre(places, attacked) if leaderless else data["navigator"].values
-    everybody = np.concatenate([centre[:, None], places], axis=1)
-    off = np.linalg.norm(places - centre[:, None], axis=-1)
-    # An attack falsifies a vehicle's own place, or the navigator's that it hears.
-    of_navigator = bool(false[sources == 0].any())
-    falsified = np.zeros(len(attacked), int) if of_navigator else np.array(attacked, int)
-    base = everybody[:, falsified]
-    if cell.scenario.attack.replaces():  # a link that is replaced carries the signal alone
-        base = np.zeros_like(base) if leaderless else np.repeat(centre[:, None], len(attacked), 1)
-    told = base + data["attack"].values[:, np.array(attacked, int) - 1]
-    lies, half = np.linalg.norm(told - centre[:, None], axis=-1), len(time) // 2
-    names = [called(n, cell.scenario.topology.vehicle_names()) for n in range(places.shape[1] + 1)]
-    hears = "hears of the navigator" if of_navigator else "tells its neighbours"
-    number, label = searched or (one.cell, lane_label(results, one, cell))
+    scene = scene_of(data, cell, lane_graph(results, one.cell, one.sample))
+    time, leaderless = scene.time, scene.leaderless
+    half, last = len(time) // 2, int(0.75 * len(time))  # it opens at the worst of the last quarter
+    lies = np.linalg.norm(scene.told - scene.places[:, :1], axis=-1)
+    given = cell.scenario.topology.vehicle_names()
+    names = [called(source, given) for source in range(scene.places.shape[1])]
+    hears = "hears of the navigator" if 0 in scene.about else "tells its neighbours"
     links = [
         [int(i) + 1, int(j), bool(lies)]
-        for i, j, lies in zip(listeners, sources, false, strict=True)
+        for (i, j), lies in zip(scene.links.T, scene.lied, strict=True)
     ]
-    raster = None
-    if cell.scenario.defence.decides:
-        kept = hearing.by_link(graph, data["kept"].values > 0, data["source"].values)
-        raster = raster_figure(links, 2 * kept.T + false[:, None], time)
-    axis = "{}\u0304" if leaderless else "{}<sub>0</sub>"
+    decides = cell.scenario.defence.decides
+    step, axis = time[1] - time[0], "{}\u0304" if leaderless else "{}<sub>0</sub>"
+    mean = " from the mean" if leaderless else ""
+    thinned = f", some of {len(outputs)} output times" if len(time) < len(outputs) else ""
+    retained = "" if decides else " Nobody trims here: every source is retained at all times."
     return {
-        "cells": [number],
+        "cells": [one.cell],
         "sample": one.sample,
-        "label": label,
+        "label": lane_label(results, one, cell),
         "command": results.replay_command(one.cell, one.sample, one.engine),
-        "said": lane_words(label, time, len(outputs), raster is not None),
+        "said": f"Shown every {step:.3g} s{thinned}; a path is a smooth curve through its places. A"
+        f" triangle points where a vehicle heads.{retained}",
         "views": f"around the {'mean of vehicles not attacked' if leaderless else 'navigator'}",
-        "vehicles": places.shape[1],
+        "vehicles": scene.places.shape[1] - 1,
         "names": names,
-        "attacked": attacked,
-        "falsified": falsified.tolist(),
-        "hover": f"%{{text}}: {'' if leaderless else 'error '}%{{customdata:.3~g}} m"
-        f"{' from the mean' if leaderless else ''}<extra></extra>",
-        "tells": [f"{names[each]} {hears}" for each in attacked],
+        "attacked": scene.attacked,
+        "falsified": scene.about,
+        "hover": f"%{{text}}: {'error ' * (not mean)}%{{customdata:.3~g}} m{mean}<extra></extra>",
+        "tells": [f"{names[each]} {hears}" for each in scene.attacked],
         "links": links,
         "leaderless": leaderless,
         "shape": "spline" if len(time) <= MOST_CURVED else "linear",
-        "worst": worst_frame(off),
+        "worst": last + int(np.nan_to_num(scene.off[last:]).max(axis=1).argmax()),
         "reach": [
-            max(1.0, 1.05 * greatest_finite(np.abs(everybody))),
-            max(1e-3, 1.15 * greatest_finite(off[half:], lies[half:])),
+            max(1.0, 1.05 * greatest_finite(np.abs(scene.places))),
+            max(1e-3, 1.15 * greatest_finite(scene.off[half:], lies[half:])),
         ],
         "axes": [
             ["x [m]", "y [m]"],
             [f"{name} − {axis.format(name)} [m]" for name in "xy"],
         ],
-        "x": packed(everybody[..., 0].ravel()),
-        "y": packed(everybody[..., 1].ravel()),
-        "ahead": packed(headings(data["states"]).ravel()),
-        "told": packed(told.ravel()),
-        "errors": errors_figure(time, off, names, attacked, axis.format("y")),
-        "raster": raster,
+        "x": packed(scene.places[..., 0].ravel()),
+        "y": packed(scene.places[..., 1].ravel()),
+        "ahead": packed(scene.heading.ravel()),
+        "told": packed(scene.told.ravel()),
+        "errors": errors_figure(scene, names, axis.format("y")),
+        "raster": raster_figure(scene, links) if decides else None,
     }
 
 
@@ -239,43 +222,35 @@ def greatest_finite(*arrays: np.ndarray) -> float:
     return float(np.max(known, where=np.isfinite(known), initial=0.0))
 
 
-def worst_frame(off: Float[np.ndarray, "times m"]) -> int:
-    """The frame of the last quarter at which a vehicle is farthest off."""
-    first = int(0.75 * len(off))
-    return first + int(np.nan_to_num(off[first:]).max(axis=1).argmax())
-
-
 def called(source: int, names: Sequence[str]) -> str:
     if source == 0:
         return "the navigator"
     return f"vehicle {source}" + (f" ({plain(names[source - 1])})" if names else "")
 
 
-def errors_figure(
-    time: np.ndarray, off: np.ndarray, names: Sequence[str], attacked: Sequence[int], centre: str
-) -> dict[str, Any]:
+def errors_figure(scene: LaneScene, names: Sequence[str], centre: str) -> dict[str, Any]:
     """The error of each vehicle over time, and a cursor."""
-    traces = []
-    for vehicle in range(1, off.shape[1] + 1):
-        look: dict[str, Any] = {"color": "--sky", "width": 1.2}
-        told, name = "", "vehicle"
-        if vehicle in attacked:
-            look, told, name = {"color": "--red", "dash": "6px,2px"}, " (attacked)", LIAR
-        hover = f"{names[vehicle]}{told}: %{{y:.3~g}} m"
-        traces.append(curve(name, [], packed(off[:, vehicle - 1]), hover=hover, **look))
+    traces, off = [], scene.off
+    for vehicle, errors in enumerate(off.T, 1):
+        lies = vehicle in scene.attacked
+        line: dict[str, Any] = {"color": "--sky", "width": 1.2}
+        if lies:
+            line = {"color": "--red", "dash": "6px,2px"}
+        hover = f"{names[vehicle]}{' (attacked)' * lies}: %{{y:.3~g}} m<extra></extra>"
+        drawn = {"type": "scatter", "mode": "lines", "name": LIAR if lies else "vehicle"}
+        traces.append(drawn | {"x": [], "y": packed(errors), "line": line, "hovertemplate": hover})
     known = off[np.isfinite(off) & (off > LOG_FLOOR)]
     ends = decades(known.min(initial=np.inf), known.max()) if known.size else (LOG_FLOOR, 1.0)
-    upwards = decades_axis(*ends, f"‖y<sub>i</sub> − {centre}‖ [m]")
+    upwards = decades_axis(*ends) | {"title": {"text": f"‖y<sub>i</sub> − {centre}‖ [m]"}}
     layout = {"xaxis": TIME_AXIS, "yaxis": upwards, "shapes": [CURSOR]}
-    columns = {"time": "x"} | {f"vehicle {n + 1}": n for n in range(off.shape[1])}
-    extra = {"x": packed(time), "floor": LOG_FLOOR}
-    return Panel("", None, traces, layout, columns, extra).figure
+    columns = [f"vehicle {n + 1}" for n in range(off.shape[1])]
+    extra = {"x": packed(scene.time), "names": columns, "floor": LOG_FLOOR}
+    return Plot("", None, traces, layout, {}, extra).figure
 
 
-def raster_figure(
-    links: Sequence[list[Any]], fates: np.ndarray, time: np.ndarray
-) -> dict[str, Any]:
+def raster_figure(scene: LaneScene, links: Sequence[list[Any]]) -> dict[str, Any]:
     """Whom vehicles retain: a row a link, a colour of FATE_COLOURS at each time."""
+    fates = 2 * scene.kept.T + scene.lied[:, None]
     steps = [[(n + side) / 4, colour] for n, colour in enumerate(FATE_COLOURS) for side in (0, 1)]
     trace = {"type": "heatmap", "z": packed(fates, "u1"), "zmin": -0.5, "zmax": 3.5}
     trace |= {"colorscale": steps, "showscale": False}
@@ -283,29 +258,8 @@ def raster_figure(
     trace["y"] = [f"{to} ← {source}{' ⚠' if lies else ''}" for to, source, lies in links]
     rows = {"type": "category", "autorange": "reversed", "showgrid": False, "tickfont": {"size": 9}}
     rows["title"] = {"text": "listener ← source"}
-    times = {"title": {"text": "t [s]"}, "range": [0, time[-1]], "showgrid": False}
+    times = {"title": {"text": "t [s]"}, "range": [0, scene.time[-1]], "showgrid": False}
     return {"data": [trace], "layout": {"xaxis": times, "yaxis": rows, "shapes": [CURSOR]}}
-
-
-def lane_words(label: str, time: np.ndarray, outputs: int, trims: bool) -> str:
-    thinned = f", some of {outputs} output times" if len(time) < outputs else ""
-    kept = "" if trims else " Nobody trims here: every source is retained at all times."
-    return (
-        f"{label}. Shown every {time[1] - time[0]:.3g} s{thinned}; a path is a smooth curve through"
-        f" its places. A triangle points where a vehicle heads.{kept}"
-    )
-
-
-def lane_graph(results: Results, one: Watched, cell: Cell) -> Digraph:
-    """The graph of a lane, which may differ from the cell's graph."""
-    if not cell.scenario.topology.differs():
-        return situation_of(cell.scenario).graph
-    from jaxnet.lanes.jobs import job, source_of
-
-    made = job(cell.scenario, source_of(results.study.config, cell.scenario), [one.sample])
-    return hearing.graph_of(
-        np.asarray(made.network.hearing.sources), np.asarray(made.inputs.lane.weights[0])
-    )
 
 
 def lane_label(results: Results, one: Watched, cell: Cell) -> str:
@@ -318,17 +272,3 @@ def lane_label(results: Results, one: Watched, cell: Cell) -> str:
     told = "none, it failed" if np.isnan(error) else f"{error_text(error, size)} m"
     word = "spread" if cell.scenario.leaderless else "tail mean"
     return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): {word} {told}"
-
-
-def headings(states: xr.DataArray) -> Float[np.ndarray, "times m"]:
-    """Direction of motion of each vehicle [°], counterclockwise from x.
-
-    A vehicle that drives backwards moves against its heading. Without a heading in the states, the
-    path's direction serves.
-    """
-    names, values = states["state"].values.tolist(), states.values
-    if {"heading", "speed"} <= set(names):
-        heading, speed = (values[..., names.index(name)] for name in ("heading", "speed"))
-        return np.degrees(heading + np.pi * (speed < 0))
-    dx, dy = np.gradient(values[..., 0], axis=0), np.gradient(values[..., 1], axis=0)
-    return np.degrees(np.arctan2(dy, dx))

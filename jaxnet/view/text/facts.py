@@ -23,7 +23,6 @@ from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.theorems import OF_LAWS, values
 from jaxnet.theory.tolerance import VehiclesAlone
 
-
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_NAMED_VEHICLES = 60
 MOST_NAMED_SETS = 12

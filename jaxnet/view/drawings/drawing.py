@@ -1,0 +1,126 @@
+"""A drawing as data: panels of series on common axes.
+
+`figures.printed` makes a matplotlib figure of it, `page.plots` makes plotly figures.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from jaxnet.config.naming import labels_title
+from jaxnet.statistics.groups import Label
+from jaxnet.view.columns import is_rounding
+from jaxnet.view.figures import style
+from jaxnet.view.text.width import four_digits
+
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
+
+
+class Look(NamedTuple):
+    """Colour and dashes of a line, its width and the size of its markers [pt].
+
+    Dashes are lengths on and off, in widths of the line. A marker is a letter of matplotlib's.
+    """
+
+    color: Any = style.BLUE
+    dash: tuple[float, ...] = ()
+    marker: str = ""
+    width: float = 1.0
+    size: float = 3.5
+    hollow: bool = False
+
+
+LOOKS = [Look(color, dash) for color, dash in style.SERIES_LOOKS]
+
+
+class Trace(NamedTuple):
+    """Points of one name: a "line", "steps", "points", "both", or a "band" from `low` to `high`.
+
+    Error bars reach from `low` to `high`: along y, along x in a drawing of named rows. They are all
+    that is seen of a "range". A "level" is a line across the panel. Values are as computed; what a
+    log axis lacks stands at its end, but for a "slope", which leaves the axis.
+    """
+
+    name: str
+    look: Look
+    x: Any
+    y: Any
+    form: str = "line"
+    low: Any = None
+    high: Any = None
+    cells: Sequence[int] | None = None  # of each point
+    of_page: bool = False  # left out in print
+
+
+class Tiles(NamedTuple):
+    """Numbers over two axes of names: the cells, what stands in each tile, and what it tells."""
+
+    cells: Int[np.ndarray, "rows columns"]  # below 0: none
+    values: Float[np.ndarray, "rows columns"]
+    short: Any  # texts of few digits
+    full: Any  # texts as in tables
+    intervals: Any
+    told: Any
+
+
+class Scale(NamedTuple):
+    """An axis. Names stand at 0, 1, …, on y from the top; `ticks` where there is room for them."""
+
+    title: str
+    ends: tuple[float, float] | None = None
+    log: bool = False
+    share: bool = False
+    whole: bool = False
+    names: Sequence[str] = ()
+    ticks: Sequence[Any] = ()
+
+
+class Panel(NamedTuple):
+    """A panel about some cells, with words in its middle if it is empty."""
+
+    labels: Mapping[str, Label]
+    cells: Sequence[int]
+    series: Sequence[Trace]
+    words: str = ""
+    tiles: Tiles | None = None
+
+
+class Drawing(NamedTuple):
+    """Panels on common axes, what all of them leave open, and what is left out."""
+
+    panels: Sequence[Panel]
+    x: Scale
+    y: Scale
+    notes: Sequence[str] = ()
+    key: str = ""  # title of the legend
+    beside: int = 1  # series side by side in a named row
+    there: tuple[int, str] | None = None  # how many of a noun there are, if not these panels
+    where: str = "cells.csv"  # what holds all
+    left_out: Sequence[tuple[int, int, str]] = ()  # further ones drawn, there, and their noun
+    colours: Scale | None = None  # of tiles
+    blank: str = ""  # why tiles have no number
+
+
+def distinct_titles(labels: Sequence[Mapping[str, Label]]) -> tuple[list[str], str]:
+    """A title for each panel or row, of the labels that differ, and a note of the others."""
+    common = {}
+    if len(labels) > 1:
+        common = {k: v for k, v in labels[0].items() if all(v == each[k] for each in labels)}
+    titles = [labels_title({k: v for k, v in each.items() if k not in common}) for each in labels]
+    return titles, f"all with {labels_title(common)}" if common else ""
+
+
+def three_digits(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.3g}"
+
+
+def error_text(value: float, scale: float = 1.0) -> str:
+    """An error, or an error per ā with scale 1; below rounding "0 (rounding)".
+
+    An unknown scale counts as 1 m. A scale of 0 switches the test for rounding off.
+    """
+    if is_rounding(value, scale):
+        return "0 (rounding)"
+    return "∞" if value == np.inf else four_digits(value)

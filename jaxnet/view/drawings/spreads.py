@@ -1,0 +1,146 @@
+"""How lanes spread: tail errors by cell, errors over time, errors by vehicle."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from jaxnet.config.cells import Cell, is_leaderless, judged_metric
+from jaxnet.config.keys import Recovery
+from jaxnet.statistics.bands import Band, bands_span
+from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, magnitude_words
+from jaxnet.statistics.groups import Group
+from jaxnet.statistics.quantities import SPREAD_WORDS
+from jaxnet.statistics.recovery import share_definition, threshold
+from jaxnet.store import rows
+from jaxnet.store.results import Results
+from jaxnet.view.drawings.drawing import (
+    LOOKS,
+    Drawing,
+    Look,
+    Panel,
+    Scale,
+    Trace,
+    distinct_titles,
+)
+from jaxnet.view.figures import style
+
+JUDGED_WORDS = {
+    "tail_mean": "mean error over the tail and the vehicles [m]",
+    "spread": "spread of honest vehicles over the tail [m]",
+}
+MOST_TAIL_ROWS = 24  # cells that one figure takes
+MOST_DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other
+MOST_MAGNITUDES = 3  # of ā shown in one panel: the least, a middle one and the greatest
+JITTER = 0.22  # of a row
+QUANTILES_WORDS = "5 to 95 % of lanes"
+GREATEST = Look(style.RED, (4, 2), width=0.9)
+DOT, MIDDLE = Look(style.SKY, marker=".", size=3), Look(style.BLACK, marker="D", size=4)
+VEHICLE = Look(style.BLACK, marker="o", size=3)
+ATTACKED_VEHICLE = Look(style.ORANGE, marker="s", size=4)
+VEHICLE_RANGE, VEHICLE_MAXIMUM = Look(style.SKY, width=3), Look(style.GREY, marker="_", size=5)
+LIMIT = Look(style.RED, (4, 1.5), width=0.8)
+
+
+def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
+    """The judged metric of the lanes that ended: a row per cell, a dot per lane."""
+    metric, shown = judged_metric(cells), cells[:MOST_TAIL_ROWS]
+    places = {cell.number: place for place, cell in enumerate(shown)}
+    series, is_cut = [], False
+    for cell, lanes in results.by_cell(metric, where=rows.OK, cells=places):
+        is_cut |= bool((lanes[metric] < LOG_FLOOR).any())
+        values, row = lanes[metric].to_numpy().clip(LOG_FLOOR, GREATEST_SHOWN), [places[cell]]
+        dots = thin_by_rank(values)
+        jitter = np.random.default_rng(0).uniform(-JITTER, JITTER, len(dots))
+        low, median, high = np.quantile(values, [[0.05], [0.5], [0.95]])
+        series += [
+            Trace("", DOT, dots, row + jitter, "points"),
+            Trace("", MIDDLE, median, np.array(row), "points", low, high),
+        ]
+    titles, common = distinct_titles([cell.labels for cell in shown])
+    many = max(results.samples) > MOST_DOTS
+    dot = f"{MOST_DOTS:,} dots evenly by rank" if many else "one dot per lane"
+    notes = [common, f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
+    notes += [f"values below {LOG_FLOOR:g} m are drawn there"] * is_cut
+    panel, x = Panel({}, [*places], series), Scale(JUDGED_WORDS[metric], log=True)
+    y = Scale("", names=titles)
+    return Drawing([panel], x, y, notes, there=(len(cells), "cells"), where="lanes/")
+
+
+def thin_by_rank(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dots"]:
+    """At most MOST_DOTS sorted values, evenly spaced in rank, with minimum and maximum."""
+    ranks = np.linspace(0, len(values) - 1, min(len(values), MOST_DOTS)).round().astype(int)
+    return np.sort(values)[ranks]
+
+
+def bands_drawing(
+    groups: Sequence[Group], bands: Mapping[int, Band], label: str, by_size: bool = True
+) -> Drawing:
+    """Errors over time: a panel per group of cells that differ only in ā, a colour per ā.
+
+    Without `by_size` a group is one cell, and its curves are named by what they are.
+    """
+    panels, looks = [], dict[str, Look]()
+    for group in groups:
+        few = np.linspace(0, len(group.cells) - 1, min(MOST_MAGNITUDES, len(group.cells)))
+        chosen = [group.cells[place] for place in np.unique(few.round().astype(int))]
+        series: list[Trace] = []
+        for cell in chosen:
+            name = magnitude_words(cell) if by_size else "median of lanes"
+            look = looks.setdefault(name, LOOKS[len(looks) % len(LOOKS)])
+            if cell.number in bands:
+                greatest = look._replace(dash=(), width=0.5) if by_size else GREATEST
+                series += band_series(bands[cell.number], name, look, greatest)
+        panels.append(Panel(group.labels, [cell.number for cell in group.cells], series))
+    notes = [SPREAD_WORDS] * is_leaderless(groups[0].cells)
+    sizes = max(len(group.cells) for group in groups)
+    left_out = [(min(MOST_MAGNITUDES, sizes), sizes, "sizes ā")]
+    y = Scale(label, bands_span(bands) if bands else None, log=True)
+    there = len(groups), "groups"
+    return Drawing(panels, Scale("t [s]"), y, notes, there=there, where="errors.zarr",
+                   left_out=left_out)  # fmt: skip
+
+
+def band_series(band: Band, name: str, look: Look, greatest: Look | None = None) -> list[Trace]:
+    """Median, 5 to 95 % and maximum of one cell; one lane is a line."""
+    middle = Trace(name, look, band.time, band.median)
+    if band.lanes == 1:
+        return [middle._replace(name=name.replace("median of lanes", "one lane"))]
+    found = [Trace(QUANTILES_WORDS, look, band.time, None, "band", band.low, band.high)]
+    if greatest is not None:
+        found.append(Trace("maximum", greatest, band.time, band.greatest))
+    return [*found, middle]
+
+
+def vehicles_drawing(
+    found: pd.DataFrame, cells: Sequence[Cell], recovery: Recovery | None
+) -> Drawing:
+    """The rows of `vehicle_table`, a panel per cell, with the threshold of a recovery.
+
+    Attacked vehicles, where a study lists them, are squares.
+    """
+    panels, limits = [], [threshold(cell, recovery) for cell in cells]
+    for cell, limit in zip(cells, limits, strict=True):
+        mine: Any = found[found["cell"] == cell.number]
+        columns = mine[["vehicle", "low", "median", "q95", "greatest"]].to_numpy(dtype=float)
+        at, low, median, high, greatest = np.maximum(LOG_FLOOR, columns.T)
+        lied = np.isin(at, cell.scenario.attack.targets())
+        series = [
+            Trace("5 to 95 %", VEHICLE_RANGE, at, median, "range", low, high),
+            Trace("maximum", VEHICLE_MAXIMUM, at, greatest, "points"),
+            Trace("median of lanes", VEHICLE, at[~lied], median[~lied], "points"),
+            Trace("of an attacked vehicle", ATTACKED_VEHICLE, at[lied], median[lied], "points"),
+        ]
+        if np.isfinite(limit):
+            ends = np.array([0.5, cell.scenario.vehicles + 0.5])
+            series.append(Trace("threshold of recovery", LIMIT, ends, np.full(2, limit), "level"))
+        panels.append(Panel(cell.labels, [cell.number], series))
+    known = recovery is not None and np.isfinite(limits).any()
+    notes = [share_definition(recovery, cells)] if recovery is not None and known else []
+    y = Scale("mean error over the tail [m]", log=True)
+    there = len(cells), "cells"
+    return Drawing(
+        panels, Scale("vehicle", whole=True), y, notes, there=there, where="vehicles.zarr"
+    )

@@ -1,0 +1,85 @@
+"""A quantity against a swept key: a colour per value of a second key, panels for the others.
+
+Numbers are on x. Other values have a named row each, and the quantity is across.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+from jaxnet.config.cells import Cell
+from jaxnet.config.naming import key_name, quantity, value_alone
+from jaxnet.statistics.axes import (
+    Axes,
+    by_hue,
+    geometric,
+    numeric,
+    on_a_scale,
+    ordered_values,
+    panels_of,
+)
+from jaxnet.statistics.groups import Label
+from jaxnet.statistics.quantities import VALUE_COLUMNS, Quantity
+from jaxnet.view.drawings.drawing import (
+    LOOKS,
+    MARKERS,
+    Drawing,
+    Look,
+    Panel,
+    Scale,
+    Trace,
+)
+
+ROW_SHARE = 0.7  # of a named row, that its colours take
+
+
+def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing:
+    x, values = axes.x, ordered_values(cells, axes.x)
+    numbers = x is not None and on_a_scale(values)
+    hues = ordered_values(cells, axes.hue)
+    looks = hue_looks(hues)
+    names = [value_alone(axes.hue, hue) for hue in hues] if axes.hue else [""]
+    across = Scale(quantity(x) if x else "", log=numbers and geometric(values), ticks=values)
+    rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""])
+    shown = Scale(found.axis, found.ends, found.log, found.share)
+
+    def series(place: int, mine: Sequence[Cell]) -> Trace:
+        labels = [cell.labels[x] if x else 0 for cell in mine]
+        at: list[Any] = labels if numbers or not x else [*map(values.index, labels)]
+        order = np.argsort(at, kind="stable")
+        about = [mine[n].number for n in order]
+        table = found.values.reindex(about)[VALUE_COLUMNS].to_numpy(dtype=float)
+        value, low, high = table.T
+        where = np.array(at, dtype=float)[order]
+        if numbers:
+            points = where, value, "both"
+        else:
+            shift = ROW_SHARE * ((place + 0.5) / len(looks) - 0.5)
+            points = value, where + shift, "points"
+        return Trace(names[place], looks[place], *points, low, high, about)
+
+    panels = [
+        Panel(
+            labels,
+            [cell.number for cell in mine],
+            [series(place, each) for place, each in enumerate(by_hue(mine, axes, hues)) if each],
+        )
+        for labels, mine in panels_of(cells, axes)
+    ]
+    x_scale, y_scale = (across, shown) if numbers else (shown, rows)
+    key = key_name(axes.hue) if axes.hue else ""
+    return Drawing(panels, x_scale, y_scale, [found.notes], key, len(looks))
+
+
+def hue_looks(values: Sequence[Label]) -> list[Look]:
+    """A look for each value of the hue: few have colours of their own, more numbers a scale."""
+    ramp = numeric(values) and len(values) > len(LOOKS)
+    found = []
+    for place in range(max(1, len(values))):
+        look = LOOKS[place % len(LOOKS)]
+        if ramp:
+            look = Look(mpl.colormaps["viridis"](0.92 * place / (len(values) - 1)))
+        found.append(look._replace(marker=MARKERS[place % len(MARKERS)]))
+    return found

@@ -1,0 +1,320 @@
+"""A drawing in print: small multiples on a page, a legend below them, notes above."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_hex
+from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
+
+from jaxnet.statistics.axes import numeric
+from jaxnet.view.drawings.drawing import Drawing, Look, Scale, Tiles, Trace
+from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
+from jaxnet.view.figures import multiples, style
+from jaxnet.view.figures.style import Figure
+
+BAR_STYLE: dict[str, Any] = {"fmt": "none", "elinewidth": 0.8, "capsize": 1.5}
+MOST_BARS = 24  # points of a line that have error bars; more have a band
+DODGE = 0.012  # of the axis, between neighbouring colours
+ROW_OF_SERIES = 0.13  # [in] of a named row, for each of its series
+TITLE_ROOM = 0.35  # [in] of a panel of named rows
+LEAST_ROWS_WIDTH = 1.3  # [in] of a panel of named rows
+MOST_ROWS_PANELS = 4  # of named rows, side by side
+TILE_SIZES = (0.36, 0.26), (0.24, 0.17)  # [in] of a tile with its interval, and without
+LEAST_TILE = 0.2, 0.1  # [in] of a tile whose number can be read
+DIGIT_WIDTH, TILE_PAD = 0.05, 0.04  # [in] of a letter in a tile, and of what is beside its number
+TILE_LETTERS = 12  # of a line of a column's name
+COLOUR_BAR_ROOM = 0.35  # [in]
+HATCHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////"}
+MOST_VALUE_TICKS = 8  # values of x, where ticks stand at them
+TICK_GAP = 0.06  # [in] between labels of ticks
+DIGIT_OF_TICK, DOT_OF_TICK = 0.64, 0.32  # of the size of the type, the widths of letters
+PANEL_FRAME = 0.55, 0.12  # [in] beside the panels of a row, and between two of them
+ROOM_FOR_TWENTIES = 1.25  # [in] of an axis of shares with ticks at 0, 20 to 100
+TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
+DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
+MOVED_NOTE = "points are moved sideways to part them"
+LEGEND_LINE = 0.16  # [in]
+LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 14.5, 9  # of a legend, and of an entry's handle
+
+
+class Layout(NamedTuple):
+    """Panels of a page: how many, side by side, their height, and named rows beside them [in]."""
+
+    shown: int
+    most: int
+    height: float
+    margin: float = 0.0
+    rows: Sequence[str] = ()
+
+
+def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
+    """Draw as many panels and named rows as a page holds."""
+    handles, columns, below = legend_of(drawing, width)
+    page = layout_of(drawing, width, below)
+    panels, rows = drawing.panels[: page.shown], page.rows
+    labels = [panel.labels for panel in panels]
+    titles, sizes = (drawing.x.title, drawing.y.title), (page.height, page.most, page.margin)
+    drawn, axes = multiples.panel_grid(labels, *titles, width, *sizes)
+    below += COLOUR_BAR_ROOM * (drawing.colours is not None)
+    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + below))
+    across = multiples.panel_columns(labels, page.most)
+    room = (width - page.margin - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
+    is_moved = False
+    for place, panel in zip(axes, panels, strict=True):
+        for number, series in enumerate(each for each in panel.series if not each.of_page):
+            moved = dodge(number, len(panel.series), drawing.x) if series.form == "both" else (1, 0)
+            is_moved |= moved != (1, 0)
+            if rows:
+                draw_series(place, seen_of(series, len(rows)), drawing.x, rows=True)
+            else:
+                draw_series(place, series, drawing.y, moved)
+        if panel.tiles is not None and drawing.colours is not None:
+            along = (width - page.margin) / across / len(drawing.x.names)
+            size = along, (page.height - TITLE_ROOM) / len(rows)
+            draw_tiles(place, panel.tiles, colour_norm(drawing.colours), size)
+        if panel.words:
+            place.text(0.5, 0.5, panel.words, transform=place.transAxes, ha="center", color="0.4")
+    if rows:
+        axes[0].set_yticks(range(len(rows)) if any(rows) else [], rows if any(rows) else [])
+        axes[0].set_ylim(len(rows) - 0.5, -0.5)
+        for place in axes:
+            place.grid(False, axis="y")
+    else:
+        set_scale(axes[0], drawing.y, "y", page.height)
+    set_scale(axes[0], drawing.x, "x", room)
+    if drawing.colours is not None:
+        bar = ScalarMappable(colour_norm(drawing.colours), COLOUR_MAP)
+        look: dict[str, Any] = {"location": "bottom", "aspect": 50, "shrink": 0.7}
+        drawn.colorbar(bar, ax=drawn.axes, label=drawing.colours.title, **look)
+    if drawing.blank:
+        hatched = Patch(label=drawing.blank, linewidth=0, **HATCHED)
+        drawn.legend(handles=[hatched], loc="outside lower right")
+    if handles:
+        look = {"title": multiples.escape_dollars(drawing.key)} if drawing.key else {}
+        multiples.write_legend(drawn, handles, columns, ncols=columns, **look)
+    for note in [*drawing.notes, *[MOVED_NOTE] * is_moved]:
+        multiples.write_note(drawn, multiples.escape_dollars(note))
+    there, noun = drawing.there or (len(drawing.panels), "panels")
+    only = len(rows) if rows and len(drawing.panels) == 1 and drawing.there else page.shown
+    multiples.write_left_out(drawn, (only, there, noun), *drawing.left_out, where=drawing.where)
+    return drawn
+
+
+def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
+    """The largest tiles with which all panels fit; rows that do not fit are left out."""
+    labels, names = [panel.labels for panel in drawing.panels], drawing.y.names
+    if not names:
+        return Layout(multiples.panels_fitting(labels, width), multiples.panels_across(width),
+                      multiples.PANEL_HEIGHT)  # fmt: skip
+    rows = [multiples.wrapped(name, multiples.LETTERS_PER_INCH * width / 3) for name in names]
+    longest = max(len(line) for name in rows for line in name.split("\n"))
+    margin = longest / multiples.LETTERS_PER_INCH
+    least = multiples.LINE_HEIGHT * max(1 + name.count("\n") for name in rows)
+    room = style.GREATEST_HEIGHT - multiples.AXIS_ROOM - TITLE_ROOM - below
+    if drawing.colours is None:
+        row = max(multiples.ROW_HEIGHT, ROW_OF_SERIES * drawing.beside, least)
+        rows = rows[: int(room / row)]
+        height = row * len(rows) + TITLE_ROOM
+        most = max(1, min(MOST_ROWS_PANELS, int((width - margin) / LEAST_ROWS_WIDTH)))
+        shown = multiples.panels_fitting(labels, width, height, most)
+        return Layout(shown, most, height, margin, rows)
+    margin, found = margin + TITLE_ROOM, None
+    for across, up in TILE_SIZES:
+        most = max(1, int((width - margin) / (across * len(drawing.x.names) + PANEL_FRAME[1])))
+        height = min(max(up, least) * len(rows), room) + TITLE_ROOM
+        shown = multiples.panels_fitting(labels, width, height, most)
+        found = Layout(shown, most, height, margin, rows)
+        if shown == len(labels):
+            break
+    assert found is not None
+    return found
+
+
+def seen_of(series: Trace, rows: int) -> Trace:
+    """A series without what lies below the last named row."""
+    seen = series.y < rows - 0.5
+    ends = [end if end is None else end[seen] for end in (series.low, series.high)]
+    return series._replace(x=series.x[seen], y=series.y[seen], low=ends[0], high=ends[1])
+
+
+def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int, float]:
+    """Handles of the legend, its columns, and its height [in]; an entry of many colours is grey."""
+    named: dict[str, list[Trace]] = {}
+    for panel in drawing.panels:
+        for series in panel.series:
+            if series.name and not series.of_page:
+                named.setdefault(series.name, []).append(series)
+    if not named:
+        return [], 1, 0.0
+    room = int(LEGEND_LETTERS_PER_INCH * width / multiples.type_scale("legend.fontsize"))
+    labels = [multiples.wrapped(name, room - HANDLE_LETTERS) for name in named]
+    widths = [max(map(len, label.split("\n"))) + HANDLE_LETTERS for label in labels]
+    columns, rows = 1, len(named)
+    for columns in range(len(named), 0, -1):
+        rows = -(-len(named) // columns)
+        if sum(max(widths[n : n + rows]) for n in range(0, len(named), rows)) <= room:
+            break
+    handles: list[Line2D | Patch] = []
+    for label, (one, *others) in zip(labels, named.values(), strict=True):
+        many = any(each.look.color != one.look.color for each in others)
+        look = one.look._replace(color="0.5") if many else one.look
+        if one.form == "band":
+            handles.append(Patch(color=look.color, alpha=0.25, linewidth=0, label=label))
+        else:
+            handles.append(Line2D([], [], label=label, **line_style(look, one.form)))
+    lines = rows * max(1 + label.count("\n") for label in labels)
+    return handles, columns, LEGEND_LINE * (lines + bool(drawing.key))
+
+
+def line_style(look: Look, kind: str) -> dict[str, Any]:
+    found: dict[str, Any] = {"color": look.color, "linewidth": look.width, "linestyle": "none"}
+    if kind != "points":
+        found["linestyle"] = (0, look.dash) if look.dash else "-"
+    if look.marker:
+        found |= {"marker": look.marker, "markersize": look.size}
+    return found | ({"markerfacecolor": "white"} if look.hollow else {})
+
+
+def draw_series(
+    panel: Axes,
+    series: Trace,
+    scale: Scale,
+    moved: tuple[float, float] = (1.0, 0.0),
+    rows: bool = False,
+) -> None:
+    """Draw a series on a scale of its values, which are along x in `rows`.
+
+    The others are moved by a factor and a shift along x.
+    """
+    look = series.look
+
+    def within(values: Any) -> Any:
+        floor = scale.log and scale.ends and series.form != "slope"
+        least = scale.ends[0] if floor and scale.ends else -np.inf
+        return None if values is None else np.maximum(values, least)
+
+    low, high = within(series.low), within(series.high)
+    x = within(series.x) if rows else series.x * moved[0] + moved[1]
+    y = series.y if rows else within(series.y)
+    if series.form == "band" or (series.form == "both" and len(x) > MOST_BARS):
+        alpha = 0.2 if series.form == "band" else 0.15
+        panel.fill_between(x, low, high, color=look.color, alpha=alpha, linewidth=0)
+    elif series.form == "range":
+        panel.vlines(x, low, high, color=look.color, linewidth=look.width)
+    elif low is not None:
+        value = x if rows else y
+        ends = np.nan_to_num(np.stack([value - low, high - value]).clip(min=0))
+        panel.errorbar(x, y, **{"xerr" if rows else "yerr": ends}, ecolor=look.color, **BAR_STYLE)
+    if series.form in ("band", "range"):
+        return
+    if series.form == "level":
+        panel.axhline(y[0], **line_style(look, series.form))
+        return
+    if series.form == "steps":
+        panel.step(x, y, where="post", **line_style(look, series.form))
+        return
+    is_mark = series.form in ("points", "both") and look.marker != "."
+    front = {"clip_on": False, "zorder": 3} if is_mark else {}
+    panel.plot(x, y, **line_style(look, series.form), **front)
+
+
+def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, float]) -> None:
+    """Draw one map of tiles of a size [in]; those without a value are hatched.
+
+    Small tiles have no interval, and no number where none could be read.
+    """
+    down, along = tiles.values.shape
+    corner = -0.5, -0.5
+    panel.add_patch(Rectangle(corner, along, down, linewidth=0, **HATCHED))
+    shown, edges = (
+        np.ma.masked_invalid(tiles.values),
+        [np.arange(n + 1) - 0.5 for n in (along, down)],
+    )
+    look: dict[str, Any] = {"cmap": COLOUR_MAP, "norm": norm, "edgecolors": "white"}
+    panel.pcolormesh(*edges, shown, linewidth=0.5, **look)
+    panel.grid(False)
+    panel.tick_params(length=0)
+    panel.spines[:].set_visible(False)
+    legible, wide = ((np.array(size) * 1.01 >= each).all() for each in (LEAST_TILE, TILE_SIZES[0]))
+    longest = max(map(len, tiles.full.ravel()))
+    texts = tiles.full if DIGIT_WIDTH * longest + TILE_PAD <= size[0] else tiles.short
+    for (row, column), value in np.ndenumerate(tiles.values):
+        ink = "black" if np.isnan(value) else text_colour(to_hex(COLOUR_MAP(norm(value))))
+        written: dict[str, Any] = {"ha": "center", "color": ink}
+        interval = tiles.intervals[row, column] if wide else ""
+        if interval:
+            panel.text(column, row, interval, fontsize=5, va="top", **written)
+        if legible:
+            at = "bottom" if interval else "center"
+            panel.text(column, row, texts[row, column], fontsize=6, va=at, **written)
+
+
+def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
+    """Factor and shift on x of one colour, so that error bars lie side by side."""
+    values = scale.ticks
+    if many == 1 or len(values) < 2 or len(values) > MOST_BARS:
+        return 1, 0
+    step = (place - (many - 1) / 2) * min(DODGE, 0.6 / len(values) / many)
+    if scale.log:
+        return float((values[-1] / values[0]) ** step), 0
+    return 1, float(step * (values[-1] - values[0]))
+
+
+def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
+    """Set scale, ends and ticks of an axis that has this room [in]."""
+    axis = panel.xaxis if letter == "x" else panel.yaxis
+    if scale.names:
+        axis.set_ticks(
+            range(len(scale.names)), [multiples.wrapped(each, TILE_LETTERS) for each in scale.names]
+        )
+        panel.set_xlim(-0.5, len(scale.names) - 0.5)
+        return
+    if scale.share:
+        panel.set(**{f"{letter}lim": (-4, 104)})
+        axis.set_major_locator(MultipleLocator(20 if room >= ROOM_FOR_TWENTIES else 50))
+    elif scale.log:
+        multiples.log_axis(panel, letter, scale.ends)
+    elif scale.ends:
+        low, high = scale.ends
+        panel.set(**{f"{letter}lim": (0, 1.05 * high or 1.0) if low == 0 else (low, high)})
+        axis.set_major_locator(MaxNLocator(4 if low == 0 else 6))
+    else:
+        panel.autoscale_view()
+        axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10], integer=scale.whole))
+    if 0 < len(scale.ticks) <= MOST_VALUE_TICKS and numeric(scale.ticks):
+        axis.set_ticks(scale.ticks, value_ticks(scale.ticks, scale.log, room))
+        axis.set_minor_locator(NullLocator())
+
+
+def value_ticks(values: Sequence[int | float], log: bool, room: float) -> list[str]:
+    """Labels of ticks at these values on an axis of this room [in], none over another.
+
+    Labels have as many digits as there is room for. Where two are too many, some are empty.
+    """
+    size = FontProperties(size=mpl.rcParams["xtick.labelsize"]).get_size_in_points() / 72
+    given = np.log(values) if log else np.asarray(values, float)
+    places = 0.9 * room * (given - given.min()) / (np.ptp(given) or 1.0)
+    fitting: list[str] = []
+    for digits in DIGITS_OF_TICKS:
+        texts = []
+        for value in values:  # with four digits where these are too few for it
+            short = float(f"{value:.{digits}g}")
+            is_near = abs(short - value) <= TICK_ERROR * abs(value)
+            texts.append(f"{short if is_near else value:.4g}")
+        shown, end = [], -np.inf
+        for place, text in zip(places, texts, strict=True):
+            half = size * (DIGIT_OF_TICK * len(text) - DOT_OF_TICK * text.count(".")) / 2
+            is_clear = place - half >= end + TICK_GAP
+            shown.append(text if is_clear else "")
+            end = place + half if is_clear else end
+        if shown == texts:
+            return texts
+        fitting = max(shown, fitting, key=lambda each: len(list(filter(None, each))))
+    return fitting

@@ -1,0 +1,293 @@
+"""A drawing on the page: a plotly figure a panel, with a key and a pager for all of them.
+
+A colour is a name of the style sheet, such as `--blue`, so that it follows the light. A figure is
+about the cells of its panel; a trace whose `meta` has cells, one a point, shows those chosen.
+"""
+
+import io
+import itertools
+import re
+from collections.abc import Sequence
+from html import escape
+from math import ceil, floor, log10
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib import rc_context
+from matplotlib.colors import to_hex
+
+from jaxnet.config.cells import Cell
+from jaxnet.config.naming import labels_title
+from jaxnet.statistics.curves import LOG_FLOOR
+from jaxnet.view.drawings.drawing import (
+    Drawing,
+    Look,
+    Panel,
+    Scale,
+    Trace,
+    error_text,
+    three_digits,
+)
+from jaxnet.view.drawings.heat import colour_norm, palette
+from jaxnet.view.figures import style
+from jaxnet.view.figures.multiples import panel_columns
+from jaxnet.view.figures.topology import topology_figure
+from jaxnet.view.page.elements import Plot, packed, plain, plots_html
+
+COLOUR_NAMES = ("BLUE", "ORANGE", "GREEN", "RED", "PURPLE", "SKY", "BLACK")
+COLOURS = {getattr(style, name): f"--{name.lower()}" for name in COLOUR_NAMES}
+PLOTLY_SYMBOLS = {
+    "o": "circle",
+    "s": "square",
+    "D": "diamond",
+    "P": "cross",
+    "X": "x",
+    "*": "star",
+    "^": "triangle-up",
+    "v": "triangle-down",
+    "<": "triangle-left",
+    ">": "triangle-right",
+    "p": "pentagon",
+    "h": "hexagon",
+    "_": "line-ew",
+}
+DASH_SCALE, LEAST_DASH = 1.2, 2.0  # [px] of a dash of one width of the line, and of any
+WIDTH_SCALE = 1.6  # [px] of a line of 1 pt
+MARKER_SIZE = 6  # [px]
+TIME_AXIS = {"title": {"text": "t [s]"}, "rangemode": "tozero"}
+LONE_HEIGHT = 340  # [px] of the only panel
+LETTERS = 26  # of a line of a name on an axis
+LOG_ROOM = 1.25  # at the ends of a log axis
+MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
+MOST_COLUMNS = 24  # of all maps in a row
+MOST_INTERVALS = 400  # tiles that have room for theirs
+LINE, LEAST_ROW, ROW_OF_SERIES, FRAME = 36, 26, 13, 34  # [px] of a panel of named rows
+
+
+def plotted(drawing: Drawing) -> str:
+    """The plots of a drawing as HTML."""
+    layout = {"xaxis": axis(drawing, "x"), "yaxis": axis(drawing, "y")}
+    plots = [plot_of(drawing, panel, layout) for panel in drawing.panels]
+    title = f'<p class="key-title">{escape(drawing.key)}</p>' if drawing.key else ""
+    height = LONE_HEIGHT if len(plots) == 1 else 0
+    if names := drawing.y.names:
+        row = max(LEAST_ROW, ROW_OF_SERIES * drawing.beside)
+        lines = on_lines(drawing.x.title).count("<br>") + 1
+        height = FRAME + LINE * lines + row * len(names)
+    return plots_html(
+        plots, panel_columns([panel.labels for panel in drawing.panels]), height, title
+    )
+
+
+def tiled(drawing: Drawing) -> str:
+    """The maps of a drawing as HTML, which arrow keys walk over, with their scale of colours."""
+    assert drawing.colours is not None
+    norm, colours = colour_norm(drawing.colours), [colour for colour, _ in palette()]
+    layout = {}
+    for letter, scale in (("x", drawing.x), ("y", drawing.y)):
+        title = {"title": {"text": plain(scale.title)}, "showgrid": False}
+        layout[f"{letter}axis"] = names_axis(scale.names, falling=letter == "y") | title
+    look = {"type": "heatmap", "zmin": 0, "zmax": 1, "xgap": 1, "ygap": 1, "showscale": False}
+    look |= {"texttemplate": "%{text}", "hoverinfo": "text"}
+    look["colorscale"] = [[n / (len(colours) - 1), colour] for n, colour in enumerate(colours)]
+    few, plots = sum(len(panel.cells) for panel in drawing.panels) <= MOST_INTERVALS, []
+    for panel in drawing.panels:
+        tiles = panel.tiles
+        assert tiles is not None
+        pairs = zip(tiles.short.ravel(), tiles.intervals.ravel(), strict=True)
+        texts = [
+            (text if text.strip("*") else f"–{text}") + f"<br>{interval}" * (few and interval != "")
+            for text, interval in pairs
+        ]
+        shape = tiles.values.shape
+        trace = look | {
+            "z": np.ma.filled(norm(tiles.values), np.nan),
+            "meta": {"cells": tiles.cells},
+        }
+        trace["text"] = np.reshape(texts, shape).tolist()
+        trace["hovertext"] = np.reshape([*map(plain, tiles.told.ravel())], shape).tolist()
+        known = tiles.cells >= 0
+        columns = {"cell": tiles.cells[known], drawing.colours.title: tiles.values[known]}
+        plots.append(Plot(labels_title(panel.labels), panel.cells, [trace], layout, columns))
+    ends = [f"{end:.3g}" for end in drawing.colours.ends or ()]
+    bar = f"<i style='background: linear-gradient(to right, {', '.join(colours)})'></i>"
+    blank = f"<span>no number: {drawing.blank}</span>" if drawing.blank else ""
+    title = escape(drawing.colours.title)
+    key = f'<div class="scale"><span>{title}</span>{ends[0]} {bar} {ends[1]} {blank}</div>'
+    across = max(1, min(len(plots), MOST_COLUMNS // len(drawing.x.names)))
+    drawn = plots_html(plots, across, MAP_FRAME + MAP_ROW * len(drawing.y.names), key, "tiles")
+    return drawn.replace('role="img"', 'role="group" tabindex="0"')
+
+
+def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
+    """A panel; series over a common time are packed, others have their numbers in full for CSV."""
+    about, title, many = [*panel.cells], labels_title(panel.labels), panel.series
+    timed = [each for each in many if each.cells is None and len(each.x) > 2]
+    shared = bool(timed) and all(each.x is timed[0].x for each in many)
+    traces = [trace for each in many for trace in traces_of(drawing, each, shared)]
+    if shared:
+        saved = (["q05", "q95"] if each.form == "band" else [each.name] for each in many)
+        names = [*itertools.chain.from_iterable(saved)]
+        extra = {"x": packed(timed[0].x), "names": names, "floor": LOG_FLOOR}
+        return Plot(title, about, traces, layout, {}, extra)
+    found, names = [], drawing.y.names
+    for series in many:
+        rows = [names[round(place)] for place in series.y] if names else series.y
+        columns = {drawing.key or "series": series.name, drawing.x.title: series.x}
+        columns |= {drawing.y.title or "row": rows}
+        columns |= {"low": series.low, "high": series.high, "cell": series.cells}
+        given = {name: each for name, each in columns.items() if each is not None}
+        found.append(pd.DataFrame(given))
+    columns = dict(pd.concat(found).dropna(axis="columns", how="all"))
+    return Plot(title, about, traces, layout, columns)
+
+
+def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str, Any]]:
+    """A trace, or the two edges of a band."""
+    look = series.look
+    if series.form == "band":
+        look, edges = look._replace(width=0.0), []
+        for name, end in (("5 %", series.low), ("95 %", series.high)):
+            edges.append(line_trace(series.name, look, [], packed(end), f"{name} %{{y:.3~g}}"))
+        filled = {"fill": "tonexty", "fillcolor": "--band"}
+        return [edges[0] | {"showlegend": False}, edges[1] | filled]
+    if is_packed:
+        hover = f"{plain(series.name)} %{{y:.3~g}} m at %{{x:.3~g}} s"
+        return [line_trace(series.name, look, [], packed(series.y), hover)]
+    rows = bool(drawing.y.names)
+    scale = drawing.x if rows else drawing.y
+
+    def within(values: Any) -> Any:
+        floor = scale.log and scale.ends and series.form != "slope"
+        return np.maximum(values, scale.ends[0]) if floor and scale.ends else values
+
+    x, y = (within(series.x), series.y) if rows else (series.x, within(series.y))
+    found = line_trace(series.name, look, x, y, "%{text}")
+    found["text"] = hints(drawing, series)
+    if series.form in ("points", "both"):
+        symbol = PLOTLY_SYMBOLS[look.marker] + "-open" * (look.hollow or look.marker == "_")
+        found["mode"] = "markers" if series.form == "points" else "lines+markers"
+        found["marker"] = {"color": found["line"]["color"], "symbol": symbol, "size": MARKER_SIZE}
+        found["connectgaps"] = True
+    if series.form == "steps":
+        found["line"]["shape"] = "hv"
+    if series.low is not None:
+        middle = x if rows else y
+        above, below = within(series.high) - middle, middle - within(series.low)
+        bars = {"symmetric": False, "array": np.nan_to_num(above), "thickness": 1.3, "width": 2}
+        bars |= {"arrayminus": np.nan_to_num(below), "color": found["line"]["color"]}
+        found["error_x" if rows else "error_y"] = bars
+    if series.cells is not None:
+        found["meta"] = {"cells": series.cells}
+    return [found]
+
+
+def hints(drawing: Drawing, series: Trace) -> list[str]:
+    """What each point tells: its series, its place, and its value with the interval."""
+    rows = bool(drawing.y.names)
+    scale, across = (drawing.x, drawing.y) if rows else (drawing.y, drawing.x)
+    values, at = (series.x, series.y) if rows else (series.y, series.x)
+    unit = scale.title.rpartition("[")[2].removesuffix("]") if "[" in scale.title else ""
+    nothing = np.full(len(values), np.nan)
+    ends = zip(*(nothing if end is None else end for end in (series.low, series.high)), strict=True)
+    found = []
+    for place, value, (low, high) in zip(at, values, ends, strict=True):
+        where = across.names[int(place + 0.5)] if rows else f"{across.title}: {three_digits(place)}"
+        told = f"{error_text(value)} {unit}".replace("nan", "–")
+        if not np.isnan([low, high]).all():
+            told += f" ({error_text(low)} to {error_text(high)} {unit})".replace("nan", "?")
+        found.append("<br>".join(map(plain, filter(None, [series.name, where, told]))))
+    return found
+
+
+def line_trace(name: str, look: Look, x: Any, y: Any, hover: str = "") -> dict[str, Any]:
+    """A line; `hover` is a template of what a point tells."""
+    code = to_hex(look.color).upper()
+    colour = COLOURS.get(code, "--muted" if code == style.GREY else code)
+    line: dict[str, Any] = {"color": colour, "width": WIDTH_SCALE * look.width}
+    if look.dash:
+        line["dash"] = ",".join(f"{max(LEAST_DASH, DASH_SCALE * each):.3g}px" for each in look.dash)
+    found = {"type": "scatter", "name": plain(name), "x": x, "y": y, "mode": "lines"}
+    found |= {"line": line, "cliponaxis": False}
+    return found | (
+        {"hovertemplate": f"{hover}<extra></extra>"} if hover else {"hoverinfo": "skip"}
+    )
+
+
+def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
+    """An axis of names, of decades, of few round numbers, or of linear numbers."""
+    scale: Scale = getattr(drawing, letter)
+    if scale.names:
+        return names_axis(scale.names, falling=letter == "y")
+    title = {"title": {"text": on_lines(scale.title)}}
+    low, high = scale.ends or reach_of(drawing, letter)
+    if scale.log:
+        room = LOG_ROOM if letter == "x" else 1.0
+        return decades_axis(low / room, high * room) | title
+    if not scale.ends and not scale.ticks:
+        return {"rangemode": "tozero"} | title
+    room = 0.04 * ((high - low) or 1.0)
+    return {"range": [low - room, high + room], "nticks": 6} | title
+
+
+def reach_of(drawing: Drawing, letter: str) -> tuple[float, float]:
+    """Least and greatest number of all series along an axis without fixed ends."""
+    parts = [getattr(series, letter) for panel in drawing.panels for series in panel.series]
+    known = np.concatenate([np.asarray(part, float) for part in parts if part is not None])
+    known = known[np.isfinite(known)]
+    return float(known.min()), float(known.max())
+
+
+def decades_axis(low: float, high: float) -> dict[str, Any]:
+    """A log axis with ticks at powers of ten; between other ends with room, and ticks if short."""
+    is_short = False
+    if any(abs(log10(end) - round(log10(end))) > 1e-9 for end in (low, high)):
+        low, high = low / LOG_ROOM, high * LOG_ROOM
+        is_short = log10(high / low) <= 2
+    first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
+    digits: tuple[int, ...] = ((1, 3) if high > 10 * low else (1, 2, 5)) if is_short else (1,)
+    powers = range(first - is_short, last + 1, 2 if last - first > 4 else 1)
+    ticks = [f"{digit}e{power}" for power in powers for digit in digits]
+    return {
+        "type": "log",
+        "range": [log10(low), log10(high)],
+        "tickvals": [float(tick) for tick in ticks],
+        "ticktext": [power_text(tick) for tick in ticks],
+    }
+
+
+def power_text(number: str) -> str:
+    """A number such as 3e-7, in decimals where it is short."""
+    digit, power = number.split("e")
+    if -4 < int(power) < 5:
+        return f"{float(number):g}"
+    return f"{digit}·".removeprefix("1·") + f"10<sup>{power}</sup>".replace("-", "−")
+
+
+def names_axis(names: Sequence[str], falling: bool) -> dict[str, Any]:
+    """An axis of names at 0, 1, …, from the top if `falling`."""
+    ends = [-0.5, len(names) - 0.5]
+    return {
+        "tickvals": [*range(len(names))],
+        "ticktext": [on_lines(name) for name in names],
+        "range": ends[::-1] if falling else ends,
+    }
+
+
+def on_lines(name: str) -> str:
+    """A name as plotly's HTML, on several short lines."""
+    return "<br>".join(plain(line) for line in wrap(name, LETTERS, break_on_hyphens=False))
+
+
+def networks_html(cells: Sequence[Cell]) -> str:
+    """The figure of the networks as SVG, in the colours of the style sheet."""
+    content = io.BytesIO()
+    with rc_context({**style.PRINT_STYLE, "svg.fonttype": "none"}):
+        topology_figure(cells).savefig(content, format="svg")
+    drawn = re.sub(r"<(metadata|style).*?</\1>", "", content.getvalue().decode(), flags=re.DOTALL)
+    drawn = drawn[drawn.index("<svg") :].replace("<svg", '<svg role="img" aria-label="networks"', 1)
+    for colour, name in {**COLOURS, "#ffffff": "--paper", "#262626": "--text"}.items():
+        drawn = drawn.replace(colour.lower(), f"var({name})")
+    return f'<div class="networks">{drawn}</div>'
