@@ -29,7 +29,7 @@ from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
-from jaxnet.model.strength import RowStrength, WeightsAsTheyAre, WithOwnWeight
+from jaxnet.model.retained import RowStrength, WeightsAsTheyAre, WithOwnWeight
 from jaxnet.networks import GREATEST_EDGE_WEIGHT
 
 # Least relative weight of a link: below it 1 - w rounds to 1, and L is singular
@@ -318,9 +318,9 @@ class Unweighted(Graph):
         """The relative weights of the neighbours, and their sums."""
         if self.weighting == "uniform":
             parts = (links.heard & (links.sources > 0)).astype(float)
-            return parts, parts.sum(axis=1)
-        parts = graph.metropolis(links)
-        return parts, graph.totals(links.sources - 1, parts, links.vehicles)
+        else:
+            parts = graph.metropolis(links)
+        return parts, parts.sum(axis=1)
 
     def weights(self, vehicles):
         """The weights by the rule; for a graph drawn lane by lane, those of one such graph."""
