@@ -23,7 +23,7 @@ test-all: check
 # The site, in site/; first the tables of docs/config.md and docs/solvers.md, which are made from the code.
 docs: .venv/ready
 	$(BIN)/python docs/site/keys.py
-	$(BIN)/python -m jaxnet.solvers.choice > docs/solvers.md
+	$(BIN)/python docs/site/solvers.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 .venv/ready: pyproject.toml constraints.txt

@@ -30,19 +30,18 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
 
 from jaxnet.engine import gauss, standstill, stepper, vehicles
 from jaxnet.engine.demand import Signals, signals
 from jaxnet.engine.following import Followed, Following, Scene
 from jaxnet.engine.gauss import Jerks, Window
-from jaxnet.engine.loop import Tick, Ticks
-from jaxnet.engine.moment import Instants, LaneFlags, PerAxis, VehicleFlags
+from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
 from jaxnet.engine.plan import Tolerances
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if, select
 from jaxnet.engine.tick import DecisionState
-from jaxnet.engine.vehicles import PerVehicle, States
+from jaxnet.engine.vehicles import States
 from jaxnet.model import plane
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
@@ -74,24 +73,14 @@ class Task(NamedTuple):
     lane: Lane
     tolerances: Tolerances
     decided: DecisionState
-    followed: Followed
-    jets: Jets
-    time: Instants
+    state: CollocationState
     tick: Instants  # [s] the next one
     limit: Instants  # [s] no window goes on for longer
-    length: Instants
-    steps: Int[Array, " lanes"]
     status: Code
 
 
-class Attempt(NamedTuple):
-    """A window that was tried."""
-
-    window: Window
-    end: Instants  # of the window, or now if the window was refused
-    length: Instants
-    steps: Int[Array, " lanes"]
-    status: Code
+# Of lanes that tried a window: it, its end (now if it was refused), the next length, steps, status.
+Attempt = tuple[Window, Instants, Instants, Int[Array, " lanes"], Code]
 
 
 class Collocation(Following[CollocationState]):
@@ -102,7 +91,7 @@ class Collocation(Following[CollocationState]):
         """Return that each window starts from a guess."""
         return True
 
-    def begin(self) -> CollocationState:
+    def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
         jets = vehicles.outputs(lane, lane.initial, zero)
         still = jnp.zeros((gauss.STAGES, *jets[0].shape))
@@ -116,32 +105,26 @@ class Collocation(Following[CollocationState]):
             followed=self.nothing_followed(),
         )
 
-    def errors(self, state: CollocationState) -> Jets:
+    def errors(self, state):
         return plane.relative(state.jets, state.signals.navigator)
 
-    def states(self, state: CollocationState) -> States:
+    def states(self, state):
         return vehicles.states_of(self.lane, state.jets, state.signals.time)
 
-    def placed(
-        self, state: CollocationState, which: VehicleFlags, states: States
-    ) -> CollocationState:
+    def placed(self, state, which, states):
         rest = vehicles.outputs(self.lane, states, state.signals.time)
         return state._replace(jets=plane.replaced(which, rest, state.jets))
 
-    def pace(
-        self, state: CollocationState, decided: DecisionState
-    ) -> tuple[PerVehicle, PerVehicle]:
+    def pace(self, state, decided):
         known = vehicles.pace_of_jets(self.lane, state.jets)
         return super().pace(state, decided) if known is None else known
 
-    def drive_now(
-        self, state: CollocationState, decided: DecisionState
-    ) -> Float[Array, "2 m lanes"]:
+    def drive_now(self, state, decided):
         """`y‴ + P(ŷ)`, with y‴ of the window that has brought the vehicle here."""
         jerk = state.window.jerk_at(state.signals.time)
         return decided.sensed.drive(self.lane.gain, jerk, state.jets)
 
-    def jerk(self, state: CollocationState, decided: DecisionState) -> PerAxis:
+    def jerk(self, state, decided):
         """Y‴ [m/s³] right after these decisions, by the law; the window ends where they change."""
         followed, now = state.followed, state.signals
         own = decided.sensed.of(state.jets)
@@ -155,9 +138,7 @@ class Collocation(Following[CollocationState]):
         changing = lane.sensor is not None or not lane.exact_words or lane.delay is not None
         return lane.law.needs_ticks() or changing
 
-    def hold(
-        self, state: CollocationState, decided: DecisionState, at: Tick
-    ) -> tuple[CollocationState, LaneFlags]:
+    def hold(self, state, decided, at):
         """Factorise the Laplacian where a weight changed, and end the window there.
 
         Where the law holds a jerk, vehicles exchange the jerk at every tick instead.
@@ -184,9 +165,7 @@ class Collocation(Following[CollocationState]):
         end = jnp.where(flagged, now, state.end)
         return state._replace(followed=followed, end=end, length=length), cut_off
 
-    def advance(
-        self, state: CollocationState, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[CollocationState, Code, LaneFlags]:
+    def advance(self, state, decided, ticks, status):
         """Move lanes to the next tick or to the end of their window; lanes without one try windows.
 
         Lanes without a window wait until WIDTH of them are there, or until no other lane can move.
@@ -199,25 +178,13 @@ class Collocation(Following[CollocationState]):
         waiting, movable = going & ~moving, moving.any()
         ready = jnp.where(movable, waiting.sum() // WIDTH * WIDTH, waiting.sum())
         limit = goal if self.at_every_tick else horizon
-        task = Task(
-            lane,
-            self.numbers,
-            decided,
-            state.followed,
-            state.jets,
-            time,
-            goal,
-            limit,
-            state.length,
-            state.steps,
-            status,
-        )
+        task = Task(lane, self.numbers, decided, state, goal, limit, status)
 
         def some(few: LaneIndices, known: Attempt) -> Attempt:
             found = self.attempt(jax.tree.map(lambda leaf: picked(leaf, few), task))
-            return jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), known, found)
+            return jax.tree.map(lambda every, theirs: put(every, few, theirs), known, found)
 
-        known = Attempt(state.window, state.end, state.length, state.steps, status)
+        known = state.window, state.end, state.length, state.steps, status
         known = for_each(waiting & (jnp.cumsum(waiting) <= ready), WIDTH, some, known)
         window, end, length, steps, status = known
         state = state._replace(window=window, end=end, length=length, steps=steps)
@@ -235,10 +202,11 @@ class Collocation(Following[CollocationState]):
 
         A window with a vehicle at a standstill is refused too, until it ends before the next tick.
         """
-        end = stepper.towards(task.limit, task.time, task.length)
-        spent = task.steps >= task.tolerances.max_steps
-        jerks, error, finite = self.solve(task, end - task.time)
-        window = gauss.window_of(task.time, end - task.time, task.jets, jerks)
+        state, now = task.state, task.state.signals.time
+        end = stepper.towards(task.limit, now, state.length)
+        spent = state.steps >= task.tolerances.max_steps
+        jerks, error, finite = self.solve(task, end - now)
+        window = gauss.window_of(now, end - now, state.jets, jerks)
         fits = ~spent & (error < 1.0)
         stood = stood_in(task.lane, window, end, fits, task.decided)
         kept = fits & ~(stood & (end > task.tick))
@@ -248,45 +216,49 @@ class Collocation(Following[CollocationState]):
         status = fail(task.status, Status.singular, stood & kept)
         status = fail(status, Status.nonfinite, ~spent & stuck & ~finite)
         status = fail(status, Status.max_steps, spent | stuck)
-        steps = task.steps + (~spent).astype(int)
-        return Attempt(window, jnp.where(kept, end, task.time), length, steps, status)
+        steps = state.steps + (~spent).astype(int)
+        return window, jnp.where(kept, end, now), length, steps, status
 
     def solve(self, task: Task, length: Instants) -> tuple[Jerks, Instants, Bool[Array, " few"]]:
         """The jerk at the nodes, the error over the tolerance, and whether all numbers are finite.
 
         The error is infinite where the vehicle's equations do not return jets with derivatives.
         """
-        lane, at = task.lane, np.concatenate([gauss.RULE.nodes, gauss.PLACES])
-        times = jnp.asarray(at)[:, None] * length[None]
-        known = jax.vmap(lambda time: signals(lane, time))(task.time[None] + times)
+        lane, state, decided = task.lane, task.state, task.decided
+        followed, order = state.followed, len(state.jets)
+        places = np.concatenate([gauss.RULE.nodes, gauss.PLACES])
+        times = jnp.asarray(places)[:, None] * length[None]
+        known = jax.vmap(lambda time: signals(lane, time))(state.signals.time[None] + times)
         now = jax.tree.map(lambda leaf: leaf[: gauss.STAGES], known)
-        between = jax.tree.map(lambda leaf: leaf[gauss.STAGES :], known)
-        coasted = gauss.coasted(task.jets, times[: gauss.STAGES])
-        equations = gauss.linear(lane.law.own_gain(lane.gain), length)
-        sizes = tuple(jnp.abs(jet) for jet in task.jets)
+        coasted = gauss.coasted(state.jets, times[: gauss.STAGES])
+        inverse = gauss.linear(lane.law.own_gain(lane.gain), length)
+        at_start = tuple(jnp.abs(jet) for jet in state.jets)
+
+        def over_tolerance(change: Sequence[PerAxis], size: Jets) -> Instants:
+            sizes = jnp.concatenate(size)
+            return stepper.error_norm(jnp.concatenate(change), sizes, task.tolerances)
 
         def guessed(now: Signals, jets: Jets) -> Any:
-            return task.followed.guess(lane, now, task.decided.sensed.of(jets))
+            return followed.guess(lane, now, decided.sensed.of(jets))
 
-        def at_node(now: Signals, jets: Jets, jerk: PerAxis) -> tuple[Any, Jets]:
+        def at_node(now: Signals, jets: Jets, jerk: PerAxis) -> tuple[PerAxis, Jets]:
             return self.rates(task, now, jets, jerk)
+
+        def greatest(each: Jerks) -> PerAxis:
+            return jnp.abs(each).max(axis=0)
 
         def one(carry: Any) -> Any:
             jerks, passes, *known = carry
-            jets = gauss.moved(coasted, length, jerks)
-            found, off = jax.vmap(at_node)(now, jets, jerks)
-            change = equations.solve(found - jerks)
-            largest = tuple(
-                jnp.maximum(a, jnp.abs(b).max(axis=0)) for a, b in zip(sizes, jets, strict=True)
+            moved = gauss.integrated(length, jerks, order)
+            jets = plane.plus(coasted, moved)
+            found, missed = jax.vmap(at_node)(now, jets, jerks)
+            change = gauss.times(inverse, found - jerks)
+            sizes = tuple(jnp.maximum(a, greatest(b)) for a, b in zip(at_start, jets, strict=True))
+            left = over_tolerance(
+                [greatest(each) for each in gauss.integrated(length, change, order)], sizes
             )
-            moves = tuple(
-                jnp.abs(each).max(axis=0) for each in gauss.integrated(length, change, len(sizes))
-            )
-            missed = tuple(each.max(axis=0) for each in off)
-            left, unlike = (
-                over_tolerance(each, largest, task.tolerances) for each in (moves, missed)
-            )
-            new = jerks + change, left, unlike, largest
+            unlike = over_tolerance([each.max(axis=0) for each in missed], sizes)
+            new = jerks + change, left, unlike, sizes
             jerks, *known = select(unfinished(carry), new, (jerks, *known))
             return jerks, passes + 1, *known
 
@@ -297,19 +269,14 @@ class Collocation(Following[CollocationState]):
         def under_way(carry: Any) -> Bool[Array, ""]:
             return unfinished(carry).any() & (carry[1] < PASSES)
 
+        first = gauss.times(inverse, jax.vmap(guessed)(now, coasted))
         infinite, zero = jnp.full_like(length, jnp.inf), jnp.zeros_like(length)
-        begin = (
-            equations.solve(jax.vmap(guessed)(now, coasted)),
-            jnp.asarray(0),
-            infinite,
-            zero,
-            sizes,
-        )
-        jerks, _, left, unlike, largest = jax.lax.while_loop(under_way, one, begin)
-        misfit = jnp.maximum(gauss.next_degrees(jerks), missed_signals(task, now, between))
-        error = left + over_tolerance(
-            gauss.effect(length, misfit, len(sizes)), largest, task.tolerances
-        )
+        begin = first, jnp.asarray(0), infinite, zero, at_start
+        jerks, _, left, unlike, sizes = jax.lax.while_loop(under_way, one, begin)
+        # An attack that begins between nodes is seen, unless it is shorter than 2 / len(PLACES).
+        path, drive = gauss.unresolved(known.path), gauss.unresolved(known.drive)
+        misfit = jnp.maximum(gauss.next_degrees(jerks), followed.unresolved(path, drive))
+        error = left + over_tolerance(gauss.effect(length, misfit, order), sizes)
         finite = jnp.isfinite(error)
         return jerks, jnp.where(finite & (unlike < 1.0), error, jnp.inf), finite
 
@@ -323,33 +290,14 @@ class Collocation(Following[CollocationState]):
         states = vehicles.states_of(lane, jets, now.time)
         own = plane.replaced(frozen, jets, vehicles.outputs(lane, states, now.time))
         own = decided.sensed.of(own)
-        jerk = task.followed.jerk(Scene(lane, self.network, decided, now), own, guess)
+        jerk = task.state.followed.jerk(Scene(lane, self.network, decided, now), own, guess)
         rates = vehicles.rates(lane, states, jerk, now.time)
         found, (*lower, moved) = vehicles.output_rates(lane, states, rates, now.time)
-        first, *others = (jnp.abs(a - b) for a, b in zip(found, jets, strict=True))
-        others = [
-            jnp.maximum(missed, jnp.abs(rate - jet))
-            for missed, rate, jet in zip(others, lower, jets[1:], strict=True)
-        ]
-        missed = tuple(jnp.where(frozen[None], 0.0, each) for each in (first, *others))
+        missed = [jnp.abs(a - b) for a, b in zip(found, jets, strict=True)]
+        for k, rate in enumerate(lower, start=1):
+            missed[k] = jnp.maximum(missed[k], jnp.abs(rate - jets[k]))
+        missed = tuple(jnp.where(frozen[None], 0.0, each) for each in missed)
         return jnp.where(frozen[None], jerk, moved), missed  # no state describes a vehicle at rest
-
-
-def missed_signals(task: Task, now: Signals, between: Signals) -> PerAxis:
-    """A bound on what the polynomial of the jerk misses of the signals at `gauss.PLACES`.
-
-    An attack that begins between nodes is seen, unless it is shorter than two places' distance.
-    """
-    path = gauss.unresolved(now.path, between.path)
-    return task.followed.unresolved(path, gauss.unresolved(now.drive, between.drive))
-
-
-def over_tolerance(
-    change: Sequence[PerAxis], size: Sequence[PerAxis], tolerances: Tolerances
-) -> Instants:
-    """A change of the jets over the tolerance, as the root mean square over a fleet."""
-    changes, sizes = jnp.concatenate(change), jnp.concatenate(size)
-    return stepper.error_norm(changes, sizes, tolerances)
 
 
 def stood_in(

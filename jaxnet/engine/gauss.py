@@ -5,8 +5,8 @@ the Gauss nodes. Its integrals give the r jets y, ẏ, … exactly. The method i
 method of order 16 (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.7);
 the polynomial serves every time in the window.
 
-The values at the nodes are implicit. `Linear` solves the equation whose q is affine, `q = z -
-P(y)`. For any other q, `Linear` serves as the approximate Jacobian of Newton's method.
+The values at the nodes are implicit. `linear` solves the equation whose q is affine, `q = z -
+P(y)`. For any other q, it serves as the approximate Jacobian of Newton's method.
 
 The nodes are the first axis, the lanes the last axis of every array.
 """
@@ -24,6 +24,7 @@ from jaxnet.engine.moment import PerAxis
 from jaxnet.engine.stepper import Times
 from jaxnet.kinds.vehicles import MOST_ORDER
 from jaxnet.model import control, polynomial
+from jaxnet.model.elimination import eliminated
 from jaxnet.model.plane import Jets
 from jaxnet.model.polynomial import scaled
 from jaxnet.model.shapes import LoopIndex
@@ -35,21 +36,18 @@ PLACES = np.linspace(0, 1, 25)  # of a window of length 1, ends included
 Jerks = Float[Array, "nodes 2 m lanes"]
 JetsAtNodes = tuple[Jerks, ...]
 AtNodes = Float[Array, "nodes lanes"]
-Augmented = Float[Array, "nodes twice lanes"]  # a matrix beside the identity
+Inverse = Float[Array, "nodes nodes lanes"]
 
 
 class Rule(NamedTuple):
     """Constants of the method on a window from 0 to 1: each polynomial is 1 at one node."""
 
     nodes: Float[np.ndarray, " nodes"]
-    integrals: Float[
-        np.ndarray, "4 nodes nodes"
-    ]  # from 0 to node k of polynomial l, once to four times
+    # From 0 to node k of polynomial l, once to four times.
+    integrals: Float[np.ndarray, "4 nodes nodes"]
     terms: Float[np.ndarray, "nodes nodes"]  # coefficients of polynomial l (`model.polynomial`)
     highest: Float[np.ndarray, "4 nodes"]  # from values to the highest Legendre coefficients
-    reach: Float[
-        np.ndarray, " 4"
-    ]  # greatest integral of the last Legendre polynomial, once to four times
+    reach: Float[np.ndarray, " 4"]  # greatest integrals of the last Legendre polynomial
     between: Float[np.ndarray, "places nodes"]  # values of polynomial l at PLACES
     lebesgue: float  # greatest sum of the absolute polynomials
 
@@ -118,43 +116,28 @@ def window_of(start: Times, length: Times, jets: Jets, jerks: Jerks) -> Window:
     return Window(start, length, polynomial.Polynomial(jnp.concatenate([jnp.stack(known), moved])))
 
 
-class Linear(NamedTuple):
-    """The collocation equations of `q = z - P(y)`, for one window."""
-
-    length: Times
-    response: Float[Array, "nodes nodes lanes"]  # from z - P(y) without q to q
-
-    def solve(self, right: Jerks) -> Jerks:
-        """Q at the nodes, where `right` is `z - P(y)` of motion without jerk."""
-
-        def add(node: LoopIndex, total: Jerks) -> Jerks:
-            column = jax.lax.dynamic_index_in_dim(self.response, node, axis=1, keepdims=False)
-            return total + column[:, None, None] * jax.lax.dynamic_index_in_dim(right, node)
-
-        return jax.lax.fori_loop(0, STAGES, add, jnp.zeros_like(right))
-
-
-def linear(gain: control.Gain, length: Times) -> Linear:
-    """The equations for the gains of P and a window's length [s].
+def linear(gain: control.Gain, length: Times) -> Inverse:
+    """The matrix from `z - P(y)` of motion without q to q at the nodes, where `q = z - P(y)`.
 
     Of gains that are matrices the equations take the mean of the axes.
     """
     gain = (gain[:, 0, 0] + gain[:, 1, 1]) / 2 if control.is_matrix(gain) else gain
-    identity = matrix = jnp.eye(STAGES)[..., None]
+    identity = jnp.broadcast_to(jnp.eye(STAGES)[..., None], (STAGES, STAGES, len(length)))
+    matrix = identity
     for order, each in zip(range(len(gain), 0, -1), gain, strict=True):
-        matrix = (
-            matrix
-            + (each * length**order)[None, None] * jnp.asarray(RULE.integrals[order - 1])[..., None]
-        )
-    whole = jnp.concatenate([matrix, jnp.broadcast_to(identity, matrix.shape)], axis=1)
+        by = (each * length**order)[None, None]
+        matrix = matrix + by * jnp.asarray(RULE.integrals[order - 1])[..., None]
+    return eliminated(jnp.concatenate([matrix, identity], axis=1)[:, :, None])[:, :, 0]
 
-    def eliminate(pivot: LoopIndex, whole: Augmented) -> Augmented:
-        row = jax.lax.dynamic_index_in_dim(whole, pivot, keepdims=False)
-        row = row / jax.lax.dynamic_index_in_dim(row, pivot)
-        column = jax.lax.dynamic_index_in_dim(whole, pivot, axis=1)
-        return jax.lax.dynamic_update_index_in_dim(whole - column * row[None], row, pivot, 0)
 
-    return Linear(length, jax.lax.fori_loop(0, STAGES, eliminate, whole)[:, STAGES:])
+def times(inverse: Inverse, right: Jerks) -> Jerks:
+    """A matrix of the nodes times values at them, lane by lane."""
+
+    def add(node: LoopIndex, total: Jerks) -> Jerks:
+        column = jax.lax.dynamic_index_in_dim(inverse, node, axis=1, keepdims=False)
+        return total + column[:, None, None] * jax.lax.dynamic_index_in_dim(right, node)
+
+    return jax.lax.fori_loop(0, STAGES, add, jnp.zeros_like(right))
 
 
 def coasted(jets: Jets, times: AtNodes) -> JetsAtNodes:
@@ -165,11 +148,6 @@ def coasted(jets: Jets, times: AtNodes) -> JetsAtNodes:
         return tuple(one.at(time) for one in each)
 
     return jax.vmap(after)(times)
-
-
-def moved(coasted: JetsAtNodes, length: Times, jerks: Jerks) -> JetsAtNodes:
-    changes = integrated(length, jerks, len(coasted))
-    return tuple(jet + change for jet, change in zip(coasted, changes, strict=True))
 
 
 def integrated(length: Times, jerks: Jerks, order: int) -> JetsAtNodes:
@@ -192,12 +170,11 @@ def next_degrees(jerks: Jerks) -> Float[Array, "2 m lanes"]:
     return top * top / jnp.maximum(jnp.maximum(below, top), jnp.finfo(float).tiny)
 
 
-def unresolved(
-    at_nodes: Float[Array, "nodes many lanes"], between: Float[Array, "places many lanes"]
-) -> Float[Array, "many lanes"]:
-    """How far functions of time are from their polynomials at PLACES, at most."""
-    told = jnp.tensordot(jnp.asarray(RULE.between), at_nodes, axes=1)
-    return jnp.abs(between - told).max(axis=0)
+def unresolved(known: Float[Array, "nodes_and_places many lanes"]) -> Float[Array, "many lanes"]:
+    """How far functions of time, at the nodes and PLACES, are from their polynomials, at most."""
+    at_nodes, between = known[:STAGES], known[STAGES:]
+    resolved = jnp.tensordot(jnp.asarray(RULE.between), at_nodes, axes=1)
+    return jnp.abs(between - resolved).max(axis=0)
 
 
 def effect(length: Times, jerk: Float[Array, "2 m lanes"], order: int) -> Jets:

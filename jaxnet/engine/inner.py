@@ -32,9 +32,8 @@ def inner_at_start(lane: Lane, interval: Any) -> Inner | None:
     """The states at t = 0; None where the outputs determine all states."""
     if not lane.vehicle.internal:
         return None
-    return Inner(
-        lane.vehicle.inner(lane.initial), jnp.broadcast_to(interval, lane.attack_scale.shape)
-    )
+    step = jnp.broadcast_to(interval, lane.attack_scale.shape)
+    return Inner(lane.vehicle.inner(lane.initial), step)
 
 
 def carried(
@@ -49,24 +48,19 @@ def carried(
 
     def attempt(carry: Any) -> Any:
         now, passed, number = carry
-        end = stepper.towards(span, passed, jnp.minimum(now.inner.step, motion.longest))
+        goes, last = passed < span, now.inner
+        end = stepper.towards(span, passed, jnp.minimum(last.step, motion.longest))
         step = end - passed
-        there = [
-            now,
-            *[motion.later(now, decided, place * step, since) for place in OUTPUT_PLACES[1:]],
-        ]
-        found, error = vehicle.inner_after(
-            now.inner.states, [motion.all_jets(each, decided) for each in there], step
-        )
+        places = (motion.later(now, decided, at * step, since) for at in OUTPUT_PLACES[1:])
+        there = [now, *places]
+        jets = [motion.all_jets(each, decided) for each in there]
+        found, error = vehicle.inner_after(last.states, jets, step)
         error = (error / TOLERANCE).max(axis=0)
-        kept = (passed < span) & ~(error >= 1.0)  # a lane whose numbers are not finite goes on
-        step = jnp.where(passed < span, stepper.next_step(step, error, ORDER), now.inner.step)
-        now = select(kept, there[-1]._replace(inner=Inner(found, step)), now)
-        return (
-            now._replace(inner=Inner(now.inner.states, step)),
-            jnp.where(kept, end, passed),
-            number + 1,
-        )
+        kept = goes & ~(error >= 1.0)  # a lane whose numbers are not finite goes on
+        proposed = jnp.where(goes, stepper.next_step(step, error, ORDER), last.step)
+        now = select(kept, there[-1]._replace(inner=Inner(found, last.step)), now)
+        now = now._replace(inner=now.inner._replace(step=proposed))
+        return now, jnp.where(kept, end, passed), number + 1
 
     start = state, jnp.where(moves, 0.0, span), jnp.asarray(0)
     now, passed, _ = jax.lax.while_loop(under_way, attempt, start)

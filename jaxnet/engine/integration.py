@@ -8,7 +8,7 @@ one step of every lane. The fleet of a lane takes one step, that of the vehicle 
 shortest.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,16 +17,14 @@ from jaxtyping import Array, Int
 from jaxnet.engine import stepper, tick, vehicles
 from jaxnet.engine.demand import Signals, signals
 from jaxnet.engine.following import Followed, Following, Scene, follow_weights
-from jaxnet.engine.loop import Tick, Ticks
-from jaxnet.engine.moment import Instants, LaneFlags, Moment, PerAxis, VehicleFlags
+from jaxnet.engine.moment import Instants, Moment, PerAxis
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.status import Code, Status, fail
+from jaxnet.engine.status import Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, select
 from jaxnet.engine.tick import DecisionState
 from jaxnet.engine.vehicles import States
 from jaxnet.model import plane
 from jaxnet.model.lane import Lane, Network
-from jaxnet.model.plane import Jets
 from jaxnet.solvers.choice import factorised_at_once
 
 
@@ -41,15 +39,10 @@ class IntegrationState(NamedTuple):
     followed: Followed
 
 
-HoldCarry = tuple[
-    Followed, States, Instants, LaneFlags
-]  # law, slope, step, lanes with a vehicle cut off
-
-
 class Integration(Following[IntegrationState]):
     """Motion of nonlinear vehicles under the law, by adaptive steps; `numbers` are tolerances."""
 
-    def begin(self) -> IntegrationState:
+    def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
         return IntegrationState(
             state=lane.initial,
@@ -60,56 +53,48 @@ class Integration(Following[IntegrationState]):
             followed=self.nothing_followed(),
         )
 
-    def errors(self, state: IntegrationState) -> Jets:
+    def errors(self, state):
         own = vehicles.outputs(self.lane, state.state, state.signals.time)
         return plane.relative(own, state.signals.navigator)
 
-    def states(self, state: IntegrationState) -> States:
+    def states(self, state):
         return state.state
 
-    def placed(
-        self, state: IntegrationState, which: VehicleFlags, states: States
-    ) -> IntegrationState:
+    def placed(self, state, which, states):
         return state._replace(state=jnp.where(which[None], states, state.state))
 
-    def drive_now(self, state: IntegrationState, decided: DecisionState) -> PerAxis:
+    def drive_now(self, state, decided):
         """`y‴ + P(ŷ)`, with y‴ of the vector field."""
         return drive_along(self.lane, state.state, state.slope, state.signals.time, decided)
 
-    def hold(
-        self, state: IntegrationState, decided: DecisionState, at: Tick
-    ) -> tuple[IntegrationState, LaneFlags]:
+    def hold(self, state, decided, at):
         """Factorise the Laplacian where a weight changed, and evaluate the vector field again.
 
         Where the law holds a jerk, vehicles exchange the jerk at every tick instead.
         """
-        lane, network, plan = self.lane, self.network, self.plan
+        given = self.lane, decided, self.numbers, state.signals, state.state, state.step, at.first
 
-        def some(few: LaneIndices, carry: HoldCarry) -> HoldCarry:
-            followed, slope, step, cut_off = carry
+        def some(few: LaneIndices, carry: Any) -> Any:
+            followed, *others = carry
             followed, new, connected = self.follow(
                 state, followed, decided, few, lambda: state.state
             )
-            given = lane, decided, self.numbers, state.signals, state.state
-            part, chosen, tolerated, now, states = jax.tree.map(
+            part, chosen, tolerated, now, states, step, first = jax.tree.map(
                 lambda leaf: picked(leaf, few), given
             )
-            there = vector_field(part, network, new, chosen, now, states, plan)
-            proposed = stepper.first_step(states, there, tolerated)
-            begins = picked(at.first, few) & (proposed > 0)
-            proposed = jnp.where(begins, proposed, picked(step, few))
-            rest = put(slope, few, there), put(step, few, proposed), put(cut_off, few, ~connected)
-            return followed, *rest
+            slope = vector_field(part, self.network, new, chosen, now, states, self.plan)
+            proposed = stepper.first_step(states, slope, tolerated)
+            found = slope, jnp.where(first & (proposed > 0), proposed, step), ~connected
+            return followed, *(put(old, few, new) for old, new in zip(others, found, strict=True))
 
+        lane = self.lane
         flagged = at.here if lane.law.needs_ticks() or decided.sensed.errs else at.anew
         carry = state.followed, state.slope, state.step, jnp.zeros_like(at.here)
         at_once = factorised_at_once(lane.initial.shape[1])
         followed, slope, step, cut_off = for_each(flagged, at_once, some, carry)
         return state._replace(followed=followed, slope=slope, step=step), cut_off
 
-    def advance(
-        self, state: IntegrationState, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[IntegrationState, Code, LaneFlags]:
+    def advance(self, state, decided, ticks, status):
         """Attempt one step of the lanes that have neither failed nor reached the horizon."""
         lane, network, clock, plan = self.lane, self.network, self.clock, self.plan
         tolerances, time, rule = self.numbers, state.signals.time, stepper.method(plan.options[0])

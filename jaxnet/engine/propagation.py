@@ -12,12 +12,10 @@ no path with its derivatives, g solves `R(g) = R(β)`, summed from tick to tick 
 quadrature.
 
 What vehicles know at a tick drives them by powers σ^k / k! of the share σ of the tick that has
-passed (O15, O16). Their f are responses from rest (`flow.power_responses`), in which nothing
-cancels.
+passed (O15, O16). Their f are responses from rest (`engine.flow`).
 
-The r-th derivative held from tick to tick (`Held`, theorems.md O12): x is y with its derivatives, Φ
-is the flow of r integrators, v is the r-th derivative, and f = (h^r/r!, …, h), for r = 3 (h³/6,
-h²/2, h).
+The r-th derivative held from tick to tick (`Held`, theorems.md O12): x is y with its derivatives,
+the gains of Φ are 0, and v is the r-th derivative, which drives by σ^0.
 
 The local law at every instant stands in `local`.
 
@@ -26,67 +24,87 @@ because XLA would compute them again for each vehicle that uses them (1.08 times
 vehicles).
 """
 
-from typing import NamedTuple
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Float
 
-from jaxnet.engine import between, inner, response, standstill, vehicles
+from jaxnet.engine import flow, inner, response, standstill, vehicles
 from jaxnet.engine.demand import exchange, signals
-from jaxnet.engine.flow import (
-    Effect,
-    Responses,
-    Transition,
-    brief,
-    brief_responses,
-    held_input,
-    impulse_responses,
-    longest,
-    of_integrators,
-    passed_on,
-    power_responses,
-    propagate,
-)
+from jaxnet.engine.flow import Span, propagate, span_of
 from jaxnet.engine.inner import Inner
-from jaxnet.engine.loop import Batch, Motion, Tick, Ticks
-from jaxnet.engine.moment import Instants, LaneFlags, VehicleFlags
+from jaxnet.engine.loop import Batch, Motion, Ticks
+from jaxnet.engine.moment import Instants, LaneFlags
 from jaxnet.engine.stages.channel import degrees
 from jaxnet.engine.stages.coasting import coasts
 from jaxnet.engine.stages.sensing import Sensed, first_sensed
 from jaxnet.engine.status import Code, Status, fail
-from jaxnet.engine.subset import LaneIndices, picked, run_if
+from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if
 from jaxnet.engine.tick import DecisionState
-from jaxnet.engine.vehicles import PerVehicle, States
+from jaxnet.engine.vehicles import PerVehicle
 from jaxnet.model import control, plane, signal
-from jaxnet.model.plane import Jets, Plane
+from jaxnet.model.control import Gain
+from jaxnet.model.lane import Lane
+from jaxnet.model.plane import Jets, length
 from jaxnet.model.polynomial import powers_of
 from jaxnet.model.signal import Basis, ByFunction, Vectors, WithNavigator
 
+FEW = 16  # lanes in which vehicles that stand still are sought at once
+
 
 class PropagationState(NamedTuple):
-    """State of lanes at a tick."""
+    """State of lanes at a tick, or at an instant between two."""
 
     jets: Jets  # x
     response: ByFunction  # v, which act until the next tick
     time: Instants
     basis: Basis  # the attacks' functions β now
-    effect: Effect | None  # g now, with two derivatives; None where g = β
+    effect: Float[Array, "r functions lanes"] | None  # g and derivatives; None where g = β
     straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
     sensed: Sensed  # until the next tick
-    inner: Inner | None = (
-        None  # what the outputs leave undetermined; None where they determine all states
-    )
-    since: Instants | None = (
-        None  # of the last tick [s]; None where nothing known drives the vehicles
-    )
+    inner: Inner | None  # what the outputs leave undetermined; None where they determine all states
+    since: Instants  # of the last tick [s]
 
 
 class Propagation(Motion[PropagationState]):
-    """Exact motion from tick to tick, the base of `Solved` and `Held`."""
+    """Exact motion from tick to tick. A subclass says what drives the vehicles."""
 
-    def basis(self, state: PropagationState) -> tuple[Instants, Basis]:
+    gain: Gain  # of the flow
+    driven: Lane  # the lanes with all functions of time
+    idle: int  # the number of functions, the first ones, that drive nobody
+    functions: int  # the number of functions that drive vehicles
+    powers: int  # the number of powers of the share of a tick that drive vehicles
+
+    def __init__(self, batch: Batch):
+        super().__init__(batch)
+        self.batch, self.integrates = batch, self.functions > 0 and not self.plan.consistent
+        self.tick = self.over(self.clock.interval)
+
+    def over(self, span: Any, begin: Any = 0.0, share: Any = 1.0) -> Span:
+        return span_of(self.gain, span, self.powers, self.integrates, begin, share)
+
+    def begin(self):
+        lane, time = self.lane, self.instant(0)
+        basis, attacks = self.driven.basis(time), lane.vectors.shape[2]
+        jets = self.of_outputs(time, vehicles.outputs(lane, lane.initial, time))
+        effect = basis[: len(jets)].at[:, :attacks].set(0.0) if self.integrates else None
+        return PropagationState(
+            jets=jets,
+            response=jnp.zeros((self.functions + self.powers, 2, *lane.weights.shape[1:])),
+            time=time,
+            basis=basis,
+            effect=effect,
+            straight=jnp.ones(time.shape, bool),
+            sensed=Sensed(),
+            inner=inner.inner_at_start(lane, self.clock.interval),
+            since=time,
+        )
+
+    def basis(self, state):
         return state.time, state.basis[:, : self.lane.vectors.shape[2]]
 
     def forced(self, state: PropagationState) -> Vectors:
@@ -99,51 +117,118 @@ class Propagation(Motion[PropagationState]):
     def instant(self, ticks: Ticks | int) -> Instants:
         return jnp.broadcast_to(self.clock.at(jnp.asarray(ticks)), self.lane.attack_scale.shape)
 
-    def states(self, state: PropagationState) -> States:
-        own = self.outputs(state)
-        if state.inner is None:
-            return vehicles.states_of(self.lane, own, state.time)
-        return vehicles.states_of(self.lane, own, state.time, state.inner.states)
+    def states(self, state):
+        within = None if state.inner is None else state.inner.states
+        return vehicles.states_of(self.lane, self.outputs(state), state.time, within)
 
-    def pace(
-        self, state: PropagationState, decided: DecisionState
-    ) -> tuple[PerVehicle, PerVehicle]:
+    def pace(self, state, decided):
         known = vehicles.pace_of_jets(self.lane, self.outputs(state))
         return super().pace(state, decided) if known is None else known
 
-    def lead(self, state: PropagationState, decided: DecisionState) -> tuple[Plane, Plane]:
-        """The vehicles' lead, which is 0 where they are singular, and its derivative."""
-        apart = decided.coasting.may_stop(self.lane)
-        return standstill.lead(self.lane.vehicle, self.all_jets(state, decided), apart)
-
-    def placed(
-        self, state: PropagationState, which: VehicleFlags, states: States
-    ) -> PropagationState:
-        rest = vehicles.outputs(self.lane, states, state.time)
-        return state._replace(jets=plane.replaced(which, rest, state.jets))
+    def placed(self, state, which, states):
+        there = vehicles.outputs(self.lane, states, state.time)
+        own = plane.replaced(which, there, self.outputs(state))
+        return state._replace(jets=self.of_outputs(state.time, own))
 
     def all_jets(self, state: PropagationState, decided: DecisionState) -> Jets:
         own = self.outputs(state)
         return *own, decided.sensed.jerk(self.lane.gain, self.drive_now(state, decided), own)
 
     def outputs(self, state: PropagationState) -> Jets:
-        raise NotImplementedError
+        """The jets of the outputs, below the order."""
+        return state.jets
+
+    def of_outputs(self, time: Instants, own: Jets) -> Jets:
+        """The jets x of the outputs' jets."""
+        return own
 
     def next(
         self, state: PropagationState, decided: DecisionState, time: Instants
     ) -> PropagationState:
         """The state at the next tick, whose time is `time` [s]."""
-        raise NotImplementedError
+        return self.after(state, time, self.tick)
 
     def later(
         self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
     ) -> PropagationState:
+        """The state a span [s] later, or earlier, in the tick that began at `since` [s]."""
+        begin, share = (each / self.clock.interval for each in (state.time - since, span))
+        return self.after(state, state.time + span, self.over(span, begin, share))
+
+    def highest(
+        self, now: PropagationState, decided: DecisionState
+    ) -> Callable[[PropagationState], PerVehicle]:
+        """A bound on the norm of y^(r) over a step back of at most `longest` from a state."""
         raise NotImplementedError
 
     @property
     def longest(self) -> Instants:
         """The longest span [s] of `later`."""
-        return longest(self.lane.gain)
+        return flow.longest(self.lane.gain)
+
+    def after(self, state: PropagationState, time: Instants, over: Span) -> PropagationState:
+        """The state after a span."""
+        basis = barrier(self.driven.basis(time))
+        before, now, effect = state.basis, basis, None
+        if state.effect is not None and over.impulses is not None:
+            before = state.effect
+            effect = now = barrier(self.effect_after(state, over))
+        before, now = before[:, self.idle :], now[: len(over.flow), self.idle :]
+        there = state._replace(time=time, basis=basis, effect=effect)
+        forced, jets = self.forced(state), state.jets
+        if over.flow.ndim > 3:  # Φ does not act on functions alone
+            free = zip(jets, signal.jets(forced, before), strict=False)
+            jets, forcing = tuple(a - b for a, b in free), now
+        else:
+            forcing = barrier(now - jnp.stack(propagate(over.flow, before)))
+        forcing = jnp.concatenate([forcing, over.powers], axis=1)
+        return there._replace(
+            jets=plane.plus(propagate(over.flow, jets), signal.jets(forced, forcing))
+        )
+
+    def effect_after(
+        self, state: PropagationState, over: Span
+    ) -> Float[Array, "r functions lanes"]:
+        """`x(t + h) = Φ x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, for g from now on.
+
+        The quadrature is exact to rounding for functions that are smooth within the span.
+        """
+        assert over.impulses is not None
+        total = jnp.stack(propagate(over.flow, state.effect))
+        for node, share, answer in zip(flow.NODES, flow.SHARES, over.impulses, strict=True):
+            basis = self.driven.basis(state.time + node * over.length)
+            by = control.driven(self.lane.gain, basis)
+            total = total + (share * over.length)[None, None] * answer[:, None] * by[None]
+        return total
+
+    def advance(self, state, decided, ticks, status):
+        """State at the next tick; lanes are singular where a vehicle stands still on the way.
+
+        With probability 1, the velocity of a vehicle becomes 0 only if the vehicle has moved on a
+        straight line since the start. Only lanes in which a vehicle may have done so are searched.
+        """
+        now = self.next(state, decided, self.instant(ticks + 1))
+        if state.inner is not None:
+            span = now.time - state.time
+            within, stuck = inner.carried(self, state, decided, span, status == Status.ok)
+            now, status = now._replace(inner=within), fail(status, Status.max_steps, stuck)
+        everywhere = jnp.ones_like(now.straight)
+        if not self.lane.vehicle.singular:
+            return now, status, everywhere
+
+        def some(few: LaneIndices, status: Code) -> Code:
+            stood = self.stood(state, now, decided, few)
+            return put(status, few, fail(picked(status, few), Status.singular, stood))
+
+        def search(carry: tuple[Code, LaneFlags]) -> tuple[Code, LaneFlags]:
+            status, straight = carry
+            apart = decided.coasting.may_stop(self.lane)
+            lead = standstill.lead(self.lane.vehicle, self.all_jets(now, decided), apart)
+            straight = straight & standstill.straight(*lead) & (status == Status.ok)
+            return for_each(straight, FEW, some, status), straight
+
+        status, straight = run_if(now.straight.any(), search, (status, now.straight))
+        return now._replace(straight=straight), status, everywhere
 
     def stood(
         self,
@@ -152,221 +237,126 @@ class Propagation(Motion[PropagationState]):
         decided: DecisionState,
         few: LaneIndices,
     ) -> LaneFlags:
-        """Lanes, of a few, in which a vehicle that may not stop stood still in the last tick."""
-        raise NotImplementedError
+        """Lanes, of a few, in which a vehicle that may not stop stood still in the last tick.
 
-    def with_inner(
-        self, before: PropagationState, decided: DecisionState, now: PropagationState, status: Code
-    ) -> tuple[PropagationState, Code]:
-        """The state now, with the states that outputs leave undetermined, from the last tick's."""
-        if before.inner is None:
-            return now, status
-        span = now.time - before.time
-        found, stuck = inner.carried(self, before, decided, span, status == Status.ok)
-        return now._replace(inner=found), fail(status, Status.max_steps, stuck)
+        The search goes back from now.
+        """
+        given = self.batch.inputs, before.time, now, decided
+        inputs, since, now, decided = jax.tree.map(lambda leaf: picked(leaf, few), given)
+        some = type(self)(self.batch._replace(inputs=inputs))
+        apart, highest = decided.coasting.may_stop(some.lane), some.highest(now, decided)
 
-    def moved(
-        self, state: PropagationState, flow: Transition, forcing: Effect, now: PropagationState
-    ) -> PropagationState:
-        """The state that follows from Φ, f and the state with later functions."""
-        moved = signal.jets(self.forced(state), forcing)
-        return now._replace(jets=plane.plus(propagate(flow, now.jets), moved))
+        def pace(state: PropagationState) -> standstill.Pace:
+            own = some.outputs(state)
+            return standstill.backwards(some.lane.vehicle, own, highest(state), apart)
 
-    def advance(
-        self, state: PropagationState, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[PropagationState, Code, LaneFlags]:
-        """State at the next tick; lanes are singular where a vehicle stands still on the way."""
-        now = self.next(state, decided, self.instant(ticks + 1))
-        now, status = self.with_inner(state, decided, now, status)
-        if not self.lane.vehicle.singular:
-            return now, status, jnp.ones_like(now.straight)
+        def back(state: PropagationState, step: Instants) -> PropagationState:
+            return some.later(state, decided, -step, since)
 
-        def stood(few: LaneIndices) -> LaneFlags:
-            return self.stood(state, now, decided, few)
-
-        status, straight = between.stopped(
-            now.straight, status, lambda: self.lead(now, decided), stood
-        )
-        return now._replace(straight=straight), status, jnp.ones_like(straight)
+        return standstill.stands(pace, back, now, self.clock.interval, some.longest)[0]
 
 
 class Solved(Propagation):
-    """The law solved for all vehicles at every instant."""
+    """The law solved for all vehicles at every instant.
+
+    Functions of the attacks drive the vehicles and, where messages may be lost, the navigator's
+    path, two functions. Where all messages are delayed, powers of the share of a tick alone do.
+    """
 
     def __init__(self, batch: Batch):
-        super().__init__(batch)
-        lane, consistent = self.lane, batch.plan.consistent
-        self.responses = None if consistent else impulse_responses(lane.gain, self.clock.interval)
-        # The lanes with all functions that drive them.
-        self.driven = lane
-        silent = lane.lossy or coasts(lane)
-        # Polynomials of late words have the navigator's path in them.
-        leads = silent and lane.delay is None
-        if leads:
-            path = WithNavigator(lane.signal, lane.navigator, lane.gain)
-            self.driven = lane._replace(signal=path)
-        attacks, powers = lane.vectors.shape[2], degrees(lane, batch.plan)
+        lane, silent = batch.lane, batch.lane.lossy or coasts(batch.lane)
+        self.powers = degrees(lane, batch.plan)
         if silent or lane.sensor is not None or not lane.exact_words:
-            powers = max(1, powers)
-        idle = 0 if lane.delay is None else attacks
-        self.parts = between.Parts(idle, attacks - idle, leads, powers)
-        self.pushed = None
-        if powers:
-            self.pushed = power_responses(lane.gain, self.clock.interval, powers)
+            self.powers = max(1, self.powers)
+        leads, attacks = silent and lane.delay is None, lane.vectors.shape[2]
+        path = WithNavigator(lane.signal, lane.navigator, lane.gain)
+        self.gain, self.driven = lane.gain, lane._replace(signal=path) if leads else lane
+        self.attacks = attacks if lane.delay is None else 0
+        self.idle, self.functions = attacks - self.attacks, self.attacks + 2 * leads
+        super().__init__(batch)
 
-    def begin(self) -> PropagationState:
-        lane, time = self.lane, self.instant(0)
-        basis, attack = self.driven.basis(time), lane.vectors.shape[2]
-        jets = vehicles.outputs(lane, lane.initial, time)
-        return PropagationState(
-            jets=plane.relative(jets, lane.path(time)),
-            response=jnp.zeros(
-                (self.parts.functions + self.parts.powers, 2, *lane.weights.shape[1:])
-            ),
-            time=time,
-            basis=basis,
-            effect=None if self.plan.consistent else basis[: len(jets)].at[:, :attack].set(0.0),
-            straight=jnp.ones(time.shape, bool),
-            sensed=first_sensed(lane),
-            inner=inner.inner_at_start(lane, self.clock.interval),
-            since=time if self.parts.powers else None,
-        )
+    def begin(self):
+        return super().begin()._replace(sensed=first_sensed(self.lane))
 
-    def errors(self, state: PropagationState) -> Jets:
+    def errors(self, state):
         return state.jets
 
-    def outputs(self, state: PropagationState) -> Jets:
+    def outputs(self, state):
         return plane.plus(state.jets, [jet[:, None] for jet in self.navigator(state)])
 
-    def placed(
-        self, state: PropagationState, which: VehicleFlags, states: States
-    ) -> PropagationState:
-        own = vehicles.outputs(self.lane, states, state.time)
-        rest = plane.relative(own, self.navigator(state))
-        return state._replace(jets=plane.replaced(which, rest, state.jets))
+    def of_outputs(self, time, own):
+        return plane.relative(own, barrier(self.lane.path(time)))
 
-    def hold(
-        self, state: PropagationState, decided: DecisionState, at: Tick
-    ) -> tuple[PropagationState, LaneFlags]:
+    def hold(self, state, decided, at):
         """Solve `L v = d` in lanes whose decisions changed.
 
         In a large fleet it is updated only near the changed vehicles, where that suffices.
         """
-        lane, network = self.lane, self.network
-        changed = (
-            (at.vehicles | at.first[None]) if self.plan.choosing else jnp.ones_like(at.vehicles)
-        )
+        changed = jnp.ones_like(at.vehicles)
+        if self.plan.choosing:
+            changed = at.vehicles | at.first[None]
 
         def solve(carry: tuple[ByFunction, LaneFlags]) -> tuple[ByFunction, LaneFlags]:
             last, cut_off = carry
-            return response.solve_response(last, cut_off, at.anew, changed, decided, lane, network)
+            return response.solve_response(
+                last, cut_off, at.anew, changed, decided, self.lane, self.network
+            )
 
         carry = state.response, jnp.zeros_like(at.anew)
         solved, cut_off = (
             solve(carry) if decided.late.present else run_if(at.anew.any(), solve, carry)
         )
-        state = state._replace(response=solved, sensed=decided.sensed)
-        return state if state.since is None else state._replace(since=state.time), cut_off
+        return state._replace(response=solved, sensed=decided.sensed, since=state.time), cut_off
 
-    def forced(self, state: PropagationState) -> Vectors:
+    def forced(self, state):
         """The vectors v until the next tick, with those of the sensor's errors: `-P(n)`."""
-        gain, place = self.lane.gain, self.parts.functions
-        return signal.of_functions(state.sensed.pushed(gain, state.response, place))
+        pushed = state.sensed.pushed(self.lane.gain, state.response, self.functions)
+        return signal.of_functions(pushed)
 
-    def drive_now(
-        self, state: PropagationState, decided: DecisionState
-    ) -> Float[Array, "2 m lanes"]:
+    def drive_now(self, state, decided):
         """`R(y_0) + Σ_b v_b R(β_b)`, in which the sensor's errors cancel."""
         gain = self.lane.gain
-        path, functions = (
-            control.driven(gain, self.navigator(state)),
-            control.drive_functions(gain, state.basis[:, self.parts.idle :]),
-        )
-        if state.since is not None:
+        path = control.driven(gain, self.navigator(state))
+        functions = control.drive_functions(gain, state.basis[:, self.idle :])
+        if self.powers:
             passed = (state.time - state.since) / self.clock.interval
-            functions = jnp.concatenate([functions, powers_of(passed, self.parts.powers)])
-        return path[:, None] + signal.combined(
-            control.drive_vectors(gain, super().forced(state)), functions
-        )
+            functions = jnp.concatenate([functions, powers_of(passed, self.powers)])
+        vectors = control.drive_vectors(gain, super().forced(state))
+        return path[:, None] + signal.combined(vectors, functions)
 
-    def next(
-        self, state: PropagationState, decided: DecisionState, time: Instants
-    ) -> PropagationState:
-        interval, flow = self.clock.interval, self.numbers.flow
-        return self.after(state, time, interval, flow, self.responses, self.pushed)
+    def highest(self, now, decided):
+        """`y^(r) = y_0^(r) - P(E) + K R(β)`, from the greatest norms of path and functions."""
+        lane, step = self.lane, jnp.minimum(self.longest, self.clock.interval)
+        reach, norms = flow.backward_reach(lane.gain, step), control.norms(lane.gain)
+        (path, functions), forced = lane.sizes, self.forced(now)
+        parts = jnp.split(forced, (self.attacks, self.functions), axis=2)
+        of_attacks, of_path = (jnp.sqrt((each**2).sum(axis=(0, 2))) for each in parts[:2])
+        pull = of_attacks * control.driven(norms, functions)[None]
+        pull = pull + of_path * control.driven(norms, path)[None]
+        for k in range(self.powers):
+            pull = pull + length(parts[2][:, :, k]) / math.factorial(k)
+        pull = path[len(reach)][None] + pull * (1.0 + step * reach[-1])[None]
 
-    def later(
-        self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
-    ) -> PropagationState:
-        gain, time = self.lane.gain, state.time + span
-        responses = None if state.effect is None else brief_responses(gain, span)
-        flow, pushed = brief(gain, span), None
-        if self.pushed is not None:
-            shares = ((each / self.clock.interval) for each in (state.time - since, span))
-            pushed = power_responses(gain, span, self.parts.powers, *shares)
-        return self.after(state, time, span, flow, responses, pushed)
+        def bound(state: PropagationState) -> PerVehicle:
+            each = zip(reach, state.jets, strict=True)
+            return pull + sum(by[None] * length(jet) for by, jet in each)
 
-    def after(
-        self,
-        state: PropagationState,
-        time: Instants,
-        span: Float[Array, "*some"],
-        flow: Transition,
-        responses: Responses | None,
-        pushed: Float[Array, "r powers lanes"] | None,
-    ) -> PropagationState:
-        """The state a span [s] later; `pushed` is the part of f that belongs to powers of time."""
-        basis = barrier(self.driven.basis(time))
-        before, effect = state.basis, None
-        if state.effect is not None and responses is not None:
-            before = state.effect
-            effect = barrier(passed_on(before, flow, responses, self.driven, state.time, span))
-        now = basis if effect is None else effect
-        before, now = before[:, self.parts.idle :], now[:, self.parts.idle :]
-        there = state._replace(time=time, basis=basis, effect=effect)
-        if control.is_matrix(self.lane.gain):  # Φ does not act on functions alone
-            forced = signal.jets(self.forced(state), before)
-            free = tuple(a - b for a, b in zip(state.jets, forced, strict=False))
-            return self.moved(state, flow, now[: len(flow)], there._replace(jets=free))
-        forcing = barrier(now[: len(flow)] - jnp.stack(propagate(flow, before)))
-        if pushed is not None:
-            forcing = jnp.concatenate([forcing, pushed], axis=1)
-        return self.moved(state, flow, forcing, there)
-
-    def stood(
-        self,
-        before: PropagationState,
-        now: PropagationState,
-        decided: DecisionState,
-        few: LaneIndices,
-    ) -> LaneFlags:
-        effect = now.basis[: len(now.jets)] if now.effect is None else now.effect
-        forced, apart = self.forced(now), decided.coasting.may_stop(self.lane)
-        given = now.jets, forced, effect, self.driven, self.numbers.reach, now.time, apart
-        some = jax.tree.map(lambda leaf: picked(leaf, few), given)
-        return between.stood(*some, parts=self.parts, interval=self.clock.interval, plan=self.plan)
+        return bound
 
 
 class Held(Propagation):
     """Exact motion with a jerk that vehicles exchange at each tick and hold until the next."""
 
-    def begin(self) -> PropagationState:
-        lane, time = self.lane, self.instant(0)
-        jets = vehicles.outputs(lane, lane.initial, time)
-        held = jnp.zeros_like(jets[0])[None]
-        straight, basis = jnp.ones(time.shape, bool), lane.basis(time)
-        within = inner.inner_at_start(lane, self.clock.interval)
-        return PropagationState(jets, held, time, basis, None, straight, Sensed(), within)
+    def __init__(self, batch: Batch):
+        lane = batch.lane
+        self.gain, self.driven = jnp.zeros((len(lane.gain), *lane.attack_scale.shape)), lane
+        self.idle, self.functions, self.powers = lane.vectors.shape[2], 0, 1
+        super().__init__(batch)
 
-    def errors(self, state: PropagationState) -> Jets:
+    def errors(self, state):
         return plane.relative(state.jets, self.navigator(state))
 
-    def outputs(self, state: PropagationState) -> Jets:
-        return state.jets
-
-    def hold(
-        self, state: PropagationState, decided: DecisionState, at: Tick
-    ) -> tuple[PropagationState, LaneFlags]:
+    def hold(self, state, decided, at):
         """Exchange the jerk in all lanes. Return the state, and lanes with a vehicle cut off."""
         lane, network = self.lane, self.network
         now = barrier(signals(lane, state.time))
@@ -378,36 +368,10 @@ class Held(Propagation):
         )
         return state._replace(response=jerk[None]), cut_off
 
-    def drive_now(
-        self, state: PropagationState, decided: DecisionState
-    ) -> Float[Array, "2 m lanes"]:
+    def drive_now(self, state, decided):
         """`y‴ + P(ŷ)`."""
-        own = decided.sensed.of(state.jets)
-        return state.response[0] + control.feedback(self.lane.gain, own)
+        return decided.sensed.drive(self.lane.gain, state.response[0], state.jets)
 
-    def next(
-        self, state: PropagationState, decided: DecisionState, time: Instants
-    ) -> PropagationState:
-        return self.after(state, time, jnp.broadcast_to(self.clock.interval, time.shape))
-
-    def later(
-        self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
-    ) -> PropagationState:
-        return self.after(state, state.time + span, span)
-
-    def after(self, state: PropagationState, time: Instants, span: Instants) -> PropagationState:
-        basis = barrier(self.lane.basis(time))
-        flow, forcing = (make(span, len(state.jets)) for make in (of_integrators, held_input))
-        return self.moved(state, flow, forcing, state._replace(time=time, basis=basis))
-
-    def stood(
-        self,
-        before: PropagationState,
-        now: PropagationState,
-        decided: DecisionState,
-        few: LaneIndices,
-    ) -> LaneFlags:
-        apart = decided.coasting.may_stop(self.lane)
-        given = self.lane.vehicle, now.jets, self.forced(now), apart
-        some = jax.tree.map(lambda leaf: picked(leaf, few), given)
-        return between.stood_held(*some, interval=self.clock.interval)
+    def highest(self, now, decided):
+        held = length(now.response[0])
+        return lambda state: held

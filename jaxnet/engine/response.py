@@ -1,13 +1,12 @@
 """The attacks' effect on a fleet: vectors `L⁻¹ d`, solved again where weights or attacks change."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
-from jaxnet.engine.moment import LaneFlags, PerAxis, VehicleFlags
+from jaxnet.engine.moment import LaneFlags, VehicleFlags
 from jaxnet.engine.plan import CONNECTED
-from jaxnet.engine.stages.known import KnownDrive, RowShare
+from jaxnet.engine.stages.known import KnownDrive
 from jaxnet.engine.stages.late import Late
 from jaxnet.engine.subset import LaneIndices, Stretch, for_each, for_stretches, picked, put
 from jaxnet.engine.tick import DecisionState, Drive
@@ -34,13 +33,15 @@ def solve_response(
     so does a change of the attacked vehicles. A channel with errors, losses or delays changes
     nearly all lanes at every tick.
     """
+    if isinstance(decided.late, Late):  # no message is live, and L is 1
+        known = decided.late.known
+        response = known.drive.terms - known.share[None] * decided.late.leading[:, :, None]
+        return response, decided.disconnected(lane, network) & flagged
     decision = decided.judged.single(lane)
     steady = not decided.instead and not decided.sensed.errs and not decided.links.present
     if decision is not None and steady and not (decided.heard.lossy or decided.coasting.drives):
         system = System(network.hearing, lane.weights, decision, lane.vectors)
         response, flagged = network.solver.update(system, response, flagged, changed)
-    if isinstance(decided.late, Late):
-        return late_response(decided.late), decided.disconnected(lane, network) & flagged
 
     def some(
         few: LaneIndices | Stretch, carry: tuple[ByFunction, LaneFlags]
@@ -60,38 +61,26 @@ def solve_response(
     return for_each(flagged, solved_at_once(vehicles), some, carry)
 
 
-def response_vectors(drive: Drive, network: Network) -> tuple[ByFunction, Any]:
+def response_vectors(drive: Drive, network: Network) -> tuple[ByFunction, Float[Array, " lanes"]]:
     """The vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
 
     Where vehicles sense with errors or messages are known before, the vectors of the navigator's
     path and of powers of time follow: `L_r x = z - share R(y_0)`, as x is relative to R(y_0).
     """
     weights, vectors, known = drive.weights, drive.vectors, drive.known
-    functions = vectors.shape[2]
+    functions, axes = vectors.shape[2], len(weights)
     attack = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
     each = jnp.stack(known.columns(attack))  # (B, 2, m, few)
-    right = each.reshape(-1, len(weights), *each.shape[2:])  # (columns, axes, m, few)
-    leads = drive.coasting.drives
-    if leads:
+    right = each.reshape(-1, axes, *each.shape[2:])  # (columns, axes, m, few)
+    if drive.coasting.drives:
         right = jnp.concatenate([right, -known.row_share(weights)[None]])
     solution, residual = network.solver.solve(network.hearing, weights, jnp.moveaxis(right, 2, 0))
     right = solution.transpose(1, 2, 0, 3)
-    response = right[: 2 * len(each) // len(weights)].reshape(each.shape)
-    if leads:
-        path = jnp.stack(of_navigator(right[-1]))
+    response = right[: 2 * len(each) // axes].reshape(each.shape)
+    if drive.coasting.drives:
+        share, nothing = right[-1], jnp.zeros_like(right[-1][0])  # of R(y_0), by component
+        path = jnp.stack([jnp.stack([share[0], nothing]), jnp.stack([nothing, share[-1]])])
         response = jnp.concatenate([response[:functions], path, response[functions:]])
     elif not isinstance(known, KnownDrive) and drive.sensed.errs:
         response = jnp.concatenate([response, jnp.zeros_like(response[:1])])
     return response, residual
-
-
-def late_response(late: Late) -> ByFunction:
-    """The vectors of powers of time where all messages are late and L is 1."""
-    known = late.known
-    return known.drive.terms - known.share[None] * late.leading[:, :, None]
-
-
-def of_navigator(share: RowShare) -> tuple[PerAxis, PerAxis]:
-    """The vectors of both components of R(y_0)."""
-    nothing = jnp.zeros_like(share[0])
-    return jnp.stack([share[0], nothing]), jnp.stack([nothing, share[-1]])

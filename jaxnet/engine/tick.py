@@ -53,7 +53,7 @@ class Strength(eqx.Module):
 
 
 class RowStrengths(Strength):
-    """Strengths of rows of weights that differ from 1 (`model.strength`)."""
+    """Strengths of rows of weights that differ from 1 (`model.retained`)."""
 
     strength: Float[Array, "axes m lanes"]
 

@@ -24,8 +24,8 @@ from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scram
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network, Periods, Turns
+from jaxnet.model.retained import RowStrength, WithOwnWeight
 from jaxnet.model.signal import ORDERS, Apart, Falsified
-from jaxnet.model.strength import RowStrength, WithOwnWeight
 from jaxnet.solvers.choice import choose_solver
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxnet.model import elimination
 from jaxnet.model.hearing import SlotWeights
@@ -33,7 +33,6 @@ TINY = 1e-14  # absolute, added to the curvature where it is 0, and to the lengt
 
 Points = Float[Array, "2 slots m lanes"]
 Point = Float[Array, "2 m lanes"]
-Sides = Float[Array, "sides m lanes"]
 OfVehicles = Float[Array, "m lanes"]
 Multipliers = Float[Array, "3 m lanes"]
 BoundaryMoment = tuple[Point, OfVehicles]
@@ -74,25 +73,20 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
 def half_planes(position: Points, heard: Bool[Array, "slots m lanes"]) -> HalfPlanes:
     """The half-planes with the set of all centerpoints as intersection."""
     slots = len(heard)
-    apart = jnp.where(
-        (heard[:, None] & heard[None])[None], position[:, None] - position[:, :, None], 0.0
-    )
+    both = (heard[:, None] & heard[None])[None]
+    apart = jnp.where(both, position[:, None] - position[:, :, None], 0.0)
     across = jnp.stack([-apart[1], apart[0]]).reshape(2, slots**2, *heard.shape[1:])
     axes = jnp.asarray([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
     axes = jnp.broadcast_to(axes[:, :, None, None], (2, 4, *heard.shape[1:]))
     normal = jnp.concatenate([across, axes], axis=1)
     size = length(normal)
     normal = normal / jnp.where(size > 0, size, 1.0)[None]
-    least_value = (heard.sum(axis=0) + 2) // 3
+    rank = (heard.sum(axis=0) + 2) // 3  # ⌈n/3⌉; rank 1 is the greatest
     along = dot(normal[:, :, None], position[:, None])
     along = jnp.where(heard[None], along, -jnp.inf)
-    return HalfPlanes(normal, ranked(along, least_value))
-
-
-def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lanes"]) -> Sides:
-    """The value of the given rank over the slots; rank 1 is the greatest value."""
-    above = (values[:, :, None] >= values[:, None]).sum(axis=1)
-    return jnp.where(above >= rank[None, None], values, -jnp.inf).max(axis=1)
+    above = (along[:, :, None] >= along[:, None]).sum(axis=1)
+    offset = jnp.where(above >= rank[None, None], along, -jnp.inf).max(axis=1)
+    return HalfPlanes(normal, offset)
 
 
 def middle(sides: HalfPlanes, beside: Point) -> Point:
@@ -115,9 +109,8 @@ def middle(sides: HalfPlanes, beside: Point) -> Point:
         most = jnp.where(rate > PARALLEL, limit, jnp.inf).min(axis=0)
         fewest = jnp.where(rate < -PARALLEL, limit, -jnp.inf).max(axis=0)
         same = (dot(sides.normal, normal[:, None]) > 0) & (jnp.abs(rate) < SAME)
-        same = (
-            same & (jnp.abs(sides.offset - offset[None]) < SAME) & (numbers < number)[:, None, None]
-        )
+        same = same & (jnp.abs(sides.offset - offset[None]) < SAME)
+        same = same & (numbers < number)[:, None, None]
         fits = (fewest <= most) & ((jnp.abs(rate) > PARALLEL) | (room >= 0)).all(axis=0)
         fits = fits & ~same.any(axis=0) & (dot(normal, normal) > 0)
         size = jnp.where(fits, most - fewest + TINY, 0.0)
@@ -143,9 +136,8 @@ def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
     """
     apart = position - point[:, None]
     size = jnp.where(of > 0, length(apart), 0.0).max(axis=0)
-    features = jnp.concatenate(
-        [jnp.ones_like(of)[None], apart / jnp.where(size > 0, size, 1.0)[None, None]]
-    )
+    unit = apart / jnp.where(size > 0, size, 1.0)[None, None]
+    features = jnp.concatenate([jnp.ones_like(of)[None], unit])
 
     def shares(factors: Multipliers) -> SlotWeights:
         return jnp.maximum(0.0, (factors[:, None] * features).sum(axis=0))
@@ -164,9 +156,8 @@ def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
 
     def off(state: tuple[LoopIndex, Multipliers]) -> Bool[Array, ""]:
         number, factors = state
-        return (number < CENTERPOINT_ROUNDS) & (
-            jnp.abs(gradient(factors)) * size[None] > CLOSE
-        ).any()
+        left = jnp.abs(gradient(factors)) * size[None] > CLOSE
+        return (number < CENTERPOINT_ROUNDS) & left.any()
 
     def better(state: tuple[LoopIndex, Multipliers]) -> tuple[LoopIndex, Multipliers]:
         number, factors = state

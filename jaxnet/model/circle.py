@@ -82,9 +82,8 @@ def angle(across: Numbers, up: Numbers) -> Numbers:
     steep = small > 0.4142135623730951 * great
     part = xp.where(steep, small - great, small) / xp.where(steep, small + great, great)
     square = part * part
-    turned = xp.where(steep, 0.7853981633974483, 0.0) + (
-        part - part * square * polynomial(ARC, square)
-    )
+    near = part - part * square * polynomial(ARC, square)
+    turned = xp.where(steep, 0.7853981633974483, 0.0) + near
     turned = xp.where(high > wide, 1.5707963267948966 - turned, turned)
     turned = xp.where(across < 0, 3.141592653589793 - turned, turned)
     return xp.where(up < 0, -turned, turned)
@@ -102,9 +101,7 @@ def by_polynomials(angle: Numbers) -> tuple[Numbers, Numbers]:
     odd = (quadrant == 1.0) | (quadrant == 3.0)
     across, up = xp.where(odd, sine, cosine), xp.where(odd, cosine, sine)
     left, down = (quadrant == 1.0) | (quadrant == 2.0), quadrant >= 2.0
-    # XLA computes cheap expressions again at each use. A division prevents that: 1.01 times, plain,
-    # 12
-    # vehicles. A choice of signs instead would change the last bits of the nonlinear engine.
+    # A choice of signs would change the last bits of the nonlinear engine.
     return across / xp.where(left, -1.0, 1.0), up / xp.where(down, -1.0, 1.0)
 
 

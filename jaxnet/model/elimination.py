@@ -69,9 +69,9 @@ def eliminated(whole: Matrix) -> Float[Array, "n r axes lanes"]:
 
     for done in range(0, passes, at_a_time):
         number = min(at_a_time, passes - done)
-        whole = eliminate(
-            jax.lax.fori_loop(1, number, one, whole) if number > 1 else whole, AT_ONCE
-        )
+        if number > 1:
+            whole = jax.lax.fori_loop(1, number, one, whole)
+        whole = eliminate(whole, AT_ONCE)
         whole = whole[:, : whole.shape[1] - (number - 1) * AT_ONCE]
     return eliminate(whole, rest) if rest else whole
 

@@ -13,8 +13,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy import sparse
 
-BLOCK = 2**17  # numbers of the dense rows that one sum takes
-
 Weights = Float[np.ndarray, "m sources"]  # dense matrix
 Links = Bool[np.ndarray, "m slots"]  # a subset of the links of a graph, slot by slot
 Row = Int[np.ndarray, " links"]
@@ -96,9 +94,6 @@ def of_matrix(given: Matrices) -> Digraph:
 
 def entries(given: Matrices) -> tuple[Row, Row, Shaped[np.ndarray, " links"]]:
     """Rows, columns and values of the entries other than 0, of a NumPy or SciPy sparse array."""
-    if isinstance(given, np.ndarray):
-        rows, columns = np.nonzero(given)
-        return rows, columns, given[rows, columns]
     links = sparse.coo_array(given)
     links.sum_duplicates()
     links.eliminate_zeros()
@@ -114,7 +109,7 @@ def weighted(vehicles: int, edges: Iterable[tuple[int, int, float]]) -> Digraph:
 def normalised(graph: Digraph) -> Digraph:
     """The graph with rows that sum to 1, or to 0 if a vehicle hears no source."""
     weights = graph.weights
-    total = totals(graph.sources, weights, graph.vehicles + 1)[:, None]
+    total = weights.sum(axis=1, keepdims=True)
     return graph._replace(
         weights=np.divide(weights, total, out=np.zeros_like(weights), where=total > 0)
     )
@@ -130,26 +125,6 @@ def row_sums(
     loop = graph.sources == np.arange(1, graph.vehicles + 1)[:, None]
     others = ~loop if navigator else ~loop & (graph.sources != 0)
     return graph.only(loop).weights.sum(axis=1), graph.only(others).weights.sum(axis=1)
-
-
-def totals(
-    columns: Int[np.ndarray, "m slots"], values: Float[np.ndarray, "m slots"], width: int
-) -> Float[np.ndarray, " m"]:
-    """Sums of rows, equal to the last bit to the sums of the dense rows in NumPy.
-
-    NumPy adds a dense row of this width pairwise. Equal order gives a graph equal weights, however
-    the user states the graph. The sum of two numbers does not depend on the order. For rows with
-    more entries, the function builds dense rows, a few at a time.
-    """
-    found = values.sum(axis=1)
-    several, at_once = np.flatnonzero((values != 0).sum(axis=1) > 2), max(1, BLOCK // width)
-    for first in range(0, len(several), at_once):
-        rows = several[first : first + at_once]
-        row, slot = np.nonzero(values[rows])
-        some = np.zeros((len(rows), width))
-        some[row, columns[rows][row, slot]] = values[rows][row, slot]
-        found[rows] = some.sum(axis=1)
-    return found
 
 
 def dense(graph: Digraph) -> Weights:
@@ -185,26 +160,11 @@ def inverse_norm(graph: Digraph) -> float:
 
 def hops(graph: Digraph) -> Float[np.ndarray, " m"]:
     """The links on the shortest path from the navigator to each vehicle, inf without a path."""
-    listeners, _, ends = by_source(graph)
-    told, found, waiting = (listeners + 1).tolist(), [0.0, *[np.inf] * graph.vehicles], [0]
-    for source in waiting:
-        for listener in told[ends[source] : ends[source + 1]]:
-            if found[listener] == np.inf:
-                found[listener] = found[source] + 1
-                waiting.append(listener)
-    return np.array(found[1:])
-
-
-def by_source(graph: Digraph) -> tuple[Row, Row, list[int]]:
-    """Listeners, from 0, and slots of all links, sorted by source, and the limits of each source.
-
-    The links of source j start at limit j and end before limit j + 1.
-    """
     listeners, slots = graph.edges()
-    sources = graph.sources[listeners, slots]
-    order = sources.argsort(kind="stable")
-    ends = np.bincount(sources, minlength=graph.vehicles + 1).cumsum().tolist()
-    return listeners[order], slots[order], [0, *ends]
+    ends = graph.sources[listeners, slots], listeners + 1
+    shape = graph.vehicles + 1, graph.vehicles + 1
+    links = sparse.csr_array((np.ones(len(listeners)), ends), shape=shape)
+    return sparse.csgraph.dijkstra(links, unweighted=True, indices=0)[1:]
 
 
 def unreachable(graph: Digraph) -> list[int]:

@@ -6,9 +6,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model.control import Gain
 from jaxnet.model.hearing import Hearing
+from jaxnet.model.retained import RowStrength
 from jaxnet.model.shapes import Flags, Numbers
 from jaxnet.model.signal import Basis, up_to
-from jaxnet.model.strength import RowStrength
 
 
 class Turns(NamedTuple):
@@ -47,28 +47,19 @@ class Lane(NamedTuple):
     vectors: Float[Array, "2 signals functions *lanes"]  # of the attack [m]; initial if strategic
     attack_scale: Float[Array, "*lanes"]  # [m], factor of the unit vectors of the attack
     announces: Any  # announcements of attacked links, a kind with its numbers drawn
-    sizes: Float[
-        Array, "2 derivatives *lanes"
-    ]  # greatest norms by order: navigator's path, signal functions
+    # Greatest norms by order: navigator's path, signal functions.
+    sizes: Float[Array, "2 derivatives *lanes"]
     interval: Float[Array, "*lanes"]  # [s] from tick to tick
     sensor: Any = None  # None where vehicles sense without errors
     loss: Any = None  # None where every message arrives
-    noise: Any = None  # None where words arrive without errors
+    noise: Any = None  # None where messages arrive without errors
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
-    delay: Any = (
-        # of words, `SteadyDelay` or `DrawnDelay` of `engine.stages.late`; None where words are not
-        # late
-        None
-    )
+    delay: Any = None  # of messages, by `engine.stages.late`; None where they are not delayed
     periods: Periods | None = None  # None where the same vehicles are attacked all along
-    gain_apart: Float[Array, "r m *lanes"] | None = (
-        None  # each vehicle's own gains minus `gain`; None: 0
-    )
-    steps: Float[Array, "r *lanes"] | None = (
-        None  # [m, m/s, …] to which jets in words are rounded, or None
-    )
-    detector: Any = None  # None where nobody tests words
+    gain_apart: Float[Array, "r m *lanes"] | None = None  # own gains minus `gain`; None: 0
+    steps: Float[Array, "r *lanes"] | None = None  # [m, m/s, …] of rounded messages, or None
+    detector: Any = None  # None where nobody tests messages
 
     @property
     def lossy(self) -> bool:
@@ -125,8 +116,7 @@ class Network(NamedTuple):
 
     hearing: Hearing
     trusted: Bool[Array, "slots m"]
-    display_signals: Int[
-        Array, "m"
-    ]  # the signal that outputs show for each vehicle, if its listeners receive different signals
+    # The signal that outputs show of each vehicle, if its listeners receive different ones.
+    display_signals: Int[Array, "m"]
     shared: Any  # data of the defence
     solver: Any  # of `solvers`

@@ -30,24 +30,14 @@ def inputs_near_navigator(
     vehicle, order = lane.vehicle, len(lane.gain)
     jets = tuple(jnp.broadcast_to(jet[:, None], drive.shape) for jet in navigator[: order + 1])
     target = vehicle.state_of(jets[:order])
+    error, turn = states - target, 2 * math.pi
+    angles = jnp.asarray([unit == "rad" for unit in vehicle.units])[:, None, None]
+    error = error - jnp.where(angles, turn * jnp.round(error / turn), 0.0)  # half a turn at most
 
     def exact(state: VehicleStates, z: Plane) -> Plane:
-        return vehicle.inputs_for(
-            state, z - control.feedback(lane.gain, vehicle.output_jets(state))
-        )
+        own = vehicle.output_jets(state)
+        return vehicle.inputs_for(state, z - control.feedback(lane.gain, own))
 
-    there, change = jax.jvp(
-        exact,
-        (target, control.driven(lane.gain, jets)),
-        (state_error(vehicle.units, states, target), drive),
-    )
+    at = target, control.driven(lane.gain, jets)
+    there, change = jax.jvp(exact, at, (error, drive))
     return there + change
-
-
-def state_error(
-    units: tuple[str, ...], states: VehicleStates, target: VehicleStates
-) -> VehicleStates:
-    """The states minus the target, with differences in radians of at most half a turn."""
-    error, turn = states - target, 2 * math.pi
-    angles = jnp.asarray([unit == "rad" for unit in units])[:, None, None]
-    return error - jnp.where(angles, turn * jnp.round(error / turn), 0.0)

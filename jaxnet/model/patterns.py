@@ -12,9 +12,7 @@ from scipy import sparse
 
 from jaxnet.model.graph import Numbered
 
-Neighbours = (
-    Any  # (m, m) booleans: listener i hears source j; a dense array or a sparse SciPy array
-)
+Neighbours = Any  # (m, m) booleans: listener i hears source j; a dense or a sparse SciPy array
 
 
 def of_pairs(vehicles: int, listeners: Numbered, sources: Numbered) -> Neighbours:
@@ -85,14 +83,10 @@ def drawn_regular(vehicles: int, degree: int, random: np.random.Generator) -> Ne
                     left += [i, j]
                 else:
                     pairs |= {(i, j), (j, i)}
-            if len(left) == len(ends) and not any_pair(pairs, left):
+            free = sorted(set(left))
+            possible = any((i, j) not in pairs for i in free for j in free if i != j)
+            if len(left) == len(ends) and not possible:
                 break
             ends = np.array(left, int)
         else:
             return of_pairs(vehicles, *zip(*pairs, strict=True))
-
-
-def any_pair(pairs: set[tuple[int, int]], ends: list[int]) -> bool:
-    """Whether a new link between two of these free ends is possible."""
-    free = sorted(set(ends))
-    return any((i, j) not in pairs for i in free for j in free if i != j)

@@ -5,7 +5,6 @@ coefficients are the first axis, the lanes the last.
 """
 
 import functools
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -33,17 +32,6 @@ class Polynomial(NamedTuple):
         """The same polynomial in powers of σ minus a share."""
         degrees = range(len(self.terms))
         return Polynomial(jnp.stack([Polynomial(self.terms[k:]).at(share) for k in degrees]))
-
-    def derivative(self) -> "Polynomial":
-        """The derivative with respect to σ, with one coefficient less."""
-        return Polynomial(self.terms[1:])
-
-    def times(self, factor: Numbers) -> "Polynomial":
-        """Product with a number of each lane, or of each link or vehicle and lane."""
-        return Polynomial(scaled(self.terms, factor))
-
-    def plus_constant(self, by: Numbers) -> "Polynomial":
-        return Polynomial(self.terms.at[0].add(by))
 
 
 def interpolated(values: Float[Array, "points *some"]) -> Polynomial:
@@ -85,13 +73,6 @@ def powers_of(share: Numbers, number: int) -> Numbers:
     for n in range(1, number):
         terms.append(terms[-1] * share / n)
     return xp.stack(terms)
-
-
-def power(time: Shares, n: int) -> Shares:
-    """`t^n / n!`, 0 for a negative n."""
-    if n < 1:
-        return jnp.zeros_like(time) if n < 0 else jnp.ones_like(time)
-    return time if n == 1 else time**n / math.factorial(n)
 
 
 def scaled(term: Numbers, factor: Numbers) -> Numbers:

@@ -2,16 +2,27 @@
 
 A decision is an array over slots (see `hearing`): (slots, m, lanes), or (2, slots, m, lanes) if the
 axes differ. It contains booleans, true for retained slots, or nonnegative weights.
+
+Under a local law a vehicle follows the mean of those it retains, `q_i = s_i (a0 y_0^(r) - P(ε_i))`.
+The strength s_i is 1 unless the network says otherwise. Let S be the share of the row's weights
+that the vehicle retains.
+
+    with a weight on itself    s = S / (S + w_ii / Σ_j w_ij): the retained weights and w_ii sum to 1
+    with weights as they are   s = S Σ_j w_ij: the Laplacian's form, q_i = -Σ_j w_ij P(y_i - y_j)
+
+The exact law and its rounds solve `L q = b`, which does not depend on the strength of a row.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from jaxnet.model.graph import Digraph, Links, normalised
 from jaxnet.model.hearing import AxisWeights, SlotWeights
-from jaxnet.model.shapes import Flags, RetainedSlots
+from jaxnet.model.shapes import Flags, Numbers, RetainedSlots
+
+RowShares = Float[Any, "axes m *lanes"]
 
 
 class DropPolicy(NamedTuple):
@@ -74,3 +85,26 @@ def changed(decision: RetainedSlots, before: RetainedSlots) -> Flags:
 def support(decision: RetainedSlots) -> Flags:
     """The slots that the decision retains with any weight."""
     return decision if decision.dtype == bool else decision > 0
+
+
+class WithOwnWeight(NamedTuple):
+    """Strength of rows in which a vehicle has a weight on itself."""
+
+    own: Numbers  # w_ii over the sum of the other weights, (m, lanes)
+
+    def of(self, retained: RowShares) -> RowShares:
+        """The strength of rows of which this share of the weights is retained."""
+        total = retained + self.own[None]
+        return retained / total.__array_namespace__().where(total > 0, total, 1.0)
+
+
+class WeightsAsTheyAre(NamedTuple):
+    """Strength of rows whose weights are not normalised."""
+
+    total: Numbers  # Σ_j w_ij, (m, lanes)
+
+    def of(self, retained: RowShares) -> RowShares:
+        return self.total[None] * retained
+
+
+RowStrength = WithOwnWeight | WeightsAsTheyAre

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from jaxnet.model.graph import Digraph, Links, by_source
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import DropPolicy
 
 Vehicles = Bool[np.ndarray, " m"]
@@ -41,8 +41,11 @@ def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nod
     Percolation reaches a vehicle once its reached sources have given it `needed` votes. `votes`
     holds the votes of each link.
     """
-    listeners, slots, ends = by_source(graph)
-    who, theirs = listeners.tolist(), votes[listeners, slots].tolist()
+    listeners, slots = graph.edges()
+    order = graph.sources[listeners, slots].argsort(kind="stable")
+    number = np.bincount(graph.sources[listeners, slots], minlength=graph.vehicles + 1)
+    ends = [0, *number.cumsum().tolist()]  # of the links from each source
+    who, theirs = listeners[order].tolist(), votes[listeners, slots][order].tolist()
     reached = seeds | np.append(False, needed <= 0)
     left, waiting, there = needed.tolist(), np.flatnonzero(reached).tolist(), reached.tolist()
     for source in waiting:
@@ -74,10 +77,8 @@ def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
       attacked link.
     - Joined: the vehicles join each other to the navigator, whichever links they drop.
     """
-    falsified, fatal = (
-        drops.graph.heard & attacked,
-        np.broadcast_to(bears[:, None] + 1, attacked.shape),
-    )
+    falsified = drops.graph.heard & attacked
+    fatal = np.broadcast_to(bears[:, None] + 1, attacked.shape)
     left = bears + 1 - (np.where(drops.links, 1, fatal) * falsified).sum(axis=1)
     out = np.zeros(len(bears) + 1, bool)
     while True:
@@ -102,11 +103,8 @@ def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None
     """
     if len(inside) > MOST_RATED or not inside.any():
         return None
-    weights, sources, rank = (
-        drops.graph.weights,
-        drops.graph.sources,
-        np.arange(drops.links.shape[1]),
-    )
+    weights, sources = drops.graph.weights, drops.graph.sources
+    rank = np.arange(drops.links.shape[1])
     lightest = np.sort(np.where(drops.links, weights, 0.0) + ~drops.links, axis=1)
     kept = weights.sum(axis=1) - lightest.sum(axis=1, where=rank < drops.number[:, None])
     factor, rounds = np.concatenate([[0.0], np.full(len(inside), np.nan)]), 0

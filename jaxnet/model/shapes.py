@@ -8,10 +8,6 @@ from jaxtyping import Bool, Float, Int, Shaped
 Numbers = Float[Any, "..."]
 Flags = Bool[Any, "..."]
 PlaneArray = Float[Any, "2 ..."]
-OrderedJets = (
-    Sequence[Numbers] | Numbers
-)  # a signal and its derivatives, one by one or as one array
+OrderedJets = Sequence[Numbers] | Numbers  # a signal and derivatives, one by one or as one array
 LoopIndex = Int[Any, ""]  # number of a loop's pass, or an index
-RetainedSlots = Shaped[
-    Any, "..."
-]  # (slots, m, lanes) or (axes, slots, m, lanes); booleans or weights
+RetainedSlots = Shaped[Any, "..."]  # ([axes,] slots, m, lanes); booleans or weights

@@ -19,9 +19,7 @@ from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
 ORDERS = (0, 1, 2, 3)  # orders of the derivatives in a received message
 
 Vectors = Float[Any, "2 _ functions *lanes"]  # one set for each vehicle, or for each link
-ByFunction = Float[
-    Any, "functions 2 m *lanes"
-]  # vectors of the vehicles, one function after the other
+ByFunction = Float[Any, "functions 2 m *lanes"]  # vectors of the vehicles, by function
 Basis = Float[Any, "derivatives functions *lanes"]  # β_b and its derivatives, three or as many as r
 
 
@@ -61,10 +59,9 @@ class WithNavigator(NamedTuple):
 
     def basis(self, time: Numbers) -> Basis:
         """All functions with derivatives up to r, three at least: (derivatives, B + 2, lanes)."""
-        each = (
-            up_to(len(self.gain), one, time) for one in (self.signal.basis, self.navigator.jets)
-        )
-        return time.__array_namespace__().concatenate(list(each), axis=1)
+        both = self.signal.basis, self.navigator.jets
+        each = [up_to(len(self.gain), one, time) for one in both]
+        return time.__array_namespace__().concatenate(each, axis=1)
 
 
 class Apart(NamedTuple):
@@ -105,8 +102,7 @@ def turning(cosine: Numbers, sine: Numbers, rate: Numbers | float) -> Numbers:
 
 
 def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> Numbers:
-    """Return `function(time)`, a path or functions with derivatives in the first axis, up to this
-    order, or up to the third if that is higher.
+    """`function(time)`, with derivatives in the first axis up to this order, at least the third.
 
     A kind gives at least three derivatives. JAX differentiates the last one for higher orders.
     """
@@ -116,10 +112,11 @@ def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> 
     import jax
     import jax.numpy as jnp
 
+    def below(now: Numbers) -> Numbers:
+        return up_to(order - 1, function, now)
+
     time = jnp.asarray(time)
-    lower, rates = jax.jvp(
-        lambda now: up_to(order - 1, function, now), (time,), (jnp.ones_like(time),)
-    )
+    lower, rates = jax.jvp(below, (time,), (jnp.ones_like(time),))
     return jnp.concatenate([lower, rates[-1:]])
 
 

@@ -14,9 +14,8 @@ def ranges(numbers: Sequence[int]) -> str:
             runs[-1].append(number)
         else:
             runs.append([number])
-    return ", ".join(
-        f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs
-    )
+    short = (f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
+    return ", ".join(short)
 
 
 def cells_named(numbers: Sequence[int]) -> str:
@@ -52,9 +51,8 @@ def sets_in_words(times: Sequence[float], sets: Sequence[Sequence[int]]) -> str:
     """Sets of numbers, each from a time on [s], in words: 1, 2 until 10 s, then nobody."""
     first = ["nobody"] if times[0] > 0 else []
     names = [*first, *(ranges(sorted(each)) or "nobody" for each in sets)]
-    until = [
-        f"{name} until {time:g} s" for name, time in zip(names, times[not first :], strict=False)
-    ]
+    ends = zip(names, times[not first :], strict=False)
+    until = [f"{name} until {time:g} s" for name, time in ends]
     return ", then ".join([*until, names[-1]])
 
 

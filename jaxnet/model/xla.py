@@ -22,9 +22,7 @@ Tree = TypeVar("Tree", bound=Any)
 def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
     """Result of `work` on CPUs, of `elsewhere` on accelerators; both must give the same value."""
     device = jax.config.values["jax_default_device"] or jax.devices()[0]  # the target of the trace
-    platform = getattr(
-        device, "platform", device
-    )  # the default device may be the name of a platform
+    platform = getattr(device, "platform", device)  # a default device may be a platform's name
     return work() if platform == "cpu" else elsewhere()
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxnet.model.elimination import eliminated, identity, multiplied, product
 from jaxnet.model.hearing import AxisWeights, Hearing
-from jaxnet.solvers.solver import Columns, PlaneVector, Residual, Solver, off_one
+from jaxnet.solvers.solver import Solver, off_one
 from jaxnet.solvers.table import BlockTable, add_weights
 
 RightSides = Float[Array, "blocks axes size lanes"]
@@ -44,15 +44,13 @@ class Blocks(Solver[BlockFactors]):
     vehicles: Int[Any, "blocks size"]  # vehicle at each place, from 0; m at an unused place
     place: Int[Any, " m"]  # place of each vehicle, counted through all blocks
 
-    def solve(
-        self, hearing: Hearing, weights: AxisWeights, right: Columns
-    ) -> tuple[Columns, Residual]:
+    def solve(self, hearing, weights, right):
         before, own, after, navigator = self.blocks_of(hearing, weights)
         whole = jnp.concatenate([self.in_blocks(right), navigator], axis=2)
         solution = self.by_vehicle(from_block_to_block(before, own, after, whole))
         return solution[:, :-1], off_one(solution[:, -1])
 
-    def factorise(self, hearing: Hearing, weights: AxisWeights) -> tuple[BlockFactors, Residual]:
+    def factorise(self, hearing, weights):
         """The factors of L from block to block, and the residual of `L⁻¹ a0 = 1`."""
         before, own, after, navigator = self.blocks_of(hearing, weights)
         eye = identity(own[0])
@@ -68,36 +66,21 @@ class Blocks(Solver[BlockFactors]):
         reached = through(factors, navigator[:, :, 0].swapaxes(1, 2))
         return factors, off_one(self.by_vehicle(reached.swapaxes(1, 2)))
 
-    def apply(
-        self, hearing: Hearing, factors: BlockFactors, right: PlaneVector, start: PlaneVector | None
-    ) -> PlaneVector:
+    def apply(self, hearing, factors, right, start):
         found = through(factors, self.in_blocks(right.swapaxes(0, 1)).swapaxes(1, 2))
         return self.by_vehicle(found.swapaxes(1, 2)).swapaxes(0, 1)
 
     def blocks_of(
         self, hearing: Hearing, weights: AxisWeights
     ) -> tuple[BlockTable, BlockTable, BlockTable, BlockTable]:
-        """The blocks of L and the weights of the navigator.
-
-        The four arrays are:
-
-        - the weights of vehicles in the previous block,
-        - L within the block,
-        - the weights of vehicles in the next block,
-        - a0, the weights of the navigator.
-        """
+        """Weights of the previous block's vehicles, L in the block, weights of the next, and a0."""
         blocks, size = self.vehicles.shape
-        carried_sources = hearing.carried_sources.at[:, self.vehicles].get(
-            mode="fill", fill_value=0
-        )
+        carried = hearing.carried_sources.at[:, self.vehicles].get(mode="fill", fill_value=0)
         heard = jnp.moveaxis(weights, 0, 2).at[:, self.vehicles].get(mode="fill", fill_value=0.0)
         first = (jnp.arange(blocks)[:, None] - 1) * size  # place of the first column after a0
-        columns = jnp.where(
-            carried_sources > 0, jnp.asarray(self.place)[carried_sources - 1] - first[None] + 1, 0
-        )
-        table = add_weights(
-            jnp.zeros((blocks, size, 1 + 3 * size, *heard.shape[3:])), columns, heard
-        )
+        place = jnp.asarray(self.place)[carried - 1] - first[None] + 1
+        nothing = jnp.zeros((blocks, size, 1 + 3 * size, *heard.shape[3:]))
+        table = add_weights(nothing, jnp.where(carried > 0, place, 0), heard)
         before, own, after = jnp.split(table[:, :, 1:], 3, axis=2)
         return before, identity(own) - own, after, table[:, :, :1]
 

@@ -1,18 +1,11 @@
-"""The choice of a solver for a graph, and all thresholds at which the numerics change.
+"""The choice of a solver for a graph, and all thresholds at which the numerics change."""
 
-`python -m jaxnet.solvers.choice > docs/solvers.md` writes the page that shows the choices.
-"""
-
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int
 from scipy import sparse
 
-from jaxnet.model import patterns
-from jaxnet.model.graph import slotted
-from jaxnet.model.patterns import Neighbours
 from jaxnet.solvers.blocks import Blocks
 from jaxnet.solvers.dense import Dense
 from jaxnet.solvers.iterative import Iterative
@@ -46,13 +39,11 @@ def choose_solver(sources: Sources) -> Choice:
         return Choice(Dense.of(sources), f"at most {ONE_BLOCK} vehicles")
     vehicles, place, size = near_each_other(sources)
     blocks = -(-m // size)
-    if blocks < LEAST_BLOCKS and m <= LARGEST_BLOCK:
-        return Choice(
-            Dense.of(sources),
-            f"fewer than {LEAST_BLOCKS} blocks ({blocks}), at most {LARGEST_BLOCK} vehicles",
-        )
     if blocks < LEAST_BLOCKS:
-        return Choice(Iterative(), f"fewer than {LEAST_BLOCKS} blocks ({blocks})")
+        why = f"fewer than {LEAST_BLOCKS} blocks ({blocks})"
+        if m > LARGEST_BLOCK:
+            return Choice(Iterative(), why)
+        return Choice(Dense.of(sources), f"{why}, at most {LARGEST_BLOCK} vehicles")
     if size > LARGEST_BLOCK:
         return Choice(Iterative(), f"blocks of more than {LARGEST_BLOCK} vehicles ({size:,})")
     filled = np.append(vehicles, np.full(blocks * size - m, m)).reshape(blocks, size)
@@ -77,85 +68,12 @@ def near_each_other(sources: Sources) -> tuple[np.ndarray, np.ndarray, int]:
 
 
 def solved_at_once(vehicles: int) -> int:
-    """The number of lanes that the exact engine solves at once."""
     return SOLVED if vehicles < LARGE_TO_SOLVE else SOLVED_OF_LARGE
 
 
 def solved_in_a_row(vehicles: int) -> int:
-    """The number of lanes that the exact engine solves at once where nearly all lanes change."""
     return SOLVED_IN_A_ROW if vehicles < LARGE_TO_SOLVE else SOLVED_OF_LARGE
 
 
 def factorised_at_once(vehicles: int) -> int:
-    """The number of lanes that the nonlinear engine factorises at once."""
     return FACTORISED if vehicles < LARGE_TO_FACTORISE else FACTORISED_OF_LARGE
-
-
-# --- the page
-# --------------------------------------------------------------------------------------
-
-SIZES = (12, 50, 100, 1_000, 10_000)  # vehicles
-GRAPHS: dict[str, Callable[[int], Neighbours]] = {
-    "`cyclic` (ring)": lambda m: patterns.circulant(m, (-1, 1)),
-    "`path`": lambda m: patterns.of_pairs(m, np.arange(1, m), np.arange(m - 1)),
-    "`lattice` of 4 neighbours": lambda m: patterns.lattice(m, 4),
-    "`random_regular` of degree 4": lambda m: patterns.drawn_regular(
-        m, 4, np.random.default_rng(0)
-    ),
-    "`erdos_renyi`, 8 sources on average": lambda m: patterns.of_pairs(
-        m, *np.random.default_rng(0).integers(m, size=(2, 8 * m))
-    ),
-}
-HEAD = f"""# Solvers
-
-The law couples the vehicles by a linear system `L x = b`. A solver solves or factorises L at
-ticks where weights changed:
-
-- `Dense` eliminates one dense matrix. Up to half of the vehicles, which hear none of each other,
-  need no elimination.
-- `Blocks` eliminates from block to block. A block hears only itself and the two adjacent blocks.
-- `Windowed` is `Blocks` with an update of the solution near the vehicles that changed their
-  decision.
-- `Iterative` iterates over links until the certified error is small enough.
-
-The graph alone decides which solver runs, not the number of lanes. The vehicles are ordered so
-that listeners are near their sources (reverse Cuthill–McKee). The greatest distance in that order
-is the size of a block.
-
-- For at most {ONE_BLOCK} vehicles the solver is `Dense`.
-- With at least {LEAST_BLOCKS} blocks the solver is `Blocks`, or `Windowed` for large fleets.
-- With fewer blocks the solver is `Dense` for at most {LARGEST_BLOCK} vehicles, else `Iterative`.
-
-No key changes the choice; `engine.solver` is the integrator's method.
-
-"Lanes at once" is the number of lanes that the exact engine solves, or the nonlinear engine
-factorises, in one pass.
-
-`python -m jaxnet.solvers.choice > docs/solvers.md` writes this page.
-
-| graph | vehicles | solver | why | lanes at once, exact | lanes at once, nonlinear |
-|---|---|---|---|---|---|
-"""
-
-
-def page() -> str:
-    """The page of the choices, in Markdown."""
-    return HEAD + "".join(row(name, m) for name in GRAPHS for m in SIZES)
-
-
-def row(name: str, m: int) -> str:
-    listeners, heard = sparse.csr_array(GRAPHS[name](m)).nonzero()
-    solver, why = choose_solver(slotted(m, listeners, heard + 1)[2].T)
-    cells = (
-        name,
-        f"{m:,}",
-        f"`{type(solver).__name__}`",
-        why,
-        solved_at_once(m),
-        factorised_at_once(m),
-    )
-    return f"| {' | '.join(map(str, cells))} |\n"
-
-
-if __name__ == "__main__":
-    print(page(), end="")

@@ -21,7 +21,7 @@ from jaxnet.model.elimination import identity
 from jaxnet.model.shapes import LoopIndex
 from jaxnet.model.signal import ByFunction
 from jaxnet.solvers.blocks import Blocks, from_block_to_block
-from jaxnet.solvers.solver import SolvedLanes, SolvedVehicles, System
+from jaxnet.solvers.solver import SolvedLanes, System
 
 WINDOWS_TOGETHER = 16  # windows of all lanes that are solved at once
 WINDOW_ACCURACY = 1e-13  # error of a response, relative to the attacks' greatest vector component
@@ -30,9 +30,7 @@ WINDOW = 33  # blocks in a window
 
 WindowNumbers = Int[Array, " few"]
 FlaggedBlocks = Bool[Array, "blocks lanes"]
-Corrected = tuple[
-    FlaggedBlocks, Int[Array, " lanes"], ByFunction
-]  # flags, windows so far, solution
+Corrected = tuple[FlaggedBlocks, Int[Array, " lanes"], ByFunction]  # flags, windows so far, x
 
 
 @jax.tree_util.register_dataclass
@@ -40,9 +38,7 @@ Corrected = tuple[
 class Windowed(Blocks):
     """Block elimination that updates a solution only near the changed rows."""
 
-    def update(
-        self, system: System, x: ByFunction, flagged: SolvedLanes, changed: SolvedVehicles
-    ) -> tuple[ByFunction, SolvedLanes]:
+    def update(self, system, x, flagged, changed):
         """Update x near the changed vehicles of flagged lanes; return x and the flagged lanes left.
 
         The windows of a lane do not depend on other lanes. A lane is left in three cases: too many
@@ -59,23 +55,17 @@ class Windowed(Blocks):
             return blocks.any(axis=0) & (windows < most)
 
         def some(carry: Corrected) -> Corrected:
-            blocks, windows, x = carry
+            (blocks, windows, x), goes = carry, going(carry)
             starts, needed = window_starts(blocks)
-            up_to = jnp.cumsum(jnp.where(going(carry), needed.sum(axis=0), 0))
-            # all of a lane or none
-            taken = needed & (going(carry) & (up_to <= WINDOWS_TOGETHER))[None]
+            up_to = jnp.cumsum(jnp.where(goes, needed.sum(axis=0), 0))
+            taken = needed & (goes & (up_to <= WINDOWS_TOGETHER))[None]  # all of a lane or none
             number = (jnp.cumsum(taken)[None] <= jnp.arange(WINDOWS_TOGETHER)[:, None]).sum(axis=1)
             lanes = jnp.where(number < taken.size, number % flagged.size, flagged.size)
-            theirs, bound = (
-                starts.ravel().at[number].get(mode="clip"),
-                allowed.at[lanes].get(mode="clip"),
-            )
+            theirs = starts.ravel().at[number].get(mode="clip")
             x, at_edges = self.correct(system, x, lanes, theirs)
-            return (
-                clear_flags(blocks, lanes, theirs, at_edges > bound[None]),
-                windows + taken.sum(axis=0),
-                x,
-            )
+            over = at_edges > allowed.at[lanes].get(mode="clip")[None]
+            blocks = clear_flags(blocks, lanes, theirs, over)
+            return blocks, windows + taken.sum(axis=0), x
 
         carry = blocks & suited[None], jnp.zeros(flagged.shape, int), x
         blocks, _, x = jax.lax.while_loop(lambda carry: going(carry).any(), some, carry)
@@ -93,27 +83,22 @@ class Windowed(Blocks):
             lambda lane, start: self.left_in_window(system, x, lane, start), -1, -1
         )(lanes, starts)
         first = (starts[None] + jnp.arange(WINDOW)[:, None] - 1) * size  # place of the first column
-        place = jnp.asarray(self.place)[carried_sources - 1].reshape(
-            len(carried_sources), WINDOW, size, -1
-        )
-        columns = jnp.where(
-            carried_sources.reshape(place.shape) > 0, place - first[None, :, None], 3 * size
-        )  # out of range: dropped
+        shape = len(carried_sources), WINDOW, size, -1
+        place = jnp.asarray(self.place)[carried_sources - 1].reshape(shape) - first[None, :, None]
+        dropped = carried_sources.reshape(place.shape) == 0  # by a column out of range
+        columns = jnp.where(dropped, 3 * size, place)
         heard = jnp.moveaxis(weights, 0, 2).reshape(*place.shape[:3], len(weights), -1)
         nothing = jnp.zeros((WINDOW, size, 3 * size, *heard.shape[3:]))
         rows = np.arange(WINDOW)[None, :, None, None], np.arange(size)[None, None, :, None]
-        each = jnp.arange(len(lanes))[None, None, None]
-        table = nothing.at[(*rows, columns, slice(None), each)].add(
-            heard.swapaxes(3, 4), mode="drop"
-        )
+        there = *rows, columns, slice(None), jnp.arange(len(lanes))[None, None, None]
+        table = nothing.at[there].add(heard.swapaxes(3, 4), mode="drop")
         before, own, after = jnp.split(table, 3, axis=2)
         by_axis = left.reshape(WINDOW, size, -1, len(weights), functions, len(lanes)).swapaxes(3, 4)
         right = by_axis.reshape(WINDOW, size, -1, len(weights), len(lanes))
         found = from_block_to_block(before, identity(own) - own, after, right)
         at_edges = jnp.abs(found.at[np.array([0, -1])].get()).max(axis=(1, 2, 3))
-        added = (
-            found.reshape(by_axis.shape).swapaxes(3, 4).reshape(left.shape).transpose(2, 1, 0, 3)
-        )
+        added = found.reshape(by_axis.shape).swapaxes(3, 4).reshape(left.shape)
+        added = added.transpose(2, 1, 0, 3)
         return x.at[:, :, vehicles, lanes[None]].add(added, mode="drop"), at_edges
 
     def left_in_window(
@@ -123,27 +108,21 @@ class Windowed(Blocks):
     ]:
         """The vehicles of one window of a lane, their sources and weights, and their `b - L x`."""
         vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(self.vehicles), start, WINDOW).ravel()
+        used = vehicles < x.shape[2]
         heard = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
         _, carried_sources, attacked, signals, _ = heard
         weights = system.weights.at[:, vehicles, lane].get(mode="clip")
-        weights = retained.in_force(
-            weights, system.decision.at[:, :, vehicles, lane].get(mode="clip")
-        )
-        weights = jnp.where(vehicles[None, None] < x.shape[2], weights, 0.0)
+        decision = system.decision.at[:, :, vehicles, lane].get(mode="clip")
+        weights = jnp.where(used[None, None], retained.in_force(weights, decision), 0.0)
         own, sent = (
             jnp.moveaxis(x.at[:, :, who, lane].get(mode="clip"), (0, 1), (-1, -2))
             for who in (vehicles, carried_sources - 1)
         )
         false = system.vectors.at[:, signals, :, lane].get(mode="clip")
-        told = jnp.where((carried_sources > 0)[..., None, None], sent, 0.0)
-        told = told + jnp.where(attacked[..., None, None], false, 0.0)
-        left = (jnp.moveaxis(weights, 0, 2)[..., None] * told).sum(axis=0) - own
-        return (
-            vehicles,
-            carried_sources,
-            weights,
-            jnp.where((vehicles < x.shape[2])[:, None, None], left, 0.0),
-        )
+        received = jnp.where((carried_sources > 0)[..., None, None], sent, 0.0)
+        received = received + jnp.where(attacked[..., None, None], false, 0.0)
+        left = (jnp.moveaxis(weights, 0, 2)[..., None] * received).sum(axis=0) - own
+        return vehicles, carried_sources, weights, jnp.where(used[:, None, None], left, 0.0)
 
 
 def window_starts(
@@ -188,9 +167,8 @@ def clear_flags(
             blocks = jax.lax.dynamic_update_slice(blocks, left, place)
         return blocks
 
-    return jax.lax.fori_loop(
-        0, lanes.size, beside, jax.lax.fori_loop(0, lanes.size, within, blocks)
-    )
+    blocks = jax.lax.fori_loop(0, lanes.size, within, blocks)
+    return jax.lax.fori_loop(0, lanes.size, beside, blocks)
 
 
 def dominance(system: System) -> Float[Array, " lanes"]:

@@ -1,6 +1,5 @@
 """Windows of the nonlinear engine, against the exact engine and against Runge–Kutta steps."""
 
-import jax
 import numpy as np
 import pytest
 
@@ -61,15 +60,6 @@ def test_what_the_law_does_not_cancel_is_integrated(attack):
     assert (ours.status == Status.ok).all()
     assert apart(ours, known) < 3e-6
     assert apart(ours, outcome(**{**keys, "vehicle": Odd()})) > 0.1
-
-
-@pytest.mark.long
-def test_a_lane_that_takes_more_passes_changes_no_other():
-    """Vehicles that do not move as asked: lanes are the same to the last bit beside others."""
-    keys = {"vehicle": PUSHED, "attack": "rotating", "defence": "none"}
-    many, few = (outcome(lanes, **keys) for lanes in (21, 2))
-    for ours, theirs in zip(*map(jax.tree.leaves, (few, many)), strict=True):
-        np.testing.assert_array_equal(ours, theirs[:2])
 
 
 def test_a_state_that_does_not_return_the_jets_is_refused():

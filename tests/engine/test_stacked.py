@@ -5,16 +5,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import jaxnet
-from jaxnet.engine.methods import stacked
 from jaxnet.engine.methods.stacked import Controller
 from jaxnet.engine.status import Status
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import graph, hearing
-from tests import matrices, systems
+from tests import systems
 
 SHORT = {"horizon": 2.0, "tail": 1.0}
 RING = {"vehicles": 4, "attack": {"kind": "rotating", "magnitude": 30.0, "vehicles": [2]}, **SHORT}
@@ -22,15 +18,6 @@ CAR = {**RING, "vehicle": "car", "defence": "w_msr"}
 CAR["initial"] = {"position": {"uniform": [-20.0, 20.0]}}
 CAR["attack"] = {"kind": "sinusoid", "magnitude": 30.0, "vehicles": [2], "threat": "replaces"}
 COUNT = 3
-
-FULL = np.ones((5, 6)) - np.eye(5, 6, k=1)  # everybody hears everybody, but for one link
-FULL[2, 5] = 0.0
-SOURCES = matrices.slots_of(FULL)
-NONE = np.zeros(SOURCES.shape, bool)
-HEARING = jax.tree.map(
-    jnp.asarray, hearing.of_slots(SOURCES, SOURCES, NONE, hearing.of_transmitters(SOURCES))
-)
-reaches_everybody = jax.jit(stacked.reaches_everybody)
 
 
 def outcome(keys, **changes):
@@ -48,15 +35,6 @@ def agree(ours, known, within):
     np.testing.assert_array_equal(ours.switches, known.switches)
     for name, values in known.metrics.items():
         np.testing.assert_allclose(ours.metrics[name], values, rtol=1e-4, atol=within)
-
-
-@pytest.mark.long
-def test_stepped_implicitly():
-    """A stiff solver comes to the same places."""
-    keys = {"vehicles": 2, "topology": "path", "defence": "none", "horizon": 0.4, "tail": 0.2}
-    keys["attack"] = {"magnitude": 4.0, "vehicles": [1]}
-    ours = outcome(keys, engine={"kind": "stacked", "solver": "Kvaerno3"})
-    agree(ours, outcome(keys, engine="exact"), 1e-5)
 
 
 @pytest.fixture(scope="module")
@@ -146,16 +124,6 @@ def test_failed_lanes_are_named_and_spoil_no_other(ring, trimmed):
     assert 10 <= after.steps[4] < trimmed.steps[0]
 
 
-@given(st.lists(st.booleans(), min_size=30, max_size=30))
-def test_who_is_cut_off(retained):
-    """Reaching everybody slot by slot, on each axis, is what the graph's own search says."""
-    kept = FULL * np.reshape(retained, FULL.shape)
-    weights = jnp.stack([jnp.asarray(matrices.by_slot(each, SOURCES)) for each in (FULL, kept)])
-    assert bool(reaches_everybody(HEARING, weights)) == (
-        not graph.unreachable(graph.of_matrix(kept))
-    )
-
-
 def wall(time, state, args):
     """Not finite after one second."""
     return jnp.where(time < 1.0, -state, jnp.nan)
@@ -178,7 +146,7 @@ def test_a_step_too_small_and_a_field_that_is_not_finite_are_told_apart(field, r
         diffrax.Dopri5(),
         0.0,
         2.0,
-        None,
+        2.0,
         jnp.ones(2),
         stepsize_controller=controller,
         max_steps=100_000,
@@ -186,24 +154,6 @@ def test_a_step_too_small_and_a_field_that_is_not_finite_are_told_apart(field, r
     )
     assert solution.result == getattr(diffrax.RESULTS, result)
     assert solution.stats["num_steps"] < 1000
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["Heun", "ReversibleHeun", "ImplicitEuler"])
-def test_other_solvers(name):
-    """Solvers of low order, too slow for a fleet, adapt their step to a plain equation too."""
-    assert name in stacked.solvers()
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(lambda t, y, args: -y),
-        getattr(diffrax, name)(),
-        0.0,
-        2.0,
-        None,
-        jnp.ones(1),
-        stepsize_controller=Controller(1e-4, 1e-6),
-        max_steps=10_000,
-    )
-    np.testing.assert_allclose(solution.ys[0], np.exp(-2.0), rtol=3e-2)
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from jaxnet.engine.methods.stacked import stacked_inputs
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
-from jaxnet.model import control, definition, graph, hearing
+from jaxnet.model import control, graph, hearing
 from jaxnet.solvers.dense import Dense
 from tests.matrices import by_slot, slots_of
 
@@ -105,7 +106,7 @@ def structured(state, weights, navigator, signal, heard, solver, gain):
 @jax.jit
 def dense(state, *others):
     """`u` as the paper states it."""
-    return definition.stacked_inputs(ROBOT.drift(state), ROBOT.decoupling(state), *others)
+    return stacked_inputs(ROBOT.drift(state), ROBOT.decoupling(state), *others)
 
 
 @given(seeds)
@@ -132,7 +133,7 @@ def test_structured_solve_is_the_papers_dense_one(seed):
     state, *_, gain = problem.arrays()
     stacked = dense(
         state,
-        jnp.asarray(problem.weights),
+        jnp.asarray(problem.weights)[None],
         jnp.asarray(problem.received_third()),
         jnp.asarray(problem.received_error()),
         gain,
@@ -152,16 +153,6 @@ def pair():
     return network(weights, np.array([[True, False, True], [False, False, False]]))
 
 
-def test_mean_is_a_weighted_mean_of_what_is_received(pair):
-    """Written out for each listener: the navigator at 100, vehicle 2 at [2, 3], and the attacks."""
-    heard, weights = pair
-    sources = jnp.array([[100.0, 0.0, 2.0], [100.0, 1.0, 3.0]])
-    signal = jnp.array([[0.5, 4.0], [0.25, 8.0]])
-    mean = heard.mean(weights[None], sources, signal)
-    first = [0.25 * 100.5 + 0.75 * (2.0 + 4.0), 0.25 * 100.25 + 0.75 * (3.0 + 8.0)]
-    np.testing.assert_allclose(mean.T, [first, [100.0, 100.0]], rtol=1e-15)
-
-
 def test_demand_is_the_third_derivative_received_less_the_feedback_of_the_error(pair):
     """Written out by listener, k = [2, 3, 5]; z is the mean received, attacks of 0.5 included."""
     heard, weights = pair
@@ -176,24 +167,3 @@ def test_demand_is_the_third_derivative_received_less_the_feedback_of_the_error(
     first = z[3] - 2.0 * error[0] - 3.0 * error[1] - 5.0 * error[2]
     second = [100.0 + 2.0 * (100.0 - y) + 3.0 * (96.0 - y) + 5.0 * (92.0 - y) for y in (2.0, 3.0)]
     np.testing.assert_allclose(demand.T, [first, second], rtol=1e-15)
-
-
-@pytest.mark.parametrize("vehicles", [12, 5])
-def test_closed_loop_of_the_default_gain_has_nothing_but_minus_one(vehicles):
-    """(𝐀 + 𝐁𝐊 + I)³ = 0 in whole numbers: computed eigenvalues of multiplicity 3 prove little."""
-    shifted = np.asarray(definition.closed_loop(jnp.array([1.0, 3.0, 3.0]), vehicles))
-    shifted = shifted + np.eye(6 * vehicles)
-    assert not np.linalg.matrix_power(shifted, 3).any()
-    assert np.linalg.matrix_power(shifted, 2).any()
-
-
-@given(seeds)
-def test_closed_loop_has_each_root_of_the_gain_twice_a_vehicle(seed):
-    rng = np.random.default_rng(seed)
-    slow, fast = rng.uniform(0.3, 1.0), rng.uniform(1.5, 4.0)
-    pair = -rng.uniform(0.3, 4.0) + 1j * rng.uniform(0.5, 3.0)
-    for roots in ([-slow, pair, pair.conjugate()], [-slow, -fast, -fast - 1.0]):
-        gain = jnp.asarray(np.real(np.poly(roots))[:0:-1].copy())
-        eigenvalues = np.linalg.eigvals(np.asarray(definition.closed_loop(gain, 5)))
-        counts = [(np.abs(eigenvalues - root) < 1e-9).sum() for root in roots]
-        assert counts == [10, 10, 10]

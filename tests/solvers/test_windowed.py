@@ -8,9 +8,7 @@ import pytest
 from jaxnet.engine import batch
 from jaxnet.model import hearing
 from jaxnet.solvers import choice, windowed
-from jaxnet.solvers.blocks import Blocks
 from jaxnet.solvers.dense import Dense
-from jaxnet.solvers.iterative import Iterative
 from jaxnet.solvers.solver import System
 from jaxnet.solvers.windowed import Windowed
 from tests import systems
@@ -121,36 +119,3 @@ def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     np.testing.assert_allclose(ours.series["state"], theirs.series["state"], rtol=0, atol=1e-9)
     alone = batch.simulate(small._replace(inputs=batch.part(small.inputs, 2, 3)), systems.FEW)
     np.testing.assert_array_equal(alone.series["state"], ours.series["state"][2:])
-
-
-@pytest.mark.long
-def test_lanes_with_errors_and_losses_go_as_with_one_dense_matrix(monkeypatch):
-    """By windows, blocks and iteration. All rows change at every tick; some hear nobody."""
-    keys = {
-        "sensing": {"position": 0.1},
-        "channel": {"loss": {"kind": "bernoulli", "probability": 0.5}},
-    }
-    keys |= {
-        "topology": "cyclic",
-        "vehicles": 150,
-        "horizon": 0.5,
-        "tail": 0.5,
-        "attack": "rotating",
-    }
-    study, found = systems.study(engine="exact", **keys), {}
-    limits = {Windowed: ("LEAST_WINDOWED", 2 * windowed.WINDOW), Blocks: None}
-    limits |= {Iterative: ("LARGEST_BLOCK", 1), Dense: ("ONE_BLOCK", 150)}
-    for solver, limit in limits.items():
-        with monkeypatch.context() as patch:
-            if limit:
-                patch.setattr(choice, *limit)
-            lanes = systems.lanes(study, 2, ("state",))
-        assert type(lanes.network.solver) is solver
-        found[solver] = batch.simulate(lanes, systems.FEW)
-    theirs = found.pop(Dense)
-    for ours in found.values():
-        assert (ours.status == 0).all()
-        assert ours.switches.tolist() == theirs.switches.tolist()
-        assert ours.unheard.tolist() == theirs.unheard.tolist()
-        assert (ours.unheard > 0).all()
-        np.testing.assert_allclose(ours.series["state"], theirs.series["state"], rtol=0, atol=1e-9)

@@ -32,23 +32,16 @@ class Engine(Kind):
     (False, True)
     """
 
-    chunk: ClassVar[int] = (
-        64  # lanes side by side in fleets of twelve vehicles; fewer in larger fleets
-    )
+    # Lanes side by side in fleets of twelve vehicles; fewer in larger fleets.
+    chunk: ClassVar[int] = 64
     cached: ClassVar[int] = 40_000  # most vehicles side by side that a core's cache can hold
     queue: ClassVar[int] = 1  # chunks in a load
     shard: ClassVar[int] = 512  # lanes whose rows make one file: about a second of work
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
-    in_field: ClassVar[bool] = (
-        False  # whether vehicles can decide inside the vector field (`tick: 0`)
-    )
-    by_functions: ClassVar[bool] = (
-        False  # whether all drives are functions of time alike on both axes
-    )
+    in_field: ClassVar[bool] = False  # whether vehicles can decide in the vector field (`tick: 0`)
+    by_functions: ClassVar[bool] = False  # whether all drives are functions of time, on both axes
     linearises: ClassVar[bool] = False  # whether vehicles can follow a linearised law
-    holds: ClassVar[bool] = (
-        False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
-    )
+    holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick
 
     def presumes(self, scenario: ScenarioView) -> Presumed:
         """Return what the engine takes for granted of the vehicle.
@@ -78,21 +71,15 @@ class Engine(Kind):
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault of a law, vehicle or tick that the engine cannot simulate."""
-        if scenario.law.needs_ticks() and not self.holds:
-            message = f"the {self.kind} engine cannot hold a jerk from tick to tick, as"
-            message += f" {scenario.law.kind} does"
+        law, engine = scenario.law, f"the {self.kind} engine"
+        if law.needs_ticks() and not self.holds:
+            message = f"{engine} cannot hold a jerk from tick to tick, as {law.kind} does"
             yield Fault(("engine", "law"), message)
-        if scenario.law.way() == "linearised" and not self.linearises:
-            message = (
-                f"the {self.kind} engine moves vehicles by the law's exact linearisation, which"
-            )
-            yield Fault(
-                ("engine", "law"), f"{message} {scenario.law.kind} lacks: give engine: nonlinear"
-            )
+        if law.way() == "linearised" and not self.linearises:
+            message = f"{engine} moves vehicles by the law's exact linearisation, which {law.kind}"
+            yield Fault(("engine", "law"), f"{message} lacks: give engine: nonlinear")
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
-            yield Fault(
-                ("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick"
-            )
+            yield Fault(("engine", "tick"), f"{engine} decides at ticks only: give a tick")
 
 
 add_family("engine", Engine, "jaxnet.engines")

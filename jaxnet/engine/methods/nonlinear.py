@@ -1,28 +1,11 @@
 """The nonlinear engine as a config names it (see `engine.collocation` and `engine.integration`)."""
 
-from collections.abc import Hashable
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from jaxnet.engine.methods import (
-    Clock,
-    Engine,
-    Inputs,
-    LaneCount,
-    LaneGainRows,
-    Network,
-    Outcome,
-    Plan,
-    Presumed,
-)
+from jaxnet.engine.methods import Engine
 from jaxnet.kinds.fields import Number, Positive, Within
-from jaxnet.kinds.protocols import LaneDraw, ScenarioView
-
-if TYPE_CHECKING:
-    from jaxnet.engine.plan import Tolerances
-else:
-    Tolerances = Any
 
 
 class Nonlinear(Engine):
@@ -56,21 +39,16 @@ class Nonlinear(Engine):
         description="of a lane's whole fleet, refused ones included",
     )
 
-    def presumes(self, scenario: ScenarioView) -> Presumed:
+    def presumes(self, scenario):
         """Return that jets tell the state where `gauss` integrates, which works with jets."""
         in_field = scenario.defence.decides and scenario.tick == 0
-        states = (
-            self.solver != "gauss"
-            or in_field
-            or scenario.vehicle.internal
-            or scenario.law.way() == "linearised"
-        )
-        return "nothing" if states else "state"
+        jets = self.solver == "gauss" and tells_motion(in_field, scenario.vehicle, scenario.law)
+        return "state" if jets else "nothing"
 
-    def options(self) -> tuple[Hashable, ...]:
+    def options(self):
         return (self.solver,)
 
-    def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Tolerances:
+    def numbers(self, draw, gain, interval):
         """The tolerances and the most steps of each lane."""
         from jaxnet.engine import plan
 
@@ -78,17 +56,19 @@ class Nonlinear(Engine):
         return plan.Tolerances(rtol, atol, draw.same(self.max_steps))
 
     @staticmethod
-    def simulate(
-        queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
-    ) -> Outcome:
+    def simulate(queue, count, network, clock, plan):
         """Advance the first `count` lanes by `engine.collocation` or `engine.integration`."""
         from jaxnet.engine import collocation, integration, loop
 
-        (solver,) = plan.options
-        lane = queue.lane
-        if solver == "gauss" and (
-            plan.in_field or lane.vehicle.internal or lane.law.way() == "linearised"
-        ):
-            plan = plan._replace(options=("dopri5",))
-        motion = collocation.Collocation if plan.options == ("gauss",) else integration.Integration
+        motion, lane = integration.Integration, queue.lane
+        if plan.options == ("gauss",):
+            if tells_motion(plan.in_field, lane.vehicle, lane.law):
+                motion = collocation.Collocation
+            else:
+                plan = plan._replace(options=("dopri5",))
         return loop.from_queue(motion, queue, count, network, clock, plan)
+
+
+def tells_motion(in_field: bool, vehicle: Any, law: Any) -> bool:
+    """Whether jets tell the state of vehicles, which move smoothly from tick to tick."""
+    return not (in_field or vehicle.internal or law.way() == "linearised")

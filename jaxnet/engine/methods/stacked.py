@@ -1,7 +1,9 @@
 """The stacked engine: the paper's program to the letter, stepped by any adaptive solver of diffrax.
 
 One lane is one pure vector field (`lane_field`). Its law solves the dense Kronecker-stacked system
-`M u = …` (`model.definition`; paper, sections 4.2 and 4.3). `diffrax.diffeqsolve` steps the field,
+`M u = …` (paper, sections 4.2 and 4.3). Stacked vectors list one vehicle after the other: `ȳ =
+[y_1; …; y_m]` and `η_i = [ε_i; ε̇_i; ε̈_i]`. The paper has order 3; vehicles of order r have r
+derivatives in η, and r in place of the third derivative. `diffrax.diffeqsolve` steps the field,
 under `jax.vmap` over the lanes.
 
 Vehicles decide at ticks which sources to retain, and keep the decision until the next tick. Each
@@ -12,7 +14,6 @@ slow, and shares neither its law nor its stepping with the other engines.
 import difflib
 import functools
 import inspect
-from collections.abc import Hashable
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import diffrax
@@ -24,54 +25,43 @@ from pydantic import AfterValidator, Field
 from jaxnet.engine import loop, vehicles
 from jaxnet.engine.demand import signals
 from jaxnet.engine.integration import decided_in_field, drive_along
-from jaxnet.engine.loop import Motion, Tick, Ticks
-from jaxnet.engine.methods import Engine, LaneCount, LaneGainRows
-from jaxnet.engine.moment import Instants, LaneFlags, VehicleFlags
-from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan, Tolerances
-from jaxnet.engine.stages.coasting import coasts
+from jaxnet.engine.loop import Motion
+from jaxnet.engine.methods import Engine
+from jaxnet.engine.moment import Instants, PerAxis
+from jaxnet.engine.plan import Plan, Tolerances
+from jaxnet.engine.stages.coasting import Coasting
 from jaxnet.engine.stages.known import Known
 from jaxnet.engine.stages.sensing import Sensed
 from jaxnet.engine.status import Code, Status, fail
-from jaxnet.engine.tick import DecisionState
-from jaxnet.engine.vehicles import States
+from jaxnet.engine.tick import DecisionState, Drive, Strength
 from jaxnet.kinds.fields import Number, Positive, Within
-from jaxnet.kinds.protocols import LaneDraw
-from jaxnet.model import definition, plane, signal
-from jaxnet.model.hearing import Hearing
+from jaxnet.model import plane, signal
+from jaxnet.model.control import Gain, is_matrix
 from jaxnet.model.lane import Lane, Network
-from jaxnet.model.plane import Jets
-from jaxnet.model.signal import Basis
 
 LEAST_STEP = 4 * 2.0**-52  # over the time, at least 1 s: a smaller step does not move the time
+# Diffrax's adaptive solvers that need only a vector field to choose their steps, by lower name.
+SOLVERS_OF_DIFFRAX = {
+    name.lower(): name
+    for name, found in vars(diffrax).items()
+    if inspect.isclass(found)
+    and issubclass(found, diffrax.AbstractAdaptiveSolver)
+    and not name.startswith("Abstract")
+    and getattr(found, "term_structure", None) is diffrax.AbstractTerm
+}
 
 StateOfOne = Float[Array, "n m"]  # of one lane
 Instant = Float[Array, ""]
 
 
-def solvers() -> list[str]:
-    """The names of diffrax's adaptive solvers for ordinary differential equations."""
-    return [name for name, found in vars(diffrax).items() if inspect.isclass(found) and fits(found)]
-
-
-def fits(found: type) -> bool:
-    """Whether a class is a solver that needs only a vector field to choose its steps."""
-    if not issubclass(found, diffrax.AbstractAdaptiveSolver) or found.__name__.startswith(
-        "Abstract"
-    ):
-        return False
-    return getattr(found, "term_structure", None) is diffrax.AbstractTerm
-
-
 def known_solver(name: str) -> str:
-    """The name if `solvers` contains it. Raises ValueError with the allowed names if not."""
-    known = {each.lower(): each for each in solvers()}
-    if name in known.values():
+    """The name of a solver; raise ValueError with the allowed names if there is none."""
+    if name in SOLVERS_OF_DIFFRAX.values():
         return name
-    near = difflib.get_close_matches(name.lower(), known, n=1)
-    hint = f" (did you mean '{known[near[0]]}'?)" if near else ""
-    raise ValueError(
-        f"must be an adaptive ODE solver of diffrax: {', '.join(known.values())}{hint}"
-    )
+    near = difflib.get_close_matches(name.lower(), SOLVERS_OF_DIFFRAX, n=1)
+    hint = f" (did you mean '{SOLVERS_OF_DIFFRAX[near[0]]}'?)" if near else ""
+    allowed = ", ".join(SOLVERS_OF_DIFFRAX.values())
+    raise ValueError(f"must be an adaptive ODE solver of diffrax: {allowed}{hint}")
 
 
 class Stacked(Engine):
@@ -94,18 +84,16 @@ class Stacked(Engine):
         default=100_000, ge=1, le=10**9, description="of a lane, refused ones included"
     )
 
-    def options(self) -> tuple[Hashable, ...]:
+    def options(self):
         return self.solver, self.max_steps
 
-    def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Tolerances:
+    def numbers(self, draw, gain, interval):
         """The tolerances, and the most steps that a lane may take in all."""
         rtol, atol = draw.one(self.rtol, "engine.rtol"), draw.one(self.atol, "engine.atol")
         return Tolerances(rtol, atol, draw.same(self.max_steps))
 
     @staticmethod
-    def simulate(
-        queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan
-    ) -> Outcome:
+    def simulate(queue, count, network, clock, plan):
         """Advance all lanes in lockstep (`ByDiffrax`); lanes from `count` on are padding."""
         return loop.in_lockstep(ByDiffrax, queue, network, clock, plan)
 
@@ -122,11 +110,7 @@ class FieldInputs(NamedTuple):
     """Arguments of one lane's vector field besides time and state; no leaf has an axis of lanes."""
 
     lane: Lane
-    weights: Float[Array, "axes slots m"]  # until the next tick, unless decided in the field
-    vectors: Float[Array, "2 m functions"]  # of the attacks
-    sensed: Sensed
-    known: Known
-    strength: Float[Array, "axes m"]  # of the rows of weights
+    drive: Drive  # until the next tick; with `tick: 0` its weights are decided in the field
     frozen: Bool[Array, " m"]  # vehicles that stop, or will before the next tick
     may_stop: Bool[Array, " m"]  # vehicles that are cut off, and stop where they come to rest
 
@@ -134,47 +118,38 @@ class FieldInputs(NamedTuple):
 def undisturbed(lane: Lane) -> FieldInputs:
     """Arguments of the vector field of one lane in which nothing happens at ticks."""
     nobody = jnp.zeros(lane.weights.shape[1], bool)
-    strength = jnp.ones((1, len(nobody)))
-    rest = Sensed(), Known(), strength, nobody, nobody
-    return FieldInputs(lane, lane.weights[None], lane.vectors, *rest)
+    rest = Sensed(), Coasting(), Strength(), Known()
+    return FieldInputs(lane, Drive(lane.weights[None], lane.vectors, *rest), nobody, nobody)
 
 
 class ByDiffrax(Motion[StackedState]):
     """Motion of lanes under the stacked law: diffrax solves each lane from tick to tick."""
 
-    def begin(self) -> StackedState:
+    def begin(self):
         zero = jnp.zeros_like(self.lane.attack_scale)
         return StackedState(self.lane.initial, zero, jnp.zeros(zero.shape, int))
 
-    def errors(self, state: StackedState) -> Jets:
+    def errors(self, state):
         own = vehicles.outputs(self.lane, state.state, state.time)
         return plane.relative(own, self.lane.path(state.time))
 
-    def basis(self, state: StackedState) -> tuple[Instants, Basis]:
+    def basis(self, state):
         return state.time, self.lane.basis(state.time)
 
-    def states(self, state: StackedState) -> States:
+    def states(self, state):
         return state.state
 
-    def placed(self, state: StackedState, which: VehicleFlags, states: States) -> StackedState:
+    def placed(self, state, which, states):
         return state._replace(state=jnp.where(which[None], states, state.state))
 
-    def steps(self, state: StackedState) -> Int[Array, " lanes"]:
+    def steps(self, state):
         return state.steps
 
-    def hold(
-        self, state: StackedState, decided: DecisionState, at: Tick
-    ) -> tuple[StackedState, LaneFlags]:
+    def hold(self, state, decided, at):
         """The state unchanged, and the lanes in which a vehicle is cut off and does not coast."""
-        if not self.lane.law.couples() or coasts(self.lane) or self.lane.turns is not None:
-            return state, jnp.zeros_like(at.here)
-        weights = decided.judged.in_force(decided.of(self.lane))
-        reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(
-            weights
-        )
-        return state, ~reached
+        return state, decided.disconnected(self.lane, self.network)
 
-    def drive_now(self, state: StackedState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+    def drive_now(self, state, decided):
         """`y‴ + P(ŷ)`, with y‴ of the vector field."""
         field = functools.partial(lane_field, network=self.network, plan=self.plan)
         slope = jax.vmap(field, -1, -1)(state.time, state.state, self.followed(state, decided))
@@ -182,22 +157,18 @@ class ByDiffrax(Motion[StackedState]):
 
     def followed(self, state: StackedState, decided: DecisionState) -> FieldInputs:
         """The arguments of the lanes' vector fields until the next tick; lanes last."""
+        lane, kept = self.lane, decided.coasting
         drive = self.drive(state, decided)
-        strength, kept = drive.strength.rows(drive.weights), decided.coasting
-        inputs = self.lane, drive.weights, drive.vectors, drive.sensed, drive.known, strength
-        return FieldInputs(*inputs, kept.frozen(self.lane), kept.may_stop(self.lane))
+        return FieldInputs(lane, drive, kept.frozen(lane), kept.may_stop(lane))
 
-    def advance(
-        self, state: StackedState, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[StackedState, Code, LaneFlags]:
+    def advance(self, state, decided, ticks, status):
         """The state at the next tick; a lane that has failed stays where it is."""
-        tolerances, clock, plan = self.numbers, self.clock, self.plan
+        tolerances, clock = self.numbers, self.clock
         ok = status == Status.ok
         end = jnp.where(ok, jnp.broadcast_to(clock.at(ticks + 1), state.time.shape), state.time)
-        solve = functools.partial(solution, network=self.network, plan=plan)
-        followed = self.followed(state, decided)
+        solve = functools.partial(solution, network=self.network, plan=self.plan)
         moved, steps, reason = jax.vmap(solve, -1, -1)(
-            followed, tolerances, state.time, end, state.state
+            self.followed(state, decided), tolerances, state.time, end, state.state
         )
         steps, last = state.steps + steps, clock.outputs * clock.ticks
         status = jnp.where(ok, reason, status)
@@ -206,47 +177,11 @@ class ByDiffrax(Motion[StackedState]):
         return StackedState(moved, end, steps), status, ok
 
 
-def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -> Bool[Array, ""]:
-    """Whether the navigator's jets reach every vehicle over these weights, on every axis."""
-
-    def on_axis(each: Float[Array, "slots m"]) -> Bool[Array, " m"]:
-        hears = hearing.matrix(each) > 0
-
-        def spread(_: Int[Array, ""] | int, reached: Bool[Array, " m"]) -> Bool[Array, " m"]:
-            return reached | (hears[:, 1:] & reached[None]).any(axis=1)
-
-        return jax.lax.fori_loop(0, len(hears), spread, hears[:, 0])
-
-    return jax.vmap(on_axis)(weights).all()
-
-
 class Controller(diffrax.PIDController):
-    """Diffrax's PID controller with another first step and other reasons to fail."""
-
-    def init(
-        self,
-        terms: Any,
-        t0: Any,
-        t1: Any,
-        y0: Any,
-        dt0: Any,
-        args: Any,
-        func: Any,
-        error_order: Any,
-    ) -> Any:
-        """Begin with the whole tick as a step: guessing one would fail where the field does."""
-        return super().init(terms, t0, t1, y0, t1 - t0, args, func, error_order)
+    """Diffrax's PID controller with other reasons to fail."""
 
     def adapt_step_size(
-        self,
-        t0: Any,
-        t1: Any,
-        y0: Any,
-        y1_candidate: Any,
-        args: Any,
-        y_error: Any,
-        error_order: Any,
-        controller_state: Any,
+        self, t0, t1, y0, y1_candidate, args, y_error: Any, error_order, controller_state
     ) -> Any:
         """Adapt the step, and name the failure of a step too small to move the time.
 
@@ -255,8 +190,8 @@ class Controller(diffrax.PIDController):
         *found, result = super().adapt_step_size(
             t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
         )
-        finite = jnp.isfinite(y1_candidate).all() & jnp.isfinite(y_error).all()
         results = diffrax.RESULTS
+        finite = jnp.isfinite(y1_candidate).all() & jnp.isfinite(y_error).all()
         stuck = (result == results.dt_min_reached) & finite
         return (*found, results.where(stuck, results.max_steps_reached, result))
 
@@ -270,9 +205,11 @@ def solution(
     network: Network,
     plan: Plan,
 ) -> tuple[StateOfOne, Int[Array, ""], Code]:
-    """One lane's state at the end of a tick, the steps it took, and its status."""
+    """One lane's state at the end of a tick, the steps it took, and its status.
+
+    The whole tick is the first step: guessing one would fail where the field does.
+    """
     solver, max_steps = plan.options
-    shortest = LEAST_STEP * jnp.maximum(end, 1.0)
 
     def field(time: Any, state: StateOfOne, followed: FieldInputs) -> StateOfOne:
         return lane_field(time, state, followed, network, plan)
@@ -282,17 +219,17 @@ def solution(
     ) -> Bool[Array, ""]:
         return vehicles.passed_singular(followed.lane, state, followed.may_stop).any()
 
+    shortest = LEAST_STEP * jnp.maximum(end, 1.0)
+    controller = Controller(tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False)
     found = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
         getattr(diffrax, solver)(),
         begin,
         end,
-        None,
+        end - begin,
         state,
         followed,
-        stepsize_controller=Controller(
-            tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False
-        ),
+        stepsize_controller=controller,
         event=diffrax.Event(stands) if followed.lane.vehicle.singular else None,
         max_steps=max_steps,
         throw=False,
@@ -310,79 +247,60 @@ def lane_field(
     time: Instant, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
     """`ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
-    lane, weights, vectors, sensed, known, strength, frozen, _ = followed
-    alone, there, now = jax.tree.map(
-        lambda leaf: leaf[..., None], (lane, state, time)
-    )  # kinds need lanes
+    # Kinds need lanes: the last axis is of this lane alone.
+    lane, there, now, drive, frozen = jax.tree.map(
+        lambda leaf: leaf[..., None], (followed.lane, state, time, *followed[1:3])
+    )
     if plan.in_field:
-        chosen = decided_in_field(alone, network, signals(alone, now), there, plan)
-        drive = chosen.drive(alone)
-        weights, strength = drive.weights[..., 0], drive.strength.rows(drive.weights)[..., 0]
-    vehicle, navigator = alone.vehicle, alone.path(now)[..., 0]
-    attack = jnp.stack(signal.jets(vectors[..., None], alone.basis(now)))[..., 0]
-    own = jnp.stack(vehicles.outputs(alone, there, now))[..., 0]
-    own = jnp.stack(sensed.of(tuple(own)))
-    drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
-    # ψ is singular at rest
-    decoupling = jnp.where(frozen[None, None], jnp.eye(2)[..., None], decoupling)
+        chosen = decided_in_field(lane, network, signals(lane, now), there, plan).drive(lane)
+        drive = drive._replace(weights=chosen.weights, strength=chosen.strength)
+    hearing, weights, order = network.hearing, drive.weights, len(lane.gain)
+    navigator, attack = lane.path(now), signal.jets(drive.vectors, lane.basis(now))
+    own = drive.sensed.of(vehicles.outputs(lane, there, now))
 
-    def law(
-        each: Float[Array, "slots m"], strength: Float[Array, " m"], share: Float[Array, " m"]
-    ) -> Float[Array, "2 m"]:
-        graph, highest, error = jets_of_law(own, navigator, attack, each, network.hearing)
-        if not alone.law.couples():
-            graph = jnp.zeros_like(graph)
-            highest = jets_of_navigator(navigator, attack, each, network.hearing, len(own))
-            silent = (each == 0).all(axis=0) & (share == 0)
-            error = jnp.where(silent[None, None], 0.0, error)
-        highest = known.plus(highest, time)
-        if lane.gain_apart is not None:
-            highest = highest - (lane.gain_apart[:, None] * error).sum(axis=0)
-        highest, error = strength[None] * highest, strength[None, None] * error
-        return definition.stacked_inputs(drift, decoupling, graph, highest, error, lane.gain)
+    def received(weights: Any, sent: PerAxis, k: int) -> PerAxis:
+        sources = jnp.concatenate([navigator[k][:, None], sent], axis=1)
+        return hearing.mean(weights, sources, attack[k])
 
-    inputs = of_axes(jax.vmap(law)(weights, strength, known.row_share(weights)), decoupling)
-    rates = vehicles.input_rates(alone, there, inputs[..., None], now)[..., 0]
-    return jnp.where(frozen[None], 0.0, rates)
+    error = jnp.stack([jet - received(weights, jet, k) for k, jet in enumerate(own)])
+    graph, strength = jax.vmap(hearing.matrix)(weights), drive.strength.rows(weights)
+    direct = weights
+    if not lane.law.couples():  # only the navigator tells its r-th derivative
+        graph = jnp.zeros_like(graph)
+        direct = jnp.where((hearing.sources == 0)[None, ..., None], weights, 0.0)
+        silent = (weights == 0).all(axis=1) & (drive.known.row_share(weights) == 0)
+        error = jnp.where(silent[None], 0.0, error)
+    highest = drive.known.plus(received(direct, jnp.zeros_like(own[0]), order), now)
+    if lane.gain_apart is not None:
+        highest = highest - (lane.gain_apart[:, None] * error).sum(axis=0)
+    psi = lane.vehicle.decoupling(there)  # singular at rest
+    decoupling = jnp.where(frozen[None, None], jnp.eye(2)[..., None, None], psi)
+    given = lane.vehicle.drift(there), decoupling, graph, strength * highest, strength[None] * error
+    inputs = stacked_inputs(*(each[..., 0] for each in (*given, lane.gain)))
+    rates = vehicles.input_rates(lane, there, inputs[..., None], now)
+    return jnp.where(frozen[None], 0.0, rates)[..., 0]
 
 
-def jets_of_law(
-    own: Float[Array, "r 2 m"],
-    navigator: Float[Array, "derivatives 2"],
-    attack: Float[Array, "derivatives 2 signals"],
-    weights: Float[Array, "slots m"],
-    hearing: Hearing,
-) -> tuple[Float[Array, "m sources"], Float[Array, "2 m"], Float[Array, "r 2 m"]]:
-    """`[a0 | A]`, `a0 ⊗ y_0^(r) + d^(r)` and jets of ε, for received jets and weights by slot."""
-    graph, order = hearing.matrix(weights), len(own)
-    added = jnp.stack([(weights[None] * hearing.added(jet)).sum(axis=1) for jet in attack])
-    sources = jnp.concatenate([navigator[:order, :, None], own], axis=2)
-    error = own - sources @ graph.T - added[:order]
-    return graph, navigator[order][:, None] * graph[:, 0][None] + added[order], error
-
-
-def jets_of_navigator(
-    navigator: Float[Array, "derivatives 2"],
-    attack: Float[Array, "derivatives 2 signals"],
-    weights: Float[Array, "slots m"],
-    hearing: Hearing,
-    order: int,
+def stacked_inputs(
+    drift: Float[Array, "2 m"],
+    decoupling: Float[Array, "2 2 m"],
+    weights: Float[Array, "axes m sources"],
+    highest: Float[Array, "2 m"],
+    error: Float[Array, "r 2 m"],
+    gain: Gain,
 ) -> Float[Array, "2 m"]:
-    """`a0 ⊗ y_0^(r)`, with the attack on it, over the links from the navigator alone."""
-    weights = jnp.where(hearing.sources == 0, weights, 0.0)
-    added = (weights[None] * hearing.added(attack[order])).sum(axis=1)
-    return navigator[order][:, None] * weights.sum(axis=0)[None] + added
+    """Solve `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0^(r) + d^(r) + K η]` for the inputs u.
 
-
-def of_axes(
-    inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]
-) -> Float[Array, "2 m"]:
-    """The input whose r-th derivative on each axis is that of the law with that axis' weights.
-
-    `L ⊗ I₂` keeps axes apart, so the solution with one axis' weights is right on that axis.
+    `M = Ψ⁻¹ (I - A ⊗ I₂) Ψ`, `Ψ = diag{ψ_1, …, ψ_m}`, and `K = -I_m ⊗ [k0 I₂, k1 I₂, …]`. `drift`
+    is σ of each vehicle, `decoupling` is ψ, `highest` is `a0 ⊗ y_0^(r) + d^(r)`, and `error` holds
+    the jets ε, ε̇, …. Where rules decide by axis, A has another matrix on each axis.
     """
-    if len(inputs) == 1:
-        return inputs[0]
-    jerks = jnp.einsum("kim,aim->akm", decoupling, inputs)
-    wanted = jnp.stack([jerks[0, 0], jerks[1, 1]])
-    return jnp.linalg.solve(jnp.moveaxis(decoupling, 2, 0), wanted.T[..., None])[..., 0].T
+    m = drift.shape[1]
+    by_axis = jnp.broadcast_to(weights[..., 1:], (2, m, m))
+    laplacian = jnp.eye(2 * m) - jnp.einsum("aij,ab->iajb", by_axis, jnp.eye(2)).reshape(2 * m, -1)
+    psi = jax.scipy.linalg.block_diag(*jnp.moveaxis(decoupling, 2, 0))
+    row = jnp.concatenate(gain, axis=1) if is_matrix(gain) else jnp.kron(gain[None], jnp.eye(2))
+    eta, sigma = error.transpose(2, 0, 1).reshape(-1), drift.T.reshape(-1)
+    demand = highest.T.reshape(-1) - laplacian @ sigma - jnp.kron(jnp.eye(m), row) @ eta
+    mixing = jnp.linalg.solve(psi, laplacian @ psi)
+    return jnp.linalg.solve(mixing, jnp.linalg.solve(psi, demand)).reshape(m, 2).T

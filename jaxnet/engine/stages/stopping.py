@@ -52,7 +52,7 @@ def rest_within_tick(
         return jets[1], jets[2], math.e * of_vehicles(rate)[None] * largest  # within `flow.longest`
 
     def advance(jets: Jets, step: Float[Array, " all"]) -> Jets:
-        return flow.propagate(flow.brief(of_vehicles(whole), step), jets)
+        return flow.propagate(flow.span_of(of_vehicles(whole), step, 0).flow, jets)
 
     each, longest = tuple(jet.reshape(2, 1, -1) for jet in jets), of_vehicles(flow.longest(gain))
     near = jnp.minimum(standstill.safe(*pace(each))[0], longest) < interval

@@ -29,7 +29,7 @@ from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
-from jaxnet.model.strength import RowStrength, WeightsAsTheyAre, WithOwnWeight
+from jaxnet.model.retained import RowStrength, WeightsAsTheyAre, WithOwnWeight
 from jaxnet.networks import GREATEST_EDGE_WEIGHT
 
 # Least relative weight of a link: below it 1 - w rounds to 1, and L is singular
@@ -299,10 +299,9 @@ class Unweighted(Graph):
         """
         if self.weighting == "uniform":
             parts = (links.heard & (links.sources > 0)).astype(float)
-            total = parts.sum(axis=1)
         else:
             parts = graph.metropolis(links)
-            total = graph.totals(links.sources - 1, parts, links.vehicles)
+        total = parts.sum(axis=1)
         informed = (links.heard & (links.sources == 0)).any(axis=1)
         navigator = informed * np.where(total > 0, number, 1.0)
         rest = (1.0 - navigator) / np.where(total > 0, total, 1.0)
