@@ -149,7 +149,7 @@ def run_command(
         results = jaxnet.run(study, out, fresh, True, **machines)
         failed = results.manifest["lanes"]["failed"]
         errors.echo(texts.tables.summary_text(results))
-        errors.echo(texts.tables.outcome_text(results), err=True)
+        errors.echo(texts.tables.outcome_text(results, results.found_all), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
 

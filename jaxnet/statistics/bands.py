@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
@@ -41,15 +42,15 @@ def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, B
     `of` restricts the scenes to some cells.
     """
     groups = scenes(results.study.cells if of is None else of)[:MOST_PANELS]
-    return error_bands(results, [cell for group in groups for cell in group.cells])
+    shown = [cell for group in groups for cell in group.cells]
+    return error_bands(results.errors[variable_over_time(shown)], shown)
 
 
-def error_bands(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
-    """Return bands by cell: the 5 % quantile, median, 95 % quantile and maximum over ok lanes.
+def error_bands(stored: xr.DataArray, cells: Sequence[Cell]) -> dict[int, Band]:
+    """Bands by cell: the 5 % quantile, median, 95 % quantile and maximum over ok lanes.
 
     Cells without an ok lane have none. More cells have fewer instants each, FEWEST_TIMES at least.
     """
-    stored = results.errors[variable_over_time(cells)]
     most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
     times = stored.sizes["time"]
     instants = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import NO_BREAK, value_name
-from jaxnet.statistics.bands import error_band, variable_over_time
+from jaxnet.statistics.bands import error_bands, variable_over_time
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.quantities import SPREAD_WORDS
@@ -209,8 +209,9 @@ def draw_errors(
     upper = drawn.add_subplot(inner[0])
     lower = drawn.add_subplot(inner[1], sharex=upper)
     for panel, variable in ((upper, variable_over_time(cells)), (lower, "disagreement")):
+        bands = error_bands(data[variable], cells)
         for cell, look in zip(cells, LOOKS, strict=False):
-            if band := error_band(data[variable], cell):
+            if band := bands.get(cell.number):
                 for series in band_series(band, "", look):
                     draw_series(panel, series, ERROR_SCALE)
         multiples.log_axis(panel, "y")

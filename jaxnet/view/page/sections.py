@@ -15,7 +15,7 @@ from jaxnet.model.wording import count, count_between
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics.axes import choose_axes
-from jaxnet.statistics.bands import error_bands, vehicle_table
+from jaxnet.statistics.bands import error_bands, variable_over_time, vehicle_table
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     LOG_FLOOR,
@@ -227,7 +227,7 @@ def bands_section(results: Results) -> Section | None:
     if not (results.path / "errors.zarr").exists():
         return None
     cells = results.study.cells
-    found = error_bands(results, cells)
+    found = error_bands(results.errors[variable_over_time(cells)], cells)
     if not found:
         return None
     name, label, what = "Error over time ẽ(t)", "ẽ [m]", "Mean error of the fleet over time"
