@@ -185,14 +185,9 @@ class AnyDefence(DrawsAtTicks):
         """Which sources the defence may retain, for bounds; None, the default, if not known."""
         return None
 
-    def spares(self, trusted: AnyMask) -> AnyMask:
-        """Those of the trusted links or slots whose weight the rule does not change."""
-        return trusted & False
-
     def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """A bound on the sources that the defence drops; by default every unspared source."""
-        known = self.retained(graph, trusted)
-        return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)
+        """A bound on the sources that the defence drops; by default every source."""
+        return self.retained(graph, trusted) or any_untrusted(graph, graph.none, len(trusted) + 1)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
         """Vehicles that end on the navigator whatever attackers send, by reason, strongest first.
@@ -310,8 +305,14 @@ class Sparing(Defence):
 
     drop_trusted: bool = setting(False, "whether trusted sources are judged and dropped as others")
 
-    def spares(self, trusted):
+    def spares(self, trusted: AnyMask) -> AnyMask:
+        """Those of the trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
+
+    def may_drop(self, graph, trusted):
+        """A bound on the sources that the rule drops: every source that it does not spare."""
+        known = self.retained(graph, trusted)
+        return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)
 
     def spared(self, around: Neighbourhood) -> SlotMask:
         """The slots (slots, m, lanes) whose weight the rule does not change."""
