@@ -127,7 +127,7 @@ def test_what_has_no_room_is_told(many, results, monkeypatch):
 def test_one_lane_is_a_line_and_no_band(results):
     """Without quantiles and maximum, in the figure and on the page; two lanes have both."""
     cells = results.study.cells[:1]
-    two = error_bands(results, cells)
+    two = error_bands(results.errors["tracking"], cells)
     alone = {number: band._replace(lanes=1) for number, band in two.items()}
     groups = [Group(dict(cell.labels), (cell,)) for cell in cells]
     for found, many, drawn in ((two, True, (1, 2)), (alone, False, (0, 1))):

@@ -67,7 +67,7 @@ def test_no_control_character_reaches_a_table_or_a_terminal(results):
         assert not CONTROLS.search(said.replace("\n", "")), form
     assert SHOWN in (results.path / "cells.csv").read_text()
     assert not CONTROLS.search(" ".join(results.lanes["defence"]))
-    Folder(results.path).inside("none\x1b[2J").write_manifest()
+    Folder(results.path / "none\x1b[2J").write_manifest()
     assert "\x1b" not in CliRunner().invoke(main, ["show", f"{path}/none\x1b[2J"]).output
 
 
