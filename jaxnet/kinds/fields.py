@@ -69,9 +69,10 @@ class OneOf:
         def tag(value: object) -> str | None:
             strict = self.message is not None
             alike = [name for name, each in members.items() if looks_like(value, each, strict)]
-            if strict and isinstance(value, dict) and len(alike) > 1:
-                return None
-            return alike[-1] if alike else None if strict else first
+            ambiguous = isinstance(value, dict) and len(alike) > 1
+            if alike and not (strict and ambiguous):
+                return alike[-1]
+            return None if strict else first
 
         return core_schema.tagged_union_schema(
             {name: handler(member) for name, member in members.items()},
@@ -100,8 +101,10 @@ def looks_like(value: object, member: Any, strict: bool) -> bool:
     if member is float:
         return not isinstance(value, dict | list | BaseModel)
     if typing.get_origin(member) is dict:
-        named = isinstance(value, dict) and any(isinstance(each, str) for each in value)
-        return isinstance(value, dict) and not (named and (strict or names_distribution(value)))
+        if not isinstance(value, dict):
+            return False
+        named = any(isinstance(each, str) for each in value)
+        return not named or not (strict or names_distribution(value))
     if not issubclass(member, BaseModel):
         return isinstance(value, typing.get_origin(member) or member)
     if isinstance(value, BaseModel):
