@@ -92,7 +92,7 @@ def one_form_of(tag: Callable[[object], str | None], message: str, **members: ob
 def looks_like(value: object, member: Any, strict: bool) -> bool:
     """Whether a value has the form of a member of a union; its parts may be wrong.
 
-    `strict` asks for the numbers of a mapping of numbers.
+    A mapping by number has no text among its keys if `strict`; else it may be any but a draw.
     """
     if typing.get_origin(member) is Annotated:
         return looks_like(value, typing.get_args(member)[0], strict)
