@@ -69,9 +69,10 @@ class OneOf:
         def tag(value: object) -> str | None:
             strict = self.message is not None
             alike = [name for name, each in members.items() if looks_like(value, each, strict)]
-            if strict and isinstance(value, dict) and len(alike) > 1:
-                return None
-            return alike[-1] if alike else None if strict else first
+            ambiguous = isinstance(value, dict) and len(alike) > 1
+            if alike and not (strict and ambiguous):
+                return alike[-1]
+            return None if strict else first
 
         return core_schema.tagged_union_schema(
             {name: handler(member) for name, member in members.items()},
@@ -91,7 +92,7 @@ def one_form_of(tag: Callable[[object], str | None], message: str, **members: ob
 def looks_like(value: object, member: Any, strict: bool) -> bool:
     """Whether a value has the form of a member of a union; its parts may be wrong.
 
-    `strict` asks for the numbers of a mapping of numbers.
+    A mapping by number has no text among its keys if `strict`; else it may be any but a draw.
     """
     if typing.get_origin(member) is Annotated:
         return looks_like(value, typing.get_args(member)[0], strict)
@@ -100,15 +101,18 @@ def looks_like(value: object, member: Any, strict: bool) -> bool:
     if member is float:
         return not isinstance(value, dict | list | BaseModel)
     if typing.get_origin(member) is dict:
-        named = isinstance(value, dict) and any(isinstance(each, str) for each in value)
-        return isinstance(value, dict) and not (named and (strict or names_distribution(value)))
+        if not isinstance(value, dict):
+            return False
+        named = any(isinstance(each, str) for each in value)
+        return not named or not (strict or names_distribution(value))
     if not issubclass(member, BaseModel):
         return isinstance(value, typing.get_origin(member) or member)
     if isinstance(value, BaseModel):
         return isinstance(value, member)
     if issubclass(member, Rooted):
         return isinstance(value, list) and member.depth in (0, depth_of(value))
-    return isinstance(value, dict) and not member.model_fields.keys().isdisjoint(value)
+    required = [name for name, field in member.model_fields.items() if field.is_required()]
+    return isinstance(value, dict) and not value.keys().isdisjoint(required)
 
 
 def depth_of(value: object) -> int:
@@ -158,33 +162,22 @@ def names_distribution(value: object) -> bool:
 A_NUMBER = "must be a number, {uniform: [a, b]}, {normal: [mean, sd]} or {choice: [...]}"
 OneNumber = float | Uniform | Normal | DiscreteChoice
 
-# Arrays while lanes are simulated, which a type checker cannot tell from what a config gives.
-if TYPE_CHECKING:
-    Number = Any  # a number or a distribution
-    Magnitude = Any  # ā
-    Magnitudes = Any  # one magnitude for all orders of the received derivatives, or one for each
-    Several = Any  # several numbers for each attacked vehicle
-    Positions = Any  # a number for all coordinates of all vehicles, or a position of each
-    PerVehicle = Any  # one number for all attacked vehicles, or one for each
-    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
-else:
-    Number = Annotated[OneNumber, OneOf(A_NUMBER)]
-    Magnitude = Number | np.ndarray
+AnyNumber = Annotated[OneNumber, OneOf(A_NUMBER)]
 
 
 class Apiece(Record):
     """One draw for each attacked vehicle."""
 
-    each: Number = Field(description="drawn for each attacked vehicle")
+    each: AnyNumber = Field(description="drawn for each attacked vehicle")
 
 
 class Shared(Record):
     """One draw for all attacked vehicles."""
 
-    shared: Number = Field(description="drawn once, for all attacked vehicles")
+    shared: AnyNumber = Field(description="drawn once, for all attacked vehicles")
 
 
-class Listed(Rooted[Annotated[list[Number], Len(1)]]):
+class Listed(Rooted[Annotated[list[AnyNumber], Len(1)]]):
     """One number for each attacked vehicle, in the order of `attack.vehicles`."""
 
 
@@ -208,7 +201,8 @@ def as_places(given: list[object]) -> list[object]:
     return [each if isinstance(each, list | tuple) else [each, 0.0] for each in given]
 
 
-PlacePairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeValidator(as_places)]
+PlacePair = Annotated[list[AnyNumber], Len(2, 2)]
+PlacePairs = Annotated[list[PlacePair], Len(1), BeforeValidator(as_places)]
 
 
 class EachPosition(Rooted[PlacePairs]):
@@ -251,7 +245,18 @@ class VehicleGains(Record):
         return np.array(self.vehicles)[:, :, None, None] * np.eye(2)
 
 
-if not TYPE_CHECKING:
+# Arrays while lanes are simulated, which a type checker cannot tell from what a config gives.
+if TYPE_CHECKING:
+    Number = Any  # a number or a distribution
+    Magnitude = Any  # ā
+    Magnitudes = Any  # one magnitude for all orders of the received derivatives, or one for each
+    Several = Any  # several numbers for each attacked vehicle
+    Positions = Any  # a number for all coordinates of all vehicles, or a position of each
+    PerVehicle = Any  # one number for all attacked vehicles, or one for each
+    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
+else:
+    Number = AnyNumber
+    Magnitude = Number | np.ndarray
     Magnitudes = Annotated[
         OneNumber | EachOrder, OneOf(f"{A_NUMBER}, or a list with one number for each order")
     ]

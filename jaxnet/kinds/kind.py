@@ -125,12 +125,7 @@ class Kind(Record, metaclass=KindType):
         yield from ()
 
     def breaks(self) -> frozenset[str]:
-        """Premises of theorems that fail with this kind and its keys; by default none.
-
-        A navigator may break "leader", a graph "one network" and "alike", an attack "bounded", "one
-        identity" and "by law", an announcement "consistent", a law "solved", a
-        vehicle "flat", a sensor "exact sensors", a loss "every message", a noise "exact messages".
-        """
+        """Premises of theorems that fail with this kind and its keys, by name; by default none."""
         return frozenset()
 
     def config_keys(self) -> dict[str, object]:

@@ -351,16 +351,14 @@ class Attack(AnyAttack):
     )
     orders: Annotated[list[Literal[0, 1, 2, 3]], Len(1)] = setting(
         [*ORDERS],
-        "which of the received derivatives carry the signal: 0 position, 1 velocity, 2 "
-        "acceleration, 3 jerk; the others are true",
+        "received derivatives with the signal, from 0, the position; the others are true",
     )
     listeners: Literal["same", "each"] = setting(
         "same", "same: an attacked vehicle transmits the same to all; each: to each its own"
     )
     sybils: int = setting(0, "further sources as which each attacked one appears", ge=0, le=100)
     announces: Annotated[Announcement, KindOf("announcement")] = setting(
-        Consistent(),
-        "what attacked links announce, where a defence has vehicles announce what drives them",
+        Consistent(), "what attacked links announce, where the defence judges announcements"
     )
 
     @classmethod

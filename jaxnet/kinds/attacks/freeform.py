@@ -15,8 +15,7 @@ class Freeform(Harmonics):
 
     coefficients: Several = setting(
         Uniform(uniform=[-1.0, 1.0]),
-        "of each harmonic of each attacker x and y of its cosine, then of its sine; their size "
-        "counts for nothing",
+        "by attacker and harmonic: x and y of its cosine, then of its sine; of any size",
     )
 
     def pairs(self):

@@ -110,9 +110,7 @@ class TrustedTrim(Sparing):
         "[m/s³], standard deviation on each axis of what vehicles announce at first; with 0 and "
         "without noise the rule sees any inconsistent message to the last bit",
     )
-    filter: Positive | None = setting(
-        None, "[s], time constant of a low-pass filter on scores; none without it"
-    )
+    filter: Positive | None = setting(None, "[s], time constant of a low-pass filter on scores")
 
     def needs_ticks(self):
         return self.filter is not None or self.announcing()

@@ -20,7 +20,7 @@ class ChiSquared(Detector):
     )
 
     def alarms(self, words, memory):
-        """The words whose p-value is below `false_alarms`; n orders give χ² 2n degrees of freedom.
+        """The messages whose p-value is below `false_alarms`, with 2n degrees for n orders.
 
         `P(χ²_2n > x) = e^(-x/2) Σ_{k<n} (x/2)^k / k!`
         """

@@ -250,9 +250,7 @@ class Unweighted(Graph):
         "of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many vehicles the "
         "listener hears, or the source if that is more",
     )
-    seed: int = setting(
-        0, "of a draw for all lanes, repeated until the navigator reaches everybody", ge=0
-    )
+    seed: int = setting(0, "of a draw for all lanes, until the navigator reaches everybody", ge=0)
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
         """Which vehicles each vehicle hears, (m, m) booleans, dense or sparse."""
@@ -357,9 +355,7 @@ class EdgeGraph(Graph):
     """A graph by its edges (i, j, w), "i hears j with weight w". A subclass gives `listed`."""
 
     normalised: bool = setting(
-        True,
-        "whether the weights of a row are divided by their sum; false: law: local takes them as "
-        "they are",
+        True, "whether rows are divided by their sum; false: law: local takes weights as they are"
     )
 
     def listed(self) -> Sequence[tuple[int, int, Number]]:

@@ -1,8 +1,8 @@
 from typing import Annotated
 
 from annotated_types import Len
-from pydantic import Field
 
+from jaxnet.kinds.fields import setting
 from jaxnet.kinds.graphs import Unweighted
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns
@@ -11,9 +11,7 @@ from jaxnet.model import patterns
 class Circulant(Unweighted):
     """A ring on which vehicle i hears vehicle i + o for each offset o; links need not be mutual."""
 
-    offsets: Annotated[list[int], Len(1)] = Field(
-        description="from a listener to its sources, around the ring"
-    )
+    offsets: Annotated[list[int], Len(1)] = setting(..., "from a listener to sources on the ring")
 
     def heard(self, vehicles, random):
         return patterns.circulant(vehicles, self.offsets)

@@ -1,7 +1,7 @@
 import functools
 from typing import Annotated, ClassVar
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 from upath import UPath
 
 from jaxnet.kinds.fields import setting
@@ -34,16 +34,13 @@ class File(EdgeGraph):
     linked_by = "topology.path"
     leads: ClassVar[bool] = True  # whether a node is the navigator
 
-    path: str = Field(
-        description="of the file, from the config's folder; .graphml, .npy and .mtx (Matrix "
-        "Market), other files are text"
+    path: str = setting(
+        ..., "of the file, from the config's folder: .graphml, .npy, .mtx (Matrix Market), or text"
     )
     direction: Direction = setting("hears", "hears, a link a, b means a hears b; or tells")
     first: int = setting(0, "number of the first node, where nodes have numbers", ge=0, le=1)
     leader: str | None = setting(
-        None,
-        "name or number of the navigator's node, or null: the first number, or the node called 0, "
-        "navigator or leader",
+        None, "the navigator's node; null: the first number, or that called 0, navigator or leader"
     )
     names: list[str] = setting([], "of the vehicles, in place of those in the file")
     content: dict[str, Annotated[str, AfterValidator(check_content)]] = setting(

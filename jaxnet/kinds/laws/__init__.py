@@ -82,7 +82,7 @@ class Law(Kind):
 
     def takes_any_message(self) -> bool:
         """Whether messages may be lost, delayed or err."""
-        return True
+        return self.way() != "linearised"
 
     def tells_motion(self, extrapolated: bool) -> bool:
         """Whether delayed messages are power series of the vehicles' motion over a tick."""
@@ -102,7 +102,7 @@ class Law(Kind):
 
     def singular_at_rest(self) -> bool:
         """Whether the inputs are those of `ψ⁻¹`, undefined where ψ is singular."""
-        return True
+        return self.way() != "linearised"
 
     def breaks(self):
         return broken(solved=not self.solves())

@@ -25,12 +25,6 @@ class LinearisedLaw(Law):
     def way(self):
         return "linearised"
 
-    def takes_any_message(self):
-        return False
-
-    def singular_at_rest(self):
-        return False
-
     def faults(self, scenario):
         yield from super().faults(scenario)
         if scenario.defence.coasts():

@@ -20,9 +20,7 @@ class LocalLaw(Law):
 
     local = True
 
-    hold: bool = setting(
-        True, "whether vehicles hold q from tick to tick; false: q follows at every instant"
-    )
+    hold: bool = setting(True, "whether q is held for a tick; false: q follows at every instant")
 
     @property
     def holds(self):  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -1,8 +1,4 @@
-from typing import Annotated
-
-from pydantic import Field
-
-from jaxnet.kinds.fields import Number, Within, is_drawn
+from jaxnet.kinds.fields import Probability, is_drawn, setting
 from jaxnet.kinds.losses import Loss
 from jaxnet.kinds.ticks import DrawsTogether
 
@@ -12,9 +8,7 @@ class Bernoulli(DrawsTogether, Loss):
 
     words = "Bernoulli"
 
-    probability: Annotated[Number, Within(ge=0.0, le=1.0)] = Field(
-        description="that a message is lost, at each tick"
-    )
+    probability: Probability = setting(..., "that a message is lost, at each tick")
 
     def perfect(self):
         return self.probability == 0

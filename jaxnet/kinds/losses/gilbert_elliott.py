@@ -1,8 +1,6 @@
 from typing import Annotated, Any
 
-from pydantic import Field
-
-from jaxnet.kinds.fields import Number, Within
+from jaxnet.kinds.fields import Number, Probability, Within, setting
 from jaxnet.kinds.losses import Loss, Messages
 from jaxnet.kinds.ticks import DrawsTogether
 from jaxnet.lazy import jnp
@@ -17,11 +15,9 @@ class GilbertElliott(DrawsTogether, Loss):
 
     words = "Gilbert–Elliott"
 
-    fail: Annotated[Number, Within(ge=0.0, le=1.0)] = Field(
-        description="probability that a good channel turns bad, at each tick"
-    )
-    recover: Annotated[Number, Within(gt=0.0, le=1.0)] = Field(
-        description="probability that a bad channel turns good, at each tick"
+    fail: Probability = setting(..., "probability that a good channel turns bad, at each tick")
+    recover: Annotated[Number, Within(gt=0.0, le=1.0)] = setting(
+        ..., "probability that a bad channel turns good, at each tick"
     )
 
     def perfect(self):

@@ -10,12 +10,10 @@ from jaxnet.lazy import jnp
 class Range(Loss):
     """A message arrives if its source is within a radius of the listener at the tick."""
 
-    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=True)] = Field(
-        description="[m], greatest distance at which a source is heard; .inf: every message arrives"
+    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=True)] = setting(
+        ..., "[m], greatest distance at which a source is heard; .inf: every message arrives"
     )
-    hysteresis: NotNegative = setting(
-        0.0, "[m], by how much farther a source goes until it is lost again"
-    )
+    hysteresis: NotNegative = setting(0.0, "[m], by how much farther a source is lost again")
 
     def perfect(self):
         return self.radius == float("inf")

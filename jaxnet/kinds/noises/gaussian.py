@@ -8,10 +8,10 @@ from jaxnet.lazy import jnp
 
 
 class GaussianNoise(NormalErrors, ChannelNoise):
-    """Normal errors of words, independent by axis and order.
+    """Normal errors of messages, independent by axis and order.
 
     The errors drive the listener by `Σ_j w_ij (P(n_ij) + n_ij^(r))` until the next tick
-    (theorems.md O15). With errors of transmitters, the navigator's word is exact.
+    (theorems.md O15). With errors of transmitters, the navigator's message is exact.
     """
 
     words = "Gaussian"
@@ -20,9 +20,7 @@ class GaussianNoise(NormalErrors, ChannelNoise):
     of: Literal["link", "transmitter"] = setting(  # pyright: ignore[reportIncompatibleVariableOverride]
         "link", "what has errors of its own: each link, or each vehicle that transmits"
     )
-    jerk: NotNegative = setting(
-        0.0, "[m/s³], standard deviation of the highest derivative, the jerk of order 3"
-    )
+    jerk: NotNegative = setting(0.0, "[m/s³], standard deviation of the highest derivative")
 
     def erring(self):
         """Which of the standard deviations are not None, as those of 0 are in a drawn kind."""

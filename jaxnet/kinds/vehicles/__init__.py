@@ -177,27 +177,42 @@ class Integrators(Vehicle):
         return jets[0].__array_namespace__().concatenate([*jets])
 
 
-class Wheeled(Vehicle):
-    """A vehicle with a heading, with `ψ = [h, s n]` and `det ψ = s`; singular where s is 0."""
+class Framed(Vehicle):
+    """A vehicle with `ψ = [e, s f]`, e and f orthogonal unit vectors; singular where s is 0."""
 
     flat = True
 
+    def frame(self, state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:
+        """The unit vectors e and f, each (2, m, lanes)."""
+        raise KindError(f"{self.kind}: a vehicle with a frame gives frame(self, state)")
+
     def sideways(self, state: VehicleState) -> AnyNumbers:
-        """The factor s from the second input to the derivative of order r to the left; here v."""
+        """The factor s from the second input to the derivative of order r along f."""
+        raise KindError(f"{self.kind}: a vehicle with a frame gives sideways(self, state)")
+
+    def decoupling(self, state):
+        ahead, aside = self.frame(state)
+        columns = [ahead, self.sideways(state)[None] * aside]
+        return state.__array_namespace__().stack(columns, axis=1)
+
+    def inputs_for(self, state, jerk):
+        """`[e' (q - σ), f' (q - σ) / s]` for the derivative q of order r; infinite at s = 0."""
+        ahead, aside = self.frame(state)
+        demand, xp = jerk - self.drift(state), state.__array_namespace__()
+        return xp.stack([dot(ahead, demand), dot(aside, demand) / self.sideways(state)])
+
+
+class Wheeled(Framed):
+    """A vehicle with a heading: e points along it, f to the left; s is the speed by default."""
+
+    def frame(self, state):
+        return directions(state)
+
+    def sideways(self, state):
         return state[SPEED]
 
     def drift(self, state):
         return 0.0 * state[:2]
-
-    def decoupling(self, state):
-        along, left = directions(state)
-        return state.__array_namespace__().stack([along, self.sideways(state)[None] * left], axis=1)
-
-    def inputs_for(self, state, jerk):
-        """`[h' (q - σ), n' (q - σ) / s]` for the derivative q of order r; infinite at s = 0."""
-        along, left = directions(state)
-        demand, xp = jerk - self.drift(state), state.__array_namespace__()
-        return xp.stack([dot(along, demand), dot(left, demand) / self.sideways(state)])
 
     def moving(
         self, state: VehicleState, speed: VehicleNumbers, *rates: VehicleNumbers

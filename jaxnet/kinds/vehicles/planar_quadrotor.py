@@ -1,7 +1,7 @@
 """A quadrotor in a vertical plane: `ÿ = T n - g e_2`, thrust along `n = [-sin φ, cos φ]`."""
 
 from jaxnet.kinds.shapes import VehicleState, VehicleVectors
-from jaxnet.kinds.vehicles import Vehicle
+from jaxnet.kinds.vehicles import Framed
 from jaxnet.model.circle import angle, circle
 from jaxnet.model.plane import dot, length
 
@@ -9,7 +9,7 @@ GRAVITY = 9.81  # [m/s²]
 PITCH, PITCH_RATE, THRUST, THRUST_RATE = 4, 5, 6, 7
 
 
-class PlanarQuadrotor(Vehicle):
+class PlanarQuadrotor(Framed):
     """A quadrotor of order 4 in a vertical plane, whose second axis points up; singular at thrust
     0.
 
@@ -18,7 +18,6 @@ class PlanarQuadrotor(Vehicle):
     `initial.speed` have no effect.
     """
 
-    flat = True
     words = "quadrotors"
     order = 4
     singular = 2
@@ -44,18 +43,13 @@ class PlanarQuadrotor(Vehicle):
         rate, thrust = state[PITCH_RATE][None], state[THRUST][None]
         return -2 * state[THRUST_RATE][None] * rate * along - thrust * rate**2 * thrust_axis
 
-    def decoupling(self, state):
+    def frame(self, state):
         """`ψ = [n, -T h]`, with `det ψ = T`."""
         along, thrust_axis = axes(state)
-        columns = [thrust_axis, -state[THRUST][None] * along]
-        return state.__array_namespace__().stack(columns, axis=1)
+        return thrust_axis, -along
 
-    def inputs_for(self, state, jerk):
-        """`[n' (q - σ), -h' (q - σ) / T]` for a fourth derivative q; infinite at T = 0."""
-        along, thrust_axis = axes(state)
-        demand = jerk - self.drift(state)
-        xp = state.__array_namespace__()
-        return xp.stack([dot(thrust_axis, demand), -dot(along, demand) / state[THRUST]])
+    def sideways(self, state):
+        return state[THRUST]
 
     def motion(self, state, inputs):
         """The velocity, the acceleration, `φ̇`, `φ̈`, `Ṫ` and `T̈`."""

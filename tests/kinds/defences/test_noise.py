@@ -7,7 +7,6 @@ import pytest
 from scipy import stats
 
 from jaxnet.kinds.defences import Neighbourhood
-from jaxnet.kinds.defences.trusted_trim import Trimming, TrustedTrim
 from jaxnet.kinds.defences.w_msr import WMSR
 
 LANES, NOISE = 40_000, 2.0
@@ -15,7 +14,7 @@ KEY = jnp.asarray(np.random.default_rng(0).random(LANES))
 NOISY = {"noise": jnp.full(LANES, NOISE), "key": KEY, "drop_trusted": False}
 
 
-def dropped(rule, places, shared=()):
+def dropped(rule, places):
     """How often sources at these places on a line are dropped by one at 0 that trusts the first."""
     weights = jnp.ones((len(places), 1, LANES))
     trusted = jnp.arange(len(places))[:, None] == 0
@@ -23,7 +22,7 @@ def dropped(rule, places, shared=()):
     time = jnp.full(LANES, 0.1)
     seen = jax.jit(rule.observed)((position,) * 3, time)
     own = (jnp.zeros((2, 1, LANES)),) * 3
-    around = Neighbourhood(None, weights, trusted, jnp.ones((3, LANES)), time, shared)
+    around = Neighbourhood(None, weights, trusted, jnp.ones((3, LANES)), time, ())
     decision, _ = rule.decide(own, seen, jnp.ones(weights.shape, bool), rule.start(around), around)
     return 1 - np.asarray(decision).reshape(-1, len(places), LANES)[0].mean(axis=1)
 
@@ -39,26 +38,6 @@ def test_w_msr_drops_the_wrong_one_by_the_normal_law(apart):
     _, nearer, farther = dropped(WMSR.filled({"F": 1, **NOISY}), [0.0, 50.0, 50.0 + apart])
     assert near(nearer, stats.norm.cdf(-apart / (NOISE * np.sqrt(2))))
     assert nearer + farther == pytest.approx(1)
-
-
-@pytest.mark.parametrize("apart", [0.0, 3.0])
-def test_trimming_drops_the_wrong_one_by_rices_law(apart):
-    """Half of the time each of two that are where the trusted one is; else as lengths compare.
-
-    With x₁, x₂ and t as judged, `|x₁ - t|² > |x₂ - t|²` is `u·v > 0` of the independent u = x₁ - x₂
-    and v = x₁ + x₂ - 2t, and that `|a| > |b|` of the independent a, b = v/√3 ± u, of standard
-    deviation 2σ.
-    """
-    keys = {"tolerance": jnp.zeros(LANES), "score": "position", "filter": None, **NOISY}
-    shared = Trimming(jnp.ones(1, int), jnp.zeros((1, 1), int))
-    _, honest, attacked = dropped(TrustedTrim.filled(keys), [0.0, 0.0, apart], shared)
-    root = 1 / np.sqrt(3)
-    a, b = (stats.rice(abs(root + sign) * apart / (2 * NOISE), scale=2 * NOISE) for sign in (-1, 1))
-    lengths = np.linspace(0, 60, 60_001)
-    known = np.trapezoid(a.sf(lengths) * b.pdf(lengths), lengths)
-    assert known == pytest.approx(0.5, abs=1e-6) if apart == 0 else known < 0.4
-    assert near(honest, known)
-    assert honest + attacked == pytest.approx(1)
 
 
 def test_noise_is_of_the_size_it_says_and_of_nobody_else():
