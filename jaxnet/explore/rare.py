@@ -41,10 +41,7 @@ Height = Callable[[Normals, Chains], Heights]
 
 
 def count_rare(study: Study, folder: Folder, points: int, progress: Steps = no_progress) -> UPath:
-    """Write `rare.csv` cell by cell; a stored row with as many points is not computed again.
-
-    Raises FolderError if the study has no `recovery`.
-    """
+    """Write `rare.csv` cell by cell; a stored row with as many points is not computed again."""
     if study.config.recovery is None:
         raise FolderError("needs to know what has recovered: give recovery: {tau: 0.01}")
     table = CellTable(study, folder, RARE_FILE, "points", points)

@@ -152,7 +152,6 @@ def late_time(scenario: Scenario, until: float) -> float:
 
 
 def lowest_if_failed(means: Means) -> Means:
-    """The means, minus infinity for a choice with a failed lane."""
     return np.where(np.isnan(means), -math.inf, means)
 
 
@@ -253,10 +252,7 @@ def scout_points(
 def screen_sets(
     trials: Trials, sets: list[Sequence[int]], choices: int, random: np.random.Generator
 ) -> Iterator[Generation]:
-    """Rank the attacked sets by random points; the better half is kept (successive halving).
-
-    Returns the best point of each set, the best set first.
-    """
+    """Best points of attacked sets, the best first; successive halving keeps the better half."""
     rounds = max(1, math.ceil(math.log2(len(sets) / POPULATIONS)))
     left = [sets[number] for number in random.permutation(len(sets))][: max(1, choices // rounds)]
     best: dict[Sequence[int], tuple[float, BoxPoint]] = {}

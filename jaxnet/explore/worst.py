@@ -201,11 +201,7 @@ class CellSearch:
             return load(keys, overrides)
 
     def verify(self, choice: LateChoice, study: Study, results: Results) -> WorstChoice:
-        """The choice's row of `worst.csv`.
-
-        The row compares the choice with random lanes, the bound, further starts and the nonlinear
-        engine.
-        """
+        """The choice beside random lanes, the bound, further starts and the nonlinear engine."""
         starts, trials = self.settings.starts, self.trials
         (found,) = study.cells
         fresh = self.box.lanes(np.tile(choice.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
@@ -294,10 +290,7 @@ def search_each(
 
 
 def simulate_choice(study: Study, folder: Folder, machine: Machine) -> UPath:
-    """Simulate a choice's study into its own folder, with the trajectory of the first lane.
-
-    Results of another choice in the folder are removed.
-    """
+    """Simulate a choice with the trajectory of its first lane, in place of another choice."""
     saved = load(study, {"save.trajectories": {"samples": [0]}})
     with folder.writing():
         if folder.manifest.get("hash") != digest(saved.config):

@@ -16,8 +16,6 @@ from jaxnet.outside.modules import KindError
 
 
 class Family(NamedTuple):
-    """Where the kinds of a family are found."""
-
     package: str  # folder with a file for each kind of jaxnet; its __init__ defines the base class
     base: str
     group: str  # the group of entry points, by which installed packages offer kinds

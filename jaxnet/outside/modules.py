@@ -220,7 +220,6 @@ def is_installed(module: str) -> bool:
 
 @functools.cache
 def version_of(module: str) -> str | None:
-    """Version of the installed distribution that a module belongs to."""
     top = module.partition(".")[0]
     for each in metadata.distributions():
         declared = (each.read_text("top_level.txt") or "").split()

@@ -85,10 +85,7 @@ class Answer(NamedTuple):
 def executor(
     folder: UPath, workers: int | None, address: str | None, cores: int, chunk: int | None
 ) -> "Iterator[Cluster | None]":
-    """Workers that share these cores, or those at an address; None without either.
-
-    They start in a thread, while this process does other things.
-    """
+    """Workers on these cores or at an address, which start in a thread; None without either."""
     if workers is None and address is None:
         yield None
         return

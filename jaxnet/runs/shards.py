@@ -94,10 +94,7 @@ def simulate_shards(
     machine: Machine,
     load_done: Callable[[int], None] = lambda lanes: None,
 ) -> Iterator[Done]:
-    """Simulate shards, after the samples that they have; yield a report on each complete shard.
-
-    `load_done` receives the number of lanes of each finished load.
-    """
+    """Simulate shards, after the samples that they have; yield a report on each complete shard."""
     stores = open_stores(work) if work.filled is not None else {}
     for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
         states = shard.cell.scenario.vehicle.states
@@ -144,10 +141,7 @@ def simulate_outcomes(
 def try_kinds(
     config: Config, cells: Sequence[Cell], machine: Machine, series: tuple[str, ...] = ()
 ) -> None:
-    """Trace a job of each program with kinds from outside; raise KindError for a broken contract.
-
-    `series` are those that the study saves.
-    """
+    """Trace each program with kinds from outside; raise KindError for a broken contract."""
     scope, tried = config.scope, set[Program]()
     for scenario in (cell.scenario for cell in cells if scope.known):
         if scope.named_in(to_plain(scenario)):

@@ -28,8 +28,6 @@ class Done(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """State of a cell during a run."""
-
     cell: int
     lanes: int
     mean: float  # of its judged metric [m]

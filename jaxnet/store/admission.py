@@ -55,10 +55,7 @@ def claim(folder: Folder, config: Config) -> None:
 
 
 def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
-    """Mark a folder as holding what is made of the rows of a manifest, with a config's settings.
-
-    Raises FolderError if it holds files of other rows or settings, or cannot be written.
-    """
+    """Mark a folder as made of a manifest's rows and a config's settings; refuse one of others."""
     folder.refuse_strange()
     entries = ("hash", "samples", "cell_samples")
     rows_of = {each: manifest[each] for each in entries if manifest.get(each) is not None}

@@ -241,10 +241,7 @@ def series_values(
 
 
 def write_chunks(group: "zarr.Group", place: tuple[int | slice, ...], values: NamedArrays) -> None:
-    """Write values at a place along the first dimensions.
-
-    Chunks are written whole, since existing ones may be torn, and also those of fill values alone.
-    """
+    """Write whole chunks, since existing ones may be torn, and also those of fill values alone."""
     for name, each in values.items():
         array = array_in(group, name).with_config({"write_empty_chunks": True})
         array[place] = pad_slots(each, array.shape[len(place) :])

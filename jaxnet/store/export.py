@@ -86,7 +86,6 @@ def plain_array(values: np.ndarray) -> np.ndarray:
 
 
 def valid_names(content: Mapping[str, StructField]) -> dict[str, StructField]:
-    """The content under distinct names that MATLAB accepts."""
     found: dict[str, StructField] = {}
     for name, each in content.items():
         valid = re.sub(r"[^A-Za-z0-9_]", "_", name)
@@ -100,10 +99,7 @@ def valid_names(content: Mapping[str, StructField]) -> dict[str, StructField]:
 
 
 def write_csv(results: Results, out: str | Path | UPath | None = None) -> UPath:
-    """Write `csv/cell-C-sample-S.csv` of each stored lane, or into another folder; return it.
-
-    Raises FolderError if no trajectories are stored.
-    """
+    """Write `csv/cell-C-sample-S.csv` of each stored lane, or into another folder; return it."""
     folder = Folder(results.folder.path / "csv" if out is None else out)
     data = results.trajectories
     for cell, sample in lanes_in(data):

@@ -221,7 +221,6 @@ class Folder:
                 torn.unlink(missing_ok=True)
 
     def remove(self, *names: str) -> None:
-        """Remove files, and folders with their content, as far as they exist."""
         for name in names:
             target = self.path / name
             self.look()

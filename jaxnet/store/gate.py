@@ -53,10 +53,7 @@ def refuse_irregular(file: Path) -> None:
 
 
 def read_whole(file: UPath, most: int = MOST_TEXT, fault: str = "cannot be read") -> bytes:
-    """Content of a regular file of at most `most` bytes, at once: another process may replace it.
-
-    Raises FileNotFoundError or FolderError.
-    """
+    """Content of a regular file, at most `most` bytes, at once: others may replace it."""
     with reading(file, fault):
         if isinstance(file, Path):
             refuse_irregular(file)

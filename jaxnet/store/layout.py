@@ -131,7 +131,6 @@ def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
 
 
 def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str, Variable]]:
-    """Variables of the stores that are filled shard by shard, by store."""
     stores = {"errors.zarr": error_variables(cells)} if save.errors else {}
     if save.vehicles:
         stores["vehicles.zarr"] = dict(VEHICLE_ARRAYS)

@@ -91,7 +91,6 @@ def samples_of_cells(manifest: Manifest, cells: int) -> list[int]:
 
 
 def manifest_entries(config: Config) -> dict[str, object]:
-    """Entries of a manifest that a config and the installed packages determine."""
     named = config.scope.named_in(to_plain(config))
     return {
         "hash": digest(config),

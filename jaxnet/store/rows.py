@@ -76,7 +76,6 @@ class RowColumns(NamedTuple):
         return ["cell", "sample", *self.swept, "status", *metrics, *ROW_COUNTS, *self.isolation]
 
     def table(self, shard: Shard, outcome: "Outcome") -> pa.Table:
-        """Rows of a shard's lanes."""
         count, scenario = len(shard.samples), shard.cell.scenario
         columns: dict[str, pa.Array | np.ndarray | list[str]] = {
             "cell": np.full(count, shard.cell.number, dtype=np.int64),

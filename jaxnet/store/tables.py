@@ -75,7 +75,6 @@ def with_texts(table: pd.DataFrame, change: Callable[[str], str]) -> pd.DataFram
 
 
 def guard_text(text: str) -> str:
-    """Text that no spreadsheet computes."""
     if not FORMULA.match(text):
         return text
     try:
