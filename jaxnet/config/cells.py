@@ -339,7 +339,8 @@ class Span:
             self.roots.setdefault(key.split(".")[0], []).append(key)
         self.wrong = (wrong & {*Scenario.model_fields}) - {*self.roots}
         fields = {key: getattr(config, key) for key in Scenario.model_fields}
-        self.shared = settle(DEFAULT_SCENARIO.model_copy(update=fields), given)
+        fixed = {key: each for key, each in fields.items() if key not in self.roots}
+        self.shared = settle(DEFAULT_SCENARIO.model_copy(update=fixed), given)
         self.follows = not FOLLOWED.isdisjoint(self.roots)
         self.base = {root: without_empty_labels(fields[root]) for root in self.roots}
         for root in wrong & {*self.roots} & {*document.data}:  # as it was written

@@ -1,6 +1,6 @@
 """Networks as other programs write them: nodes with labels, and links in either direction.
 
-A reader (`tables`, `matrices`, `graphml`, `objects`) returns a `NamedNetwork`. `number_nodes` makes
+A reader (`files`, `tables`, `objects`) returns a `NamedNetwork`. `number_nodes` makes
 of it the edges (i, j, w) of a graph, "vehicle i hears source j", in which source 0 is the
 navigator.
 """
@@ -106,7 +106,10 @@ def number_nodes(
         labels = range_of_numbers(labels, first, len(network.links))
     order = ["", *labels]  # whose first is no node
     if leads:
-        chosen = leader if leader is not None else str(first) if numbered else named_leader(labels)
+        likely = [label for label in labels if label.casefold() in LEADER_NAMES]
+        chosen = leader if leader is not None else str(first) if numbered else ", ".join(likely)
+        if leader is None and not numbered and len(likely) != 1:
+            raise KindError(f"which node is the navigator? leader is one of {listed(labels)}")
         if chosen not in labels:
             raise KindError(f"no node is called {chosen!r}: leader is one of {listed(labels)}")
         order = [chosen, *(label for label in labels if label != chosen)]
@@ -115,7 +118,13 @@ def number_nodes(
     if direction == "tells":
         told = any(one == 0 for one, _, _ in pairs)
         pairs = [(i, j, w) if not told and j == 0 else (j, i, w) for i, j, w in pairs]
-    edges = without_navigator_hearing(pairs, order, direction)
+    informed = {i for i, j, _ in pairs if j == 0}
+    for listener, source, _ in pairs:  # a link that is most likely the wrong way round
+        if listener == 0 and source not in (informed | {0}):
+            other = "tells" if direction == "hears" else "hears"
+            told = f"the navigator {order[0]} would hear {order[source]}, and it hears nobody;"
+            raise KindError(f"{told} with direction: {other} a link means the opposite")
+    edges = [edge for edge in pairs if edge[0] > 0]
     given = tuple(order[1:])
     known = () if given == tuple(map(str, range(1, len(order)))) else given
     return NumberedNetwork(edges, check_names(names, len(given)) or known)
@@ -147,31 +156,6 @@ def range_of_numbers(labels: Iterable[str], first: int, links: int) -> list[str]
             f"nodes are numbered {first} to {max(numbers)}, but node {missing} has no edge"
         )
     return [str(number) for number in range(first, max(numbers) + 1)]
-
-
-def named_leader(labels: Sequence[str]) -> str:
-    """Return the one node whose name says that it is the navigator; raise KindError."""
-    found = [label for label in labels if label.casefold() in LEADER_NAMES]
-    if len(found) != 1:
-        raise KindError(f"which node is the navigator? leader is one of {listed(labels)}")
-    return found[0]
-
-
-def without_navigator_hearing(
-    edges: EdgeList, order: Sequence[str], direction: Direction
-) -> EdgeList:
-    """Return the edges without those by which the navigator hears a vehicle that also hears it.
-
-    Raises KindError if the vehicle does not hear the navigator: the edge is then most likely the
-    wrong way round.
-    """
-    informed = {i for i, j, _ in edges if j == 0}
-    for listener, source, _ in edges:
-        if listener == 0 and source not in (informed | {0}):
-            other = "tells" if direction == "hears" else "hears"
-            told = f"the navigator {order[0]} would hear {order[source]}, and it hears nobody;"
-            raise KindError(f"{told} with direction: {other} a link means the opposite")
-    return [edge for edge in edges if edge[0] > 0]
 
 
 def check_names(names: Sequence[str], vehicles: int) -> tuple[str, ...]:

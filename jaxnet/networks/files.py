@@ -11,8 +11,7 @@ from scipy.io import mmread
 from upath import UPath
 
 from jaxnet.networks import NODE_NUMBER, NamedNetwork
-from jaxnet.networks.matrices import matrix_network
-from jaxnet.networks.objects import networkx_network
+from jaxnet.networks.objects import matrix_network, networkx_network
 from jaxnet.networks.tables import read_text_table
 from jaxnet.outside.modules import KindError
 
@@ -59,11 +58,9 @@ def read_bytes(file: UPath, name: str) -> bytes:
 def read_matrix(content: bytes, name: str, ending: str, first: int) -> NamedNetwork:
     """Return the network of the matrix in a .npy or .mtx (Matrix Market) file; raise KindError."""
     told = "an array of NumPy" if ending == "npy" else "a matrix of Matrix Market"
+    stream = io.BytesIO(content)
     try:
-        if ending == "npy":
-            found = np.load(io.BytesIO(content), allow_pickle=False)
-        else:
-            found = mmread(io.BytesIO(content))
+        found = np.load(stream, allow_pickle=False) if ending == "npy" else mmread(stream)
     except (ValueError, OverflowError, EOFError, OSError) as error:
         raise KindError(f"{name} is not {told}: {error}") from error
     matrix = sparse.coo_array(found) if sparse.issparse(found) else np.asarray(found)

@@ -3,7 +3,7 @@
 import ast
 import csv
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from textwrap import shorten
 
 import numpy as np
@@ -16,7 +16,7 @@ from jaxnet.networks import (
     parse_number,
     parse_weight,
 )
-from jaxnet.networks.matrices import matrix_network
+from jaxnet.networks.objects import matrix_network
 from jaxnet.outside.modules import KindError
 
 COMMENTS = ("#", "%")
@@ -25,6 +25,7 @@ HEADER_WORDS = {
     *("source", "target", "from", "to", "listener", "speaker", "sender", "receiver", "head"),
     *("tail", "i", "j", "u", "v", "s", "t", "src", "dst", "node1", "node2", "weight", "w"),
 }
+COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 READ = (
     "a row is i, j or i, j, w, numbers or names and a weight > 0; or all are a matrix n × n or"
     " m × (m + 1)"
@@ -37,7 +38,8 @@ TableRow = tuple[int, list[str], str]  # line, fields, text
 def read_text_table(content: bytes, name: str, first: int = 0) -> NamedNetwork:
     """Return the network in text of edges or of a matrix; raise KindError.
 
-    Empty rows, rows that begin with # or %, and a header do not count.
+    Empty rows, rows that begin with # or %, and a header do not count. The first row tells by what
+    rows are separated.
     """
     try:
         lines = content.decode("utf-8-sig").splitlines()
@@ -45,42 +47,31 @@ def read_text_table(content: bytes, name: str, first: int = 0) -> NamedNetwork:
         raise KindError(f"{name} is not UTF-8 text") from error
     places = [(place, line) for place, line in enumerate(lines, 1) if line.strip()]
     places = [(place, line) for place, line in places if not line.lstrip().startswith(COMMENTS)]
-    if not places:
-        raise KindError(f"{name} has no edge")
-    split = row_splitter(places[0][1])
-    rows = [(place, split(line), line) for place, line in places]
-    if is_header(rows):
+    top = places[0][1] if places else ""
+    marks = "" if ATTRIBUTES.fullmatch(top) else ";,\t"
+    separator = next((mark for mark in marks if mark in top), "")
+    rows = [(place, split_row(line, separator), line) for place, line in places]
+    if rows and all(field.casefold() in HEADER_WORDS for field in rows[0][1]):
         rows = rows[1:]
+    if not rows:
+        raise KindError(f"{name} has no edge")
     matrix = matrix_of_rows(rows)
     if matrix is not None:
         return matrix_network(matrix, first)
-    if not rows:
-        raise KindError(f"{name} has no edge")
     return NamedNetwork((), edge_links(rows, name))
 
 
-def row_splitter(first: str) -> Callable[[str], list[str]]:
-    """Split rows by the separator in the first; beside semicolons, a comma is a decimal point."""
-    if ATTRIBUTES.fullmatch(first):
-        return split_attributes
-    for separator in (";", ",", "\t"):
-        if separator in first:
-            return lambda line: split_fields(line, separator)
-    return split_attributes
+def split_row(line: str, separator: str) -> list[str]:
+    """Split a row; the attributes of networkx, {'weight': w}, are its last field.
 
-
-def split_fields(line: str, separator: str) -> list[str]:
+    Beside semicolons, a comma is a decimal point.
+    """
+    if not separator:
+        found = ATTRIBUTES.fullmatch(line)
+        return list(found.groups()) if found else line.split()
     fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    point = re.compile(r"(?<=[0-9]),(?=[0-9])")
-    return [
-        point.sub(".", field.strip()) if separator == ";" else field.strip() for field in fields
-    ]
-
-
-def split_attributes(line: str) -> list[str]:
-    """Split a row at blanks; the attributes of networkx, {'weight': w}, are its last field."""
-    found = ATTRIBUTES.fullmatch(line)
-    return list(found.groups()) if found else line.split()
+    fields = [field.strip() for field in fields]
+    return [COMMA.sub(".", field) for field in fields] if separator == ";" else fields
 
 
 def row_weight(text: str) -> float:
@@ -93,12 +84,6 @@ def row_weight(text: str) -> float:
     if not isinstance(attributes, dict) or set(attributes) - {"weight"}:
         raise ValueError("attributes other than weight")
     return parse_weight(str(attributes.get("weight", 1.0)))
-
-
-def is_header(rows: Sequence[TableRow]) -> bool:
-    words = [field.casefold() for field in rows[0][1]]
-    known = [word in HEADER_WORDS for word in words]
-    return not any(map(DECIMAL_NUMBER.fullmatch, words)) and all(known)
 
 
 def matrix_of_rows(rows: Sequence[TableRow]) -> np.ndarray | None:
@@ -121,18 +106,25 @@ def matrix_of_rows(rows: Sequence[TableRow]) -> np.ndarray | None:
 
 
 def edge_links(rows: Sequence[TableRow], name: str) -> LinkList:
-    """Return the links in rows of a table; raise KindError with the line that is none."""
+    """Return the links in rows; raise KindError with the line of a row that is none.
+
+    Nodes are numbers or names, not both; 0 may lead named nodes.
+    """
     links: LinkList = []
+    node = ""  # the first but 0
     for place, fields, line in rows:
+        got = f"(got {shorten(line, 60, placeholder=' …')})"
         try:
             one, other, *weight = fields
-            links.append(
-                (node_label(one), node_label(other), row_weight(*weight) if weight else 1.0)
-            )
+            ends = node_label(one), node_label(other)
+            links.append((*ends, row_weight(*weight) if weight else 1.0))
         except (TypeError, ValueError) as error:
-            got = shorten(line, 60, placeholder=" …")
-            raise KindError(f"{name}:{place}: {READ} (got {got}); {EXPORTS}") from error
-    refuse_mixed(links, rows, name)
+            raise KindError(f"{name}:{place}: {READ} {got}; {EXPORTS}") from error
+        for end in ends:
+            node = node or ("" if end == "0" else end)
+            if end != "0" and bool(NODE_NUMBER.fullmatch(end)) != bool(NODE_NUMBER.fullmatch(node)):
+                told = f"nodes are numbers or names, not both: {node}, {end}"
+                raise KindError(f"{name}:{place}: {told} {got}")
     return links
 
 
@@ -146,18 +138,3 @@ def node_label(text: str) -> str:
     if number < 0 or not number.is_integer():
         raise ValueError("a number of a node is whole")
     return str(int(number))
-
-
-def refuse_mixed(links: LinkList, rows: Sequence[TableRow], name: str) -> None:
-    """Raise KindError if some nodes are numbers and some names; 0 may lead named nodes."""
-    ends = [
-        (end, row)
-        for (*both, _), row in zip(links, rows, strict=True)
-        for end in both
-        if end != "0"
-    ]
-    for end, (place, _, line) in ends:
-        if bool(NODE_NUMBER.fullmatch(end)) != bool(NODE_NUMBER.fullmatch(ends[0][0])):
-            got = shorten(line, 60, placeholder=" …")
-            told = f"{name}:{place}: nodes are numbers or names, not both:"
-            raise KindError(f"{told} {ends[0][0]}, {end} (got {got})")
