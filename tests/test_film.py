@@ -22,20 +22,16 @@ from tests import systems
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Star and cyclic networks, the first sample's trajectories stored."""
-    study = systems.study(
-        engine="exact",
-        samples=2,
-        horizon=2.0,
-        tail=0.5,
-        sweep={"topology": ["star", "cyclic"], "attack.threat": ["adds", "replaces"]},
-        save={"errors": True, "trajectories": {"samples": [0]}},
-    )
+    sweep = {"topology": ["star", "cyclic"], "attack.threat": ["adds", "replaces"]}
+    save = {"errors": True, "trajectories": {"samples": [0]}}
+    keys = {"samples": 2, "horizon": 2.0, "tail": 0.5, "sweep": sweep, "save": save}
+    study = systems.study(engine="exact", **keys)
     return jaxnet.run(study, tmp_path_factory.mktemp("film") / "out")
 
 
-def film(results, cell):
-    """What the film of a cell's first lane shows."""
-    lane, graph = trajectory_of(results, cell, 0)
+def film(results, cell, sample=0):
+    """What the film of a lane shows."""
+    lane, graph = trajectory_of(results, cell, sample)
     return animation.film_of(lane, results.study.cells[cell], graph), lane
 
 
@@ -50,15 +46,11 @@ def test_a_film_shows_the_lane(results, cell):
     )
     situation = situation_of(results.study.cells[cell].scenario)
     np.testing.assert_array_equal(shown.links.T, np.argwhere(dense(situation.graph)))
-    retained, lied, dropped = (sum(map(len, ends)) for ends in zip(*links(shown), strict=True))
+    frames = [animation.links_at(shown, frame) for frame in range(len(shown.time))]
+    retained, lied, dropped = (sum(map(len, ends)) for ends in zip(*frames, strict=True))
     assert retained + lied + dropped == len(shown.time) * situation.graph.heard.sum()
     assert lied > 0
     assert (dropped > 0) == (cell >= 2)
-
-
-def links(shown):
-    """Links by look, frame by frame."""
-    return [animation.links_at(shown, frame) for frame in range(len(shown.time))]
 
 
 @pytest.mark.parametrize("cell", range(4))
@@ -147,7 +139,7 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
     assert len(np.unique(sets, axis=1).T) == 3
     for each in watched(results):
         wanted = (np.flatnonzero(sets[:, each.sample]) + 1).tolist()
-        shown = film_of_sample(results, each.sample)
+        shown = film(results, 0, each.sample)[0]
         page = trajectories.lane_data(results, each, 5)
         assert (
             shown.attacked
@@ -160,9 +152,3 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
     assert "rotating on 2 drawn for each lane in what they transmit" in check.check_text(study)
-
-
-def film_of_sample(results, sample):
-    """What the film of a lane of the first cell shows."""
-    lane, graph = trajectory_of(results, 0, sample)
-    return animation.film_of(lane, results.study.cells[0], graph)

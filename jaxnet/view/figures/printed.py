@@ -101,9 +101,11 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
         multiples.write_legend(drawn, handles, columns, ncols=columns, **look)
     for note in [*drawing.notes, *[MOVED_NOTE] * is_moved]:
         multiples.write_note(drawn, multiples.escape_dollars(note))
-    there, noun = drawing.there or (len(drawing.panels), "panels")
-    only = len(rows) if rows and len(drawing.panels) == 1 and drawing.there else page.shown
-    multiples.write_left_out(drawn, (only, there, noun), *drawing.left_out, where=drawing.where)
+    parts = [(page.shown, len(drawing.panels), "panels"), (len(rows), len(drawing.y.names), "rows")]
+    if drawing.there is not None:
+        shown = len(rows) if rows and len(panels) == 1 else page.shown
+        parts = [(shown, *drawing.there)]
+    multiples.write_left_out(drawn, *parts, *drawing.left_out, where=drawing.where)
     return drawn
 
 
@@ -120,7 +122,7 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     room = style.GREATEST_HEIGHT - multiples.AXIS_ROOM - TITLE_ROOM - below
     if drawing.colours is None:
         row = max(multiples.ROW_HEIGHT, ROW_OF_SERIES * drawing.beside, least)
-        rows = rows[: int(room / row)]
+        rows = rows[: max(1, int(room / row))]
         height = row * len(rows) + TITLE_ROOM
         most = max(1, min(MOST_ROWS_PANELS, int((width - margin) / LEAST_ROWS_WIDTH)))
         shown = multiples.panels_fitting(labels, width, height, most)
