@@ -41,7 +41,7 @@ TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
 DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
 MOVED_NOTE = "points are moved sideways to part them"
 LEGEND_LINE = 0.16  # [in]
-LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 14.5, 9  # of a legend, and of an entry's handle
+LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 18, 9  # of a legend, and of an entry's handle
 
 
 class Layout(NamedTuple):
@@ -287,9 +287,8 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
         low, high = scale.ends
         panel.set(**{f"{letter}lim": (0, 1.05 * high or 1.0) if low == 0 else (low, high)})
         axis.set_major_locator(MaxNLocator(4 if low == 0 else 6))
-    else:
-        panel.autoscale_view()
-        axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10], integer=scale.whole))
+    elif scale.whole:
+        axis.set_major_locator(MaxNLocator(integer=True))
     if 0 < len(scale.ticks) <= MOST_VALUE_TICKS and numeric(scale.ticks):
         axis.set_ticks(scale.ticks, value_ticks(scale.ticks, scale.log, room))
         axis.set_minor_locator(NullLocator())
