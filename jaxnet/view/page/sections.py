@@ -14,9 +14,18 @@ from jaxnet.explore.courses import search_courses
 from jaxnet.model.wording import count, count_between
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
-from jaxnet.statistics import curves
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import error_bands, vehicle_table
+from jaxnet.statistics.curves import (
+    BOUND_NAMES,
+    LOG_FLOOR,
+    METRIC_NAMES,
+    NO_SLOPE,
+    Curve,
+    cell_magnitudes,
+    curves,
+    no_magnitudes,
+)
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
@@ -74,7 +83,7 @@ def page_sections(results: Results) -> list[Section]:
     makers: list[Callable[[Results], Section | None]]
     makers = [sensitivity_section, rare_section, run_section]
     if results.has_run:
-        found = known_or([], lambda: curves.curves(results))
+        found = known_or([], lambda: curves(results))
         of_navigator = not is_leaderless(results.study.cells)
         makers = [
             answer_section,
@@ -158,7 +167,7 @@ def summary_section(results: Results) -> Section:
     lengths = [each.title for each in shown if each.title.endswith("[m]") and each.key is None]
     table = sortable_table(
         pd.DataFrame({each.title: each.scaled()[:MOST_PAGE_ROWS] for each in shown}),
-        dict.fromkeys(lengths, curves.cell_magnitudes(results)),
+        dict.fromkeys(lengths, cell_magnitudes(results)),
         {each.title: each.intervals() for each in shown if each.ends is not None},
     )
     note = paragraph(" ".join(f"{escape(sentence_case(each))}." for each in notes))
@@ -170,10 +179,10 @@ def sentence_case(words: str) -> str:
     return words if words[:1] in "āϑδ" else words[:1].upper() + words[1:]
 
 
-def ultimate_section(results: Results, found: Sequence[curves.Curve]) -> Section:
+def ultimate_section(results: Results, found: Sequence[Curve]) -> Section:
     """The error over the tail against ā."""
     name = "Ultimate error δ̂(ā)"
-    if reason := curves.no_magnitudes(found):
+    if reason := no_magnitudes(found):
         return Section("ultimate", name, paragraph(escape(reason)))
     note = paragraph(ULTIMATE_NOTE)
     if not any(curve.bounds for curve in found):
@@ -181,12 +190,12 @@ def ultimate_section(results: Results, found: Sequence[curves.Curve]) -> Section
         note += paragraph(f"No bounds.csv and no fit.csv: {written}")
     views = {
         f"{words} ({metric})": plotted(ultimate_drawing(found, metric))
-        for metric, words in curves.METRIC_NAMES.items()
+        for metric, words in METRIC_NAMES.items()
     }
     return Section("ultimate", name, note + views_html(views) + slopes_html(found))
 
 
-def slopes_html(found: Sequence[curves.Curve]) -> str:
+def slopes_html(found: Sequence[Curve]) -> str:
     """Errors per ā by group: worst found, fitted, and bounded."""
     rows = []
     for curve in found:
@@ -194,12 +203,12 @@ def slopes_html(found: Sequence[curves.Curve]) -> str:
         row = {"worst found": curve.worst}
         row |= dict(zip(("least squares", "low", "high"), fitted, strict=True))
         row["95 % of lanes"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
-        for bound, name in curves.BOUND_NAMES.items():
+        for bound, name in BOUND_NAMES.items():
             row[name], fleet = (curve.slope(bound, of) for of in ("worst", "fleet"))
             row[f"{name}, fleet"] = fleet
         rows.append(row)
     shown: Any = pd.DataFrame(rows)
-    fleets = {name: f"{name}, fleet" for name in curves.BOUND_NAMES.values()}
+    fleets = {name: f"{name}, fleet" for name in BOUND_NAMES.values()}
     same = [fleet for name, fleet in fleets.items() if shown[name].equals(shown[fleet])]
     shown = shown.drop(columns=same).dropna(axis=1, how="all")
     slopes = dict.fromkeys(shown, np.ones(len(shown)))
@@ -210,7 +219,7 @@ def slopes_html(found: Sequence[curves.Curve]) -> str:
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about)
     flat = any(curve.is_flat("tail_max") for curve in found)
-    return paragraph(SLOPES_NOTE + f" {sentence_case(curves.NO_SLOPE)}." * flat) + table
+    return paragraph(SLOPES_NOTE + f" {sentence_case(NO_SLOPE)}." * flat) + table
 
 
 def bands_section(results: Results) -> Section | None:
@@ -225,7 +234,7 @@ def bands_section(results: Results) -> Section | None:
     if is_leaderless(cells):
         name, label = "Spread over time", "spread [m]"
         what = "Greatest distance of two vehicles that are not attacked over time"
-    note = paragraph(f"{what}; what is below {curves.LOG_FLOOR:g} m is rounding and drawn there.")
+    note = paragraph(f"{what}; what is below {LOG_FLOOR:g} m is rounding and drawn there.")
     groups = [Group(dict(cells[number].labels), (cells[number],)) for number in found]
     drawn = bands_drawing(groups, found, label, by_size=False)
     return Section("bands", name, note + plotted(drawn))
