@@ -1,6 +1,7 @@
 """The figure by axes: what is drawn is what the cells say, and no label touches another."""
 
 import itertools
+import re
 
 import matplotlib as mpl
 import numpy as np
@@ -14,9 +15,13 @@ from jaxnet.view.drawings.drawing import MARKERS
 from jaxnet.view.drawings.swept import hue_looks, swept_drawing
 from jaxnet.view.figures import COLUMN_WIDTHS, multiples, style
 from jaxnet.view.figures.printed import MOVED_NOTE, printed, value_ticks
+from jaxnet.view.page.plots import plotted
 from tests import systems
 
-LONG = [f"a rather long name of the graph, number {number}" for number in range(6)]
+LONG = [
+    {"kind": "cyclic", "label": f"a rather long name of the graph, number {number}"}
+    for number in range(6)
+]
 
 
 def study_cells(**sweep):
@@ -32,24 +37,16 @@ def numbered(cells, share=True):
     return Quantity("unrecovered", "lanes unrecovered", "%" if share else "m", share, 0.95, values)
 
 
-def labelled(graphs):
-    """Graphs with labels."""
-    return [{"kind": "cyclic", "label": name} for name in graphs]
+RATES, RULES = {"attack.frequency": [0.1, 0.3, 1.0]}, ["none", "w_msr", "ms_norm", "trust"]
+OF_RULES, NAMED = RATES | {"defence": RULES[:2]}, {"topology": LONG, "attack.magnitude": [1, 2, 4]}
 
 
 @pytest.mark.parametrize(
     ("sweep", "named"),
     [
-        (
-            {
-                "attack.frequency": [0.1, 0.3, 1.0],
-                "defence": ["none", "w_msr"],
-                "tick": [0.05, 0.1],
-            },
-            {},
-        ),
-        ({"attack.frequency": [0.1, 0.3, 1.0], "defence": ["none", "w_msr"]}, {"x": "defence"}),
-        ({"topology": labelled(LONG), "attack.magnitude": [1, 2, 4]}, {"x": "topology"}),
+        (OF_RULES | {"tick": [0.05, 0.1]}, {}),
+        (OF_RULES, {"x": "defence"}),
+        (NAMED, {"x": "topology"}),
         ({}, {}),
     ],
 )
@@ -69,16 +66,12 @@ def test_every_cell_is_drawn_at_its_value(sweep, named):
     assert sorted(drawn) == [cell.number for cell in cells]
 
 
-RULES = ["none", "ms_norm", "w_msr", "trust"]
 SIZES = {
     1: {},
-    6: {"topology": labelled(LONG)},
+    6: {"topology": LONG},
     36: {"defence": RULES[:3], "attack.frequency": [0.1, 0.2, 0.4], "vehicles": [3, 4, 5, 6]},
-    96: {"topology": labelled(LONG), "attack.magnitude": [1, 2, 5, 10], "defence": RULES},
-    300: {
-        "attack.magnitude": [float(number) for number in range(1, 51)],
-        "topology": labelled(LONG),
-    },
+    96: {"topology": LONG, "attack.magnitude": [1, 2, 5, 10], "defence": RULES},
+    300: {"attack.magnitude": [float(number) for number in range(1, 51)], "topology": LONG},
 }
 
 
@@ -135,6 +128,10 @@ def test_more_colours_than_a_palette_has_are_a_scale():
     """Numbers of many values are told apart by a scale of colours and by markers."""
     many = hue_looks(list(range(1, 11)))
     assert len({str(each.color) for each in many}) == len({each.marker for each in many}) == 10
+    cells = study_cells(**{"attack.magnitude": list(range(1, 13)), "attack.frequency": [1.0, 2.0]})
+    axes = choose_axes(cells, x="attack.frequency", hue="attack.magnitude")
+    page = plotted(swept_drawing(numbered(cells), axes, cells))
+    assert page.count("aria-pressed") == len({*re.findall(r"<svg.*?</svg>", page)}) == 12
 
 
 def test_ticks_stand_at_the_values_where_they_are_few():
@@ -169,8 +166,8 @@ def test_labels_of_ticks_have_the_digits_that_fit(values, log, room, texts):
 
 def test_the_note_says_what_a_point_is():
     """Moved sideways with several colours; the lanes of each where all have as many."""
-    for defences, told in ((["none", "w_msr"], True), (["none"], False)):
-        cells = study_cells(**{"attack.frequency": [0.1, 0.3, 1.0], "defence": defences})
+    for sweep, told in ((OF_RULES, True), (RATES, False)):
+        cells = study_cells(**sweep)
         drawn = printed(swept_drawing(numbered(cells), choose_axes(cells), cells))
         assert (MOVED_NOTE in drawn.get_suptitle()) == told
         assert "200 lanes a point" in numbered(cells)._replace(lanes=200).notes

@@ -64,8 +64,8 @@ TOLD = [
     ({"attack": {"kind": "own_path"}}, "magnitude ā", None),  # a path has sizes of its own
     ({"attack": {"kind": "own_path"}, "recovery": {"tau": 0.1}}, "magnitude ā", "5 m"),
     ({"attack": CHANGING}, "magnitude ā", "(3 m, 0.5 m/s)"),
-    ({"attack": CHANGING}, "attacked signals",
-     "what attacked vehicles (nobody until 2 s, then 4) transmit (derivatives falsified each on its own)"),
+    ({"attack": CHANGING}, "attacked signals", "what attacked vehicles (nobody until 2 s, then 4)"
+     " transmit (derivatives falsified each on its own)"),
 ]  # fmt: skip
 
 

@@ -8,14 +8,8 @@ import pandas as pd
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.explore.courses import Course
 from jaxnet.statistics.curves import LOG_FLOOR, MOST_PANELS
-from jaxnet.view.drawings.drawing import (
-    Drawing,
-    Look,
-    Panel,
-    Scale,
-    Trace,
-    distinct_titles,
-)
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 
 AXIS_RANGE = 1e3  # of an axis, at most: what is below is next to nothing

@@ -22,7 +22,8 @@ from jaxnet.statistics.tiles import (
     tile_text,
 )
 from jaxnet.store.results import Results
-from jaxnet.view.drawings.drawing import Drawing, Panel, Scale, Tiles, error_text, three_digits
+from jaxnet.view.drawings.drawing import Drawing, Panel, Scale, Tiles
+from jaxnet.view.drawings.words import error_text, three_digits
 
 COLOUR_MAP = mpl.colormaps["YlGnBu"]  # ever darker, and told apart by all eyes
 METRICS = ("unrecovered", "worst")

@@ -16,15 +16,8 @@ from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.view.drawings.drawing import (
-    LOOKS,
-    Drawing,
-    Look,
-    Panel,
-    Scale,
-    Trace,
-    distinct_titles,
-)
+from jaxnet.view.drawings.drawing import LOOKS, Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 
 JUDGED_WORDS = {

@@ -68,6 +68,48 @@ def has_store(results: Results, name: str) -> bool:
     return (results.path / f"{name}.zarr").exists()
 
 
+def tiled_figure(
+    results: Results, metric: str, cells: Sequence[Cell], width: float, axes: dict[str, Any]
+) -> Figure:
+    tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
+    if tiles is None:
+        raise lacking_error(results, *TWO_KEYS)
+    if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
+        raise lacking_error(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
+    return printed(heat_drawing(results, tiles, metric), width)
+
+
+def curves_of(results: Results, cells: Sequence[Cell]) -> list[Curve]:
+    """Curves against ā; raises LackingError if there are none."""
+    if is_leaderless(cells):
+        raise LackingError(f"{results.place}: {NO_ULTIMATE_ERROR}")
+    found = curves(results, cells)
+    if reason := no_magnitudes(found):
+        remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
+        words = f"{reason.removesuffix('.')}: run the study with {remedy}"
+        raise LackingError(f"{results.place}: {words}")
+    return found
+
+
+def need_search(results: Results, cells: Sequence[Cell]) -> None:
+    """Raise LackingError if the folder holds no results of a search of any of these cells."""
+    if results.study.config.search is None or not (results.path / "worst.csv").exists():
+        raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
+    if not set(results.worst["cell"]) & {cell.number for cell in cells}:
+        words = "no search of these cells has ended: jaxnet search goes on"
+        raise LackingError(f"{results.place}: {words}")
+
+
+def indices_figure(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
+    there = results.file(SENSITIVITY_FILE).exists()
+    table: Any = results.sensitivity if there else pd.DataFrame({"metric": [], "cell": []})
+    wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
+    if not wanted.any():
+        words = f"{SENSITIVITY_FILE} of {metric} in these cells: jaxnet sensitivity makes it"
+        raise LackingError(f"{results.place} has no {words}")
+    return printed(analyses.sensitivity_drawing(table[wanted], cells), width)
+
+
 def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Method of `Plots` that selects cells and draws them in its style, without `note` no notes."""
 
@@ -182,48 +224,27 @@ class Plots:
     @plot
     def heat(self, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
         """Draw a heat map of the share of lanes that do not recover."""
-        return self.tiles("unrecovered", cells, width, axes)
+        return tiled_figure(self.results, "unrecovered", cells, width, axes)
 
     @plot
     def heat_worst(self, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
         """Draw a heat map of the greatest tail error per ā; without a navigator, of the spread."""
-        return self.tiles("worst", cells, width, axes)
-
-    def tiles(
-        self, metric: str, cells: Sequence[Cell], width: float, axes: dict[str, Any]
-    ) -> Figure:
-        tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
-        if tiles is None:
-            raise lacking_error(self.results, *TWO_KEYS)
-        if tile_table(self.results).loc[[cell.number for cell in cells], metric].isna().all():
-            raise lacking_error(self.results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
-        return printed(heat_drawing(self.results, tiles, metric), width)
+        return tiled_figure(self.results, "worst", cells, width, axes)
 
     @plot
     def ultimate(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw the greatest tail error against ā, with stored bounds and fits."""
-        return printed(ultimate_drawing(self.curves_of(cells), "tail_max"), width)
+        return printed(ultimate_drawing(curves_of(self.results, cells), "tail_max"), width)
 
     @plot
     def ultimate_mean(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw the mean tail error against ā, with stored bounds and fits."""
-        return printed(ultimate_drawing(self.curves_of(cells), "tail_mean"), width)
-
-    def curves_of(self, cells: Sequence[Cell]) -> list[Curve]:
-        """Curves against ā; raises LackingError if there are none."""
-        if is_leaderless(cells):
-            raise LackingError(f"{self.results.place}: {NO_ULTIMATE_ERROR}")
-        found = curves(self.results, cells)
-        if reason := no_magnitudes(found):
-            remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
-            words = f"{reason.removesuffix('.')}: run the study with {remedy}"
-            raise LackingError(f"{self.results.place}: {words}")
-        return found
+        return printed(ultimate_drawing(curves_of(self.results, cells), "tail_mean"), width)
 
     @plot
     def search(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw the best value against the number of lanes, for a search and for random lanes."""
-        self.need_search(cells)
+        need_search(self.results, cells)
         found = list(search_courses(self.results, cells[:MOST_PANELS]))
         words = worst.metric_with_unit(self.results)
         return printed(analyses.course_drawing(found, len(cells), words), width)
@@ -231,37 +252,19 @@ class Plots:
     @plot
     def search_worst(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw a row per cell: the worst choice found, the worst of random lanes, the bound."""
-        self.need_search(cells)
+        need_search(self.results, cells)
         words = f"worst {worst.maximised_text(self.results)}"
         return printed(analyses.worst_drawing(worst.worst_rows(self.results), cells, words), width)
-
-    def need_search(self, cells: Sequence[Cell]) -> None:
-        """Raise LackingError if the folder holds no results of a search of any of these cells."""
-        results = self.results
-        if results.study.config.search is None or not (results.path / "worst.csv").exists():
-            raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
-        if not set(results.worst["cell"]) & {cell.number for cell in cells}:
-            words = "no search of these cells has ended: jaxnet search goes on"
-            raise LackingError(f"{results.place}: {words}")
 
     @plot
     def sensitivity(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw Sobol's indices of the mean tail error, or of the spread."""
-        return self.indices(judged_metric(self.results.study.cells), cells, width)
+        return indices_figure(self.results, judged_metric(self.results.study.cells), cells, width)
 
     @plot
     def sensitivity_unrecovered(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw Sobol's indices of the event that a lane does not recover."""
-        return self.indices("unrecovered", cells, width)
-
-    def indices(self, metric: str, cells: Sequence[Cell], width: float) -> Figure:
-        there = self.results.file(SENSITIVITY_FILE).exists()
-        table: Any = self.results.sensitivity if there else pd.DataFrame({"metric": [], "cell": []})
-        wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
-        if not wanted.any():
-            words = f"{SENSITIVITY_FILE} of {metric} in these cells: jaxnet sensitivity makes it"
-            raise LackingError(f"{self.results.place} has no {words}")
-        return printed(analyses.sensitivity_drawing(table[wanted], cells), width)
+        return indices_figure(self.results, "unrecovered", cells, width)
 
 
 def draw_figures(

@@ -19,7 +19,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.statistics.groups import Label
-from jaxnet.view.drawings.drawing import distinct_titles
+from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 

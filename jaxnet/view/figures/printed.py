@@ -41,7 +41,7 @@ TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
 DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
 MOVED_NOTE = "points are moved sideways to part them"
 LEGEND_LINE = 0.16  # [in]
-LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 14.5, 9  # of a legend, and of an entry's handle
+LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 18, 9  # of a legend, and of an entry's handle
 
 
 class Layout(NamedTuple):
@@ -101,9 +101,11 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
         multiples.write_legend(drawn, handles, columns, ncols=columns, **look)
     for note in [*drawing.notes, *[MOVED_NOTE] * is_moved]:
         multiples.write_note(drawn, multiples.escape_dollars(note))
-    there, noun = drawing.there or (len(drawing.panels), "panels")
-    only = len(rows) if rows and len(drawing.panels) == 1 and drawing.there else page.shown
-    multiples.write_left_out(drawn, (only, there, noun), *drawing.left_out, where=drawing.where)
+    parts = [(page.shown, len(drawing.panels), "panels"), (len(rows), len(drawing.y.names), "rows")]
+    if drawing.there is not None:
+        shown = len(rows) if rows and len(panels) == 1 else page.shown
+        parts = [(shown, *drawing.there)]
+    multiples.write_left_out(drawn, *parts, *drawing.left_out, where=drawing.where)
     return drawn
 
 
@@ -120,7 +122,7 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     room = style.GREATEST_HEIGHT - multiples.AXIS_ROOM - TITLE_ROOM - below
     if drawing.colours is None:
         row = max(multiples.ROW_HEIGHT, ROW_OF_SERIES * drawing.beside, least)
-        rows = rows[: int(room / row)]
+        rows = rows[: max(1, int(room / row))]
         height = row * len(rows) + TITLE_ROOM
         most = max(1, min(MOST_ROWS_PANELS, int((width - margin) / LEAST_ROWS_WIDTH)))
         shown = multiples.panels_fitting(labels, width, height, most)
@@ -285,9 +287,8 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
         low, high = scale.ends
         panel.set(**{f"{letter}lim": (0, 1.05 * high or 1.0) if low == 0 else (low, high)})
         axis.set_major_locator(MaxNLocator(4 if low == 0 else 6))
-    else:
-        panel.autoscale_view()
-        axis.set_major_locator(MaxNLocator("auto", steps=[1, 2, 5, 10], integer=scale.whole))
+    elif scale.whole:
+        axis.set_major_locator(MaxNLocator(integer=True))
     if 0 < len(scale.ticks) <= MOST_VALUE_TICKS and numeric(scale.ticks):
         axis.set_ticks(scale.ticks, value_ticks(scale.ticks, scale.log, room))
         axis.set_minor_locator(NullLocator())

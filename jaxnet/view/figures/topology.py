@@ -1,6 +1,5 @@
 """Graphs of a study with weights, attacked links and trusted links."""
 
-import functools
 import math
 from collections.abc import Sequence
 from textwrap import shorten
@@ -16,6 +15,7 @@ from matplotlib.patheffects import withStroke
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.scenario import situation_of
+from jaxnet.model.graph import Digraph
 from jaxnet.runs.watched import MOST_VEHICLES
 from jaxnet.view.drawings.scene import attacked_vehicles
 from jaxnet.view.figures import multiples, style
@@ -66,50 +66,22 @@ class DrawnGraph:
         self.cell, self.situation = cell, situation_of(cell.scenario)
         self.graph, self.attacked = self.situation.graph, attacked_vehicles(cell)
         self.is_large = self.graph.vehicles > MOST_VEHICLES
-
-    @functools.cached_property
-    def places(self) -> Float[np.ndarray, "sources 2"]:
-        """Places of navigator and vehicles, on a circle or a serpentine.
-
-        The navigator stands in the centre where a third of the vehicles hear it, or nobody does.
-        Many vehicles alternate between two circles, which leaves space for links of neighbours.
-        """
-        m = self.graph.vehicles
-        informed = int((self.graph.heard & (self.graph.sources == 0)).sum())
-        if informed == 0 or informed * 3 >= m:
-            angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
-            circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            if m > MOST_ON_CIRCLE:
-                circle[1::2] *= INNER_RADIUS
-            return np.concatenate([np.zeros((1, 2)), circle])
-        order, across = np.arange(m + 1), max(LEAST_SNAKE_ROW, math.isqrt(m) + 1)
-        row, column = order // across, order % across
-        column = np.where(row % 2, across - 1 - column, column)
-        return np.stack([column, -row], axis=1) * SNAKE_SPACING
-
-    @functools.cached_property
-    def spacing(self) -> float:
-        """Distance from the last node to its nearest neighbour, in widths of the panel."""
+        self.is_crowded = self.graph.vehicles > MOST_ON_CIRCLE
+        self.places = source_places(self.graph)
         extent = np.ptp(self.places, axis=0).max() + 2 * GRAPH_MARGIN
-        return float(np.hypot(*(self.places[:-1] - self.places[-1]).T).min() / extent)
+        apart = np.hypot(*(self.places[:-1] - self.places[-1]).T).min()
+        self.spacing = float(apart / extent)  # of the last node from its neighbour, in widths
+        self.weights = {} if self.is_large else self.graph.pairs()  # by listener and source
+        # The distinct weights with an example link each, if they are few.
+        self.classes: dict[tuple[bool, float], tuple[int, int]] = {}
+        for (i, j), weight in self.weights.items():
+            self.classes.setdefault((j == 0, round(weight, 6)), (i, j))
+        if len(self.weights) < FEWEST_ALIKE or len(self.classes) > MOST_CLASSES:
+            self.classes = {}
 
     def diameter(self, size: float) -> float:
         """Diameter of a node [pt] in a panel of a size [pt]."""
         return min(NODE_DIAMETER, 0.8 * self.spacing * size)
-
-    @functools.cached_property
-    def weights(self) -> dict[tuple[int, int], float]:
-        """Weights by listener and source."""
-        return self.graph.pairs()
-
-    @functools.cached_property
-    def classes(self) -> dict[tuple[bool, float], tuple[int, int]]:
-        """The distinct weights with an example link each, if they are few; else nothing."""
-        found: dict[tuple[bool, float], tuple[int, int]] = {}
-        for (i, j), weight in self.weights.items():
-            found.setdefault((j == 0, round(weight, 6)), (i, j))
-        few = len(self.weights) >= FEWEST_ALIKE and len(found) <= MOST_CLASSES
-        return found if few else {}
 
     @property
     def labelled(self) -> list[tuple[int, int]]:
@@ -117,7 +89,7 @@ class DrawnGraph:
         every = [*self.weights] if len(self.weights) <= MOST_WEIGHTS else []
         return list(self.classes.values()) or every
 
-    @functools.cached_property
+    @property
     def names(self) -> dict[tuple[int, int], str]:
         """The legend's name of each link."""
         links, decides = self.graph.edges(), self.cell.scenario.defence.decides
@@ -135,13 +107,11 @@ class DrawnGraph:
         attack = self.cell.scenario.attack
         unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
         whom = f", attacked: {attack.whom()}" if unmarked else ""
-        caption = multiples.escape_dollars(topology_name(self.cell) + whom)
-        words = [
-            f"{weight:.3g} from {'0' if navigator else 'vehicles'}"
-            for navigator, weight in self.classes
-        ]
-        crowded = self.graph.vehicles > MOST_ON_CIRCLE and words
-        return f"{caption}\nweights: {', '.join(words)}" if crowded else caption
+        lines = [multiples.escape_dollars(topology_name(self.cell) + whom)]
+        if self.is_crowded and self.classes:
+            words = (f"{w:.3g} from {'0' if leads else 'vehicles'}" for leads, w in self.classes)
+            lines.append(f"weights: {', '.join(words)}")
+        return "\n".join(lines)
 
     def bends(self, listener: int, source: int) -> bool:
         """Whether the arrow of a link is bent: a link back, or a node in the way."""
@@ -150,6 +120,26 @@ class DrawnGraph:
         from_middle = np.hypot(*(others - ends.mean(axis=0)).T)
         blocked = bool((from_middle < NODE_IN_WAY * np.hypot(*(ends[1] - ends[0]))).any())
         return blocked or (source - 1, listener + 1) in self.weights
+
+
+def source_places(graph: Digraph) -> Float[np.ndarray, "sources 2"]:
+    """Places of navigator and vehicles, on a circle or a serpentine.
+
+    The navigator stands in the centre where a third of the vehicles hear it, or nobody does. Many
+    vehicles alternate between two circles, which leaves space for the links between neighbours.
+    """
+    m = graph.vehicles
+    informed = int((graph.heard & (graph.sources == 0)).sum())
+    if informed == 0 or informed * 3 >= m:
+        angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        if m > MOST_ON_CIRCLE:
+            circle[1::2] *= INNER_RADIUS
+        return np.concatenate([np.zeros((1, 2)), circle])
+    order, across = np.arange(m + 1), max(LEAST_SNAKE_ROW, math.isqrt(m) + 1)
+    row, column = order // across, order % across
+    column = np.where(row % 2, across - 1 - column, column)
+    return np.stack([column, -row], axis=1) * SNAKE_SPACING
 
 
 def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
@@ -202,8 +192,7 @@ def draw_graph(panel: Axes, network: DrawnGraph, size: float) -> None:
         ends = tuple(places[j]), tuple(places[i + 1])
         panel.add_patch(FancyArrowPatch(*ends, connectionstyle=bend, **look))
     middle: dict[str, Any] = {"ha": "center", "va": "center"}
-    crowded = network.graph.vehicles > MOST_ON_CIRCLE and network.classes
-    for i, j in [] if crowded else network.labelled:
+    for i, j in [] if network.is_crowded and network.classes else network.labelled:
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
         x, y = places[j] + along / 2 + (0.22 if network.bends(i, j) else 0.12) * aside

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from jaxnet.view.drawings.drawing import error_text
+from jaxnet.view.drawings.words import error_text
 
 PAGE_FOLDER = Path(__file__).parent
 LARGEST_SINGLE = np.finfo(np.float32).max
@@ -31,6 +31,10 @@ SYMBOL_PATHS = {
     "square": "M13 3H21V11H13z",
     "triangle-up": "M17 2L22 11H12z",
     "triangle-down": "M12 3H22L17 12z",
+    "triangle-left": "M12 7L21 2V12z",
+    "triangle-right": "M22 7L13 2V12z",
+    "pentagon": "M17 2l5 3.8-1.9 6.2h-6.2L12 5.8z",
+    "hexagon": "M17 2l4.5 2.5v5L17 12l-4.5-2.5v-5z",
     "cross": "M15.5 2h3v3.5H22v3h-3.5V12h-3V8.5H12v-3h3.5z",
     "x": "M13 2l4 4 4-4 1 1-4 4 4 4-1 1-4-4-4 4-1-1 4-4-4-4z",
     "star": "M17 1l1.8 3.9 4.2.5-3.1 2.9.8 4.2-3.7-2.1-3.7 2.1.8-4.2L11 5.4l4.2-.5z",
@@ -164,7 +168,6 @@ def swatch(trace: Mapping[str, Any]) -> str:
         )
     if "markers" in mode:
         symbol, colour = marker["symbol"], painted(marker["color"])
-        symbol = symbol if isinstance(symbol, str) else symbol[0]
         rim = painted(marker.get("line", {}).get("color", marker["color"]))
         wide = 1.6 if "open" in symbol or "line" in marker else 0
         fill = "none" if "open" in symbol else colour

@@ -11,17 +11,11 @@ import pandas as pd
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import is_kind, key_name, labels_title, value_name
 from jaxnet.model.wording import count, count_between, counted
-from jaxnet.statistics.curves import (
-    BOUND_NAMES,
-    Curve,
-    cell_magnitudes,
-    failed_kinds,
-    unrecovered_shares,
-)
+from jaxnet.statistics import curves
 from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
-from jaxnet.view.drawings.drawing import error_text
+from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import Section
 from jaxnet.view.text.width import four_digits
 
@@ -29,20 +23,20 @@ UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no b
 MOST_COMPARED = 8  # values of a swept kind in one sentence
 
 
-def findings_section(results: Results, found: Sequence[Curve], fit: str) -> Section:
+def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
     told = finding_sentences(results, found, fit)
     return Section(
         "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>"
     )
 
 
-def finding_sentences(results: Results, found: Sequence[Curve], fit: str) -> list[str]:
+def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str) -> list[str]:
     """Each finding as HTML; `fit` is the command that computes the bounds."""
     alone = is_leaderless(results.study.cells)
     lanes = results.manifest["lanes"]
     failed = f"All {count(lanes['total'], 'lane')} came to their end; none failed."
     if lanes["failed"]:
-        kinds = escape(counted(sum(failed_kinds(results).values(), Counter())))
+        kinds = escape(counted(sum(curves.failed_kinds(results).values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}."
     sentences = [
         unrecovered_sentence(results),
@@ -60,7 +54,7 @@ def errors_per_size(results: Results) -> tuple[pd.Series, str]:
     """Mean tail errors by cell and unit: per ā, or in metres without ā; spreads if leaderless."""
     metric = judged_metric(results.study.cells)
     errors: Any = pd.Series(results.cells[f"{metric}_mean"].to_numpy(dtype=float))
-    known = cell_magnitudes(results)
+    known = curves.cell_magnitudes(results)
     if np.isnan(known).all() or metric == "spread":
         return errors.dropna(), "m"
     return (errors / known).dropna(), "ā"
@@ -101,7 +95,9 @@ def extremes_sentence(results: Results) -> str:
     if errors.empty:
         none = f"No lane came to its end: there is no {word}."
         return "No attacked lane came to its end." if results.manifest["lanes"]["ok"] else none
-    asked = int(np.sum(cell_magnitudes(results) > 0)) if per_size else len(results.study.cells)
+    asked = (
+        int(np.sum(curves.cell_magnitudes(results) > 0)) if per_size else len(results.study.cells)
+    )
     left = count(asked - len(errors), "attacked cell" if per_size else "cell")
     without = f" {left} without a lane that ended." if len(errors) < asked else ""
     if not per_size:
@@ -134,7 +130,7 @@ def kinds_sentences(results: Results) -> list[str]:
     Cells are compared by the share unrecovered with its interval where shares differ, else by the
     mean tail error with three digits.
     """
-    compared, unit = 100 * unrecovered_shares(results).astype(float), "%"
+    compared, unit = 100 * curves.unrecovered_shares(results).astype(float), "%"
     compared.columns = ["value", "low", "high"]
     what = f"Lanes {share_name(results.study.cells)}"
     if results.study.config.recovery is None or len({*compared["value"]}) < 2:
@@ -173,7 +169,7 @@ def compared_words(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: 
 
 def unrecovered_sentence(results: Results) -> str:
     """The least and the greatest share of lanes unrecovered, if the study asks for it."""
-    found, asked = unrecovered_shares(results), results.study.config.recovery
+    found, asked = curves.unrecovered_shares(results), results.study.config.recovery
     cells, confidence = results.study.cells, confidence_told(results.study.config.samples)
     if asked is None and found.empty:
         return ""
@@ -192,7 +188,7 @@ def unrecovered_sentence(results: Results) -> str:
     return f"Lanes {share_name(cells)}{above}: {span}."
 
 
-def bounds_sentence(results: Results, found: Sequence[Curve], fit: str) -> str:
+def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -> str:
     """The least ratio of a bound to the worst error found."""
     if not found:
         none = "none to compare with, for no cell has an attack of a fixed magnitude"
@@ -213,8 +209,8 @@ def bounds_sentence(results: Results, found: Sequence[Curve], fit: str) -> str:
         where = f" with {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
         after = "; the bound holds once the transient is over" if ratio < 1 else ""
         words.append(
-            f"The tightest bound, {BOUND_NAMES[name]}, is <b>{four_digits(ratio)} times</b> the"
-            f" worst error found: {four_digits(slope)} ā over"
+            f"The tightest bound, {curves.BOUND_NAMES[name]}, is <b>{four_digits(ratio)} times</b>"
+            f" the worst error found: {four_digits(slope)} ā over"
             f" {four_digits(curve.worst)} ā{where}{after}."
         )
     if of_rounding := len(found) - len(lasting):
@@ -239,7 +235,7 @@ def certainty_sentence(results: Results) -> str:
         return samples
     place = int(means.idxmax())
     worst: Any = results.cells.iloc[place]
-    scale, ends = float(cell_magnitudes(results)[place]), ("mean", "low", "high")
+    scale, ends = float(curves.cell_magnitudes(results)[place]), ("mean", "low", "high")
     mean, low, high = (error_text(float(worst[f"{metric}_{end}"]), scale) for end in ends)
     where, of = ("The greatest mean", f" of cell {place}") if len(means) > 1 else ("The mean", "")
     lanes = f"over {count(int(worst['ok']), 'ok lane')}{of}"

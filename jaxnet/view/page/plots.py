@@ -21,16 +21,9 @@ from matplotlib.colors import to_hex
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title
 from jaxnet.statistics.curves import LOG_FLOOR
-from jaxnet.view.drawings.drawing import (
-    Drawing,
-    Look,
-    Panel,
-    Scale,
-    Trace,
-    error_text,
-    three_digits,
-)
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.heat import colour_norm, palette
+from jaxnet.view.drawings.words import error_text, three_digits
 from jaxnet.view.figures import style
 from jaxnet.view.figures.multiples import panel_columns
 from jaxnet.view.figures.topology import topology_figure

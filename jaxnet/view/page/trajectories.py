@@ -15,8 +15,8 @@ from jaxnet.runs.replay import lane_graph
 from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
 from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, decades
 from jaxnet.store.results import Results
-from jaxnet.view.drawings.drawing import error_text
 from jaxnet.view.drawings.scene import LaneScene, scene_of
+from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import (
     Plot,
     about,
@@ -45,40 +45,39 @@ TOLD, LIAR = "place that is told", "attacked vehicle"
 PLANE_MARGIN = {"l": 62, "r": 12, "t": 6, "b": 48}
 
 
-def line_in_plane(fill: str, name: str, color: str, width: float, dash: str = "") -> dict[str, Any]:
-    """Lines of the plane, which lanes.js fills."""
-    line = {"color": color, "width": width} | ({"dash": dash} if dash else {})
-    drawn = {"type": "scatter", "meta": fill, "name": name, "mode": "lines", "line": line}
-    return drawn | {"hoverinfo": "skip", "cliponaxis": False, "showlegend": "link" in name}
-
-
-def marks_in_plane(fill: str, name: str, color: str, symbol: str, **look: Any) -> dict[str, Any]:
-    """Markers of the plane, which lanes.js fills.
+def plane_trace(fill: str, name: str, color: str, **look: Any) -> dict[str, Any]:
+    """A trace of the plane, which lanes.js fills: lines of a `width`, or markers of a `symbol`.
 
     Narrow diamonds point ahead: their front half looks out of a vehicle as a triangle.
     """
+    drawn = {"type": "scatter", "meta": fill, "name": name, "cliponaxis": False}
+    drawn |= {"hoverinfo": "skip", "showlegend": "link" in name, "mode": "lines"}
+    symbol = look.get("symbol", "")
+    if not symbol:
+        return drawn | {"line": {"color": color} | look}
     rim = {"width": 2 if "open" in symbol else 0}
-    marker = {"color": color, "symbol": symbol, "size": 10, "line": rim} | look
-    drawn = {"type": "scatter", "meta": fill, "name": name, "mode": "markers", "marker": marker}
-    hover = FALSE if fill == "told" else "%{text}"
-    shown = symbol != "diamond-tall"
-    words = {"hovertemplate": f"{hover}<extra></extra>"} if shown else {"hoverinfo": "skip"}
-    return drawn | words | {"cliponaxis": False, "showlegend": shown}
+    marker = {"color": color, "size": 10, "line": rim} | look
+    if symbol != AHEAD:
+        hover = FALSE if fill == "told" else "%{text}"
+        words = {"hoverinfo": "all", "hovertemplate": f"{hover}<extra></extra>"}
+        drawn |= words | {"showlegend": True}
+    return drawn | {"mode": "markers", "marker": marker}
 
 
+AHEAD = "diamond-tall"
 PLANE = [
-    line_in_plane("dropped", "dropped link", "--muted", 1, "1px,4px"),
-    line_in_plane("retained", "retained link", "--muted", 0.8),
-    line_in_plane("course", "navigator", "--black", 1.5, "2px,3px"),
-    line_in_plane("trails", "vehicle", "--sky", 1.2),
-    line_in_plane("attackedTrails", LIAR, "--red", 1.4, "6px,2px"),
-    line_in_plane("lies", TOLD, "--purple", 2),
-    marks_in_plane("told", TOLD, "--purple", "diamond-open"),
-    marks_in_plane("honest", "vehicle", "--blue", "circle"),
-    marks_in_plane("honest", "vehicle", "--blue", "diamond-tall", size=11, standoff=6),
-    marks_in_plane("attacked", LIAR, "--red", "diamond"),
-    marks_in_plane("attacked", LIAR, "--red", "diamond-tall", size=11, standoff=7),
-    marks_in_plane("navigator", "navigator", "--black", "square-open"),
+    plane_trace("dropped", "dropped link", "--muted", width=1, dash="1px,4px"),
+    plane_trace("retained", "retained link", "--muted", width=0.8),
+    plane_trace("course", "navigator", "--black", width=1.5, dash="2px,3px"),
+    plane_trace("trails", "vehicle", "--sky", width=1.2),
+    plane_trace("attackedTrails", LIAR, "--red", width=1.4, dash="6px,2px"),
+    plane_trace("lies", TOLD, "--purple", width=2),
+    plane_trace("told", TOLD, "--purple", symbol="diamond-open"),
+    plane_trace("honest", "vehicle", "--blue", symbol="circle"),
+    plane_trace("honest", "vehicle", "--blue", symbol=AHEAD, size=11, standoff=6),
+    plane_trace("attacked", LIAR, "--red", symbol="diamond"),
+    plane_trace("attacked", LIAR, "--red", symbol=AHEAD, size=11, standoff=7),
+    plane_trace("navigator", "navigator", "--black", symbol="square-open"),
 ]
 
 
