@@ -110,13 +110,13 @@ def looks_like(value: object, member: Any, strict: bool) -> bool:
     if isinstance(value, BaseModel):
         return isinstance(value, member)
     if issubclass(member, Rooted):
-        return isinstance(value, list) and member.depth in (0, depth_of(value))
+        return isinstance(value, list) and member.depth in (0, list_depth(value))
     required = [name for name, field in member.model_fields.items() if field.is_required()]
     return isinstance(value, dict) and not value.keys().isdisjoint(required)
 
 
-def depth_of(value: object) -> int:
-    return 1 + depth_of(value[0] if value else None) if isinstance(value, list) else 0
+def list_depth(value: object) -> int:
+    return 1 + list_depth(value[0] if value else None) if isinstance(value, list) else 0
 
 
 def ordered(bounds: list[float]) -> list[float]:
