@@ -139,7 +139,7 @@ def test_one_lane_is_a_line_and_no_band(results):
         assert ("one lane" in page) == (not many)
 
 
-@pytest.mark.parametrize("ends", [(2.1, 4.5), (80, 210), (0.9, 9.5), (1, 99), (1e-3, 1e3)])
+@pytest.mark.parametrize("ends", [(2.1, 4.5), (80.0, 210.0), (0.9, 9.5), (1.0, 99.0), (1e-3, 1e3)])
 def test_log_axes_have_numbers_side_by_side(ends):
     """Two at least however short the axis, and none on another."""
     with mpl.rc_context(style.PRINT_STYLE):

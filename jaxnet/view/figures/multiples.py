@@ -70,7 +70,7 @@ def escape_dollars(words: str) -> str:
     return words.replace("$", r"\$")
 
 
-def wrapped(words: str, letters: float) -> str:
+def wrapped(words: str, letters: int | float) -> str:
     """Wrap words to lines of so many letters; dollar signs are no formula."""
     return textwrap.fill(escape_dollars(words), max(1, int(letters)))
 

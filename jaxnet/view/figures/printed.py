@@ -69,8 +69,10 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     is_moved = False
     for place, panel in zip(axes, panels, strict=True):
         for number, series in enumerate(each for each in panel.series if not each.of_page):
-            moved = dodge(number, len(panel.series), drawing.x) if series.form == "both" else (1, 0)
-            is_moved |= moved != (1, 0)
+            moved = (
+                dodge(number, len(panel.series), drawing.x) if series.form == "both" else (1.0, 0.0)
+            )
+            is_moved |= moved != (1.0, 0.0)
             if rows:
                 draw_series(place, seen_of(series, len(rows)), drawing.x, rows=True)
             else:
@@ -262,11 +264,11 @@ def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
     """Factor and shift on x of one colour, so that error bars lie side by side."""
     values = scale.ticks
     if many == 1 or len(values) < 2 or len(values) > MOST_BARS:
-        return 1, 0
+        return 1.0, 0.0
     step = (place - (many - 1) / 2) * min(DODGE, 0.6 / len(values) / many)
     if scale.log:
-        return float((values[-1] / values[0]) ** step), 0
-    return 1, float(step * (values[-1] - values[0]))
+        return float((values[-1] / values[0]) ** step), 0.0
+    return 1.0, float(step * (values[-1] - values[0]))
 
 
 def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:

@@ -59,23 +59,15 @@ def paragraph(text: str) -> str:
 
 
 class Plot(NamedTuple):
-    """A figure for plotly about some cells, and columns that are saved as CSV.
+    """A figure for plotly about some cells.
 
-    Colours are names of the style sheet, such as `--blue`. `extra`: x of all traces, their
-    `names` in CSV, and the `floor` of their y.
+    Colours are names of the style sheet, such as `--blue`. Beside `data` and `layout` a figure has
+    `columns` that are saved as CSV, or `x` of all traces, their `names` in CSV, a `floor` of y.
     """
 
     title: str
     cells: Sequence[int] | None
-    traces: list[dict[str, Any]]
-    layout: dict[str, Any]
-    columns: dict[str, Any] = {}  # noqa: RUF012 (never changed)
-    extra: dict[str, Any] = {}  # noqa: RUF012
-
-    @property
-    def figure(self) -> dict[str, object]:
-        named = {"data": self.traces, "layout": self.layout, "columns": self.columns}
-        return named | self.extra
+    figure: dict[str, Any]
 
 
 def file_text(name: str) -> str:
@@ -132,7 +124,7 @@ def plots_html(
     plots: Sequence[Plot], columns: int, height: int = 0, above: str = "", kind: str = ""
 ) -> str:
     """Small multiples with a key and a pager, at most so many in a row; a `kind` has a style."""
-    key = key_html(trace for plot in plots for trace in plot.traces)
+    key = key_html(trace for plot in plots for trace in plot.figure["data"])
     drawn = "".join(plot_html(plot, height=height) for plot in plots)
     grid = f'<div class="grid" style="--columns: {columns}">{drawn}</div>'
     return f'<div class="view {kind}">{above}{key}{PAGER}{grid}<output class="told"></output></div>'
@@ -168,11 +160,9 @@ def swatch(trace: Mapping[str, Any]) -> str:
         )
     if "markers" in mode:
         symbol, colour = marker["symbol"], painted(marker["color"])
-        rim = painted(marker.get("line", {}).get("color", marker["color"]))
-        wide = 1.6 if "open" in symbol or "line" in marker else 0
         fill = "none" if "open" in symbol else colour
         path = SYMBOL_PATHS[symbol.removesuffix("-open")]
-        parts.append(f'<path d="{path}" fill="{fill}" stroke="{rim}" stroke-width="{wide}"/>')
+        parts.append(f'<path d="{path}" fill="{fill}" stroke="{colour}" stroke-width="1.6"/>')
     return f'<svg viewBox="0 0 34 14" aria-hidden="true">{"".join(parts)}</svg>'
 
 

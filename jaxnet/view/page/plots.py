@@ -103,7 +103,8 @@ def tiled(drawing: Drawing) -> str:
         trace["hovertext"] = np.reshape([*map(plain, tiles.told.ravel())], shape).tolist()
         known = tiles.cells >= 0
         columns = {"cell": tiles.cells[known], drawing.colours.title: tiles.values[known]}
-        plots.append(Plot(labels_title(panel.labels), panel.cells, [trace], layout, columns))
+        figure = {"data": [trace], "layout": layout, "columns": columns}
+        plots.append(Plot(labels_title(panel.labels), panel.cells, figure))
     ends = [f"{end:.3g}" for end in drawing.colours.ends or ()]
     bar = f"<i style='background: linear-gradient(to right, {', '.join(colours)})'></i>"
     blank = f"<span>no number: {drawing.blank}</span>" if drawing.blank else ""
@@ -123,8 +124,8 @@ def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
     if shared:
         saved = (["q05", "q95"] if each.form == "band" else [each.name] for each in many)
         names = [*itertools.chain.from_iterable(saved)]
-        extra = {"x": packed(timed[0].x), "names": names, "floor": LOG_FLOOR}
-        return Plot(title, about, traces, layout, {}, extra)
+        common = {"x": packed(timed[0].x), "names": names, "floor": LOG_FLOOR}
+        return Plot(title, about, {"data": traces, "layout": layout} | common)
     found, names = [], drawing.y.names
     for series in many:
         rows = [names[round(place)] for place in series.y] if names else series.y
@@ -134,7 +135,7 @@ def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
         given = {name: each for name, each in columns.items() if each is not None}
         found.append(pd.DataFrame(given))
     columns = dict(pd.concat(found).dropna(axis="columns", how="all"))
-    return Plot(title, about, traces, layout, columns)
+    return Plot(title, about, {"data": traces, "layout": layout, "columns": columns})
 
 
 def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str, Any]]:

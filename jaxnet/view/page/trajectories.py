@@ -42,6 +42,7 @@ FATES = ("dropped", "dropped, attacked", "retained", "retained, attacked")
 FATE_COLOURS = ("--line", "--green", "--sky", "--red")
 FALSE = "%{text}: %{customdata:.3~g} m from the truth"
 TOLD, LIAR = "place that is told", "attacked vehicle"
+EMPTY = {"data": [], "layout": {}}  # what a lane brings
 PLANE_MARGIN = {"l": 62, "r": 12, "t": 6, "b": 48}
 
 
@@ -97,9 +98,9 @@ def lanes_html(lanes: Sequence[dict[str, Any]]) -> str:
     return Template(file_text("lanes.html")).substitute(
         lanes=menu,
         key=key_html(trace for trace in PLANE if there.get(trace["name"], True)),
-        plane=plot_html(Plot("Positions", None, PLANE, layout), "plane"),
-        errors=plot_html(Plot(mean if alone else "Error of each vehicle", None, [], {}), "errors"),
-        raster=plot_html(Plot("Whom vehicles retain", None, [], {}), "raster"),
+        plane=plot_html(Plot("Positions", None, {"data": PLANE, "layout": layout}), "plane"),
+        errors=plot_html(Plot(mean if alone else "Error of each vehicle", None, EMPTY), "errors"),
+        raster=plot_html(Plot("Whom vehicles retain", None, EMPTY), "raster"),
         fates="".join(f"<li>{swatch({'fillcolor': colour})}{name}</li>" for name, colour in areas),
         packs="".join(script_json(lane, f' id="lane-{n}"') for n, lane in enumerate(lanes)),
     )
@@ -182,7 +183,6 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
     retained = "" if decides else " Nobody trims here: every source is retained at all times."
     return {
         "cells": [one.cell],
-        "sample": one.sample,
         "label": lane_label(results, one, cell),
         "command": results.replay_command(one.cell, one.sample, one.engine),
         "said": f"Shown every {step:.3g} s{thinned}; a path is a smooth curve through its places. A"
@@ -243,8 +243,8 @@ def errors_figure(scene: LaneScene, names: Sequence[str], centre: str) -> dict[s
     upwards = decades_axis(*ends) | {"title": {"text": f"‖y<sub>i</sub> − {centre}‖ [m]"}}
     layout = {"xaxis": TIME_AXIS, "yaxis": upwards, "shapes": [CURSOR]}
     columns = [f"vehicle {n + 1}" for n in range(off.shape[1])]
-    extra = {"x": packed(scene.time), "names": columns, "floor": LOG_FLOOR}
-    return Plot("", None, traces, layout, {}, extra).figure
+    common = {"x": packed(scene.time), "names": columns, "floor": LOG_FLOOR}
+    return {"data": traces, "layout": layout} | common
 
 
 def raster_figure(scene: LaneScene, links: Sequence[list[Any]]) -> dict[str, Any]:
