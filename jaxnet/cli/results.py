@@ -47,7 +47,7 @@ def simulate_study(
         results = jaxnet.run(study, out, fresh, True, **machines)
         failed = results.manifest["lanes"]["failed"]
         echo(tables.summary_text(results))
-        echo(tables.outcome_text(results), err=True)
+        echo(tables.outcome_text(results, results.found_all), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
 

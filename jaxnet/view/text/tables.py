@@ -177,10 +177,10 @@ def summary_html(results: Results) -> str:
     return f"<p>{escape(head)}</p>{html}" + (f"<p>{escape(constant)}</p>" if constant else "")
 
 
-def outcome_text(results: Results) -> str:
+def outcome_text(results: Results, found_all: bool) -> str:
     """What a run did, why it stopped, its failed lanes, and what comes next."""
     lanes = results.manifest["lanes"]
-    if results.found_all:
+    if found_all:
         words = f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
     else:
         stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
