@@ -91,9 +91,7 @@ def on_a_scale(values: Iterable[Label]) -> bool:
 
 def ordered_values(cells: Sequence[Cell], key: str | None) -> list[Label]:
     """Values of a key in these cells: numbers rise, other values keep the study's order."""
-    if key is None:
-        return []
-    values = list(dict.fromkeys(cell.labels[key] for cell in cells))
+    values = swept_values_of(cells)[key] if key is not None else []
     return sorted(values, key=float) if numeric(values) else values
 
 

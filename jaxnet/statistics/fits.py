@@ -44,7 +44,7 @@ NO_ULTIMATE_ERROR = (
     "without a navigator there is no error to fit and no bound: `jaxnet figure curve` draws the"
     " spread"
 )
-FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
+FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high")
 FITTED_QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
 RESAMPLES = 1000
@@ -52,9 +52,7 @@ SEED = 0
 RESAMPLES_TOGETHER = 100  # fitted side by side
 MOST_FIT_WEIGHTS = 2**22  # of resamples fitted side by side
 FEWEST_BEYOND = 10  # draws beyond a quantile; with fewer a bootstrap covers too little
-EXACT_FIT = 1e-9  # of the errors, or of ā: smaller residuals are transient or rounding, not scatter
-LEAST_RESIDUAL = 1e-12  # smaller errors per ā are rounding
-DECISIVE = 6.0  # of AICc: a model is 20 times as likely, exp(6/2)
+EXACT_FIT = 1e-9  # of the greatest error, or of ā; smaller ones are rounding
 NO_SLOPE_INTERVAL = "no interval: too few draws for their skewness, or too few beyond the quantile"
 
 DrawCounts = Int[np.ndarray, "n samples"]  # how often each resample draws each sample
@@ -148,15 +146,16 @@ def fit_rows(errors: Errors, independent: bool = True) -> Iterator[FitRow]:
     once = np.ones((1, errors.y.shape[1]), np.int16)
     slopes |= dict(zip(quantiles, quantile_slopes(errors, once, quantiles)[0], strict=True))
     ends = slope_intervals(errors) if independent else {}
-    sloped, (straight, flat) = has_slope(errors), scores(errors)
+    sloped = has_slope(errors)
+    found = []
     for quantile, slope in slopes.items():
-        score = straight if quantile is None else np.nan
-        told = (slope, *ends.get(quantile, UNKNOWN)) if sloped else (np.nan,) * 3
-        row = ("proportional", quantile, "s", *told, score)
-        yield dict(zip(FIT_COLUMNS[1:], row, strict=True))
+        told = (slope, *ends.get(quantile, UNKNOWN)) if sloped else (np.nan, *UNKNOWN)
+        found.append(("proportional", quantile, "s", *told))
     if known.any(axis=1).sum() > 1:
-        row = ("constant", None, "c", constant_fit(errors), *UNKNOWN, flat)
-        yield dict(zip(FIT_COLUMNS[1:], row, strict=True))
+        weights = known * (errors.x.min() / errors.x[:, None]) ** 2
+        level = float(np.nansum(weights * errors.y) / weights.sum())
+        found.insert(1, ("constant", None, "c", level, *UNKNOWN))
+    yield from (dict(zip(FIT_COLUMNS[1:], row, strict=True)) for row in found)
 
 
 def quantile_slopes(
@@ -213,61 +212,23 @@ def percentile_interval(drawn: np.ndarray) -> np.ndarray:
     return ordered[[outside, counted - 1 - outside]]
 
 
-def constant_fit(errors: Errors) -> float:
-    """Constant error of least squares, with weights 1/x²."""
-    weights = np.isfinite(errors.y) * (errors.x.min() / errors.x[:, None]) ** 2
-    return float(np.nansum(weights * errors.y) / weights.sum())
-
-
 def has_slope(errors: Errors) -> bool:
-    """Whether s·ā may describe the errors.
+    """Whether errors rise with ā, as s·ā does: the samples' slopes over log ā tell.
 
-    It does not if a constant is decisively better by AICc and the errors do not rise with ā. The
-    second condition keeps the slope of a rise that weights 1/x² hide behind a transient. Errors
-    rise if the samples' mean slope over log ā is two standard errors above 0, or if one sample
-    rises three times as steeply as any falls.
+    Errors rise if the mean of these slopes is two standard errors above 0, or if one sample rises
+    three times as steeply as any falls. Rounding, and errors at one ā, have the slope s.
     """
-    straight, flat = scores(errors)
-    if (
-        np.nanmax(errors.ratios) < EXACT_FIT
-        or not straight - np.nan_to_num(flat, nan=-np.inf) > DECISIVE
-    ):
-        return True
     there = np.isfinite(errors.y).any(axis=1)
-    known, logs = errors.y[there], np.log(errors.x[there])
+    if there.sum() < 2 or np.nanmax(errors.ratios) < EXACT_FIT:
+        return True
+    known, logs = errors.y[there] / np.nanmax(errors.y), np.log(errors.x[there])
     logs -= logs.mean()
     rises = logs @ known[:, np.isfinite(known).all(axis=0)] / np.sum(logs**2)
-    rises = np.where(np.abs(rises) > EXACT_FIT * np.nanmax(errors.y), rises, 0.0)
+    rises = np.where(np.abs(rises) > EXACT_FIT, rises, 0.0)
     if not rises.size:
         return True
     error = rises.std() / np.sqrt(max(1, rises.size - 1))
     return bool(rises.mean() > 2 * error or max(rises.max(), 0) > -3 * min(rises.min(), 0))
-
-
-@np.errstate(over="ignore")  # of the greatest numbers
-def scores(errors: Errors) -> tuple[float, float]:
-    """AICc of s·ā and of a constant."""
-    slope, level = np.nanmean(errors.ratios), constant_fit(errors)
-    return aicc(errors.ratios - slope, errors), aicc(
-        errors.ratios - level / errors.x[:, None], errors
-    )
-
-
-def aicc(residuals: Float[np.ndarray, "j samples"], errors: Errors) -> float:
-    """Akaike's criterion of a curve f with one parameter, by (y − f)/x, for small samples.
-
-    It is `n log(RSS/n) + 2k + 2k(k + 1)/(n − k − 1)` with k = 2, the variance being a parameter
-    (Hurvich and Tsai 1989). It is not-a-number if (y − f)/x is rounding.
-    """
-    finite, k = np.isfinite(errors.y), 2
-    n, size = finite.sum(), np.nanmax(errors.ratios)
-    if n <= k + 1 or size < LEAST_RESIDUAL:
-        return np.nan
-    both = residuals[finite] / size, errors.ratios[finite] / size
-    spread, scale = (np.sqrt(np.mean(each**2)) for each in both)
-    if not max(EXACT_FIT * scale, LEAST_RESIDUAL / size) <= spread < np.inf:
-        return np.nan
-    return float(2 * n * (np.log(spread) + np.log(size)) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
 
 
 def whole_draws(results: Results, group: Group) -> int:

@@ -8,7 +8,6 @@ check.
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -34,18 +33,7 @@ from jaxnet.theory.spread import scenario_gain
 LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
 # in memory at a time, over vehicles, times and lanes; a few arrays of this size exist
 MOST_LIMITS = 2**20
-
-
-class Violation(NamedTuple):
-    """A row of the violations' table: a lane that exceeds a bound."""
-
-    cell: int
-    sample: int
-    bound: str
-    tail_max: float  # [m]
-    limit: float  # [m]
-    command: str  # that replays the lane
-
+VIOLATION_COLUMNS = ["cell", "sample", "bound", "tail_max", "limit", "command"]
 
 Limits = Float[np.ndarray, "times m lanes"]
 # jets (3, 2, signals, lanes) to (3, 2, m, lanes)
@@ -108,7 +96,7 @@ def violations_table(results: Results) -> pd.DataFrame:
         at_once = max(1, MOST_LIMITS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
         for first in range(0, len(rows), at_once):
             found += excesses(results, cell, source, rows.iloc[first : first + at_once])
-    return pd.DataFrame(found, columns=list(Violation._fields))
+    return pd.DataFrame(found, columns=VIOLATION_COLUMNS)
 
 
 def suspect_lanes(
@@ -126,13 +114,13 @@ def suspect_lanes(
 
 def excesses(
     results: Results, cell: Cell, source: Source, rows: pd.DataFrame
-) -> Iterator[Violation]:
+) -> Iterator[tuple[object, ...]]:
     scenario, samples, errors = cell.scenario, rows["sample"].tolist(), rows["tail_max"].to_numpy()
     for bound, limits in limits_of(scenario, source, samples, tail_of(scenario)).items():
         limit = limits.max(axis=(0, 1))
         for n in np.flatnonzero(errors > limit):
             command = results.replay_command(cell.number, samples[n])
-            yield Violation(cell.number, samples[n], bound, errors[n], limit[n], command)
+            yield cell.number, samples[n], bound, errors[n], limit[n], command
 
 
 def tail_of(scenario: Scenario) -> Float[np.ndarray, " times"]:

@@ -147,17 +147,14 @@ def by_values(
     results: Results, common: Sequence[str], other: Results
 ) -> dict[tuple[str, ...], Cell]:
     """Cells by their values of some swept keys; raises FolderError if two have equal values."""
-    found: dict[tuple[str, ...], Cell] = {}
-    for cell in results.study.cells:
-        values = canonical_values(cell.labels[key] for key in common)
-        if values in found:
-            more = ", ".join(key for key in cell.labels if key not in common)
-            raise FolderError(
-                f"sweep: {more} is swept in {results.place} and not in {other.place}, so several"
-                " cells of one would stand against one of the other: sweep it in both, or in"
-                " neither"
-            )
-        found[values] = cell
+    cells = results.study.cells
+    found = {canonical_values(cell.labels[key] for key in common): cell for cell in cells}
+    if len(found) < len(cells):
+        more = ", ".join(key for key in cells[0].labels if key not in common)
+        raise FolderError(
+            f"sweep: {more} is swept in {results.place} and not in {other.place}, so several cells"
+            " of one would stand against one of the other: sweep it in both, or in neither"
+        )
     return found
 
 
@@ -190,10 +187,10 @@ def mark_unrecovered(
         for cell, asked in zip(pair, criteria, strict=True)
     ]
     known = not np.isnan(levels).any()
-    judged = {
-        f"unrecovered{side}": lanes[f"{cell.scenario.judged}{side}"] > level if known else np.nan
-        for side, cell, level in zip(SIDES, pair, levels, strict=True)
-    }
+    judged = {}
+    for side, cell, level in zip(SIDES, pair, levels, strict=True):
+        over = (lanes[f"{cell.scenario.judged}{side}"] > level).astype(object)
+        judged[f"unrecovered{side}"] = over if known else np.nan
     return lanes.assign(ok=(lanes["status_A"] == "ok") & (lanes["status_B"] == "ok"), **judged)
 
 

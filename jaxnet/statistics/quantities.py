@@ -128,13 +128,9 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     table: pd.DataFrame = results.cells.loc[[cell.number for cell in cells]]
     of = "ok"
     if name in asked_shares(study, cells):
-        values = 100 * stored_values(table, share_names(name))
-        words, note = (
-            f"lanes {LANE_SHARES[name].words(cells)}",
-            LANE_SHARES[name].note(study, cells),
-        )
-        sure = confidence_told(study.samples)
-        found = Quantity(name, words, "%", True, sure, values, note)
+        share, sure = LANE_SHARES[name], confidence_told(study.samples)
+        words, values = f"lanes {share.words(cells)}", 100 * stored_values(table, share_names(name))
+        found = Quantity(name, words, "%", True, sure, values, share.note(study, cells))
     elif name == "failed":
         of, counts = "lanes", (table["failed"].to_numpy(), table["lanes"].to_numpy())
         columns = counts[0] / counts[1], *clopper_pearson(*counts, CONFIDENCE)

@@ -314,3 +314,4 @@ def test_cells_that_differ_by_their_attack_alone_are_told_apart():
     found = {cell.number: each.facts for each in check.networks(study.cells) for cell in each.cells}
     assert [found[number]["attack"] for number in range(8)] == alone
     assert len(set(alone)) == 8
+    assert re.search(r"^attack +vehicles +attack$", check.check_text(study), re.MULTILINE)

@@ -195,7 +195,8 @@ def factor_table(name: str, labels: CellLabels, lines: Sequence[str], most: int 
     if len(boxes) > MOST_TABLE_ROWS:
         more = f"and {count(len(boxes) - MOST_TABLE_ROWS, 'row')} more …"
         rows.append([*[""] * len(keys), more])
-    columns = dict(zip([*titles, name], zip(*rows, strict=True), strict=True))
+    titles.append(f"{name} " if name in titles else name)  # a key and a fact may have one name
+    columns = dict(zip(titles, zip(*rows, strict=True), strict=True))
     return table_text(columns, [*columns], terminal_width() - 2).replace("\n", "\n  ")
 
 

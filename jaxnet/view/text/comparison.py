@@ -8,7 +8,7 @@ import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
 from jaxnet.statistics.quantities import stored_values
-from jaxnet.view.columns import Column, plain_column
+from jaxnet.view.columns import Column, key_column, plain_column
 from jaxnet.view.text.printer import columns_text, narrow_columns
 from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
@@ -64,7 +64,10 @@ def comparison_columns(found: Comparison) -> list[Column]:
     table: Any = found.cells
     keys = list(table)[1 : list(table).index("pairs")]
     columns = [plain_column("cell", table["cell"].tolist())]
-    columns += [plain_column(key, table[key].tolist(), key=key) for key in keys]
+    for key in keys:
+        values = table[key].tolist()
+        numbers = plain_column(key, values, key=key)
+        columns.append(numbers if key == "cell_B" else key_column(key, values))
     for name, title, *stems in DIFFERENCES:
         if name not in table or table[name].isna().all():
             continue

@@ -92,7 +92,7 @@ def fitted_text(
 
 
 def columns_text(shown: Sequence["Column"]) -> str:
-    """TableColumns as text in a terminal's width; labels are wrapped to fit."""
+    """Columns as text in a terminal's width; labels are wrapped to fit."""
     return table_text(*with_labels(shown), terminal_width())
 
 
@@ -102,7 +102,7 @@ def with_labels(shown: Sequence["Column"]) -> tuple[TableColumns, list[str]]:
 
 
 def narrow_columns(whole: Sequence["Column"]) -> tuple[list["Column"], list[str]]:
-    """TableColumns that fit the terminal, and what is left out.
+    """Columns that fit the terminal, and what is left out.
 
     The first quantity keeps its interval. The others lose theirs, then the last columns go; pivoted
     quantities lose theirs together. Then keys of numbers go, finally labels, from the last on.
