@@ -162,13 +162,6 @@ def options(command):
     return {option for param in command.params for option in param.opts if option[0] == "-"}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_commands_in_running_text_exist(page):
-    """With the options that stand beside them."""
-    for name, rest in re.findall(r"`jaxnet ([a-z]+)([^`]*)`", page.read_text()):
-        assert set(re.findall(r"(?<=\s)-[-\w]+", rest)) <= options(main.commands[name]), name
-
-
 def test_the_page_of_commands_names_each_with_all_it_takes():
     """In its section the options, and what a choice offers; none that there are not."""
     text = (DOCS / "commands.md").read_text()
@@ -227,14 +220,10 @@ def test_the_examples_of_the_config_load(keys, tmp_path):
 
 def test_facts_that_code_cites_are_on_the_page():
     """`theorems.md O5` in a docstring leads to the heading O5 there."""
-    cited = set()
-    for path in (
-        path for folder in ("jaxnet", "experiments") for path in ROOT.glob(f"{folder}/**/*.py")
-    ):
-        for page, labels in re.findall(
-            r"(theorems|numerics)\.md\s(O\d+b?(?:(?:, | and )O\d+b?)*)", path.read_text()
-        ):
-            cited |= {(page, label) for label in re.findall(r"O\d+b?", labels)}
+    reference = re.compile(r"(theorems|numerics)\.md\s(O\d+b?(?:(?:, | and )O\d+b?)*)")
+    files = [*ROOT.glob("jaxnet/**/*.py"), *ROOT.glob("experiments/**/*.py")]
+    found = [each for path in files for each in reference.findall(path.read_text())]
+    cited = {(page, label) for page, labels in found for label in re.findall(r"O\d+b?", labels)}
     assert len(cited) > 10
     for page, label in cited:
         assert f"\n## {label}: " in (DOCS / f"{page}.md").read_text(), (page, label)
@@ -249,17 +238,19 @@ def anchors(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_somewhere_and_lines_are_short(page):
-    """To a file and a heading that are there. Rows of tables and links may be long."""
+def test_a_page_names_what_there_is(page):
+    """Commands with their options, files and headings; lines but rows and links are short."""
     text = page.read_text()
+    for name, rest in re.findall(r"`jaxnet ([a-z]+)([^`]*)`", text):
+        assert set(re.findall(r"(?<=\s)-[-\w]+", rest)) <= options(main.commands[name]), name
     for link in LINK.findall(text):
         path, _, heading = link.partition("#")
         if not re.match(r"\w+:", link):
             target = page.parent / path if path else page
             assert target.exists(), link
             assert not heading or heading in anchors(target), link
-    long = [line for line in text.splitlines() if len(line) > 100]
     row = re.compile(r".* \| .*|!?\[.*\)|- `\w+`: .*")  # or a key of the config
+    long = [line for line in text.splitlines() if len(line) > 100]
     assert [line for line in long if not row.fullmatch(line)] == []
 
 

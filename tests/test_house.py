@@ -258,21 +258,6 @@ def test_asking_for_a_kinds_type_is_found(body, finds):
     assert bool(asked(source + body, "jaxnet.kinds.attacks.bias")) == at_home
 
 
-def test_what_serves_large_fleets_alone_is_imported_in_one_place():
-    """It can be left out without anybody else noticing."""
-    module = "jaxnet.solvers.windowed"
-    found = [
-        path.stem for path in MODULES if module in imported_modules(ast.parse(path.read_text()))
-    ]
-    assert len(found) == 1, found
-
-
-def imported_modules(tree: ast.AST) -> set[str]:
-    """Modules and names that a module imports, in full."""
-    names = set(imported(tree).values())
-    return names | {name.rpartition(".")[0] for name in names}
-
-
 def test_no_room_holds_more_than_a_fifth_of_the_lines():
     """The command line and the interface count as one."""
     lines: Counter[str] = Counter()
