@@ -43,7 +43,7 @@ def test_what_failed_is_over_nothing():
     assert found.low < stats.norm.sf(3.0) / 2 < found.high
 
 
-def test_a_share_is_kept_in_its_table(tmp_path):
+def test_a_share_is_kept_in_its_table(tmp_path, monkeypatch):
     """A second is too short to recover; the table is not written again for as many points."""
     keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "recovery": {"tau": 0.01}}
     given = systems.study(**keys, vehicles=3, attack={"vehicles": [2]})
@@ -52,6 +52,9 @@ def test_a_share_is_kept_in_its_table(tmp_path):
     stamp = (tmp_path / "s" / "rare.csv").stat().st_mtime_ns
     assert jaxnet.rare(given, points=20, out=tmp_path / "s").equals(table)
     assert (tmp_path / "s" / "rare.csv").stat().st_mtime_ns == stamp
+    monkeypatch.setattr(rare, "estimate", lambda *_: rare.Estimate(0.1, 0.08, 0.12, 2, 100))
+    plain = rare.rare_row(given, given.cells[0], 20)["plain_lanes"]
+    assert plain == pytest.approx(1.96**2 * 0.1 * 0.9 / 0.02**2)
 
 
 @pytest.mark.long
