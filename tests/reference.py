@@ -321,7 +321,7 @@ class Fleet:
         keeping = self.keepers(n, shares, weights)
         self.kept = {i: self.kept.get(i, (top if self.holds else before)[i]) for i in keeping}
         free = self.free(jets)
-        highest = self.solved(n, free, shares, known, live)
+        highest = self.solved(n, free, shares, known, live, top)
         orders = [self.integrals[self.r - k] for k in range(self.r)]
         moved = free + np.stack([np.einsum("cd,idx->icx", n, highest) for n in orders], axis=2)
         own = np.concatenate([moved + self.noise[:, None], highest[:, :, None]], axis=2)
@@ -435,8 +435,8 @@ class Fleet:
             by_axis[:, i, 0] |= by_axis[:, i, j]
         return {i for heard in by_axis for i in set(range(self.m)) - reached(heard, sources)}
 
-    def solved(self, n, free, shares, known, live):
-        """Highest derivatives at the nodes, (m, nodes, 2)."""
+    def solved(self, n, free, shares, known, live, top):
+        """Highest derivatives at the nodes, (m, nodes, 2), where `top` was held until now."""
         m, count = self.m, DEGREE + 1
         fed_back = np.einsum("k,ickx->icx", self.k[:-1], free + self.noise[:, None])
         flow = sum(self.k[k] * self.integrals[self.r - k] for k in range(self.r))
@@ -451,7 +451,14 @@ class Fleet:
                 graph[i, j - 1] = shares[i, j]
         hears, solved = shares.any(axis=1), np.zeros((m, count, 2))
         if self.holds:
-            solved += ((right - fed_back) * hears[:, None])[:, :1]
+            demand = right - fed_back
+            for _ in range(self.keys["law"].get("rounds", 1) - 1):  # each hears the last round's
+                new, before = demand[:, 0], top
+                for i, j in known:
+                    if j > 0 and not self.is_replaced(i, j):
+                        right[i] += shares[i, j] * (new[j - 1] - before[j - 1])
+                top, demand = new, right - fed_back
+            solved += (demand * hears[:, None])[:, :1]
             for i, kept in self.kept.items():
                 solved[i] = kept
             return solved

@@ -11,7 +11,8 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any, NamedTuple, TypeVar
 
@@ -24,14 +25,14 @@ from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.model import xla
 from jaxnet.model.lane import Network
 
-Lanes = TypeVar("Lanes")
+Lanes = TypeVar("Lanes")  # of arrays whose first axis is lanes
 
 TYPICAL_FLEET = 12  # vehicles in the fleet for which an engine states its chunk
 CHOOSING = 16_000  # most vehicles side by side in a plan that chooses at ticks: more gain little
 LEAST_CHUNK = 2
 MOST_LANES = 2**32
 SLOW_CHUNK = 8  # lanes side by side where vehicles decide inside the vector field
-LATE_CHUNK = 64  # most lanes side by side where words are late, for each keeps its last words
+LATE_CHUNK = 64  # most lanes side by side where messages are delayed, and histories kept
 COMPILING = set[int]()  # threads that compile a program
 # Compiler options by platform. The gains are measured on two cores. Wider vectors
 # (`xla_cpu_prefer_vector_width` of 512) are left out: XLA 0.10.2 then computes arctan wrongly.
@@ -117,37 +118,54 @@ def simulate_each(
     """
     devices, free, sizes = machine.each(), SimpleQueue[Any](), deque[int]()
     plan, capacity = machine.load_of(plan, network, lanes)
-    share = max(plan.chunk, -(-lanes // len(devices)))
+    most = min(capacity, max(plan.chunk, -(-lanes // len(devices))))
     for device in devices:
         free.put(device)
 
+    def measured() -> Iterator[Inputs]:
+        for batch in batches:
+            sizes.append(size(batch))
+            yield batch
+
     def run(load: Inputs) -> Outcome:
-        device = free.get()
+        device, count, queue = free.get(), size(load), queue_of(load, capacity)
         try:
-            return advance(load, network, clock, plan, capacity, device)
+            with computing_on(device):
+                outcome = program(device.platform)(plan, network, clock, queue, count)
+                each = jax.tree.map(np.asarray, outcome)
+                return jax.tree.map(lambda leaf: np.moveaxis(leaf, -1, 0)[:count], each)
         finally:
             free.put(device)
 
+    def finished(load: Future[Outcome]) -> Outcome:
+        outcome = load.result()
+        load_done(size(outcome))
+        return outcome
+
+    def outcomes() -> Iterator[Outcome]:
+        """Outcomes of loads in order; few loads run or wait at a time."""
+        under_way = deque[Future[Outcome]]()
+        for load in regrouped(measured(), lambda: most):
+            under_way.append(pool.submit(run, load))
+            if len(under_way) == 2 * len(devices):
+                yield finished(under_way.popleft())
+        yield from map(finished, under_way)
+
     pool = ThreadPoolExecutor(len(devices))
     try:
-        loads = parted(batches, min(capacity, share), sizes)
-        outcomes = in_order(pool, run, loads, 2 * len(devices))
-        yield from regrouped(reporting(outcomes, load_done), sizes)
+        yield from regrouped(outcomes(), lambda: sizes.popleft() if sizes else None)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def advance(
-    load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: int, device: Any
-) -> Outcome:
-    """The outcome of one load, in double precision whatever the process's default is."""
-    count, queue = size(load), queue_of(load, capacity)
+@contextmanager
+def computing_on(device: Any) -> Iterator[None]:
+    """Compute in double precision on a device; afterwards the thread compiles nothing."""
     with jax.enable_x64(True), jax.default_device(device):
         try:
-            outcome = program(device.platform)(plan, network, clock, queue, count)
+            yield
         finally:
             COMPILING.discard(threading.get_ident())
-        return jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf), -1, 0)[:count], outcome)
 
 
 def queue_of(load: Inputs, capacity: int) -> Inputs:
@@ -163,12 +181,9 @@ def trace(job: Job, machine: Machine = EVERYTHING) -> None:
     """
     (inputs, network, clock, plan), device = job, machine.each()[0]
     plan, capacity = machine.load_of(plan, network, job.size)
-    with jax.enable_x64(True), jax.default_device(device):
-        try:
-            traced: Any = program(device.platform)
-            traced.trace(plan, network, clock, queue_of(inputs, capacity), job.size)
-        finally:
-            COMPILING.discard(threading.get_ident())
+    with computing_on(device):
+        traced: Any = program(device.platform)
+        traced.trace(plan, network, clock, queue_of(inputs, capacity), job.size)
 
 
 @functools.cache
@@ -178,12 +193,10 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
     def run(
         plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Int[Array, ""] | int
     ) -> Outcome:
-        COMPILING.add(
-            threading.get_ident()
-        )  # JAX runs this line only while tracing, before compilation
+        # JAX runs this line only while tracing, before compilation.
+        COMPILING.add(threading.get_ident())
         # One loop around everything, compiled as one function: 1.02 times, plain, 12 vehicles.
-        # Without it,
-        # iteration over links ends in other bits.
+        # Without it, iteration over links ends in other bits.
         return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
@@ -193,58 +206,32 @@ def compiling() -> bool:
     return bool(COMPILING)
 
 
-def parted(batches: Iterable[Inputs], most: int, sizes: deque[int]) -> Iterator[Inputs]:
-    """Yield lanes in loads of `most`, the last maybe smaller; append batch sizes to `sizes`."""
-    waiting: list[Inputs] = []
-    for batch in batches:
-        sizes.append(size(batch))
-        waiting.append(batch)
-        while sum(map(size, waiting)) >= most:
-            whole = joined(waiting)
-            yield part(whole, 0, most)
-            waiting = [part(whole, most, None)]
-    if sum(map(size, waiting)):
-        yield joined(waiting)
+def regrouped(trees: Iterable[Lanes], next_size: Callable[[], int | None]) -> Iterator[Lanes]:
+    """Yield the lanes of a stream again in groups of other sizes, and then what is left.
+
+    `next_size` may give None until more of the stream is read.
+    """
+    held, wanted = list[Lanes](), None
+    for tree in trees:
+        held.append(tree)
+        wanted = wanted or next_size()
+        while wanted and sum(map(size, held)) >= wanted:
+            whole = joined(held)
+            yield part(whole, 0, wanted)
+            held, wanted = [part(whole, wanted, None)], next_size()
+    if sum(map(size, held)):
+        yield joined(held)
 
 
-def in_order(
-    pool: Executor, run: Callable[[Inputs], Outcome], loads: Iterable[Inputs], ahead: int
-) -> Iterator[Outcome]:
-    """Yield the outcomes of loads in order; at most `ahead` loads run or wait at a time."""
-    under_way = deque[Future[Outcome]]()
-    for load in loads:
-        under_way.append(pool.submit(run, load))
-        if len(under_way) == ahead:
-            yield under_way.popleft().result()
-    for future in under_way:
-        yield future.result()
-
-
-def reporting(outcomes: Iterable[Outcome], load_done: Callable[[int], None]) -> Iterator[Outcome]:
-    """Yield the outcomes, and call `load_done` with the number of lanes in each."""
-    for outcome in outcomes:
-        load_done(len(outcome.status))
-        yield outcome
-
-
-def regrouped(outcomes: Iterable[Outcome], sizes: deque[int]) -> Iterator[Outcome]:
-    held: list[Outcome] = []
-    for outcome in outcomes:
-        held.append(outcome)
-        while sizes and sum(len(one.status) for one in held) >= sizes[0]:
-            whole, first = joined(held), sizes.popleft()
-            yield part(whole, 0, first)
-            held = [part(whole, first, None)]
-
-
-def size(batch: Inputs) -> int:
-    return len(batch.lane.initial)
+def size(tree: Any) -> int:
+    """Lanes of a batch or of an outcome."""
+    return len(jax.tree.leaves(tree)[0])
 
 
 def joined(trees: Sequence[Lanes]) -> Lanes:
-    return (
-        jax.tree.map(lambda *leaves: np.concatenate(leaves), *trees) if len(trees) > 1 else trees[0]
-    )
+    if len(trees) == 1:
+        return trees[0]
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *trees)
 
 
 def part(tree: Lanes, start: int, stop: int | None) -> Lanes:

@@ -10,12 +10,12 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine import tick, vehicles
 from jaxnet.engine.demand import Signals, coupled_demand, exchange, local_jerk
 from jaxnet.engine.loop import Motion
-from jaxnet.engine.moment import Instants, PerAxis
+from jaxnet.engine.moment import PerAxis
 from jaxnet.engine.plan import CONNECTED
 from jaxnet.engine.stages.known import Known, KnownDrive
 from jaxnet.engine.subset import LaneIndices, picked, put
@@ -25,7 +25,7 @@ from jaxnet.model import control, linearised, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
-from jaxnet.model.signal import Basis, Vectors
+from jaxnet.model.signal import Vectors
 
 FollowingState = TypeVar("FollowingState", bound=Any)  # has the fields signals, followed and steps
 
@@ -79,9 +79,12 @@ class Followed(eqx.Module):
         demand = coupled_demand(lane, network, drive, own, now)
         if lane.gain_apart is not None:
             lies = signal.jets(drive.vectors, now.basis)
-            means = heard_means(network, self.weights, now, own, lies)
-            apart = zip(lane.gain_apart, own, means, strict=True)
-            demand = demand - sum(each[None] * (a - b) for each, a, b in apart)
+            for gain, mine, led, lie in zip(
+                lane.gain_apart, own, now.navigator, lies, strict=False
+            ):
+                sources = jnp.concatenate([led[:, None], mine], axis=1)
+                error = mine - network.hearing.mean(self.weights, sources, lie)
+                demand = demand - gain[None] * error
         return network.solver.apply(network.hearing, self.factors, demand, start)
 
     def rates(self, scene: Scene, states: States) -> States:
@@ -99,7 +102,7 @@ class Followed(eqx.Module):
 class FollowsLinearised(Followed):
     """Inputs linear in the error of the state."""
 
-    def rates(self, scene: Scene, states: States) -> States:
+    def rates(self, scene, states):
         """With `z - R(y_0) = L⁻¹ d - P(n)` for the sensors' errors n."""
         lane, now = scene.lane, scene.now
         drive = signal.combined(self.response, now.drive)
@@ -111,7 +114,7 @@ class FollowsLinearised(Followed):
 class FollowsLocal(Followed):
     """The local law, evaluated at every instant; the response is d."""
 
-    def jerk(self, scene: Scene, own: Jets, start: PerAxis | None) -> PerAxis:
+    def jerk(self, scene, own, start):
         lane, network, decided, now = scene
         return local_jerk(lane, network, self.drive(lane, decided), own, now)
 
@@ -121,10 +124,10 @@ class Holds(Followed):
 
     held: PerAxis
 
-    def guess(self, lane: Lane, now: Signals, own: Jets) -> PerAxis | None:
+    def guess(self, lane, now, own):
         return self.held
 
-    def jerk(self, scene: Scene, own: Jets, start: PerAxis | None) -> PerAxis:
+    def jerk(self, scene, own, start):
         return self.held
 
 
@@ -167,15 +170,15 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         whole = jax.tree.map(lambda every, theirs: put(every, few, theirs), followed, new)
         return whole, new, connected
 
-    def basis(self, state: FollowingState) -> tuple[Instants, Basis]:
+    def basis(self, state):
         return state.signals.time, state.signals.basis
 
-    def drive(self, state: FollowingState, decided: DecisionState) -> Drive:
+    def drive(self, state, decided):
         if self.plan.in_field:
             return decided.drive(self.lane)
         return state.followed.drive(self.lane, decided)
 
-    def steps(self, state: FollowingState) -> Int[Array, " lanes"]:
+    def steps(self, state):
         return state.steps
 
 
@@ -217,12 +220,3 @@ def follow_weights(
 def of_each(vectors: Vectors, solved: Callable[[Float[Array, "2 told lanes"]], PerAxis]) -> Vectors:
     """Vectors of the attacks' effect, one function after the other."""
     return jnp.moveaxis(jax.lax.map(solved, jnp.moveaxis(vectors, 2, 0)), 0, 2)
-
-
-def heard_means(
-    network: Network, weights: AxisWeights, now: Signals, own: Jets, signals: Jets
-) -> list[PerAxis]:
-    """Weighted means of the received jets below the order, `Σ_j w_ij (y_j + a_ij)` and so on."""
-    each = zip(now.navigator, own, strict=False)
-    sources = [jnp.concatenate([a[:, None], b], axis=1) for a, b in each]
-    return [network.hearing.mean(weights, *both) for both in zip(sources, signals, strict=False)]

@@ -13,7 +13,6 @@ long series cancel.
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -22,11 +21,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import standstill
 from jaxnet.engine.demand import Signals, local_jerk
-from jaxnet.engine.loop import Tick
-from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
+from jaxnet.engine.moment import Instants, PerAxis
 from jaxnet.engine.propagation import Held, PropagationState
 from jaxnet.engine.stages.known import KnownDrive
-from jaxnet.engine.subset import LaneIndices, picked, select
+from jaxnet.engine.subset import picked, select
 from jaxnet.engine.tick import DecisionState, Drive
 from jaxnet.model import control, plane, polynomial
 from jaxnet.model.lane import Lane, Network
@@ -38,44 +36,30 @@ LONGEST = 4.0  # a piece times the greatest rate: terms then cancel to e⁴ time
 MOST_TERMS = 60  # of a series; it needs about 40 for the longest piece
 LEAST_TERM = 2.0**-56  # relative size at which a series stops
 
+Moved = tuple[Jets, Float[Array, "m lanes"]]  # jets, and a bound on the norm of y^(r) on the way
+
 INVERSE_FACTORIALS = np.array([1.0 / math.factorial(n) for n in range(MOST_TERMS + 1)])
-
-
-class Forcing(NamedTuple):
-    """Derivatives of the functions' polynomials at the start of a tick, by order of the jets.
-
-    Time is counted in ticks: the derivative of order k + n is times the power k + n of the tick.
-    """
-
-    navigator: Float[Array, "derivatives jets 2 lanes"]
-    basis: Float[Array, "derivatives jets functions lanes"]
 
 
 class Local(Held):
     """Motion under the local law at every instant."""
 
-    def hold(
-        self, state: PropagationState, decided: DecisionState, at: Tick
-    ) -> tuple[PropagationState, LaneFlags]:
+    def hold(self, state, decided, at):
         """The state unchanged: the law has a solution whoever is retained."""
         return state, jnp.zeros_like(at.here)
 
-    def drive_now(self, state: PropagationState, decided: DecisionState) -> PerAxis:
+    def drive_now(self, state, decided):
         """`y^(r) + P(ŷ)`, with y^(r) of the law."""
         lane, drive = self.lane, decided.drive(self.lane)
         own, navigator = decided.sensed.of(state.jets), self.navigator(state)
-        now = signals_alone(lane, state.time, navigator, state.basis)
+        now = signals_alone(state.time, navigator, state.basis)
         demand = local_jerk(lane, self.network, drive, own, now)
         return demand + control.feedback(lane.gain, own)
 
-    def next(
-        self, state: PropagationState, decided: DecisionState, time: Instants
-    ) -> PropagationState:
+    def next(self, state, decided, time):
         return self.by_span(state, decided, time, time - state.time)
 
-    def later(
-        self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
-    ) -> PropagationState:
+    def later(self, state, decided, span, since):
         return self.by_span(state, decided, state.time + span, span)
 
     def by_span(
@@ -86,21 +70,26 @@ class Local(Held):
         jets, _ = after_span(self.lane, self.network, drive, state.jets, state.time, span)
         return state._replace(jets=jets, time=time, basis=self.lane.basis(time))
 
-    def stood(
-        self,
-        before: PropagationState,
-        now: PropagationState,
-        decided: DecisionState,
-        few: LaneIndices,
-    ) -> LaneFlags:
-        span = now.time - before.time
-        given = self.lane, self.drive(now, decided), now.jets, now.time, span
-        return stood_in_tick(self.network, *jax.tree.map(lambda leaf: picked(leaf, few), given))
+    def stood(self, before, now, decided, few):
+        """The search goes back from now."""
+        given = self.lane, self.drive(now, decided), now.jets, now.time, now.time - before.time
+        lane, drive, jets, time, span = jax.tree.map(lambda leaf: picked(leaf, few), given)
+        _, highest = after_span(lane, self.network, drive, jets, time, -span)
+        nobody = jnp.zeros(highest.shape, bool)  # stops under this law
+
+        def pace(state: tuple[Jets, Instants]) -> standstill.Pace:
+            return standstill.backwards(lane.vehicle, state[0], highest, nobody)
+
+        def go_back(state: tuple[Jets, Instants], step: Instants) -> tuple[Jets, Instants]:
+            jets, time = state
+            return after_span(lane, self.network, drive, jets, time, -step)[0], time - step
+
+        return standstill.stands(pace, go_back, (jets, time), span, span)[0]
 
 
 def after_span(
     lane: Lane, network: Network, drive: Drive, jets: Jets, time: Instants, span: Instants
-) -> tuple[Jets, Float[Array, "m lanes"]]:
+) -> Moved:
     """The jets a span later, and a bound on the norm of y^(r) on the way.
 
     `span` may be negative, or 0. `jets` are those of the outputs at `time`. A row of the law's
@@ -112,21 +101,17 @@ def after_span(
     pieces = jnp.maximum(1, jnp.where(jnp.isfinite(needed), needed, 1.0).max().astype(int))
     piece = span / pieces.astype(float)
 
-    def one(
-        number: Int[Array, ""], carry: tuple[Jets, Float[Array, "m lanes"]]
-    ) -> tuple[Jets, Float[Array, "m lanes"]]:
-        jets, bound = carry
-        there, highest = by_series(
-            lane, network, drive, jets, time + number.astype(float) * piece, piece
-        )
-        return there, jnp.maximum(bound, highest)
+    def one(number: Int[Array, ""], carry: Moved) -> Moved:
+        begin = time + number.astype(float) * piece
+        there, highest = by_series(lane, network, drive, carry[0], begin, piece)
+        return there, jnp.maximum(carry[1], highest)
 
     return jax.lax.fori_loop(0, pieces, one, (jets, jnp.zeros_like(jets[0][0])))
 
 
 def by_series(
     lane: Lane, network: Network, drive: Drive, jets: Jets, time: Instants, span: Instants
-) -> tuple[Jets, Float[Array, "m lanes"]]:
+) -> Moved:
     """`after_span` for one piece of a tick."""
     stays = span == 0
     span = jnp.where(stays, 1.0, span)
@@ -143,21 +128,18 @@ def by_series(
     def term(n: Int[Array, ""], window: Jets) -> PerAxis:
         """The derivative of order r + n from the r before it."""
         here = n < COEFFICIENTS
-        functions = jax.tree.map(
-            lambda leaf: jnp.where(
-                here, jax.lax.dynamic_index_in_dim(leaf, n, keepdims=False), 0.0
-            ),
-            forcing,
-        )
+
+        def of_order(leaf: Array) -> Array:
+            return jnp.where(here, jax.lax.dynamic_index_in_dim(leaf, n, keepdims=False), 0.0)
+
+        navigator, basis = map(of_order, forcing)
         own = tuple(a + jnp.where(n == 0, b, 0.0) for a, b in zip(window, noise, strict=True))
         known = drive.known
         if isinstance(known, KnownDrive):
-            here = n < len(added)
-            constant = jnp.where(here, jax.lax.dynamic_index_in_dim(added, n), 0.0)
+            constant = jnp.where(n < len(added), jax.lax.dynamic_index_in_dim(added, n), 0.0)
             known = dataclasses.replace(known, drive=Polynomial(constant))
-        now = signals_alone(lane, time, functions.navigator, functions.basis)
-        asked = drive._replace(known=known)
-        return local_jerk(lane, network, asked, own, now)
+        now = signals_alone(time, navigator, basis)
+        return local_jerk(lane, network, drive._replace(known=known), own, now)
 
     def add(carry: tuple) -> tuple:
         n, window, sums, bound, _ = carry
@@ -188,7 +170,6 @@ def in_ticks(jets: Jets, powers: list[Instants]) -> Jets:
 
 
 def signals_alone(
-    lane: Lane,
     time: Instants,
     navigator: Float[Array, "derivatives 2 lanes"],
     basis: Float[Array, "derivatives functions lanes"],
@@ -197,27 +178,18 @@ def signals_alone(
     return Signals(time, navigator, basis, navigator[0], basis[0])
 
 
-def forcing_of(lane: Lane, time: Instants, span: Instants) -> Forcing:
-    """Derivatives of the polynomials through the navigator's jets and the attacks' functions."""
+def forcing_of(
+    lane: Lane, time: Instants, span: Instants
+) -> tuple[Float[Array, "derivatives jets 2 lanes"], Float[Array, "derivatives jets B lanes"]]:
+    """Derivatives, at the start of a tick, of polynomials through the navigator's jets and the
+    attacks' functions.
+
+    Time is counted in ticks: the derivative of order k + n is times the power k + n of the tick.
+    """
     points = jnp.asarray(polynomial.chebyshev_points(COEFFICIENTS))
     times = time[None] + points[:, None] * span[None]
-    known = Forcing(jax.vmap(lane.path)(times), jax.vmap(lane.basis)(times))
-    powers = jnp.stack([span**k for k in range(known.navigator.shape[1])])
-    return Forcing(*(polynomial.interpolated(each * powers[None, :, None]).terms for each in known))
-
-
-def stood_in_tick(
-    network: Network, lane: Lane, drive: Drive, jets: Jets, now: Instants, span: Instants
-) -> LaneFlags:
-    """The lanes in which a vehicle stood still in the span before now. The search goes back."""
-    _, highest = after_span(lane, network, drive, jets, now, -span)
-    nobody = jnp.zeros(highest.shape, bool)  # stops under this law
-
-    def pace(state: tuple[Jets, Instants]) -> standstill.Pace:
-        return standstill.backwards(lane.vehicle, state[0], highest, nobody)
-
-    def go_back(state: tuple[Jets, Instants], step: Instants) -> tuple[Jets, Instants]:
-        jets, time = state
-        return after_span(lane, network, drive, jets, time, -step)[0], time - step
-
-    return standstill.stands(pace, go_back, (jets, now), span, span)[0]
+    path, basis = (jax.vmap(one)(times) for one in (lane.path, lane.basis))
+    powers = jnp.stack([span**k for k in range(path.shape[1])])[None, :, None]
+    return polynomial.interpolated(path * powers).terms, polynomial.interpolated(
+        basis * powers
+    ).terms

@@ -18,17 +18,24 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import fate, metrics, tick, told, vehicles
-from jaxnet.engine.fate import Isolation
+from jaxnet.engine import metrics, tick, vehicles
 from jaxnet.engine.metrics import Gathered, Observation, Series
 from jaxnet.engine.moment import Instants, LaneFlags, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
 from jaxnet.engine.stages import coasting
 from jaxnet.engine.stages.coasting import Stops
-from jaxnet.engine.status import Code, Status, fail, within_bounds
+from jaxnet.engine.status import (
+    Code,
+    Isolation,
+    Status,
+    fail,
+    nobody_isolated,
+    within_bounds,
+)
 from jaxnet.engine.subset import run_if, select
 from jaxnet.engine.tick import DecisionState, Drive
+from jaxnet.engine.told import as_told, told_errors
 from jaxnet.engine.vehicles import PerVehicle, States
 from jaxnet.model import control, signal
 from jaxnet.model.lane import Lane, Network
@@ -61,14 +68,6 @@ class Batch(NamedTuple):
     def lane(self) -> Lane:
         return self.inputs.lane
 
-    @property
-    def acts(self) -> bool:
-        """Whether anything happens at ticks after the first."""
-        lane = self.lane
-        noisy = lane.sensor is not None or lane.lossy or not lane.exact_words
-        changing = lane.periods is not None
-        return self.plan.choosing or changing or noisy or not lane.law.solves()
-
 
 class Motion(ABC, Generic[MotionState]):
     """Motion of a batch's lanes, which differs between engines. `state` is a pytree, lanes last."""
@@ -76,6 +75,14 @@ class Motion(ABC, Generic[MotionState]):
     def __init__(self, batch: Batch):
         self.lane, self.numbers = batch.inputs
         self.network, self.clock, self.plan = batch.network, batch.clock, batch.plan
+
+    @property
+    def acts(self) -> bool:
+        """Whether anything happens at ticks after the first."""
+        lane = self.lane
+        noisy = lane.sensor is not None or lane.lossy or not lane.exact_words
+        changing = lane.periods is not None
+        return self.plan.choosing or changing or noisy or not lane.law.solves()
 
     @abstractmethod
     def begin(self) -> MotionState:
@@ -135,12 +142,6 @@ class Motion(ABC, Generic[MotionState]):
         """The number of an integrator's steps so far; 0 without an integrator."""
         return jnp.zeros(self.lane.attack_scale.shape, int)
 
-    def moment(self, state: MotionState) -> Moment:
-        """The fleets now, for a tick without kept drives."""
-        (time, basis), errors = self.basis(state), self.errors(state)
-        nothing = jnp.zeros_like(errors[0])
-        return Moment(self.lane, self.network, self.plan, errors, basis, time, nothing)
-
 
 class Fleet(NamedTuple):
     """State of the lanes under way."""
@@ -157,27 +158,27 @@ class Fleet(NamedTuple):
     gathered: Gathered
 
 
-def begin(motion: Motion, batch: Batch, ticks: Ticks) -> Fleet:
+def begin(motion: Motion, ticks: Ticks) -> Fleet:
     """The lanes at t = 0, before their first tick.
 
     A lane is `singular` if it begins where the law is singular, `nonfinite` if it is not finite.
     """
-    lane = batch.lane
+    lane, plan = motion.lane, motion.plan
     nobody = jnp.zeros(lane.weights.shape[1:], bool)
-    status = jnp.zeros(lane.attack_scale.shape, int)
-    status = fail(status, Status.singular, is_singular(lane, lane.initial, nobody))
+    zero = jnp.zeros(lane.attack_scale.shape, int)
+    status = fail(zero, Status.singular, is_singular(lane, lane.initial, nobody))
     status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
     return Fleet(
         state=motion.begin(),
-        decided=tick.before_first(lane, batch.network, batch.plan),
+        decided=tick.before_first(lane, motion.network, plan),
         ticks=ticks,
-        at_tick=jnp.ones(status.shape, bool),
-        switches=jnp.zeros_like(status),
-        unheard=jnp.zeros_like(status),
-        isolation=fate.nobody(*lane.weights.shape[1:]),
+        at_tick=jnp.ones(zero.shape, bool),
+        switches=zero,
+        unheard=zero,
+        isolation=nobody_isolated(*nobody.shape),
         status=status,
-        stood=jnp.zeros(status.shape, bool),
-        gathered=metrics.nothing(batch.plan.metrics, lane.initial.shape[1:]),
+        stood=jnp.zeros(zero.shape, bool),
+        gathered=metrics.nothing(plan.metrics, lane.initial.shape[1:]),
     )
 
 
@@ -188,41 +189,34 @@ def is_singular(lane: Lane, states: States, apart: VehicleFlags) -> LaneFlags:
     return vehicles.singular(lane, states, apart).any(axis=0)
 
 
-def stand(fleet: Fleet, motion: Motion, here: LaneFlags) -> Fleet:
-    """Put vehicles that have stopped until now at rest, in the lanes at a tick."""
-    kept = fleet.decided.coasting
-    if not isinstance(kept, Stops):
-        return fleet
-    stopped = kept.at_tick(here)
-    state = motion.placed(fleet.state, stopped.standing & here[None], stopped.states)
-    return fleet._replace(state=state, decided=replace(fleet.decided, coasting=stopped))
-
-
-def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
+def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     """Pass the tick in the lanes that are at one: decide, count, hold the decisions.
 
     The first decision is no switch. `lockstep` says that all lanes are at the same tick.
     """
-    lane, network, plan = batch.lane, batch.network, batch.plan
+    lane, network, plan = motion.lane, motion.network, motion.plan
     first = jnp.broadcast_to(fleet.ticks == 0, fleet.status.shape)
     here = fleet.at_tick & (fleet.status == Status.ok)
-    fleet = stand(fleet, motion, here)
+    kept = fleet.decided.coasting
+    if isinstance(kept, Stops):  # vehicles that have stopped until now are put at rest
+        kept = kept.at_tick(here)
+        state = motion.placed(fleet.state, kept.standing & here[None], kept.states)
+        fleet = fleet._replace(state=state, decided=replace(fleet.decided, coasting=kept))
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
-    now = motion.moment(fleet.state)
+    (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
     if plan.as_told:
-        now = now._replace(errors=told.told_errors(lane, now.basis, now.errors))
+        errors = told_errors(lane, basis, errors)
+    now = Moment(lane, network, plan, errors, basis, time, jnp.zeros_like(errors[0]))
     if before.coasting.drives or before.heard.lossy:
         now = now._replace(last=last_drive(fleet, motion, now, first))
     decided = tick.decide(now, before)
     if isinstance(decided.coasting, Stops):
         until_now = before.sensed.jerk(lane.gain, now.last, now.own)
-        given = lane, batch.clock.interval, until_now, now.own, decided.sensed, here
+        given = lane, motion.clock.interval, until_now, now.own, decided.sensed, here
         decided = replace(decided, coasting=decided.coasting.will_stop(*given))
     if not lockstep:
         decided = select(here, decided, fleet.decided)
     lanes, changed = decided.changes(fleet.decided, lane)
-    switches = fleet.switches + jnp.where(here & ~first, changed.sum(axis=0), 0)
-    unheard = fleet.unheard + jnp.where(here, decided.coasting.kept(lane).sum(axis=0), 0)
     at = Tick(here, first, here & (first | lanes), changed)
     state, cut_off = motion.hold(fleet.state, decided, at)
     status = fail(fleet.status, Status.disconnected, cut_off)
@@ -230,20 +224,25 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
         status = within_bounds(status, jnp.abs(now.errors[0]).max(axis=0))
     isolation = fleet.isolation
     if lane.law.couples() and plan.decides:
-        alone = isolated(batch, decided, here, cut_off)
-        isolation = fate.passed(isolation, alone, now.time)
-    counts = {"switches": switches, "unheard": unheard, "isolation": isolation}
-    return fleet._replace(state=state, decided=decided, status=status, **counts)
+        isolation = isolation.after(isolated(motion, decided, here, cut_off), time)
+    return fleet._replace(
+        state=state,
+        decided=decided,
+        status=status,
+        switches=fleet.switches + jnp.where(here & ~first, changed.sum(axis=0), 0),
+        unheard=fleet.unheard + jnp.where(here, decided.coasting.kept(lane).sum(axis=0), 0),
+        isolation=isolation,
+    )
 
 
 def isolated(
-    batch: Batch, decided: DecisionState, here: LaneFlags, failing: LaneFlags
+    motion: Motion, decided: DecisionState, here: LaneFlags, failing: LaneFlags
 ) -> VehicleFlags:
     """The vehicles that decisions cut off at this tick.
 
     `failing` are the lanes that fail for it, in which the vehicles are sought only now.
     """
-    lane, network = batch.lane, batch.network
+    lane, network = motion.lane, motion.network
     if coasting.coasts(lane):
         return decided.coasting.cut_off(lane) & here[None]
 
@@ -255,47 +254,42 @@ def isolated(
 
 def last_drive(fleet: Fleet, motion: Motion, now: Moment, first: LaneFlags) -> PerAxis:
     """The drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
-    lane, decided, own = motion.lane, fleet.decided, now.own
-    last = jnp.where(
-        first[None, None], control.feedback(lane.gain, own), motion.drive_now(fleet.state, decided)
-    )
-    standing = control.feedback(lane.gain, decided.sensed.of(own))
-    return jnp.where(decided.coasting.stopped(lane)[None], standing, last)
+    gain, decided, own = motion.lane.gain, fleet.decided, now.own
+    drive = motion.drive_now(fleet.state, decided)
+    last = jnp.where(first[None, None], control.feedback(gain, own), drive)
+    standing = control.feedback(gain, decided.sensed.of(own))
+    return jnp.where(decided.coasting.stopped(motion.lane)[None], standing, last)
 
 
-def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
-    lane, network, decided = batch.lane, batch.network, fleet.decided
+def observe(fleet: Fleet, motion: Motion) -> Observation:
+    lane, network, decided = motion.lane, motion.network, fleet.decided
     drive = motion.drive(fleet.state, decided)
     time, basis = motion.basis(fleet.state)
-    stopped = decided.coasting.stopped(lane)
-    theirs = told.told_motion(lane, time, basis) if batch.plan.as_told else told.ByLaw()
-
-    def moving(each: PerVehicle) -> PerVehicle:
-        return jnp.where(stopped, 0.0, each)
-
-    def inputs() -> PerAxis:
-        by_law = motion.inputs(fleet.state, decided)
-        return theirs.inputs(jnp.where(stopped[None], 0.0, by_law))
-
-    error = theirs.error(motion.errors(fleet.state)[0])
-    shown = network.display_signals
+    stopped, errors = decided.coasting.stopped(lane), motion.errors(fleet.state)
+    if motion.plan.as_told:
+        errors = told_errors(lane, basis, errors)
+    shown, error = network.display_signals, errors[0]
     attacked = (lane.vectors[:, shown] != 0).any(axis=(0, 2))
     if not lane.navigator.present:
         error = error - honest_mean(error, attacked)
-    speed, turn_rate = theirs.pace(*map(moving, motion.pace(fleet.state, decided)))
-    return Observation(
-        error,
-        speed,
-        turn_rate,
-        theirs.states(decided.coasting.at_rest(motion.states(fleet.state))),
-        signal.combined(drive.vectors[:, shown], basis[0]),
-        decided.listened(lane) if decided.late.present or decided.heard.stands else drive.weights,
-        network.hearing,
-        attacked,
-        vehicles.outputs(lane, lane.initial, jnp.zeros_like(time))[0],
-        inputs,
-        decided.alarms.shares,
+    speed, turn_rate = motion.pace(fleet.state, decided)
+    weights = drive.weights
+    if decided.late.present or decided.heard.stands:
+        weights = decided.listened(lane)
+    seen = Observation(
+        error=error,
+        speed=jnp.where(stopped, 0.0, speed),
+        turn_rate=jnp.where(stopped, 0.0, turn_rate),
+        state=decided.coasting.at_rest(motion.states(fleet.state)),
+        attack=signal.combined(drive.vectors[:, shown], basis[0]),
+        weights=weights,
+        hearing=network.hearing,
+        attacked=attacked,
+        start=vehicles.outputs(lane, lane.initial, jnp.zeros_like(time))[0],
+        inputs_now=lambda: jnp.where(stopped[None], 0.0, motion.inputs(fleet.state, decided)),
+        alarms=decided.alarms.shares,
     )
+    return as_told(lane, time, basis, seen) if motion.plan.as_told else seen
 
 
 def honest_mean(
@@ -307,25 +301,35 @@ def honest_mean(
     return total / counts.sum(axis=0, keepdims=True)[None].astype(float)
 
 
-def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Outcome:
-    clock, plan, gathered = batch.clock, batch.plan, fleet.gathered
+def measure(
+    fleet: Fleet, motion: Motion, due: LaneFlags, output: Int[Array, "*lanes"]
+) -> tuple[Fleet, Series]:
+    """Gather the metrics in the lanes that are due, and return what is saved of all."""
+    seen = observe(fleet, motion)
+    gathered = metrics.add(motion.plan.metrics, fleet.gathered, seen, due, output, motion.clock)
+    apart = fleet.decided.coasting.may_stop(motion.lane)
+    stood = fleet.stood | (due & is_singular(motion.lane, seen.state, apart))
+    fleet = fleet._replace(gathered=gathered, stood=stood)
+    return fleet, metrics.series(motion.plan.save, seen)
+
+
+def outcome_of(fleet: Fleet, motion: Motion, series: Series) -> Outcome:
+    clock, plan, gathered = motion.clock, motion.plan, fleet.gathered
     status = fail(fleet.status, Status.singular, fleet.stood)
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
-    values = metrics.fleet_values(plan.metrics, gathered, clock.outputs, clock.tail_outputs)
+    values = metrics.fleet_values(plan.metrics, gathered, clock)
     status = fail(status, Status.unmeasured, ~metrics.all_defined(plan.metrics, values))
     ok = status == Status.ok
-    found = {name: jnp.where(ok, value, jnp.nan) for name, value in values.items()}
-    errors = metrics.vehicle_errors(plan.save, gathered, clock.tail_outputs, ok)
-    ticks = clock.outputs * clock.ticks + 1
-    stopped = fleet.decided.coasting.stopped(batch.lane).sum(axis=0)
+    cut_off = fleet.isolation.columns(clock.outputs * clock.ticks + 1)
+    stopped = fleet.decided.coasting.stopped(motion.lane).sum(axis=0)
     return Outcome(
-        status,
-        found,
-        motion.steps(fleet.state),
-        fleet.switches,
-        fleet.unheard,
-        series | errors,
-        fate.isolation_counts(fleet.isolation, ticks) | {"stopped": stopped},
+        status=status,
+        metrics={name: jnp.where(ok, value, jnp.nan) for name, value in values.items()},
+        steps=motion.steps(fleet.state),
+        switches=fleet.switches,
+        unheard=fleet.unheard,
+        series=series | metrics.vehicle_errors(plan.save, gathered, clock, ok),
+        cut_off=cut_off | {"stopped": stopped},
     )
 
 
@@ -333,9 +337,7 @@ def in_lockstep(
     make: Callable[[Batch], Motion], inputs: Inputs, network: Network, clock: Clock, plan: Plan
 ) -> Outcome:
     """Simulate lanes side by side from 0 to the horizon. `make(batch)` gives their motion."""
-    batch = Batch(inputs, network, clock, plan)
-    motion = make(batch)
-    everywhere = jnp.ones(inputs.lane.attack_scale.shape, bool)
+    motion = make(Batch(inputs, network, clock, plan))
 
     def move(fleet: Fleet) -> Fleet:
         state, status, _ = motion.advance(fleet.state, fleet.decided, fleet.ticks, fleet.status)
@@ -344,40 +346,33 @@ def in_lockstep(
     def pass_tick(number: TickNumber, fleet: Fleet) -> Fleet:
         fleet = run_if((number > 0) & (fleet.status == Status.ok).any(), move, fleet)
         fleet = fleet._replace(ticks=number)
-        if batch.acts:
-            return arrive(fleet, motion, batch, lockstep=True)
-        return fleet
+        return arrive(fleet, motion, lockstep=True) if motion.acts else fleet
 
     def output(number: TickNumber, carry: tuple[Fleet, Series]) -> tuple[Fleet, Series]:
         fleet, series = carry
         last = number * clock.ticks
-        if batch.acts or not plan.consistent:
-            fleet = jax.lax.fori_loop(
-                jnp.maximum(0, last - clock.ticks + 1), last + 1, pass_tick, fleet
-            )
+        if motion.acts or not plan.consistent:
+            begin = jnp.maximum(0, last - clock.ticks + 1)
+            fleet = jax.lax.fori_loop(begin, last + 1, pass_tick, fleet)
         else:
             fleet = pass_tick(last, fleet)
-        seen, ok = observe(fleet, motion, batch), fleet.status == Status.ok
-        series = {
-            name: jax.lax.dynamic_update_index_in_dim(
-                series[name], jnp.where(ok, value, jnp.nan), number, 0
-            )
-            for name, value in metrics.series(plan.save, seen).items()
-        }
-        gathered = metrics.add(
-            plan.metrics, fleet.gathered, seen, everywhere, jnp.asarray(number), clock
-        )
-        apart = fleet.decided.coasting.may_stop(batch.lane)
-        stood = fleet.stood | is_singular(batch.lane, seen.state, apart)
-        status = within_bounds(fleet.status, gathered["peak_error"])
-        return fleet._replace(gathered=gathered, stood=stood, status=status), series
+        ok, everywhere = fleet.status == Status.ok, jnp.ones_like(fleet.at_tick)
+        fleet, saved = measure(fleet, motion, everywhere, jnp.asarray(number))
 
-    fleet = begin(motion, batch, jnp.asarray(0))
-    if not batch.acts:
-        fleet = arrive(fleet, motion, batch, lockstep=True)
-    series = metrics.empty_series(plan.save, plan.rows, lambda: observe(fleet, motion, batch))
+        def put(name: str, value: Array) -> Array:  # a scatter would slow the loop down
+            there = jnp.where(ok, value, jnp.nan)
+            return jax.lax.dynamic_update_index_in_dim(series[name], there, number, 0)
+
+        series = {name: put(name, value) for name, value in saved.items()}
+        status = within_bounds(fleet.status, fleet.gathered["peak_error"])
+        return fleet._replace(status=status), series
+
+    fleet = begin(motion, jnp.asarray(0))
+    if not motion.acts:
+        fleet = arrive(fleet, motion, lockstep=True)
+    series = metrics.empty_series(plan.save, plan.rows, lambda: observe(fleet, motion))
     fleet, series = jax.lax.fori_loop(0, clock.outputs + 1, output, (fleet, series))
-    return outcome_of(fleet, motion, batch, series)
+    return outcome_of(fleet, motion, series)
 
 
 def from_queue(
@@ -390,53 +385,38 @@ def from_queue(
 ) -> Outcome:
     """Simulate `count` lanes of a queue, `plan.chunk` at once; `make(batch)` is their motion."""
 
+    def motion_of(inputs: Inputs) -> Motion:
+        return make(Batch(inputs, network, clock, plan))
+
     def start(inputs: Inputs) -> Fleet:
-        batch = Batch(inputs, network, clock, plan)
-        return begin(make(batch), batch, jnp.zeros(inputs.lane.attack_scale.shape, int))
+        return begin(motion_of(inputs), jnp.zeros(inputs.lane.attack_scale.shape, int))
 
     def advance(places: Places, series: Series) -> tuple[Fleet, Series]:
-        batch = Batch(places.inputs, network, clock, plan)
-        motion = make(batch)
-        fleet = arrive(places.state, motion, batch, lockstep=False)
-        seen, number = observe(fleet, motion, batch), fleet.ticks // clock.ticks
+        motion = motion_of(places.inputs)
+        fleet = arrive(places.state, motion, lockstep=False)
+        number = fleet.ticks // clock.ticks
         due = fleet.at_tick & (fleet.ticks % clock.ticks == 0) & (fleet.status == Status.ok)
-        gathered = metrics.add(plan.metrics, fleet.gathered, seen, due, number, clock)
-        row = jnp.where(due, number, plan.rows)
+        fleet, saved = measure(fleet, motion, due, number)
+        place = jnp.where(due, number, plan.rows), ..., places.number
         series = {
-            name: series[name]
-            .at[row, ..., places.number]
-            .set(jnp.moveaxis(value, -1, 0), mode="drop")
-            for name, value in metrics.series(plan.save, seen).items()
+            name: series[name].at[place].set(jnp.moveaxis(value, -1, 0), mode="drop")
+            for name, value in saved.items()
         }
-        state, status, arrived = motion.advance(
-            fleet.state, fleet.decided, fleet.ticks, fleet.status
-        )
+        now = fleet.state, fleet.decided, fleet.ticks, fleet.status
+        state, status, arrived = motion.advance(*now)
         ticks = fleet.ticks + arrived.astype(int)
-        apart = fleet.decided.coasting.may_stop(batch.lane)
-        stood = fleet.stood | (due & is_singular(batch.lane, seen.state, apart))
-        rest = {
-            "ticks": ticks,
-            "at_tick": arrived,
-            "status": status,
-            "stood": stood,
-            "gathered": gathered,
-        }
-        return fleet._replace(state=state, **rest), series
+        return fleet._replace(state=state, status=status, ticks=ticks, at_tick=arrived), series
 
     def under_way(fleet: Fleet) -> LaneFlags:
         before_end = fleet.ticks < clock.outputs * clock.ticks
         return (fleet.status == Status.ok) & (fleet.at_tick | before_end)
 
     def end(inputs: Inputs, fleet: Fleet) -> Outcome:
-        batch = Batch(inputs, network, clock, plan)
-        return outcome_of(fleet, make(batch), batch, {})
+        return outcome_of(fleet, motion_of(inputs), {})
 
-    def one() -> Observation:
-        batch = Batch(queue, network, clock, plan)
-        return observe(start(queue), make(batch), batch)
-
-    series = metrics.empty_series(plan.save, plan.rows, one)
-    outcome, series = work_off(
-        queue, count, plan.chunk, Work(start, advance, under_way, end), series
+    series = metrics.empty_series(
+        plan.save, plan.rows, lambda: observe(start(queue), motion_of(queue))
     )
+    work = Work(start, advance, under_way, end)
+    outcome, series = work_off(queue, count, plan.chunk, work, series)
     return outcome._replace(series=outcome.series | series)

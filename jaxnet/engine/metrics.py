@@ -45,8 +45,8 @@ class Observation(NamedTuple):
     inputs_now
         Function that returns `inputs`, which nobody needs in most studies.
     alarms
-        Alarms over words that were judged until now, of attacked and of honest links, (2, lanes);
-        None without a detector.
+        Alarms over messages judged until now, of attacked and of honest links, (2, lanes); None
+        without a detector.
 
     Examples
     --------
@@ -103,8 +103,6 @@ SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
     "attack": lambda seen: seen.attack.swapaxes(0, 1),
     "kept": lambda seen: seen.weights.mean(axis=0),
 }
-
-
 # Errors of each vehicle over the tail that can be saved; each names its contract's metric.
 VEHICLE_ERRORS = {"vehicle_mean": "tail_mean", "vehicle_max": "tail_max"}
 
@@ -121,32 +119,29 @@ def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]
     return {name: jnp.full((rows, *one.shape), jnp.nan) for name, one in shapes.items()}
 
 
-NEUTRAL = {
-    "mean": 0.0,
-    "max": -jnp.inf,
-    "min": jnp.inf,
-    "sum": 0.0,
-    "integral": 0.0,
-    "last": jnp.nan,
-}
-STEP_OVER_TIME = {
-    "mean": jnp.add,
-    "max": jnp.maximum,
-    "min": jnp.minimum,
-    "sum": jnp.add,
-    "integral": jnp.add,
-    "last": lambda _, value: value,
+# The value before the first output time, and the value after one more.
+OVER_OUTPUTS = {
+    "mean": (0.0, jnp.add),
+    "max": (-jnp.inf, jnp.maximum),
+    "min": (jnp.inf, jnp.minimum),
+    "sum": (0.0, jnp.add),
+    "integral": (0.0, jnp.add),
+    "last": (jnp.nan, lambda _, value: value),
 }
 OVER_VEHICLES = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}
+MAY_BE = {
+    "error": jnp.isfinite,
+    "infinite": lambda x: ~jnp.isnan(x),
+    "blank": lambda x: ~jnp.isinf(x),
+}
 
-Gathered = Mapping[
-    str, Float[Array, "m *lanes"]
-]  # by metric and vehicle, before any sum over vehicles
+Gathered = Mapping[str, Float[Array, "m *lanes"]]  # by metric, before any sum over vehicles
+FleetValues = dict[str, Float[Array, "*lanes"]]
 
 
 def nothing(metrics: Sequence[Metric], shape: tuple[int, ...]) -> Gathered:
     """The metrics before the first output time, for the shape (m, lanes)."""
-    return {metric.name: jnp.full(shape, NEUTRAL[metric.time]) for metric in metrics}
+    return {metric.name: jnp.full(shape, OVER_OUTPUTS[metric.time][0]) for metric in metrics}
 
 
 def add(
@@ -159,49 +154,29 @@ def add(
 ) -> Gathered:
     """The metrics with the output time of number `output`, in the lanes where `there` holds.
 
-    Metrics over the tail change only at output times in the tail.
+    Metrics over the tail change only at output times in the tail. The integral over time is by the
+    trapezoidal rule.
     """
-    run, tail = ([metric for metric in metrics if metric.over == over] for over in ("run", "tail"))
+
+    def over(part: str, there: Bool[Array, "*lanes"], first: Int[Array, ""]) -> Gathered:
+        sides = (output > first).astype(float) + (output < clock.outputs).astype(float)
+        weight = sides * (clock.at(clock.ticks) / 2)  # [s]
+        found = {}
+        for metric in metrics:
+            if metric.over == part:
+                known = gathered[metric.name]
+                value = measured(metric, seen, known.shape)
+                if metric.time == "integral":
+                    value = value * jnp.broadcast_to(weight, known.shape)
+                after = OVER_OUTPUTS[metric.time][1](known, value)
+                found[metric.name] = jnp.where(there[None], after, known)
+        return found
+
     counts = there & clock.in_tail(output)
-    before = {metric.name: gathered[metric.name] for metric in tail}
-
-    def in_tail() -> dict[str, Float[Array, "m *lanes"]]:
-        first = clock.outputs - clock.tail_outputs + 1
-        return reduce_over_time(tail, gathered, seen, counts, trapezium(output, first, clock))
-
-    after = jax.lax.cond(counts.any(), in_tail, lambda: before)
-    weight = trapezium(output, jnp.asarray(0), clock)
-    return reduce_over_time(run, gathered, seen, there, weight) | after
-
-
-def trapezium(
-    output: Int[Array, "*some"], first: Int[Array, ""], clock: Clock
-) -> Float[Array, "*some"]:
-    """The weight [s] of an output time in the trapezoidal rule from output `first` to the last."""
-    sides = (output > first).astype(float) + (output < clock.outputs).astype(float)
-    return sides * (clock.at(clock.ticks) / 2)
-
-
-def reduce_over_time(
-    metrics: Sequence[Metric],
-    gathered: Gathered,
-    seen: Observation,
-    there: Bool[Array, "*lanes"],
-    weight: Float[Array, "*some"],
-) -> dict[str, Float[Array, "m *lanes"]]:
-    """These metrics with the observation added, in the lanes where `there` holds.
-
-    `weight` [s] is that of the observation in an integral over time.
-    """
-    found = {}
-    for metric in metrics:
-        known = gathered[metric.name]
-        value = measured(metric, seen, known.shape)
-        if metric.time == "integral":
-            value = value * jnp.broadcast_to(weight, known.shape)
-        step = STEP_OVER_TIME[metric.time](known, value)
-        found[metric.name] = jnp.where(there[None], step, known)
-    return found
+    before = {metric.name: gathered[metric.name] for metric in metrics if metric.over == "tail"}
+    first = clock.outputs - clock.tail_outputs + 1
+    in_tail = jax.lax.cond(counts.any(), lambda: over("tail", counts, first), lambda: before)
+    return {**over("run", there, jnp.asarray(0)), **in_tail}
 
 
 def measured(metric: Metric, seen: Observation, shape: tuple[int, ...]) -> Float[Array, "m *lanes"]:
@@ -219,43 +194,28 @@ def finite(gathered: Gathered) -> Bool[Array, "*lanes"]:
     return jnp.isfinite(jnp.stack([gathered[metric.name] for metric in CONTRACT])).all(axis=(0, 1))
 
 
-def fleet_values(
-    metrics: Sequence[Metric],
-    gathered: Gathered,
-    outputs: Int[Array, ""],
-    tail_outputs: Int[Array, ""],
-) -> dict[str, Float[Array, "*lanes"]]:
-    times = {"run": outputs + 1, "tail": tail_outputs}
-    found = {}
+def fleet_values(metrics: Sequence[Metric], gathered: Gathered, clock: Clock) -> FleetValues:
+    times, found = {"run": clock.outputs + 1, "tail": clock.tail_outputs}, {}
     for metric in metrics:
         value = OVER_VEHICLES[metric.vehicles](gathered[metric.name], axis=0)
-        found[metric.name] = (
-            value / times[metric.over].astype(float) if metric.time == "mean" else value
-        )
+        if metric.time == "mean":
+            value = value / times[metric.over].astype(float)
+        found[metric.name] = value
     return found
 
 
-MAY_BE = {
-    "error": jnp.isfinite,
-    "infinite": lambda x: ~jnp.isnan(x),
-    "blank": lambda x: ~jnp.isinf(x),
-}
-
-
-def all_defined(
-    metrics: Sequence[Metric], values: Mapping[str, Float[Array, "*lanes"]]
-) -> Bool[Array, "*lanes"]:
+def all_defined(metrics: Sequence[Metric], values: FleetValues) -> Bool[Array, "*lanes"]:
     """The lanes in which every metric of the fleet is what its `undefined` allows."""
     return jnp.stack([MAY_BE[each.undefined](values[each.name]) for each in metrics]).all(axis=0)
 
 
 def vehicle_errors(
-    save: Sequence[str], gathered: Gathered, tail_outputs: Int[Array, ""], ok: Bool[Array, "*lanes"]
+    save: Sequence[str], gathered: Gathered, clock: Clock, ok: Bool[Array, "*lanes"]
 ) -> Series:
     """The saved errors of each vehicle over the tail [m], (m, lanes); NaN in failed lanes."""
     found = {}
-    for name, metric in VEHICLE_ERRORS.items():
-        if name in save:
-            times = tail_outputs.astype(float) if name == "vehicle_mean" else 1.0
-            found[name] = jnp.where(ok, gathered[metric] / times, jnp.nan)
+    for name in save:
+        if name in VEHICLE_ERRORS:
+            times = clock.tail_outputs.astype(float) if name == "vehicle_mean" else 1.0
+            found[name] = jnp.where(ok, gathered[VEHICLE_ERRORS[name]] / times, jnp.nan)
     return found

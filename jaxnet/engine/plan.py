@@ -8,9 +8,8 @@ from jaxnet.engine.status import Code
 from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.model.lane import Lane
 
-CONNECTED = (
-    1e-6  # residual of L⁻¹ a0 = 1: of order 1 where a vehicle is cut off, else ‖L⁻¹‖ times rounding
-)
+# Residual of L⁻¹ a0 = 1: of order 1 where a vehicle is cut off, else ‖L⁻¹‖ times rounding.
+CONNECTED = 1e-6
 
 
 class Plan(NamedTuple):
@@ -22,13 +21,11 @@ class Plan(NamedTuple):
     decides: bool = True  # whether vehicles decide which sources to retain
     strategic: bool = False  # whether attackers choose their vectors at ticks
     consistent: bool = True  # whether an attack's signals come with their true derivatives
-    missing: str = "drop"  # what stands in for a lost word: a key of `channel.MISSING`
-    late: int = 0  # ticks by which words are late
-    extrapolate: str = "none"  # what listeners make of late words (`late.message_gains`)
+    missing: str = "drop"  # what stands in for a lost message: a key of `channel.MISSING`
+    late: int = 0  # most ticks by which messages are delayed
+    extrapolate: str = "none"  # what listeners make of delayed messages (`late.message_gains`)
     as_told: bool = False  # whether attacked vehicles move as they tell
-    in_field: bool = (
-        False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
-    )
+    in_field: bool = False  # whether vehicles decide inside the vector field (tick: 0)
     save: tuple[str, ...] = ()  # names in `metrics.SERIES` and `metrics.VEHICLE_ERRORS`
     rows: int = 0  # of these stacks: the clock's outputs and t = 0; 0 where nothing is saved
     chunk: int = 0  # lanes side by side
@@ -86,4 +83,4 @@ class Outcome(NamedTuple):
     switches: Int[Array, "*lanes"]
     unheard: Int[Array, "*lanes"]  # (vehicle, tick) pairs at which a vehicle kept its drive
     series: dict[str, Any]
-    cut_off: dict[str, Any]  # by column, of vehicles that decisions cut off (`engine.fate`)
+    cut_off: dict[str, Any]  # by column, of vehicles that decisions cut off (`status.Isolation`)

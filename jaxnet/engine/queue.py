@@ -4,8 +4,7 @@ A lane that takes many steps delays no other lane. The places stay busy until th
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,41 +14,33 @@ from jaxnet.engine.subset import picked, put, select
 
 SPARE = 16  # a refill waits until one place in so many is idle
 
-QueueNumbers = Int[Array, " places"]
-
-
-QueuedLanes = TypeVar("QueuedLanes")  # pytrees, lanes last
-PlaceState = TypeVar("PlaceState")
-PassRecord = TypeVar("PassRecord")
-LaneResult = TypeVar("LaneResult")
-LaneTree = TypeVar("LaneTree")
+Count = Int[Array, ""]
+LaneTree = Any  # a pytree
 
 
 class Places(NamedTuple):
     """Lanes side by side, each under way or ended; the last axis of every array is over places."""
 
-    number: QueueNumbers  # of the lane in the queue; past the queue's end in an empty place
-    inputs: Any  # a pytree
-    state: Any  # a pytree
+    number: Int[Array, " places"]  # of the lane in the queue; past its end in an empty place
+    inputs: LaneTree
+    state: LaneTree
 
 
-@dataclass(frozen=True)
-class Work(Generic[QueuedLanes, PlaceState, PassRecord, LaneResult]):
+class Work(NamedTuple):
     """Functions that start, advance and end lanes side by side."""
 
-    start: Callable[[QueuedLanes], PlaceState]
-    advance: Callable[[Places, PassRecord], tuple[PlaceState, PassRecord]]  # one pass
-    under_way: Callable[[PlaceState], Bool[Array, " places"]]  # the lanes that have not ended
-    end: Callable[[QueuedLanes, PlaceState], LaneResult]  # of lanes that have ended
+    start: Callable[[LaneTree], LaneTree]  # from inputs to states
+    advance: Callable[[Places, LaneTree], tuple[LaneTree, LaneTree]]  # one pass: states and record
+    under_way: Callable[[LaneTree], Bool[Array, " places"]]  # the lanes that have not ended
+    end: Callable[[LaneTree, LaneTree], LaneTree]  # from inputs and states to results
+
+
+WorkCarry = tuple[Places, Count, LaneTree, LaneTree]  # lanes taken, results and record
 
 
 def work_off(
-    queue: QueuedLanes,
-    count: Int[Array, ""] | int,
-    places: int,
-    work: Work[QueuedLanes, PlaceState, PassRecord, LaneResult],
-    record: PassRecord,
-) -> tuple[LaneResult, PassRecord]:
+    queue: LaneTree, count: Count | int, places: int, work: Work, record: LaneTree
+) -> tuple[LaneTree, LaneTree]:
     """Advance the first `count` lanes of a queue to their end. Return their results and the record.
 
     Each pass updates the record. Every leaf of the queue and of the results has a last axis over
@@ -61,30 +52,26 @@ def work_off(
     def busy(now: Places) -> Bool[Array, " places"]:
         return (now.number < count) & work.under_way(now.state)
 
-    def refill(now: Places, taken: Int[Array, ""]) -> tuple[Places, Int[Array, ""]]:
+    def refill(now: Places, taken: Count) -> tuple[Places, Count]:
         idle = ~busy(now)
         number = jnp.where(idle, taken + jnp.cumsum(idle) - 1, now.number)
         inputs = jax.tree.map(lambda leaf: picked(leaf, number), queue)
-        state = select(idle, start(inputs), now.state)
-        return Places(number, inputs, state), taken + idle.sum()
+        return Places(number, inputs, select(idle, start(inputs), now.state)), taken + idle.sum()
+
+    def advance(carry: tuple[Places, LaneTree]) -> tuple[Places, LaneTree]:
+        state, record = work.advance(*carry)
+        return carry[0]._replace(state=state), record
 
     def until_some_end(
-        carry: tuple[Places, Int[Array, ""], LaneResult, PassRecord],
-    ) -> tuple[Places, Int[Array, ""], LaneResult, PassRecord]:
+        carry: tuple[Places, Count, LaneTree, LaneTree],
+    ) -> tuple[Places, Count, LaneTree, LaneTree]:
         now, taken, left, record = carry
         now, taken = refill(now, taken)
         few = jnp.where(taken < count, places - max(1, places // SPARE), 0)
-
-        def advance(carry: tuple[Places, PassRecord]) -> tuple[Places, PassRecord]:
-            now, record = carry
-            state, record = work.advance(now, record)
-            return now._replace(state=state), record
-
         now, record = jax.lax.while_loop(
             lambda carry: busy(carry[0]).sum() > few, advance, (now, record)
         )
-        done = jnp.where(busy(now), length, now.number)
-        ends = end(now.inputs, now.state)
+        done, ends = jnp.where(busy(now), length, now.number), end(now.inputs, now.state)
         return now, taken, jax.tree.map(lambda leaf, end: put(leaf, done, end), left, ends), record
 
     def nothing(shapes: LaneTree, lanes: int) -> LaneTree:
@@ -93,9 +80,8 @@ def work_off(
     some = nothing(queue, places)
     state = jax.eval_shape(start, some)
     nobody = Places(jnp.full(places, length), some, nothing(state, places))
-    left = nothing(jax.eval_shape(end, some, state), length)
-    carry = nobody, jnp.asarray(0), left, record
-    carry = jax.lax.while_loop(
-        lambda carry: busy(carry[0]).any() | (carry[1] < count), until_some_end, carry
+    begin = nobody, jnp.asarray(0), nothing(jax.eval_shape(end, some, state), length), record
+    _, _, results, record = jax.lax.while_loop(
+        lambda carry: busy(carry[0]).any() | (carry[1] < count), until_some_end, begin
     )
-    return carry[2], carry[3]
+    return results, record

@@ -29,9 +29,8 @@ Pace = tuple[Plane, Plane, Float[Array, "m lanes"]]  # velocity, acceleration, b
 FLOOR = LEAST_MARGIN / 2  # so low that a step ends under LEAST_MARGIN where a vehicle stands still
 TURNED = 1e-9  # sine of the angle from velocity to acceleration; rounding makes less
 LEAST_PART = 2.0**-40  # shortest step over the interval; rounding hides shorter events
-MOST_SEARCH_STEPS = (
-    100_000  # of a search; a lane that needs more counts as one in which a vehicle stands still
-)
+# Of a search; a lane that needs more counts as one in which a vehicle stands still.
+MOST_SEARCH_STEPS = 100_000
 
 
 def lead(vehicle: Any, jets: Jets, apart: VehicleFlags) -> tuple[Plane, Plane]:
@@ -83,9 +82,8 @@ def stands(
         passed, still, number, state = carry
         velocity, acceleration, jerk = pace(state)
         still = still | (length(velocity) < LEAST_MARGIN).any(axis=0)
-        step = jnp.clip(
-            safe(velocity, acceleration, jerk).min(axis=0), LEAST_PART * interval, longest
-        )
+        step = safe(velocity, acceleration, jerk).min(axis=0)
+        step = jnp.clip(step, LEAST_PART * interval, longest)
         arrives = passed + step >= interval
         step = jnp.where(still, 0.0, jnp.where(arrives, interval - passed, step))
         passed = jnp.where(still | ~arrives, passed + step, interval)

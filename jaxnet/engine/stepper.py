@@ -26,17 +26,11 @@ from jaxnet.engine.vehicles import States
 
 SOLVERS = {"dopri5": diffrax.Dopri5, "dopri8": diffrax.Dopri8}
 LEAST_RELATIVE_STEP = 4 * 2.0**-52  # a relative step below this no longer moves the time
-SAFETY, LEAST, MOST = (
-    0.9,
-    0.2,
-    10.0,
-)  # safety, least and most of the factor from one step to the next
+SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # of the factor from one step to the next
 FIRST_STEP = 0.01  # share of the time in which the state changes by its own size
 
 Times = Float[Array, " lanes"]
-VectorField = Callable[
-    [Any, States], States
-]  # from the signals at a time and the states to the slopes
+VectorField = Callable[[Any, States], States]  # from signals at a time and states to slopes
 
 
 class Method(NamedTuple):
@@ -102,13 +96,8 @@ def attempt(
     error = length * jnp.tensordot(jnp.asarray(rule.error), slopes, axes=1)
     size = error_norm(error, jnp.maximum(jnp.abs(state), jnp.abs(moved)), tolerances)
     finite = jnp.isfinite(moved).all(axis=(0, 1)) & jnp.isfinite(size)
-    return Trial(
-        moved,
-        slopes[-1],
-        jax.tree.map(lambda leaf: leaf[-1], at_stages),
-        jnp.where(finite, size, jnp.inf),
-        finite,
-    )
+    last = jax.tree.map(lambda leaf: leaf[-1], at_stages)
+    return Trial(moved, slopes[-1], last, jnp.where(finite, size, jnp.inf), finite)
 
 
 def error_norm(change: States, size: States, tolerances: Tolerances) -> Times:

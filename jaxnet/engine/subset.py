@@ -38,9 +38,8 @@ def for_each(
         done, carry = state
         return done + at_once, work(numbered(up_to, done, at_once), carry)
 
-    return jax.lax.while_loop(
-        lambda state: state[0] < up_to[-1], some, (jnp.zeros((), int), carry)
-    )[1]
+    begin = jnp.zeros((), int), carry
+    return jax.lax.while_loop(lambda state: state[0] < up_to[-1], some, begin)[1]
 
 
 def for_stretches(
@@ -94,10 +93,8 @@ def put(array: jax.Array, few: LaneIndices | Stretch, lanes: jax.Array) -> jax.A
 
     def one(number: Any, array: jax.Array) -> jax.Array:
         place = few[number]
-        new, old = (
-            jax.lax.dynamic_index_in_dim(*each, axis=-1)
-            for each in ((lanes, number), (array, place))
-        )
+        new = jax.lax.dynamic_index_in_dim(lanes, number, axis=-1)
+        old = jax.lax.dynamic_index_in_dim(array, place, axis=-1)
         lane = jnp.where(place < array.shape[-1], new, old)  # JAX clips a place past the last lane
         return jax.lax.dynamic_update_index_in_dim(array, lane, place, axis=-1)
 

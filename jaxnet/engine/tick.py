@@ -1,11 +1,11 @@
 """A tick, the same in every engine: sense → tell → attack → channel → judge → drive.
 
-    sense    a vehicle senses its own jets, with errors that stay the same until the next tick tell
-    a vehicle sends the jets that it senses, and an announcement where its defence announces attack
-    strategic attackers choose their vectors; attacked links carry false jets channel  messages are
-    late or lost, or get errors; a lost one may be replaced judge    a vehicle decides which sources
-    to retain, by jets with the noise of its defence drive    the weights, the attacks' vectors, the
-    errors and the kept drives, until the next tick
+    sense    a vehicle senses its own jets, with errors that stay the same until the next tick
+    tell     a vehicle sends the jets that it senses; a defence may announce more
+    attack   strategic attackers choose their vectors; attacked links carry false jets
+    channel  messages are delayed, lost, or get errors; a lost one may be replaced
+    judge    a vehicle decides which sources to retain, by jets with the noise of its defence
+    drive    weights, the attacks' vectors, errors and kept drives, until the next tick
 
 Each stage is an object in `stages`, part of the state of a lane, which the tick replaces by the
 next one. A stage that is off is an object of the base class, which changes nothing. Lanes are last.
@@ -22,11 +22,17 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.moment import Instants, LaneFlags, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.stages import coasting, detection, judging, late
-from jaxnet.engine.stages.channel import Reception, Speakers, first_reception, held_derivative
+from jaxnet.engine.stages import coasting, detection, judging
+from jaxnet.engine.stages.channel import (
+    Lossy,
+    Reception,
+    Speakers,
+    first_reception,
+    held_derivative,
+)
 from jaxnet.engine.stages.coasting import Coasting, first_coasting
 from jaxnet.engine.stages.known import Known, KnownDrive
-from jaxnet.engine.stages.late import Late, OnTime, first_late
+from jaxnet.engine.stages.late import Late, OnTime, first_late, motion_told
 from jaxnet.engine.stages.links import LinkErrors, first_link_errors
 from jaxnet.engine.stages.sensing import Sensed, first_sensed
 from jaxnet.kinds.shapes import Decision, Memory
@@ -39,32 +45,21 @@ from jaxnet.model.signal import Basis, Vectors
 
 
 class Strength(eqx.Module):
-    """How strongly vehicles follow those whom they retain and hear: 1."""
+    """How strongly vehicles follow those whom they retain and hear (`model.strength`)."""
+
+    each: Float[Array, "axes m lanes"] | None = None  # of rows of weights; None: 1
 
     def times(self, demand: PerAxis) -> PerAxis:
-        return demand
+        return demand if self.each is None else self.each * demand
 
     def greatest(self, lane: Lane) -> Instants:
         """Greatest strength of any row of a lane."""
-        return jnp.ones_like(lane.attack_scale)
+        return jnp.ones_like(lane.attack_scale) if self.each is None else self.each.max(axis=(0, 1))
 
     def rows(self, weights: AxisWeights) -> Float[Array, "axes m lanes"]:
-        return jnp.ones((len(weights), *weights.shape[2:]))
-
-
-class RowStrengths(Strength):
-    """Strengths of rows of weights that differ from 1 (`model.retained`)."""
-
-    strength: Float[Array, "axes m lanes"]
-
-    def times(self, demand: PerAxis) -> PerAxis:
-        return self.strength * demand
-
-    def greatest(self, lane: Lane) -> Instants:
-        return self.strength.max(axis=(0, 1))
-
-    def rows(self, weights: AxisWeights) -> Float[Array, "axes m lanes"]:
-        return self.strength
+        if self.each is None:
+            return jnp.ones((len(weights), *weights.shape[2:]))
+        return self.each
 
 
 class Drive(NamedTuple):
@@ -139,9 +134,7 @@ class Seen(NamedTuple):
 class DecisionState(eqx.Module):
     """Decisions of one tick, and the memory of all stages."""
 
-    instead: dict[
-        str, Any
-    ]  # fields of the lane that this tick replaces: vectors, weights, strength
+    instead: dict[str, Any]  # fields of the lane that this tick replaces
     plot: Memory  # of strategic attackers
     sensed: Sensed
     links: LinkErrors
@@ -172,40 +165,43 @@ class DecisionState(eqx.Module):
     def drive(self, lane: Lane) -> Drive:
         """What the motion follows after these decisions."""
         weights, lane = self.weights(lane), self.of(lane)
-        known = self.late.known_or(lambda: self.live_known(lane, weights))
-        live, strength = self.late.live(weights), self.row_strength(lane)
-        return Drive(live, lane.vectors, self.sensed, self.coasting, strength, known)
+        if isinstance(self.late, Late):
+            weights, known = jnp.zeros_like(weights), self.late.known
+        else:
+            known = self.live_known(lane, weights)
+        strength = self.row_strength(lane)
+        return Drive(weights, lane.vectors, self.sensed, self.coasting, strength, known)
 
     def row_strength(self, lane: Lane) -> Strength:
         if lane.strength is None:
             return Strength()
         retained = self.heard.usable(self.judged.believed(lane))
-        return RowStrengths(lane.strength.of(retained.sum(axis=1)))
+        return Strength(lane.strength.of(retained.sum(axis=1)))
 
     def live_known(self, lane: Lane, weights: AxisWeights) -> Known:
         """Known part of the drives until the next tick, where no message is delayed."""
         if not (self.heard.stands or self.coasting.drives or self.links.present):
             return Known()
-        constant = self.constant_drive(lane, weights, self.heard.degrees)
+        constant = self.constant_drive(lane, weights)
         return self.heard.known(self.coasting.moving(self.judged.in_force(lane)), constant)
 
-    def constant_drive(self, lane: Lane, weights: AxisWeights, degrees: int) -> KnownDrive:
+    def constant_drive(self, lane: Lane, weights: AxisWeights) -> KnownDrive:
         """Kept drives, and errors of the messages with these weights, until the next tick."""
-        drive = self.coasting.drive(lane)
-        if self.heard.errs:
+        drive, share = self.coasting.drive(lane), self.coasting.share(weights)
+        if not (self.late.present and self.heard.stands):  # such messages have errors in them
             drive = self.links.of_mean(lane.gain, weights, drive)
-        terms = jnp.zeros((degrees, *drive.shape)).at[0].set(drive)
-        share, since = self.coasting.share(weights), self.heard.since(lane)
-        return KnownDrive(Polynomial(terms), share, lane.interval, since)
+        begin = jnp.zeros_like(lane.interval)
+        return KnownDrive(Polynomial(drive[None]), share, lane.interval, begin)
 
     def late_known(self, now: Moment) -> KnownDrive:
-        """What late messages add to the drives."""
+        """Drives until the next tick where all messages are delayed."""
         assert isinstance(self.late, Late)
+        assert isinstance(self.heard, Lossy)
         weights = self.weights(now.lane)
-        constant = self.constant_drive(now.lane, weights, late.late_degrees(now.lane))
-        drive = self.heard.mean(now, self.late, weights, constant.drive)
+        constant = self.constant_drive(now.lane, weights)
+        drive = self.heard.delayed(now, self.late, weights, constant.drive.terms)
         share = weights.sum(axis=1) + constant.share
-        return KnownDrive(drive, share, constant.interval, constant.time)
+        return replace(constant, drive=Polynomial(drive), share=share, time=now.time)
 
     def disconnected(self, lane: Lane, network: Network) -> LaneFlags:
         """Lanes that fail because decisions alone cut a vehicle off from the navigator.
@@ -238,21 +234,20 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     time, zero = jnp.zeros_like(lane.attack_scale), jnp.zeros_like(lane.initial[:2])
     errors = (zero,) * len(lane.gain)
     now = Moment(lane, network, plan, errors, lane.basis(time), time, zero)
-    lateness = first_late(lane, plan)
+    late = first_late(lane, plan)
     state = DecisionState(
         instead=lane.instead(time) | ({"vectors": lane.vectors} if plan.strategic else {}),
         plot=None,
         sensed=first_sensed(lane),
         links=first_link_errors(lane),
-        late=lateness,
-        heard=first_reception(now, lateness),
+        late=late,
+        heard=first_reception(now, late),
         alarms=detection.first_alarms(lane, network.hearing),
         judged=judging.first_judged(now),
         coasting=first_coasting(lane),
     )
-    if isinstance(lateness, Late):
-        known = state.late_known(now)
-        state = replace(state, late=Late(lateness.past, lateness.leading, known))
+    if isinstance(late, Late):
+        state = replace(state, late=replace(late, known=state.late_known(now)))
     if plan.strategic:
         state = replace(state, plot=lane.signal.begin(sight(now, state)))
     return state
@@ -267,11 +262,9 @@ def decide(now: Moment, before: DecisionState) -> DecisionState:
         vectors = bounded(vectors, now.lane)
         now = now._replace(lane=now.lane._replace(vectors=vectors))
         state = replace(state, instead={**state.instead, "vectors": vectors}, plot=plot)
-    heard, links = before.heard.next(now, before.late), before.links.next(now, state.sensed)
-    then = now._replace(lane=before.of(lane))
+    links, then = before.links.next(now, state.sensed), now._replace(lane=before.of(lane))
     spoke = Speakers(then.signals, before.sensed, before.links)
-    speak = Speakers(now.signals, state.sensed, links)
-    heard = heard.listen(now, before.heard, before.late, spoke, speak)
+    heard = before.heard.next(now, before.late, spoke, Speakers(now.signals, state.sensed, links))
     alarms = before.alarms.next(now, state.sensed, links, heard)
     judged = before.judged.next(now, state.sensed, before.late, links, heard)
     kept = before.coasting.next(now, judged, heard, state.sensed)
@@ -283,21 +276,18 @@ def send(now: Moment, before: DecisionState, state: DecisionState) -> OnTime:
     """What links carry from this tick to the next, where it is heard later."""
     if not isinstance(state.late, Late):
         return state.late
-    lane, known = now.lane, state.late_known(now)
-    if lane.law.needs_ticks():
-        held = jnp.zeros_like(now.last)
-        if lane.law.couples():
-            held = held_derivative(now, before.sensed)
+    lane, law, known = now.lane, now.lane.law, state.late_known(now)
+    told = (known.drive.terms,)
+    if law.needs_ticks():
+        held = held_derivative(now, before.sensed) if law.couples() else jnp.zeros_like(now.last)
         told = tuple(jet[None] for jet in (*state.sensed.of(now.own), held))
-    elif lane.law.tells_motion(now.plan.extrapolate != "none"):
+    elif law.tells_motion(now.plan.extrapolate != "none"):
         strength, follows = state.row_strength(lane), 1.0
-        if not lane.law.couples():
+        if not law.couples():
             follows = (known.share > 0).astype(float)
-        told = late.motion_told(
+        told = motion_told(
             now, known.drive, state.sensed, lambda demand: strength.times(follows * demand)
         )
-    else:
-        told = (known.drive.terms,)
     lost = jnp.zeros_like(lane.weights, bool)
     if lane.loss is not None and state.heard.arrivals is not None:
         lost = state.late.arrival(now).came & ~state.heard.arrivals

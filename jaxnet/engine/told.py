@@ -6,58 +6,15 @@ goes on, but nobody hears it.
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from jaxnet.engine import vehicles
-from jaxnet.engine.moment import Instants, PerAxis, VehicleFlags
-from jaxnet.engine.vehicles import PerVehicle, States
+from jaxnet.engine.metrics import Observation
+from jaxnet.engine.moment import Instants, VehicleFlags
 from jaxnet.model import signal
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
-
-
-class ByLaw(eqx.Module):
-    """What outputs show of vehicles that all move by the law."""
-
-    def error(self, error: PerAxis) -> PerAxis:
-        return error
-
-    def states(self, states: States) -> States:
-        return states
-
-    def inputs(self, inputs: PerAxis) -> PerAxis:
-        return inputs
-
-    def pace(self, speed: PerVehicle, turn_rate: PerVehicle) -> tuple[PerVehicle, PerVehicle]:
-        return speed, turn_rate
-
-
-class AsTold(ByLaw):
-    """What outputs show where the attacked vehicles move as they tell."""
-
-    vehicles: VehicleFlags
-    told_error: PerAxis
-    told_states: States
-    told_inputs: PerAxis
-    told_pace: tuple[PerVehicle, PerVehicle]
-
-    def theirs(self, told: Any, by_law: Any) -> Any:
-        return jnp.where(self.vehicles, told, by_law)
-
-    def error(self, error: PerAxis) -> PerAxis:
-        return self.theirs(self.told_error, error)
-
-    def states(self, states: States) -> States:
-        return self.theirs(self.told_states, states)
-
-    def inputs(self, inputs: PerAxis) -> PerAxis:
-        return self.theirs(self.told_inputs, inputs)
-
-    def pace(self, speed: PerVehicle, turn_rate: PerVehicle) -> tuple[PerVehicle, PerVehicle]:
-        told_speed, told_turn_rate = self.told_pace
-        return self.theirs(told_speed, speed), self.theirs(told_turn_rate, turn_rate)
 
 
 def told_errors(lane: Lane, basis: Basis, errors: Jets) -> Jets:
@@ -66,15 +23,24 @@ def told_errors(lane: Lane, basis: Basis, errors: Jets) -> Jets:
     return tuple(jnp.where(attacked, own, jet) for own, jet in zip(told, errors, strict=False))
 
 
-def told_motion(lane: Lane, time: Instants, basis: Basis) -> AsTold:
-    """The motion that attacked vehicles tell at these times [s]."""
-    order = len(lane.gain)
+def as_told(lane: Lane, time: Instants, basis: Basis, seen: Observation) -> Observation:
+    """An observation with the states, inputs and pace that attacked vehicles tell."""
+    order, lying = len(lane.gain), lying_vehicles(lane)
     told = signal.jets(lane.vectors, basis)[: order + 1]
     jets = tuple(jet + path[:, None] for jet, path in zip(told, lane.path(time), strict=False))
     states = vehicles.states_of(lane, jets[:order], time)
     inputs = vehicles.inputs(lane, states, jets[order], time)
-    pace = vehicles.pace_of(lane, states, inputs)
-    return AsTold(lying_vehicles(lane), told[0], states, inputs, pace)
+    speed, turn_rate = vehicles.pace_of(lane, states, inputs)
+
+    def theirs(told: Any, by_law: Any) -> Any:
+        return jnp.where(lying, told, by_law)
+
+    return seen._replace(
+        speed=theirs(speed, seen.speed),
+        turn_rate=theirs(turn_rate, seen.turn_rate),
+        state=theirs(states, seen.state),
+        inputs_now=lambda: theirs(inputs, seen.inputs),
+    )
 
 
 def lying_vehicles(lane: Lane) -> VehicleFlags:

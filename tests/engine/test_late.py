@@ -114,35 +114,6 @@ def test_what_is_refused(keys, words):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("extrapolate", "known"), [("jets", 2.408082), ("jerk", 0.174020)])
-def test_extrapolated_words_are_off_less(extrapolate, known):
-    """The figure eight on the ring, words late by a part of what the margin allows.
-
-    With factors c_n of y^(n) in a word and e = exp(-iωτ): `X = e (A w X + a0 w R)`, w: word over X.
-    """
-    delay = {"jets": 0.1, "jerk": 0.03}[extrapolate]
-    given = {
-        "topology": "cyclic",
-        "channel": {"delay": delay, "extrapolate": extrapolate},
-        "tick": delay,
-    }
-    keys = given | {"horizon": 240.0, "output_step": 0.3, "initial": {"position": 0.0}} | QUIET
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 1))
-    time, weights, settled = np.arange(801) * 0.3, matrix_of(Cyclic(), 12), slice(700, None)
-    s = 0.2j
-    taylor = [(s * delay) ** j / (1, 1, 2, 6)[j] for j in range(4)]
-    word = s**3 + sum(k * s**n * sum(taylor[: 3 - n]) for n, k in enumerate([1.0, 3.0, 3.0]))
-    if extrapolate == "jerk":
-        word += sum(k * s**n * taylor[3 - n] for n, k in enumerate([1.0, 3.0, 3.0]))
-    turn = np.exp(-s * delay) * word / (s + 1) ** 3
-    factor = np.linalg.solve(np.eye(12) - turn * weights[:, 1:], turn * weights[:, 0])
-    expected = (100.0 * factor[0] * np.exp(s * time)).imag
-    assert outcome.series["state"][0, settled, 0, 0] == pytest.approx(expected[settled], abs=1e-5)
-    if delay == 0.1:
-        assert 100 * abs(factor[0] - 1) == pytest.approx(known, abs=6e-7)
-
-
-@pytest.mark.long
 @pytest.mark.parametrize(("delay", "grows"), [(0.035, False), (0.038, True)])
 def test_the_margin_of_extrapolated_jerks_on_the_ring(delay, grows):
     """Stable below 0.0363729 s: of two lanes with other starts, the difference shrinks or grows."""

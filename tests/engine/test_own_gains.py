@@ -64,20 +64,6 @@ def test_a_path_is_that_of_one_matrix_exponential(engine):
 
 
 @pytest.mark.long
-def test_on_a_star_each_vehicle_has_its_own_free_response():
-    results = jaxnet.simulate(
-        KEYS | {"topology": "star", "attack": "none", "engine": TIGHT}, progress=False
-    )
-    for errors in errors_of(results)[0]:
-        for vehicle, (k0, k1) in enumerate(GAINS):
-            own = errors[:, :, vehicle]
-            known = [
-                expm(np.array([[0, 1], [-k0, -k1]]) * t) @ own[0] for t in np.arange(0, 3.01, 0.5)
-            ]
-            np.testing.assert_allclose(own, known, atol=1e-6)
-
-
-@pytest.mark.long
 def test_equal_gains_are_one_gain():
     """With sensors' errors, trimming and an attack with false derivatives, default vehicle."""
     keys = {"vehicles": 5, "horizon": 2.0, "tail": 1.0, "samples": 2, "topology": "complete"}

@@ -136,7 +136,7 @@ TRIM = {"defence": {"kind": "trusted_trim", "theta": 1, "isolated": "coast"}}
 TURNS = {"every": 0.4}
 LATE = {"missing": "drop", "delay": 0.2}
 BY_MESSAGE = {"delay": {"uniform": [0.1, 0.3]}, "delay_of": "message", "missing": "hold"}
-SOME_ORDERS = {"orders": [0]}
+THREE_ROUNDS = {"kind": "rounds", "rounds": 3}
 
 # engine, law, order of the vehicles, channel, other keys
 CELLS = {
@@ -146,6 +146,8 @@ CELLS = {
     "late and extrapolated": ("exact", EXACT, 3, LATE | {"extrapolate": "jerk"}, W_MSR),
     "late by message": ("exact", EXACT, 4, BY_MESSAGE | LOSS, ERRS),
     "rounds, held": ("exact", ROUNDS, 3, LOSS | NOISE | {"missing": "hold"}, ERRS),
+    "three rounds, trimmed": ("exact", THREE_ROUNDS, 3, {}, TRIM),
+    "three rounds, replaced": ("nonlinear", THREE_ROUNDS, 3, {}, {"threat": "replaces"} | W_MSR),
     "rounds, late": ("exact", ROUNDS, 2, LATE | {"quantisation": 0.2}, W_MSR),
     "local and held, late": ("exact", HELD, 1, LATE | LOSS, W_MSR),
     "local, continued": ("exact", LOCAL, 2, LOSS | {"missing": "extrapolate"}, ERRS),
@@ -164,7 +166,8 @@ def cell(engine, law, order, channel, keys):
     base = drawn(8, engine)
     start = {"position": [[-9.0, 4.0], [3.0, -12.0], [14.0, 6.0], [-2.0, 17.0]]}
     keys, attacked = dict(keys), {"kind": "rotating", "vehicles": [2, 3], "links": "neighbour"}
-    attacked |= {"threat": "adds", "magnitude": 5.0, "frequency": [1.1, 0.7], "phase": [0.3, 2.0]}
+    attacked |= {"magnitude": 5.0, "frequency": [1.1, 0.7], "phase": [0.3, 2.0]}
+    attacked["threat"] = keys.pop("threat", "adds")
     ring = [[i, i - 1, 1.0] for i in range(1, 5)] + [[i, i % 4 + 1, 0.7] for i in range(1, 5)]
     topology = {"kind": "edges", "edges": [*ring, [2, 0, 0.4], [3, 0, 0.5], [4, 0, 0.3]]}
     if "every" in keys:

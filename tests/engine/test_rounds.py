@@ -1,4 +1,4 @@
-"""The law by exchanges: both engines against a plain program, and growth against theory."""
+"""The law by exchanges: growth and lateness against theory (its motion: test_reference.py)."""
 
 import jax
 import numpy as np
@@ -11,72 +11,10 @@ from jaxnet.kinds.laws import Law
 from jaxnet.model.graph import dense
 from jaxnet.theory import rounds as theory
 from jaxnet.view.text import check
-from tests import reference, systems
-from tests.reference import attack_on_links, navigator_at
+from tests import systems
 
 TICK, TICKS = 0.05, 120
 KEYS = {"horizon": TICK * TICKS, "tail": 1.0, "output_step": TICK, "tick": TICK}
-CASES = {
-    "trimmed": {"attack": {"kind": "rotating", "magnitude": 5.0}},
-    "replaced": {
-        "attack": {"kind": "rotating", "threat": "replaces"},
-        "defence": "none",
-        "gain": [2.0, 4.0, 2.5],
-    },
-}
-
-
-def plain(one, number, weights, rounds, carried):
-    """Positions at each tick, (ticks + 1, m, 2), with these weights (ticks + 1, m, m + 1) in force.
-
-    Vehicle by vehicle and link by link: what a vehicle demands, then what it hears of its
-    neighbours' jerks.
-    """
-    lane, navigator, attack = (
-        systems.lane(one, number),
-        navigator_at(one, number),
-        attack_on_links(one, number),
-    )
-    k = np.append(lane.gain, 1.0)
-    y, velocity, acceleration = reference.flat_jets(lane.initial.T)
-    m, q, path = len(y), np.zeros_like(y), []
-    for n in range(TICKS + 1):
-        path.append(y)
-        there, added = navigator(n * TICK), attack(n * TICK)
-        fed_back = k[0] * y + k[1] * velocity + k[2] * acceleration
-        demand = -fed_back
-        for i in range(m):
-            for j in np.flatnonzero(weights[n, i]):
-                word = k @ there if j == 0 or not carried[i, j] else fed_back[j - 1]
-                demand[i] = demand[i] + weights[n, i, j] * (
-                    word + np.tensordot(k, added[:, i, j], 1)
-                )
-        for _ in range(rounds):
-            told = np.concatenate([np.zeros((1, 2)), q])
-            q = demand + (weights[n] * carried) @ told
-        y = y + TICK * velocity + TICK**2 / 2 * acceleration + TICK**3 / 6 * q
-        velocity = velocity + TICK * acceleration + TICK**2 / 2 * q
-        acceleration = acceleration + TICK * q
-    return np.stack(path)
-
-
-@pytest.mark.parametrize(
-    ("case", "engine", "accuracy"),
-    [("replaced", "exact", 1e-9), ("trimmed", "nonlinear", 1e-5)],
-)
-def test_vehicles_move_as_the_plain_program(case, engine, accuracy):
-    """Two rounds and three; trimmed, and replaced."""
-    sweep = {"law.rounds": [2, 3]}
-    study = systems.study(engine=engine, law="rounds", sweep=sweep, **KEYS, **CASES[case])
-    one = systems.lanes(study, 2)
-    outcome = systems.simulate(one)
-    assert (outcome.status == Status.ok).all()
-    for number in range(4):
-        lane, kept = systems.lane(one, number), outcome.series["kept"][number]
-        carried = ~lane.links if case == "replaced" else np.ones_like(lane.links)
-        known = plain(one, number, kept, 2 + number // 2, carried)
-        assert np.abs(outcome.series["state"][number, :, :, :2] - known).max() <= accuracy
-    assert (outcome.switches > 0).all() == (case == "trimmed")
 
 
 def random_digraph(seed):
@@ -152,26 +90,6 @@ def test_the_fleet_is_late_for_a_slow_navigator(topology):
     known = lateness(weights, 0.02, 2) * np.linalg.norm(after - before) / 2e-3
     found = np.linalg.norm(position - np.asarray(navigator.jets(np.asarray(60.0)))[0], axis=1)
     np.testing.assert_allclose(found, known, rtol=0.02)
-
-
-@pytest.mark.long
-def test_many_rounds_and_short_ticks_come_to_the_law_itself():
-    """Half the tick, half the distance; a sinusoid on the ring, nobody trimmed."""
-    keys = {
-        "attack": "sinusoid",
-        "defence": "none",
-        "horizon": 10.0,
-        "output_step": 0.1,
-        "engine": "exact",
-    }
-    limit = systems.simulate(systems.lanes(systems.study(**keys), 2)).series["state"][..., :2]
-    apart = []
-    for tick in (0.02, 0.01):
-        study = systems.study(law={"kind": "rounds", "rounds": 200}, tick=tick, **keys)
-        ours = systems.simulate(systems.lanes(study, 2)).series["state"][..., :2]
-        apart.append(np.abs(ours - limit).max())
-    assert apart[0] < 5.0
-    assert apart[1] == pytest.approx(apart[0] / 2, rel=0.1)
 
 
 @pytest.mark.long

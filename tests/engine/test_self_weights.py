@@ -41,12 +41,23 @@ def test_vehicles_step_by_weights_that_count_themselves():
         x = W @ x
 
 
+AS_THEY_ARE = [[i, j, 0.1 * i] for i in range(1, 8) for j in range(1, 8) if i != j]
+
+
 @pytest.mark.long
-def test_w_msr_counts_the_vehicle_itself_as_one_of_those_retained():
-    """Published W-MSR: each weight is 1/(1 + d) of the d that are retained."""
+@pytest.mark.parametrize("counts_itself", [True, False])
+def test_w_msr_drops_the_farthest_on_each_side(counts_itself):
+    """Published W-MSR counts the vehicle itself: each weight is 1/(1 + d) of the d retained.
+
+    With weights as they are, those that are dropped weaken a row: `x_i ← x_i - k0 h Σ w_ij (x_i -
+    x_j)` over those retained, without renormalisation.
+    """
     attack = {"kind": "rotating", "magnitude": 150.0, "frequency": 0.9, "vehicles": [2]}
-    keys = {"vehicles": 7, "topology": {"kind": "complete", "own_weight": 1.0}, "attack": attack}
-    states, lies = paths(**keys, defence="w_msr", horizon=0.6)
+    keys = {"topology": {"kind": "complete", "own_weight": 1.0}, "vehicles": 7}
+    if not counts_itself:
+        topology = {"kind": "edges", "edges": AS_THEY_ARE, "normalised": False}
+        keys = {"topology": topology, "gain": [1.5]}
+    states, lies = paths(**keys, attack=attack, defence="w_msr", horizon=0.6)
     x, dropped = states[0].copy(), 0
     for now, lie in zip(states, lies, strict=True):
         np.testing.assert_allclose(now, x, rtol=0, atol=1e-11)
@@ -56,8 +67,9 @@ def test_w_msr_counts_the_vehicle_itself_as_one_of_those_retained():
             for axis in range(2):
                 kept, _ = subsequence(x[i, axis], sent[heard, axis], np.ones(6), set(), 1)
                 dropped += 6 - len(kept)
-                values = sent[heard, axis][list(kept)]
-                new[i, axis] = (x[i, axis] + values.sum()) / (1 + len(values))
+                apart = (x[i, axis] - sent[heard, axis])[list(kept)]
+                share = 1 / (1 + len(kept)) if counts_itself else 1.5 * H * 0.1 * (i + 1)
+                new[i, axis] = x[i, axis] - share * apart.sum()
         x = new
     assert dropped > 50
 
@@ -76,26 +88,6 @@ def test_weights_as_they_are_make_the_laplacian():
         x = x - 2.0 * H * L @ x
     fine, _ = paths(**keys, tick=1e-4)
     np.testing.assert_allclose(fine[-1], expm(-2.0 * L) @ fine[0], atol=2e-2)
-
-
-@pytest.mark.long
-def test_what_w_msr_drops_weakens_a_row_of_weights_as_they_are():
-    """`x_i ← x_i - k0 h Σ w_ij (x_i - x_j)` over those retained, without renormalisation."""
-    edges = [[i, j, 0.1 * i] for i in range(1, 8) for j in range(1, 8) if i != j]
-    topology = {"kind": "edges", "edges": edges, "normalised": False}
-    attack = {"kind": "bias", "magnitude": 150.0, "vehicles": [2]}
-    states, lies = paths(topology=topology, attack=attack, gain=[1.5], defence="w_msr", horizon=0.6)
-    x = states[0].copy()
-    for now, lie in zip(states, lies, strict=True):
-        np.testing.assert_allclose(now, x, rtol=0, atol=1e-11)
-        sent, new = x + lie, np.empty_like(x)
-        for i in range(7):
-            heard = [j for j in range(7) if j != i]
-            for axis in range(2):
-                kept, _ = subsequence(x[i, axis], sent[heard, axis], np.ones(6), set(), 1)
-                apart = (x[i, axis] - sent[heard, axis])[list(kept)]
-                new[i, axis] = x[i, axis] - 1.5 * H * 0.1 * (i + 1) * apart.sum()
-        x = new
 
 
 CYCLE = [[i, i % 6 + 1, 1.0] for i in range(1, 7)]

@@ -31,22 +31,6 @@ def errors(loss, missing, speed, horizon, lanes=1, **keys):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("loss", "expected"),
-    [
-        ({"kind": "bernoulli", "probability": 0.5}, -10 * 0.1 * 0.5 * 1.5 / (2 * 0.5)),
-        ({"kind": "gilbert_elliott", "fail": 0.05, "recover": 0.25}, -10 * 0.1 * 0.583333333),
-    ],
-    ids=["bernoulli", "gilbert_elliott"],
-)
-def test_the_mean_error_on_a_ramp_is_the_age_of_the_words(loss, expected):
-    """The held word is older by the mean age; inside the 99 % interval over vehicles."""
-    means = errors(loss, "hold", 10.0, 40.0, lanes=16)[:, 120:].mean(axis=1).ravel()
-    assert abs(means.mean() - expected) <= 2.6 * means.std() / np.sqrt(means.size)
-    assert means.std() / np.sqrt(means.size) < 0.03
-
-
-@pytest.mark.long
 def test_a_jammed_vehicle_falls_behind_as_the_closed_form_says():
     """`E = -v (D - 3 + e^(-D)(3 + 2D + D²/2))` for D = 1, 2, 5 s from rest."""
     loss = {"kind": "jamming", "intervals": [[1.0, 6.5]]}

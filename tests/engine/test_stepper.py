@@ -115,59 +115,6 @@ def test_the_next_step_is_the_controllers(solver):
     np.testing.assert_array_equal(kept, errors < 1.0)
 
 
-def march(solver, state, first, tolerated, passes):
-    """Times and states after some passes, a pass an attempt in every lane, and who kept it."""
-    rule = stepper.method(solver)
-
-    @jax.jit
-    def once(time, step, state, slope):
-        trial = stepper.attempt(field, signals, rule, time, time + step, state, slope, tolerated)
-        kept = trial.error < 1.0
-        return (
-            jnp.where(kept, time + step, time),
-            stepper.next_step(step, trial.error, rule.order),
-            jnp.where(kept, trial.state, state),
-            jnp.where(kept, trial.slope, slope),
-        ), kept
-
-    time = jnp.zeros(LANES)
-    now, history = (time, first, state, field(signals(time), state)), []
-    for _ in range(passes):
-        now, kept = once(*now)
-        history.append((*now, kept))
-    times, _, states, _, kept = map(np.stack, zip(*history, strict=True))
-    return times, states, kept
-
-
-def test_lanes_step_as_diffrax_integrates_each():
-    """Equal accepted times and states after equal refusals, though no lane waits for another."""
-    _, _, state = moments(0)
-    first = jnp.array([5.0, 1.0, 1e-4, 0.3, 1e-2])
-    times, states, kept = march("dopri5", state, first, tolerances(1e-7, 1e-9), 30)
-
-    @jax.jit
-    @functools.partial(jax.vmap, in_axes=(0, -1))
-    def solve(first, y0):
-        controller, saved = diffrax.PIDController(rtol=1e-7, atol=1e-9), diffrax.SaveAt(steps=True)
-        limits = {
-            "stepsize_controller": controller,
-            "saveat": saved,
-            "max_steps": 30,
-            "throw": False,
-        }
-        return diffrax.diffeqsolve(TERM, diffrax.Dopri5(), 0.0, 1e3, first, y0, **limits)
-
-    known = solve(first, state)
-    np.testing.assert_array_equal(known.stats["num_rejected_steps"], (~kept).sum(axis=0))
-    assert not kept.all()
-    for lane in range(LANES):
-        mine = kept[:, lane]
-        np.testing.assert_allclose(times[mine, lane], known.ts[lane][: mine.sum()], rtol=1e-6)
-        np.testing.assert_allclose(
-            states[mine, ..., lane], known.ys[lane][: mine.sum()], rtol=0, atol=1e-7
-        )
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(("solver", "order", "fewest"), [("dopri5", 5, 16), ("dopri8", 8, 3)])
 def test_kept_steps_converge_at_the_methods_order(solver, order, fewest):

@@ -1,29 +1,28 @@
-"""Channel: messages are lost or late, and others may stand in for them.
+"""Channel: messages are lost or delayed, and others may stand in for them.
 
-A lost message is replaced here (`Substituted`): by the message that was heard last, held or
+A lost message is replaced here (`Lossy.substitutes`): by the message that was heard last, held or
 continued by Taylor. A message that was live until now is heard for the last time now. Where a law
-holds a derivative, vehicles hear messages at ticks alone. Other messages are continued; late ones
-stay as they were when their tick ended.
+holds a derivative, vehicles hear messages at ticks alone. Other messages are continued; delayed
+ones stay as they were when their tick ended.
 """
 
+from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from jaxnet.engine.moment import Instants, LaneFlags, LinkFlags, Moment, PerAxis, Received, tell
+from jaxnet.engine.moment import Instants, LaneFlags, LinkFlags, Moment, PerAxis, tell
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.stages.known import KnownDrive
+from jaxnet.engine.stages.known import Drives, KnownDrive, LinkDrives, plus_messages
 from jaxnet.engine.stages.late import Late, OnTime, late_degrees
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.stages.sensing import Sensed
 from jaxnet.kinds.losses import Messages
-from jaxnet.kinds.shapes import Decision, Memory
+from jaxnet.kinds.shapes import Memory
 from jaxnet.model import control, plane, polynomial, xla
-from jaxnet.model.control import Gain
-from jaxnet.model.hearing import AxisWeights, plus_slots
+from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
 from jaxnet.model.polynomial import Polynomial
@@ -44,73 +43,39 @@ class Reception(eqx.Module):
     """Messages of a tick: all arrive, live."""
 
     lossy: ClassVar[bool] = False  # whether a message may be missing
-    stands: ClassVar[bool] = False  # whether others stand in for missing ones
-    errs: ClassVar[bool] = True  # whether errors of links come on top of what is heard
 
     @property
-    def degrees(self) -> int:
-        """Coefficients of what is known of live messages until the next tick."""
-        return 1
-
-    def since(self, lane: Lane) -> Instants:
-        """Time of the tick, where anything depends on it [s]."""
-        return jnp.zeros_like(lane.interval)
-
-    def next(self, now: Moment, late: OnTime) -> "Reception":
-        """The messages that arrive at a tick."""
-        return self
-
-    def listen(
-        self, now: Moment, last: "Reception", late: OnTime, spoke: Speakers, speak: Speakers
-    ) -> "Reception":
-        """Messages of this tick, with the substitutes that act from now on.
-
-        `last` are those of the tick before, in which vehicles `spoke` as told.
-        """
-        return self
-
-    def there(self, sent: LinkFlags) -> LinkFlags:
-        """Links, of some, on which a live or late message arrived."""
-        return sent
-
-    def judged_weights(
-        self, weights: Float[Array, "slots m lanes"]
-    ) -> Float[Array, "slots m lanes"]:
-        """Weights of the messages that arrived, with sum 1, or all 0 where none arrived."""
-        return weights
-
-    def judged(self, received: Received, own: Jets) -> Received:
-        """Jets that a vehicle judges; a slot without a message holds the vehicle itself."""
-        return received
-
-    def believed(self, decision: Decision, before: Decision) -> Decision:
-        """A decision, where slots without a message keep that before."""
-        return decision
+    def stands(self) -> bool:
+        """Whether others stand in for missing messages."""
+        return False
 
     @property
     def arrivals(self) -> LinkFlags | None:
         """Messages that arrived, as a defence is told: None where all do."""
         return None
 
+    def next(self, now: Moment, late: OnTime, spoke: Speakers, speaking: Speakers) -> "Reception":
+        """Messages of a tick, with the substitutes that act from then on.
+
+        In the tick before, vehicles `spoke` so; from now on they are `speaking`.
+        """
+        return self
+
     def usable(self, weights: AxisWeights) -> AxisWeights:
         """Weights of links with any message, live or not."""
+        return weights
+
+    def listened(self, weights: AxisWeights) -> AxisWeights:
+        """Weights of the sources that count; a substituted message has that of its source."""
         return weights
 
     def in_force(self, weights: AxisWeights) -> AxisWeights:
         """Weights in force. They sum to less than 1 where others stand in for lost messages."""
         return weights
 
-    def listened(self, weights: AxisWeights) -> AxisWeights:
-        """Weights of the sources that count; a substituted message has that of its source."""
-        return self.in_force(weights)
-
     def known(self, weights: AxisWeights, constant: KnownDrive) -> KnownDrive:
         """A known drive with what replaces live messages; `weights` are those without any loss."""
         return constant
-
-    def mean(self, now: Moment, late: Late, weights: AxisWeights, start: Polynomial) -> Polynomial:
-        """A drive plus the late messages, by weight."""
-        return late.mean(now, weights, start)
 
     def changed(self, before: "Reception", lanes: LaneFlags) -> LaneFlags:
         """Lanes, with some, in which what is heard changed."""
@@ -118,154 +83,86 @@ class Reception(eqx.Module):
 
 
 class Lossy(Reception):
-    """Messages of which some are lost. Nothing stands in for them."""
+    """Messages of which some are missing. Others may stand in for them."""
 
     arrived: LinkFlags
     memory: Memory  # of the loss
     time: Instants  # of the tick [s]
+    substitutes: Polynomial | None  # by link; None: missing messages are dropped
+    heard: LinkFlags | None  # links on which a delayed message has ever arrived; None if on time
 
     lossy: ClassVar[bool] = True
 
-    def since(self, lane: Lane) -> Instants:
-        return self.time
+    @property
+    def stands(self):
+        return self.substitutes is not None
 
-    def next(self, now: Moment, late: OnTime) -> "Reception":
+    @property
+    def arrivals(self):
+        return self.arrived
+
+    def next(self, now, late, spoke, speaking):
         messages, memory = messages_of(now, late), None
         arrived = messages.present
         if now.lane.loss is not None:
             lost, memory = now.lane.loss.lost(messages, self.memory)
             arrived = xla.materialised(lambda: messages.present & ~lost)
-        return self.arriving(arrived, memory, now.time)
-
-    def arriving(self, arrived: LinkFlags, memory: Memory, time: Instants) -> "Reception":
-        return Lossy(arrived, memory, time)
-
-    def there(self, sent: LinkFlags) -> LinkFlags:
-        return sent & self.arrived
-
-    def judged_weights(
-        self, weights: Float[Array, "slots m lanes"]
-    ) -> Float[Array, "slots m lanes"]:
-        return with_sum_one(jnp.where(self.arrived, weights, 0.0), axis=0)
-
-    def judged(self, received: Received, own: Jets) -> Received:
-        each = zip(received, own, strict=False)
-        return tuple(jnp.where(self.arrived[None], jet, mine[:, None]) for jet, mine in each)
-
-    def believed(self, decision: Decision, before: Decision) -> Decision:
-        return jnp.where(self.arrived, decision, before)
-
-    @property
-    def arrivals(self) -> LinkFlags | None:
-        return self.arrived
-
-    def usable(self, weights: AxisWeights) -> AxisWeights:
-        return jnp.where(self.arrived[None], weights, 0.0)
-
-    def in_force(self, weights: AxisWeights) -> AxisWeights:
-        return with_sum_one(self.usable(weights), axis=1)
-
-    def changed(self, before: "Reception", lanes: LaneFlags) -> LaneFlags:
-        assert isinstance(before, Lossy)
-        return lanes | xla.in_any_row(self.arrived != before.arrived)
-
-
-class Substituted(Lossy):
-    """Messages for which others stand in where they are lost."""
-
-    messages: Polynomial
-
-    stands: ClassVar[bool] = True
-
-    @property
-    def degrees(self) -> int:
-        return len(self.messages.terms)
-
-    def arriving(self, arrived: LinkFlags, memory: Memory, time: Instants) -> "Reception":
-        return Substituted(arrived, memory, time, self.messages)
-
-    def listen(
-        self, now: Moment, last: Reception, late: OnTime, spoke: Speakers, speak: Speakers
-    ) -> Reception:
-        assert isinstance(last, Substituted)
-        lane, degrees = now.lane, len(last.messages.terms)
-        speakers, heard = spoke, last.arrived
-        if lane.law.needs_ticks():
-            speakers, heard = speak, self.arrived | (now.time <= 0)[None, None]
-        holds = now.plan.missing == "hold"
-        if holds and lane.law.solves():
-            path = control.driven(lane.gain, now.navigator)
-            sources = jnp.concatenate([path[:, None], now.last], axis=1)
-            lies = control.driven(lane.gain, speakers.signals)
-            fresh = now.network.hearing.received(sources, lies)
-            fresh = spoke.links.of_message(lane.gain, fresh)[None]
+        heard = None if self.heard is None else self.heard | arrived
+        there = replace(self, arrived=arrived, memory=memory, time=now.time, heard=heard)
+        if self.substitutes is None:
+            return there
+        ended = jnp.ones_like(now.time)
+        if isinstance(late, Late):
+            new, fresh = arrived, late.messages(now)
+            fresh = fresh.at[0].set(speaking.links.of_message(now.lane.gain, fresh[0]))
+            ended = self.substitutes.at(ended)[None]
+            continued = jnp.pad(ended, [(0, len(fresh) - 1), *[(0, 0)] * 4])
         else:
-            told = holds and lane.law.couples() and lane.law.needs_ticks()
-            held = held_derivative(now, spoke.sensed) if told else None
-            jets = heard_jets(now, speakers, held)
-            fresh = expanded(lane.gain, jets, lane.interval)[:degrees]
-        continued = last.messages.about(jnp.ones_like(now.time)).terms
-        messages = Polynomial(jnp.where(heard[None, None], fresh, continued))
-        return Substituted(self.arrived, self.memory, self.time, messages)
+            new, speakers = self.arrived, spoke
+            if now.lane.law.needs_ticks():
+                new, speakers = arrived | (now.time <= 0)[None, None], speaking
+            fresh, continued = spoken(now, spoke, speakers), self.substitutes.about(ended).terms
+        return replace(there, substitutes=Polynomial(jnp.where(new[None, None], fresh, continued)))
 
-    def usable(self, weights: AxisWeights) -> AxisWeights:
-        return weights
+    @property
+    def usable_links(self) -> LinkFlags | None:
+        """Links with any message, live or not; None for all."""
+        return self.heard if self.stands else self.arrived
 
-    def in_force(self, weights: AxisWeights) -> AxisWeights:
-        return jnp.where(self.arrived[None], weights, 0.0)
+    def usable(self, weights):
+        links = self.usable_links
+        return weights if links is None else jnp.where(links[None], weights, 0.0)
 
-    def listened(self, weights: AxisWeights) -> AxisWeights:
-        return self.usable(weights)
+    def listened(self, weights):
+        weights = self.usable(weights)
+        return weights if self.usable_links is None else with_sum_one(weights, axis=1)
 
-    def known(self, weights: AxisWeights, constant: KnownDrive) -> KnownDrive:
+    def in_force(self, weights):
+        weights = self.listened(weights)
+        live = self.usable_links is not None
+        return weights if live else jnp.where(self.arrived[None], weights, 0.0)
+
+    def known(self, weights, constant):
+        if self.substitutes is None:
+            return constant
         weights = jnp.where(self.arrived[None], 0.0, weights)
-        drive = Polynomial(plus_slots(constant.drive.terms, weights, self.slot))
+        drive = plus_messages(constant.drive.terms, weights, self.substitutes.terms)
         share = weights.sum(axis=1) + constant.share
-        return KnownDrive(drive, share, constant.interval, self.time)
+        return replace(constant, drive=Polynomial(drive), share=share, time=self.time)
 
-    def mean(self, now: Moment, late: Late, weights: AxisWeights, start: Polynomial) -> Polynomial:
-        return Polynomial(plus_slots(start.terms, weights, self.slot))
+    def delayed(self, now: Moment, late: Late, weights: AxisWeights, drive: Drives) -> Drives:
+        """A drive plus the delayed messages that act until the next tick, by weight."""
+        if self.substitutes is None:
+            return late.heard(now, weights, drive)
+        return plus_messages(drive, weights, self.substitutes.terms)
 
-    def slot(self, slot: Array) -> Float[Array, "degrees 2 m lanes"]:
-        terms = self.messages.terms
-        return jax.lax.dynamic_index_in_dim(terms, slot, axis=2, keepdims=False)
-
-    def changed(self, before: Reception, lanes: LaneFlags) -> LaneFlags:
-        assert isinstance(before, Substituted)
-        moved = (self.messages.terms != before.messages.terms) & ~self.arrived[None, None]
-        return super().changed(before, lanes) | xla.in_any_row(moved)
-
-
-class SubstitutedLate(Substituted):
-    """Late messages; those heard last stand in where none arrives."""
-
-    heard: LinkFlags  # links on which a message has ever arrived
-
-    errs: ClassVar[bool] = False
-
-    def arriving(self, arrived: LinkFlags, memory: Memory, time: Instants) -> "Reception":
-        return SubstitutedLate(arrived, memory, time, self.messages, self.heard | arrived)
-
-    def listen(
-        self, now: Moment, last: Reception, late: OnTime, spoke: Speakers, speak: Speakers
-    ) -> Reception:
-        assert isinstance(last, Substituted)
-        assert isinstance(late, Late)
-        fresh = late.messages(now).terms
-        fresh = fresh.at[0].set(speak.links.of_message(now.lane.gain, fresh[0]))
-        ended = last.messages.at(jnp.ones_like(now.time))[None]
-        ended = jnp.pad(ended, [(0, len(fresh) - 1), *[(0, 0)] * 4])
-        messages = Polynomial(jnp.where(self.arrived[None, None], fresh, ended))
-        return SubstitutedLate(self.arrived, self.memory, self.time, messages, self.heard)
-
-    def usable(self, weights: AxisWeights) -> AxisWeights:
-        return jnp.where(self.heard[None], weights, 0.0)
-
-    def in_force(self, weights: AxisWeights) -> AxisWeights:
-        return with_sum_one(self.usable(weights), axis=1)
-
-    def listened(self, weights: AxisWeights) -> AxisWeights:
-        return self.in_force(weights)
+    def changed(self, before, lanes):
+        assert isinstance(before, Lossy)
+        lanes = lanes | xla.in_any_row(self.arrived != before.arrived)
+        if self.substitutes is None or before.substitutes is None:
+            return lanes
+        moved = (self.substitutes.terms != before.substitutes.terms) & ~self.arrived[None, None]
+        return lanes | xla.in_any_row(moved)
 
 
 def first_reception(now: Moment, late: OnTime) -> Reception:
@@ -273,14 +170,12 @@ def first_reception(now: Moment, late: OnTime) -> Reception:
     lane, plan = now.lane, now.plan
     if not lane.lossy:
         return Reception()
-    messages = messages_of(now, late)
+    messages, substitutes, heard = messages_of(now, late), None, None
+    if plan.missing != "drop":
+        nothing = jnp.zeros((degrees(lane, plan), 2, *lane.weights.shape))
+        substitutes, heard = Polynomial(nothing), messages.present if late.present else None
     memory = None if lane.loss is None else lane.loss.start(messages)
-    terms, first = degrees(lane, plan), (messages.present, memory, now.time)
-    nothing = Polynomial(jnp.zeros((terms, 2, *lane.weights.shape)))
-    if late.present:
-        held = plan.missing == "hold"
-        return SubstitutedLate(*first, nothing, messages.present) if held else Lossy(*first)
-    return Substituted(*first, nothing) if terms else Lossy(*first)
+    return Lossy(messages.present, memory, now.time, substitutes, heard)
 
 
 def degrees(lane: Lane, plan: Plan) -> int:
@@ -302,30 +197,31 @@ def held_derivative(now: Moment, sensed: Sensed) -> PerAxis:
     return now.last - control.feedback(now.lane.gain, sensed.of(now.own))
 
 
-def heard_jets(now: Moment, speakers: Speakers, held: PerAxis | None) -> Received:
-    """Jets on each link now, r of vehicles and r + 1 of the navigator; others are 0.
+def spoken(now: Moment, spoke: Speakers, speakers: Speakers) -> LinkDrives:
+    """Messages on all links now, as their listeners hold or continue them.
 
-    Where vehicles tell the r-th derivative that they hold, there are r + 1 of them too.
+    To continue one, a listener knows r jets of a vehicle and r + 1 of the navigator. Where vehicles
+    hold the r-th derivative, their messages have it too.
     """
-    order, hearing = now.order, now.network.hearing
-    navigator = now.navigator[: order + 1, :, None]
+    lane, gain, order, hearing = now.lane, now.lane.gain, now.order, now.network.hearing
+    links, holds = speakers.links, now.plan.missing == "hold"
+    if holds and lane.law.solves():
+        path = control.driven(gain, now.navigator)
+        sources = jnp.concatenate([path[:, None], now.last], axis=1)
+        fresh = hearing.received(sources, control.driven(gain, speakers.signals))
+        return links.of_message(gain, fresh)[None]
+    tells = holds and lane.law.couples() and lane.law.needs_ticks()
     own = speakers.sensed.of(now.own)
-    sent = [jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=False)]
-    highest = jnp.zeros_like(own[0]) if held is None else held
-    sent.append(jnp.concatenate([navigator[order], highest], axis=1))
-    carried = (hearing.received(*both) for both in zip(sent, speakers.signals, strict=False))
-    received = speakers.links.of_all(tuple(carried))
+    own = *own, held_derivative(now, spoke.sensed) if tells else jnp.zeros_like(own[0])
+    navigator = now.navigator[: order + 1, :, None]
+    sent = (jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=True))
+    received = tuple(map(hearing.received, sent, speakers.signals))
+    highest = links.of_highest(received[order], order)
     leads = (hearing.sources == 0)[None, ..., None]
-    return *received[:order], jnp.where(leads | (held is not None), received[order], 0.0)
-
-
-def expanded(
-    gain: Gain, jets: Received, interval: Instants
-) -> Float[Array, "degrees 2 slots m lanes"]:
-    """R of the Taylor polynomial of jets, as coefficients."""
-    nothing = [jnp.zeros_like(jets[0])] * len(jets)
-    rates = [control.driven(gain, [*jets[k:], *nothing]) for k in range(len(jets))]
-    return polynomial.taylor(rates, interval).terms
+    jets = *links.of(received[:order]), jnp.where(leads | tells, highest, 0.0)
+    nothing = [jnp.zeros_like(highest)] * len(jets)
+    rates = [control.driven(gain, [*jets[k:], *nothing]) for k in range(1 if holds else len(jets))]
+    return polynomial.taylor(rates, lane.interval).terms
 
 
 def with_sum_one(weights: Array, axis: int) -> Array:

@@ -6,7 +6,7 @@ fails, or the vehicle coasts: it keeps its last drive too, and stops for good wh
 (`stopping`).
 """
 
-import dataclasses
+from dataclasses import replace
 from typing import ClassVar
 
 import equinox as eqx
@@ -25,6 +25,10 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 
 
+def nobody(lane: Lane) -> VehicleFlags:
+    return jnp.zeros(lane.weights.shape[1:], bool)
+
+
 class Coasting(eqx.Module):
     """Vehicles that keep their drive: nobody ever does."""
 
@@ -40,7 +44,23 @@ class Coasting(eqx.Module):
 
     def kept(self, lane: Lane) -> VehicleFlags:
         """Vehicles that keep their drive."""
-        return jnp.zeros(lane.weights.shape[1:], bool)
+        return nobody(lane)
+
+    def cut_off(self, lane: Lane) -> VehicleFlags:
+        """Vehicles that decisions alone cut off; none where the lane fails for it."""
+        return nobody(lane)
+
+    def may_stop(self, lane: Lane) -> VehicleFlags:
+        """Vehicles that stop where they come to rest."""
+        return nobody(lane)
+
+    def stopped(self, lane: Lane) -> VehicleFlags:
+        """Vehicles that stand still for good."""
+        return nobody(lane)
+
+    def frozen(self, lane: Lane) -> VehicleFlags:
+        """Vehicles whose motion until the next tick needs no integrator."""
+        return nobody(lane)
 
     def drive(self, lane: Lane) -> PerAxis:
         """The drive that they keep, 0 for others [m/s³]."""
@@ -49,22 +69,6 @@ class Coasting(eqx.Module):
     def share(self, weights: AxisWeights) -> Float[Array, "axes m lanes"]:
         """1 for a row of weights whose vehicle keeps its drive, else 0."""
         return jnp.zeros((len(weights), *weights.shape[2:]))
-
-    def cut_off(self, lane: Lane) -> VehicleFlags:
-        """Vehicles that decisions alone cut off; none where the lane fails for it."""
-        return jnp.zeros(lane.weights.shape[1:], bool)
-
-    def may_stop(self, lane: Lane) -> VehicleFlags:
-        """Vehicles that stop where they come to rest."""
-        return jnp.zeros(lane.weights.shape[1:], bool)
-
-    def stopped(self, lane: Lane) -> VehicleFlags:
-        """Vehicles that stand still for good."""
-        return jnp.zeros(lane.weights.shape[1:], bool)
-
-    def frozen(self, lane: Lane) -> VehicleFlags:
-        """Vehicles whose motion until the next tick needs no integrator."""
-        return jnp.zeros(lane.weights.shape[1:], bool)
 
     def at_rest(self, states: States) -> States:
         """States of vehicles, with those of rest for vehicles that have stopped."""
@@ -78,35 +82,20 @@ class Coasting(eqx.Module):
         """Lanes, with some, in which what a stopped vehicle tells changed."""
         return lanes
 
-    def will_stop(
-        self,
-        lane: Lane,
-        interval: Float[Array, ""],
-        highest: PerAxis,
-        own: Jets,
-        sensed: Sensed,
-        here: LaneFlags,
-    ) -> "Coasting":
-        """Note the vehicles that stop before the next tick, in the lanes at a tick.
-
-        `highest` is the r-th derivative until now, `own` are the vehicles' jets.
-        """
-        return self
-
 
 class Unheard(Coasting):
     """Vehicles that hear nobody, under a law without a drive to keep."""
 
     vehicles: VehicleFlags
 
-    def next(self, now: Moment, judged: Judged, heard: Reception, sensed: Sensed) -> Coasting:
-        nobody = ~(heard.usable(judged.in_force(now.lane)) > 0).any(axis=1)
-        return Unheard(nobody.all(axis=0))
+    def next(self, now, judged, heard, sensed):
+        hears = (heard.usable(judged.in_force(now.lane)) > 0).any(axis=1)
+        return Unheard((~hears).all(axis=0))
 
-    def moving(self, weights: AxisWeights) -> AxisWeights:
+    def moving(self, weights):
         return jnp.where(self.vehicles[None, None], 0.0, weights)
 
-    def kept(self, lane: Lane) -> VehicleFlags:
+    def kept(self, lane):
         return self.vehicles
 
 
@@ -118,7 +107,7 @@ class Coasts(Unheard):
 
     drives: ClassVar[bool] = True
 
-    def next(self, now: Moment, judged: Judged, heard: Reception, sensed: Sensed) -> Coasting:
+    def next(self, now, judged, heard, sensed):
         lane, hearing, off = now.lane, now.network.hearing, self.off
         if coasts(lane):
             off = cut_off(lane, now.network, judged, self)
@@ -129,22 +118,22 @@ class Coasts(Unheard):
             keeps = (alone | ~hearing.reached(links, alone)).any(axis=0)
         last = self.last_drive(now, sensed)
         kept = xla.materialised(lambda: jnp.where(keeps[None], last, 0.0))
-        return dataclasses.replace(self, vehicles=keeps, kept_drive=kept, off=off)
+        return replace(self, vehicles=keeps, kept_drive=kept, off=off)
 
     def last_drive(self, now: Moment, sensed: Sensed) -> PerAxis:
         """A vehicle that still keeps its drive keeps the same one."""
         return jnp.where(self.vehicles[None], self.kept_drive, now.last)
 
-    def drive(self, lane: Lane) -> PerAxis:
-        return self.kept_drive
-
-    def share(self, weights: AxisWeights) -> Float[Array, "axes m lanes"]:
-        return jnp.broadcast_to(self.vehicles[None].astype(float), weights[:, 0].shape)
-
-    def cut_off(self, lane: Lane) -> VehicleFlags:
+    def cut_off(self, lane):
         return self.off
 
-    def held(self, demand: PerAxis, last: PerAxis) -> PerAxis:
+    def drive(self, lane):
+        return self.kept_drive
+
+    def share(self, weights):
+        return jnp.broadcast_to(self.vehicles[None].astype(float), weights[:, 0].shape)
+
+    def held(self, demand, last):
         return jnp.where(self.vehicles[None], last, demand)
 
 
@@ -155,27 +144,27 @@ class Stops(Coasts):
     soon: VehicleFlags  # they stop before the next tick
     states: States  # of rest, of both
 
-    def last_drive(self, now: Moment, sensed: Sensed) -> PerAxis:
+    def last_drive(self, now, sensed):
         """The drive of a vehicle that has stopped is P of what it senses."""
         still = control.feedback(now.lane.gain, sensed.of(now.own))
         return jnp.where(self.standing[None], still, super().last_drive(now, sensed))
 
-    def may_stop(self, lane: Lane) -> VehicleFlags:
+    def may_stop(self, lane):
         return self.off
 
-    def stopped(self, lane: Lane) -> VehicleFlags:
+    def stopped(self, lane):
         return self.standing
 
-    def frozen(self, lane: Lane) -> VehicleFlags:
+    def frozen(self, lane):
         return self.standing | self.soon
 
-    def at_rest(self, states: States) -> States:
+    def at_rest(self, states):
         return jnp.where(self.standing[None], self.states, states)
 
-    def held(self, demand: PerAxis, last: PerAxis) -> PerAxis:
+    def held(self, demand, last):
         return jnp.where(self.standing[None], 0.0, super().held(demand, last))
 
-    def changed(self, before: Coasting, lanes: LaneFlags) -> LaneFlags:
+    def changed(self, before, lanes):
         assert isinstance(before, Stops)
         told = (self.kept_drive != before.kept_drive) & self.standing[None]
         return lanes | xla.in_any_row(told)
@@ -188,33 +177,36 @@ class Stops(Coasts):
         own: Jets,
         sensed: Sensed,
         here: LaneFlags,
-    ) -> Coasting:
+    ) -> "Stops":
+        """Note the vehicles that stop before the next tick, in the lanes at a tick.
+
+        `highest` is the r-th derivative until now, `own` are the vehicles' jets.
+        """
         if not lane.law.needs_ticks():
             highest = self.kept_drive - control.feedback(lane.gain, sensed.of(own))
         among = self.off & ~self.standing & here[None]
         soon, states = stopping.rest_within_tick(lane, (*own, highest), among, interval)
-        return dataclasses.replace(
-            self,
-            soon=jnp.where(here[None], soon, self.soon),
-            states=jnp.where(soon[None], states, self.states),
-        )
+        states = jnp.where(soon[None], states, self.states)
+        return replace(self, soon=jnp.where(here[None], soon, self.soon), states=states)
 
     def at_tick(self, here: LaneFlags) -> "Stops":
         soon = self.soon & here[None]
-        return dataclasses.replace(self, standing=self.standing | soon, soon=self.soon & ~soon)
+        return replace(self, standing=self.standing | soon, soon=self.soon & ~soon)
 
 
 def first_coasting(lane: Lane) -> Coasting:
     """Vehicles that keep their drive before the first tick: nobody."""
     if not (lane.lossy or coasts(lane)):
         return Coasting()
-    nobody = jnp.zeros(lane.weights.shape[1:], bool)
+    nobody_yet = nobody(lane)
     if not lane.law.couples():
-        return Unheard(nobody)
-    coasting = nobody, jnp.zeros_like(lane.initial[:2]), nobody
-    if not (coasts(lane) and stopping.possible(lane)):
+        return Unheard(nobody_yet)
+    coasting = nobody_yet, jnp.zeros_like(lane.initial[:2]), nobody_yet
+    # Coasting vehicles can come to rest where the law is singular.
+    rests = lane.singular and lane.vehicle.singular == 1 and not lane.vehicle.internal
+    if not (coasts(lane) and rests):
         return Coasts(*coasting)
-    return Stops(*coasting, nobody, nobody, jnp.zeros_like(lane.initial))
+    return Stops(*coasting, nobody_yet, nobody_yet, jnp.zeros_like(lane.initial))
 
 
 def coasts(lane: Lane) -> bool:

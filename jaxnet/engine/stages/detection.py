@@ -38,7 +38,7 @@ class Detection(Alarms):
     judged: Int[Array, "2 lanes"]
     memory: Memory  # of the detector
 
-    def next(self, now: Moment, sensed: Sensed, links: LinkErrors, heard: Reception) -> "Detection":
+    def next(self, now, sensed, links, heard):
         """A residual is what a link carries minus what its source tells, plus the errors of both.
 
         It is the errors alone, to the last bit, where the link carries what the source tells.
@@ -49,7 +49,9 @@ class Detection(Alarms):
         )
         still = tuple(jnp.zeros_like(jet) for jet in now.errors)
         residuals = plane.plus(residuals, tuple(map(hearing.sent, tell(sensed.of(still)))))
-        arrived = heard.there(lane.weights > 0)
+        arrived = lane.weights > 0
+        if heard.arrivals is not None:
+            arrived = arrived & heard.arrivals
         messages = judged_messages(lane, hearing, links.of(residuals), arrived, now.time)
         alarms, memory = lane.detector.alarms(messages, self.memory)
         attacked = now.attacked_links()
@@ -58,7 +60,7 @@ class Detection(Alarms):
         return Detection(self.alarms + raised, self.judged + judged, memory)
 
     @property
-    def shares(self) -> Float[Array, "2 lanes"]:
+    def shares(self):
         return jnp.where(self.judged > 0, self.alarms / jnp.maximum(self.judged, 1), jnp.nan)
 
 

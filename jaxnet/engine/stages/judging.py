@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxnet.engine.moment import LaneFlags, LinkFlags, Moment, VehicleFlags, tell
-from jaxnet.engine.stages.channel import Reception
+from jaxnet.engine.stages.channel import Reception, with_sum_one
 from jaxnet.engine.stages.late import OnTime
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.stages.sensing import Sensed
@@ -54,14 +54,15 @@ class Decided(Judged):
     decision: Decision
     memory: Memory  # of the defence
 
-    def next(
-        self, now: Moment, sensed: Sensed, late: OnTime, links: LinkErrors, heard: Reception
-    ) -> "Decided":
+    def next(self, now, sensed, late, links, heard):
         lane, own = now.lane, sensed.of(now.errors)
-        received = late.jets(now, now.carried(tell(own)))
-        received = heard.judged(links.of(received), own)
-        weights = heard.judged_weights(lane.weights)
-        around = surroundings(now, self.memory, weights, heard.arrivals)
+        received = links.of(late.jets(now, now.carried(tell(own))))
+        weights, arrived = lane.weights, heard.arrivals
+        if arrived is not None:  # a slot without a message holds the vehicle itself
+            each = zip(received, own, strict=False)
+            received = tuple(jnp.where(arrived[None], jet, mine[:, None]) for jet, mine in each)
+            weights = with_sum_one(jnp.where(arrived, weights, 0.0), axis=0)
+        around = surroundings(now, self.memory, weights, arrived)
         observed = lane.defence.observed(received, now.time)
         decision, memory = lane.defence.decide(own, observed, self.decision, self.memory, around)
         usable = jnp.broadcast_to(lane.weights > 0, decision.shape)  # other slots never count
@@ -69,23 +70,25 @@ class Decided(Judged):
             decision = decision | ~usable
         else:
             decision = jnp.where(usable, decision, 0.0)
-        return Decided(heard.believed(decision, self.decision), memory)
+        if arrived is not None:
+            decision = jnp.where(arrived, decision, self.decision)
+        return Decided(decision, memory)
 
-    def in_force(self, lane: Lane) -> AxisWeights:
+    def in_force(self, lane):
         """A vehicle that retains nobody has weights 0, or NaN if its law couples vehicles."""
         weights = retained.in_force(lane.weights, self.decision)
         if lane.law.couples():
             return weights
         return jnp.where((self.believed(lane) > 0).any(axis=1, keepdims=True), weights, 0.0)
 
-    def believed(self, lane: Lane) -> AxisWeights:
+    def believed(self, lane):
         support = retained.support(self.decision).reshape(-1, *lane.weights.shape)
         return jnp.where(support, lane.weights[None], 0.0)
 
-    def seen(self, lane: Lane) -> Decision:
+    def seen(self, lane):
         return self.decision
 
-    def changed(self, before: Judged, lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
+    def changed(self, before, lane):
         assert isinstance(before, Decided)
         supports = [retained.support(one.decision) for one in (self, before)]
         # 2.7 times, W-MSR, 12 vehicles
@@ -94,7 +97,7 @@ class Decided(Judged):
             return xla.in_any_row(vehicles), vehicles
         return xla.in_any_row(self.decision != before.decision), vehicles
 
-    def single(self, lane: Lane) -> Decision | None:
+    def single(self, lane):
         if self.decision.dtype != bool:
             return None
         return self.decision.reshape(-1, *lane.weights.shape)

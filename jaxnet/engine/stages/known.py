@@ -1,4 +1,4 @@
-"""What is known at a tick until the next: kept drives, late and earlier messages, errors.
+"""What is known at a tick until the next: kept drives, substituted and delayed messages, errors.
 
 A message is X_j = R(y_j) plus R of the attack. What stands in place of live ones is a polynomial of
 the share σ of the tick that has passed:
@@ -7,15 +7,18 @@ the share σ of the tick that has passed:
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine.moment import Instants, PerAxis
-from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.hearing import AxisWeights, plus_slots
 from jaxnet.model.polynomial import Polynomial
+from jaxnet.model.shapes import LoopIndex
 
 RowShare = Float[Array, "axes m *lanes"]
 Drives = Float[Array, "degrees 2 m lanes"]
+LinkDrives = Float[Array, "degrees 2 slots m lanes"]
 Demand = Float[Array, "2 m *lanes"]
 AnyInstants = Float[Array, "*lanes"]
 Silent = Bool[Array, "axes m lanes"]
@@ -53,28 +56,36 @@ class KnownDrive(Known):
     interval: Instants  # from tick to tick [s]
     time: Instants  # of the tick [s]
 
-    def at(self, time: AnyInstants) -> Demand:
+    def plus(self, demand, time):
         if len(self.drive.terms) == 1:
-            return self.drive.terms[0]
-        return self.drive.at((time - self.time) / self.interval)
+            return demand + self.drive.terms[0]
+        return demand + self.drive.at((time - self.time) / self.interval)
 
-    def plus(self, demand: Demand, time: AnyInstants) -> Demand:
-        return demand + self.at(time)
-
-    def silent(self, silent: Silent) -> Silent:
+    def silent(self, silent):
         return silent & (self.share == 0)
 
-    def row_share(self, weights: AxisWeights) -> RowShare:
+    def row_share(self, weights):
         return self.share
 
-    def columns(self, attacks: list[PerAxis]) -> list[PerAxis]:
+    def columns(self, attacks):
         return [*attacks, *self.drive.terms]
 
-    def derivatives(self, time: Instants, span: Instants, order: int, demand: PerAxis) -> Drives:
-        part, drive = span / self.interval, self.drive
-        if len(drive.terms) > 1:
-            drive = drive.about((time - self.time) / self.interval)
-        factors = [span**order * part**n for n in range(len(drive.terms))]
-        return jnp.stack(
-            [each * by[None, None] for each, by in zip(drive.terms, factors, strict=True)]
-        )
+    def derivatives(self, time, span, order, demand):
+        part, terms = span / self.interval, self.drive.terms
+        if len(terms) > 1:
+            terms = self.drive.about((time - self.time) / self.interval).terms
+        factors = [span**order * part**n for n in range(len(terms))]
+        return jnp.stack([each * by[None, None] for each, by in zip(terms, factors, strict=True)])
+
+
+def padded(drive: Drives, degrees: int) -> Drives:
+    return jnp.pad(drive, [(0, degrees - len(drive)), *[(0, 0)] * 3])
+
+
+def plus_messages(drive: Drives, weights: AxisWeights, messages: LinkDrives) -> Drives:
+    """A drive plus messages by weight."""
+
+    def in_slot(slot: LoopIndex) -> Drives:
+        return jax.lax.dynamic_index_in_dim(messages, slot, axis=2, keepdims=False)
+
+    return plus_slots(padded(drive, len(messages)), weights, in_slot)

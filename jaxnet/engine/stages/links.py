@@ -1,9 +1,4 @@
-"""Errors of the messages on links: noise, drawn at each tick, and rounding.
-
-Errors of the r-th derivative come last, after `max(3, r)` errors of lower ones.
-"""
-
-from typing import ClassVar
+"""Errors of the messages on links: noise, drawn at each tick, and rounding."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,40 +15,21 @@ SomeReceived = tuple[PerLink | None, ...]  # None for an order without errors
 
 
 class LinkErrors(eqx.Module):
-    """Errors of the jets on links: none."""
+    """Errors of the jets on links until the next tick.
 
-    present: ClassVar[bool] = False
+    Errors of the r-th derivative come last, after `max(3, r)` errors of lower ones.
+    """
+
+    noise: SomeReceived = ()  # none where messages arrive without errors
+
+    @property
+    def present(self) -> bool:
+        return bool(self.noise)
 
     def next(self, now: Moment, sensed: Sensed) -> "LinkErrors":
-        return self
-
-    def of(self, received: Received) -> Received:
-        """Jets below the order as they arrive."""
-        return received
-
-    def of_all(self, received: Received) -> Received:
-        """Jets up to the order as they arrive."""
-        return received
-
-    def of_message(self, gain: Gain, message: PerLink) -> PerLink:
-        """R of the jets as it arrives: the errors add `P(n) + n^(r)`."""
-        return message
-
-    def of_mean(self, gain: Gain, weights: AxisWeights, drive: PerAxis) -> PerAxis:
-        """A drive plus R of the errors, by weight."""
-        return drive
-
-
-class Noisy(LinkErrors):
-    """Errors of messages, drawn anew at each tick for each link."""
-
-    noise: SomeReceived
-
-    present: ClassVar[bool] = True
-
-    def next(self, now: Moment, sensed: Sensed) -> LinkErrors:
-        lane, jets = now.lane, max(3, now.order)
-        last = of_all_orders(self.noise)
+        if not self.present:
+            return self
+        lane, jets, last = now.lane, max(3, now.order), self.errors()
         sources, erring = now.network.hearing.sources, erring_orders(lane)
 
         def draw() -> SomeReceived:
@@ -62,45 +38,46 @@ class Noisy(LinkErrors):
             found[3:3] = [None] * (jets - 3)
             return tuple(error if errs else None for error, errs in zip(found, erring, strict=True))
 
-        return Noisy(xla.materialised(draw))
+        return LinkErrors(xla.materialised(draw))
 
     def errors(self) -> Received:
-        return of_all_orders(self.noise)
+        """Errors of all orders, also of those without."""
+        if not self.present:
+            return ()
+        nothing = jnp.zeros_like(next(error for error in self.noise if error is not None))
+        return tuple(nothing if error is None else error for error in self.noise)
 
     def of(self, received: Received) -> Received:
-        return plane.plus(received, self.errors())
+        """Jets below the order as they arrive."""
+        return plane.plus(received, self.errors()) if self.present else received
 
-    def of_all(self, received: Received) -> Received:
-        errors, (*lower, highest) = self.errors(), received
-        for error in errors[max(3, len(lower)) :]:
-            highest = highest + error
-        return *plane.plus(tuple(lower), errors), highest
+    def of_highest(self, jet: PerLink, order: int) -> PerLink:
+        """The r-th derivative as it arrives."""
+        for error in self.errors()[max(3, order) :]:
+            jet = jet + error
+        return jet
 
     def of_message(self, gain: Gain, message: PerLink) -> PerLink:
-        return message + self.feedback(gain)
+        """R of the jets as it arrives."""
+        return message + self.feedback(gain) if self.present else message
 
     def of_mean(self, gain: Gain, weights: AxisWeights, drive: PerAxis) -> PerAxis:
-        return drive + (weights * self.feedback(gain)).sum(axis=1)
+        """A drive plus R of the errors, by weight."""
+        return drive + (weights * self.feedback(gain)).sum(axis=1) if self.present else drive
 
     def feedback(self, gain: Gain) -> PerLink:
-        errors = self.errors()
-        total = control.feedback(gain, errors)
-        for highest in errors[max(3, len(gain)) :]:
-            total = total + highest
-        return total
+        """`P(n) + n^(r)`."""
+        return self.of_highest(control.feedback(gain, self.errors()), len(gain))
 
 
-class Rounded(Noisy):
+class Rounded(LinkErrors):
     """Noise and rounding: `noise` is their sum, `drawn` the noise alone."""
 
-    drawn: LinkErrors
+    drawn: LinkErrors = LinkErrors()
 
-    def next(self, now: Moment, sensed: Sensed) -> LinkErrors:
+    def next(self, now, sensed):
         drawn, total = self.drawn.next(now, sensed), rounding_errors(now, sensed)
-        total = drawn.of(total)
-        if isinstance(drawn, Noisy):
-            total = *total, *drawn.errors()[len(total) :]
-        return Rounded(total, drawn)
+        return Rounded((*drawn.of(total), *drawn.errors()[len(total) :]), drawn)
 
 
 def rounding_errors(now: Moment, sensed: Sensed) -> Received:
@@ -120,23 +97,17 @@ def rounding_errors(now: Moment, sensed: Sensed) -> Received:
 
 
 def first_link_errors(lane: Lane) -> LinkErrors:
-    """Errors before the first tick. Late messages are rounded when they are sent (`late`)."""
+    """Errors before the first tick. Delayed messages are rounded when they are sent (`late`)."""
     silent: Float[Array, "2 slots m lanes"] = jnp.zeros((2, *lane.weights.shape))
     drawn = LinkErrors()
     if lane.noise is not None:
-        drawn = Noisy(tuple(silent if errs else None for errs in erring_orders(lane)))
+        drawn = LinkErrors(tuple(silent if errs else None for errs in erring_orders(lane)))
     if lane.steps is None or lane.delay is not None:
         return drawn
-    jets = len(drawn.noise) if isinstance(drawn, Noisy) else max(3, len(lane.gain))
-    return Rounded((silent,) * jets, drawn)
+    return Rounded((silent,) * max(len(drawn.noise), 3, len(lane.gain)), drawn)
 
 
 def erring_orders(lane: Lane) -> list[bool]:
     """Orders of the jets to which noise gives errors: `max(3, r)`, and then the r-th."""
     below = [*lane.noise.erring(), *[False] * (len(lane.gain) - 3)]
     return below + [True] * lane.noise.errs_in_highest()
-
-
-def of_all_orders(errors: SomeReceived) -> Received:
-    nothing = jnp.zeros_like(next(error for error in errors if error is not None))
-    return tuple(nothing if error is None else error for error in errors)

@@ -1,7 +1,5 @@
 """Sense: a vehicle senses its own jets, with errors that stay the same until the next tick."""
 
-from typing import ClassVar
-
 import equinox as eqx
 import jax.numpy as jnp
 
@@ -14,15 +12,19 @@ from jaxnet.model.signal import ByFunction
 
 
 class Sensed(eqx.Module):
-    """What vehicles sense of themselves until the next tick: all, without errors."""
+    """What vehicles sense of themselves until the next tick."""
 
-    errs: ClassVar[bool] = False
+    noise: Jets = ()  # errors of a sensor, drawn anew at each tick; none without a sensor
+
+    @property
+    def errs(self) -> bool:
+        return bool(self.noise)
 
     def next(self, now: Moment) -> "Sensed":
-        return self
+        return Sensed(fresh_errors(now.lane, self.noise, now.time)) if self.errs else self
 
     def of(self, jets: Jets) -> Jets:
-        return jets
+        return plane.plus(jets, self.noise) if self.errs else jets
 
     def jerk(self, gain: Gain, drive: PerAxis, own: Jets) -> PerAxis:
         """The r-th derivative `z - P(ŷ)` under a drive."""
@@ -34,42 +36,23 @@ class Sensed(eqx.Module):
 
     def less_feedback(self, gain: Gain, drive: PerAxis) -> PerAxis:
         """A drive minus P of the errors."""
-        return drive
+        return drive - control.feedback(gain, self.noise) if self.errs else drive
 
     def pushed(self, gain: Gain, response: ByFunction, place: int) -> ByFunction:
         """The response, where `-P(n)` joins the constant drive at a place."""
-        return response
-
-
-class Erring(Sensed):
-    """Readings with errors, drawn anew at each tick."""
-
-    noise: Jets
-
-    errs: ClassVar[bool] = True
-
-    def next(self, now: Moment) -> "Erring":
-        return Erring(fresh_errors(now.lane, self.noise, now.time))
-
-    def of(self, jets: Jets) -> Jets:
-        return plane.plus(jets, self.noise)
-
-    def less_feedback(self, gain: Gain, drive: PerAxis) -> PerAxis:
-        return drive - control.feedback(gain, self.noise)
-
-    def pushed(self, gain: Gain, response: ByFunction, place: int) -> ByFunction:
+        if not self.errs:
+            return response
         return response.at[place].add(-control.feedback(gain, self.noise))
 
 
-class Stale(Erring):
+class Stale(Sensed):
     """Readings with errors, of which some stay what they were at the last tick."""
 
-    fresh: Jets  # errors of the readings that are new
-    reading: Jets  # relative to no navigator
+    fresh: Jets = ()  # errors of the readings that are new
+    reading: Jets = ()  # relative to no navigator
 
-    def next(self, now: Moment) -> "Stale":
-        fresh, own = fresh_errors(now.lane, self.fresh, now.time), now.own
-        sensor = now.lane.sensor
+    def next(self, now):
+        fresh, own, sensor = fresh_errors(now.lane, self.fresh, now.time), now.own, now.lane.sensor
         stays = xla.materialised(lambda: sensor.stays(now.time, own[0].shape[1]))[None]
         each = zip(self.reading, own, fresh, strict=False)
         held = [jnp.where(stays, old - jet, new) for old, jet, new in each]
@@ -89,5 +72,5 @@ def first_sensed(lane: Lane) -> Sensed:
     zero, order = jnp.zeros_like(lane.initial[:2]), len(lane.gain)
     noise = (zero,) * max(3, order)
     if lane.sensor.stays(jnp.zeros_like(lane.attack_scale), zero.shape[1]) is None:
-        return Erring(noise)
+        return Sensed(noise)
     return Stale(noise, noise, (zero,) * order)

@@ -27,11 +27,6 @@ from jaxnet.model.plane import Jets, length
 BRAKING = 1e3
 
 
-def possible(lane: Lane) -> bool:
-    """Whether coasting vehicles can come to rest where the law is singular."""
-    return lane.singular and lane.vehicle.singular == 1 and not lane.vehicle.internal
-
-
 def rest_within_tick(
     lane: Lane, jets: Jets, among: VehicleFlags, interval: Float[Array, ""]
 ) -> tuple[VehicleFlags, States]:
@@ -63,9 +58,8 @@ def rest_within_tick(
 
     still, end = run_if((span > 0).any(), search, (jnp.zeros_like(near), each))
     place, velocity, acceleration = (jet.reshape(2, *shape) for jet in end[:3])
-    brakes = length(acceleration) > BRAKING * length(
-        velocity
-    )  # rounding bends a velocity of 1e-9 m/s
+    # Rounding bends a velocity of 1e-9 m/s.
+    brakes = length(acceleration) > BRAKING * length(velocity)
     course = jnp.where(brakes[None], -acceleration, velocity)
     states = lane.vehicle.start(place, angle(course[0], course[1]), jnp.zeros(shape))
     return still.reshape(shape) & among, states
