@@ -61,23 +61,19 @@ def film_of(
 ) -> Film:
     """Extract a film of at most MOST_FRAMES_PER_FILM frames; `ahead` holds the headings [°]."""
     times = lane.sizes["time"]
-    frames = np.unique(
-        np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM)).round().astype(int)
-    )
+    shown = np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM))
+    frames = np.unique(shown.round().astype(int))
     vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
     attack, vehicles_attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
-    false, liars = (
-        falsified_links(cell, graph, vehicles_attacked),
-        np.array(vehicles_attacked, int) - 1,
-    )
+    false = falsified_links(cell, graph, vehicles_attacked)
+    liars = np.array(vehicles_attacked, int) - 1
     listeners, slots = graph.edges()
     sources, lied = graph.sources[listeners, slots], false[listeners, slots]
     signal = lane["attack"].values[frames][:, liars]
     from_navigator = bool(lied[sources == 0].any())
-    about_navigator = from_navigator or attack.replaces()
-    truth = (
-        np.repeat(navigator[:, None], len(liars), axis=1) if about_navigator else vehicles[:, liars]
-    )
+    truth = vehicles[:, liars]
+    if from_navigator or attack.replaces():
+        truth = np.repeat(navigator[:, None], len(liars), axis=1)
     kept = np.ones((len(frames), len(sources)), bool)
     if cell.scenario.defence.decides:
         kept = hearing.by_link(graph, lane["kept"].values[frames] > 0, lane["source"].values)
@@ -120,9 +116,8 @@ def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, Callable[[
     links = [LineCollection([], zorder=1, **look) for look in FILM_LINK_STYLES.values()]
     for each in links:
         plane.add_collection(each)
-    false_links = LineCollection(
-        [], color=style.RED, linewidth=0.6, linestyle=(0, (1, 1)), zorder=2
-    )
+    lies = {"color": style.RED, "linewidth": 0.6, "linestyle": (0, (1, 1)), "zorder": 2}
+    false_links = LineCollection([], **lies)
     plane.add_collection(false_links)
     (false,) = plane.plot([], [], "x", color=style.RED, markersize=5, zorder=4)
     (navigator,) = plane.plot([], [], "s", color="0.15", markersize=6, zorder=5)
@@ -132,8 +127,10 @@ def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, Callable[[
     vehicles = plane.scatter(
         *film.places[0, 1:].T, s=26, c="white", edgecolors=edges, linewidths=1.2, zorder=3
     )
-    frame_plane(plane, film)
-    reach = plane.get_xlim()[1]
+    everything = np.concatenate([film.places, film.told], axis=1)
+    reach = float(np.ceil(1.08 * np.nanmax(np.abs(everything), initial=1.0)))
+    plane.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
+    plane.set_aspect("equal")
     arrows = plane.quiver(
         *film.places[0, 1:].T,
         *(ARROW_LENGTH * reach * heading_vectors(film, 0)),
@@ -170,24 +167,11 @@ def heading_vectors(film: Film, frame: int) -> Float[np.ndarray, "2 m"]:
     return np.stack([np.cos(film.heading[frame]), np.sin(film.heading[frame])])
 
 
-def frame_plane(plane: Axes, film: Film) -> None:
-    """Set axes around all finite positions of the film, true and falsified."""
-    everything = np.concatenate([film.places, film.told], axis=1)
-    reach = float(np.ceil(1.08 * np.nanmax(np.abs(everything), initial=1.0)))
-    plane.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
-    plane.set_aspect("equal")
-
-
 def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
     """Draw each vehicle's error over time; return the line that marks the current time."""
-    for number, errors in enumerate(film.errors.T):
-        attacked = number + 1 in film.liars
-        panel.plot(
-            film.time,
-            np.maximum(LOG_FLOOR, errors),
-            color=style.RED if attacked else "0.55",
-            linewidth=0.7,
-        )
+    for number, errors in enumerate(np.maximum(LOG_FLOOR, film.errors.T), start=1):
+        colour = style.RED if number in film.liars else "0.55"
+        panel.plot(film.time, errors, color=colour, linewidth=0.7)
     distance = r"$\|y_i - \bar{y}\|$ [m]" if film.leaderless else r"$\|y_i - y_0\|$ [m]"
     panel.set(yscale="log", xlabel="t [s]", ylabel=distance, xlim=film.time[[0, -1]])
     multiples.log_ticks(panel.yaxis)
@@ -232,9 +216,8 @@ def find_ffmpeg() -> str | None:
 def film_format(out: str | None) -> str:
     kind = Path(out).suffix.lower() if out else ".mp4" if find_ffmpeg() else ".gif"
     if kind not in FILM_FORMATS:
-        raise FolderError(
-            f"out: a film is a file that ends in {' or '.join(FILM_FORMATS)} (got {out})"
-        )
+        allowed = " or ".join(FILM_FORMATS)
+        raise FolderError(f"out: a film is a file that ends in {allowed} (got {out})")
     if kind == ".mp4" and not find_ffmpeg():
         told = f"out: {out} needs ffmpeg, and none is found: install it, or pip install"
         raise FolderError(f"{told} 'jaxnet-sim[video]', or ask for a .gif")
@@ -243,10 +226,8 @@ def film_format(out: str | None) -> str:
 
 def save_film(folder: Folder, name: str, film: Film, cell: Cell, sample: int, told: Steps) -> UPath:
     ffmpeg = find_ffmpeg()
-    style_of_film: dict[Any, Any] = style.PRINT_STYLE | (
-        {"animation.ffmpeg_path": ffmpeg} if ffmpeg else {}
-    )
-    with mpl.rc_context(style_of_film), tempfile.TemporaryDirectory() as scratch:
+    looks: dict[Any, Any] = {"animation.ffmpeg_path": ffmpeg} if ffmpeg else {}
+    with mpl.rc_context(style.PRINT_STYLE | looks), tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch) / name
         drawn, show = film_figure(film, cell, sample)
         drawn.canvas.draw()

@@ -43,7 +43,6 @@ KEYS = {
     "save": {"errors": True, "vehicles": True, "trajectories": "all"},
 }
 NOT_HERE = {"heat", "heat_worst", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
-EDGES = {"kind": "edges"}
 PAGE = (Path(__file__).parents[1] / "docs" / "api.md").read_text()
 PUBLIC = re.findall(r"^::: (\S+)$", PAGE, re.M)
 
@@ -122,15 +121,9 @@ def test_loading_imports_nothing_that_simulates_or_reads():
 
 def test_a_mapping_is_read_like_a_file(tmp_path):
     """The same keys, the same cells; a sweep keeps its order."""
-    keys = {
-        "name": "one",
-        "samples": 2,
-        "sweep": {"topology": ["path", "star"], "attack.magnitude": [1, 2]},
-    }
+    keys = {"name": "one", "sweep": {"topology": ["path", "star"], "attack.magnitude": [1, 2]}}
     file = tmp_path / "one.yaml"
-    file.write_text(
-        "name: one\nsamples: 2\nsweep:\n  topology: [path, star]\n  attack.magnitude: [1, 2]\n"
-    )
+    file.write_text("name: one\nsweep: {topology: [path, star], attack.magnitude: [1, 2]}\n")
     assert jaxnet.load(keys, {"seed": 3}) == jaxnet.load(file, ["seed=3"])
     assert jaxnet.load(str(file)) == jaxnet.load(UPath(file)) == jaxnet.load(keys)
     study = jaxnet.load({})
@@ -139,40 +132,25 @@ def test_a_mapping_is_read_like_a_file(tmp_path):
     assert jaxnet.load(study, {"seed": 3}) == jaxnet.load({"seed": 3}) != study
 
 
+EDGES = {"attack": "none", "vehicles": 2, "topology": {"kind": "edges"}}
+
+
+def with_edges(edges):
+    return EDGES | {"topology": {"kind": "edges", "edges": edges}}
+
+
 @pytest.mark.parametrize(
     ("given", "plain"),
     [
         ({"seed": np.int64(3)}, {"seed": 3}),
-        ({"horizon": np.float64(10)}, {"horizon": 10.0}),
         ({"save": {"errors": np.bool_(True)}}, {"save": {"errors": True}}),
         ({"gain": np.array([1.0, 4.0, 3.0])}, {"gain": [1.0, 4.0, 3.0]}),
-        (
-            {"attack": {"vehicles": pd.Series([3, 5], index=[7, 8])}},
-            {"attack": {"vehicles": [3, 5]}},
-        ),
-        (
-            {"sweep": {"topology": pd.Index(["path", "star"])}},
-            {"sweep": {"topology": ["path", "star"]}},
-        ),
+        ({"attack": {"vehicles": pd.Series([3, 5])}}, {"attack": {"vehicles": [3, 5]}}),
         ({"sweep": {"attack.magnitude": np.arange(3)}}, {"sweep": {"attack.magnitude": [0, 1, 2]}}),
         ({"defence": {"theta": {np.int64(2): np.int8(1)}}}, {"defence": {"theta": {2: 1}}}),
-        (
-            {
-                "attack": "none",
-                "vehicles": 2,
-                "topology": EDGES | {"edges": ((1, 0, 1), (2, 1, np.float32(0.5)))},
-            },
-            {
-                "attack": "none",
-                "vehicles": 2,
-                "topology": EDGES | {"edges": [[1, 0, 1], [2, 1, 0.5]]},
-            },
-        ),
+        (with_edges(((1, 0, 1), (2, 1, np.float32(0.5)))), with_edges([[1, 0, 1], [2, 1, 0.5]])),
         ({"name": UPath("mine")}, {"name": "mine"}),
-        (
-            {"topology": {"kind": "star", "label": np.str_("1e3")}},
-            {"topology": {"kind": "star", "label": "1e3"}},
-        ),
+        ({"topology": {"label": np.str_("1e3")}}, {"topology": {"label": "1e3"}}),
     ],
 )
 def test_numpy_pandas_tuples_and_paths_are_plain_values(given, plain):
@@ -221,10 +199,7 @@ def test_what_is_wrong_with_a_kind_in_python_is_said():
 
 def test_a_study_is_shown_in_few_words():
     """In a line, and in a notebook as a table in which a label is text."""
-    topologies = [
-        {"kind": "star", "label": "<b>"},
-        *({"kind": "path", "label": f"p{n}"} for n in range(99)),
-    ]
+    topologies = [{"label": "<b>"}, *({"label": f"p{n}"} for n in range(99))]
     study = jaxnet.load({"name": "n" * 100, "samples": 7, "sweep": {"topology": topologies}})
     assert repr(study) == f"Study('{'n' * 100}', cells=100, lanes=700)"
     html = study._repr_html_()

@@ -86,21 +86,21 @@ class Channel(Record):
     loss: Annotated[Loss, KindOf("loss")] = Field(NoLoss(), description="which messages are lost")
     missing: Literal["drop", "hold", "extrapolate"] = Field(
         "drop",
-        description="what stands in for a lost word: drop, nothing, the other weights grow; hold,"
+        description="what replaces a lost message: drop, nothing, the other weights grow; hold,"
         " the drive heard last; extrapolate, the motion heard last, continued",
     )
     noise: Annotated[ChannelNoise, KindOf("noise", "gaussian")] = Field(
-        GaussianNoise(), description="errors of the words that arrive"
+        GaussianNoise(), description="errors of the messages that arrive"
     )
     quantisation: NotNegativeByOrder = Field(
         0.0,
-        description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for"
+        description="[m, m/s, …], step to which each jet in a message is rounded at a tick, one for"
         " all orders or a list, one for each order; 0: none",
     )
     delay: NotNegative = Field(
         0.0,
-        description="[s] by which words are late, a multiple of tick; what is drawn is rounded to"
-        " ticks",
+        description="[s] by which messages are delayed, a multiple of tick; what is drawn is"
+        " rounded to ticks",
     )
     delay_of: Literal["link", "message"] = Field(
         "link",
@@ -109,7 +109,7 @@ class Channel(Record):
     )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
         "none",
-        description="what a listener makes of a late word: none, it takes the word as it is; jets,"
+        description="what a listener makes of a delayed message: none, it takes it as it is; jets,"
         " it continues the derivatives below the order; jerk, also the highest one",
     )
 
@@ -293,7 +293,7 @@ class Scenario(Record):
     )
     channel: Channel = Field(Channel(), description="what happens to messages on their way")
     detector: Annotated[Detector, KindOf("detector")] = Field(
-        NoDetector(), description="which words raise an alarm; an alarm does nothing"
+        NoDetector(), description="which messages raise an alarm; an alarm does nothing"
     )
     engine: Annotated[Engine, KindOf("engine")] = Field(
         Nonlinear(), description="how lanes are advanced"

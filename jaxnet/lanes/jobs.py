@@ -279,10 +279,9 @@ def delay_of(
 def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
     """The states at t = 0: (n, m, samples)."""
     given = scenario.initial
-    position = draw.positions(given.position, "initial.position")
-    heading, speed = (
-        draw.each(getattr(given, name), f"initial.{name}")[..., 0] for name in ("heading", "speed")
-    )
+    position = draw.each(given.position, "initial.position", components=2)
+    names = "heading", "speed"
+    heading, speed = (draw.each(getattr(given, n), f"initial.{n}")[..., 0] for n in names)
     return np.asarray(vehicle.start(position.transpose(2, 1, 0), heading.T, speed.T))
 
 
