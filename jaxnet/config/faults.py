@@ -28,8 +28,16 @@ MOST_LATE = 200  # ticks by which messages may be delayed
 # Of the law's fastest time constant in a tick over which a message is a power series: terms of
 # degree 8 and above are left out, under 1e-6 m where the fleet is tens of metres off.
 MOST_RATE = 0.2
-COLUMNS = ("cell", "sample", "status", "steps", "switches", "unheard", "stopped")  # of all rows
-COLUMNS += ("cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share")
+TAKEN_COLUMNS = (
+    "cell",
+    "sample",
+    "status",
+    "steps",
+    "switches",
+    "unheard",
+    "stopped",
+)  # of all rows
+TAKEN_COLUMNS += ("cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share")
 GIVE_RECOVERY = "needs to know what has recovered: give recovery: {tau: 0.01}"
 LEAST_CHOICES = 100  # choices that a search tries at least
 
@@ -94,7 +102,7 @@ def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]
 def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     """Yield faults of columns that share a name, of odd names, of shares that nobody counts."""
     own = [metric.name for metric in study.measured()]
-    names = [*COLUMNS, *study.sweep, *own]
+    names = [*TAKEN_COLUMNS, *study.sweep, *own]
     odd = sorted({name for name in own if names.count(name) > 1})
     if odd := [*odd, *(name for name in own if not name.isidentifier())]:
         told = f"a metric's name must be a column's own (got {', '.join(odd)})"
