@@ -48,13 +48,16 @@ class Draw:
                 return np.broadcast_to(self.one(number, name)[:, None, None], shape)
             case fields.EachPosition(root=pairs):
                 numbers = [pairs[vehicle - 1][component] for vehicle, component in places]
-            case fields.Listed(root=rows) | fields.Table(root=rows):
+            case fields.Listed(root=listed):
+                given = dict(zip(self.listed, listed, strict=True))
+                numbers = [given.get(vehicle, listed[0]) for vehicle, _ in places]
+            case fields.Table(root=rows):
                 given = dict(zip(self.listed, rows, strict=True))
-                own = [(given.get(vehicle, rows[0]), component) for vehicle, component in places]
-                numbers = [row[each] if isinstance(row, list) else row for row, each in own]
+                numbers = [given.get(vehicle, rows[0])[component] for vehicle, component in places]
+            case fields.Apiece():
+                numbers = [number.each] * len(places)
             case _:
-                one = number.each if isinstance(number, fields.Apiece) else number
-                numbers = [one] * len(places)
+                numbers = [number] * len(places)
         return self.placed(numbers, name, places).reshape(shape)
 
     def several(self, numbers: Sequence[Any], name: str) -> Any:

@@ -55,9 +55,9 @@ def prove(
         told = f"(4, lanes = {count}) (got {sizes.shape})"
         raise KindError(f"{name}.sizes must have the shape {told}")
     if vectors is not None:
-        shape, wanted = vectors.shape, (2, "vehicles", first.shape[1], count)
-        if len(shape) != 4 or shape[::2] != wanted[::2] or shape[3] not in (1, count):
-            told = f"(2, vehicles, B = {wanted[2]}, lanes = {count})"
+        shape, functions = vectors.shape, first.shape[1]
+        if len(shape) != 4 or shape[::2] != (2, functions) or shape[3] not in (1, count):
+            told = f"(2, vehicles, B = {functions}, lanes = {count})"
             raise KindError(f"{name}.vectors must have the shape {told} (got {shape})")
         norm = np.linalg.norm(vectors.transpose(1, 3, 0, 2), 2, axis=(2, 3)).max()
         if not norm <= 1 + PROOF_ROUNDING:

@@ -152,11 +152,16 @@ class Given(NamedTuple):
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
         lanes = np.asarray(samples)
         columns = [self.columns.get(Place(name, *place)) for place in places]
-        rest = [place for place, column in zip(places, columns, strict=True) if column is None]
-        theirs, where = np.unique(self.samples[lanes], return_inverse=True)
-        drawn = iter(self.source.uniforms(name, theirs.tolist(), rest)[where].T if rest else ())
-        found = [next(drawn) if each is None else self.given[lanes, each] for each in columns]
-        return np.stack(found, axis=1)
+        found = np.empty((len(lanes), len(places)))
+        rest = [number for number, column in enumerate(columns) if column is None]
+        if rest:
+            theirs, where = np.unique(self.samples[lanes], return_inverse=True)
+            drawn = self.source.uniforms(name, theirs.tolist(), [places[number] for number in rest])
+            found[:, rest] = drawn[where]
+        for number, column in enumerate(columns):
+            if column is not None:
+                found[:, number] = self.given[lanes, column]
+        return found
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
         return self.source.generator(name, int(self.samples[sample]))
