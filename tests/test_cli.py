@@ -320,14 +320,3 @@ def test_results_are_exported(swept):
     assert jaxnet_does("export", swept, "--mat", swept / "other.mat").exit_code == 0
     assert (swept / "other.mat").exists()
     assert jaxnet_does("export", swept).exit_code == 2
-
-
-@pytest.mark.long
-def test_a_film_is_made_by_a_command(finished):
-    """Into figures, told where."""
-    out, _ = finished
-    done = jaxnet_does("animate", out, "--cell", 0, "--sample", 1, "--out", out / "film.gif")
-    assert done.exit_code == 0, done.stderr
-    assert f"wrote {out / 'film.gif'}" in done.stderr
-    assert jaxnet_does("animate", out, "--cell", 9, "--sample", 1).exit_code == 2
-    assert jaxnet_does("animate", out, "--cell", 0, "--sample", 1, "--out", "x.avi").exit_code == 2

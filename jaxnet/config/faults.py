@@ -46,7 +46,7 @@ LEAST_CHOICES = 100  # choices that a search tries at least
 
 
 def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    save, samples, until = study.save, study.samples, isinstance(study.samples, Sequential)
+    save, samples = study.save, study.samples
     if isinstance(save.trajectories, Samples):
         keys = ("save.trajectories.samples", "samples")
         chosen = save.trajectories.samples
@@ -54,10 +54,17 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
             yield Fault(keys, "asks for a fixed number of samples; {worst: K} does not")
         elif beyond := [sample for sample in chosen if sample >= samples]:
             yield Fault(keys, f"samples are 0 to {samples - 1} (got {beyond[0]})")
-    if until and study.recovery is None:
+    if isinstance(samples, Sequential) and study.recovery is None:
         yield Fault(("samples.until", "samples"), GIVE_RECOVERY)
     if study.draws == "sobol":
-        yield from sobol_faults(study)
+        number, got = (0, "until: …") if isinstance(samples, Sequential) else (samples, samples)
+        each, rest = divmod(number, RANDOMISATIONS)
+        if each == 0 or rest or each & (each - 1):
+            told = f"must be {RANDOMISATIONS} times a power of two where draws is sobol:"
+            yield Fault(("samples", "draws"), f"{told} {RANDOMISATIONS}, 32, 64, … (got {got})")
+        if study.recovery is not None:
+            told = "has an interval of independent lanes: give draws: random, or no recovery"
+            yield Fault(("recovery", "draws"), told)
     if study.recovery is not None:
         yield from recovery_faults(study, cells)
     if study.search is not None:
@@ -67,18 +74,6 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         told = "stores arrays of one size: all networks need as many vehicles"
         yield Fault(("save", "sweep.topology"), told)
     yield from metric_faults(study, cells)
-
-
-def sobol_faults(study: Config) -> Iterator[Fault]:
-    samples = study.samples
-    got = "until: …" if isinstance(samples, Sequential) else shorten_value(samples)
-    each, rest = divmod(0 if isinstance(samples, Sequential) else samples, RANDOMISATIONS)
-    if each == 0 or rest or each & (each - 1):
-        told = f"must be {RANDOMISATIONS} times a power of two where draws is sobol:"
-        yield Fault(("samples", "draws"), f"{told} {RANDOMISATIONS}, 32, 64, … (got {got})")
-    if study.recovery is not None:
-        told = "has an interval of independent lanes: give draws: random, or no recovery"
-        yield Fault(("recovery", "draws"), told)
 
 
 def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
@@ -178,10 +173,10 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
         told = f"must be {scenario.vehicles} places, one for each vehicle"
         got = len(position.root)
         yield Fault(("initial.position", "vehicles"), f"{told} (got {got})")
-    for key in KINDS:
-        yield from kind_faults(key, getattr(scenario, key), scenario)
-    yield from kind_faults("channel.loss", scenario.channel.loss, scenario)
-    yield from kind_faults("channel.noise", scenario.channel.noise, scenario)
+    kinds = {key: getattr(scenario, key) for key in KINDS}
+    kinds |= {f"channel.{key}": getattr(scenario.channel, key) for key in ("loss", "noise")}
+    for key, kind in kinds.items():
+        yield from kind_faults(key, kind, scenario)
     yield from message_faults(scenario)
     if scenario.channel.late:
         yield from delay_faults(scenario)
