@@ -43,7 +43,6 @@ KEYS = {
     "save": {"errors": True, "vehicles": True, "trajectories": "all"},
 }
 NOT_HERE = {"heat", "heat_worst", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
-EDGES = {"kind": "edges"}
 PAGE = (Path(__file__).parents[1] / "docs" / "api.md").read_text()
 PUBLIC = re.findall(r"^::: (\S+)$", PAGE, re.M)
 
@@ -122,15 +121,9 @@ def test_loading_imports_nothing_that_simulates_or_reads():
 
 def test_a_mapping_is_read_like_a_file(tmp_path):
     """The same keys, the same cells; a sweep keeps its order."""
-    keys = {
-        "name": "one",
-        "samples": 2,
-        "sweep": {"topology": ["path", "star"], "attack.magnitude": [1, 2]},
-    }
+    keys = {"name": "one", "sweep": {"topology": ["path", "star"], "attack.magnitude": [1, 2]}}
     file = tmp_path / "one.yaml"
-    file.write_text(
-        "name: one\nsamples: 2\nsweep:\n  topology: [path, star]\n  attack.magnitude: [1, 2]\n"
-    )
+    file.write_text("name: one\nsweep: {topology: [path, star], attack.magnitude: [1, 2]}\n")
     assert jaxnet.load(keys, {"seed": 3}) == jaxnet.load(file, ["seed=3"])
     assert jaxnet.load(str(file)) == jaxnet.load(UPath(file)) == jaxnet.load(keys)
     study = jaxnet.load({})
@@ -139,40 +132,25 @@ def test_a_mapping_is_read_like_a_file(tmp_path):
     assert jaxnet.load(study, {"seed": 3}) == jaxnet.load({"seed": 3}) != study
 
 
+EDGES = {"attack": "none", "vehicles": 2, "topology": {"kind": "edges"}}
+
+
+def with_edges(edges):
+    return EDGES | {"topology": {"kind": "edges", "edges": edges}}
+
+
 @pytest.mark.parametrize(
     ("given", "plain"),
     [
         ({"seed": np.int64(3)}, {"seed": 3}),
-        ({"horizon": np.float64(10)}, {"horizon": 10.0}),
         ({"save": {"errors": np.bool_(True)}}, {"save": {"errors": True}}),
         ({"gain": np.array([1.0, 4.0, 3.0])}, {"gain": [1.0, 4.0, 3.0]}),
-        (
-            {"attack": {"vehicles": pd.Series([3, 5], index=[7, 8])}},
-            {"attack": {"vehicles": [3, 5]}},
-        ),
-        (
-            {"sweep": {"topology": pd.Index(["path", "star"])}},
-            {"sweep": {"topology": ["path", "star"]}},
-        ),
+        ({"attack": {"vehicles": pd.Series([3, 5])}}, {"attack": {"vehicles": [3, 5]}}),
         ({"sweep": {"attack.magnitude": np.arange(3)}}, {"sweep": {"attack.magnitude": [0, 1, 2]}}),
         ({"defence": {"theta": {np.int64(2): np.int8(1)}}}, {"defence": {"theta": {2: 1}}}),
-        (
-            {
-                "attack": "none",
-                "vehicles": 2,
-                "topology": EDGES | {"edges": ((1, 0, 1), (2, 1, np.float32(0.5)))},
-            },
-            {
-                "attack": "none",
-                "vehicles": 2,
-                "topology": EDGES | {"edges": [[1, 0, 1], [2, 1, 0.5]]},
-            },
-        ),
+        (with_edges(((1, 0, 1), (2, 1, np.float32(0.5)))), with_edges([[1, 0, 1], [2, 1, 0.5]])),
         ({"name": UPath("mine")}, {"name": "mine"}),
-        (
-            {"topology": {"kind": "star", "label": np.str_("1e3")}},
-            {"topology": {"kind": "star", "label": "1e3"}},
-        ),
+        ({"topology": {"label": np.str_("1e3")}}, {"topology": {"label": "1e3"}}),
     ],
 )
 def test_numpy_pandas_tuples_and_paths_are_plain_values(given, plain):
@@ -221,10 +199,7 @@ def test_what_is_wrong_with_a_kind_in_python_is_said():
 
 def test_a_study_is_shown_in_few_words():
     """In a line, and in a notebook as a table in which a label is text."""
-    topologies = [
-        {"kind": "star", "label": "<b>"},
-        *({"kind": "path", "label": f"p{n}"} for n in range(99)),
-    ]
+    topologies = [{"label": "<b>"}, *({"label": f"p{n}"} for n in range(99))]
     study = jaxnet.load({"name": "n" * 100, "samples": 7, "sweep": {"topology": topologies}})
     assert repr(study) == f"Study('{'n' * 100}', cells=100, lanes=700)"
     html = study._repr_html_()
@@ -270,19 +245,12 @@ def test_memory_is_freed_with_the_results_and_not_before():
     assert [len(lanes) for _, lanes in jaxnet.simulate(KEYS).by_cell("sample")] == [2, 2]
     assert held() == before
 
-
-@pytest.mark.long
-def test_a_run_that_fails_leaves_nothing_in_memory():
-    """Here it is the caller's function that fails."""
-
     def failing(*_: int) -> None:
         raise RuntimeError("mine")
 
-    before = len(MemoryFileSystem.store)
     with pytest.raises(RuntimeError, match="mine"):
         jaxnet.simulate(KEYS, progress=failing)
-    gc.collect()
-    assert len(MemoryFileSystem.store) == before
+    assert held() == before
 
 
 @pytest.mark.long
@@ -322,9 +290,8 @@ def test_a_lane_is_replayed_by_the_numbers_that_a_table_holds(results):
     )
     saved = results.trajectories["states"].sel(cell=worst["cell"], sample=worst["sample"])
     np.testing.assert_array_equal(again.trajectory["states"][0], saved)
-    assert [number for number, _ in results.by_cell("sample", cells=pd.Series([1], index=[9]))] == [
-        1
-    ]
+    chosen = results.by_cell("sample", cells=pd.Series([1], index=[9]))
+    assert [number for number, _ in chosen] == [1]
 
 
 @pytest.mark.parametrize(
@@ -344,12 +311,8 @@ def test_a_lane_that_is_none_is_refused(results, cell, sample, said):
 def test_results_are_fitted_and_reported(results, monkeypatch):
     """Into the tables, bounds and figures that the commands write."""
     monkeypatch.setattr(fits, "RESAMPLES", 2)  # the intervals are tested elsewhere
-    monkeypatch.setattr(
-        watched, "replay_watched", lambda *_: iter(())
-    )  # and so are the lanes shown
-    with pytest.raises(
-        FolderError, match=r"^the study in memory has no bounds.csv: Results.fit\(\) makes"
-    ):
+    monkeypatch.setattr(watched, "replay_watched", lambda *_: iter(()))  # so are the lanes shown
+    with pytest.raises(FolderError, match=r"study in memory has no bounds\.csv: Results\.fit"):
         _ = results.bounds
     table = results.fit()
     assert {"model", "estimate"} <= set(table)
@@ -364,11 +327,10 @@ def test_results_are_fitted_and_reported(results, monkeypatch):
 def test_run_and_search_take_the_same_arguments():
     """By name, order and default."""
     run, search = (
-        inspect.signature(each).parameters.values() for each in (jaxnet.run, jaxnet.search)
+        [(each.name, each.default) for each in inspect.signature(one).parameters.values()]
+        for one in (jaxnet.run, jaxnet.search)
     )
-    assert [(each.name, each.default) for each in run] == [
-        (each.name, each.default) for each in search
-    ]
+    assert run == search
     options = [[each.name for each in main.commands[name].params] for name in ("run", "search")]
     assert [name for name in options[0] if name not in ("strict", "shard")] == options[1]
 
@@ -379,9 +341,8 @@ def test_fits_and_replays_are_written_where_they_are_asked_for(tmp_path, monkeyp
     results = jaxnet.run(KEYS, tmp_path / "results", progress=False)
     before = sorted(results.path.rglob("*"))
     table, lane = results.fit(tmp_path / "out"), results.replay(1, 0, out=tmp_path / "out")
-    pd.testing.assert_frame_equal(
-        table, pd.read_csv(tmp_path / "out" / "fit.csv")[table.columns.tolist()]
-    )
+    written = pd.read_csv(tmp_path / "out" / "fit.csv")
+    pd.testing.assert_frame_equal(table, written[table.columns.tolist()])
     assert lane.path == tmp_path / "out" / "replays" / "cell-1-sample-0.zarr"
     assert (lane.path / "zarr.json").exists()
     assert sorted(results.path.rglob("*")) == before
@@ -392,9 +353,8 @@ def test_results_in_memory_are_reported_and_filmed_in_a_folder(tmp_path, monkeyp
     """Nothing that a user reads names a place in memory, and nothing is added there."""
     monkeypatch.setattr(fits, "RESAMPLES", 2)
     drawn = every.draw_figures  # the other figures are alike
-    monkeypatch.setattr(
-        every, "draw_figures", lambda results, told=None: drawn(results, ("tails",))
-    )
+    tails = lambda results, told=None: drawn(results, ("tails",))  # noqa: E731
+    monkeypatch.setattr(every, "draw_figures", tails)
     results = jaxnet.simulate(KEYS | {"save": {"trajectories": "none"}}, progress=False)
     before = len(MemoryFileSystem.store)
     page = results.report(tmp_path / "report")

@@ -116,21 +116,12 @@ def test_bad_config_is_refused_at_its_place(bad: Bad, tmp_path: Path):
     assert bad.says in lines[0].removeprefix(found)
 
 
-def absent(path: Path) -> None:
-    """Leave no file there."""
-
-
-def not_utf8(path: Path) -> None:
-    """Write a name in Latin 1."""
-    path.write_bytes("name: früh\n".encode("latin-1"))
-
-
 @pytest.mark.parametrize(
     ("make", "reason"),
     [
-        (absent, "No such file or directory"),
+        (lambda path: None, "No such file or directory"),
         (Path.mkdir, "Is a directory"),
-        (not_utf8, "not UTF-8 text"),
+        (lambda path: path.write_bytes("name: früh\n".encode("latin-1")), "not UTF-8 text"),
     ],
 )
 def test_what_cannot_be_read_is_named(make, reason: str, tmp_path: Path):
@@ -138,29 +129,6 @@ def test_what_cannot_be_read_is_named(make, reason: str, tmp_path: Path):
     make(path)
     lines = refusal(click.testing.CliRunner().invoke(main, ["check", str(path)]))
     assert lines == [f"{path}: cannot be read: {reason}"]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "horizon: 1e300\noutput_step: 1e-300",
-        "tick: 1e-320",
-        "horizon: " + "9" * 400,
-        "horizon: " + "9" * 5000,
-        "gain: " + "[" * 3000 + "]" * 3000,
-        "vehicles: 99999999999999999999\nattack: none",
-        "defence: {theta: 99999999999999999999}",
-        "save: {trajectories: {samples: [99999999999999999999]}}",
-        "sweep: {attack.magnitude: {linspace: [-1e308, 1e308, 3]}}",
-        "navigator: {amplitude: [1e200, 1e200], frequency: [1e100, 1e100]}",
-        "topology: {kind: edges, edges: [[1, 0, 1e308], [1, 2, 1e308]]}",
-    ],
-    ids=lambda text: text[:40],
-)
-def test_extremes_end_without_a_traceback(text: str, tmp_path: Path):
-    result = check(tmp_path / "bad.yaml", f"name: bad\n{text}\n")
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    assert result.exit_code in (0, 2)
 
 
 @pytest.mark.parametrize("bad", SEVERAL, ids=lambda bad: bad.key)
@@ -343,30 +311,16 @@ def test_yaml_is_read_as_version_1_2(text: str, key: str, value: Any, tmp_path: 
 @pytest.mark.parametrize(
     "text",
     [
-        "horizon: 15\nnavigator:\n"  # it stands still at t = 5π
-        "  {amplitude: [100, 60], frequency: [0.2, 0.3], phase: [1.5707963267948966, 0]}",
         "horizon: 30.00000001",  # 1e-9 relative is let pass
         "horizon: 5\ntail: 5",
-        "tail: 0",
-        "tick: 0",
-        "gain: [8.9, 3, 3]",
+        "tail: 0\ntick: 0",
         "gain: [{uniform: [0.1, 8.9]}, {choice: [3, 4]}, {normal: [3, 0]}]",
         "topology: {navigator_weight: {uniform: [1e-9, 0.999]}}",
-        "vehicles: 1\nattack: none\n"
-        "topology: {kind: edges, edges: [[1, 0, {uniform: [1e-9, 1e9]}]]}",
         "engine: {rtol: {uniform: [1e-9, 0.999]}, atol: {normal: [1e-9, 0]}}",
-        "defence: {tolerance: {uniform: [0, 1]}}",
-        "seed: 9223372036854775807",
-        "attack: {magnitude: 0}",
-        "attack: {magnitude: {uniform: [0, 0]}}",
-        "initial: {speed: {normal: [1, 0]}}",
-        "initial: {speed: {choice: [1]}}",
-        "defence: {trusted: {1: [0, 12]}, theta: {12: 0}}",
+        "defence: {trusted: {1: [0, 12]}, theta: {12: 0}}\nseed: 9223372036854775807",
+        "attack: {magnitude: {uniform: [0, 0]}}\ninitial: {speed: {normal: [1, 0]}}",
         "samples: 4\nsave: {trajectories: {samples: [0, 3]}}",
-        "vehicles: 5\nattack: none\ntopology: figure1",
-        "vehicles: 3\nattack: none",
-        "vehicles: 1\nattack: none\ntopology: star",
-        "sweep: {}",
+        "vehicles: 1\nattack: none\ntopology: star\nsweep: {}",
         "sweep: {topology: [star, path]}\nsave: {errors: true, trajectories: {worst: 1}}",
     ],
 )
@@ -377,8 +331,6 @@ def test_what_only_just_holds_is_accepted(text: str, tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "overrides", "key", "value"),
     [
-        ("", [], "topology.kind", "cyclic"),
-        ("topology: star", [], "topology.kind", "star"),
         ("attack: bias", ["attack.magnitude=7"], "attack.magnitude", 7.0),
         ("attack: bias", ["attack.magnitude=7"], "attack.kind", "bias"),
         ("attack: {kind: bias, magnitude: 7}", ["attack=rotating"], "attack.magnitude", 5.0),
@@ -405,81 +357,45 @@ def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
     assert study.config.save.errors is True
 
 
+MAGNITUDES = "sweep: {attack.magnitude: [0, 5]}"
+FANS = (
+    "vehicles: 2\nattack: none\nsweep:\n  topology:\n"
+    "    - {kind: edges, edges: [[1, 0, 1], [2, 0, 1]], label: fan}\n"
+    "    - {kind: edges, edges: [[1, 0, 1], [2, 1, 1]]}\n    - path"
+)
+
+
 @pytest.mark.parametrize(
-    ("text", "overrides", "labels"),
+    ("text", "override", "labels"),
     [
-        ("", [], ""),
+        ("", "seed=0", ""),
         (
-            "sweep: {topology: [star, cyclic], attack.magnitude: [0, 5]}",
-            [],
-            "topology='star', attack.magnitude=0; topology='star', attack.magnitude=5;"
-            " topology='cyclic', attack.magnitude=0; topology='cyclic', attack.magnitude=5",
+            "sweep: {topology: [star, path], attack.magnitude: [0, 5]}",
+            "seed=0",
+            "star, 0; star, 5; path, 0; path, 5",
         ),
-        (
-            "sweep: {attack: [bias, sinusoid], attack.direction: [1.5]}",
-            [],
-            "attack='bias', attack.direction=1.5; attack='sinusoid', attack.direction=1.5",
-        ),
+        ("sweep: {attack: [bias], attack.direction: [1.5]}", "seed=0", "bias, 1.5"),
         (
             "sweep: {defence: [none, trusted_trim, {theta: 2}]}",
-            [],
-            "defence='none'; defence='trusted_trim(theta=1)'; defence='trusted_trim(theta=2)'",
-        ),
-        (
-            "sweep: {topology: [{navigator_weight: 0.1}, {navigator_weight: 1}]}",
-            [],
-            "topology='cyclic(navigator_weight=0.1)'; topology='cyclic(navigator_weight=1)'",
+            "seed=0",
+            "none; trusted_trim(theta=1); trusted_trim(theta=2)",
         ),
         (
             "sweep: {defence: [{theta: 1, label: weak}, {theta: 2}]}",
-            [],
-            "defence='weak'; defence='trusted_trim(theta=2)'",
+            "seed=0",
+            "weak; trusted_trim(theta=2)",
         ),
-        (
-            "vehicles: 2\nattack: none\nsweep:\n  topology:\n"
-            "    - {kind: edges, edges: [[1, 0, 1], [2, 0, 1]], label: fan}\n"
-            "    - {kind: edges, edges: [[1, 0, 1], [2, 1, 1]], label: line}\n    - path",
-            [],
-            "topology='fan'; topology='line'; topology='path'",
-        ),
-        (
-            "vehicles: 1\nattack: none\n"
-            "sweep: {topology: [star, {kind: edges, edges: [[1, 0, 1]]}]}",
-            [],
-            "topology='star'; topology='edges'",
-        ),
-        (
-            "sweep: {attack.magnitude: {linspace: [0, 1, 3]}}",
-            [],
-            "attack.magnitude=0.0; attack.magnitude=0.5; attack.magnitude=1.0",
-        ),
-        (
-            "sweep: {attack.magnitude: [0, 5]}",
-            ["sweep.attack.magnitude={geomspace: [1, 4, 3]}"],
-            "attack.magnitude=1; attack.magnitude=2; attack.magnitude=4",
-        ),
-        (
-            "sweep: {attack.magnitude: [0, 0.5, {uniform: [0, 1]}]}",
-            [],
-            "attack.magnitude='0'; attack.magnitude='0.5';"
-            " attack.magnitude='{\"uniform\": [0, 1]}'",
-        ),
-        (
-            "sweep: {topology.navigator_weight: [{uniform: [0.1, 0.2]}],"
-            " attack.phase.uniform: [[0, 1]]}",
-            [],
-            "topology.navigator_weight='{\"uniform\": [0.1, 0.2]}', attack.phase.uniform='[0, 1]'",
-        ),
-        (
-            "sweep: {attack.vehicles: [[2], [2, 5]]}",
-            [],
-            "attack.vehicles='[2]'; attack.vehicles='[2, 5]'",
-        ),
+        (FANS, "seed=0", "fan; edges; path"),
+        ("sweep: {attack.magnitude: {linspace: [0, 1, 3]}}", "seed=0", "0.0; 0.5; 1.0"),
+        (MAGNITUDES, "sweep.attack.magnitude={geomspace: [1, 4, 3]}", "1; 2; 4"),
+        (MAGNITUDES, "sweep.attack.magnitude=[0, {uniform: [0, 1]}]", '0; {"uniform": [0, 1]}'),
+        ("sweep: {attack.phase.uniform: [[0, 1]]}", "seed=0", "[0, 1]"),
+        ("sweep: {attack.vehicles: [[2], [2, 5]]}", "seed=0", "[2]; [2, 5]"),
     ],
 )
-def test_cells_and_their_labels(text: str, overrides: list[str], labels: str, tmp_path: Path):
-    study = load(tmp_path, f"name: good\n{text}\n", *overrides)
-    told = [", ".join(f"{key}={each!r}" for key, each in c.labels.items()) for c in study.cells]
+def test_cells_and_their_labels(text: str, override: str, labels: str, tmp_path: Path):
+    study = load(tmp_path, f"name: good\n{text}\n", override)
+    told = [", ".join(map(str, cell.labels.values())) for cell in study.cells]
     assert "; ".join(told) == labels
 
 

@@ -20,14 +20,9 @@ from click.testing import CliRunner
 import jaxnet
 from jaxnet.cli import errors, main
 from jaxnet.store.folder import Folder
-from jaxnet.view import figures
 
 SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "engine": "exact"}
 SMALL |= {"attack": "none", "defence": "none"}
-COMMANDS = [
-    *("init", "check", "run", "schema", "list", "show", "fit", "report", "figure"),
-    *("replay", "animate", "compare", "export"),
-]
 
 
 @pytest.fixture(scope="module")
@@ -50,36 +45,23 @@ def jaxnet_does(*words):
     return CliRunner().invoke(main, [str(word) for word in words])
 
 
+LIMITED = "out of memory: ulimit -v allows"
+LONG = pytest.mark.long
+
+
 @pytest.mark.parametrize(
-    ("before", "command", "after", "says"),
+    ("command", "says"),
     [
-        ("", "check", ">&-", "standard output is closed"),
-        ("", "check", "> /dev/full", "cannot write standard output: No space left on device"),
-        (
-            "ulimit -v 400000;",
-            "check",
-            "",
-            "out of memory: ulimit -v allows 0.41 GB of addresses, 0.7 GB are needed",
-        ),
-        pytest.param(
-            "ulimit -v 2000000;",
-            "run",
-            "",
-            "out of memory: ulimit -v allows 2 GB of addresses, 3.2 GB are needed",
-            marks=pytest.mark.long,
-        ),
-        pytest.param(
-            "JAX_PLATFORMS=nonsense",
-            "run",
-            "",
-            "JAX: Unable to initialize backend 'nonsense'",
-            marks=pytest.mark.long,
-        ),
+        ("jaxnet check CONFIG >&-", "standard output is closed"),
+        ("jaxnet check CONFIG > /dev/full", "cannot write standard output: No space left"),
+        ("ulimit -v 400000; jaxnet check CONFIG", f"{LIMITED} 0.41 GB of addresses, 0.7 GB are"),
+        pytest.param("ulimit -v 2000000; jaxnet run CONFIG", f"{LIMITED} 2 GB", marks=LONG),
+        pytest.param("JAX_PLATFORMS=no jaxnet run CONFIG", "JAX: Unable to", marks=LONG),
     ],
 )
-def test_a_machine_that_cannot_is_told_in_a_line(config, tmp_path, before, command, after, says):
+def test_a_machine_that_cannot_is_told_in_a_line(config, tmp_path, command, says):
     """With status 2, and nothing else."""
-    line = f"{before} {sys.executable} -m jaxnet {command} {config} {after}"
+    line = command.replace("jaxnet", f"{sys.executable} -m jaxnet").replace("CONFIG", str(config))
     ended = subprocess.run(
         ["sh", "-c", line], capture_output=True, text=True, cwd=tmp_path, check=False
     )
@@ -110,15 +92,6 @@ def test_looking_and_checking_never_import_jax(config):
         f"main(['check', {str(config)!r}], standalone_mode=False); print('jax' in sys.modules)"
     )
     assert subprocess.check_output([sys.executable, "-c", code], text=True).endswith("False\n")
-
-
-def test_help_names_every_command():
-    """And every command has help of its own."""
-    text = jaxnet_does("--help").stdout
-    for command in COMMANDS:
-        assert command in text
-        assert jaxnet_does(command, "--help").exit_code == 0
-    assert jaxnet_does("--version").stdout.strip().endswith(jaxnet.__version__)
 
 
 def test_run_prints_its_table_and_what_it_wrote(finished):
@@ -184,11 +157,6 @@ def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
     assert "wrote" not in again.stderr
     assert again.stderr.splitlines()[-1] == f"next: jaxnet report {out}"
     assert [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())] == stamps
-    Folder(out).write_manifest(finished=False)
-    assert (
-        "wrote"
-        in jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out).stderr
-    )
 
 
 def test_results_are_listed_wherever_they_are_below(finished, config, tmp_path):
@@ -208,9 +176,6 @@ def test_results_are_listed_wherever_they_are_below(finished, config, tmp_path):
         ["-", "-", "-", "-", "unfinished", str(part)],
         ["1", "2", "2", "0", "finished", str(here / "small")],
     ]
-    stamp = time.localtime((here / "small" / "manifest.json").stat().st_mtime)
-    assert lines[3][5:7] == [time.strftime("%Y-%m-%d", stamp), time.strftime("%H:%M", stamp)]
-    assert jaxnet_does("list", here / "small").stdout.splitlines()[1].split() == lines[3]
     assert jaxnet_does("list", tmp_path / "none").stderr == f"no results in {tmp_path / 'none'}\n"
 
 
@@ -236,10 +201,8 @@ def test_one_figure_is_drawn_by_name(finished, tmp_path):
     written = sorted((tmp_path / "copy" / "figures").iterdir())
     assert [path.name for path in written] == ["bands.pdf", "bands.png"]
     assert written[0].read_bytes().startswith(b"%PDF")
-    unknown = jaxnet_does("figure", tmp_path / "copy", "band")
-    assert unknown.exit_code == 2
-    for name in figures.FIGURE_NAMES:
-        assert repr(name) in unknown.stderr
+    assert jaxnet_does("figure", tmp_path / "copy", "band").exit_code == 2
+    assert "tails takes no --x" in jaxnet_does("figure", finished[0], "tails", "--x", "k").stderr
     lacking = jaxnet_does("figure", tmp_path / "copy", "ultimate")
     assert lacking.exit_code == 2
     assert "No two cells differ in ā > 0 alone" in lacking.stderr
@@ -308,11 +271,6 @@ def test_an_error_that_nobody_foresaw_ends_in_a_line(config, tmp_path, monkeypat
     said = f"jaxnet failed: {__file__}:{fail.__code__.co_firstlineno + 1}: RuntimeError: odd"
     assert (done.exit_code, done.stderr) == (70, f"{said}; its traceback is in {written}\n")
     assert "RuntimeError: odd\nand more" in written.read_text()
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
-    done = jaxnet_does("check", config)
-    assert done.exit_code == 70
-    assert done.stderr.startswith(f"{said}; its traceback cannot be written (")
-    assert done.stderr.endswith("RuntimeError: odd\nand more\n\n")
 
 
 def test_init_writes_a_config_that_check_accepts(tmp_path, monkeypatch):
@@ -321,23 +279,14 @@ def test_init_writes_a_config_that_check_accepts(tmp_path, monkeypatch):
     done = jaxnet_does("init", "mine.yaml")
     assert (done.exit_code, done.stderr) == (0, "wrote mine.yaml\nnext: jaxnet check mine.yaml\n")
     assert (tmp_path / "mine.yaml").read_text().startswith("# jaxnet run mine.yaml\n")
-    assert jaxnet_does("check", "mine.yaml").stdout.startswith(
-        "mine: 3 cells × 100 samples = 300 lanes"
-    )
-    rest = {
-        "name": "mine",
-        "samples": 100,
-        "recovery": {},
-        "sweep": {"attack.magnitude": [0.1, 1, 10]},
-    }
-    assert jaxnet.load("mine.yaml").config == jaxnet.load(rest).config
+    assert jaxnet_does("check", "mine.yaml").stdout.startswith("mine: 3 cells × 100 samples")
+    rest = {"samples": 100, "recovery": {}, "sweep": {"attack.magnitude": [0.1, 1, 10]}}
+    assert jaxnet.load("mine.yaml").config == jaxnet.load({"name": "mine", **rest}).config
     again = jaxnet_does("init", "mine.yaml")
     assert (again.exit_code, again.stderr) == (2, "mine.yaml is there already: give another FILE\n")
     wrong = jaxnet_does("init", "my study.yaml")
-    assert (wrong.exit_code, wrong.stderr[:49]) == (
-        2,
-        "my study.yaml:3:1: name: must be a plain file nam",
-    )
+    assert wrong.exit_code == 2
+    assert wrong.stderr.startswith("my study.yaml:3:1: name: must be a plain file name")
     assert not (tmp_path / "my study.yaml").exists()
 
 
@@ -349,10 +298,8 @@ def test_two_results_are_compared(swept, tmp_path):
     assert table["mean [m]"].tolist() == [0] * 4
     names = {path.name for path in (swept.parent / "swept-swept").iterdir()}
     assert names >= {"compare.html", "differences.csv", "changed.csv", "failed.csv"}
-    assert (
-        "they are the same study"
-        in jaxnet_does("compare", swept, swept, "--out", tmp_path / "x").stdout
-    )
+    same = jaxnet_does("compare", swept, swept, "--out", tmp_path / "x")
+    assert "they are the same study" in same.stdout
     assert (tmp_path / "x" / "compare.html").exists()
     assert jaxnet_does("compare", swept, tmp_path).exit_code == 2
 
@@ -373,14 +320,3 @@ def test_results_are_exported(swept):
     assert jaxnet_does("export", swept, "--mat", swept / "other.mat").exit_code == 0
     assert (swept / "other.mat").exists()
     assert jaxnet_does("export", swept).exit_code == 2
-
-
-@pytest.mark.long
-def test_a_film_is_made_by_a_command(finished):
-    """Into figures, told where."""
-    out, _ = finished
-    done = jaxnet_does("animate", out, "--cell", 0, "--sample", 1, "--out", out / "film.gif")
-    assert done.exit_code == 0, done.stderr
-    assert f"wrote {out / 'film.gif'}" in done.stderr
-    assert jaxnet_does("animate", out, "--cell", 9, "--sample", 1).exit_code == 2
-    assert jaxnet_does("animate", out, "--cell", 0, "--sample", 1, "--out", "x.avi").exit_code == 2

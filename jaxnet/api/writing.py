@@ -54,13 +54,9 @@ def write_rare(study: Study, points: int, out: AnyPath | None, told: Steps = no_
 def write_comparison(found: pairs.Comparison, out: AnyPath) -> Iterator[UPath]:
     """Write the tables and the page of a comparison into a folder."""
     folder = Folder(out)
-    pages = {
-        "differences.csv": found.cells,
-        "changed.csv": found.changed,
-        "failed.csv": found.failed,
-    }
-    for name, table in pages.items():
-        yield folder.put(name, functools.partial(write_table, table))
+    tables = {"differences": found.cells, "changed": found.changed, "failed": found.failed}
+    for name, table in tables.items():
+        yield folder.put(f"{name}.csv", functools.partial(write_table, table))
     yield folder.put("compare.html", comparison.comparison_page(found).encode())
 
 
@@ -129,18 +125,15 @@ def write_report(
     stored.
     """
     enable()
-    if results.analyses and not results.has_run:
-        with results.folder.writing():
+    with results.folder.writing():
+        if results.analyses and not results.has_run:
             yield from figures.draw_figures(results, SENSITIVITY, told)
             yield page.write_page(results)
-        return
-    with results.folder.writing():
+            return
         _ = results.cells  # refuses an unfinished run
         results.tell_missing("lanes simulated again, and what is told of networks and bounds, are")
-        if (
-            known_or(False, lambda: fits.has_fixed_magnitude(results))
-            and not results.file("fit.csv").exists()
-        ):
+        fitted = known_or(False, lambda: fits.has_fixed_magnitude(results))
+        if fitted and not results.file("fit.csv").exists():
             yield from fits.write_ultimate_error(results, told)
         if replayed and not results.missing:
             yield from watched.replay_watched(results, told)

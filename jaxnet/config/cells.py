@@ -107,7 +107,9 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     problems += [Problem(document.place(split_key(key)), key, told) for key, told in refused]
     problems += idle_overrides(document, values)
     names = {key: escape_controls(each) for key, each in config.labels.items()}
-    spanned = {Key(key, names.get(key)): each for key, each in values.items() if known.has(key)}
+    spanned: dict[str, list[Plain]] = {
+        Key(key, names.get(key)): each for key, each in values.items() if known.has(key)
+    }
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
         start = settled.model_copy(update={"topology": config.topology})  # cells settle their own

@@ -104,7 +104,7 @@ class Reader:
         self.source, self.within = source, within
         self.places: dict[Spot, str] = {}
         self.problems: list[Problem] = []
-        self.events: Iterator[yaml.Event] = iter(())
+        self.events: Iterator[Any] = iter(())  # of PyYAML
         self.mark: Any = None  # of the last event
         self.anchors: dict[str, tuple[Plain, int]] = {}  # values, and how many are in each
         self.count = self.repeated = 0  # values so far, and those that aliases repeat
@@ -132,12 +132,12 @@ class Reader:
             raise self.error((), "not YAML: another document begins here")
         return data
 
-    def next(self) -> yaml.Event:
+    def next(self) -> Any:
         event = next(self.events)
         self.mark = event.start_mark
         return event
 
-    def value(self, event: yaml.Event, keys: Keys) -> Plain:
+    def value(self, event: Any, keys: Keys) -> Plain:
         """Return the plain data that begins with an event, and record places."""
         self.places.setdefault(spot(keys), self.at())
         if isinstance(event, yaml.AliasEvent):
@@ -160,7 +160,7 @@ class Reader:
             self.anchors[event.anchor] = data, self.count - before
         return data
 
-    def inside(self) -> Iterator[yaml.Event]:
+    def inside(self) -> Iterator[Any]:
         """Yield the events with which the values of a collection begin."""
         while not isinstance(event := self.next(), yaml.CollectionEndEvent):
             yield event

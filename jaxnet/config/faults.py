@@ -24,10 +24,21 @@ from jaxnet.outside import blame
 
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 10**8
-MOST_LATE = 200  # ticks by which words may be late
+MOST_LATE = 200  # ticks by which messages may be delayed
 # Of the law's fastest time constant in a tick over which a message is a power series: terms of
 # degree 8 and above are left out, under 1e-6 m where the fleet is tens of metres off.
 MOST_RATE = 0.2
+TAKEN_COLUMNS = (
+    "cell",
+    "sample",
+    "status",
+    "steps",
+    "switches",
+    "unheard",
+    "stopped",
+)  # of all rows
+TAKEN_COLUMNS += ("cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share")
+GIVE_RECOVERY = "needs to know what has recovered: give recovery: {tau: 0.01}"
 LEAST_CHOICES = 100  # choices that a search tries at least
 
 
@@ -35,7 +46,7 @@ LEAST_CHOICES = 100  # choices that a search tries at least
 
 
 def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    save, samples, until = study.save, study.samples, isinstance(study.samples, Sequential)
+    save, samples = study.save, study.samples
     if isinstance(save.trajectories, Samples):
         keys = ("save.trajectories.samples", "samples")
         chosen = save.trajectories.samples
@@ -43,11 +54,17 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
             yield Fault(keys, "asks for a fixed number of samples; {worst: K} does not")
         elif beyond := [sample for sample in chosen if sample >= samples]:
             yield Fault(keys, f"samples are 0 to {samples - 1} (got {beyond[0]})")
-    if until and study.recovery is None:
-        told = "needs to know what has recovered: give recovery: {tau: 0.01}"
-        yield Fault(("samples.until", "samples"), told)
+    if isinstance(samples, Sequential) and study.recovery is None:
+        yield Fault(("samples.until", "samples"), GIVE_RECOVERY)
     if study.draws == "sobol":
-        yield from sobol_faults(study)
+        number, got = (0, "until: …") if isinstance(samples, Sequential) else (samples, samples)
+        each, rest = divmod(number, RANDOMISATIONS)
+        if each == 0 or rest or each & (each - 1):
+            told = f"must be {RANDOMISATIONS} times a power of two where draws is sobol:"
+            yield Fault(("samples", "draws"), f"{told} {RANDOMISATIONS}, 32, 64, … (got {got})")
+        if study.recovery is not None:
+            told = "has an interval of independent lanes: give draws: random, or no recovery"
+            yield Fault(("recovery", "draws"), told)
     if study.recovery is not None:
         yield from recovery_faults(study, cells)
     if study.search is not None:
@@ -57,18 +74,6 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         told = "stores arrays of one size: all networks need as many vehicles"
         yield Fault(("save", "sweep.topology"), told)
     yield from metric_faults(study, cells)
-
-
-def sobol_faults(study: Config) -> Iterator[Fault]:
-    samples = study.samples
-    got = "until: …" if isinstance(samples, Sequential) else shorten_value(samples)
-    each, rest = divmod(0 if isinstance(samples, Sequential) else samples, RANDOMISATIONS)
-    if each == 0 or rest or each & (each - 1):
-        told = f"must be {RANDOMISATIONS} times a power of two where draws is sobol:"
-        yield Fault(("samples", "draws"), f"{told} {RANDOMISATIONS}, 32, 64, … (got {got})")
-    if study.recovery is not None:
-        told = "has an interval of independent lanes: give draws: random, or no recovery"
-        yield Fault(("recovery", "draws"), told)
 
 
 def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
@@ -81,10 +86,8 @@ def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]
         harmful = (cell for cell in attacked if cell.attack.amplitude() > 0)
         unknown = next((cell.attack for cell in harmful if not known_amplitude(cell) > 0), None)
         if unknown is not None:
-            told = (
-                f"the amplitude in force of attack {unknown.reference()} is not one known number:"
-            )
-            told += " numbers are drawn, or ā does not bound positions; give of: magnitude"
+            told = f"the amplitude in force of attack {unknown.reference()} is not one known"
+            told += " number: numbers are drawn, or ā does not bound positions; give of: magnitude"
             yield Fault(("recovery.of", "attack"), told)
     elif cells and isinstance(study.samples, Sequential) and not any(magnitudes):
         told = "nobody is attacked in any cell, so there is nothing to recover from"
@@ -94,16 +97,14 @@ def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]
 def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     """Yield faults of columns that share a name, of odd names, of shares that nobody counts."""
     own = [metric.name for metric in study.measured()]
-    isolation = ["cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share", "stopped"]
-    counts = ["steps", "switches", "unheard", *isolation]
-    names = ["cell", "sample", "status", *counts, *study.sweep, *own]
+    names = [*TAKEN_COLUMNS, *study.sweep, *own]
     odd = sorted({name for name in own if names.count(name) > 1})
     if odd := [*odd, *(name for name in own if not name.isidentifier())]:
         told = f"a metric's name must be a column's own (got {', '.join(odd)})"
         yield Fault(("metrics",), told)
     shares = [name for name in own if name in DETECTION]
     if shares and not any(cell.detector.present for cell in cells):
-        told = f"no word is judged without a detector (got {', '.join(shares)})"
+        told = f"no message is judged without a detector (got {', '.join(shares)})"
         yield Fault(("metrics",), told)
 
 
@@ -118,8 +119,7 @@ def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
         yield Fault(("draws", "search"), told)
     measured = [metric.name for metric in study.measured()]
     if search.maximise == "unrecovered" and study.recovery is None:
-        told = "needs to know what has recovered: give recovery: {tau: 0.01}"
-        yield Fault(("search.maximise",), told)
+        yield Fault(("search.maximise",), GIVE_RECOVERY)
     elif search.maximise not in ("unrecovered", *measured):
         got = f"must be unrecovered, or one of {', '.join(measured)} (got {search.maximise})"
         yield Fault(("search.maximise",), got)
@@ -173,11 +173,11 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
         told = f"must be {scenario.vehicles} places, one for each vehicle"
         got = len(position.root)
         yield Fault(("initial.position", "vehicles"), f"{told} (got {got})")
-    for key in KINDS:
-        yield from kind_faults(key, getattr(scenario, key), scenario)
-    yield from kind_faults("channel.loss", scenario.channel.loss, scenario)
-    yield from kind_faults("channel.noise", scenario.channel.noise, scenario)
-    yield from word_faults(scenario)
+    kinds = {key: getattr(scenario, key) for key in KINDS}
+    kinds |= {f"channel.{key}": getattr(scenario.channel, key) for key in ("loss", "noise")}
+    for key, kind in kinds.items():
+        yield from kind_faults(key, kind, scenario)
+    yield from message_faults(scenario)
     if scenario.channel.late:
         yield from delay_faults(scenario)
     if scenario.detector.present:
@@ -259,7 +259,7 @@ def own_gain_faults(s: Scenario, unsteady: bool) -> Iterator[Fault]:
         told = f"the {s.engine.kind} engine moves all vehicles by one flow, that of one gain:"
         yield Fault(("gain", "engine"), f"{told} give engine: nonlinear")
     if unsteady:
-        told = "gains of each vehicle need words that all arrive, one network and isolated: fail"
+        told = "gains of each vehicle need messages that all arrive, one network and isolated: fail"
         yield Fault(("gain", "channel"), told)
     if s.defence.announcing():
         yield Fault(("gain", "defence.score"), "sources announce R of one gain: give another score")
@@ -287,42 +287,38 @@ def least_stable(gain: list[Number]) -> list[float]:
     """
     low, high = zip(*map(value_range, gain), strict=True)
     if len(gain) == 4 and min(low) > 0:
-        ends = [
-            (high, low, low, high),
-            (high, high, low, low),
-            (low, low, high, high),
-            (low, high, high, low),
-        ]
+        ends = ((high, low, low, high), (high, high, low, low))
+        ends += ((low, low, high, high), (low, high, high, low))
         corners = [[end[k] for k, end in enumerate(each)] for each in ends]
         return next((each for each in corners if not is_hurwitz(each)), corners[0])
     k0, *others = (0.0 if bound == -np.inf else bound for bound in low)
     return [high[0] if k0 > 0 else k0, *others]
 
 
-def word_faults(s: Scenario) -> Iterator[Fault]:
-    """Yield faults of a law or gain that does not know what words become on their way."""
+def message_faults(s: Scenario) -> Iterator[Fault]:
+    """Yield faults of a law or gain that does not know what messages become on their way."""
     channel, law, order, tick = s.channel, s.law, s.vehicle.order, s.tick
-    exact_words = channel.noise.exact() and not channel.rounded
-    if not law.takes_any_message() and not (exact_words and len(s.topology.turns()) == 1):
-        yield Fault(("law", "channel"), "linearised knows no noise of words, and one network")
+    exact_messages = channel.noise.exact() and not channel.rounded
+    if not law.takes_any_message() and not (exact_messages and len(s.topology.turns()) == 1):
+        yield Fault(("law", "channel"), "linearised knows no noise of messages, and one network")
     if not law.couples() and channel.noise.errs_in_highest():
         told = f"vehicles do not tell their highest derivative under law: {law.kind}"
         yield Fault(("channel.noise.jerk", "law"), told)
     old = {"channel.missing": channel.missing != "drop", "channel.delay": channel.late}
     keys = tuple(key for key, given in old.items() if given)
-    if s.gain_matrices is not None and (keys or not exact_words):
-        told = "noise, rounding, delay and stand-ins of words need a number for each order"
+    if s.gain_matrices is not None and (keys or not exact_messages):
+        told = "noise, rounding, delay and substitutes of messages need a number for each order"
         yield Fault(("gain", "channel"), told)
     if channel.rounded and tick == 0:
-        yield Fault(("channel.quantisation", "tick"), "words are rounded at ticks: give a tick")
+        yield Fault(("channel.quantisation", "tick"), "messages are rounded at ticks: give a tick")
     steps = channel.quantisation.root if isinstance(channel.quantisation, EachOrder) else ()
     if len(steps) > order:
         told = f"has at most {order} steps, one for each jet of {s.vehicle.kind} (got {len(steps)})"
         yield Fault(("channel.quantisation", "vehicle"), told)
     if keys and not law.takes_any_message():
-        yield Fault((*keys, "law"), f"{law.kind} knows live words alone: give another law")
+        yield Fault((*keys, "law"), f"{law.kind} knows live messages alone: give another law")
     elif keys and law.exchanges() > 1:
-        told = "a law by exchanges makes one at a tick where words are late or stand in:"
+        told = "a law by exchanges makes one at a tick where messages are delayed or substituted:"
         told += f" give law.rounds: 1 (got {law.exchanges()})"
         yield Fault((*keys, "law.rounds"), told)
     if not law.couples() and channel.late and channel.extrapolate == "jerk":
@@ -334,7 +330,7 @@ def delay_faults(s: Scenario) -> Iterator[Fault]:
     delay, tick, channel = s.channel.delay, s.tick, s.channel
     told_motion = s.law.tells_motion(channel.extrapolate != "none")
     if tick == 0:
-        yield Fault(("channel.delay", "tick"), "words are late by whole ticks: give a tick")
+        yield Fault(("channel.delay", "tick"), "messages are delayed by whole ticks: give a tick")
     elif is_drawn(delay):
         low, high = value_range(delay)
         if not tick / 2 <= low <= high <= MOST_LATE * tick:
@@ -344,12 +340,11 @@ def delay_faults(s: Scenario) -> Iterator[Fault]:
     elif wrong := uneven("channel.delay", delay, "tick", tick, MOST_LATE):
         yield from wrong
     elif told_motion and tick * fastest_motion(s) > MOST_RATE:
-        told = (
-            f"late motions need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
-        )
+        told = f"delayed motions need ticks of at most {MOST_RATE:g} of the law's fastest time"
+        told += " constant"
         yield Fault(("channel.extrapolate", "tick", "law"), told)
     if channel.missing == "extrapolate":
-        told = "a lost word is dropped or held where words are late: give drop or hold"
+        told = "a lost message is dropped or held where messages are delayed: give drop or hold"
         yield Fault(("channel.missing", "channel.delay"), told)
     if s.defence.announcing():
         told = "a defence by announcements needs every message at once: give another defence"
@@ -360,7 +355,7 @@ def fastest_motion(s: Scenario) -> float:
     """Return the rate of a vehicle's own motion [1/s]: the law's, times the strongest row above 1.
 
     The law's rate is the greatest absolute eigenvalue at the greatest gains, 0 for matrices, which
-    late words refuse.
+    delayed messages refuse.
     """
     factors = [1.0]
     for each in s.topology.turns() if not s.law.couples() else ():
@@ -373,20 +368,19 @@ def fastest_motion(s: Scenario) -> float:
 
 
 def detector_faults(s: Scenario) -> Iterator[Fault]:
-    """Yield faults of a detector: no word errs, sizes are unknown, or words are late or rounded."""
+    """Yield faults: no message errs, sizes are unknown, or messages are delayed or rounded."""
     noises = {"channel.noise": s.channel.noise, "sensing": s.sensing}
     noisy = {key: noise for key, noise in noises.items() if not noise.exact()}
     if not noisy:
-        told = "no word has errors, so every other word is false:"
-        yield Fault(
-            ("detector", "channel.noise"), f"{told} give channel: {{noise: {{position: …}}}}"
-        )
+        told = "no message has errors, so every other message is false:"
+        told += " give channel: {noise: {position: …}}"
+        yield Fault(("detector", "channel.noise"), told)
     for key, noise in noisy.items():
         if not noise.tells_deviations():
             told = f"{noise.kind} tells no standard deviations of its errors"
             yield Fault(("detector", key), told)
     if s.channel.late:
-        yield Fault(("detector", "channel.delay"), "late words are not tested: give delay: 0")
+        yield Fault(("detector", "channel.delay"), "delayed messages are not tested: give delay: 0")
     if s.channel.rounded:
-        told = "rounded words are not tested: leave it out"
+        told = "rounded messages are not tested: leave it out"
         yield Fault(("detector", "channel.quantisation"), told)

@@ -22,7 +22,7 @@ PERIODS = ("topology.every", "topology.at", "channel.loss.period", "channel.loss
 def rules(s: Scenario) -> Iterator[tuple[str, bool, str]]:
     """Yield a key, whether it changes nothing in a cell, and why."""
     late, announces = s.channel.late, s.defence.announcing()
-    yield "channel.extrapolate", not late, "no word is late: give channel.delay"
+    yield "channel.extrapolate", not late, "no message is delayed: give channel.delay"
     yield "channel.delay_of", not is_drawn(s.channel.delay), "no delay is drawn"
     lossless = s.channel.loss.perfect() and not late
     yield "channel.missing", lossless, "no message is lost: give channel.loss"

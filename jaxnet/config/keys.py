@@ -71,45 +71,49 @@ class Initial(Record):
     """The initial position, heading and speed of the vehicles; turn rate and force are 0."""
 
     position: Positions = Field(
-        Uniform(uniform=[-200.0, 200.0]),
+        default=Uniform(uniform=[-200.0, 200.0]),
         description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a"
         " line",
     )
-    heading: Number = Field(Uniform(uniform=[-PI, PI]), description="[rad], from the first axis")
-    speed: Positive = Field(Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
+    heading: Number = Field(
+        default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis"
+    )
+    speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
 
 
 class Channel(Record):
     """What happens to messages on their way. Attacks act before the channel."""
 
-    label: str | None = Field(None, description="what tables call it where it is swept")
-    loss: Annotated[Loss, KindOf("loss")] = Field(NoLoss(), description="which messages are lost")
+    label: str | None = Field(default=None, description="what tables call it where it is swept")
+    loss: Annotated[Loss, KindOf("loss")] = Field(
+        default=NoLoss(), description="which messages are lost"
+    )
     missing: Literal["drop", "hold", "extrapolate"] = Field(
-        "drop",
-        description="what stands in for a lost word: drop, nothing, the other weights grow; hold,"
+        default="drop",
+        description="what replaces a lost message: drop, nothing, the other weights grow; hold,"
         " the drive heard last; extrapolate, the motion heard last, continued",
     )
     noise: Annotated[ChannelNoise, KindOf("noise", "gaussian")] = Field(
-        GaussianNoise(), description="errors of the words that arrive"
+        default=GaussianNoise(), description="errors of the messages that arrive"
     )
     quantisation: NotNegativeByOrder = Field(
-        0.0,
-        description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for"
+        default=0.0,
+        description="[m, m/s, …], step to which each jet in a message is rounded at a tick, one for"
         " all orders or a list, one for each order; 0: none",
     )
     delay: NotNegative = Field(
-        0.0,
-        description="[s] by which words are late, a multiple of tick; what is drawn is rounded to"
-        " ticks",
+        default=0.0,
+        description="[s] by which messages are delayed, a multiple of tick; what is drawn is"
+        " rounded to ticks",
     )
     delay_of: Literal["link", "message"] = Field(
-        "link",
+        default="link",
         description="what draws a delay: each link of a lane, or each message; the newest message"
         " counts",
     )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
-        "none",
-        description="what a listener makes of a late word: none, it takes the word as it is; jets,"
+        default="none",
+        description="what a listener makes of a delayed message: none, it takes it as it is; jets,"
         " it continues the derivatives below the order; jerk, also the highest one",
     )
 
@@ -197,9 +201,15 @@ class Criterion(Record):
     """The criterion that ends the sampling of a cell."""
 
     half_width: float = Field(gt=0, lt=0.5, description="of the interval of each cell")
-    of: Literal["unrecovered"] = Field("unrecovered", description="the share whose interval it is")
-    confidence: float = Field(0.95, gt=0, lt=1, description="of all intervals of a cell together")
-    at_most: int = Field(100_000, ge=1, lt=2**32, description="samples, whatever the intervals are")
+    of: Literal["unrecovered"] = Field(
+        default="unrecovered", description="the share whose interval it is"
+    )
+    confidence: float = Field(
+        default=0.95, gt=0, lt=1, description="of all intervals of a cell together"
+    )
+    at_most: int = Field(
+        default=100_000, ge=1, lt=2**32, description="samples, whatever the intervals are"
+    )
 
 
 class Sequential(Record):
@@ -252,54 +262,62 @@ class Scenario(Record):
     """The keys of one cell: everything that determines a lane, except its random draw."""
 
     vehicles: int = Field(
-        12,
+        default=12,
         ge=1,
         le=LARGEST_FLEET,
         description="how many, besides the navigator; as many as the network has, if it has a"
         " number",
     )
-    horizon: float = Field(30.0, gt=0, le=1e5, description="[s], how long a lane is")
+    horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
     tick: float = Field(
-        0.05,
+        default=0.05,
         ge=0,
         description="[s], the communication period; 0: vehicles decide in the vector field",
     )
     output_step: float = Field(
-        0.1, gt=0, description="[s], from one output time to the next, whole ticks"
+        default=0.1, gt=0, description="[s], from one output time to the next, whole ticks"
     )
-    tail: float = Field(5.0, ge=0, description="[s], the last output times, that stand for t → ∞")
-    topology: Annotated[Graph, KindOf("topology")] = Field(Cyclic(), description="who hears whom")
+    tail: float = Field(
+        default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞"
+    )
+    topology: Annotated[Graph, KindOf("topology")] = Field(
+        default=Cyclic(), description="who hears whom"
+    )
     navigator: Annotated[Navigator, KindOf("navigator")] = Field(
-        Lissajous(), description="the path to track"
+        default=Lissajous(), description="the path to track"
     )
-    vehicle: Annotated[Vehicle, KindOf("vehicle")] = Field(TwoWheeled(), description="what moves")
-    initial: Initial = Field(Initial(), description="where the vehicles start")
+    vehicle: Annotated[Vehicle, KindOf("vehicle")] = Field(
+        default=TwoWheeled(), description="what moves"
+    )
+    initial: Initial = Field(default=Initial(), description="where the vehicles start")
     gain: Gains = Field(
-        [1.0, 3.0, 3.0],
+        default=[1.0, 3.0, 3.0],
         description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial"
         " by default: [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or"
         " for each order a 2 × 2 matrix, which couples the axes; or {vehicles: [...]}, a list for"
         " each vehicle",
     )
-    law: Annotated[Law, KindOf("law")] = Field(ExactLaw(), description="how the law is solved")
+    law: Annotated[Law, KindOf("law")] = Field(
+        default=ExactLaw(), description="how the law is solved"
+    )
     attack: Annotated[AnyAttack, KindOf("attack")] = Field(
-        Rotating(), description="what is false in what is heard"
+        default=Rotating(), description="what is false in what is heard"
     )
     defence: Annotated[AnyDefence, KindOf("defence")] = Field(
-        TrustedTrim(), description="whom a vehicle believes"
+        default=TrustedTrim(), description="whom a vehicle believes"
     )
     sensing: Annotated[Sensor, KindOf("sensing")] = Field(
-        Gaussian(), description="what vehicles sense of their own motion"
+        default=Gaussian(), description="what vehicles sense of their own motion"
     )
-    channel: Channel = Field(Channel(), description="what happens to messages on their way")
+    channel: Channel = Field(default=Channel(), description="what happens to messages on their way")
     detector: Annotated[Detector, KindOf("detector")] = Field(
-        NoDetector(), description="which words raise an alarm; an alarm does nothing"
+        default=NoDetector(), description="which messages raise an alarm; an alarm does nothing"
     )
     engine: Annotated[Engine, KindOf("engine")] = Field(
-        Nonlinear(), description="how lanes are advanced"
+        default=Nonlinear(), description="how lanes are advanced"
     )
     metrics: list[NamedMetric] = Field(
-        [],
+        default=[],
         description="what rows measure besides what all do; without a navigator also spread and"
         " outside",
     )
@@ -341,12 +359,15 @@ class Scenario(Record):
 class Save(Record):
     """Arrays that are stored beside the rows."""
 
-    errors: bool = Field(False, description="ẽ and ε̃ of every lane over time, in errors.zarr")
+    errors: bool = Field(
+        default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr"
+    )
     vehicles: bool = Field(
-        False, description="errors of every vehicle of every lane over the tail, in vehicles.zarr"
+        default=False,
+        description="errors of every vehicle of every lane over the tail, in vehicles.zarr",
     )
     trajectories: SavedLanes = Field(
-        "none", description="lanes whose states are stored over time, in trajectories.zarr"
+        default="none", description="lanes whose states are stored over time, in trajectories.zarr"
     )
 
 
@@ -363,17 +384,19 @@ class Recovery(Record):
     """The criterion by which a lane has recovered from its attack."""
 
     tau: float = Field(
-        0.01,
+        default=0.01,
         gt=0,
         description="a lane with tail_mean > tau · ā has not recovered; without a navigator, one"
         " with spread > tau · ā",
     )
     of: Literal["magnitude", "amplitude"] = Field(
-        "magnitude",
+        default="magnitude",
         description="what tau multiplies: ā, or the amplitude in force, by which positions are"
         " shifted",
     )
-    worst: int = Field(3, ge=0, description="lanes of the study that the report replays, the worst")
+    worst: int = Field(
+        default=3, ge=0, description="lanes of the study that the report replays, the worst"
+    )
 
 
 class SearchSettings(Record):
@@ -385,31 +408,33 @@ class SearchSettings(Record):
         " attacked vehicles; `jaxnet run` draws them there"
     )
     maximise: str = Field(
-        "tail_max",
+        default="tail_max",
         description="a metric of rows, or unrecovered, the share of starts; spread by default"
         " without a navigator",
     )
     subject_to: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        {},
+        default={},
         description="a metric of rows: its greatest value; a choice counts only where no start has"
         " more",
     )
-    budget: int = Field(20_000, ge=1, le=10**9, description="lanes that the search takes, per cell")
+    budget: int = Field(
+        default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell"
+    )
     starts: int = Field(
-        1,
+        default=1,
         ge=1,
         le=10_000,
         description="samples from whose start each choice is tried; the mean counts",
     )
     until: float = Field(
-        1000.0,
+        default=1000.0,
         gt=0,
         le=1e5,
         description="[s], to which the best choices are run, or to the horizon if that is later:"
         " of them the worst then is the answer",
     )
     seed: int = Field(
-        0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's"
+        default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's"
     )
 
 
@@ -420,25 +445,28 @@ class Config(Scenario):
         description="of the study, and of its results folder"
     )
     seed: int = Field(
-        0, ge=0, lt=2**63, description="of all draws; a random graph that lanes share has its own"
+        default=0,
+        ge=0,
+        lt=2**63,
+        description="of all draws; a random graph that lanes share has its own",
     )
-    samples: SampleCount = Field(1, description="lanes per cell")
+    samples: SampleCount = Field(default=1, description="lanes per cell")
     draws: Literal["random", "sobol"] = Field(
-        "random",
+        default="random",
         description="random, independent; sobol, samples as even as can be, in 16 sequences"
         " scrambled independently, by which intervals are made",
     )
     recovery: Recovery | None = Field(
-        None, description="when a lane counts as saved by its defence"
+        default=None, description="when a lane counts as saved by its defence"
     )
-    search: SearchSettings | None = Field(None, description="what jaxnet search looks for")
+    search: SearchSettings | None = Field(default=None, description="what jaxnet search looks for")
     sweep: dict[str, SweptValues] = Field(
-        {}, description="dotted key: values; cells are the product"
+        default={}, description="dotted key: values; cells are the product"
     )
     labels: dict[str, str] = Field(
-        {}, description="dotted key: the name of this key in figures, tables and pages"
+        default={}, description="dotted key: the name of this key in figures, tables and pages"
     )
-    save: Save = Field(Save(), description="what is stored besides the rows")
+    save: Save = Field(default=Save(), description="what is stored besides the rows")
 
     _scope: registry.Scope = PrivateAttr(default_factory=registry.Scope)
 

@@ -2,7 +2,7 @@
 
 import contextlib
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -105,16 +105,14 @@ def keys_beside(location: Keys, data: Plain) -> list[str]:
         data = data.get(part) if isinstance(data, dict) else None
         fields = [each.model_fields[part] for each in models if part in each.model_fields]
         models = [model for field in fields for model in models_in(field, data or "")]
-    return list(dict.fromkeys(key for each in models for key in each.model_fields))
+    return fields_in(models)
 
 
 class KnownKeys:
     """The dotted keys of a study's cells, which depend on the kinds that it names or sweeps."""
 
     def __init__(self, data: PlainMapping, values: Mapping[str, list[Plain]]):
-        self.models: dict[str, list[type[BaseModel]]] = {
-            key: [each] for key, each in RECORDS.items()
-        }
+        self.models: dict[str, list[type[BaseModel]]] = {k: [each] for k, each in RECORDS.items()}
         for root in KINDS:
             given = [with_kind(root, each) for each in (data.get(root, {}), *values.get(root, []))]
             self.models[root] = [model for each in given if (model := model_of(root, each))]
@@ -137,5 +135,8 @@ class KnownKeys:
         """Return the keys inside a key, without `kind`; the indices of a list."""
         if root == "gain":
             return list(map(str, range(len(Scenario.model_fields[root].default))))
-        models = self.models.get(root, [])
-        return list(dict.fromkeys(key for each in models for key in each.model_fields))
+        return fields_in(self.models.get(root, []))
+
+
+def fields_in(models: Iterable[type[BaseModel]]) -> list[str]:
+    return list(dict.fromkeys(key for each in models for key in each.model_fields))

@@ -47,14 +47,14 @@ def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
     A kind is labelled by its `label`, or by its name with the keys that tell it apart from others
     of that name; a record, such as a channel, by its `label` or its keys.
     """
-    if not is_kind(key):
-        if all(isinstance(value, int | float) for value in listed):
-            fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
-            return listed if fits else list(map(float, listed))  # columns have 64 bits
+    if is_kind(key):
+        kinds = [full_kind(INNER_KINDS.get(key, key), value) for value in listed]
+        telling = telling_keys(kinds)
+        return [escape_controls(kind_label(kind, telling)) for kind in kinds]
+    if not all(isinstance(value, int | float) for value in listed):
         return [escape_controls(own_label(value) or value_text(value)) for value in listed]
-    kinds = [full_kind(INNER_KINDS.get(key, key), value) for value in listed]
-    telling = telling_keys(kinds)
-    return [escape_controls(kind_label(kind, telling)) for kind in kinds]
+    fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
+    return listed if fits else list(map(float, listed))  # columns have 64 bits
 
 
 def own_label(value: Plain) -> str:
@@ -82,8 +82,8 @@ def without_empty_labels(value: Plain) -> Plain:
         return [without_empty_labels(each) for each in value]
     if not isinstance(value, dict):
         return value
-    told = {key: each for key, each in value.items() if key != "label" or each is not None}
-    return {key: without_empty_labels(each) for key, each in told.items()}
+    told = (pair for pair in value.items() if pair != ("label", None))
+    return {key: without_empty_labels(each) for key, each in told}
 
 
 def telling_keys(kinds: list[Plain]) -> dict[str, list[object]]:
@@ -114,7 +114,7 @@ def kind_label(kind: Plain, telling: Mapping[str, list[object]]) -> str:
 
 
 def labels_title(labels: Mapping[str, object]) -> str:
-    """Return the title of a panel or row: its swept values, with keys where a value is unclear."""
+    """The title of a panel or row: its swept values, with keys where a value is unclear."""
     return ", ".join(value_name(key, value) for key, value in labels.items())
 
 
@@ -124,9 +124,12 @@ def value_name(key: str, value: object) -> str:
         return f"no{NO_BREAK}{key_name(key)}"
     if is_kind(key):
         return words_of_kind(key, str(value))
-    if own_name(key) is None and (number := attacked_number(key, value)):
-        noun = "attacked vehicle" if number == 1 else "attacked vehicles"
-        return f"{number}{NO_BREAK}{noun} drawn at random"
+    if own_name(key) is None and key in (ATTACKED, ATTACKED_NUMBER):
+        given = yaml.safe_load(value) if isinstance(value, str) else value
+        number = given.get("random", 0) if isinstance(given, dict) else given
+        if isinstance(number, int) and number:
+            noun = "attacked vehicle" if number == 1 else "attacked vehicles"
+            return f"{number}{NO_BREAK}{noun} drawn at random"
     shown = magnitudes_with_units(key, value)
     name = f"ā{NO_BREAK}=" if key == MAGNITUDE and own_name(key) is None else f"{key_name(key)} ="
     words = [name, shown] if shown else [name, format_value(value), unit(key)]
@@ -139,14 +142,6 @@ def magnitudes_with_units(key: str, value: object) -> str:
         return ""
     sizes = [float(size) for size in yaml.safe_load(str(value))]
     return f"({orders_in_words(sizes)})".replace(" m", f"{NO_BREAK}m")
-
-
-def attacked_number(key: str, value: object) -> int:
-    """Return how many attacked vehicles a swept value draws at random, 0 if it names them."""
-    if key == ATTACKED_NUMBER and isinstance(value, int):
-        return value
-    given = yaml.safe_load(value) if key == ATTACKED and isinstance(value, str) else None
-    return given.get("random", 0) if isinstance(given, dict) else 0
 
 
 def value_alone(key: str, value: object) -> str:

@@ -12,23 +12,20 @@ def write_distributions(document: Document) -> None:
     search = document.data.get("search")
     over = search.get("over") if isinstance(search, dict) else None
     for name, given in over.items() if isinstance(over, dict) else ():
-        key, at, wrong = str(name), document.place(("search", "over", name)), ""
+        key, at = str(name), document.place(("search", "over", name))
         root = key.partition(".")[0]
         if root in KINDS:
             default = Scenario.model_fields[root].default
             document.data.setdefault(root, {"kind": default.reference()})
-        if name in document.overridden:
-            wrong = f"search.over.{key} replaces what is given on the command line;"
-            wrong += " override that instead"
-        else:
-            try:
-                if (drawn := distribution_of(document, key, given)) is not None:
-                    set_value(document.data, split_key(key), drawn)
-                    document.places[spot(split_key(key))] = at
-            except (LookupError, KindError) as error:
-                wrong = str(error.args[0])
-        if wrong:
-            document.problems.append(Problem(at, f"search.over.{key}", wrong))
+        try:
+            if name in document.overridden:
+                told = f"search.over.{key} replaces what is given on the command line;"
+                raise LookupError(f"{told} override that instead")
+            if (drawn := distribution_of(document, key, given)) is not None:
+                set_value(document.data, split_key(key), drawn)
+                document.places[spot(split_key(key))] = at
+        except (LookupError, KindError) as error:
+            document.problems.append(Problem(at, f"search.over.{key}", str(error.args[0])))
 
 
 def distribution_of(document: Document, key: str, given: Plain) -> Plain:

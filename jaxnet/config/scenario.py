@@ -94,9 +94,8 @@ def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
         return everyone < 0
     if attack.targets():
         return np.isin(everyone, attack.targets())
-    return np.isin(everyone, graph.sources[attacked]) | ~np.isin(
-        everyone, graph.sources[graph.heard]
-    )
+    unheard = ~np.isin(everyone, graph.sources[graph.heard])
+    return np.isin(everyone, graph.sources[attacked]) | unheard
 
 
 def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
@@ -143,11 +142,9 @@ def with_sybils(
     columns = np.concatenate([sources, sybils[number].ravel(), np.zeros(sybils.size)])
 
     def wider(given: np.ndarray, of_sybils: float) -> Digraph:
-        values = given[listeners, slots]
-        values = np.concatenate(
-            [values, values[lies].repeat(more), np.full(sybils.size, of_sybils)]
-        )
-        return of_links(graph.vehicles + sybils.size, rows, columns, values)
+        own = given[listeners, slots]
+        values = [own, own[lies].repeat(more), np.full(sybils.size, of_sybils)]
+        return of_links(graph.vehicles + sybils.size, rows, columns, np.concatenate(values))
 
     links = (wider(attacked, 0.0).heard, wider(trusted, 1.0).heard)
     return normalised(wider(graph.weights, 1.0)), *links

@@ -213,18 +213,14 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
         return {"kind": registry.adopt(type(value)), **without_empty_labels(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
-    if isinstance(value, np.ndarray) and not is_topology(keys):
+    swept = keys[:2] == ("sweep", "topology") and len(keys) == 3
+    if isinstance(value, np.ndarray) and not (swept or keys == ("topology",)):
         return value
     try:
         graph = adopt_network(value, leads)
     except KindError as error:
         raise refusal(keys, str(error)) from error
     return value if graph is None else config_form(graph, keys, leads)
-
-
-def is_topology(keys: Keys) -> bool:
-    """Whether a topology stands at these keys, as it is or swept."""
-    return keys == ("topology",) or (keys[:2] == ("sweep", "topology") and len(keys) == 3)
 
 
 def plain_scalar(value: object, keys: Keys) -> bool | int | float | str | None:

@@ -16,15 +16,14 @@ from jaxnet.lanes.uniforms import Drawn, Entry, Source
 
 
 class Draw:
-    """Draws of numbers for samples, as NumPy arrays with a first axis over samples."""
+    """Draws of numbers for samples, as NumPy arrays with a first axis over samples.
+
+    `listed` holds the vehicles in the order in which the lists of a config give numbers.
+    """
 
     def __init__(
         self, source: Source, samples: Sequence[int], vehicles: int, listed: Sequence[int] = ()
     ):
-        """Take a source, sample numbers, and the number of vehicles.
-
-        `listed` holds the vehicles in the order in which the lists of a config give numbers.
-        """
         self.source, self.samples, self.everyone = source, samples, range(1, vehicles + 1)
         self.listed = listed
 
@@ -39,16 +38,16 @@ class Draw:
     def each(self, number: Any, name: str, components: int = 1) -> Any:
         """Numbers for each vehicle: (samples, m, components).
 
-        A shared number is equal for all vehicles. A list gives numbers to the vehicles in `listed`;
-        other vehicles get its first entry.
+        A shared number is equal for all vehicles, and each vehicle has a position of its own. A
+        list gives numbers to the vehicles in `listed`; other vehicles get its first entry.
         """
         shape = len(self.samples), len(self.everyone), components
-        places = [
-            (vehicle, component) for vehicle in self.everyone for component in range(components)
-        ]
+        places = [(vehicle, each) for vehicle in self.everyone for each in range(components)]
         match number:
             case fields.Shared():
                 return np.broadcast_to(self.one(number, name)[:, None, None], shape)
+            case fields.EachPosition(root=pairs):
+                numbers = [pairs[vehicle - 1][component] for vehicle, component in places]
             case fields.Listed(root=listed):
                 given = dict(zip(self.listed, listed, strict=True))
                 numbers = [given.get(vehicle, listed[0]) for vehicle, _ in places]
@@ -60,14 +59,6 @@ class Draw:
             case _:
                 numbers = [number] * len(places)
         return self.placed(numbers, name, places).reshape(shape)
-
-    def positions(self, given: Any, name: str) -> Any:
-        """A position for each vehicle, of a list or drawn by one distribution: (samples, m, 2)."""
-        if not isinstance(given, fields.EachPosition):
-            return self.each(given, name, components=2)
-        numbers = [number for pair in given.root for number in pair]
-        places = [(vehicle, component) for vehicle in self.everyone for component in (0, 1)]
-        return self.placed(numbers, name, places).reshape(len(self.samples), -1, 2)
 
     def several(self, numbers: Sequence[Any], name: str) -> Any:
         return self.placed(numbers, name, [(0, component) for component in range(len(numbers))])
@@ -118,11 +109,8 @@ class Alone(Draw):
 
     def one(self, number: Any, name: str) -> Any:
         """One number for each lane, or for its vehicle if vehicles differ: (n · samples,)."""
-        return (
-            self.each(number, name)[:, 0, 0]
-            if fields.differs(number)
-            else super().one(number, name)
-        )
+        own = fields.differs(number)
+        return self.each(number, name)[:, 0, 0] if own else super().one(number, name)
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
         """Numbers for each attacked vehicle: (n · samples, 1, components)."""
@@ -148,9 +136,6 @@ def share_up_to(number: Any, values: Float[np.ndarray, " n"]) -> Float[np.ndarra
     """The probability that a bounded distribution draws at most each of these values."""
     if isinstance(number, fields.Uniform):
         low, high = number.uniform
-        return (
-            np.interp(values, [low, high], [0.0, 1.0])
-            if high > low
-            else (values >= low).astype(float)
-        )
+        spread = np.interp(values, [low, high], [0.0, 1.0])
+        return spread if high > low else (values >= low).astype(float)
     return (np.array(number.choice)[:, None] <= values[None]).mean(axis=0)

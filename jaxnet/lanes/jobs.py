@@ -83,7 +83,8 @@ def lanes_of(scenario: Scenario, draw: Draw, sources: np.ndarray, gain: Any) -> 
     output = np.asarray(vehicle.output_jets(start)[0])
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, output)
     announcing = draw_of_attack(scenario, draw)
-    weights = weights_of(scenario, draw, sources, topology, first_attacked(attack).chosen(draw))
+    attacked = first_attacked(attack).chosen(draw)
+    weights = weights_of(scenario, draw, sources, topology, attacked)
     prove_finite(scenario.vehicle, "start", start)
     prove_path(navigator, scenario.horizon, len(draw.samples))
     prove_finite(topology, "lane_weights", weights)
@@ -279,10 +280,9 @@ def delay_of(
 def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
     """The states at t = 0: (n, m, samples)."""
     given = scenario.initial
-    position = draw.positions(given.position, "initial.position")
-    heading, speed = (
-        draw.each(getattr(given, name), f"initial.{name}")[..., 0] for name in ("heading", "speed")
-    )
+    position = draw.each(given.position, "initial.position", components=2)
+    heading = draw.each(given.heading, "initial.heading")[..., 0]
+    speed = draw.each(given.speed, "initial.speed")[..., 0]
     return np.asarray(vehicle.start(position.transpose(2, 1, 0), heading.T, speed.T))
 
 

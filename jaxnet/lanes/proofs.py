@@ -26,14 +26,10 @@ FINITE_STEP = 1e-4  # [s], step of the difference quotients
 CLOSE_ENOUGH = 1e-3  # relative, tolerance between a derivative and its difference quotient
 PROOF_ROUNDING = 1e-9
 TRIED_VEHICLES = 512  # states in which a vehicle is tried, at least 4 for each
-TRIED_SIZES = (
-    -1.0,
-    2.0,
-)  # decimal logarithms of the norms of jets; the derivative asked for: ten times
+TRIED_SIZES = -1.0, 2.0  # decimal logarithms of jets' norms; the derivative asked for: ten times
 ALIKE = 1e-6  # relative, difference of a derivative from what was asked for
-PROVED = set[
-    Hashable
-]()  # vehicles that this process has tried, by their keys and what is presumed of them
+# Vehicles that this process has tried, by their keys and what is presumed of them
+PROVED = set[Hashable]()
 
 
 def prove(
@@ -53,15 +49,20 @@ def prove(
     name, sizes = type(attack).__name__, np.asarray(sizes)[: len(ORDERS)]
     first = np.asarray(basis(np.zeros(count)))
     if first.ndim != 3 or first.shape[::2] != (4, count):
-        raise KindError(
-            f"{name}.basis must have the shape (4, B, lanes = {count}) (got {first.shape})"
-        )
+        told = f"(4, B, lanes = {count}) (got {first.shape})"
+        raise KindError(f"{name}.basis must have the shape {told}")
     if sizes.shape not in ((4, 1), (4, count)):
-        raise KindError(
-            f"{name}.sizes must have the shape (4, lanes = {count}) (got {sizes.shape})"
-        )
+        told = f"(4, lanes = {count}) (got {sizes.shape})"
+        raise KindError(f"{name}.sizes must have the shape {told}")
     if vectors is not None:
-        prove_vectors(name, vectors, first.shape[1], count)
+        shape, functions = vectors.shape, first.shape[1]
+        if len(shape) != 4 or shape[::2] != (2, functions) or shape[3] not in (1, count):
+            told = f"(2, vehicles, B = {functions}, lanes = {count})"
+            raise KindError(f"{name}.vectors must have the shape {told} (got {shape})")
+        norm = np.linalg.norm(vectors.transpose(1, 3, 0, 2), 2, axis=(2, 3)).max()
+        if not norm <= 1 + PROOF_ROUNDING:
+            told = f"a spectral norm of at most 1 (got {norm:.4g})"
+            raise KindError(f"{name}.vectors must have {told}")
     each = jax.vmap(lambda t: basis(jnp.full(count, t)))
     times, quotients, now = around(lambda instants: np.asarray(each(instants)), horizon)
     if attack.derived:
@@ -90,24 +91,11 @@ def prove_path(navigator: Navigator, horizon: float, count: int) -> None:
         return
 
     def jets(instants: np.ndarray) -> np.ndarray:
-        return np.stack(
-            [np.asarray(navigator.jets(np.full(count, instant))) for instant in instants]
-        )
+        return np.stack([np.asarray(navigator.jets(np.full(count, each))) for each in instants])
 
     times, quotients, now = around(jets, horizon)
     prove_finite(navigator, "jets", now)
     prove_derivatives(f"{type(navigator).__name__}.jets", times, quotients[:, :3], now[:, 1:])
-
-
-def prove_vectors(name: str, vectors: np.ndarray, functions: int, count: int) -> None:
-    """Raise KindError unless vectors are (2, m or 1, B, lanes or 1) with spectral norm <= 1."""
-    shape = vectors.shape
-    if len(shape) != 4 or shape[0] != 2 or shape[2] != functions or shape[3] not in (1, count):
-        wanted = f"(2, vehicles, B = {functions}, lanes = {count})"
-        raise KindError(f"{name}.vectors must have the shape {wanted} (got {shape})")
-    norm = np.linalg.norm(vectors.transpose(1, 3, 0, 2), 2, axis=(2, 3)).max()
-    if not norm <= 1 + PROOF_ROUNDING:
-        raise KindError(f"{name}.vectors must have a spectral norm of at most 1 (got {norm:.4g})")
 
 
 def prove_derivatives(

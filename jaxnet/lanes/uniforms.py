@@ -17,10 +17,8 @@ from jaxtyping import Float, Int, UInt32
 
 COMPONENTS = 4  # components of a vehicle in adjacent slots
 PAGE = 2**16  # slots between groups of components; one group holds all vehicles, at most 10,000
-UNIFORMS_BLOCK = (
-    256,
-    32,
-)  # samples and slots of one call, wanted or not, so that one compiled program serves all draws
+# samples and slots of one call, wanted or not, so that one compiled program serves all draws
+UNIFORMS_BLOCK = (256, 32)
 
 MOST_KEPT = 2**17  # numbers of one quantity that are kept for the next cell
 
@@ -54,15 +52,12 @@ class Source(Protocol):
 
 def keyed_draws(seed: int, name: str, samples: tuple[int, ...], places: tuple[Entry, ...]) -> Drawn:
     """The pseudorandom numbers of `Keyed.uniforms`, not to be written into."""
-    rows, columns = (
-        draw_in_blocks(samples, UNIFORMS_BLOCK[0]),
-        draw_in_blocks([slot(*place) for place in places], UNIFORMS_BLOCK[1]),
-    )
+    rows = draw_in_blocks(samples, UNIFORMS_BLOCK[0])
+    columns = draw_in_blocks([slot(*place) for place in places], UNIFORMS_BLOCK[1])
     with jax.enable_x64(True):
         key = jax.random.fold_in(jax.random.key(seed), zlib.crc32(name.encode()))
-        drawn = np.block(
-            [[np.asarray(bits(key, row, column)) for column in columns] for row in rows]
-        )
+        blocks = [[np.asarray(bits(key, row, column)) for column in columns] for row in rows]
+    drawn = np.block(blocks)
     found = ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
     found.flags.writeable = False
     return found
@@ -72,25 +67,24 @@ kept_draws = functools.lru_cache(maxsize=16)(keyed_draws)  # cells share the dra
 
 
 class Keyed(NamedTuple):
-    """A source of pseudorandom numbers from a seed."""
+    """A source of pseudorandom numbers from a seed, in steps of 2⁻⁵³."""
 
     seed: int
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Pseudorandom numbers inside (0, 1) in steps of 2⁻⁵³."""
         draw = kept_draws if len(samples) * len(places) <= MOST_KEPT else keyed_draws
         return draw(self.seed, name, tuple(samples), tuple(places))
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """A generator seeded with the seed, the name and the sample."""
         return np.random.default_rng([self.seed, zlib.crc32(name.encode()), sample])
 
 
 class Scrambled(NamedTuple):
     """A source of numbers from scrambled Sobol sequences.
 
-    Each sequence has `points` points, and its own independent scrambling. `columns` maps a place to
-    its dimension. A place without a dimension gets pseudorandom numbers.
+    Each sequence has `points` points, in steps of 2⁻³², and its own independent scrambling.
+    `columns` maps a place to its dimension. A place without a dimension, and a quantity without a
+    fixed number of draws, gets pseudorandom numbers.
     """
 
     seed: int
@@ -98,13 +92,11 @@ class Scrambled(NamedTuple):
     columns: dict[Place, int]
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Numbers inside (0, 1): Sobol numbers in steps of 2⁻³², pseudorandom ones elsewhere."""
         given = sobol(self.seed, self.points, len(self.columns), tuple(samples))
         lanes = Given(given, self.columns, np.asarray(samples), Keyed(self.seed))
         return lanes.uniforms(name, range(len(samples)), places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """A pseudorandom generator, because Sobol sequences need a fixed number of draws."""
         return Keyed(self.seed).generator(name, sample)
 
 
@@ -115,13 +107,11 @@ class Recorded:
         self.source, self.places, self.names = source, dict[Place, None](), dict[str, None]()
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """The numbers of the wrapped source, and record their places."""
         self.places.update({Place(name, *place): None for place in places})
         self.names[name] = None
         return self.source.uniforms(name, samples, places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """The generator of the wrapped source, and record the name."""
         self.names[name] = None
         return self.source.generator(name, sample)
 
@@ -138,15 +128,12 @@ class Later(NamedTuple):
     names: Collection[str]
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Numbers of the samples, shifted for quantities in `names`."""
         return self.source.uniforms(name, [sample + self.lag(name) for sample in samples], places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """The generator of the sample, shifted for quantities in `names`."""
         return self.source.generator(name, sample + self.lag(name))
 
     def lag(self, name: str) -> int:
-        """The shift of a quantity in samples: `by` or 0."""
         return self.by if name in self.names else 0
 
 
@@ -163,7 +150,6 @@ class Given(NamedTuple):
     source: Source
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """The given numbers, and numbers of the other source at all other places."""
         lanes = np.asarray(samples)
         columns = [self.columns.get(Place(name, *place)) for place in places]
         found = np.empty((len(lanes), len(places)))
@@ -178,7 +164,6 @@ class Given(NamedTuple):
         return found
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """The generator of the other source for the sample of the lane."""
         return self.source.generator(name, int(self.samples[sample]))
 
 
@@ -220,8 +205,7 @@ def bits(key: Any, samples: Any, slots: Any) -> Any:
     """64 random bits for each sample and slot."""
 
     def one(sample: Any, slot: Any) -> Any:
-        return jax.random.bits(
-            jax.random.fold_in(jax.random.fold_in(key, sample), slot), (), "uint64"
-        )
+        own = jax.random.fold_in(jax.random.fold_in(key, sample), slot)
+        return jax.random.bits(own, (), "uint64")
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(samples, slots)

@@ -106,9 +106,14 @@ def number_nodes(
         labels = range_of_numbers(labels, first, len(network.links))
     order = ["", *labels]  # whose first is no node
     if leads:
-        likely = [label for label in labels if label.casefold() in LEADER_NAMES]
-        chosen = leader if leader is not None else str(first) if numbered else ", ".join(likely)
-        if leader is None and not numbered and len(likely) != 1:
+        named = [label for label in labels if label.casefold() in LEADER_NAMES]
+        if leader is not None:
+            chosen = leader
+        elif numbered:
+            chosen = str(first)
+        elif len(named) == 1:
+            chosen = named[0]
+        else:
             raise KindError(f"which node is the navigator? leader is one of {listed(labels)}")
         if chosen not in labels:
             raise KindError(f"no node is called {chosen!r}: leader is one of {listed(labels)}")

@@ -91,7 +91,7 @@ def test_equal_gains_are_one_gain():
         ({"law": "rounds"}, "need law: exact"),
         (
             {"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}},
-            "need words that all arrive",
+            "need messages that all arrive",
         ),
     ],
 )

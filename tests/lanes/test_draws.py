@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import jaxnet
 from jaxnet.kinds import fields
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed, slot
@@ -48,24 +49,10 @@ def test_draws_follow_their_distribution(number, distribution):
     """Kolmogorov and Smirnov, 20,000 draws."""
     values = draw(number, 0, "attack.magnitude", range(20_000), [0])[:, 0, 0]
     assert stats.kstest(values, distribution.cdf).pvalue > 1e-3
-
-
-def test_a_choice_takes_each_value_alike():
-    """Chi-squared, 20,000 draws of three values."""
-    values = draw(
-        fields.DiscreteChoice(choice=[1.0, 5.0, 9.0]), 0, "attack.magnitude", range(20_000), [0]
-    )
-    listed, counts = np.unique(values, return_counts=True)
+    three = draw(fields.DiscreteChoice(choice=[1.0, 5.0, 9.0]), 0, "x", range(20_000), [0])
+    listed, counts = np.unique(three, return_counts=True)
     assert listed.tolist() == [1.0, 5.0, 9.0]
     assert stats.chisquare(counts).pvalue > 1e-3
-
-
-def test_a_draw_is_the_inverse_cdf_of_one_uniform_number():
-    """Distributions of the same quantity are monotone in each other: common random numbers."""
-    place = (3, "attack.magnitude", range(100), [0])
-    uniform = draw(fields.Uniform(uniform=[0.0, 1.0]), *place)[:, 0, 0]
-    normal = draw(fields.Normal(normal=[0.0, 1.0]), *place)[:, 0, 0]
-    np.testing.assert_allclose(stats.norm.cdf(normal), uniform, atol=1e-12)
 
 
 def test_cells_share_their_draws():
@@ -163,27 +150,13 @@ def test_k0_k1_and_k2_are_drawn_apart():
     )
 
 
-def test_swept_weights_share_their_draws():
-    """The navigator's weight in two cells comes from one number of each lane."""
-    weights = [{"uniform": [0.1, 0.2]}, {"uniform": [0.3, 0.5]}, 0.25]
-    cells = systems.lanes(systems.study(sweep={"topology.navigator_weight": weights}), 50).jobs
-    first, second, third = (cell.inputs.lane.weights for cell in cells)
-    np.testing.assert_allclose((first[:, 0] - 0.1) / 0.1, (second[:, 0] - 0.3) / 0.2, atol=1e-12)
-    assert (third[:, 0] == 0.25).all()
-    for lanes in (first, second):
-        assert len(np.unique(lanes[:, 0])) == 50, "one weight for all vehicles of a lane"
-        np.testing.assert_allclose(lanes.sum(axis=1), 1.0, atol=1e-15)
-
-
 def test_an_edge_s_number_belongs_to_the_edge():
     """Not to its place in the list, nor to what other listeners hear; each is another number."""
 
     def ratios(edges):
         """Weights of 3 over that of the navigator, which is not drawn."""
-        graph = {
-            "kind": "edges",
-            "edges": [[*link, {"uniform": [1, 2]} if link[1] else 1] for link in edges],
-        }
+        drawn = [[*link, {"uniform": [1, 2]} if link[1] else 1] for link in edges]
+        graph = {"kind": "edges", "edges": drawn}
         given = systems.study(vehicles=3, attack="none", topology=graph)
         navigator, *others = systems.lanes(given, 20).inputs.lane.weights[:, :3, 2].T
         return np.array(others) / navigator
@@ -192,6 +165,35 @@ def test_an_edge_s_number_belongs_to_the_edge():
     drawn = ratios(listed)
     np.testing.assert_allclose(ratios(listed[::-1]), drawn, rtol=1e-15)
     np.testing.assert_allclose(ratios([[1, 2], *listed, [2, 1]]), drawn, rtol=1e-15)
-    assert (drawn >= 1).all()
-    assert (drawn <= 2).all()
-    assert len(np.unique(drawn)) == 40
+    assert len(np.unique(drawn[(drawn >= 1) & (drawn <= 2)])) == 40
+
+
+# --- positions that a config lists ----------------------------------------------------------------
+
+PLACED = {"vehicles": 3, "engine": "exact", "attack": "none", "defence": "none"}
+
+
+def test_each_vehicle_starts_at_its_place():
+    """A pair is a place, a number a place on the line y = 0; others are drawn."""
+    listed = [7.0, [2, -3], [{"uniform": [0, 1]}, 5.0]]
+    sweep = {"initial.position": [listed, {"uniform": [10.0, 11.0]}]}
+    jobs = systems.lanes(systems.study(**PLACED, sweep=sweep), 2).jobs
+    found, drawn = (job.inputs.lane.initial[:, :2].transpose(0, 2, 1) for job in jobs)
+    np.testing.assert_array_equal(found[:, :2], [[[7.0, 0.0], [2.0, -3.0]]] * 2)
+    np.testing.assert_array_equal(found[:, 2, 1], 5.0)
+    assert ((found[:, 2, 0] > 0) & (found[:, 2, 0] < 1)).all()
+    assert np.ptp(found[:, 2, 0]) > 0
+    assert (drawn >= 10.0).all()
+
+
+@pytest.mark.parametrize(
+    ("position", "words"),
+    [
+        ([1.0, [2, 3]], r"initial.position: must be 3 places, one for each vehicle \(got 2\)"),
+        ([1.0, [2, 3, 4], 5.0], r"initial.position.1: must have at most 2 entries"),
+        ([1.0, "here", 5.0], r"initial.position.1.0: must be a number"),
+    ],
+)
+def test_other_lists_are_refused(position, words):
+    with pytest.raises(jaxnet.ConfigError, match=words):
+        jaxnet.load(PLACED | {"initial": {"position": position}})

@@ -136,7 +136,7 @@ def test_a_link_is_attacked_only_while_it_is():
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"channel": {}}, "no word has errors"),
+        ({"channel": {}}, "no message has errors"),
         ({"channel": KEYS["channel"] | {"delay": 0.1}}, "late"),
         ({"detector": {"kind": "chi_squared", "false_alarms": 0.0}}, "greater than 0"),
         ({"detector": {"kind": "chi_squared", "false_alarms": 1.0}}, "less than 1"),
