@@ -7,6 +7,7 @@ from jaxnet.config.scenario import Situation
 from jaxnet.model import graph
 from jaxnet.theory import certificate
 from jaxnet.theory.case import Case
+from jaxnet.theory.exact import decay
 from jaxnet.theory.safe import margin
 from jaxnet.view.text.check import check_text
 from tests import reference, systems
@@ -103,3 +104,14 @@ def test_certain_vehicles_move_as_on_a_star_and_others_do_not():
     told = " ".join(check_text(systems.study(**keys)).split())
     assert "reaches every vehicle in the union and 1-3, 6 in each of them" in told
     assert "O1 holds of 1-3, of others nothing is known" in told
+
+
+def test_nothing_is_told_of_own_gains_where_weights_may_switch():
+    """Lemma 1 holds of local errors, which jump where weights do."""
+    own = [[1, 3, 3], [27, 27, 9]] * 3
+    trimmed, open_to_all = (
+        decay(case_of(vehicles=6, topology="cyclic", gain={"vehicles": own}, defence=defence))
+        for defence in ("trusted_trim", "none")
+    )
+    assert trimmed is None
+    assert len(open_to_all.norms) == 6
