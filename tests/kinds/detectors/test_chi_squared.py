@@ -137,12 +137,12 @@ def test_a_link_is_attacked_only_while_it_is():
     ("keys", "words"),
     [
         ({"channel": {}}, "no message has errors"),
-        ({"channel": KEYS["channel"] | {"delay": 0.1}}, "late"),
+        ({"channel": KEYS["channel"] | {"delay": 0.1}}, "delayed"),
         ({"detector": {"kind": "chi_squared", "false_alarms": 0.0}}, "greater than 0"),
         ({"detector": {"kind": "chi_squared", "false_alarms": 1.0}}, "less than 1"),
     ],
 )
 def test_what_is_refused(keys, words):
-    """Words without errors need no test; late words are not judged."""
+    """Messages without errors need no test; delayed messages are not judged."""
     with pytest.raises(ConfigError, match=words):
         systems.study(**KEYS | keys)
