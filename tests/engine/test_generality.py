@@ -3,14 +3,14 @@
 Each is written twice, as a kind and as a plain program, and both engines are held to the latter.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxnet.engine.status import Status
-from jaxnet.kinds.attacks import Attack
+from jaxnet.kinds.attacks import Attack, constant_basis
 from jaxnet.kinds.defences import Defence
 from jaxnet.kinds.fields import Positive
 from jaxnet.lanes.jobs import job
@@ -20,12 +20,7 @@ from tests.reference import march, navigator_at, received
 
 TICK, SMOOTHING = 0.05, 0.2
 FINER = {"kind": "nonlinear", "rtol": 1e-9, "atol": 1e-11}
-RANDOM = {
-    "kind": "random_regular",
-    "degree": 3,
-    "navigator_weight": 0.2,
-    "redraw": True,
-}
+RANDOM = {"kind": "random_regular", "degree": 3, "navigator_weight": 0.2, "redraw": True}
 
 
 class Filtered(Defence):
@@ -39,12 +34,10 @@ class Filtered(Defence):
 
     smoothing: Positive = SMOOTHING
 
-    def start(self, around: Any) -> Any:
-        """Nothing was far at first."""
+    def start(self, around):
         return {"distance": jnp.zeros((2, *around.weights.shape))}
 
-    def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
-        """Each axis by itself."""
+    def decide(self, own, received, last, memory, around):
         apart = [there - here[:, None] for there, here in zip(received, own, strict=True)]
         _, k1, k2 = (each[None, None, None] for each in around.gain)
         distance = jnp.abs(apart[0] + apart[1] / k1 + apart[2] / k2)
@@ -58,8 +51,7 @@ class Alike(Filtered):
 
     kind = "alike"
 
-    def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
-        """By the mean of both axes' distances."""
+    def decide(self, own, received, last, memory, around):
         _, memory = super().decide(own, received, last, memory, around)
         distance = memory["distance"].mean(axis=0)
         return jnp.maximum(around.weights, 0.01) / (1.0 + distance**2), memory
@@ -70,12 +62,10 @@ class Withdrawing(Defence):
 
     kind = "withdrawing"
 
-    def needs_ticks(self) -> bool:
-        """None."""
+    def needs_ticks(self):
         return False
 
-    def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
-        """By the time alone."""
+    def decide(self, own, received, last, memory, around):
         late = (around.time >= 2.4375)[None, None]
         return ~late | (around.sources == 0)[:, :, None], memory
 
@@ -88,21 +78,16 @@ class Steering(Attack):
 
     scale: Positive = 5.0
 
-    def basis(self, time: Any) -> Any:
-        """Constant between ticks."""
-        xp = time.__array_namespace__()
-        return xp.stack([xp.ones_like(time), *[xp.zeros_like(time)] * 3])[:, None]
+    def basis(self, time):
+        return constant_basis(time)
 
-    def sizes(self, horizon: float) -> np.ndarray:
-        """1, and no derivatives."""
+    def sizes(self, horizon):
         return np.eye(4, 1)
 
-    def begin(self, seen: Any) -> Any:
-        """No tick yet."""
+    def begin(self, seen):
         return jnp.zeros(seen.time.shape, int)
 
-    def aim(self, seen: Any, memory: Any) -> Any:
-        """Everybody the same."""
+    def aim(self, seen, memory):
         mean = seen.errors[0].mean(axis=1, keepdims=True)
         turn = jnp.where(memory % 3 == 2, 1.0, -1.0)[None, None]
         vectors = turn * self.scale[None, None] * mean
@@ -114,8 +99,7 @@ class Returning(Steering):
 
     kind = "returning"
 
-    def aim(self, seen: Any, memory: Any) -> Any:
-        """Along x."""
+    def aim(self, seen, memory):
         number = jnp.where(memory < 4, 1.0, self.scale)[None, None, None]
         vectors = jnp.stack([number, 0.0 * number])[:, 0]
         return jnp.broadcast_to(
@@ -125,11 +109,8 @@ class Returning(Steering):
 
 def plain(kind, lane):
     """The plain program of a defence and an attack's choice, `choose` for `march`: its choice."""
-    carried, memory, chosen = (
-        np.ones(lane.weights.shape, bool),
-        np.zeros((2, *lane.weights.shape)),
-        [],
-    )
+    carried, chosen = np.ones(lane.weights.shape, bool), []
+    memory = np.zeros((2, *lane.weights.shape))
 
     def choose(n, error):
         nonlocal memory
@@ -156,12 +137,7 @@ def named(kind):
 KEYS = {"horizon": 5.0, "tail": 1.0, "output_step": TICK, "tick": TICK}
 INSTANTS = np.arange(101) * TICK
 MAGNITUDE = 0.3
-CIRCLE = {
-    "kind": "lissajous",
-    "amplitude": [1.0, 1.0],
-    "frequency": [0.4, 0.4],
-    "phase": [0.0, 1.57],
-}
+CIRCLE = {"kind": "lissajous", "amplitude": [1, 1], "frequency": [0.4, 0.4], "phase": [0, 1.57]}
 SMALL = {"vehicles": 6, "topology": RANDOM, "navigator": CIRCLE, "gain": [6.0, 11.0, 6.0]}
 SMALL |= {"initial": {"position": {"uniform": [-2, 2]}}}
 

@@ -8,7 +8,6 @@ import jaxnet
 from jaxnet.view.text.check import check_text
 
 LOCAL = {"kind": "local", "hold": False}
-LIARS = [2, 5, 8, 11]
 
 
 def paths(**keys):

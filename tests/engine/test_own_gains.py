@@ -7,7 +7,6 @@ from scipy.linalg import expm
 import jaxnet
 
 GAINS = [[1.0, 2.0], [4.0, 3.0], [0.5, 1.2], [2.0, 5.0]]
-OFFSET = np.array([[3.0, -1.0], [0.5, 2.0]])  # of vehicles 2 and 3, whom others hear
 KEYS = {
     "vehicles": 4,
     "vehicle": "double_integrator",

@@ -70,14 +70,8 @@ def test_the_fleet_is_late_for_a_slow_navigator(topology):
     E follows what drives it k1/k0 = 3 s later.
     """
     slow = {"kind": "lissajous", "frequency": [0.01, 0.02]}
-    keys = {
-        "tick": 0.02,
-        "horizon": 60.0,
-        "tail": 0.1,
-        "output_step": 0.1,
-        "navigator": slow,
-        "topology": topology,
-    }
+    keys = {"tick": 0.02, "horizon": 60.0, "tail": 0.1, "output_step": 0.1}
+    keys |= {"navigator": slow, "topology": topology}
     law = {"kind": "rounds", "rounds": 2}
     study = systems.study(engine="exact", law=law, attack="none", defence="none", **keys)
     one = systems.lanes(study, 1)
@@ -132,7 +126,6 @@ class Withdrawn(Defence):
     kind = "withdrawn"
 
     def decide(self, own, received, last, memory, around):
-        """By the time alone."""
         return (around.time < 0.5)[None, None] | (around.sources != 0)[:, :, None], memory
 
 
@@ -158,11 +151,9 @@ class Halfway(Law):
     kind = "halfway"
 
     def exchange(self, last, demand, heard):
-        """Jacobi's iteration, relaxed."""
         return (last + heard(last) + demand) / 2
 
     def left(self, eigenvalues):
-        """Nothing of -1."""
         return (1 + eigenvalues) / 2
 
 

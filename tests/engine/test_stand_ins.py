@@ -14,14 +14,8 @@ def errors(loss, missing, speed, horizon, lanes=1, **keys):
     """Errors along the path (lanes, outputs, m), from rest on a star with a straight navigator."""
     keys = {"navigator": Powers(x=[0.0, speed], y=[0.0]), **keys}
     keys |= {"initial": {"position": 0.0, "heading": 0.0, "speed": speed}, "topology": "star"}
-    keys |= {
-        "attack": "none",
-        "defence": "none",
-        "tail": 0.0,
-        "horizon": horizon,
-        "output_step": 0.1,
-    }
-    keys |= {"engine": "exact", "tick": 0.1} | keys
+    keys |= {"attack": "none", "defence": "none", "tail": 0.0, "horizon": horizon, "tick": 0.1}
+    keys |= {"output_step": 0.1, "engine": "exact"}
     one = systems.lanes(systems.study(channel={"loss": loss, "missing": missing}, **keys), lanes)
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
@@ -44,15 +38,9 @@ def test_a_jammed_vehicle_falls_behind_as_the_closed_form_says():
 def test_a_cubic_is_extrapolated_without_error():
     """A navigator tells its jerk too; to rounding."""
     path = Powers(x=[3.0, 2.0, 0.5, 0.1], y=[1.0, 0.0, -0.2, 0.05])
-    speed, keys = (
-        2.0,
-        {"topology": "star", "attack": "none", "defence": "none", "tick": 0.1, "engine": "exact"},
-    )
-    keys |= {
-        "initial": {"position": [[3.0, 1.0]] * 3, "heading": 0.0, "speed": speed},
-        "vehicles": 3,
-    }
-    keys |= {"navigator": path, "tail": 0.0, "horizon": 6.0, "output_step": 0.1, "tick": 0.1}
+    keys = {"topology": "star", "attack": "none", "defence": "none", "tick": 0.1, "vehicles": 3}
+    keys |= {"initial": {"position": [[3.0, 1.0]] * 3, "heading": 0.0, "speed": 2.0}}
+    keys |= {"navigator": path, "tail": 0.0, "horizon": 6.0, "output_step": 0.1, "engine": "exact"}
     loss = {"kind": "jamming", "intervals": [[2.0, 9.0]]}
     ends = []
     for probability in ({"loss": "none"}, {"loss": loss, "missing": "extrapolate"}):

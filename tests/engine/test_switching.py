@@ -1,4 +1,4 @@
-"""Networks that take turns, against short programs, and what is refused or told of them."""
+"""Networks that take turns (their motion: test_reference.py), and what is refused or told."""
 
 import numpy as np
 import pytest
@@ -11,40 +11,10 @@ RING = [[i, 1 + (i + k) % 6, 1.0 + k] for i in range(1, 7) for k in (0, 4)]
 PAIRS = [[i, 7 - i, 2] for i in range(1, 7)] + [[2, 3, 1], [5, 1, 3], [4, 4, 1]]
 SPARSE = [[1, 2, 1], [3, 5, 1], [6, 2, 0.5]]
 NETWORKS = [{"kind": "edges", "edges": edges} for edges in (RING, PAIRS, SPARSE)]
-LINE = {
-    "vehicles": 6,
-    "vehicle": "single_integrator",
-    "navigator": "none",
-    "law": "local",
-    "gain": [1],
-}
+LINE = {"vehicles": 6, "vehicle": "single_integrator", "navigator": "none", "law": "local"}
+LINE |= {"gain": [1]}
 LINE |= {"tick": 1.0, "output_step": 1.0, "tail": 0.0, "engine": "exact"}
 CHAIN = [[1, 0, 1], [2, 1, 1]]
-LIAR = {"kind": "own_path", "vehicles": [3], "centre": [-5, 0], "swing": [0, 0]}
-
-
-def matrix(edges):
-    """Weights (6, 6) of a network, rows with sum 1, loops included; 1 on oneself if deaf."""
-    found = np.zeros((6, 6))
-    for i, j, weight in edges:
-        found[i - 1, j - 1] += weight
-    empty = found.sum(axis=1) == 0
-    found[empty, empty] = 1.0
-    return found / found.sum(axis=1, keepdims=True)
-
-
-def stepped(x, weights, told, F):
-    """`x ← W(t) x`, where agents drop the F greatest above and F least below their own value."""
-    new = x.copy()
-    for i in range(6):
-        heard = [j for j in np.flatnonzero(weights[i]) if j != i]
-        above = sorted((j for j in heard if told[j] > x[i]), key=lambda j: -told[j])[:F]
-        below = sorted((j for j in heard if told[j] < x[i]), key=lambda j: told[j])[:F]
-        kept = [j for j in heard if j not in above + below]
-        share = weights[i, [*kept, i]]
-        if kept:
-            new[i] = share @ [*told[kept], x[i]] / share.sum()
-    return new
 
 
 def test_trust_counts_in_the_network_in_force():
@@ -52,13 +22,8 @@ def test_trust_counts_in_the_network_in_force():
     networks = [
         {"kind": "edges", "edges": edges} for edges in ([[1, 0, 1], [2, 0, 1], [2, 1, 1]], CHAIN)
     ]
-    attack = {
-        "kind": "bias",
-        "magnitude": 10,
-        "vehicles": [1],
-        "links": "neighbour",
-        "direction": 0.0,
-    }
+    attack = {"kind": "bias", "magnitude": 10, "vehicles": [1], "links": "neighbour"}
+    attack["direction"] = 0.0
     keys = {"vehicles": 2, "vehicle": "double_integrator", "tick": 0.1, "horizon": 4.0, "tail": 0.0}
     keys |= {
         "topology": {"kind": "switching", "networks": networks, "every": 1.0},

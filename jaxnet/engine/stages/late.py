@@ -33,20 +33,27 @@ from jaxnet.model.hearing import AxisWeights, Hearing, plus_slots
 from jaxnet.model.lane import Lane
 from jaxnet.model.polynomial import Polynomial, scaled
 from jaxnet.model.shapes import LoopIndex
+from jaxnet.model.signal import Vectors
 
 DEGREES = 8  # coefficients. A harmonic of ω [rad/s] errs by under (ωh/4)⁸ / 20,160 of its size.
 NOT_ARRIVING = 2**30  # ticks by which a message is delayed that is lost
 
 
 class Said(NamedTuple):
-    """What navigator and vehicles tell, and what attacks add; one tick has no axis d."""
+    """What navigator and vehicles tell, and the functions of attacks; one tick has no axis d."""
 
     sources: Float[Array, "*d orders degrees 2 sources lanes"]
-    lies: Float[Array, "*d orders degrees 2 signals lanes"]
+    functions: Float[Array, "*d orders degrees B lanes"]
 
-    def on(self, hearing: Hearing) -> Float[Array, "orders degrees 2 slots m lanes"]:
-        """What each link carries of one tick."""
-        return jax.vmap(jax.vmap(hearing.received))(*self)
+    def on(
+        self, hearing: Hearing, vectors: Vectors
+    ) -> Float[Array, "orders degrees 2 slots m lanes"]:
+        """What each link carries of one tick, with these vectors of the attacks."""
+
+        def carried(sources: Array, functions: Array) -> Array:
+            return hearing.received(sources, signal.combined(vectors, functions))
+
+        return jax.vmap(jax.vmap(carried))(*self)
 
 
 class Past(NamedTuple):
@@ -57,8 +64,12 @@ class Past(NamedTuple):
 
     messages: Said
     jets: Said | None  # which listeners judge, of degree 1; None where nobody judges
+    vectors: Float[Array, "*d 2 signals B lanes"] | None  # of attacks; None: always the lane's
     rounding: tuple[Float[Array, "*d 2 slots m lanes"], ...]  # errors of jets, if any
     ticks: Int[Array, "*d slots m lanes"] | None  # delays of messages; None if those of links
+
+    def vectors_of(self, lane: Lane) -> Vectors:
+        return lane.vectors if self.vectors is None else self.vectors
 
 
 class Arrival(NamedTuple):
@@ -67,10 +78,10 @@ class Arrival(NamedTuple):
     came: Bool[Array, "#slots #m lanes"]
     entry: Int[Array, "slots m lanes"] | None  # its place in the past; None for the first
 
-    def of(self, past: Any, links: Callable[[Any], Array]) -> Array:
+    def of(self, past: Past, links: Callable[[Past], Array]) -> Array:
         """What arrives, where `links` gives what all links carry of one tick."""
         if self.entry is None:
-            return links(jax.tree.map(lambda leaf: leaf[0], past))
+            return links(oldest(past))
         each = jax.vmap(links)(past)
         place = self.entry.reshape(*[1] * (each.ndim - self.entry.ndim), *self.entry.shape)
         return jnp.take_along_axis(each, place, axis=0)[0]
@@ -157,13 +168,19 @@ class Late(OnTime):
         return sent & self.arrival(now).came
 
     def jets(self, now, live):
-        arrival, past = self.arrival(now), self.past
-        each = arrival.of(past.jets, lambda jets: jets.on(now.network.hearing))[:, 0]
-        each = tuple(jet - at[:, None, None] for jet, at in zip(each, now.navigator, strict=False))
-        return plane.plus(each, self.rounding(arrival)) if past.rounding else each
+        arrival, lane, hearing = self.arrival(now), now.lane, now.network.hearing
+
+        def on_links(sent: Past) -> Array:
+            assert sent.jets is not None
+            return sent.jets.on(hearing, sent.vectors_of(lane))[:, 0]
+
+        each = zip(arrival.of(self.past, on_links), now.navigator, strict=False)
+        jets = tuple(jet - path[:, None, None] for jet, path in each)
+        return plane.plus(jets, self.rounding(arrival)) if self.past.rounding else jets
 
     def rounding(self, arrival: Arrival) -> Received:
-        return tuple(arrival.of(errors, lambda links: links) for errors in self.past.rounding)
+        each = range(len(self.past.rounding))
+        return tuple(arrival.of(self.past, lambda sent, k=k: sent.rounding[k]) for k in each)
 
     def messages(self, now: Moment) -> LinkDrives:
         """The messages that arrive at a tick."""
@@ -171,7 +188,9 @@ class Late(OnTime):
         ticks = None if arrival.entry is None else depth(self.past) - arrival.entry
         delay = lane.delay.seconds(ticks, lane.interval)
         gains = message_gains(lane.gain, delay, now.plan.extrapolate)
-        orders = arrival.of(self.past.messages, lambda said: said.on(hearing))
+        orders = arrival.of(
+            self.past, lambda sent: sent.messages.on(hearing, sent.vectors_of(lane))
+        )
         if not lane.law.couples():  # the highest derivative is told by the navigator alone
             leads = (hearing.sources == 0)[..., None]
             orders = [*orders[:-1], jnp.where(leads, orders[-1], 0.0)]
@@ -188,14 +207,18 @@ class Late(OnTime):
         arrival, hearing, past = self.arrival(now), now.network.hearing, self.past
         if arrival.entry is not None or past.rounding or past.messages.sources.shape[1] > 1:
             return plus_messages(start, weights, self.messages(now))
-        sources, lies = (each[0, 0] for each in past.messages)  # all links are alike: faster
+        sent = oldest(past)  # all links are alike: faster
+        sources, functions = (each[0] for each in sent.messages)
 
         def in_slot(slot: LoopIndex) -> Drives:
             there = hearing.at(slot).carried_sources[0]
             return sources.at[:, :, there].get(mode="promise_in_bounds")
 
-        added = jax.vmap(lambda each: hearing.mean_added(weights, each))(lies)
-        return plus_slots(padded(start, len(added)), weights, in_slot) + added
+        vectors, drive = sent.vectors_of(now.lane), padded(start, len(sources))
+        for b in range(vectors.shape[2]):
+            added = hearing.mean_added(weights, vectors[:, :, b])
+            drive = drive + functions[:, b, None, None] * added[None]
+        return plus_slots(drive, weights, in_slot)
 
     def send(
         self,
@@ -212,8 +235,7 @@ class Late(OnTime):
         """
         lane, path, past, jets = now.lane, known_parts(now, len(told)), self.past, None
         sources = jnp.concatenate([path[0][:, :, :, None], jnp.stack(told)], axis=3)
-        lies = jax.vmap(jax.vmap(lambda each: signal.combined(lane.vectors, each)))(path[1])
-        messages = Said(sources, lies)
+        messages = Said(sources, path[1])
         if len(past.messages.sources[0]) < len(told):  # links are alike
             delay = lane.delay.time if lane.delay.alike else None
             gains = message_gains(lane.gain, delay, now.plan.extrapolate)
@@ -221,9 +243,14 @@ class Late(OnTime):
         if now.plan.decides:
             relative = tell(sensed.of(now.errors))
             each = [jet + at[:, None] for jet, at in zip(relative, now.navigator, strict=False)]
-            jets = Said(jnp.stack(each)[:, None], jnp.stack(now.signals[: now.order])[:, None])
-        rounding = rounding_errors(now, sensed) if past.rounding else ()
-        latest = Past(messages, jets, rounding, lane.delay.draw(now.time, lane.weights.shape[:2]))
+            jets = Said(jnp.stack(each)[:, None], now.basis[: now.order, None])
+        latest = Past(
+            messages,
+            jets,
+            lane.vectors if past.vectors is not None else None,
+            rounding_errors(now, sensed) if past.rounding else (),
+            lane.delay.draw(now.time, lane.weights.shape[:2]),
+        )
         if past.ticks is not None:
             gone = lost[None] & (past.ticks == ages(past))
             past = past._replace(ticks=jnp.where(gone, NOT_ARRIVING, past.ticks))
@@ -239,25 +266,30 @@ def first_late(lane: Lane, plan: Plan) -> OnTime:
     if lane.delay is None:
         return OnTime()
     d, r, degrees = plan.late, len(lane.gain), late_degrees(lane)
-    slots, m, lanes = lane.weights.shape
+    (slots, m, lanes), changing = lane.weights.shape, plan.strategic or lane.periods is not None
     alike = lane.law.couples() and (plan.extrapolate == "none" or lane.delay.alike)
 
     def nothing(*shape: int) -> Float[Array, "*shape"]:
         return jnp.zeros((*shape, lanes))
 
     def said(*orders: int) -> Said:
-        return Said(nothing(d, *orders, 2, 1 + m), nothing(d, *orders, 2, lane.vectors.shape[1]))
+        return Said(nothing(d, *orders, 2, 1 + m), nothing(d, *orders, lane.vectors.shape[2]))
 
     drawn = lane.delay.draw(jnp.zeros(lanes), (slots, m))
     past = Past(
         messages=said(1 if alike else r + 1, degrees),
         jets=said(r, 1) if plan.decides else None,
+        vectors=nothing(d, *lane.vectors.shape[:3]) if changing else None,
         rounding=() if lane.steps is None else (nothing(d, 2, slots, m),) * max(3, r),
         ticks=None if drawn is None else jnp.full((d, slots, m, lanes), NOT_ARRIVING, int),
     )
     # `tick.before_first` gives the drive its shape
     known = KnownDrive(Polynomial(nothing(degrees, 2, m)), nothing(1, m), lane.interval, nothing())
     return Late(past, nothing(degrees, 2), known)
+
+
+def oldest(past: Past) -> Past:
+    return jax.tree.map(lambda leaf: leaf[0], past)
 
 
 def depth(past: Past) -> int:
