@@ -82,7 +82,8 @@ class Integration(Following[IntegrationState]):
             part, chosen, tolerated, now, states, step, first = jax.tree.map(
                 lambda leaf: picked(leaf, few), given
             )
-            slope = vector_field(part, self.network, new, chosen, now, states, self.plan)
+            scene = Scene(part, self.network, chosen, now)
+            slope = vector_field(scene, new, states, self.plan)
             proposed = stepper.first_step(states, slope, tolerated)
             found = slope, jnp.where(first & (proposed > 0), proposed, step), ~connected
             return followed, *(put(old, few, new) for old, new in zip(others, found, strict=True))
@@ -96,8 +97,8 @@ class Integration(Following[IntegrationState]):
 
     def advance(self, state, decided, ticks, status):
         """Attempt one step of the lanes that have neither failed nor reached the horizon."""
-        lane, network, clock, plan = self.lane, self.network, self.clock, self.plan
-        tolerances, time, rule = self.numbers, state.signals.time, stepper.method(plan.options[0])
+        lane, clock, tolerances, time = self.lane, self.clock, self.numbers, state.signals.time
+        rule = stepper.method(self.plan.options[0])
         last, frozen = clock.outputs * clock.ticks, decided.coasting.frozen(lane)
         slope = jnp.where(frozen[None], 0.0, state.slope)
         going = (status == Status.ok) & (ticks < last)
@@ -105,7 +106,8 @@ class Integration(Following[IntegrationState]):
         end = stepper.towards(goal, time, state.step)
 
         def field(now: Signals, states: States) -> States:
-            return vector_field(lane, network, state.followed, decided, now, states, plan)
+            scene = Scene(lane, self.network, decided, now)
+            return vector_field(scene, state.followed, states, self.plan)
 
         known = rule, time, end, state.state, slope, tolerances
         trial = stepper.attempt(field, lambda time: signals(lane, time), *known)
@@ -129,25 +131,16 @@ class Integration(Following[IntegrationState]):
         return state, fail(status, Status.max_steps, spent | stuck), arrived
 
 
-def vector_field(
-    lane: Lane,
-    network: Network,
-    followed: Followed,
-    decided: DecisionState,
-    now: Signals,
-    states: States,
-    plan: Plan,
-) -> States:
+def vector_field(scene: Scene, followed: Followed, states: States, plan: Plan) -> States:
     """`ẋ = f(x, u(t, x))`, with weights or a jerk held; 0 for vehicles that stop.
 
     With `Plan.in_field` vehicles decide at each evaluation, without memory.
     """
-    frozen = decided.coasting.frozen(lane)
+    lane, network, decided, now = scene
     if plan.in_field and not lane.law.needs_ticks():
         chosen = decided_in_field(lane, network, now, states, plan)
         followed, _ = follow_weights(lane, network, chosen, network.solver.starts)
-    rates = followed.rates(Scene(lane, network, decided, now), states)
-    return jnp.where(frozen[None], 0.0, rates)
+    return jnp.where(decided.coasting.frozen(lane)[None], 0.0, followed.rates(scene, states))
 
 
 def decided_in_field(

@@ -48,10 +48,9 @@ from jaxnet.engine.tick import DecisionState
 from jaxnet.engine.vehicles import PerVehicle
 from jaxnet.model import control, plane, signal
 from jaxnet.model.control import Gain
-from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, length
 from jaxnet.model.polynomial import powers_of
-from jaxnet.model.signal import Basis, ByFunction, Vectors, WithNavigator
+from jaxnet.model.signal import Basis, ByFunction, Vectors
 
 FEW = 16  # lanes in which vehicles that stand still are sought at once
 
@@ -74,7 +73,7 @@ class Propagation(Motion[PropagationState]):
     """Exact motion from tick to tick. A subclass says what drives the vehicles."""
 
     gain: Gain  # of the flow
-    driven: Lane  # the lanes with all functions of time
+    leads = False  # whether the navigator's path, two functions, drives vehicles too
     idle: int  # the number of functions, the first ones, that drive nobody
     functions: int  # the number of functions that drive vehicles
     powers: int  # the number of powers of the share of a tick that drive vehicles
@@ -84,12 +83,17 @@ class Propagation(Motion[PropagationState]):
         self.batch, self.integrates = batch, self.functions > 0 and not self.plan.consistent
         self.tick = self.over(self.clock.interval)
 
+    def functions_at(self, time: Instants) -> Basis:
+        """The attacks' functions, and the navigator's path, one function for each axis."""
+        basis = self.lane.basis(time)
+        return jnp.concatenate([basis, self.lane.path(time)], axis=1) if self.leads else basis
+
     def over(self, span: Any, begin: Any = 0.0, share: Any = 1.0) -> Span:
         return span_of(self.gain, span, self.powers, self.integrates, begin, share)
 
     def begin(self):
         lane, time = self.lane, self.instant(0)
-        basis, attacks = self.driven.basis(time), lane.vectors.shape[2]
+        basis, attacks = self.functions_at(time), lane.vectors.shape[2]
         jets = self.of_outputs(time, vehicles.outputs(lane, lane.initial, time))
         effect = basis[: len(jets)].at[:, :attacks].set(0.0) if self.integrates else None
         return PropagationState(
@@ -168,7 +172,7 @@ class Propagation(Motion[PropagationState]):
 
     def after(self, state: PropagationState, time: Instants, over: Span) -> PropagationState:
         """The state after a span."""
-        basis = barrier(self.driven.basis(time))
+        basis = barrier(self.functions_at(time))
         before, now, effect = state.basis, basis, None
         if state.effect is not None and over.impulses is not None:
             before = state.effect
@@ -196,7 +200,7 @@ class Propagation(Motion[PropagationState]):
         assert over.impulses is not None
         total = jnp.stack(propagate(over.flow, state.effect))
         for node, share, answer in zip(flow.NODES, flow.SHARES, over.impulses, strict=True):
-            basis = self.driven.basis(state.time + node * over.length)
+            basis = self.functions_at(state.time + node * over.length)
             by = control.driven(self.lane.gain, basis)
             total = total + (share * over.length)[None, None] * answer[:, None] * by[None]
         return total
@@ -268,11 +272,10 @@ class Solved(Propagation):
         self.powers = degrees(lane, batch.plan)
         if silent or lane.sensor is not None or not lane.exact_words:
             self.powers = max(1, self.powers)
-        leads, attacks = silent and lane.delay is None, lane.vectors.shape[2]
-        path = WithNavigator(lane.signal, lane.navigator, lane.gain)
-        self.gain, self.driven = lane.gain, lane._replace(signal=path) if leads else lane
-        self.attacks = attacks if lane.delay is None else 0
-        self.idle, self.functions = attacks - self.attacks, self.attacks + 2 * leads
+        self.gain, self.leads = lane.gain, silent and lane.delay is None
+        self.attacks = lane.vectors.shape[2] if lane.delay is None else 0
+        self.idle = lane.vectors.shape[2] - self.attacks
+        self.functions = self.attacks + 2 * self.leads
         super().__init__(batch)
 
     def begin(self):
@@ -349,7 +352,7 @@ class Held(Propagation):
 
     def __init__(self, batch: Batch):
         lane = batch.lane
-        self.gain, self.driven = jnp.zeros((len(lane.gain), *lane.attack_scale.shape)), lane
+        self.gain = jnp.zeros((len(lane.gain), *lane.attack_scale.shape))
         self.idle, self.functions, self.powers = lane.vectors.shape[2], 0, 1
         super().__init__(batch)
 

@@ -6,7 +6,7 @@ The modules follow a message through the loop:
 - `hearing`: the message that each listener receives over each link.
 - `retained`: the sources that a vehicle retains, and the weights in force.
 - `signal`: the signal that an attack adds.
-- `control`: the control law, solved by structure. `definition` has the dense system of the paper.
+- `control`: the control law, solved by structure.
 - `lane`: the numbers of one simulated fleet.
 
 Vehicles have the numbers 1 to m as in the paper, and the navigator has the number 0. A *source* is

@@ -6,8 +6,8 @@
 A vehicle of order r has r gains. P then has the terms up to k_{r-1}, and q is the r-th derivative.
 A gain may be a 2 × 2 matrix, which couples the axes.
 
-The paper states the dense system `M u = …` with 2m unknowns; `definition` implements it. Without ψ,
-that system becomes an m × m system with two right-hand sides, one for each axis.
+The paper states the dense system `M u = …` with 2m unknowns, which the stacked engine solves.
+Without ψ, that system becomes an m × m system with two right-hand sides, one for each axis.
 
 P is linear. From each neighbour j, a vehicle therefore receives `P(y_j) + P(a_ij) + a_ij‴`. From
 the navigator it receives y_0‴ in addition. The third derivatives of the neighbours are the
@@ -87,11 +87,7 @@ def demand(
     weights: AxisWeights,
     gain: Gain,
 ) -> Float[Array, "2 m *lanes"]:
-    """The right-hand side `a0 ⊗ y_0‴ + d‴ - P(ε)` of the law.
-
-    `own` are the jets of the vehicles, `path` is R(y_0) of the navigator, and `attack` is R(a) of
-    the attack signals.
-    """
+    """The right-hand side `a0 ⊗ y_0‴ + d‴ - P(ε)`; `path` is R(y_0), and `attack` is R(a)."""
     mine = feedback(gain, own)
     sources = jnp.concatenate([path[:, None], mine], axis=1)
     return hearing.mean(weights, sources, attack) - mine
@@ -111,9 +107,9 @@ def local_demand(
     are the jets of the vehicles (2, m, lanes), the navigator (2, lanes) and the attacks (2,
     signals, lanes).
     """
-    mine, path, order = feedback(gain, own), feedback(gain, navigator), len(gain)
-    sources = jnp.concatenate([path[:, None], mine], axis=1)
-    told = jnp.concatenate([navigator[order][:, None], jnp.zeros_like(mine)], axis=1)
+    path, attack, order = feedback(gain, navigator), feedback(gain, signals), len(gain)
+    nothing = jnp.zeros_like(own[0])
+    highest = jnp.concatenate([navigator[order][:, None], nothing], axis=1)
     ahead = jnp.where((hearing.sources == 0)[None, ..., None], weights, 0.0)
-    heard = hearing.mean(weights, sources, feedback(gain, signals))
-    return heard + hearing.mean(ahead, told, signals[order]) - mine
+    below = demand(own, path, attack, hearing, weights, gain)
+    return below + hearing.mean(ahead, highest, signals[order])

@@ -110,13 +110,6 @@ class Hearing(NamedTuple):
     def at(self, slot: LoopIndex) -> "Hearing":
         return Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
 
-    def all_reached(self, weights: AxisWeights) -> Flags:
-        """Whether the navigator reaches every vehicle over positive weights, on every axis.
-
-        A vehicle whose weights are all 0 keeps its drive, and counts as reached.
-        """
-        return self.reached(weights > 0, (weights == 0).all(axis=1)).all(axis=(0, 1))
-
     def reached(self, heard: HeardLinks, reached: ReachedVehicles) -> ReachedVehicles:
         """The vehicles that the navigator or a vehicle in `reached` reaches over links `heard`."""
 
@@ -208,13 +201,8 @@ def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "sl
 
 def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
     """Values by link, (…, links), from slots, (…, slots, m): the sum over a source's identities."""
-    m = graph.vehicles
-    listeners, each = graph.edges()
-    links = listeners * (m + 1) + graph.sources[listeners, each]
-    slots = np.arange(m)[None] * (m + 1) + sources
-    place = np.searchsorted(links, slots).clip(max=len(links) - 1)
-    heard = (links[place] == slots) & (sources >= 0)
-    found = np.zeros((len(links), *values.shape[:-2]), values.dtype)
+    place, heard = link_places(graph, sources)
+    found = np.zeros((len(graph.edges()[0]), *values.shape[:-2]), values.dtype)
     np.add.at(found, place[heard], np.moveaxis(values[..., heard], -1, 0))
     return np.moveaxis(found, 0, -1)
 
@@ -225,11 +213,19 @@ def by_slot(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots 
     `sources` lists the sources of each listener in the order of their numbers. It contains the
     sources of the graph and may contain others.
     """
+    place, heard = link_places(graph, sources)
+    theirs = np.append(values[graph.edges()], np.zeros_like(values, shape=1))
+    return np.where(heard, theirs[place], theirs[-1])
+
+
+def link_places(
+    graph: Digraph, sources: Int[np.ndarray, "slots m"]
+) -> tuple[Int[np.ndarray, "slots m"], Bool[np.ndarray, "slots m"]]:
+    """The number of each slot's link in the graph, and whether the graph has it."""
     m = graph.vehicles
     listeners, each = graph.edges()
     sentinel = (m + 1) ** 2
     links = np.append(listeners * (m + 1) + graph.sources[listeners, each], sentinel)
     wanted = np.arange(m)[None] * (m + 1) + sources
     place = np.searchsorted(links, wanted)
-    theirs = np.append(values[listeners, each], np.zeros_like(values, shape=1))
-    return np.where(links[place] == wanted, theirs[place], theirs[-1])
+    return place, (links[place] == wanted) & (sources >= 0)

@@ -43,25 +43,7 @@ class Falsified(NamedTuple):
     orders: Any  # (derivatives, lanes), the factor of each order, 0 for an order without the signal
 
     def basis(self, time: Numbers) -> Basis:
-        """The functions of the signal, with zeros in the orders without the signal."""
         return self.orders[:, None] * up_to(len(self.orders) - 1, self.signal.basis, time)
-
-
-class WithNavigator(NamedTuple):
-    """The functions of a signal, and two more: the navigator's path, one function for each axis.
-
-    The path serves drives that differ from R(y_0).
-    """
-
-    signal: Any  # has a method `basis`
-    navigator: Any  # has a method `jets`
-    gain: Float[Any, "r *lanes"]
-
-    def basis(self, time: Numbers) -> Basis:
-        """All functions with derivatives up to r, three at least: (derivatives, B + 2, lanes)."""
-        both = self.signal.basis, self.navigator.jets
-        each = [up_to(len(self.gain), one, time) for one in both]
-        return time.__array_namespace__().concatenate(each, axis=1)
 
 
 class Apart(NamedTuple):
@@ -74,10 +56,7 @@ class Apart(NamedTuple):
     signal: Any  # leaves (..., n, lanes)
 
     def basis(self, time: Numbers) -> Basis:
-        """The functions of all vehicles: (derivatives, B · n, lanes).
-
-        The inner signal runs with n · lanes as its lanes.
-        """
+        """(derivatives, B · n, lanes); the inner signal runs with n · lanes as its lanes."""
         import jax
 
         xp, lanes = time.__array_namespace__(), time.ndim

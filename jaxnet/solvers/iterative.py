@@ -60,7 +60,8 @@ class Iterative(Solver[Bounded]):
 
         The bound is infinite there too. It is NaN if the iteration found no bound.
         """
-        reached = hearing.all_reached(weights)
+        keeps_drive = (weights == 0).all(axis=1)  # counts as reached
+        reached = hearing.reached(weights > 0, keeps_drive).all(axis=(0, 1))
         of_vehicles = (jnp.asarray(hearing.carried_sources) > 0)[None, :, :, None]
         theirs = jnp.where(of_vehicles, weights, 0.0)
         times = laplacian_of(hearing, theirs)

@@ -45,7 +45,9 @@ class Windowed(Blocks):
         of its vehicles changed, a vehicle does not hear the navigator, or the effect of a change
         reaches too far.
         """
-        most, least = len(self.vehicles) // WINDOW, dominance(system)
+        most = len(self.vehicles) // WINDOW
+        heard = (system.hearing.sources[0] == 0)[:, None] & system.decision[:, 0].all(axis=0)
+        least = jnp.where(heard, system.weights[0], 0.0).min(axis=0)  # no more than the least a0
         allowed = WINDOW_ACCURACY * jnp.abs(system.vectors).max(axis=(0, 1, 2)) * least
         blocks = changed.at[self.vehicles].get(mode="fill", fill_value=False).any(axis=1)
         suited = flagged & (least > 0) & (blocks.sum(axis=0) <= most)
@@ -150,28 +152,16 @@ def clear_flags(
     """The flags of blocks after windows have been corrected.
 
     A block within a window loses its flag. A block next to a window is flagged where `over` says
-    that its residual is too large. Windows past the last lane are padding.
+    that its residual is too large; no window of the lane contains it. Windows past the last lane
+    are padding.
     """
-    there, edges = lanes < blocks.shape[1], jnp.stack([starts - 1, starts + WINDOW])
-    over = over & there[None] & (edges >= 0) & (edges < len(blocks))
+    beyond = jnp.pad(blocks, [(1, 1), (0, 0)])
 
-    def within(number: LoopIndex, blocks: FlaggedBlocks) -> FlaggedBlocks:
+    def one(number: LoopIndex, beyond: FlaggedBlocks) -> FlaggedBlocks:
         place = starts[number], lanes[number]
-        left = jax.lax.dynamic_slice(blocks, place, (WINDOW, 1)) & ~there[number]
-        return jax.lax.dynamic_update_slice(blocks, left, place)
+        old = jax.lax.dynamic_slice(beyond, place, (WINDOW + 2, 1))
+        left = [old[:1] | over[0, number], jnp.zeros_like(old[1:-1]), old[-1:] | over[1, number]]
+        new = jnp.where(lanes[number] < blocks.shape[1], jnp.concatenate(left), old)
+        return jax.lax.dynamic_update_slice(beyond, new, place)
 
-    def beside(number: LoopIndex, blocks: FlaggedBlocks) -> FlaggedBlocks:
-        for edge in range(2):
-            place = edges[edge, number], lanes[number]
-            left = jax.lax.dynamic_slice(blocks, place, (1, 1)) | over[edge, number]
-            blocks = jax.lax.dynamic_update_slice(blocks, left, place)
-        return blocks
-
-    blocks = jax.lax.fori_loop(0, lanes.size, within, blocks)
-    return jax.lax.fori_loop(0, lanes.size, beside, blocks)
-
-
-def dominance(system: System) -> Float[Array, " lanes"]:
-    """A lower bound on the least a0; 0 where a vehicle does not hear or retain the navigator."""
-    heard = (system.hearing.sources[0] == 0)[:, None] & system.decision[:, 0].all(axis=0)
-    return jnp.where(heard, system.weights[0], 0.0).min(axis=0)
+    return jax.lax.fori_loop(0, lanes.size, one, beyond)[1:-1]

@@ -3,14 +3,13 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from jaxnet.engine.methods.stacked import stacked_inputs
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
-from jaxnet.model import control, graph, hearing
+from jaxnet.model import control, hearing
 from jaxnet.solvers.dense import Dense
 from tests.matrices import by_slot, slots_of
 
@@ -144,26 +143,3 @@ def test_structured_solve_is_the_papers_dense_one(seed):
     difference = np.array(solved - stacked)
     difference[1] *= problem.state[SPEED]
     assert np.abs(difference).max() < 1e-9 * scale
-
-
-@pytest.fixture
-def pair():
-    """Vehicle 1 hears 0.25 of the navigator, 0.75 of 2, both attacked; 2 hears the navigator."""
-    weights = graph.dense(graph.weighted(2, [(1, 0, 1.0), (1, 2, 3.0), (2, 0, 1.0)]))
-    return network(weights, np.array([[True, False, True], [False, False, False]]))
-
-
-def test_demand_is_the_third_derivative_received_less_the_feedback_of_the_error(pair):
-    """Written out by listener, k = [2, 3, 5]; z is the mean received, attacks of 0.5 included."""
-    heard, weights = pair
-    own = tuple(jnp.arange(12.0).reshape(3, 2, 2).swapaxes(1, 2))  # y_1 = [0, 1], y_2 = [2, 3], …
-    gain = jnp.array([2.0, 3.0, 5.0])
-    navigator, attack = jnp.full((4, 2), 100.0), control.driven(gain, jnp.full((4, 2, 2), 0.5))
-    demand = control.demand(
-        own, control.driven(gain, navigator), attack, heard, weights[None], gain
-    )
-    z = np.array([[27.0, 27.75], [30.0, 30.75], [33.0, 33.75], [25.5, 25.5]])
-    error = np.array([[0.0, 1.0], [4.0, 5.0], [8.0, 9.0]]) - z[:3]
-    first = z[3] - 2.0 * error[0] - 3.0 * error[1] - 5.0 * error[2]
-    second = [100.0 + 2.0 * (100.0 - y) + 3.0 * (96.0 - y) + 5.0 * (92.0 - y) for y in (2.0, 3.0)]
-    np.testing.assert_allclose(demand.T, [first, second], rtol=1e-15)

@@ -41,11 +41,7 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
     arrays = jnp.asarray(sent), jnp.asarray(signal)
     added = np.asarray(added_by_slot(network, arrays[1]))
     received = np.asarray(received_by_slot(network, *arrays))
-    expected, carried, lies = (
-        np.zeros((2, FLEET)),
-        np.zeros((FLEET, FLEET + 1)),
-        np.zeros((2, FLEET)),
-    )
+    (expected, lies), carried = np.zeros((2, 2, FLEET)), np.zeros((FLEET, FLEET + 1))
     for i in range(1, FLEET + 1):
         slot_of = {j: slot for slot, j in enumerate(slots[:, i - 1])}
         for j in np.flatnonzero(weights[i - 1]):

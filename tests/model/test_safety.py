@@ -3,7 +3,6 @@
 import itertools
 
 import numpy as np
-import pytest
 
 from jaxnet.kinds.attacks.bias import Bias
 from jaxnet.kinds.defences.clipping import Clipping
@@ -148,21 +147,6 @@ def announced(drops, safe, attacked, trusted, theta, rng, rounds):
                 row[candidates[np.argsort(-score[candidates], kind="stable")][: theta[i]]] = 0.0
             new[i + 1] = row @ heard_of[i] / row.sum()
         told = new
-
-
-def test_the_rate_where_everybody_hears_the_navigator():
-    """1 less the least weight of the navigator in force: on the ring one of two is left."""
-    ring = graph.weighted(
-        5,
-        [
-            (i, j, w)
-            for i in EVERYONE
-            for j, w in ((0, 2.0), (i % 5 + 1, 9.0), ((i - 2) % 5 + 1, 9.0))
-        ],
-    )
-    heard = graph.dense(ring) > 0
-    drops = drops_of(heard, heard & (np.arange(6) == 0), [1] * 5)._replace(graph=ring)
-    assert safety.contraction(drops, np.ones(5, bool)) == (1, pytest.approx(1 - 0.1 / 0.55))
 
 
 PATH = graph.weighted(VEHICLES, [(i, i - 1, 1.0) for i in EVERYONE])

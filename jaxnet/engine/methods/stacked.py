@@ -33,7 +33,7 @@ from jaxnet.engine.stages.coasting import Coasting
 from jaxnet.engine.stages.known import Known
 from jaxnet.engine.stages.sensing import Sensed
 from jaxnet.engine.status import Code, Status, fail
-from jaxnet.engine.tick import DecisionState, Drive, Strength
+from jaxnet.engine.tick import Drive, Strength
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.model import plane, signal
 from jaxnet.model.control import Gain, is_matrix
@@ -111,15 +111,17 @@ class FieldInputs(NamedTuple):
 
     lane: Lane
     drive: Drive  # until the next tick; with `tick: 0` its weights are decided in the field
-    frozen: Bool[Array, " m"]  # vehicles that stop, or will before the next tick
-    may_stop: Bool[Array, " m"]  # vehicles that are cut off, and stop where they come to rest
 
 
 def undisturbed(lane: Lane) -> FieldInputs:
     """Arguments of the vector field of one lane in which nothing happens at ticks."""
-    nobody = jnp.zeros(lane.weights.shape[1], bool)
     rest = Sensed(), Coasting(), Strength(), Known()
-    return FieldInputs(lane, Drive(lane.weights[None], lane.vectors, *rest), nobody, nobody)
+    return FieldInputs(lane, Drive(lane.weights[None], lane.vectors, *rest))
+
+
+def with_lane_axis(tree: Any) -> Any:
+    """One lane as the last axis, which kinds need."""
+    return jax.tree.map(lambda leaf: leaf[..., None], tree)
 
 
 class ByDiffrax(Motion[StackedState]):
@@ -152,14 +154,9 @@ class ByDiffrax(Motion[StackedState]):
     def drive_now(self, state, decided):
         """`y‴ + P(ŷ)`, with y‴ of the vector field."""
         field = functools.partial(lane_field, network=self.network, plan=self.plan)
-        slope = jax.vmap(field, -1, -1)(state.time, state.state, self.followed(state, decided))
+        followed = FieldInputs(self.lane, self.drive(state, decided))
+        slope = jax.vmap(field, -1, -1)(state.time, state.state, followed)
         return drive_along(self.lane, state.state, slope, state.time, decided)
-
-    def followed(self, state: StackedState, decided: DecisionState) -> FieldInputs:
-        """The arguments of the lanes' vector fields until the next tick; lanes last."""
-        lane, kept = self.lane, decided.coasting
-        drive = self.drive(state, decided)
-        return FieldInputs(lane, drive, kept.frozen(lane), kept.may_stop(lane))
 
     def advance(self, state, decided, ticks, status):
         """The state at the next tick; a lane that has failed stays where it is."""
@@ -167,8 +164,9 @@ class ByDiffrax(Motion[StackedState]):
         ok = status == Status.ok
         end = jnp.where(ok, jnp.broadcast_to(clock.at(ticks + 1), state.time.shape), state.time)
         solve = functools.partial(solution, network=self.network, plan=self.plan)
+        followed = FieldInputs(self.lane, self.drive(state, decided))
         moved, steps, reason = jax.vmap(solve, -1, -1)(
-            self.followed(state, decided), tolerances, state.time, end, state.state
+            followed, tolerances, state.time, end, state.state
         )
         steps, last = state.steps + steps, clock.outputs * clock.ticks
         status = jnp.where(ok, reason, status)
@@ -217,7 +215,8 @@ def solution(
     def stands(
         time: Instant, state: StateOfOne, followed: FieldInputs, **_: object
     ) -> Bool[Array, ""]:
-        return vehicles.passed_singular(followed.lane, state, followed.may_stop).any()
+        lane, there, drive = with_lane_axis((followed.lane, state, followed.drive))
+        return vehicles.passed_singular(lane, there, drive.coasting.may_stop(lane)).any()
 
     shortest = LEAST_STEP * jnp.maximum(end, 1.0)
     controller = Controller(tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False)
@@ -247,10 +246,8 @@ def lane_field(
     time: Instant, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
     """`ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
-    # Kinds need lanes: the last axis is of this lane alone.
-    lane, there, now, drive, frozen = jax.tree.map(
-        lambda leaf: leaf[..., None], (followed.lane, state, time, *followed[1:3])
-    )
+    lane, there, now, drive = with_lane_axis((followed.lane, state, time, followed.drive))
+    frozen = drive.coasting.frozen(lane)
     if plan.in_field:
         chosen = decided_in_field(lane, network, signals(lane, now), there, plan).drive(lane)
         drive = drive._replace(weights=chosen.weights, strength=chosen.strength)
