@@ -113,7 +113,7 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
         start = settled.model_copy(update={"topology": config.topology})  # cells settle their own
-        span = Span(document, start, wrong, spanned, given)
+        span = SweptCells(document, start, wrong, spanned, given)
         cells, found = span.cells({*problems})
         problems += found
     if judges and not wrong:
@@ -320,7 +320,7 @@ def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
 # --- cells ----------------------------------------------------------------------------------------
 
 
-class Span:
+class SweptCells:
     """The grid of a sweep. Each value of a key is validated once for all its cells.
 
     Swept values are set into the study with all defaults written out, the form in which it is

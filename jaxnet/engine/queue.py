@@ -14,7 +14,7 @@ from jaxnet.engine.subset import picked, put, select
 
 SPARE = 16  # a refill waits until one place in so many is idle
 
-Count = Int[Array, ""]
+Scalar = Int[Array, ""]
 LaneTree = Any  # a pytree
 
 
@@ -35,11 +35,11 @@ class Work(NamedTuple):
     end: Callable[[LaneTree, LaneTree], LaneTree]  # from inputs and states to results
 
 
-WorkCarry = tuple[Places, Count, LaneTree, LaneTree]  # lanes taken, results and record
+WorkCarry = tuple[Places, Scalar, LaneTree, LaneTree]  # lanes taken, results and record
 
 
 def work_off(
-    queue: LaneTree, count: Count | int, places: int, work: Work, record: LaneTree
+    queue: LaneTree, count: Scalar | int, places: int, work: Work, record: LaneTree
 ) -> tuple[LaneTree, LaneTree]:
     """Advance the first `count` lanes of a queue to their end. Return their results and the record.
 
@@ -52,7 +52,7 @@ def work_off(
     def busy(now: Places) -> Bool[Array, " places"]:
         return (now.number < count) & work.under_way(now.state)
 
-    def refill(now: Places, taken: Count) -> tuple[Places, Count]:
+    def refill(now: Places, taken: Scalar) -> tuple[Places, Scalar]:
         idle = ~busy(now)
         number = jnp.where(idle, taken + jnp.cumsum(idle) - 1, now.number)
         inputs = jax.tree.map(lambda leaf: picked(leaf, number), queue)
@@ -63,8 +63,8 @@ def work_off(
         return carry[0]._replace(state=state), record
 
     def until_some_end(
-        carry: tuple[Places, Count, LaneTree, LaneTree],
-    ) -> tuple[Places, Count, LaneTree, LaneTree]:
+        carry: tuple[Places, Scalar, LaneTree, LaneTree],
+    ) -> tuple[Places, Scalar, LaneTree, LaneTree]:
         now, taken, left, record = carry
         now, taken = refill(now, taken)
         few = jnp.where(taken < count, places - max(1, places // SPARE), 0)

@@ -155,7 +155,8 @@ def fit_rows(errors: Errors, independent: bool = True) -> Iterator[FitRow]:
         weights = known * (errors.x.min() / errors.x[:, None]) ** 2
         level = float(np.nansum(weights * errors.y) / weights.sum())
         found.insert(1, ("constant", None, "c", level, *UNKNOWN))
-    yield from (dict(zip(FIT_COLUMNS[1:], row, strict=True)) for row in found)
+    for row in found:
+        yield dict(zip(FIT_COLUMNS[1:], row, strict=True))
 
 
 def quantile_slopes(

@@ -30,7 +30,7 @@ OF_PAGE = ("95 % of lanes",)  # not in print
 MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D", hollow=True)
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
-LANE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
+CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
 ULTIMATE_WORDS = {"tail_max": "greatest tail error [m]", "tail_mean": "mean tail error [m]"}
 
 
@@ -60,7 +60,7 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
 
 def lane_series(curve: Curve, metric: str, floor: float) -> list[Trace]:
     """Median, 5 to 95 %, maximum and mean; a triangle marks a median below the axis."""
-    sizes, statistics = curve.sizes, curve.spread(metric, *LANE_STATISTICS)
+    sizes, statistics = curve.sizes, curve.spread(metric, *CURVE_STATISTICS)
     q05, median, q95, most, mean, low, high = statistics
     about = {"form": "points", "cells": [*curve.group.attacked]}
     below = median <= floor
