@@ -14,7 +14,7 @@ from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import signal
 from jaxnet.model.hearing import Hearing
-from jaxnet.theory import exact
+from jaxnet.theory import solution
 
 
 def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
@@ -69,6 +69,6 @@ def greatest_distance(
 
     by_slot = jnp.asarray(np.moveaxis(series["kept"], 0, -1))
     kept = np.moveaxis(np.asarray(hearing.retained(by_slot[None])), -1, 0)
-    known = exact.tracking_errors(start, corruption, kept, np.asarray(lane.gain), interval)
+    known = solution.tracking_errors(start, corruption, kept, np.asarray(lane.gain), interval)
     ours = series["state"][:, :, :2] - navigator[0].T[:, None]
     return float(np.linalg.norm(ours - known, axis=2).max())

@@ -12,7 +12,7 @@ from upath import UPath
 
 from jaxnet.networks import NODE_NUMBER, NamedNetwork
 from jaxnet.networks.objects import matrix_network, networkx_network
-from jaxnet.networks.tables import read_text_table
+from jaxnet.networks.text import read_text_table
 from jaxnet.outside.modules import KindError
 
 LARGEST_FILE = 50_000_000  # bytes

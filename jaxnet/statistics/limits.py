@@ -26,7 +26,7 @@ from jaxnet.model.graph import Digraph
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
 from jaxnet.store.results import Results
-from jaxnet.theory import bounds, exact
+from jaxnet.theory import bounds, solution
 from jaxnet.theory.bounds import Bound
 from jaxnet.theory.spread import scenario_gain
 
@@ -203,7 +203,7 @@ def transient_factors(
     gain: tuple[float, ...], times: tuple[float, ...]
 ) -> Float[np.ndarray, "times r"]:
     """Return `|expm(A_c t)_{0k}|` from a cache; most cells share their gain and tail."""
-    return np.abs(expm(exact.companion(np.array(gain)) * np.array(times)[:, None, None])[:, 0])
+    return np.abs(expm(solution.companion(np.array(gain)) * np.array(times)[:, None, None])[:, 0])
 
 
 def initial_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:

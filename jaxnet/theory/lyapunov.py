@@ -17,8 +17,8 @@ import optax
 from jaxtyping import Array, Float
 
 from jaxnet.model.axis import companion
-from jaxnet.theory.exact import Weight, lyapunov_matrix
 from jaxnet.theory.response import LawGain
+from jaxnet.theory.solution import Weight, lyapunov_matrix
 
 STEPS = 2000
 LEARNING_RATE = 0.1

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from jaxnet.config.scenario import MOTION, missing
-from jaxnet.theory import announced, certificate, delay, exact, noise, rounds, safe, tolerance
+from jaxnet.theory import announced, certificate, delay, noise, rounds, safe, solution, tolerance
 from jaxnet.theory.case import Case
 
 
@@ -50,7 +50,7 @@ THEOREMS = (
     Theorem("O11", "safe", AT_LAST, safe.safe_vehicles),
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
-    Theorem("Lemma 1", "decay", AT_LAST, exact.decay),
+    Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
 )
 
 

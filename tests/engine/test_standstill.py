@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from jaxnet.engine import standstill
 from jaxnet.engine.status import Status
-from jaxnet.theory.exact import companion
+from jaxnet.theory.solution import companion
 from tests import reference, systems
 from tests.reference import navigator_at
 

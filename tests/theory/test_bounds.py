@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
-from jaxnet.theory import exact, lyapunov, response
+from jaxnet.theory import lyapunov, response, solution
 from jaxnet.theory.announced import between_ticks
 from jaxnet.theory.bounds import BOUND_KEYS, harmonic, ultimate_bounds
 from jaxnet.theory.spread import AttackGain, attack_gain
@@ -107,8 +107,8 @@ def test_the_harmonic_norm_is_the_greatest_on_a_grid(gain):
 
 def driven(gain, step, direction, steps=60_000):
     """State at the end under ρ(t) = sign c'h(T - t), by the exact solution for constant ρ."""
-    flow = expm(exact.companion(gain) * step)
-    push = np.linalg.solve(exact.companion(gain), flow - np.eye(3))[:, 2]
+    flow = expm(solution.companion(gain) * step)
+    push = np.linalg.solve(solution.companion(gain), flow - np.eye(3))[:, 2]
     impulse = [np.array([0.0, 0.0, 1.0])]
     for _ in range(steps):
         impulse.append(flow @ impulse[-1])
@@ -138,9 +138,9 @@ def test_the_printed_constant_is_false_in_general():
 @pytest.mark.parametrize("gain", [GAIN.tolist(), [2.0], [1.0, 2.0], [1.0, 4.0, 6.0, 4.0], GAINS[4]])
 def test_lemma_1_bounds_the_flow_of_the_errors(gain):
     """At dense times."""
-    factor, rate = exact.decay_constants(np.array(gain))
+    factor, rate = solution.decay_constants(np.array(gain))
     times = np.linspace(0, 40, 801)
-    flow = [np.linalg.norm(expm(exact.companion(np.array(gain)) * t), 2) for t in times]
+    flow = [np.linalg.norm(expm(solution.companion(np.array(gain)) * t), 2) for t in times]
     assert (flow <= factor * np.exp(-rate * times) * (1 + 1e-12)).all()
     assert rate > 0
 

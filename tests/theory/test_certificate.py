@@ -7,8 +7,8 @@ from jaxnet.config.scenario import Situation
 from jaxnet.model import graph
 from jaxnet.theory import certificate
 from jaxnet.theory.case import Case
-from jaxnet.theory.exact import decay
 from jaxnet.theory.safe import margin
+from jaxnet.theory.solution import decay
 from jaxnet.view.text.check import check_text
 from tests import reference, systems
 from tests.reference import navigator_at

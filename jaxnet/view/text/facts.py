@@ -16,10 +16,10 @@ from jaxnet.theory import integer
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
 from jaxnet.theory.certificate import HonestPaths
-from jaxnet.theory.exact import Decay
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.theory.rounds import Stability
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
+from jaxnet.theory.solution import Decay
 from jaxnet.theory.theorems import OF_LAWS, values
 from jaxnet.theory.tolerance import VehiclesAlone
 

@@ -10,7 +10,7 @@ from jaxnet.kinds.graphs.figure1 import Figure1
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.model.graph import of_matrix
-from jaxnet.theory.exact import tracking_errors
+from jaxnet.theory.solution import tracking_errors
 from tests import reference
 from tests.matrices import matrix_of, whole
 
