@@ -10,10 +10,10 @@ from jaxnet.model import patterns
 from jaxnet.model.graph import slotted
 from jaxnet.model.patterns import Neighbours
 from jaxnet.solvers import choice
-from jaxnet.solvers.choice import LARGEST_BLOCK, LEAST_BLOCKS, ONE_BLOCK
+from jaxnet.solvers.choice import LARGEST_BLOCK, LEAST_BLOCKS, LEAST_WINDOWED, ONE_BLOCK
 
 PAGE = Path(__file__).parents[1] / "solvers.md"
-SIZES = (12, 50, 100, 1_000, 10_000)  # vehicles
+SIZES = (12, 100, 1_000, 5_000, 10_000)  # vehicles
 GRAPHS: dict[str, Callable[[int], Neighbours]] = {
     "`cyclic` (ring)": lambda m: patterns.circulant(m, (-1, 1)),
     "`path`": lambda m: patterns.of_pairs(m, np.arange(1, m), np.arange(m - 1)),
@@ -42,8 +42,10 @@ that listeners are near their sources (reverse Cuthill–McKee). The greatest di
 is the size of a block.
 
 - For at most {ONE_BLOCK} vehicles the solver is `Dense`.
-- With at least {LEAST_BLOCKS} blocks the solver is `Blocks`, or `Windowed` for large fleets.
+- With at least {LEAST_BLOCKS} blocks of at most {LARGEST_BLOCK} vehicles the solver is `Blocks`,
+  from {LEAST_WINDOWED} blocks on `Windowed`. With larger blocks it is `Iterative`.
 - With fewer blocks the solver is `Dense` for at most {LARGEST_BLOCK} vehicles, else `Iterative`.
+- A local law needs no solver. The stacked engine always solves one dense matrix.
 
 No key changes the choice; `engine.solver` is the integrator's method.
 

@@ -45,7 +45,7 @@ from jaxnet.model.signal import Basis, Vectors
 
 
 class Strength(eqx.Module):
-    """How strongly vehicles follow those whom they retain and hear (`model.strength`)."""
+    """How strongly vehicles follow those whom they retain and hear (`model.retained`)."""
 
     each: Float[Array, "axes m lanes"] | None = None  # of rows of weights; None: 1
 

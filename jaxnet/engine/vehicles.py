@@ -1,8 +1,8 @@
 """The one place where the law's output meets a vehicle, with time.
 
 The law steers outputs y, and asks for their r-th derivative q. Here y follows from a vehicle's
-state and the input from q. A formation, a limit of inputs or a safety filter acts here, for all
-engines.
+state and the input from q. A formation acts here for all engines. A limit of inputs or a filter
+acts here for the nonlinear engine: the exact one moves outputs, and never asks for inputs.
 """
 
 from typing import Any

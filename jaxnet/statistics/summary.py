@@ -2,7 +2,8 @@
 
 A quantity is a metric, whose `LANE_STATISTICS` are over the lanes that ended, or one of the
 `LANE_SHARES` of these lanes. Each has its interval where theory gives one (`intervals`). A metric
-more is a kind's or a study's; a share more is a line of `LANE_SHARES`.
+more is a kind's or a study's; a share more is a line of `LANE_SHARES`, of
+`asked_shares`, and of `quantities.known_quantities`.
 """
 
 from collections.abc import Callable, Sequence

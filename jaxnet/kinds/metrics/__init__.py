@@ -1,4 +1,4 @@
-"""Metrics: what a row measures. Rows, cells, tables and figures follow from one declaration."""
+"""Metrics: what a row measures. Rows, cells, tables and the figure `curve` follow from it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

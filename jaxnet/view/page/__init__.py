@@ -1,6 +1,6 @@
 """The page `report.html`: one file about a results folder, which works offline.
 
-`sections` lists what the page says, in the words of `findings` and `setting`. `plots`, `heat` and
+`sections` lists what the page says, in the words of `findings` and `setting`. `plots` and
 `trajectories` make the figures, `elements` the HTML. The scripts draw and filter; they compute
 nothing that is shown.
 """
