@@ -112,5 +112,5 @@ def test_nothing_is_claimed_of_the_union_of_networks():
     keys |= {"law": {"kind": "local", "hold": False}, "tick": 0.02, "output_step": 0.1, "tail": 0.0}
     keys |= {"channel": {"delay": 0.02}}
     systems.study(**keys, topology={**turns, "networks": [weak, weak]})
-    with pytest.raises(ConfigError, match="late motions need ticks"):
+    with pytest.raises(ConfigError, match="delayed motions need ticks"):
         systems.study(**keys, topology={**turns, "networks": [weak, strong]})

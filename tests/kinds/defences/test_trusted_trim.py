@@ -53,7 +53,7 @@ class Situation:
         for i in range(FLEET):
             trusted, before = (set(np.flatnonzero(mask[i])) for mask in (self.trusted, self.memory))
             row, gone, margin = reference._trim(
-                self.weights[i], self.received[i], trusted, self.theta[i], before, TOLERANCE
+                self.weights[i], self.received[i], trusted, self.theta[i], before
             )
             kept[i], gap = row, min(gap, margin)
             dropped[i, list(gone)] = True
