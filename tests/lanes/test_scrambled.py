@@ -80,11 +80,8 @@ def test_what_matters_has_the_first_dimensions():
 
 def test_studies_are_compared_by_their_sequences():
     """Only those that are drawn alike."""
-    magnitude = {"attack": {"vehicles": [2], "magnitude": 6.0}}
-    one, other, random = (
-        jaxnet.simulate(KEYS | keys, progress=False)
-        for keys in ({}, magnitude, {"draws": "random"})
-    )
+    changes = {}, {"attack": {"vehicles": [2], "magnitude": 6.0}}, {"draws": "random"}
+    one, other, random = (jaxnet.simulate(KEYS | keys, progress=False) for keys in changes)
     apart = (other.lanes["tail_mean"] - one.lanes["tail_mean"]).to_numpy()
     low, _ = intervals.mean_interval(apart, 0.95, np.arange(64) // 4)
     found = jaxnet.compare(one, other).cells["tail_mean_low"][0]
