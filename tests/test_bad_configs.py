@@ -246,6 +246,26 @@ def test_whatever_is_in_a_config_it_loads_or_is_a_config_error(tmp_path: Path):
     assert min(outcomes.values()) > 5
 
 
+EXTREMES = r"""horizon: 1e300\noutput_step: 1e-300
+tick: 1e-320
+horizon: NINES
+gain: LISTS
+vehicles: 99999999999999999999\nattack: none
+defence: {theta: 99999999999999999999}
+save: {trajectories: {samples: [99999999999999999999]}}
+sweep: {attack.magnitude: {linspace: [-1e308, 1e308, 3]}}
+navigator: {amplitude: [1e200, 1e200], frequency: [1e100, 1e100]}
+topology: {kind: edges, edges: [[1, 0, 1e308], [1, 2, 1e308]]}"""
+EXTREMES = EXTREMES.replace("NINES", "9" * 5000).replace("LISTS", "[" * 3000 + "]" * 3000)
+
+
+@pytest.mark.parametrize("text", EXTREMES.splitlines(), ids=lambda text: text[:30])
+def test_extremes_end_without_a_traceback(text: str, tmp_path: Path):
+    result = check(tmp_path / "bad.yaml", f"name: bad\n{unescaped(text)}\n")
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    assert result.exit_code in (0, 2)
+
+
 # --- good ones ------------------------------------------------------------------------------------
 
 

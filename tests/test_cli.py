@@ -147,6 +147,16 @@ def test_a_key_is_put_across(swept):
     assert "is not swept" in jaxnet_does("show", swept, "--pivot", "gain.0").output
 
 
+@pytest.mark.long
+def test_a_film_is_made_by_a_command(finished):
+    lane = ["animate", finished[0], "--sample", 1, "--cell"]
+    done = jaxnet_does(*lane, 0, "--out", finished[0] / "film.gif")
+    assert done.exit_code == 0, done.stderr
+    assert f"wrote {finished[0] / 'film.gif'}" in done.stderr
+    for words in ([9], [0, "--out", "x.avi"]):
+        assert jaxnet_does(*lane, *words).exit_code == 2
+
+
 def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
     """Nothing is simulated, the same is printed."""
     out, done = finished

@@ -87,6 +87,19 @@ def test_the_fleet_is_late_for_a_slow_navigator(topology):
 
 
 @pytest.mark.long
+def test_many_rounds_and_short_ticks_come_to_the_law_itself():
+    """Half the tick leaves half the distance; a sinusoid on the ring, without a defence."""
+    keys = {"attack": "sinusoid", "defence": "none", "horizon": 10.0, "output_step": 0.1}
+    law, found = {"kind": "rounds", "rounds": 200}, []
+    for more in ({}, {"law": law, "tick": 0.02}, {"law": law, "tick": 0.01}):
+        study = systems.study(engine="exact", **keys, **more)
+        found.append(systems.simulate(systems.lanes(study, 2)).series["state"][..., :2])
+    coarse, fine = (np.abs(each - found[0]).max() for each in found[1:])
+    assert coarse < 5.0
+    assert fine == pytest.approx(coarse / 2, rel=0.1)
+
+
+@pytest.mark.long
 def test_what_a_lane_that_diverges_comes_to():
     """Its error up to 1e100 m, the same in both engines."""
     keys = {"law": "rounds", "tick": 0.5, "output_step": 1.0, "attack": "none", "defence": "none"}

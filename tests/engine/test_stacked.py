@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.engine.methods.stacked import Controller
+from jaxnet.engine.methods.stacked import Controller, known_solver
 from jaxnet.engine.status import Status
 from jaxnet.kinds.vehicles import SPEED
 from tests import systems
@@ -35,6 +35,23 @@ def agree(ours, known, within):
     np.testing.assert_array_equal(ours.switches, known.switches)
     for name, values in known.metrics.items():
         np.testing.assert_allclose(ours.metrics[name], values, rtol=1e-4, atol=within)
+
+
+@pytest.mark.long
+def test_stepped_implicitly():
+    keys = {"vehicles": 2, "topology": "path", "defence": "none", "horizon": 0.4, "tail": 0.2}
+    keys["attack"] = {"magnitude": 4.0, "vehicles": [1]}
+    ours = outcome(keys, engine={"kind": "stacked", "solver": "Kvaerno3"})
+    agree(ours, outcome(keys, engine="exact"), 1e-5)
+
+
+@pytest.mark.parametrize("name", ["Heun", "ReversibleHeun", "ImplicitEuler"])
+def test_a_solver_of_low_order_adapts_its_step(name):
+    """Too slow for a fleet; here on `ẏ = -y`."""
+    solver, decay = getattr(diffrax, known_solver(name))(), diffrax.ODETerm(lambda t, y, args: -y)
+    steps = {"stepsize_controller": Controller(1e-4, 1e-6), "max_steps": 10_000}
+    solution = diffrax.diffeqsolve(decay, solver, 0.0, 2.0, None, jnp.ones(1), **steps)
+    np.testing.assert_allclose(solution.ys[0], np.exp(-2.0), rtol=3e-2)
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,20 @@ def errors(loss, missing, speed, horizon, lanes=1, **keys):
     return outcome.series["state"][..., 0] - speed * time[:, None]
 
 
+CHAIN = {"kind": "gilbert_elliott", "fail": 0.05, "recover": 0.25}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("loss", "age"), [({"kind": "bernoulli", "probability": 0.5}, 0.75), (CHAIN, 7 / 12)]
+)
+def test_the_mean_error_on_a_ramp_is_the_age_of_the_messages(loss, age):
+    """At 10 m/s and a mean age in ticks of 0.1 s; inside the 99 % interval over vehicles."""
+    means = errors(loss, "hold", 10.0, 40.0, lanes=16)[:, 120:].mean(axis=1).ravel()
+    deviation = means.std() / np.sqrt(means.size)
+    assert abs(means.mean() + 10.0 * 0.1 * age) <= 2.6 * deviation < 0.08
+
+
 @pytest.mark.long
 def test_a_jammed_vehicle_falls_behind_as_the_closed_form_says():
     """`E = -v (D - 3 + e^(-D)(3 + 2D + D²/2))` for D = 1, 2, 5 s from rest."""

@@ -46,9 +46,13 @@ def test_seed_name_sample_vehicle_and_component_each_matter():
     ],
 )
 def test_draws_follow_their_distribution(number, distribution):
-    """Kolmogorov and Smirnov, 20,000 draws."""
-    values = draw(number, 0, "attack.magnitude", range(20_000), [0])[:, 0, 0]
+    """Kolmogorov and Smirnov, 20,000 draws; each is the inverse of the same uniform number."""
+    values, uniform = (
+        draw(each, 0, "attack.magnitude", range(20_000), [0])[:, 0, 0]
+        for each in (number, fields.Uniform(uniform=[0.0, 1.0]))
+    )
     assert stats.kstest(values, distribution.cdf).pvalue > 1e-3
+    np.testing.assert_allclose(distribution.cdf(values), uniform, atol=1e-12)
     three = draw(fields.DiscreteChoice(choice=[1.0, 5.0, 9.0]), 0, "x", range(20_000), [0])
     listed, counts = np.unique(three, return_counts=True)
     assert listed.tolist() == [1.0, 5.0, 9.0]

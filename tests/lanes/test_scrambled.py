@@ -78,6 +78,18 @@ def test_what_matters_has_the_first_dimensions():
     assert sorted(columns.values()) == list(range(len(columns)))  # each number has its own
 
 
+def test_studies_are_compared_by_their_sequences():
+    """Only those that are drawn alike."""
+    changes = {}, {"attack": {"vehicles": [2], "magnitude": 6.0}}, {"draws": "random"}
+    one, other, random = (jaxnet.simulate(KEYS | keys, progress=False) for keys in changes)
+    apart = (other.lanes["tail_mean"] - one.lanes["tail_mean"]).to_numpy()
+    low, _ = intervals.mean_interval(apart, 0.95, np.arange(64) // 4)
+    found = jaxnet.compare(one, other).cells["tail_mean_low"][0]
+    assert found == pytest.approx(low, rel=1e-9, nan_ok=True)
+    with pytest.raises(jaxnet.FolderError, match="draws: sobol with 64 samples"):
+        jaxnet.compare(one, random)
+
+
 def test_lanes_are_the_same_however_they_are_loaded(tmp_path):
     """Alone, in any order, in shards and when they are replayed: to the last bit."""
     study = systems.study(**KEYS)

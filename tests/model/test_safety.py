@@ -86,6 +86,33 @@ def test_it_is_the_greatest_set_that_meets_the_assumptions():
         assert numbers(greatest(drops, attacked)) == known
 
 
+def test_what_the_literature_asks_for_is_more():
+    """Closed sets reached by percolation (2ϑ + 1 heard or ϑ + 1 trusted) are safe by majority."""
+    found = 0
+    for seed in range(200):
+        heard, attacked, trusted, theta = scenario(seed)
+        given = heard, attacked, trusted & ~attacked, theta
+        safe = numbers(greatest(drops_of(heard, given[2], theta), attacked))
+        percolated = [inside for inside in SETS if percolates(inside, *given)]
+        found += sum(map(len, percolated))
+        assert all(inside <= safe for inside in percolated)
+    assert found > 20
+
+
+def percolates(inside, heard, attacked, trusted, theta):
+    """Whether a set hears nobody outside, no member more than ϑ liars, and many reach it."""
+    sources = {i: believed(heard[i - 1], trusted[i - 1], theta[i - 1]) for i in inside}
+    if any(sources[i] - inside - {0} or attacked[i - 1].sum() > theta[i - 1] for i in inside):
+        return False
+    there = {0}
+    for _ in EVERYONE:
+        for i in inside:
+            known = sorted(sources[i] & there)
+            if len(known) > 2 * theta[i - 1] or trusted[i - 1, known].sum() > theta[i - 1]:
+                there.add(i)
+    return inside <= there
+
+
 def test_who_stays_joined_is_reached_whoever_is_dropped():
     """By trying all choices of four vehicles; who does not is cut off by one of them."""
     for seed in range(40):

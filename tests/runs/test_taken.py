@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 import jaxnet
+from experiments import kill
 from jaxnet.cli import main
 from jaxnet.store import lock
 from jaxnet.store.results import Results
@@ -80,6 +81,22 @@ def test_a_run_is_stopped(number, before, status, last, parted, assert_begins, t
     assert 0 < len(there) < SHARDS
     assert_begins(jaxnet.run(jaxnet.load(parted, {"samples": MORE}), out).lanes)
     assert there.items() <= done(out).items()
+
+
+@pytest.mark.long
+def test_a_run_killed_twice_ends_as_one_left_alone(tmp_path):
+    """No reader ever sees a torn table, and no shard is written twice."""
+    study = kill.STUDY | {key: STUDY[key] for key in ("topology", "defence")} | {"samples": 256}
+    study["sweep"] = {"attack.magnitude": {"linspace": [0, 10, 24]}}
+    config, whole, broken = kill.written(study, tmp_path), tmp_path / "whole", tmp_path / "broken"
+    jaxnet.run(config, whole)
+    with kill.watched(broken) as reader:
+        brought = [kill.run_and_kill(config, broken, delay) for delay in (0.05, 0.13)]
+        _, shards = kill.run_through(config, broken)
+    assert min(brought) > 0
+    assert sum(brought) < shards == 24
+    assert reader.reads > shards
+    kill.compare(broken, whole)
 
 
 SMALL = STUDY | {"samples": 2, "horizon": 2.0, "sweep": {"attack.magnitude": [1, 5.5]}}

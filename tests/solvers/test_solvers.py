@@ -214,6 +214,32 @@ def test_the_residual_tells_whether_the_navigator_reaches_everybody(each_hears):
     assert [bool(each[0] < CONNECTED) for each in residuals] == [not graph.unreachable(network)] * 2
 
 
+@pytest.mark.parametrize("name", ["ring", "lattice", "complete"])
+@given(seeds)
+def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
+    """Unequal weights leave L singular up to rounding only, its inverse huge but finite.
+
+    A lane beside it is solved to the same bits as beside a connected one.
+    """
+    kind, keys, m, _ = GRAPHS[name]
+    links = matrices.links_of(registry.find("topology", kind)(**keys), m)
+    (heard, solver), rng = listening(links), np.random.default_rng(seed)
+    whole = links * rng.uniform(0.1, 1.0, links.shape)
+    lost = (rng.integers(m) + np.arange(rng.integers(2, m - 1))) % m
+    cut, right = whole.copy(), jnp.asarray(rng.normal(size=(m, 3, 1, 2)))
+    cut[np.ix_(lost, np.setdiff1d(np.arange(m + 1), lost + 1))] = 0.0
+    whole, cut = (each / each.sum(axis=1, keepdims=True) for each in (whole, cut))
+    both, one = (
+        by_slot(heard, np.stack([whole, other], axis=-1)[:, :, None]) for other in (whole, cut)
+    )
+    (clean, connected), (found, residual) = (solve(solver, heard, of, right) for of in (both, one))
+    assert (connected < CONNECTED).all()
+    assert residual[0] < CONNECTED
+    for left in (residual, factorise(solver, heard, one)[1]):
+        assert not left[1] < 1.0  # or not a number
+    np.testing.assert_array_equal(found[..., 0], clean[..., 0])
+
+
 @pytest.mark.parametrize("n", [1, 2, 3, 7, 12, 29, 96])
 def test_eliminates_as_numpy_solves(n):
     """Of every size: few rows, a remainder, and matrices so large that done columns wait."""

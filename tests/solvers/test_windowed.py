@@ -8,7 +8,9 @@ import pytest
 from jaxnet.engine import batch
 from jaxnet.model import hearing
 from jaxnet.solvers import choice, windowed
+from jaxnet.solvers.blocks import Blocks
 from jaxnet.solvers.dense import Dense
+from jaxnet.solvers.iterative import Iterative
 from jaxnet.solvers.solver import System
 from jaxnet.solvers.windowed import Windowed
 from tests import systems
@@ -99,6 +101,35 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
     np.testing.assert_allclose(
         found[..., within], exact[..., within], rtol=0, atol=1e-12 * lane.attack_scale.max()
     )
+
+
+LOSSES = {"loss": {"kind": "bernoulli", "probability": 0.5}}
+SOLVERS = {  # what is patched so that this one is chosen
+    Dense: (choice, "ONE_BLOCK", 150),
+    Windowed: (choice, "LEAST_WINDOWED", 2 * windowed.WINDOW),
+    Iterative: (choice, "LARGEST_BLOCK", 1),
+    Blocks: (choice, "LARGEST_BLOCK", 96),
+}
+
+
+@pytest.mark.long
+def test_lanes_with_errors_and_losses_go_as_with_one_dense_matrix():
+    """All rows change at every tick, and some vehicles hear nobody."""
+    keys = {"topology": "cyclic", "vehicles": 150, "horizon": 0.5, "tail": 0.5}
+    keys |= {"attack": "rotating", "sensing": {"position": 0.1}, "channel": LOSSES}
+    study, found = systems.study(engine="exact", **keys), []
+    for solver, limit in SOLVERS.items():
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(*limit)
+            lanes = systems.lanes(study, 2, ("state",))
+        assert type(lanes.network.solver) is solver
+        found.append(batch.simulate(lanes, systems.FEW))
+    dense, *others = found
+    assert (dense.unheard > 0).all()
+    for ours in others:
+        for name in ("status", "switches", "unheard"):
+            assert getattr(ours, name).tolist() == getattr(dense, name).tolist()
+        np.testing.assert_allclose(ours.series["state"], dense.series["state"], rtol=0, atol=1e-9)
 
 
 def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):

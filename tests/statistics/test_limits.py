@@ -30,6 +30,7 @@ def test_the_table_has_a_block_for_each_group():
     ring = slopes[slopes["topology"] == "cyclic"].set_index(["bound", "vehicle"])["slope"]
     assert ring["peak_gain", "worst"] == pytest.approx(19.8)
     assert ring["static"].isna().all()
+    assert slopes_table(jaxnet.load({"attack": "none"}).cells).empty
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,7 @@ def test_results_at_a_url_are_those_on_the_disk(url, local):
     assert other.startswith(f"{rows}: torn")
     assert "00001.parquet: errors.zarr is corrupt at cell 1, samples 0 to 1; its lanes" in torn
     assert whole == {path: path.read_bytes() for path in whole}
-    assert progress(jaxnet.load(study, {"samples": 3}), url)[1] == 6
+    assert progress(jaxnet.load(study, {"samples": 3}), url) == (4, 6)
     assert_equal(jaxnet.open(url), local)
 
 
@@ -265,12 +265,14 @@ def test_a_folder_that_is_removed_ends_its_run(study, tmp_path):
 
 
 def test_writers_of_parts_share_a_disk(tmp_path):
-    """Any number of them, and none beside a lone writer."""
+    """Any number of them, and neither one nor a run beside a lone writer."""
     folder = Folder(tmp_path)
     with folder.writing(alone=False), folder.writing(alone=False):
         refused(folder)
     with folder.writing():
         refused(folder, alone=False)
+        with pytest.raises(FolderError, match=f"written by process {os.getpid()} on"):
+            jaxnet.run(STUDY, tmp_path, progress=False)
 
 
 UNREACHED = {

@@ -92,6 +92,11 @@ def test_the_least_rounds_by_trying_them_all(tick):
         assert all(stable[surely - 1 :])
 
 
+def test_more_rounds_may_be_worse():
+    stable = [spectral_radius(RING, GAIN, 0.18, n) < 1 for n in range(1, 6)]
+    assert stable == [False, True, False, True, False]
+
+
 def test_no_number_of_rounds_is_stable():
     """At a long tick; or for two vehicles that hear each other alone."""
     apart = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 0, 1.0, 0]])

@@ -128,6 +128,8 @@ def test_one_lane_is_a_line_and_no_band(results):
     """Without quantiles and maximum, in the figure and on the page; two lanes have both."""
     cells = results.study.cells[:1]
     two = error_bands(results.errors["tracking"], cells)
+    known = np.quantile(results.errors["tracking"][0], [0.05, 0.5, 0.95, 1.0], axis=0)
+    np.testing.assert_allclose(two[0][1:5], known, rtol=1e-6)
     alone = {number: band._replace(lanes=1) for number, band in two.items()}
     groups = [Group(dict(cell.labels), (cell,)) for cell in cells]
     for found, many, drawn in ((two, True, (1, 2)), (alone, False, (0, 1))):

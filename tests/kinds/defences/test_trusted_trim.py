@@ -98,6 +98,23 @@ def test_decides_as_the_reference_program(seed, on_a_line):
     np.testing.assert_allclose(kept.sum(axis=1), 1.0, rtol=1e-14)
 
 
+@given(seeds, st.permutations(range(FLEET)))
+def test_neither_numbers_nor_frames_of_vehicles_matter(seed, order):
+    """Each listener may turn, mirror and shift all that it receives in its own way."""
+    situation, rng, new = drawn(seed), np.random.default_rng(seed), np.array(order)
+    assume(situation.expected()[2] > 1e-6)
+    kept, dropped = situation.decided()
+    turn = np.linalg.qr(rng.normal(size=(FLEET, 2, 2)))[0]
+    moved = np.einsum("ixy,isy->isx", turn, situation.received)
+    situation.received = moved + rng.normal(0.0, 1e3, (FLEET, 1, 2))
+    np.testing.assert_array_equal(situation.decided(), (kept, dropped))
+    links = np.ix_(new, [0, *(new + 1)])
+    arrays = situation.weights, situation.received, situation.trusted, situation.memory
+    weights, received, trusted, memory = (each[links] for each in arrays)
+    other = Situation(weights, received, trusted, situation.theta[new], memory).decided()
+    np.testing.assert_allclose(other, (kept[links], dropped[links]), rtol=1e-14)
+
+
 def vehicle_one(positions, heard_by_it, trusted, theta, dropped_before=()):
     """Sources that vehicle 1 drops, with those it hears at these places on a line."""
     edges = [(1, j, 1.0) for j in heard_by_it] + [(i, 0, 1.0) for i in range(2, FLEET + 1)]

@@ -94,6 +94,8 @@ def test_variances_are_those_of_the_discrete_lyapunov_equation():
     for topology in ("cyclic", "path"):
         (cell,) = systems.study(topology=topology).cells
         weights = dense(cell.scenario.topology.normalised_rows(12))
-        for of in ("link", "transmitter"):
+        for of, ring, first in (("link", 5.242067, 1), ("transmitter", 9.009307, 0)):
             known = np.diag(covariance(topology, of))
+            told = ring if topology == "cyclic" else first + np.arange(12)
+            np.testing.assert_allclose(known, told, atol=1e-6)
             np.testing.assert_allclose(noise.link_gains(weights, of), known, rtol=0, atol=1e-9)

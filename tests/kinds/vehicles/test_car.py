@@ -1,5 +1,6 @@
 """The car: a fleet of cars moves as one of robots."""
 
+import jax
 import numpy as np
 
 from jaxnet.kinds.vehicles.car import STEERING
@@ -10,10 +11,12 @@ WHEELBASE = {"kind": "car", "wheelbase": {"uniform": [0.3, 2.0]}}
 
 
 def test_the_wheelbase_is_seen_in_the_steering_alone():
-    """All else is the robot's; tan δ is wheelbase · turn rate / speed."""
-    vehicles = (WHEELBASE, "two_wheeled")
+    """All else is the robot's; tan δ is wheelbase · turn rate / speed. A number is no program."""
+    vehicles = (WHEELBASE, "two_wheeled", {"kind": "car", "wheelbase": 1.0})
     studies = (systems.study(engine="exact", vehicle=vehicle, **KEYS) for vehicle in vehicles)
-    one, other = (systems.lanes(study, 3) for study in studies)
+    one, other, fixed = (systems.lanes(study, 3) for study in studies)
+    assert one.plan == fixed.plan
+    assert jax.tree.structure(one.inputs) == jax.tree.structure(fixed.inputs)
     cars, robots = systems.simulate(one), systems.simulate(other)
     assert cars.status.tolist() == [0] * 3
     for name, metric in cars.metrics.items():
