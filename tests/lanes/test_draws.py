@@ -59,14 +59,6 @@ def test_draws_follow_their_distribution(number, distribution):
     assert stats.chisquare(counts).pvalue > 1e-3
 
 
-def test_a_draw_is_the_inverse_cdf_of_one_uniform_number():
-    """Distributions of the same quantity are monotone in each other: common random numbers."""
-    place = (3, "attack.magnitude", range(100), [0])
-    uniform = draw(fields.Uniform(uniform=[0.0, 1.0]), *place)[:, 0, 0]
-    normal = draw(fields.Normal(normal=[0.0, 1.0]), *place)[:, 0, 0]
-    np.testing.assert_allclose(stats.norm.cdf(normal), uniform, atol=1e-12)
-
-
 def test_cells_share_their_draws():
     """Sample s starts alike and is attacked in the same phase whatever is swept."""
     sweep = {"attack.magnitude": [1, 9], "gain": [[1, 3, 3], [6, 11, 6]]}
