@@ -23,7 +23,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from importlib import metadata
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from upath import UPath
@@ -177,6 +177,7 @@ def worker_answers(
 
 @contextlib.contextmanager
 def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
+    quiet_tracker()
     # The process from which workers are forked imports their modules once, while this process does
     # other things. It does not start JAX, which would not survive a fork.
     modules = ["distributed", "jaxnet.runs.shards"]
@@ -202,6 +203,16 @@ def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
         contextlib.closing(distributed.Client(cluster, set_as_default=False)) as client,
     ):
         yield client
+
+
+def quiet_tracker() -> None:
+    """Start Python's resource tracker without warnings about the leftovers of killed workers."""
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
+    resource_tracker.ensure_running()
+    os.environ.pop("PYTHONWARNINGS")
+    if before is not None:
+        os.environ["PYTHONWARNINGS"] = before
 
 
 @contextlib.contextmanager

@@ -73,6 +73,7 @@ def test_rows_have_the_contract_s_columns(results):
 
 COMMANDS = """
 import json, sys
+from jaxnet.cli import main
 for words in json.loads(sys.argv[1]):
     main(words, standalone_mode=False)
 """
