@@ -111,7 +111,7 @@ class Results(stored.Results):
         >>> keys = {"engine": "exact", "horizon": 5.0, "sweep": {"attack.magnitude": [1, 10]}}
         >>> fits = jaxnet.simulate(keys, samples=2).fit()
         >>> fits["model"].unique().tolist()
-        ['proportional', 'constant']
+        ['proportional', 'affine', 'power', 'constant']
         """
         written = into(self, out)
         for _ in writing.write_fits(written):

@@ -40,7 +40,7 @@ STORED_COLUMNS: dict[str, dict[str, Any]] = {
     "fit": {"metric": str, "model": str, "parameter": str}
     | {"quantile": float, "estimate": float, "low": float, "high": float},
 }
-Fit = tuple[float, float, float]  # slope s and the ends of its interval
+Fit = tuple[float, float, float]  # a parameter and the ends of its interval
 
 
 class Curve(NamedTuple):
@@ -53,6 +53,7 @@ class Curve(NamedTuple):
     cells: pd.DataFrame
     bounds: Mapping[tuple[str, str], float]  # slope by bound and vehicle (1 to m, worst, fleet)
     fits: Mapping[tuple[str, float | None], Fit]  # by metric and quantile (None: least squares)
+    exponents: Mapping[str, Fit]  # p of c·ā^p by metric
 
     @property
     def sizes(self) -> Float[np.ndarray, " cells"]:
@@ -105,16 +106,15 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
         labels = canonical_values(group.labels.values())
         mine = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
         slopes = {(row.bound, row.vehicle): float(row.slope) for row in bounds.get(labels, [])}
-        fitted = {
-            (row.metric, None if np.isnan(row.quantile) else row.quantile): (
-                row.estimate,
-                row.low,
-                row.high,
-            )
-            for row in fits.get(labels, [])
-            if (row.model, row.parameter) == ("proportional", "s")
-        }
-        found.append(Curve(group, mine, slopes, fitted))
+        fitted, exponents = {}, {}
+        for row in fits.get(labels, []):
+            fit = (row.estimate, row.low, row.high)
+            quantile = None if np.isnan(row.quantile) else row.quantile
+            if row.model == "proportional":
+                fitted[row.metric, quantile] = fit
+            elif (row.parameter, quantile) == ("p", None):
+                exponents[row.metric] = fit
+        found.append(Curve(group, mine, slopes, fitted, exponents))
     return found
 
 

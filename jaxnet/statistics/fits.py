@@ -2,14 +2,15 @@
 
 A group contains the cells that differ only in ā. In each group s·ā is fitted to tail_mean and to
 tail_max. The slope s is the mean of errors per ā (least squares of weights 1/ā²), a quantile of
-them (weights 1/ā), or the greatest (the envelope, "quantile 1"). A constant is fitted by least
-squares. Cells with ā = 0 and failed lanes take no part.
+them (weights 1/ā), or the greatest (the envelope, "quantile 1"). The other curves of `regression`
+and a constant are fitted by least squares. Cells with ā = 0 and failed lanes take no part.
 
 Intervals are over samples, not rows: sample s is the same random draw in every cell.
 
 - The mean has the interval of `intervals`.
-- A quantile has the 2.5 and 97.5 % points of fits to samples drawn again with replacement, if
-  enough samples lie beyond it.
+- A quantile, and the other curves, have the 2.5 and 97.5 % points of fits to samples drawn again
+  with replacement. They need enough samples beyond it, or enough that make up the variance: with
+  few large errors among many small ones a bootstrap covers too little.
 - The envelope has none, because the bootstrap fails for a maximum (`below_greatest` instead).
 - Sobol's sequences have no bootstrap: their points are not independent and the sequences are few.
 
@@ -18,7 +19,7 @@ A transient is as large at every ā. Its errors have a mean and an interval, but
 """
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -32,6 +33,7 @@ from jaxnet.engine.cores import cores
 from jaxnet.statistics import limits
 from jaxnet.statistics.groups import Group, Label, attacked_groups
 from jaxnet.statistics.intervals import CONFIDENCE, UNKNOWN, Ends, is_near_normal, student_interval
+from jaxnet.statistics.regression import MODELS, affine, model_value, power
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store import rows
@@ -44,14 +46,15 @@ NO_ULTIMATE_ERROR = (
     "without a navigator there is no error to fit and no bound: `jaxnet figure curve` draws the"
     " spread"
 )
-FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high")
+FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
 FITTED_QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
 RESAMPLES = 1000
 SEED = 0
 RESAMPLES_TOGETHER = 100  # fitted side by side
 MOST_FIT_WEIGHTS = 2**22  # of resamples fitted side by side
-FEWEST_BEYOND = 10  # draws beyond a quantile; with fewer a bootstrap covers too little
+FEWEST, FEWEST_BEYOND = 50, 10  # draws that make up the variance of a mean; beyond a quantile
+LEAST_RESIDUAL = 1e-12  # smaller errors per ā are rounding
 EXACT_FIT = 1e-9  # of the greatest error, or of ā; smaller ones are rounding
 NO_SLOPE_INTERVAL = "no interval: too few draws for their skewness, or too few beyond the quantile"
 
@@ -150,13 +153,72 @@ def fit_rows(errors: Errors, independent: bool = True) -> Iterator[FitRow]:
     found = []
     for quantile, slope in slopes.items():
         told = (slope, *ends.get(quantile, UNKNOWN)) if sloped else (np.nan, *UNKNOWN)
-        found.append(("proportional", quantile, "s", *told))
-    if known.any(axis=1).sum() > 1:
-        weights = known * (errors.x.min() / errors.x[:, None]) ** 2
-        level = float(np.nansum(weights * errors.y) / weights.sum())
-        found.insert(1, ("constant", None, "c", level, *UNKNOWN))
+        score = aicc(errors, "proportional", [slope]) if quantile is None else np.nan
+        found.append(("proportional", quantile, "s", *told, score))
+    found[1:1] = curve_rows(errors, independent) if known.any(axis=1).sum() > 1 else []
     for row in found:
         yield dict(zip(FIT_COLUMNS[1:], row, strict=True))
+
+
+def curve_rows(errors: Errors, independent: bool) -> Iterator[tuple[object, ...]]:
+    """Yield the rows of curves with two parameters, and of the constant."""
+    once = np.ones((1, errors.y.shape[1]), np.int16)
+    enough = independent and variance_is_of_many(errors)
+    resamples = [*resamples_of(errors)] if enough else []
+    for model, fitted in (("affine", affine), ("power", power)):
+        (estimate,) = fitted(errors.x, *means_of(errors, once))
+        ends = np.full((2, 2), np.nan)
+        if enough:
+            drawn = [fitted(errors.x, *means_of(errors, each)) for each in resamples]
+            ends = percentile_interval(np.concatenate(drawn))
+        score = aicc(errors, model, estimate)
+        for name, *numbers in zip(MODELS[model], estimate, *ends, strict=True):
+            yield model, None, name, *numbers, score
+    weights = np.isfinite(errors.y) * (errors.x.min() / errors.x[:, None]) ** 2
+    level = float(np.nansum(weights * errors.y) / weights.sum())
+    yield "constant", None, "c", level, *UNKNOWN, aicc(errors, "constant", [level])
+
+
+def means_of(errors: Errors, counts: DrawCounts) -> tuple[np.ndarray, np.ndarray]:
+    """Mean error per ā, and number of lanes, of each resample at each magnitude: (n, j) each."""
+    finite = np.isfinite(errors.y)
+    weights = counts @ finite.T.astype(float)
+    return counts @ np.where(finite, errors.ratios, 0.0).T / np.maximum(1, weights), weights
+
+
+def variance_is_of_many(errors: Errors) -> bool:
+    """Whether enough draws make up the variance of their mean errors per ā: n over the kurtosis.
+
+    If all errors are rounding, nothing is known of large errors.
+    """
+    finite = np.isfinite(errors.y)
+    draws = finite.any(axis=0)
+    each = np.nansum(errors.ratios, axis=0)[draws] / finite.sum(axis=0)[draws]
+    size = each.max(initial=0.0)
+    if size < EXACT_FIT:
+        return False
+    apart = each / size - (each / size).mean()
+    squares = np.where(np.abs(apart) > EXACT_FIT, apart**2, 0.0)
+    return bool(len(each) >= FEWEST and squares.sum() ** 2 >= FEWEST * np.square(squares).sum())
+
+
+def aicc(errors: Errors, model: str, parameters: Sequence[float]) -> float:
+    """Akaike's criterion with its small-sample correction, for (y − f)/x; NaN if this is rounding.
+
+    It is `n log(RSS/n) + 2k + 2k(k + 1)/(n − k − 1)`, where k includes the variance (Hurvich and
+    Tsai 1989).
+    """
+    ratios = errors.ratios
+    finite, k, size = np.isfinite(ratios), len(parameters) + 1, np.nanmax(ratios)
+    n = finite.sum()
+    if n <= k + 1 or size < LEAST_RESIDUAL:
+        return np.nan
+    curve = model_value(model, errors.x, parameters) / errors.x
+    residuals = (ratios - curve[:, None]) / size
+    spread, scale = (np.sqrt(np.mean(each[finite] ** 2)) for each in (residuals, ratios / size))
+    if not max(EXACT_FIT * scale, LEAST_RESIDUAL / size) <= spread < np.inf:
+        return np.nan
+    return float(2 * n * (np.log(spread) + np.log(size)) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
 
 
 def quantile_slopes(
@@ -178,10 +240,8 @@ def slope_intervals(errors: Errors) -> dict[float | None, Ends]:
     draws = np.isfinite(errors.y).any(axis=0).sum()
     enough = [each for each in FITTED_QUANTILES if draws * min(each, 1 - each) >= FEWEST_BEYOND]
     if enough:
-        at_once = max(1, min(RESAMPLES_TOGETHER, MOST_FIT_WEIGHTS // errors.y.size))
-        resamples = draw_resamples(errors.y.shape[1], at_once)
-        drawn = np.concatenate([quantile_slopes(errors, each, enough) for each in resamples])
-        ends = percentile_interval(drawn).T.tolist()
+        drawn = [quantile_slopes(errors, each, enough) for each in resamples_of(errors)]
+        ends = percentile_interval(np.concatenate(drawn)).T.tolist()
         found |= {quantile: (low, high) for quantile, (low, high) in zip(enough, ends, strict=True)}
     return found
 
@@ -194,6 +254,11 @@ def mean_ratio(errors: Errors) -> Ends:
     if not is_near_normal(sums / counts):
         return UNKNOWN
     return student_interval(sums, counts, CONFIDENCE)
+
+
+def resamples_of(errors: Errors) -> Iterator[DrawCounts]:
+    at_once = max(1, min(RESAMPLES_TOGETHER, MOST_FIT_WEIGHTS // errors.y.size))
+    return draw_resamples(errors.y.shape[1], at_once)
 
 
 def draw_resamples(samples: int, at_once: int) -> Iterator[DrawCounts]:

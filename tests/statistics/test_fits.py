@@ -8,6 +8,7 @@ import jaxnet
 from experiments import coverage
 from jaxnet.statistics import fits as fit
 from jaxnet.statistics.fits import ENVELOPE, Errors
+from jaxnet.statistics.regression import affine, model_value, power
 from jaxnet.store.folder import FolderError
 from tests import systems
 
@@ -63,6 +64,72 @@ def test_the_constant_is_of_least_squares():
     assert row["estimate"] == pytest.approx(level[0])
 
 
+def curves(errors, counts=None):
+    """Parameters of affine and power by least squares."""
+    moments = fit.means_of(errors, np.ones((1, errors.y.shape[1])) if counts is None else counts)
+    return affine(errors.x, *moments)[0], power(errors.x, *moments)[0]
+
+
+@pytest.mark.parametrize("exponent", [-1.5, 0.0, 0.6, 1.0, 2.5])
+def test_noiseless_data_give_their_parameters_back(exponent):
+    """An affine curve and a power; one magnitude may lack all lanes."""
+    for y in (0.7 + 3.0 * X, 2.0 * X**exponent):
+        y = np.repeat(y[:, None], S, axis=1)
+        y[1] = np.nan
+        (b, s), (c, p) = curves(Errors(X, y))
+        known = (b, s, 0.7, 3.0) if y[0, 0] == 0.7 + 3.0 * X[0] else (c, p, 2.0, exponent)
+        np.testing.assert_allclose(known[:2], known[2:], rtol=1e-6, atol=1e-8)
+
+
+def test_curves_are_of_least_squares():
+    """Affine by NumPy's least squares with weights 1/x²; no step of a power is lower."""
+    errors = noisy(1)
+    there, (line, bent) = np.isfinite(errors.y), curves(errors)
+    design = np.stack([np.repeat(1 / X, S), np.ones(len(X) * S)], axis=1)[there.ravel()]
+    np.testing.assert_allclose(line, np.linalg.lstsq(design, errors.ratios[there])[0], rtol=1e-9)
+
+    def loss(parameters):
+        curve = model_value("power", X, parameters)[:, None]
+        return np.nansum(((errors.y - curve) / X[:, None]) ** 2)
+
+    steps = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1))
+    assert all(loss(bent * (1 + 1e-4 * np.array(step))) > loss(bent) for step in steps)
+
+
+def test_curves_of_a_resample_are_those_of_its_samples():
+    """Errors in another unit scale b, s and c and leave p; the order of cells is none."""
+    errors, counts = noisy(3), next(fit.draw_resamples(S, 1))
+    drawn = curves(Errors(X, np.repeat(errors.y, counts[0], axis=1)))
+    np.testing.assert_allclose(curves(errors, counts), drawn, rtol=1e-7)
+    cells = np.random.default_rng(1).permutation(len(X))
+    mixed = curves(Errors(X[cells], 1e3 * errors.y[cells]))
+    np.testing.assert_allclose(mixed, np.array([[1e3, 1e3], [1e3, 1]]) * curves(errors), rtol=1e-7)
+
+
+def test_aicc_finds_the_model_and_is_blank_without_residuals():
+    random = np.random.default_rng(9)
+    for model, curve in (("affine", 0.7 + 3 * X), ("power", 2 * X**0.6)):
+        y = curve[:, None] * random.lognormal(sigma=0.03, size=(len(X), S))
+        rows = table(Errors(X, y))
+        assert rows["quantile"].isna().sum() == rows["aicc"].notna().sum() == 6
+        assert rows.loc[rows["aicc"].idxmin(), "model"] == model
+    rows = table(Errors(X, 2.0 * X[:, None] * (1 + 1e-10 * random.normal(size=(len(X), S)))))
+    assert rows.loc[rows["model"] != "constant", "aicc"].isna().all()
+    few = Errors(X[:2], np.array([[0.1, 0.3], [0.5, 1.5]]))  # residuals per ā are 1: by hand
+    assert fit.aicc(few, "proportional", [2.0]) == pytest.approx(4 + 12)
+    assert np.isnan(fit.aicc(few, "affine", [0.0, 2.0]))
+
+
+@pytest.mark.parametrize("rest", [1e-28, 1])
+def test_no_interval_of_a_curve_where_few_lanes_are_off(rest):
+    """Of n lanes np are off: n over the kurtosis is np (1 - p)/(1 - 3p (1 - p)); 50 are enough."""
+    for draws, told in ((45, False), (56, True)):
+        y = np.full((1, 20 * draws), float(rest))
+        y[0, :draws] = 3.0
+        assert fit.variance_is_of_many(Errors(np.ones(1), y)) is told
+    assert not fit.variance_is_of_many(Errors(X, 1e-28 * X[:, None] * np.arange(1000)))
+
+
 def test_counts_stand_for_samples_drawn_more_than_once():
     """Slopes with the counts of a resample are slopes of its samples; order and unit are none."""
     errors, counts = noisy(3), next(fit.draw_resamples(S, 1))
@@ -82,6 +149,8 @@ def test_samples_are_resampled_and_not_rows():
     mean = 2 * 1.96 * shared.std() / np.sqrt(1000)
     assert widths.iloc[0] == pytest.approx(mean, rel=0.2)
     assert widths.iloc[1] == pytest.approx(mean * np.sqrt(np.pi / 2), rel=0.2)  # of a median
+    bent = rows[(rows["model"] == "power") & (rows["parameter"] == "c")].iloc[0]
+    assert bent["high"] - bent["low"] == pytest.approx(mean, rel=0.2)
 
 
 @pytest.mark.parametrize(("fewest", "quantile"), [(20, 0.5), (200, 0.95)])
@@ -141,7 +210,9 @@ def test_extreme_errors_are_fitted_without_complaint():
     found = slopes(Errors(X, y))
     assert np.isfinite(found).all()
     assert 0 <= found[1] < 1e-28
-    assert (table(Errors(X, np.zeros((len(X), S))))["estimate"] == 0).all()
+    assert table(Errors(X, y))["estimate"].notna().all()
+    nothing = table(Errors(X, np.zeros((len(X), S))))
+    assert (nothing["estimate"] == (nothing["parameter"] == "p")).all()
     for x in ([1e-300, 1e300], [1e290, 1e300]):
         np.testing.assert_allclose(
             slopes(Errors(np.array(x), np.array(x)[:, None] * np.full((1, S), 2.0))), 2.0
@@ -166,7 +237,7 @@ def test_table_holds_every_fit():
         rows.append(pd.DataFrame({"cell": cell.number, **lanes}))
     found = fit.fit_table(results(pd.concat(rows), sweep=sweep, attack="replay"))
     assert list(found.columns) == ["topology", *fit.FIT_COLUMNS]
-    assert len(found) == 2 * 2 * (4 + 1)
+    assert len(found) == 2 * 2 * (4 + 1 + 4)
     known = found[found["model"] == "proportional"].set_index(["topology", "metric"])["estimate"]
     for topology, number in (("star", 10), ("path", 11)):
         for metric, unit in (("tail_mean", 1.0), ("tail_max", 2.0)):

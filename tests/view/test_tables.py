@@ -228,7 +228,7 @@ def test_a_long_table_is_cut_only_if_asked():
 def test_fits_show_swept_values_as_the_summary_does():
     """Names of kinds, drawn vehicles and units; what is rounding is 0."""
     group = Group({"attack.vehicles": '{"random": 1}', "defence": "w_msr"}, ())
-    curve = Curve(group, pd.DataFrame(), {}, {})
+    curve = Curve(group, pd.DataFrame(), {}, {}, {})
     text = slopes.group_table("slopes", [(curve, {"mean": "0.1"})], (), "fit.csv")
     assert text.splitlines()[-1].split() == ["1", "drawn", "W-MSR", "0.1"]
     assert "attacked" in text.splitlines()[1]

@@ -20,7 +20,7 @@ from jaxnet.view.text.width import filled
 MOST_VIOLATIONS = 20
 LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 SLOPE_QUANTILES = {"mean": None, "median": 0.5, "95 %": 0.95, "envelope": ENVELOPE}
-SLOPES_DROP_ORDER = (("95 %",), ("median",), ("envelope",))
+SLOPES_DROP_ORDER = (("p",), ("95 %",), ("median",), ("envelope",))
 # Of one vehicle, the worst; of the fleet, the norm of all vehicles' errors.
 BOUND_COLUMNS = {
     "static": ("static", "worst"),
@@ -54,15 +54,16 @@ def fit_text(results: Results) -> str:
 
 
 def slopes_text(results: Results, found: Sequence[Curve]) -> str:
-    """Slopes s of s·ā with 95 % intervals, and notes on what is blank."""
+    """Slopes s of s·ā with 95 % intervals, the exponent p of c·ā^p, and notes on blanks."""
     told, rows = [], []
     for curve in found:
         for metric in SUMMARISED:
             fits = {name: curve.fit(metric, each) for name, each in SLOPE_QUANTILES.items()}
             told += [(name, fit) for name, fit in fits.items() if fit is not None]
             texts = {name: slope_interval_text(fit) for name, fit in fits.items()}
+            texts["p"] = slope_interval_text(curve.exponents.get(metric))
             rows.append((curve, {"metric": metric} | texts))
-    title = "ultimate error per ā: slopes s of s·ā with 95 % intervals"
+    title = "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p"
     lines = [group_table(title, rows, SLOPES_DROP_ORDER, "fit.csv")]
     if any(curve.is_flat(metric) for curve in found for metric in SUMMARISED):
         lines.append(filled(NO_SLOPE))
