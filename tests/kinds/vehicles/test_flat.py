@@ -58,16 +58,16 @@ def test_each_jet_s_rate_is_the_next_jet(name, seed):
     )
     psi = vehicle.decoupling(state)
     highest = vehicle.drift(state) + jnp.einsum("xu...,u...->x...", psi, inputs)
-    np.testing.assert_allclose(np.stack(rates), [*jets[1:], highest], rtol=1e-9, atol=1e-8)
-    np.testing.assert_allclose(vehicle.inputs_for(state, highest), inputs, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(np.stack(rates), [*jets[1:], highest], rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(vehicle.inputs_for(state, highest), inputs, rtol=1e-11, atol=1e-11)
     determinant = abs(np.linalg.det(np.moveaxis(np.asarray(psi), (0, 1), (-2, -1))))
     if vehicle.singular:
         margin = abs(np.asarray(vehicle.margin(state)))
         lead = vehicle.lead(jets[vehicle.singular])
-        np.testing.assert_allclose(np.linalg.norm(lead, axis=0), margin, rtol=1e-9)
+        np.testing.assert_allclose(np.linalg.norm(lead, axis=0), margin, rtol=1e-12)
     known = {"look_ahead": lambda: vehicle.ahead, "car": lambda: vehicle.sideways(state)}
     known = known.get(name, lambda: margin if vehicle.singular else 1.0)()
-    np.testing.assert_allclose(determinant, np.broadcast_to(known, (5, 3)), rtol=1e-9)
+    np.testing.assert_allclose(determinant, np.broadcast_to(known, (5, 3)), rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", [name for name in GREATEST if name != "look_ahead"])
@@ -77,7 +77,7 @@ def test_jets_determine_the_state_of_a_vehicle_that_goes_ahead(name):
     turning = {"planar_quadrotor": PITCH}.get(name, HEADING)
     if "integrator" not in name:
         off[turning] -= 2 * np.pi * np.round(off[turning] / (2 * np.pi))
-    np.testing.assert_allclose(off, 0.0, atol=1e-9)
+    np.testing.assert_allclose(off, 0.0, atol=1e-11)
 
 
 @pytest.mark.parametrize("name", GREATEST)
@@ -93,7 +93,7 @@ def test_the_pace_is_that_of_the_path(name):
         "double_integrator": lambda: (plane.length(jets[1]), still),
         "planar_quadrotor": lambda: (plane.length(jets[1]), state[PITCH + 1]),
     }.get(name, lambda: plane.pace(jets))
-    np.testing.assert_allclose(vehicle.pace(state, inputs), known(), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(vehicle.pace(state, inputs), known(), rtol=1e-11, atol=1e-11)
 
 
 @pytest.mark.parametrize(
