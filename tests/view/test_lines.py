@@ -1,6 +1,7 @@
 """The figure by axes: what is drawn is what the cells say, and no label touches another."""
 
 import itertools
+import json
 import re
 
 import matplotlib as mpl
@@ -172,6 +173,20 @@ def test_the_note_says_what_a_point_is():
         assert (MOVED_NOTE in drawn.get_suptitle()) == told
         assert "200 lanes a point" in numbered(cells)._replace(lanes=200).notes
         assert "lanes a point" not in numbered(cells).notes
+
+
+def test_what_is_below_the_floor_of_a_log_axis_is_drawn_there():
+    """A hundred-thousandth of the greatest value, in print and on the page, as the note says."""
+    cells = study_cells(**RATES)
+    values = pd.DataFrame({"value": [8.0, 3e-5, 1e-9], "low": np.nan, "high": np.nan})
+    found = numbered(cells, share=False)._replace(values=values)
+    drawing = swept_drawing(found, choose_axes(cells), cells)
+    (panel,) = printed(drawing).axes
+    drawn = [line.get_ydata() for line in panel.lines if line.get_marker() in MARKERS]
+    assert np.sort(np.concatenate(drawn)).tolist() == [8e-5, 8e-5, 8.0]
+    (figure,) = re.findall(r'<script type="application/json">(.*?)</script>', plotted(drawing))
+    assert json.loads(figure)["data"][0]["y"] == [8.0, 8e-5, 8e-5]
+    assert "values below 8e-05 m are drawn there" in found.notes
 
 
 def test_labels_of_axes_do_not_touch_in_larger_type():

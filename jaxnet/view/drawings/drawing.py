@@ -63,7 +63,10 @@ class Tiles(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """An axis. Names stand at 0, 1, …, on y from the top; `ticks` where there is room for them."""
+    """An axis. Names stand at 0, 1, …, on y from the top; `ticks` where there is room for them.
+
+    On a log axis values below `least`, or below its lower end without one, are drawn there.
+    """
 
     title: str
     ends: tuple[float, float] | None = None
@@ -72,6 +75,13 @@ class Scale(NamedTuple):
     whole: bool = False
     names: Sequence[str] = ()
     ticks: Sequence[Any] = ()
+    least: float | None = None
+
+    def within(self, values: Any) -> Any:
+        """Values as a log axis shows them."""
+        if values is None or not (self.log and self.ends):
+            return values
+        return np.maximum(values, self.ends[0] if self.least is None else self.least)
 
 
 class Panel(NamedTuple):

@@ -43,7 +43,8 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
     names = [value_alone(axes.hue, hue) for hue in hues] if axes.hue else [""]
     across = Scale(quantity(x) if x else "", log=numbers and geometric(values), ticks=values)
     rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""])
-    shown = Scale(found.axis, found.ends, found.log, found.share)
+    least = found.floor if found.log else None
+    shown = Scale(found.axis, found.ends, found.log, found.share, least=least)
 
     def series(place: int, mine: Sequence[Cell]) -> Trace:
         labels = [cell.labels[x] if x else 0 for cell in mine]

@@ -198,12 +198,7 @@ def draw_series(
     The others are moved by a factor and a shift along x.
     """
     look = series.look
-
-    def within(values: Any) -> Any:
-        floor = scale.log and scale.ends and series.form != "slope"
-        least = scale.ends[0] if floor and scale.ends else -np.inf
-        return None if values is None else np.maximum(values, least)
-
+    within = Scale("").within if series.form == "slope" else scale.within
     low, high = within(series.low), within(series.high)
     x = within(series.x) if rows else series.x * moved[0] + moved[1]
     y = series.y if rows else within(series.y)

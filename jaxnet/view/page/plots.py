@@ -152,11 +152,7 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
         return [line_trace(series.name, look, [], packed(series.y), hover)]
     rows = bool(drawing.y.names)
     scale = drawing.x if rows else drawing.y
-
-    def within(values: Any) -> Any:
-        floor = scale.log and scale.ends and series.form != "slope"
-        return np.maximum(values, scale.ends[0]) if floor and scale.ends else values
-
+    within = Scale("").within if series.form == "slope" else scale.within
     x, y = (within(series.x), series.y) if rows else (series.x, within(series.y))
     found = line_trace(series.name, look, x, y, "%{text}")
     found["text"] = hints(drawing, series)
