@@ -12,7 +12,7 @@ from matplotlib import text as mpl_text
 
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.quantities import Quantity
-from jaxnet.view.drawings.drawing import MARKERS
+from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Panel, Scale, Trace
 from jaxnet.view.drawings.swept import hue_looks, swept_drawing
 from jaxnet.view.figures import COLUMN_WIDTHS, multiples, style
 from jaxnet.view.figures.printed import MOVED_NOTE, printed, value_ticks
@@ -123,6 +123,21 @@ def shown_texts(figure):
         for text in every
         if text.get_text().strip() and text.get_visible() and id(text) not in hidden
     ]
+
+
+@pytest.mark.parametrize("entries", range(2, 10))
+@pytest.mark.parametrize("width", COLUMN_WIDTHS.values())
+@mpl.rc_context(style.PRINT_STYLE)
+def test_a_legend_is_no_wider_than_the_figure(entries, width):
+    """Rows of entries that are not full too: nine in two rows are five columns."""
+    names = [f"{'Lyapunov, corrected'[: 8 + n]} {n}" for n in range(entries)]
+    series = [Trace(name, LOOKS[0], np.ones(1), np.ones(1), "both") for name in names]
+    drawn = printed(Drawing([Panel({}, [0], series)], Scale("x"), Scale("y"), []), width)
+    drawn.draw_without_rendering()
+    (legend,) = drawn.legends
+    box = legend.get_window_extent()
+    assert drawn.bbox.x0 <= box.x0
+    assert box.x1 <= drawn.bbox.x1
 
 
 def test_more_colours_than_a_palette_has_are_a_scale():

@@ -162,8 +162,9 @@ def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int
     widths = [max(map(len, label.split("\n"))) + HANDLE_LETTERS for label in labels]
     columns, rows = 1, len(named)
     for columns in range(len(named), 0, -1):
-        rows = -(-len(named) // columns)
-        if sum(max(widths[n : n + rows]) for n in range(0, len(named), rows)) <= room:
+        split = np.array_split(widths, columns)  # as matplotlib splits entries
+        rows = len(split[0])
+        if sum(map(max, split)) <= room:
             break
     handles: list[Line2D | Patch] = []
     for label, (one, *others) in zip(labels, named.values(), strict=True):
