@@ -684,6 +684,7 @@ def test_a_tile_tells_all_when_it_is_reached(opened, folder):
     for key in ("ArrowDown", "ArrowRight", "ArrowRight"):
         shown.keyboard.press(key)
     assert "(cell 5): 100 % unrecovered" in told.inner_text()
+    plot.locator(".hoverlayer", has_text="(cell 5)").wait_for()  # plotly draws it a little later
     box = plot.locator(".heatmaplayer image").bounding_box()
     shown.mouse.move(box["x"] + 9, box["y"] + 9)
     shown.locator("#heat .told", has_text="(cell 0)").first.wait_for()
