@@ -6,23 +6,19 @@ Loads run in parallel, one per core or accelerator. Here the lanes are the first
 array; within the engines the lanes are the last axis.
 """
 
-import functools
 import math
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Array, Int
 
+from jaxnet.engine import programs
 from jaxnet.engine.cores import cores
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
-from jaxnet.model import xla
 from jaxnet.model.lane import Network
 
 Lanes = TypeVar("Lanes")  # of arrays whose first axis is lanes
@@ -33,17 +29,6 @@ LEAST_CHUNK = 2
 MOST_LANES = 2**32
 SLOW_CHUNK = 8  # lanes side by side where vehicles decide inside the vector field
 LATE_CHUNK = 64  # most lanes side by side where messages are delayed, and histories kept
-COMPILING = set[int]()  # threads that compile a program
-# Compiler options by platform. The gains are measured on two cores. Wider vectors
-# (`xla_cpu_prefer_vector_width` of 512) are left out: XLA 0.10.2 then computes arctan wrongly.
-COMPILER = {
-    "cpu": {
-        # Loops for sums of few terms, not XLA's library: 1.5 times, trimming, 1,000 vehicles.
-        "xla_cpu_experimental_ynn_fusion_type": "",
-        # A long sum in one pass: 1.02 times, trimming, 12 vehicles. Else sums end in other bits.
-        "xla_disable_hlo_passes": "tree_reduction_rewriter",
-    }
-}
 
 
 class Job(NamedTuple):
@@ -130,8 +115,8 @@ def simulate_each(
     def run(load: Inputs) -> Outcome:
         device, count, queue = free.get(), size(load), queue_of(load, capacity)
         try:
-            with computing_on(device):
-                outcome = program(device.platform)(plan, network, clock, queue, count)
+            with programs.computing_on(device):
+                outcome = programs.run(plan, (network, clock, queue, count), device)
                 each = jax.tree.map(np.asarray, outcome)
                 return jax.tree.map(lambda leaf: np.moveaxis(leaf, -1, 0)[:count], each)
         finally:
@@ -158,16 +143,6 @@ def simulate_each(
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-@contextmanager
-def computing_on(device: Any) -> Iterator[None]:
-    """Compute in double precision on a device; afterwards the thread compiles nothing."""
-    with jax.enable_x64(True), jax.default_device(device):
-        try:
-            yield
-        finally:
-            COMPILING.discard(threading.get_ident())
-
-
 def queue_of(load: Inputs, capacity: int) -> Inputs:
     """The lanes of a load, filled up to its capacity, with the lanes last."""
     index = np.minimum(np.arange(capacity), size(load) - 1)
@@ -177,33 +152,12 @@ def queue_of(load: Inputs, capacity: int) -> Inputs:
 def trace(job: Job, machine: Machine = EVERYTHING) -> None:
     """Trace the program of a job: kinds that break their contract are found before all compiling.
 
-    A simulation on the same machine takes the trace from JAX's cache.
+    A simulation on the same machine needs no second trace.
     """
     (inputs, network, clock, plan), device = job, machine.each()[0]
     plan, capacity = machine.load_of(plan, network, job.size)
-    with computing_on(device):
-        traced: Any = program(device.platform)
-        traced.trace(plan, network, clock, queue_of(inputs, capacity), job.size)
-
-
-@functools.cache
-def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outcome]:
-    """The jitted program that runs a plan's engine on a platform."""
-
-    def run(
-        plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Int[Array, ""] | int
-    ) -> Outcome:
-        # JAX runs this line only while tracing, before compilation.
-        COMPILING.add(threading.get_ident())
-        # One loop around everything, compiled as one function: 1.02 times, plain, 12 vehicles.
-        # Without it, iteration over links ends in other bits.
-        return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
-
-    return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
-
-
-def compiling() -> bool:
-    return bool(COMPILING)
+    with programs.computing_on(device):
+        programs.trace(plan, (network, clock, queue_of(inputs, capacity), job.size))
 
 
 def regrouped(trees: Iterable[Lanes], next_size: Callable[[], int | None]) -> Iterator[Lanes]:

@@ -1,7 +1,7 @@
 """The batch of lanes of a cell and its samples with all drawn numbers, and its program's plan."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -11,7 +11,6 @@ from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
 from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of, sources_of
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
-from jaxnet.engine.stages.late import DrawnDelay, SteadyDelay
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.fields import EachOrder, Uniform, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
@@ -21,12 +20,18 @@ from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
 from jaxnet.lanes.proofs import prove, prove_finite, prove_path, prove_presumed
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
+from jaxnet.lazy import LazyModule
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network, Periods, Turns
 from jaxnet.model.retained import RowStrength, WithOwnWeight
 from jaxnet.model.signal import ORDERS, Apart, Falsified
 from jaxnet.solvers.choice import choose_solver
+
+if TYPE_CHECKING:
+    from jaxnet.engine.stages import late
+else:
+    late = LazyModule("jaxnet.engine.stages.late")
 
 
 def job(
@@ -261,20 +266,20 @@ def steps_of(scenario: Scenario, draw: Draw) -> Any:
 
 def delay_of(
     scenario: Scenario, draw: Draw, sources: np.ndarray
-) -> SteadyDelay | DrawnDelay | None:
+) -> "late.SteadyDelay | late.DrawnDelay | None":
     """The delay of words, None where they are not late. What is drawn is rounded to whole ticks."""
     delay, tick = scenario.channel.delay, scenario.tick
     if not scenario.channel.late:
         return None
     if not is_drawn(delay):
-        return SteadyDelay(draw.same(delay))
+        return late.SteadyDelay(draw.same(delay))
     if scenario.channel.delay_of == "message":
         upper = (np.arange(late_ticks(scenario)) + 1.5) * tick
         key = draw.one(Uniform(uniform=[0.0, 1.0]), "channel.delay.key")
-        return DrawnDelay(key, draw.same(share_up_to(delay, upper)))
+        return late.DrawnDelay(key, draw.same(share_up_to(delay, upper)))
     each = EachLink(draw, len(sources)).each(delay, "channel.delay")
     ticks = np.maximum(1, np.round(each / tick)).reshape(len(each), -1, len(sources))
-    return SteadyDelay(as_array(ticks.swapaxes(1, 2) * tick))
+    return late.SteadyDelay(as_array(ticks.swapaxes(1, 2) * tick))
 
 
 def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:

@@ -8,12 +8,16 @@ their draws (common random numbers).
 
 import functools
 import zlib
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int, UInt32
+from jaxtyping import Float, Int, UInt32, UInt64
+
+from jaxnet.engine import programs
+from jaxnet.model import chance, xla
 
 COMPONENTS = 4  # components of a vehicle in adjacent slots
 PAGE = 2**16  # slots between groups of components; one group holds all vehicles, at most 10,000
@@ -54,9 +58,9 @@ def keyed_draws(seed: int, name: str, samples: tuple[int, ...], places: tuple[En
     """The pseudorandom numbers of `Keyed.uniforms`, not to be written into."""
     rows = draw_in_blocks(samples, UNIFORMS_BLOCK[0])
     columns = draw_in_blocks([slot(*place) for place in places], UNIFORMS_BLOCK[1])
+    key = np.int64(seed), np.uint32(zlib.crc32(name.encode()))
     with jax.enable_x64(True):
-        key = jax.random.fold_in(jax.random.key(seed), zlib.crc32(name.encode()))
-        blocks = [[np.asarray(bits(key, row, column)) for column in columns] for row in rows]
+        blocks = [[np.asarray(bits()(*key, row, column)) for column in columns] for row in rows]
     drawn = np.block(blocks)
     found = ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
     found.flags.writeable = False
@@ -200,12 +204,23 @@ def draw_in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blo
     return padded.reshape(-1, size)
 
 
-@jax.jit
-def bits(key: Any, samples: Any, slots: Any) -> Any:
-    """64 random bits for each sample and slot."""
+@functools.cache
+def bits() -> Callable[..., UInt64[jax.Array, "samples slots"]]:
+    """64 random bits for each sample and slot, of a seed and the hash of a name.
 
-    def one(sample: Any, slot: Any) -> Any:
-        own = jax.random.fold_in(jax.random.fold_in(key, sample), slot)
-        return jax.random.bits(own, (), "uint64")
+    They are those of `jax.random.bits`, the key folded with hash, sample and slot.
+    """
 
-    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(samples, slots)
+    def drawn(seed: Any, name: Any, samples: Any, slots: Any) -> Any:
+        high, low = chance.halves(seed)[::-1]
+        zero = jnp.zeros((), jnp.uint32)
+        key = high[None], low[None]
+        for counter in (name[None], samples[:, None]):  # once for a sample, not for each slot
+            key = xla.materialised(functools.partial(chance.threefry, key, (zero, counter)))
+        for counter in (slots[None], zero):
+            key = chance.threefry(key, (zero, counter))
+        return key[0].astype(jnp.uint64) << np.uint64(32) | key[1].astype(jnp.uint64)
+
+    shapes = ((), np.int64), ((), np.uint32), *(((size,), np.uint32) for size in UNIFORMS_BLOCK)
+    given = [jax.ShapeDtypeStruct(*each) for each in shapes]
+    return programs.by_kept_trace(b"bits", drawn, given)

@@ -7,17 +7,23 @@ the navigator in the first column.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
-from scipy import sparse
+
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    from scipy import sparse
+else:
+    sparse = LazyModule("scipy.sparse")
 
 Weights = Float[np.ndarray, "m sources"]  # dense matrix
 Links = Bool[np.ndarray, "m slots"]  # a subset of the links of a graph, slot by slot
 Row = Int[np.ndarray, " links"]
 Numbered = Sequence[int] | np.ndarray
-Matrices = np.ndarray | sparse.sparray | sparse.spmatrix  # (m, m + 1)
+Matrices: TypeAlias = "np.ndarray | sparse.sparray | sparse.spmatrix"  # (m, m + 1)
 
 
 class Digraph(NamedTuple):
@@ -161,10 +167,16 @@ def inverse_norm(graph: Digraph) -> float:
 def hops(graph: Digraph) -> Float[np.ndarray, " m"]:
     """The links on the shortest path from the navigator to each vehicle, inf without a path."""
     listeners, slots = graph.edges()
-    ends = graph.sources[listeners, slots], listeners + 1
-    shape = graph.vehicles + 1, graph.vehicles + 1
-    links = sparse.csr_array((np.ones(len(listeners)), ends), shape=shape)
-    return sparse.csgraph.dijkstra(links, unweighted=True, indices=0)[1:]
+    sources, found = graph.sources[listeners, slots], np.full(graph.vehicles + 1, np.inf)
+    order = np.argsort(sources, kind="stable")
+    firsts = np.searchsorted(sources[order], np.arange(1, graph.vehicles + 1))
+    hearers = np.split(listeners[order] + 1, firsts)  # of each node
+    reached, links = np.array([0]), 0
+    while len(reached):
+        found[reached] = links
+        ends = np.concatenate([hearers[node] for node in reached])
+        reached, links = np.unique(ends[np.isinf(found[ends])]), links + 1
+    return found[1:]
 
 
 def unreachable(graph: Digraph) -> list[int]:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Recovery
-from jaxnet.engine import batch
+from jaxnet.engine import programs
 from jaxnet.statistics.recovery import RecoveryCounts, attacked_mask, threshold
 
 
@@ -65,7 +65,7 @@ class Tally:
 
     @property
     def compiling(self) -> bool:
-        return batch.compiling()
+        return programs.compiling()
 
     def record(self, found: Iterable[Done]) -> None:
         """Record finished shards. A later record of a shard replaces an earlier one."""

@@ -35,6 +35,7 @@ class Dense(Solver[InverseColumns]):
 
     coupled: Int[Any, " n"]  # vehicles whose equations are eliminated
     apart: Int[Any, " k"]  # vehicles that hear none of each other
+    place: Int[Any, " m"]  # of each vehicle, the coupled ones first; a sort would slow the loop
     slots: Int[Any, " links"]  # first of links from `apart` to `coupled`, then of those back
     listeners: Int[Any, " links"]
     to_coupled: Int[Any, ""]  # number of links from `apart` to `coupled`
@@ -53,11 +54,13 @@ class Dense(Solver[InverseColumns]):
         kind = np.where(used, np.where(to_apart, 1, 0), 2)
         order = np.argsort(kind, axis=None, kind="stable")
         numbers = (np.asarray((kind == which).sum()) for which in (0, 1))
-        return cls(coupled, apart, *np.unravel_index(order, sources.shape), *numbers)
+        place = np.argsort(np.append(coupled, apart))
+        links = np.unravel_index(order, sources.shape)
+        return cls(coupled, apart, place, *links, *numbers)
 
     def solve(self, hearing, weights, right):
         order = jnp.concatenate([jnp.asarray(self.coupled), jnp.asarray(self.apart)])
-        n, m, place = len(self.coupled), len(order), jnp.argsort(order)
+        n, m, place = len(self.coupled), len(order), jnp.asarray(self.place)
         carried = jnp.asarray(hearing.carried_sources)
         source = jnp.where(carried > 0, place[carried - 1], m)  # by place; m: the navigator
         heard = jnp.moveaxis(weights, 0, 2)[:, order]
