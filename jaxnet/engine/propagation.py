@@ -46,7 +46,7 @@ from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if
 from jaxnet.engine.tick import DecisionState
 from jaxnet.engine.vehicles import PerVehicle
-from jaxnet.model import control, plane, signal
+from jaxnet.model import control, plane, signal, xla
 from jaxnet.model.control import Gain
 from jaxnet.model.plane import Jets, length
 from jaxnet.model.polynomial import powers_of
@@ -184,7 +184,7 @@ class Propagation(Motion[PropagationState]):
             free = zip(jets, signal.jets(forced, before), strict=False)
             jets, forcing = tuple(a - b for a, b in free), now
         else:
-            forcing = barrier(now - jnp.stack(propagate(over.flow, before)))
+            forcing = xla.materialised(lambda: now - jnp.stack(propagate(over.flow, before)))
         forcing = jnp.concatenate([forcing, over.powers], axis=1)
         return there._replace(
             jets=plane.plus(propagate(over.flow, jets), signal.jets(forced, forcing))
