@@ -93,6 +93,8 @@ def few_side_by_side():
     with pytest.MonkeyPatch.context() as patch:
         for engine, lanes in {"exact": 16, "nonlinear": 8}.items():
             patch.setattr(registry.find("engine", engine), "chunk", lanes)
+        if "JAXNET_CHECK_SHAPES" in os.environ:  # shapes are checked in tracing
+            patch.setattr("jaxnet.engine.programs.file_of", lambda described: None)
         yield
 
 
@@ -102,8 +104,23 @@ def few_programs_at_once():
     yield
     mappings = Path("/proc/self/maps")
     if mappings.exists() and mappings.read_text().count("\n") > MOST_MAPPINGS:
+        from jaxnet.engine import programs
+
+        programs.compiled.cache_clear()
+        programs.traced.cache_clear()
         jax.clear_caches()
         gc.collect()
+
+
+@pytest.fixture
+def traced_anew(monkeypatch):
+    """Programs are traced from the code as the test patches it, and their traces are not kept."""
+    from jaxnet.engine import programs
+
+    monkeypatch.setattr(programs, "file_of", lambda described: None)
+    programs.compiled.cache_clear()
+    yield
+    programs.compiled.cache_clear()
 
 
 @pytest.fixture(scope="module")

@@ -95,9 +95,7 @@ def by_kept_trace(
     file = file_of(described + repr(shapes).encode())
     exported = None if file is None else kept(file)
     if exported is None:
-        calls = [
-            export.DisabledSafetyCheck.custom_call("ALL")
-        ]
+        calls = [export.DisabledSafetyCheck.custom_call("ALL")]
         exported = export.export(jax.jit(function), disabled_checks=calls)(*shapes)
         if file is not None:
             keep(file, exported)

@@ -12,12 +12,10 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, UInt32, UInt64
 
 from jaxnet.engine import programs
-from jaxnet.model import chance, xla
 
 COMPONENTS = 4  # components of a vehicle in adjacent slots
 PAGE = 2**16  # slots between groups of components; one group holds all vehicles, at most 10,000
@@ -206,20 +204,16 @@ def draw_in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blo
 
 @functools.cache
 def bits() -> Callable[..., UInt64[jax.Array, "samples slots"]]:
-    """64 random bits for each sample and slot, of a seed and the hash of a name.
-
-    They are those of `jax.random.bits`, the key folded with hash, sample and slot.
-    """
+    """64 random bits for each sample and slot, of a seed and the hash of a name."""
 
     def drawn(seed: Any, name: Any, samples: Any, slots: Any) -> Any:
-        high, low = chance.halves(seed)[::-1]
-        zero = jnp.zeros((), jnp.uint32)
-        key = high[None], low[None]
-        for counter in (name[None], samples[:, None]):  # once for a sample, not for each slot
-            key = xla.materialised(functools.partial(chance.threefry, key, (zero, counter)))
-        for counter in (slots[None], zero):
-            key = chance.threefry(key, (zero, counter))
-        return key[0].astype(jnp.uint64) << np.uint64(32) | key[1].astype(jnp.uint64)
+        key = jax.random.fold_in(jax.random.key(seed), name)
+
+        def one(sample: Any, slot: Any) -> Any:
+            own = jax.random.fold_in(jax.random.fold_in(key, sample), slot)
+            return jax.random.bits(own, (), "uint64")
+
+        return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(samples, slots)
 
     shapes = ((), np.int64), ((), np.uint32), *(((size,), np.uint32) for size in UNIFORMS_BLOCK)
     given = [jax.ShapeDtypeStruct(*each) for each in shapes]

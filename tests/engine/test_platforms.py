@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.engine import batch
+from jaxnet.engine import batch, programs
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import xla
@@ -13,6 +13,7 @@ from jaxnet.model import xla
 
 @pytest.mark.long
 @pytest.mark.parametrize(("engine", "vehicles"), [("exact", 24), ("nonlinear", 12)])
+@pytest.mark.usefixtures("traced_anew")
 def test_lanes_end_as_they_do_where_xla_is_told_otherwise(monkeypatch, engine, vehicles):
     found = outcome(engine, vehicles)
     assert (found.switches > 0).any()
@@ -27,7 +28,7 @@ def test_lanes_end_as_they_do_where_xla_is_told_otherwise(monkeypatch, engine, v
 
 def outcome(engine, vehicles):
     """Outcome of a few lanes, by a program of their own."""
-    batch.program.cache_clear()
+    programs.compiled.cache_clear()
     (cell,) = jaxnet.load(
         {"engine": engine, "vehicles": vehicles, "horizon": 3.0, "tail": 1.0}
     ).cells

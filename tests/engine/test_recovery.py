@@ -5,7 +5,7 @@ import functools
 import pytest
 
 from experiments import agreement
-from jaxnet.engine import batch
+from jaxnet.engine import programs
 
 
 @pytest.mark.long
@@ -14,6 +14,6 @@ def test_trimming_leaves_the_known_share_of_lanes_unrecovered(monkeypatch):
     faster = {
         "xla_backend_optimization_level": "1"
     }  # takes longer to compile, which as many lanes make good
-    monkeypatch.setitem(batch.COMPILER, "cpu", batch.COMPILER["cpu"] | faster)
-    monkeypatch.setattr(batch, "program", functools.cache(batch.program.__wrapped__))
+    monkeypatch.setitem(programs.COMPILER, "cpu", programs.COMPILER["cpu"] | faster)
+    monkeypatch.setattr(programs, "compiled", functools.cache(programs.compiled.__wrapped__))
     assert 0.04 <= agreement.unrecovered(2000) <= 0.09

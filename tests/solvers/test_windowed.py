@@ -132,6 +132,7 @@ def test_lanes_with_errors_and_losses_go_as_with_one_dense_matrix():
         np.testing.assert_allclose(ours.series["state"], dense.series["state"], rtol=0, atol=1e-9)
 
 
+@pytest.mark.usefixtures("traced_anew")
 def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     """To 1e-9 m, through decisions; a lane is the same to the last bit beside others and alone."""
     monkeypatch.setattr(choice, "LEAST_WINDOWED", 2 * windowed.WINDOW)

@@ -10,7 +10,7 @@ import pandas as pd
 
 import jaxnet
 from jaxnet.config.keys import Recovery
-from jaxnet.engine import batch
+from jaxnet.engine import programs
 from jaxnet.runs.tally import Done, Sums, Tally, sums_of
 from jaxnet.view.text import progress
 from tests import systems
@@ -37,12 +37,12 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
     with progress.report_progress(True) as report:
         report(tally := tally_of(0, 100))
         assert line_of("0/100") == "0/100 lanes  first lanes under way  0 failed  unknown time left"
-        batch.COMPILING.add(0)
+        programs.COMPILING.add(0)
         assert (
             line_of("0/100 lanes  compiling")
             == "0/100 lanes  compiling  0 failed  unknown time left"
         )
-        batch.COMPILING.clear()
+        programs.COMPILING.clear()
         tally.record([Done(0, 0, Sums(50, 48, 0, 0.0))])
         report(tally)
         assert " lanes/s  2 failed  0:00:" in line_of("50/100 lanes")

@@ -1,0 +1,129 @@
+"""Programs are traced once, for all processes that run the same code."""
+
+import re
+
+import jax
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.engine import batch, programs
+from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed, bits
+from tests import systems
+
+SHORT = {"horizon": 1.0, "tail": 0.5}
+OWN = """
+from jaxnet.kinds.metrics import Metric
+farthest = Metric("farthest", "m", lambda seen: seen.errors(), "tail", "max", "max")
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of compiled programs of one's own."""
+    before = jax.config.values["jax_compilation_cache_dir"]
+    bits()
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    programs.compiled.cache_clear()
+    yield tmp_path / "traces"
+    programs.compiled.cache_clear()
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+@pytest.fixture
+def traces(monkeypatch):
+    """One entry or more for each time that an engine is traced."""
+    count, materialised = [], programs.xla.materialised
+    monkeypatch.setattr(
+        programs.xla, "materialised", lambda work: count.append(1) or materialised(work)
+    )
+    return count
+
+
+def outcome(**keys):
+    """Of two lanes, as another process finds it, which has no program yet."""
+    programs.compiled.cache_clear()
+    return batch.simulate(systems.lanes(systems.study(**SHORT, **keys), 2, ()))
+
+
+def same(first, second):
+    jax.tree.map(np.testing.assert_array_equal, first, second)
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+def test_another_process_takes_the_trace_and_finds_the_same_bits(folder, traces, engine):
+    first = outcome(engine=engine)
+    assert len(list(folder.iterdir())) == 1
+    traces.clear()
+    same(first, outcome(engine=engine))
+    assert not traces
+
+
+def test_what_a_program_depends_on_has_a_trace_of_its_own(folder, monkeypatch):
+    """The plan, shapes, the package's code, JAX's settings."""
+    outcome(engine="exact")
+    outcome(engine="exact", defence="none")
+    outcome(engine="exact", vehicles=5)
+    assert len(list(folder.iterdir())) == 3
+    monkeypatch.setattr(programs, "own_code", lambda: b"changed")
+    outcome(engine="exact")
+    assert len(list(folder.iterdir())) == 4
+    jax.config.update("jax_default_matmul_precision", "float32")
+    try:
+        outcome(engine="exact")
+    finally:
+        jax.config.update("jax_default_matmul_precision", None)
+    assert len(list(folder.iterdir())) == 5
+
+
+def test_numbers_share_a_trace(folder):
+    outcome(engine="exact", attack={"kind": "bias", "magnitude": 1.0})
+    outcome(engine="exact", attack={"kind": "bias", "magnitude": 2.0}, gain=[2, 4, 4])
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_code_from_outside_is_traced_in_each_process(folder, tmp_path):
+    (tmp_path / "own.py").write_text(OWN)
+    file = tmp_path / "study.yaml"
+    file.write_text("name: own\nengine: exact\nhorizon: 1\ntail: 0.5\nmetrics: [own:farthest]\n")
+    (cell,) = jaxnet.load(file).cells
+    batch.simulate(job(cell.scenario, Keyed(0), range(2)))
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"torn", bytes(200)])
+def test_a_torn_trace_is_written_again(folder, content):
+    first = outcome(engine="exact")
+    (file,) = folder.iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2] + content)
+    same(first, outcome(engine="exact"))
+    assert file.read_bytes()[:32] == programs.sha(file.read_bytes()[32:])
+
+
+def test_a_folder_that_cannot_be_written_costs_no_lane(folder):
+    folder.write_text("a file, where the folder is due")
+    assert (outcome(engine="exact").status == 0).all()
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"engine": "exact"},
+        {"engine": "exact", "defence": "none"},
+        {"engine": "exact", "channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}},
+        {"engine": "nonlinear"},
+    ],
+)
+def test_loops_are_compiled_as_one_function(keys):
+    """A sort or a scatter in a loop would have it run operation by operation: 1.2 times as long."""
+    one = systems.lanes(systems.study(**SHORT, **keys), 2, ())
+    machine = batch.EVERYTHING
+    plan, capacity = machine.load_of(one.plan, one.network, one.size)
+    arguments = one.network, one.clock, batch.queue_of(one.inputs, capacity), one.size
+    _, structure, shapes = programs.taken_apart(arguments)
+    with programs.computing_on(machine.each()[0]):
+        text = programs.traced(plan, structure, shapes).lower().compile().as_text()
+    assert " while(" in text
+    assert not re.findall(r" (?:sort|scatter)\(", text)
