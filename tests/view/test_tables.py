@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 from upath import UPath
@@ -76,6 +77,9 @@ def test_lanes_that_agree_are_told_so():
     (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
     assert "cell 1" in note
     assert "at most 45.07% of all do not" in note
+    rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
+    results.cells.loc[1, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
+    assert columns.summary_columns(results, ["tail_mean"])[-1].texts()[1] == "0 (alike)"
 
 
 def test_what_is_the_same_in_all_cells_is_one_line():
