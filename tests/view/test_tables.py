@@ -78,8 +78,10 @@ def test_lanes_that_agree_are_told_so():
     assert "cell 1" in note
     assert "at most 45.07% of all do not" in note
     rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
-    results.cells.loc[1, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
-    assert columns.summary_columns(results, ["tail_mean"])[-1].texts()[1] == "0 (alike)"
+    results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
+    shown = columns.summary_columns(results, ["tail_mean", "tail_mean_mean"])
+    assert [each.texts() for each in shown[-2:]] == [["0 (alike)"] * 2] * 2
+    assert not any("[low, high]" in each for each in tables.summary_notes(results, shown))
 
 
 def test_what_is_the_same_in_all_cells_is_one_line():

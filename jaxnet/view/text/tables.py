@@ -115,7 +115,7 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
     found: dict[str, list[str]] = {}
     for each in shown:
-        if each.ends:
+        if any("," in text for text in each.intervals()):
             kind = "share" if each.name in LANE_SHARES else each.name.rpartition("_")[2]
             found.setdefault(kind, []).append(each.title.partition(" [")[0])
     return [
