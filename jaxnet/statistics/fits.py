@@ -32,7 +32,7 @@ from jaxnet.config.cells import is_leaderless
 from jaxnet.engine.cores import cores
 from jaxnet.statistics import limits
 from jaxnet.statistics.groups import Group, Label, attacked_groups
-from jaxnet.statistics.intervals import CONFIDENCE, UNKNOWN, Ends, is_near_normal, student_interval
+from jaxnet.statistics.intervals import CONFIDENCE, UNKNOWN, Ends, student_interval
 from jaxnet.statistics.regression import MODELS, affine, model_value, power
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.summary import SUMMARISED
@@ -251,9 +251,7 @@ def mean_ratio(errors: Errors) -> Ends:
     ratios = errors.ratios
     counts = np.isfinite(ratios).sum(axis=0).astype(float)
     sums, counts = np.nansum(ratios, axis=0)[counts > 0], counts[counts > 0]
-    if not is_near_normal(sums / counts):
-        return UNKNOWN
-    return student_interval(sums, counts, CONFIDENCE)
+    return student_interval(sums / counts, sums, counts, CONFIDENCE)
 
 
 def resamples_of(errors: Errors) -> Iterator[DrawCounts]:

@@ -30,7 +30,7 @@ from jaxnet.store.results import Results
 
 SIDES = ("_A", "_B")
 DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"} | {
-    name: name for name in ("median", "median_low", "median_high")
+    name: name for name in ("median", "median_low", "median_high", "max")
 }  # by name in `metric_statistics`
 CellPair = tuple[Cell, Cell]
 

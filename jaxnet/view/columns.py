@@ -201,9 +201,8 @@ def summary_columns(
     sizes = known_or(np.full(len(every), np.nan), lambda: cell_magnitudes(results))[numbers]
     for name in wanted:
         if name not in keys:
-            made = statistic_column(name, table.iloc[numbers], results.study.config, every)
-            lengths = {"size": sizes} if "[m]" in made.title else {}
-            found.append(made._replace(entries=made.entries.assign(**lengths)))
+            rows = table.iloc[numbers].assign(size=sizes)
+            found.append(statistic_column(name, rows, results.study.config, every))
     return found
 
 
@@ -275,7 +274,7 @@ def key_column(key: str, labels: Sequence[Any]) -> Column:
 
 
 def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequence[Cell]) -> Column:
-    """A column of `cells.csv` with its interval, if it has one."""
+    """A column of `cells.csv` with its interval, if it has one; `rows` have the `size` too."""
     if name in COUNTS:
         return plain_column(name, rows[name].tolist())
     stem = name.removesuffix("_low").removesuffix("_high")
@@ -287,26 +286,25 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     else:
         metric, statistic = metric_and_statistic(study, stem)
         end, of, scale = name.removeprefix(f"{metric.name}_"), metric.column_unit, 1.0
+        entries["size"] = rows["size"] if of == "m" else 0.0
         which = ", worst" if end == "max" else f", {end.replace('_', ' ')}"
         title = "worst" if name == "tail_max_max" else f"{metric.name.replace('_', ' ')}{which}"
         symbol = LATEX_SYMBOLS.get(metric.name, metric.name.translate(LATEX_ESCAPES))
         symbol += which * (name != "tail_max_max")
         if end == statistic and len(LANE_STATISTICS[statistic].columns) > 1:
             names = [f"{metric.name}_{each}" for each in LANE_STATISTICS[statistic].columns]
-            entries["alike"] = alike_cells(rows, metric.name)
+            mean, most = (rows.loc[:, f"{metric.name}_{each}"] for each in ("mean", "max"))
+            entries["alike"] = all_alike(mean, most, rows.loc[:, "ok"], entries.loc[:, "size"])
     entries[["low", "high"]] = stored_values(rows, names)[["low", "high"]]
     ends = (names[1], names[2]) if entries[["low", "high"]].notna().to_numpy().any() else None
     title = f"{title} [{of}]" if of else title
     return Column(name, title, latex_title(symbol, of), entries, ends, scale)
 
 
-def alike_cells(rows: pd.DataFrame, metric: str) -> list[bool]:
+def all_alike(mean: pd.Series, most: pd.Series, lanes: pd.Series, size: pd.Series) -> pd.Series:
     """Whether all lanes of each cell agree, but for rounding: their mean is their greatest."""
-    mean, most = (rows[f"{metric}_{each}"].to_numpy(dtype=float) for each in ("mean", "max"))
-    with np.errstate(invalid="ignore"):  # infinite ones
-        apart = np.abs(most - mean)
-    same = (apart <= ROUNDING_SPREAD * np.abs(most)) & (rows["ok"].to_numpy() > 1)
-    return same.tolist()
+    rounding = np.fmax(ROUNDING_SPREAD * most.abs(), ROUNDING_ERROR * size.fillna(1.0))
+    return (lanes > 1) & ((most - mean).abs() <= rounding)
 
 
 def latex_title(words: str, of: str) -> str:

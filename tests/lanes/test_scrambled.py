@@ -110,8 +110,9 @@ def test_intervals_are_over_the_sequences(tmp_path):
     """In the table of cells, and in words; another number of samples is another study."""
     study = systems.study(**KEYS)
     results = jaxnet.run(study, tmp_path / "out", progress=False)
-    found = results.lanes["tail_mean"].to_numpy().reshape(RANDOMISATIONS, -1).mean(axis=1)
-    low, high = intervals.student_interval(found, np.ones(len(found)), 0.95)
+    lanes = results.lanes["tail_mean"].to_numpy()
+    found = lanes.reshape(RANDOMISATIONS, -1).mean(axis=1)
+    low, high = intervals.student_interval(lanes, found, np.ones(len(found)), 0.95)
     assert results.cells["tail_mean_low"][0] == pytest.approx(low, rel=1e-9)
     assert results.cells["tail_mean_high"][0] == pytest.approx(high, rel=1e-9)
     assert "scrambled sequences" in tables.summary_text(results)

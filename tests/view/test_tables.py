@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 from upath import UPath
@@ -76,6 +77,11 @@ def test_lanes_that_agree_are_told_so():
     (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
     assert "cell 1" in note
     assert "at most 45.07% of all do not" in note
+    rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
+    results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
+    shown = columns.summary_columns(results, ["tail_mean", "tail_mean_mean"])
+    assert [each.texts() for each in shown[-2:]] == [["0 (alike)"] * 2] * 2
+    assert not any("[low, high]" in each for each in tables.summary_notes(results, shown))
 
 
 def test_what_is_the_same_in_all_cells_is_one_line():

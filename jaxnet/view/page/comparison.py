@@ -16,11 +16,11 @@ MOST_CHANGED = 1000  # lanes that the page lists
 
 def comparison_page(found: Comparison) -> str:
     a, b = (escape(PurePath(folder).name) for folder in found.folders)
-    lead = f"B is {b}, A is {a}. {escape(comparison.comparison_legend(found))}"
     columns = comparison.comparison_columns(found)
+    lead = f"B is {b}, A is {a}. {escape(comparison.comparison_legend(found, columns))}"
     rows = pd.DataFrame({each.title: each.scaled() for each in columns})
     lengths = {each.title: np.ones(len(rows)) for each in columns if "[m]" in each.title}
-    intervals = {each.title: each.intervals() for each in columns if each.ends is not None}
+    intervals = {each.title: each.intervals() for each in columns if any(each.intervals())}
     changed = lanes_table(found.changed, "No lane changed sides.")
     failed = lanes_table(found.failed, "No lane failed in either study.")
     differing = paragraph("They are the same study.")

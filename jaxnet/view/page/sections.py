@@ -168,7 +168,7 @@ def summary_section(results: Results) -> Section:
     table = sortable_table(
         pd.DataFrame({each.title: each.scaled()[:MOST_PAGE_ROWS] for each in shown}),
         dict.fromkeys(lengths, cell_magnitudes(results)),
-        {each.title: each.intervals() for each in shown if each.ends is not None},
+        {each.title: each.intervals() for each in shown if any(each.intervals())},
     )
     note = paragraph(" ".join(f"{escape(sentence_case(each))}." for each in notes))
     return Section("summary", "Summary", note + table)

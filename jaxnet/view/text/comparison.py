@@ -8,8 +8,9 @@ import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
 from jaxnet.statistics.quantities import stored_values
-from jaxnet.view.columns import Column, key_column, plain_column
+from jaxnet.view.columns import Column, all_alike, key_column, plain_column
 from jaxnet.view.text.printer import columns_text, narrow_columns
+from jaxnet.view.text.tables import missing_lines
 from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
 MOST_NAMED_LANES = 20  # lanes of a kind
@@ -39,9 +40,9 @@ DIFFERENCES = [
     *of_metrics(SECOND_METRICS, "difference", ""),
     ("failed", "failed"),
 ]
+LEGEND = "All differences are B - A, of the same draws; [low, high]: 95 % intervals."
 ERROR_LEGEND = (
-    "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median;"
-    " [low, high]: 95 % intervals. A mean has none where few lanes are as skewed as these."
+    "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median."
 )
 AGREEMENT_LEGEND = (
     "spread: greatest distance of two vehicles that are not attacked, over the tail; outside:"
@@ -54,14 +55,17 @@ SHARE_LEGEND = (
 )
 
 
-def comparison_legend(found: Comparison) -> str:
-    measured = AGREEMENT_LEGEND if "spread_difference" in found.cells else ERROR_LEGEND
-    return f"All differences are B - A, of the same draws. {measured} {SHARE_LEGEND}"
+def comparison_legend(found: Comparison, shown: Sequence[Column]) -> str:
+    lanes: Any = found.cells.set_index("cell")
+    measured = AGREEMENT_LEGEND if "spread_difference" in lanes else ERROR_LEGEND
+    independent = lanes.filter(like="_median_low").notna().to_numpy().any()
+    notes = [f"{each}." for each in missing_lines(shown, lanes["pairs"], independent)]
+    return " ".join([LEGEND, measured, SHARE_LEGEND, *notes])
 
 
 def comparison_columns(found: Comparison) -> list[Column]:
     """A row per pair of cells; columns without any number are left out."""
-    table: Any = found.cells
+    table: Any = found.cells.set_index("cell", drop=False)
     keys = list(table)[1 : list(table).index("pairs")]
     columns = [plain_column("cell", table["cell"].tolist())]
     for key in keys:
@@ -74,19 +78,21 @@ def comparison_columns(found: Comparison) -> list[Column]:
         column = plain_column(title, table[name].tolist())
         if stems:
             entries = stored_values(table, [name, f"{stems[0]}_low", f"{stems[0]}_high"])
-            sized = entries.assign(size=1.0 if "[m]" in title else 0.0)
+            if "[m]" in title:
+                metric, entries["size"] = stems[0].removesuffix("_median"), 1.0
+                mean, most = table[f"{metric}_difference"], table[f"{metric}_max"]
+                entries["alike"] = all_alike(mean, most, table["pairs"], entries.loc[:, "size"])
             ends = f"{stems[1]} low", f"{stems[1]} high"
             known = ends if entries[["low", "high"]].notna().to_numpy().any() else None
-            column = column._replace(entries=sized, ends=known)
+            column = column._replace(entries=entries, ends=known)
         columns.append(column)
     return columns
 
 
 def comparison_text(found: Comparison) -> str:
-    shown, left_out = narrow_columns(
-        [each.at(slice(MOST_ROWS)) for each in comparison_columns(found)]
-    )
-    lines = [columns_text(shown), "", filled(comparison_legend(found))]
+    columns = comparison_columns(found)
+    shown, left_out = narrow_columns([each.at(slice(MOST_ROWS)) for each in columns])
+    lines = [columns_text(shown), "", filled(comparison_legend(found, columns))]
     if len(found.cells) > MOST_ROWS:
         lines.append(f"… {len(found.cells) - MOST_ROWS} more pairs of cells in differences.csv")
     lines += left_out_note(left_out, "differences.csv")

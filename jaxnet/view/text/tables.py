@@ -85,7 +85,8 @@ def asked_columns(
 def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """What the columns leave open: which intervals they have, and what the greatest lane says."""
     config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
-    notes = [*interval_lines(config, shown), *missing_lines(results, shown)]
+    independent, lanes = config.draws == "random", results.cells.loc[:, "ok"]
+    notes = [*interval_lines(config, shown), *missing_lines(shown, lanes, independent)]
     if "unrecovered" in names and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
     if is_leaderless(cells):
@@ -94,9 +95,8 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes += [hull_note(config, cells)] if "in_hull" in names else []
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
-    ended = [each for each in results.cells["ok"].tolist() if each]
-    if names & {"tail_max_max", "spread_max"} and ended and config.draws == "random":
-        share = 1 - below_greatest(min(ended))
+    if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
+        share = 1 - below_greatest(int(lanes[lanes > 0].min()))
         words = f"with 95 % confidence at most {share:.2%} of all lanes of a cell are over it"
         notes.append(f"worst is the greatest of the lanes simulated: {words}")
     return notes + caveat_lines(cells)
@@ -115,7 +115,7 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
     found: dict[str, list[str]] = {}
     for each in shown:
-        if each.ends:
+        if any("," in text for text in each.intervals()):
             kind = "share" if each.name in LANE_SHARES else each.name.rpartition("_")[2]
             found.setdefault(kind, []).append(each.title.partition(" [")[0])
     return [
@@ -125,25 +125,22 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
     ]
 
 
-def missing_lines(results: Results, shown: Sequence[Column]) -> list[str]:
-    """Notes on cells whose lanes all agree, and on those whose mean has no interval."""
+def missing_lines(shown: Sequence[Column], lanes: pd.Series, independent: bool) -> list[str]:
+    """Notes on cells whose `lanes` all agree, and on those whose mean has no interval."""
     alike, without = set[int](), set[int]()
     for each in shown:
         entries: Any = each.entries
         if "alike" in entries:
-            agree = entries["alike"].astype(bool)
-            alike |= {*entries.index[agree]}
-            if each.name.endswith("_mean"):
+            alike |= {*entries.index[entries["alike"]]}
+            if not each.name.removesuffix(" [m]").endswith("median"):
                 none = entries["value"].notna() & entries["low"].isna()
-                without |= {*entries.index[none & ~agree]}
+                without |= {*entries.index[none & ~entries["alike"]]}
     notes = [f"{NO_MEAN_INTERVAL}: {cells_named(sorted(without))}"] * bool(without)
-    if alike and results.study.config.draws == "random":
-        fewest = min(results.cells["ok"][sorted(alike)].tolist())
+    if alike and independent:
+        named, fewest = cells_named(sorted(alike)), int(lanes[sorted(alike)].min())
+        words = f"alike: all lanes of {named} agree ({count(fewest, 'lane')} at least)"
         share = 1 - below_greatest(fewest)
-        words = (
-            f"all lanes of {cells_named(sorted(alike))} agree ({count(fewest, 'lane')} at least)"
-        )
-        notes.append(f"alike: {words}; with 95 % confidence at most {share:.2%} of all do not")
+        notes.append(f"{words}; with 95 % confidence at most {share:.2%} of all do not")
     return notes
 
 
