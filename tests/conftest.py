@@ -94,7 +94,7 @@ def few_side_by_side():
         for engine, lanes in {"exact": 16, "nonlinear": 8}.items():
             patch.setattr(registry.find("engine", engine), "chunk", lanes)
         if "JAXNET_CHECK_SHAPES" in os.environ:  # shapes are checked in tracing
-            patch.setattr("jaxnet.engine.programs.file_of", lambda described: None)
+            patch.setattr("jaxnet.engine.programs.trace_file", lambda described: None)
         yield
 
 
@@ -117,7 +117,7 @@ def traced_anew(monkeypatch):
     """Programs are traced from the code as the test patches it, and their traces are not kept."""
     from jaxnet.engine import programs
 
-    monkeypatch.setattr(programs, "file_of", lambda described: None)
+    monkeypatch.setattr(programs, "trace_file", lambda described: None)
     programs.compiled.cache_clear()
     yield
     programs.compiled.cache_clear()

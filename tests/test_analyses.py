@@ -67,6 +67,14 @@ def test_the_page_and_the_figure_need_no_run(shelf, tmp_path):
         assert there in html
 
 
+def test_beside_a_run_both_are_told(shelf, tmp_path):
+    """The report has the run's figures and sections too."""
+    said("report", shelf / "both", "--out", tmp_path)
+    ids = re.findall(r'<section id="(.*?)"', (tmp_path / "report.html").read_text())
+    assert {"sensitivity", "run", "summary"} <= set(ids)
+    assert (tmp_path / "figures" / "tails.pdf").exists()
+
+
 def test_python_opens_them(shelf):
     """With tables and a repr that say what is there."""
     sens, rare, both = (jaxnet.open(shelf / name) for name in ("sens", "rare", "both"))

@@ -116,7 +116,7 @@ def simulate_each(
         device, count, queue = free.get(), size(load), queue_of(load, capacity)
         try:
             with programs.computing_on(device):
-                outcome = programs.run(plan, (network, clock, queue, count), device)
+                outcome = programs.advance_load(plan, (network, clock, queue, count), device)
                 each = jax.tree.map(np.asarray, outcome)
                 return jax.tree.map(lambda leaf: np.moveaxis(leaf, -1, 0)[:count], each)
         finally:
@@ -157,7 +157,7 @@ def trace(job: Job, machine: Machine = EVERYTHING) -> None:
     (inputs, network, clock, plan), device = job, machine.each()[0]
     plan, capacity = machine.load_of(plan, network, job.size)
     with programs.computing_on(device):
-        programs.trace(plan, (network, clock, queue_of(inputs, capacity), job.size))
+        programs.trace_program(plan, (network, clock, queue_of(inputs, capacity), job.size))
 
 
 def regrouped(trees: Iterable[Lanes], next_size: Callable[[], int | None]) -> Iterator[Lanes]:

@@ -28,7 +28,7 @@ from jaxnet.model.lane import Network
 from jaxnet.outside.modules import Origin
 
 Arguments = tuple[Network, Clock, Inputs, Any]  # the last: the number of lanes of the load
-Shapes = Sequence[jax.ShapeDtypeStruct]
+ArrayShapes = Sequence[jax.ShapeDtypeStruct]
 
 COMPILING = set[int]()  # threads that compile a program
 ONE_AT_A_TIME = threading.Lock()  # threads that need the same program wait for it
@@ -46,7 +46,7 @@ COMPILER = {
 export.register_namedtuple_serialization(Outcome, serialized_name="jaxnet.Outcome")
 
 
-def run(plan: Plan, arguments: Arguments, device: Any) -> Outcome:
+def advance_load(plan: Plan, arguments: Arguments, device: Any) -> Outcome:
     """The outcome of a load of lanes, the lanes last; inside `computing_on` this device."""
     leaves, structure, shapes = taken_apart(arguments)
     with ONE_AT_A_TIME:
@@ -54,7 +54,7 @@ def run(plan: Plan, arguments: Arguments, device: Any) -> Outcome:
     return program(*leaves)
 
 
-def trace(plan: Plan, arguments: Arguments) -> None:
+def trace_program(plan: Plan, arguments: Arguments) -> None:
     """Trace a program with kinds from outside, which may break their contract."""
     traced(plan, *taken_apart(arguments)[1:])
 
@@ -80,7 +80,9 @@ def taken_apart(arguments: Arguments) -> tuple[list[np.ndarray], Any, tuple[Any,
 
 
 @functools.cache
-def compiled(plan: Plan, structure: Any, shapes: Shapes, device: Any) -> Callable[..., Outcome]:
+def compiled(
+    plan: Plan, structure: Any, shapes: ArrayShapes, device: Any
+) -> Callable[..., Outcome]:
     COMPILING.add(threading.get_ident())
     described = description_of(plan, jax.tree.unflatten(structure, shapes))
     if described is None:
@@ -89,21 +91,21 @@ def compiled(plan: Plan, structure: Any, shapes: Shapes, device: Any) -> Callabl
 
 
 def by_kept_trace(
-    described: bytes, function: Callable[..., Any], shapes: Shapes
+    described: bytes, function: Callable[..., Any], shapes: ArrayShapes
 ) -> Callable[..., Any]:
     """A function compiled for arrays of these shapes; its trace is kept under its description."""
-    file = file_of(described + repr(shapes).encode())
-    exported = None if file is None else kept(file)
+    file = trace_file(described + repr(shapes).encode())
+    exported = None if file is None else read_trace(file)
     if exported is None:
         calls = [export.DisabledSafetyCheck.custom_call("ALL")]
         exported = export.export(jax.jit(function), disabled_checks=calls)(*shapes)
         if file is not None:
-            keep(file, exported)
+            write_trace(file, exported)
     return jax.jit(exported.call, compiler_options=options()).lower(*shapes).compile()
 
 
 @functools.cache
-def traced(plan: Plan, structure: Any, shapes: Shapes) -> Any:
+def traced(plan: Plan, structure: Any, shapes: ArrayShapes) -> Any:
     return jax.jit(flat(plan, structure), compiler_options=options()).trace(*shapes)
 
 
@@ -132,7 +134,7 @@ class ForeignError(Exception):
     """A program has code from outside the package."""
 
 
-class Description(pickle.Pickler):
+class Describer(pickle.Pickler):
     """Writes the same bytes for the same program in each process; raises ForeignError."""
 
     fast = True  # else identities of equal objects show
@@ -150,13 +152,13 @@ def description_of(plan: Plan, arguments: Any) -> bytes | None:
     described = io.BytesIO()
     shapes = jax.tree.map(lambda each: (each.shape, str(each.dtype)), arguments)
     try:
-        Description(described).dump((plan, shapes))
+        Describer(described).dump((plan, shapes))
     except (ForeignError, pickle.PicklingError, AttributeError, TypeError):
         return None
     return described.getvalue()
 
 
-def file_of(described: bytes) -> Path | None:
+def trace_file(described: bytes) -> Path | None:
     """The file of a trace; None without a local folder of compiled programs."""
     folder = jax.config.values["jax_compilation_cache_dir"]
     if not folder or "://" in folder:
@@ -174,7 +176,7 @@ def own_code() -> bytes:
     return sha(every)
 
 
-def kept(file: Path) -> export.Exported | None:
+def read_trace(file: Path) -> export.Exported | None:
     """The trace in a file; None if there is none that is whole."""
     try:
         content = file.read_bytes()
@@ -184,7 +186,7 @@ def kept(file: Path) -> export.Exported | None:
     return export.deserialize(bytearray(trace)) if sha(trace) == checksum else None
 
 
-def keep(file: Path, exported: export.Exported) -> None:
+def write_trace(file: Path, exported: export.Exported) -> None:
     """Write a trace for later processes, where the folder can be written."""
     trace = bytes(exported.serialize())
     with contextlib.suppress(OSError):
