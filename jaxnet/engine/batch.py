@@ -29,6 +29,11 @@ LEAST_CHUNK = 2
 MOST_LANES = 2**32
 SLOW_CHUNK = 8  # lanes side by side where vehicles decide inside the vector field
 LATE_CHUNK = 64  # most lanes side by side where messages are delayed, and histories kept
+# On accelerators: as many lanes side by side as have work for all its units, where memory allows.
+ACCELERATOR_CHUNK = 2**17
+VEHICLE_BYTES = 4_096  # at most, of a vehicle in a lane: 240 to 1,500 are measured
+SAVED_BYTES = 64  # of a vehicle in a row of a saved series: at most eight numbers
+LEAST_MEMORY = 2**33  # bytes of an accelerator that does not tell its own
 
 
 class Job(NamedTuple):
@@ -62,8 +67,16 @@ class Machine(NamedTuple):
 
         Above twelve vehicles the power falls as one over the root of the fleet size. The engine's
         `cached` bounds the number of vehicles side by side. A given chunk is cut to the power, or
-        to one that holds all lanes: more would be padding.
+        to one that holds all lanes: more would be padding. An accelerator has all lanes side by
+        side that half of its memory holds.
         """
+        device = self.each()[0]
+        if device.platform != "cpu":
+            saved = SAVED_BYTES * plan.rows * len(plan.save)
+            memory = (device.memory_stats() or {}).get("bytes_limit", LEAST_MEMORY) / 2
+            held = max(LEAST_CHUNK, memory / (vehicles * (VEHICLE_BYTES + saved)))
+            most = min(self.chunk or ACCELERATOR_CHUNK, 2 ** math.floor(math.log2(held)))
+            return min(most, 2 ** math.ceil(math.log2(max(LEAST_CHUNK, lanes))))
         chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
         chunk = min(chunk, LATE_CHUNK) if plan.late else chunk
         cached = min(plan.engine.cached, CHOOSING if plan.choosing else math.inf)
