@@ -107,7 +107,7 @@ def few_programs_at_once():
         from jaxnet.engine import programs
 
         programs.compiled.cache_clear()
-        programs.traced.cache_clear()
+        programs.jitted.cache_clear()
         jax.clear_caches()
         gc.collect()
 
@@ -119,8 +119,10 @@ def traced_anew(monkeypatch):
 
     monkeypatch.setattr(programs, "trace_file", lambda described: None)
     programs.compiled.cache_clear()
+    programs.jitted.cache_clear()
     yield
     programs.compiled.cache_clear()
+    programs.jitted.cache_clear()
 
 
 @pytest.fixture(scope="module")

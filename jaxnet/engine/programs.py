@@ -56,7 +56,8 @@ def advance_load(plan: Plan, arguments: Arguments, device: Any) -> Outcome:
 
 def trace_program(plan: Plan, arguments: Arguments) -> None:
     """Trace a program with kinds from outside, which may break their contract."""
-    traced(plan, *taken_apart(arguments)[1:])
+    _, structure, shapes = taken_apart(arguments)
+    jitted(plan, structure).trace(*shapes)
 
 
 @contextmanager
@@ -85,28 +86,41 @@ def compiled(
 ) -> Callable[..., Outcome]:
     COMPILING.add(threading.get_ident())
     described = description_of(plan, jax.tree.unflatten(structure, shapes))
+    function = jitted(plan, structure)
     if described is None:
-        return traced(plan, structure, shapes).lower().compile()
-    return by_kept_trace(described, flat(plan, structure), shapes)
+        return function.lower(*shapes).compile()
+    return by_kept_trace(described, function, shapes)
 
 
-def by_kept_trace(
-    described: bytes, function: Callable[..., Any], shapes: ArrayShapes
-) -> Callable[..., Any]:
-    """A function compiled for arrays of these shapes; its trace is kept under its description."""
+def by_kept_trace(described: bytes, function: Any, shapes: ArrayShapes) -> Callable[..., Any]:
+    """A jitted function compiled for arrays of these shapes; its trace is kept.
+
+    The trace of a function that calls the host, as solvers of diffrax do, cannot be kept.
+    """
     file = trace_file(described + repr(shapes).encode())
     exported = None if file is None else read_trace(file)
     if exported is None:
         calls = [export.DisabledSafetyCheck.custom_call("ALL")]
-        exported = export.export(jax.jit(function), disabled_checks=calls)(*shapes)
+        try:
+            exported = export.export(function, disabled_checks=calls)(*shapes)
+        except NotImplementedError:
+            return function.lower(*shapes).compile()
         if file is not None:
             write_trace(file, exported)
     return jax.jit(exported.call, compiler_options=options()).lower(*shapes).compile()
 
 
 @functools.cache
-def traced(plan: Plan, structure: Any, shapes: ArrayShapes) -> Any:
-    return jax.jit(flat(plan, structure), compiler_options=options()).trace(*shapes)
+def jitted(plan: Plan, structure: Any) -> Any:
+    """The plan's engine as a function of arrays; JAX keeps its traces in this process."""
+
+    def simulate(*leaves: jax.Array) -> Outcome:
+        network, clock, queue, count = jax.tree.unflatten(structure, leaves)
+        # One loop around everything, compiled as one function: 1.02 times, plain, 12 vehicles.
+        # Without it, iteration over links ends in other bits.
+        return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
+
+    return jax.jit(simulate, compiler_options=options())
 
 
 def options() -> dict[str, str] | None:
@@ -116,18 +130,6 @@ def options() -> dict[str, str] | None:
 
 def platform() -> str:
     return (jax.config.values["jax_default_device"] or jax.devices()[0]).platform
-
-
-def flat(plan: Plan, structure: Any) -> Callable[..., Outcome]:
-    """The plan's engine as a function of arrays."""
-
-    def simulate(*leaves: jax.Array) -> Outcome:
-        network, clock, queue, count = jax.tree.unflatten(structure, leaves)
-        # One loop around everything, compiled as one function: 1.02 times, plain, 12 vehicles.
-        # Without it, iteration over links ends in other bits.
-        return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
-
-    return simulate
 
 
 class ForeignError(Exception):

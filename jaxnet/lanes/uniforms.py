@@ -217,4 +217,4 @@ def bits() -> Callable[..., UInt64[jax.Array, "samples slots"]]:
 
     shapes = ((), np.int64), ((), np.uint32), *(((size,), np.uint32) for size in UNIFORMS_BLOCK)
     given = [jax.ShapeDtypeStruct(*each) for each in shapes]
-    return programs.by_kept_trace(b"bits", drawn, given)
+    return programs.by_kept_trace(b"bits", jax.jit(drawn), given)

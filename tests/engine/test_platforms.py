@@ -29,6 +29,7 @@ def test_lanes_end_as_they_do_where_xla_is_told_otherwise(monkeypatch, engine, v
 def outcome(engine, vehicles):
     """Outcome of a few lanes, by a program of their own."""
     programs.compiled.cache_clear()
+    programs.jitted.cache_clear()
     (cell,) = jaxnet.load(
         {"engine": engine, "vehicles": vehicles, "horizon": 3.0, "tail": 1.0}
     ).cells

@@ -44,6 +44,7 @@ def traces(monkeypatch):
 def outcome(**keys):
     """Of two lanes, as another process finds it, which has no program yet."""
     programs.compiled.cache_clear()
+    programs.jitted.cache_clear()
     return batch.simulate(systems.lanes(systems.study(**SHORT, **keys), 2, ()))
 
 
@@ -58,6 +59,13 @@ def test_another_process_takes_the_trace_and_finds_the_same_bits(folder, traces,
     traces.clear()
     same(first, outcome(engine=engine))
     assert not traces
+
+
+def test_a_program_that_calls_the_host_is_traced_in_each_process(folder):
+    """As diffrax does in the stacked engine."""
+    found = outcome(engine="stacked", defence="none")
+    assert (found.status == 0).all()
+    assert not folder.exists()
 
 
 def test_what_a_program_depends_on_has_a_trace_of_its_own(folder, monkeypatch):
@@ -124,6 +132,6 @@ def test_loops_are_compiled_as_one_function(keys):
     arguments = one.network, one.clock, batch.queue_of(one.inputs, capacity), one.size
     _, structure, shapes = programs.taken_apart(arguments)
     with programs.computing_on(machine.each()[0]):
-        text = programs.traced(plan, structure, shapes).lower().compile().as_text()
+        text = programs.jitted(plan, structure).lower(*shapes).compile().as_text()
     assert " while(" in text
     assert not re.findall(r" (?:sort|scatter)\(", text)
