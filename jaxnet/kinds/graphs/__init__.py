@@ -108,8 +108,7 @@ class Graph(Kind):
 
     def linked(self, vehicles: int) -> Digraph:
         """The graph of the possible links, each with weight 1; raise KindError."""
-        given = self.digraph(self.links(vehicles), vehicles)
-        return given._replace(weights=given.heard.astype(float))
+        return possible_links(ByIdentity(self), vehicles)
 
     def differs(self) -> bool:
         """Whether lanes have graphs or weights of their own."""
@@ -137,7 +136,7 @@ class Graph(Kind):
 
     def normalised_rows(self, vehicles: int) -> Digraph:
         """The graph with rows of sum 1, or 0 where a vehicle hears nobody; raises KindError."""
-        return graph.normalised(self.digraph(self.weights(vehicles), vehicles))
+        return rows_of_sum_one(ByIdentity(self), vehicles)
 
     def normalises(self) -> bool:
         """Whether only relative weights count."""
@@ -209,7 +208,29 @@ class ByIdentity:
         return id(self.one)
 
 
-@functools.lru_cache(maxsize=16)  # the cells of a sweep share their graph
+shared_by_cells = functools.lru_cache(maxsize=16)  # the cells of a sweep share their graph
+
+
+@shared_by_cells
+def possible_links(itself: ByIdentity, vehicles: int) -> Digraph:
+    given = itself.one.digraph(itself.one.links(vehicles), vehicles)
+    return unwritable(given._replace(weights=given.heard.astype(float)))
+
+
+@shared_by_cells
+def rows_of_sum_one(itself: ByIdentity, vehicles: int) -> Digraph:
+    given = itself.one.digraph(itself.one.weights(vehicles), vehicles)
+    return unwritable(graph.normalised(given))
+
+
+def unwritable(shared: Digraph) -> Digraph:
+    views = Digraph(*(array.view() for array in shared))
+    for view in views:
+        view.flags.writeable = False
+    return views
+
+
+@shared_by_cells
 def check_reach(itself: ByIdentity, vehicles: int) -> tuple[list[int], float]:
     """The vehicles that the navigator does not reach, and the least weight of a link."""
     found = itself.one.normalised_rows(vehicles)
