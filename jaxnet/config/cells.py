@@ -41,7 +41,7 @@ from jaxnet.config.naming import Key, full_kind, value_labels, without_empty_lab
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
-from jaxnet.kinds.graphs import ByIdentity, Graph
+from jaxnet.kinds.graphs import Graph, shared_by_cells
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 from jaxnet.kinds.refusals import suggestion
@@ -276,7 +276,7 @@ def settle(scenario: AnyScenario, given: Container[str]) -> AnyScenario:
     found: dict[str, Any] = {}
     topology, vehicles = scenario.topology, scenario.vehicles
     if not scenario.navigator.present:
-        topology = found["topology"] = without_leader(ByIdentity(topology))
+        topology = found["topology"] = without_leader(topology)
     if "vehicles" not in given:
         with contextlib.suppress(KindError):  # the code of a kind from outside may be missing
             size = topology.size()
@@ -291,10 +291,10 @@ def settle(scenario: AnyScenario, given: Container[str]) -> AnyScenario:
     return scenario.model_copy(update=found) if found else scenario
 
 
-@functools.lru_cache(maxsize=64)
-def without_leader(itself: ByIdentity) -> Graph:
-    """Return the leaderless graph; the cache keeps one object for the cells of a sweep."""
-    return itself.one.leaderless()
+@shared_by_cells
+def without_leader(graph: Graph) -> Graph:
+    """Return the leaderless graph: one object for the cells of a sweep."""
+    return graph.leaderless()
 
 
 def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:

@@ -4,18 +4,17 @@ import functools
 import itertools
 import math
 from collections.abc import Callable, Collection, Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.fields import is_drawn
+from jaxnet.kinds.graphs import ByIdentity, shared_by_cells
 from jaxnet.model import hearing, safety
 from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
-
-Derived = TypeVar("Derived")
 
 MOST_INVERTED = 1_000  # vehicles; L of a larger fleet takes over a second to invert
 MOST_DRAWN_SETS = 1_000  # sets of attacked vehicles that are tried one by one, 1 to 2 ms each
@@ -35,30 +34,18 @@ class Situation(NamedTuple):
     retained: DropPolicy | None
 
 
-class AnyMagnitude:
-    """A cache key of a scenario that equals those of scenarios with the same objects but for ā.
+def but_magnitude(scenario: Scenario) -> ByIdentity:
+    """A cache key that equals those of scenarios with the same objects but for the number ā.
 
     A list of magnitudes, and ā of a kind from outside, are told apart.
     """
-
-    def __init__(self, scenario: Scenario):
-        self.scenario, attack = scenario, scenario.attack
-        number = type(attack.magnitude) is float and type(attack).__module__.startswith("jaxnet.")
-        others = [id(value) for key, value in vars(scenario).items() if key != "attack"]
-        own = [id(each) for key, each in vars(attack).items() if key != "magnitude" or not number]
-        self.objects = type(attack), *others, *own
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, AnyMagnitude) and self.objects == other.objects
-
-    def __hash__(self) -> int:
-        return hash(self.objects)
+    attack, others = scenario.attack, vars(scenario) | {"attack": type(scenario.attack)}
+    number = type(attack.magnitude) is float and type(attack).__module__.startswith("jaxnet.")
+    own = vars(attack) | ({"magnitude": float} if number else {})
+    return ByIdentity(scenario, *others.values(), *own.values())
 
 
-def for_any_magnitude(known: Callable[[Scenario], Derived]) -> Callable[[Scenario], Derived]:
-    """A function of a scenario that does not depend on ā, with a cache for the cells of a sweep."""
-    cached = functools.lru_cache(maxsize=16)(lambda alike: known(alike.scenario))
-    return functools.wraps(known)(lambda scenario: cached(AnyMagnitude(scenario)))
+for_any_magnitude = functools.partial(shared_by_cells, key=but_magnitude)
 
 
 def situation_of(scenario: Scenario) -> Situation:

@@ -11,7 +11,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
-from jaxnet.config.scenario import AnyMagnitude
+from jaxnet.config.scenario import but_magnitude
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import Attack
 from jaxnet.model.wording import cells_named, count
@@ -74,7 +74,7 @@ def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
     groups: dict[Hashable, list[Cell]] = {}
     keys: dict[Hashable, Hashable] = {}
     for cell in cells:
-        alike = AnyMagnitude(cell.scenario)
+        alike = but_magnitude(cell.scenario)
         if alike not in keys:
             keys[alike] = facts_key(cell.scenario)
         groups.setdefault(keys[alike], []).append(cell)
