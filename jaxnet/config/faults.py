@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from typing import Any
 
 import numpy as np
+from pydantic import ConfigDict
 
 from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.keys import (
@@ -172,6 +173,8 @@ def replaced_faults(
 
 class NotingScenario(Scenario):
     """A scenario that notes which of its keys are read, among its values under READ."""
+
+    model_config = ConfigDict(defer_build=True)  # it is never validated
 
     def __getattribute__(self, name: str) -> Any:
         if name in KEYS or name == "__dict__":

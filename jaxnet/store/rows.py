@@ -156,7 +156,7 @@ def read_columns(path: UPath, columns: Sequence[str] | None = None) -> pa.Table:
             strange = f"it has {file.metadata.num_rows:,} rows in {size:,} bytes"
         if strange:
             raise TornError(f"not a row file of ours: {strange}")
-        return file.read(columns)
+        return file.read(columns, use_threads=False)
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
 
