@@ -38,6 +38,7 @@ from jaxnet.config.keys import (
 )
 from jaxnet.config.known import KnownKeys, explain, model_of, with_kind, written_keys
 from jaxnet.config.naming import Key, full_kind, value_labels, without_empty_labels
+from jaxnet.config.scenario import for_any_magnitude
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
@@ -349,7 +350,7 @@ class SweptCells:
             written = document.data[root]
             self.base[root] = full_kind(root, written) if root in KINDS else written
         self.parts: dict[tuple[str | int, ...], Validated] = {}
-        self.faults = faults.CellFaults()
+        self.faults = for_any_magnitude(faults.CellFaults().of)
 
     def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
         """Return the cells, the first key slowest, and each new problem with its first cell."""
@@ -396,10 +397,9 @@ class SweptCells:
                 del right[root]
         made = self.shared.with_values(**right)
         made = settle(made, self.given) if self.follows else made
-        found = self.faults.of(made) if registry.scope().judges else []
-        place = functools.partial(place_in_cell, self.document, chosen)
-        for fault in found:
+        for fault in self.faults(made) if registry.scope().judges else ():
             if not wrong & {key.split(".")[0] for key in fault.keys}:
+                place = functools.partial(place_in_cell, self.document, chosen)
                 problems.append(located(fault, place))
         return None if wrong else made, problems
 
