@@ -38,10 +38,11 @@ from jaxnet.config.keys import (
 )
 from jaxnet.config.known import KnownKeys, explain, model_of, with_kind, written_keys
 from jaxnet.config.naming import Key, full_kind, value_labels, without_empty_labels
+from jaxnet.config.scenario import for_any_magnitude
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
-from jaxnet.kinds.graphs import ByIdentity, Graph
+from jaxnet.kinds.graphs import Graph, shared_by_cells
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 from jaxnet.kinds.refusals import suggestion
@@ -142,9 +143,9 @@ def validated(
 
 
 @functools.cache
-def model_with(key: str) -> type[BaseModel]:
-    """Return the model of one key of a scenario, which is validated sooner than all."""
-    field = Scenario.model_fields[key]
+def model_with(key: str, whole: type[BaseModel] = Scenario) -> type[BaseModel]:
+    """Return the model of one key of a model, which is validated sooner than all."""
+    field = whole.model_fields[key]
     return create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
 
 
@@ -276,7 +277,7 @@ def settle(scenario: AnyScenario, given: Container[str]) -> AnyScenario:
     found: dict[str, Any] = {}
     topology, vehicles = scenario.topology, scenario.vehicles
     if not scenario.navigator.present:
-        topology = found["topology"] = without_leader(ByIdentity(topology))
+        topology = found["topology"] = without_leader(topology)
     if "vehicles" not in given:
         with contextlib.suppress(KindError):  # the code of a kind from outside may be missing
             size = topology.size()
@@ -291,10 +292,10 @@ def settle(scenario: AnyScenario, given: Container[str]) -> AnyScenario:
     return scenario.model_copy(update=found) if found else scenario
 
 
-@functools.lru_cache(maxsize=64)
-def without_leader(itself: ByIdentity) -> Graph:
-    """Return the leaderless graph; the cache keeps one object for the cells of a sweep."""
-    return itself.one.leaderless()
+@shared_by_cells
+def without_leader(graph: Graph) -> Graph:
+    """Return the leaderless graph: one object for the cells of a sweep."""
+    return graph.leaderless()
 
 
 def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
@@ -349,6 +350,7 @@ class SweptCells:
             written = document.data[root]
             self.base[root] = full_kind(root, written) if root in KINDS else written
         self.parts: dict[tuple[str | int, ...], Validated] = {}
+        self.faults = for_any_magnitude(faults.CellFaults().of)
 
     def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
         """Return the cells, the first key slowest, and each new problem with its first cell."""
@@ -386,22 +388,37 @@ class SweptCells:
         for root, keys in self.roots.items():
             mine = root, *(chosen[key] for key in keys)
             if mine not in self.parts:
-                self.parts[mine] = self.part(root, {key: chosen[key] for key in keys})
+                here = {key: chosen[key] for key in keys}
+                self.parts[mine] = self.part_alike(root, here) or self.part(root, here)
             right[root], found = self.parts[mine]
             problems += found
             if found:
                 wrong.add(root)
                 del right[root]
-        made = self.shared.model_copy(update=right)
+        made = self.shared.with_values(**right)
         made = settle(made, self.given) if self.follows else made
-        if registry.scope().judges:
-            place = functools.partial(place_in_cell, self.document, chosen)
-            problems += [
-                located(fault, place)
-                for fault in faults.scenario_faults(made)
-                if not wrong & {key.split(".")[0] for key in fault.keys}
-            ]
+        for fault in self.faults(made) if registry.scope().judges else ():
+            if not wrong & {key.split(".")[0] for key in fault.keys}:
+                place = functools.partial(place_in_cell, self.document, chosen)
+                problems.append(located(fault, place))
         return None if wrong else made, problems
+
+    def part_alike(self, root: str, chosen: Mapping[str, int]) -> Validated | None:
+        """Return a part with another number at the last of its swept keys, if nothing is wrong.
+
+        The number alone is validated. None tells that the whole part has to be.
+        """
+        *others, (key, index) = chosen.items()
+        nothing: Validated = None, []
+        first, wrong = self.parts.get((root, *(each for _, each in others), 0), nothing)
+        value, inside = self.values[key][index], key.removeprefix(f"{root}.")
+        if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
+            return None
+        try:
+            made = model_with(inside, type(first)).model_validate({inside: value})
+        except ValidationError:
+            return None
+        return first.with_values(**{inside: getattr(made, inside)}), []
 
     def part(self, root: str, chosen: Mapping[str, int]) -> Validated:
         """Return the value of a key by the indices of the swept values in it, and its problems."""
@@ -416,6 +433,13 @@ class SweptCells:
         place = functools.partial(place_in_cell, self.document, chosen)
         made, _, problems = validated(model_with(root), data, place)
         return getattr(made, root), problems
+
+
+@functools.cache
+def stands_alone(cls: type, key: str) -> bool:
+    """Whether a class has a key that its type alone decides; in one from outside others may."""
+    ours = issubclass(cls, BaseModel) and cls.__module__.startswith("jaxnet.")
+    return ours and key in cls.model_fields
 
 
 def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:

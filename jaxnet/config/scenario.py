@@ -1,5 +1,6 @@
 """A scenario on the host: graph and links as NumPy arrays, times, and premises of theorems."""
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Collection, Sequence
@@ -9,6 +10,7 @@ import numpy as np
 
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.fields import is_drawn
+from jaxnet.kinds.graphs import ByIdentity, shared_by_cells
 from jaxnet.model import hearing, safety
 from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import DropPolicy
@@ -30,6 +32,20 @@ class Situation(NamedTuple):
     attacked: Links
     trusted: Links
     retained: DropPolicy | None
+
+
+def but_magnitude(scenario: Scenario) -> ByIdentity:
+    """A cache key that equals those of scenarios with the same objects but for the number ā.
+
+    A list of magnitudes, and ā of a kind from outside, are told apart.
+    """
+    attack, others = scenario.attack, vars(scenario) | {"attack": type(scenario.attack)}
+    number = type(attack.magnitude) is float and type(attack).__module__.startswith("jaxnet.")
+    own = vars(attack) | ({"magnitude": float} if number else {})
+    return ByIdentity(scenario, *others.values(), *own.values())
+
+
+for_any_magnitude = functools.partial(shared_by_cells, key=but_magnitude)
 
 
 def situation_of(scenario: Scenario) -> Situation:

@@ -169,10 +169,6 @@ class Kind(Record, metaclass=KindType):
             object.__setattr__(made, name, None)
         return made
 
-    def with_values(self: AnyKind, **values: object) -> AnyKind:
-        """A copy of a run-time kind with other or further values."""
-        return self.filled({**vars(self), **values})
-
 
 def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -> Kind:
     """A kind that another process has sent; raise KindError if its module differs here."""

@@ -13,7 +13,9 @@ import threading
 import warnings
 import zipfile
 import zlib
+from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
@@ -24,7 +26,7 @@ from jaxnet.config.cells import Cell, to_plain
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
-from jaxnet.engine.plan import Outcome
+from jaxnet.engine.plan import Inputs, Outcome
 from jaxnet.lanes import proofs
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.runs.tally import Done, sums_of
@@ -39,6 +41,8 @@ if TYPE_CHECKING:
 
 Program = tuple[Hashable, ...]  # equal for jobs that can run in one compiled program
 BESIDE_ROWS = "npz"  # of the stamp's checksums that of the file of arrays beside the rows
+MOST_UNWRITTEN = 8  # shards whose rows wait to be written
+MOST_HELD = 2**26  # bytes of drawn lanes that are kept from the search for their programs
 STORING = threading.Semaphore(2)  # threads that hold a shard's arrays in memory at a time
 
 
@@ -83,8 +87,7 @@ class Assignment(NamedTuple):
         return shard._replace(samples=missing) if missing else None
 
     def done(self, shard: Shard, rows: pa.Table) -> Done:
-        wanted = rows.select(["status", shard.cell.scenario.judged]).to_pandas()
-        sums = sums_of(shard.cell, wanted, self.config.recovery)
+        sums = sums_of(shard.cell, rows, self.config.recovery)
         return Done(shard.number, shard.cell.number, sums)
 
 
@@ -94,25 +97,41 @@ def simulate_shards(
     machine: Machine,
     load_done: Callable[[int], None] = lambda lanes: None,
 ) -> Iterator[Done]:
-    """Simulate shards, after the samples that they have; yield a report on each complete shard."""
+    """Simulate shards, after the samples that they have; yield a report on each complete shard.
+
+    A thread writes the rows, shard by shard, while the next shards are simulated.
+    """
     stores = open_stores(work) if work.filled is not None else {}
-    for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
-        states = shard.cell.scenario.vehicle.states
-        values = arrays.series_values(work.variables, outcome.series, states)
-        checksums = {}
-        if work.filled is not None:
-            checksums = write_arrays(work, shard, values, stores)
-        elif values:
-            content = io.BytesIO()
-            np.savez(content, allow_pickle=False, **values)
-            work.folder.put(name_beside(shard.number), content.getvalue())
-            checksums = {BESIDE_ROWS: zlib.crc32(content.getbuffer())}
-        table = work.columns.table(shard, outcome)
-        if before := shard.samples.start - work.first(shard):
-            there, _ = rows.read_rows(work.folder.path / rows.row_file(shard.number))
-            table = pa.concat_tables([there.slice(0, before), table])
-        rows.write_rows(work.folder, shard.number, table, work.stamp(shard, checksums))
-        yield work.done(shard, table)
+    unwritten = deque[Future[Done]]()
+    with ThreadPoolExecutor(1) as writer:
+        for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
+            states = shard.cell.scenario.vehicle.states
+            values = arrays.series_values(work.variables, outcome.series, states)
+            checksums = {}
+            if work.filled is not None:
+                checksums = write_arrays(work, shard, values, stores)
+            elif values:
+                content = io.BytesIO()
+                np.savez(content, allow_pickle=False, **values)
+                work.folder.put(name_beside(shard.number), content.getvalue())
+                checksums = {BESIDE_ROWS: zlib.crc32(content.getbuffer())}
+            rest = outcome._replace(series={})
+            unwritten.append(writer.submit(write_shard, work, shard, rest, checksums))
+            while unwritten and (unwritten[0].done() or len(unwritten) > MOST_UNWRITTEN):
+                yield unwritten.popleft().result()
+        yield from (written.result() for written in unwritten)
+
+
+def write_shard(
+    work: Assignment, shard: Shard, outcome: Outcome, checksums: dict[str, int]
+) -> Done:
+    """Write the rows of a shard, after those that it has, and report on it."""
+    table = work.columns.table(shard, outcome)
+    if before := shard.samples.start - work.first(shard):
+        there, _ = rows.read_rows(work.folder.path / rows.row_file(shard.number))
+        table = pa.concat_tables([there.slice(0, before), table])
+    rows.write_rows(work.folder, shard.number, table, work.stamp(shard, checksums))
+    return work.done(shard, table)
 
 
 def simulate_outcomes(
@@ -125,16 +144,27 @@ def simulate_outcomes(
     def drawn(shard: Shard, samples: Sequence[int]) -> Job:
         return job(shard.cell.scenario, sources[shard.cell.number], samples, work.series)
 
-    programs = {number: program_of(drawn(shard, [0])) for number, shard in some.items()}
+    jobs, held = dict[Program, Job](), dict[int, Inputs]()
+    programs, size = dict[int, Program](), 0
+    for number, shard in some.items():
+        one = drawn(shard, shard.samples if size < MOST_HELD else [0])
+        programs[number] = program_of(one)
+        jobs.setdefault(programs[number], one)
+        if size < MOST_HELD:
+            held[shard.number] = one.inputs
+            size += sum(leaf.nbytes for leaf in jax.tree.leaves(one.inputs))
     kinds: dict[Program, list[Shard]] = {}
     for shard in shards:
         kinds.setdefault(programs[shard.cell.number], []).append(shard)
-    for alike in kinds.values():
-        one = drawn(alike[0], [0])
-        inputs = (drawn(shard, shard.samples).inputs for shard in alike)
+
+    def inputs(shard: Shard) -> Inputs:
+        return held.pop(shard.number, None) or drawn(shard, shard.samples).inputs
+
+    for program, alike in kinds.items():
+        one = jobs.pop(program)
         lanes = sum(len(shard.samples) for shard in alike)
         shared = one.network, one.clock, one.plan
-        ends = batch.simulate_each(inputs, lanes, *shared, machine, load_done)
+        ends = batch.simulate_each(map(inputs, alike), lanes, *shared, machine, load_done)
         yield from zip(alike, ends, strict=True)
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Recovery
@@ -34,7 +35,7 @@ class Standing(NamedTuple):
     unrecovered: float  # share; not-a-number without an attack or without recovery
 
 
-def sums_of(cell: Cell, rows: pd.DataFrame, asked: Recovery | None) -> Sums:
+def sums_of(cell: Cell, rows: pa.Table | pd.DataFrame, asked: Recovery | None) -> Sums:
     """Sum a cell's rows, by `status` and judged metric; without a criterion all recover."""
     errors = rows[cell.scenario.judged].to_numpy()[rows["status"].to_numpy() == "ok"]
     over = np.count_nonzero(errors > threshold(cell, asked))

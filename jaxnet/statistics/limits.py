@@ -17,7 +17,14 @@ from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario
-from jaxnet.config.scenario import BOUNDS, broken_premise, outputs_of, situation_of, sources_of
+from jaxnet.config.scenario import (
+    BOUNDS,
+    broken_premise,
+    for_any_magnitude,
+    outputs_of,
+    situation_of,
+    sources_of,
+)
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
@@ -149,6 +156,7 @@ def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
     return draw.one(scenario.attack.amplitude(), "attack.magnitude")
 
 
+@for_any_magnitude
 def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
     """Return valid bounds with the G at which transients start: 0 where kept sets may switch."""
     reach, known = scenario_gain(scenario), situation_of(scenario)

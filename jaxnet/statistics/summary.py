@@ -126,6 +126,7 @@ def summarise(
     """
     table = []
     metrics = [*SUMMARISED, *(each.name for each in study.measured()[len(CONTRACT) :])]
+    shares = asked_shares(study, cells)
     for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
         cell = cells[number]
         ok: Any = lanes[lanes["status"] == "ok"]
@@ -136,7 +137,7 @@ def summarise(
         for metric in metrics:
             found = metric_statistics(ok[metric].to_numpy(), units, sure)
             row |= {f"{metric}_{name}": value for name, value in found.items()}
-        for name in asked_shares(study, cells):
+        for name in shares:
             counted = LANE_SHARES[name].which(study, cell, ok)
             row |= dict(zip(share_names(name), share_estimate(counted, sure), strict=True))
         table.append(row)

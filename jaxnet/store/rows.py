@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -36,6 +36,7 @@ else:
 STAMP = b"jaxnet.shard"  # in a file's metadata
 MOST_FILE = 2**28  # bytes of a file
 READERS = 16  # files looked over at a time
+LEAST_PACKED = 256  # rows of a file that is compressed: a smaller one gets no smaller
 OK: ds.Expression = ds.field("status") == "ok"
 
 
@@ -83,7 +84,7 @@ class RowColumns(NamedTuple):
         }
         for key, kind in self.swept.items():
             columns[key] = pa.array([shard.cell.labels[key]] * count, type=kind)
-        columns["status"] = [status.Status(code).name for code in outcome.status]
+        columns["status"] = np.array(status.Status._member_names_, object)[outcome.status]
         columns |= {metric.name: outcome.metrics[metric.name] for metric in scenario.measured()}
         columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
         for name in self.isolation:
@@ -122,9 +123,10 @@ def row_file(number: int) -> str:
 
 def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
     stamped = rows.replace_schema_metadata({STAMP: json.dumps(stamp._asdict())})
+    packing: Any = "zstd" if len(rows) >= LEAST_PACKED else "none"
     folder.put(
         row_file(number),
-        lambda file: pq.write_table(stamped, file, compression="zstd", write_page_checksum=True),
+        lambda file: pq.write_table(stamped, file, compression=packing, write_page_checksum=True),
     )
 
 
@@ -154,7 +156,7 @@ def read_columns(path: UPath, columns: Sequence[str] | None = None) -> pa.Table:
             strange = f"it has {file.metadata.num_rows:,} rows in {size:,} bytes"
         if strange:
             raise TornError(f"not a row file of ours: {strange}")
-        return file.read(columns)
+        return file.read(columns, use_threads=False)
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
 
@@ -266,7 +268,7 @@ def scan_cells(
         scanner = bare.scanner(columns=wanted, filter=within if where is None else within & where)
         batches = (batch for batch in map(checked, scanner.scan_batches()) if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
-            yield cell, pa.Table.from_batches(mine).to_pandas()
+            yield cell, pa.Table.from_batches(mine).to_pandas(use_threads=False)
 
 
 def is_foreign(metadata: Mapping[bytes, bytes] | None, study: str) -> bool:

@@ -12,7 +12,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxnet.config.keys import Scenario
-from jaxnet.config.scenario import BOUNDS, MOST_INVERTED, missing, situation_of
+from jaxnet.config.scenario import (
+    BOUNDS,
+    MOST_INVERTED,
+    for_any_magnitude,
+    missing,
+    situation_of,
+)
 from jaxnet.kinds.attacks import heard_orders, magnitude_shares
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph, Links
@@ -135,6 +141,7 @@ def worst_kept_weights(
         ratio = better
 
 
+@for_any_magnitude
 def scenario_gain(scenario: Scenario) -> AttackGain | None:
     """Gains γ of a scenario's network, by which bounds multiply ā.
 

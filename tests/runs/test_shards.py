@@ -7,6 +7,7 @@ import pytest
 from upath import UPath
 
 import jaxnet
+from jaxnet.runs import shards
 from jaxnet.store import arrays, layout
 from jaxnet.store.folder import FolderError
 from tests.runs.conftest import SHARDS, STUDY, done
@@ -107,6 +108,13 @@ def test_lanes_that_failed_at_once_are_stored_like_others(parted, tmp_path):
     written = arrays.read_checksums(place, layout.ERRORS, (3, 1))
     assert arrays.is_intact(place, layout.ERRORS, (3, 1), written)
     assert not arrays.is_intact(place, layout.ERRORS, (3, 0), written)
+
+
+def test_lanes_are_drawn_again_where_no_room_is_left_to_keep_them(
+    parted, assert_same, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(shards, "MOST_HELD", 0)
+    assert_same(jaxnet.run(parted, tmp_path / "out"))
 
 
 def test_parts_of_a_longer_study(parted, assert_same, tmp_path):

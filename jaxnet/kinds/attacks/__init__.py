@@ -646,12 +646,11 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
 
     Each item is the dotted key, the number, and whether the scalar functions depend on it.
     """
-    for key, value in kind.config_keys().items():
-        dotted = f"{name}.{key}"
-        if isinstance(value, Kind):
-            yield from own_numbers(value, dotted)
-        elif differs(value):
-            yield dotted, value, not kind.drawn_by_vehicle(key)
+    for key, value in vars(kind).items():
+        if differs(value):
+            yield f"{name}.{key}", value, not kind.drawn_by_vehicle(key)
+        elif isinstance(value, Kind):
+            yield from own_numbers(value, f"{name}.{key}")
 
 
 def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:

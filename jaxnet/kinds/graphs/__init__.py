@@ -6,8 +6,8 @@ the navigator.
 """
 
 import functools
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Callable, Iterator, Sequence
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -36,9 +36,34 @@ from jaxnet.networks import GREATEST_EDGE_WEIGHT
 LEAST_WEIGHT = 1e-15
 TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle
 
+Asked = TypeVar("Asked", bound=Callable[..., Any])
 GivenGraph = Any  # a Digraph, or weights (m, m + 1) as an array of NumPy or a sparse array of SciPy
 SlotSourceTable = Int[np.ndarray, "slots m"]
 LaneWeights = Float[np.ndarray, "samples slots m"]
+
+
+class ByIdentity:
+    """A cache key that equals only keys of the same objects: the argument, unless others are given.
+
+    The key keeps the argument, and so the objects in it, alive.
+    """
+
+    def __init__(self, one: Any, *objects: object):
+        self.one, self.objects = one, tuple(map(id, objects or (one,)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ByIdentity) and self.objects == other.objects
+
+    def __hash__(self) -> int:
+        return hash(self.objects)
+
+
+def shared_by_cells(found: Asked, key: Callable[[Any], ByIdentity] = ByIdentity) -> Asked:
+    """Keep what a function last found, by a key of its first argument and by the others."""
+    cached = functools.lru_cache(maxsize=16)(lambda itself, *rest: found(itself.one, *rest))
+    shared: Any = lambda one, *rest: cached(key(one), *rest)  # noqa: E731
+    functools.update_wrapper(shared, found)
+    return shared
 
 
 class Graph(Kind):
@@ -106,10 +131,11 @@ class Graph(Kind):
         """The networks of which one is in force at a time; by default this graph alone."""
         return [self]
 
+    @shared_by_cells
     def linked(self, vehicles: int) -> Digraph:
         """The graph of the possible links, each with weight 1; raise KindError."""
         given = self.digraph(self.links(vehicles), vehicles)
-        return given._replace(weights=given.heard.astype(float))
+        return unwritable(given._replace(weights=given.heard.astype(float)))
 
     def differs(self) -> bool:
         """Whether lanes have graphs or weights of their own."""
@@ -135,9 +161,10 @@ class Graph(Kind):
         given = self.normalised_rows(vehicles)
         return draw.same(hearing.by_slot(given, given.weights, sources))
 
+    @shared_by_cells
     def normalised_rows(self, vehicles: int) -> Digraph:
         """The graph with rows of sum 1, or 0 where a vehicle hears nobody; raises KindError."""
-        return graph.normalised(self.digraph(self.weights(vehicles), vehicles))
+        return unwritable(graph.normalised(self.digraph(self.weights(vehicles), vehicles)))
 
     def normalises(self) -> bool:
         """Whether only relative weights count."""
@@ -187,7 +214,7 @@ class Graph(Kind):
             yield Fault((f"topology.{name}", "law"), f"{name} acts under law: local alone")
         if not scenario.navigator.present:
             return
-        lost, least = check_reach(ByIdentity(self), scenario.vehicles)
+        lost, least = check_reach(self, scenario.vehicles)
         if lost:
             message = f"the navigator does not reach {', '.join(map(str, lost))}"
             yield Fault((self.linked_by, "topology"), message)
@@ -196,23 +223,17 @@ class Graph(Kind):
             yield Fault((self.linked_by, "topology"), message)
 
 
-class ByIdentity:
-    """A cache key that equals only keys of the same object."""
-
-    def __init__(self, one: Graph):
-        self.one = one
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ByIdentity) and self.one is other.one
-
-    def __hash__(self) -> int:
-        return id(self.one)
+def unwritable(shared: Digraph) -> Digraph:
+    views = Digraph(*(array.view() for array in shared))
+    for view in views:
+        view.flags.writeable = False
+    return views
 
 
-@functools.lru_cache(maxsize=16)  # the cells of a sweep share their graph
-def check_reach(itself: ByIdentity, vehicles: int) -> tuple[list[int], float]:
+@shared_by_cells
+def check_reach(given: Graph, vehicles: int) -> tuple[list[int], float]:
     """The vehicles that the navigator does not reach, and the least weight of a link."""
-    found = itself.one.normalised_rows(vehicles)
+    found = given.normalised_rows(vehicles)
     return graph.unreachable(found), float(found.weights[found.heard].min(initial=1.0))
 
 

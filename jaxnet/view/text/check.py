@@ -11,6 +11,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
+from jaxnet.config.scenario import but_magnitude
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import Attack
 from jaxnet.model.wording import cells_named, count
@@ -71,8 +72,12 @@ def certificates(cells: Sequence[Cell]) -> list[str]:
 def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
     """Cells grouped by what is known of them, in the order of their first cells."""
     groups: dict[Hashable, list[Cell]] = {}
+    keys: dict[Hashable, Hashable] = {}
     for cell in cells:
-        groups.setdefault(facts_key(cell.scenario), []).append(cell)
+        alike = but_magnitude(cell.scenario)
+        if alike not in keys:
+            keys[alike] = facts_key(cell.scenario)
+        groups.setdefault(keys[alike], []).append(cell)
     seconds = PROGRAM_SECONDS / len(groups) if len(groups) <= MOST_NETWORKS else 0.0
     found: dict[Hashable, AlikeCells] = {}
     for group in groups.values():

@@ -126,3 +126,15 @@ def test_what_cannot_be_is_said(topology, vehicles, says, tmp_path):
     (problem,) = raised.value.problems
     assert says in str(problem)
     assert problem.place.startswith(f"{file}:")
+
+
+def test_cells_share_a_graph_that_nobody_can_change():
+    """One object for the same topology and fleet; each array refuses to be written into."""
+    one = Lattice()
+    for graph in (one.linked(9), one.normalised_rows(9)):
+        for array in graph:
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 1
+    assert one.linked(9) is one.linked(9)
+    assert one.linked(8).vehicles == 8
+    assert Lattice().linked(9) is not one.linked(9)
