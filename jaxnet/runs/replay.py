@@ -1,7 +1,10 @@
 """Replay: simulate one lane alone, and save all that can be seen of it."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -10,7 +13,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.scenario import situation_of
 from jaxnet.engine import batch
-from jaxnet.engine.batch import Machine
+from jaxnet.engine.batch import Job, Machine, Outcome
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
@@ -23,6 +26,14 @@ from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
 
 
+class Replay(NamedTuple):
+    """A lane to be simulated again: the only sample of a shard, its arrays, its store."""
+
+    shard: Shard
+    variables: arrays.Variables
+    store: str
+
+
 def replay(
     results: Results, cell: int, sample: int, engine: str | None = None
 ) -> tuple[UPath, pd.Series]:
@@ -32,20 +43,48 @@ def replay(
     Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
     refuse_unknown(results, cell, sample)
+    ((lane, outcome),) = replay_each(results, [(cell, sample, engine)])
+    columns = rows.row_columns(results.study.config, results.study.cells)
+    return results.folder.path / lane.store, columns.table(lane.shard, outcome).to_pandas().iloc[0]
+
+
+def replay_each(
+    results: Results, wanted: Iterable[tuple[int, int, str | None]]
+) -> Iterator[tuple[Replay, Outcome]]:
+    """Store trajectories under `replays/`, by cell, sample and engine, as `replay` does.
+
+    Lanes with equal programs and networks are simulated side by side.
+    """
     results.need_code()
-    study = results.study
-    chosen = with_engine(study.cells[cell], engine)
-    variables = layout.error_variables([chosen]) | layout.trajectory_variables([chosen])
+    study, alike = results.study, dict[Any, list[tuple[Replay, Job]]]()
+    for cell, sample, engine in wanted:
+        chosen = with_engine(study.cells[cell], engine)
+        variables = layout.error_variables([chosen]) | layout.trajectory_variables([chosen])
+        source = source_of(study.config, study.cells[cell].scenario)
+        one = job(chosen.scenario, source, [sample], layout.series_of(variables))
+        shard = Shard(0, chosen, range(sample, sample + 1))
+        lane = Replay(shard, variables, store_of(results, cell, sample, engine))
+        alike.setdefault(common(one), []).append((lane, one))
     machine = Machine(chunk=results.manifest.get("chunk"))
-    source = source_of(study.config, study.cells[cell].scenario)
-    lane = job(chosen.scenario, source, [sample], layout.series_of(variables))
-    outcome = batch.simulate(lane, machine)
-    store = store_of(results, cell, sample, engine)
-    for name, content in arrays.lane_files(variables, chosen, sample, outcome.series).items():
-        results.folder.put(f"{store}/{name}", content)
-    columns = rows.row_columns(study.config, study.cells)
-    table = columns.table(Shard(0, chosen, range(sample, sample + 1)), outcome)
-    return results.folder.path / store, table.to_pandas().iloc[0]
+    for together in alike.values():
+        inputs, (_, shared) = (one.inputs for _, one in together), together[0]
+        same = shared.network, shared.clock, shared.plan
+        outcomes = batch.simulate_each(inputs, len(together), *same, machine)
+        for (lane, _), outcome in zip(together, outcomes, strict=True):
+            series, (sample,) = outcome.series, lane.shard.samples
+            files = arrays.lane_files(lane.variables, lane.shard.cell, sample, series)
+            for name, content in files.items():
+                results.folder.put(f"{lane.store}/{name}", content)
+            yield lane, outcome
+
+
+def common(one: Job) -> Any:
+    """What lanes have in common that can run side by side: program, network, shapes of numbers."""
+    numbers, structure = jax.tree.flatten(one.inputs)
+    shared, network = jax.tree.flatten((one.network, one.clock))
+    same = [(np.shape(leaf), np.asarray(leaf).tobytes()) for leaf in shared]
+    shapes = [(np.shape(leaf), np.result_type(leaf)) for leaf in numbers]
+    return one.plan, structure, network, *same, *shapes
 
 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:
