@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -13,25 +13,17 @@ from upath import UPath
 from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.scenario import situation_of
 from jaxnet.engine import batch
-from jaxnet.engine.batch import Job, Machine, Outcome
+from jaxnet.engine.batch import Job, Outcome
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics import recovery
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.arrays import lane_in, open_store
+from jaxnet.store.arrays import Variables, lane_in, open_store
 from jaxnet.store.folder import FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
-
-
-class Replay(NamedTuple):
-    """A lane to be simulated again: the only sample of a shard, its arrays, its store."""
-
-    shard: Shard
-    variables: arrays.Variables
-    store: str
 
 
 def replay(
@@ -43,39 +35,34 @@ def replay(
     Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
     refuse_unknown(results, cell, sample)
-    ((lane, outcome),) = replay_each(results, [(cell, sample, engine)])
+    ((path, shard, outcome),) = replay_each(results, [(cell, sample, engine)])
     columns = rows.row_columns(results.study.config, results.study.cells)
-    return results.folder.path / lane.store, columns.table(lane.shard, outcome).to_pandas().iloc[0]
+    return path, columns.table(shard, outcome).to_pandas().iloc[0]
 
 
 def replay_each(
     results: Results, wanted: Iterable[tuple[int, int, str | None]]
-) -> Iterator[tuple[Replay, Outcome]]:
-    """Store trajectories under `replays/`, by cell, sample and engine, as `replay` does.
-
-    Lanes with equal programs and networks are simulated side by side.
-    """
+) -> Iterator[tuple[UPath, Shard, Outcome]]:
+    """Replay lanes, by cell, sample and engine; those of one program and network side by side."""
     results.need_code()
-    study, alike = results.study, dict[Any, list[tuple[Replay, Job]]]()
+    cells, alike = results.study.cells, dict[Any, list[tuple[str, Variables, Shard, Job]]]()
     for cell, sample, engine in wanted:
-        chosen = with_engine(study.cells[cell], engine)
+        chosen, store = with_engine(cells[cell], engine), store_of(results, cell, sample, engine)
         variables = layout.error_variables([chosen]) | layout.trajectory_variables([chosen])
-        source = source_of(study.config, study.cells[cell].scenario)
+        source = source_of(results.study.config, cells[cell].scenario)
         one = job(chosen.scenario, source, [sample], layout.series_of(variables))
         shard = Shard(0, chosen, range(sample, sample + 1))
-        lane = Replay(shard, variables, store_of(results, cell, sample, engine))
-        alike.setdefault(common(one), []).append((lane, one))
-    machine = Machine(chunk=results.manifest.get("chunk"))
+        alike.setdefault(common(one), []).append((store, variables, shard, one))
+    machine = batch.Machine(chunk=results.manifest.get("chunk"))
     for together in alike.values():
-        inputs, (_, shared) = (one.inputs for _, one in together), together[0]
-        same = shared.network, shared.clock, shared.plan
-        outcomes = batch.simulate_each(inputs, len(together), *same, machine)
-        for (lane, _), outcome in zip(together, outcomes, strict=True):
-            series, (sample,) = outcome.series, lane.shard.samples
-            files = arrays.lane_files(lane.variables, lane.shard.cell, sample, series)
-            for name, content in files.items():
-                results.folder.put(f"{lane.store}/{name}", content)
-            yield lane, outcome
+        _, network, clock, plan = together[0][-1]
+        inputs = (one.inputs for *_, one in together)
+        outcomes = batch.simulate_each(inputs, len(together), network, clock, plan, machine)
+        for (store, variables, shard, _), outcome in zip(together, outcomes, strict=True):
+            place = shard.cell, shard.samples[0]
+            for name, content in arrays.lane_files(variables, *place, outcome.series).items():
+                results.folder.put(f"{store}/{name}", content)
+            yield results.folder.path / store, shard, outcome
 
 
 def common(one: Job) -> Any:

@@ -65,14 +65,13 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
     wanted = dict.fromkeys(worst_of(results), "nonlinear")
     there = {each[:2] for each in stored_lanes(results)} | set(wanted)
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
-    lanes = [(*place, engine) for place, engine in wanted.items()]
-    paths = {lane: results.file(store_of(results, *lane)) for lane in lanes}
-    there = [path for path in paths.values() if (path / "zarr.json").exists()]
-    yield from there
-    missing = [lane for lane, path in paths.items() if path not in there]
-    for done, (lane, _) in enumerate(replay_each(results, missing), 1):
+    paths = {(*at, by): results.file(store_of(results, *at, by)) for at, by in wanted.items()}
+    missing = [lane for lane, path in paths.items() if not (path / "zarr.json").exists()]
+    yield from (path for lane, path in paths.items() if lane not in missing)
+    replays = replay_each(results, missing)
+    for done in range(len(missing)):
         told("lanes simulated again", done, len(missing))
-        yield results.folder.path / lane.store
+        yield next(replays)[0]
 
 
 def watched(results: Results) -> list[Watched]:

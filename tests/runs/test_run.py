@@ -388,7 +388,7 @@ def test_lanes_of_one_network_are_replayed_side_by_side(results, tmp_path, monke
     wanted = [(*lane, None) for lane in lanes]
     found = list(replay_each(jaxnet.open(tmp_path / "together"), wanted))
     assert sizes == [3, 1]
-    assert {(lane.shard.cell.number, *lane.shard.samples) for lane, _ in found} == set(lanes)
+    assert {(shard.cell.number, *shard.samples) for _, shard, _ in found} == set(lanes)
     files = [path for path in (tmp_path / "alone" / "replays").rglob("*") if path.is_file()]
     assert len([path for path in files if path.parent.suffix == ".zarr"]) == len(lanes)
     for path in files:
