@@ -61,6 +61,18 @@ def test_a_compiled_peer_simulates_the_same_lanes(what):
     assert found["error"] < 1e-5
 
 
+def test_the_nonlinear_loop_by_hand_simulates_the_same_lanes():
+    """Within what its tolerances allow, 1e-5 m, on the ring of the default study."""
+    (cell,) = systems.study(attack="none", defence="none").cells
+    lanes = job(cell.scenario, Keyed(0), range(3))
+    try:
+        positions = peers.nonlinear_by_hand(lanes)
+    except peers.NotInstalledError as program:
+        pytest.skip(f"{program}: not on this machine")
+    assert positions.shape == (3, 301, 12, 2)
+    assert peers.greatest_error(lanes, positions) < 1e-5
+
+
 @pytest.mark.long
 @pytest.mark.usefixtures("many_side_by_side")
 def test_the_loop_by_hand_simulates_the_same_study():
@@ -78,7 +90,7 @@ def test_the_loop_by_hand_simulates_the_same_study():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("script", ["speed", "scaling", "memory", "row"])
+@pytest.mark.parametrize("script", ["commands", "speed", "scaling", "memory", "row"])
 def test_a_script_says_what_it_does(script):
     """Under `--help`, with its question or task first."""
     command = [sys.executable, BENCHMARKS / f"{script}.py", "--help"]

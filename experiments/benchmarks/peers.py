@@ -12,8 +12,8 @@ is a sum of harmonics of time whose vectors are known beforehand, so that the la
 matrix `M = Ψ⁻¹ (L ⊗ I₂) Ψ` of the moment (inputs in the order u_1 of all vehicles, then u_2 of
 all), or, with `dense=False`, by the structure of M: with the inverse of L, computed once.
 
-And the exact engine's loop by hand, in C: of the default study alone, and of lanes that it draws
-itself.
+And both engines' loops by hand, in C, of the default study alone: the exact one of lanes that it
+draws itself, the nonlinear one without attack.
 """
 
 import functools
@@ -285,34 +285,6 @@ save('-v6', files{2}, 'positions');
 """
 
 
-class ByHand(NamedTuple):
-    """What the exact loop in C finds, of lanes of its own."""
-
-    rate: float  # lanes per second
-    tail_mean: float  # [m], mean over lanes
-    share: float  # of lanes with a mean tail error over 0.1 m
-
-
-def by_hand(job: Job) -> ByHand:
-    """Lanes of the default study by `exact_loop.c`; raises NotInstalledError without a compiler."""
-    command = [exact_loop(), str(job.size), str(int(job.plan.decides))]
-    found = subprocess.run(command, capture_output=True, text=True, check=True)
-    return ByHand(*map(float, found.stdout.split()))
-
-
-@functools.cache
-def exact_loop() -> Path:
-    """The program, compiled for this machine."""
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        raise NotInstalledError("gcc")
-    program = Path(tempfile.mkdtemp()) / "exact_loop"
-    source = Path(__file__).with_name("exact_loop.c")
-    options = ["-O3", "-march=native", "-ffast-math", "-fopenmp", "-Wno-psabi"]
-    subprocess.run([compiler, *options, source, "-o", program, "-lm"], check=True)
-    return program
-
-
 def with_octave(job: Job) -> Positions:
     """`ode45` with the dense M, lane after lane; raises NotInstalledError without octave-cli."""
     program = shutil.which("octave-cli")
@@ -345,3 +317,44 @@ def octave_fleet(lane: Fleet) -> dict[str, np.ndarray]:
         "frequency": lane.frequency,
         **{name: (each[:, 0] + 1j * each[:, 1]).T for name, each in vectors.items()},
     }
+
+
+# --- by hand -------------------------------------------------------------------------------------
+
+
+class ByHand(NamedTuple):
+    """What the exact loop in C finds, of lanes of its own."""
+
+    rate: float  # lanes per second
+    tail_mean: float  # [m], mean over lanes
+    share: float  # of lanes with a mean tail error over 0.1 m
+
+
+def by_hand(job: Job) -> ByHand:
+    """Lanes of the default study by `exact_loop.c`; raises NotInstalledError without a compiler."""
+    command = [loop("exact_loop"), str(job.size), str(int(job.plan.decides))]
+    found = subprocess.run(command, capture_output=True, text=True, check=True)
+    return ByHand(*map(float, found.stdout.split()))
+
+
+def nonlinear_by_hand(job: Job) -> Positions:
+    """Lanes of the default study without attack by `nonlinear_loop.c`; raises as `by_hand`."""
+    with tempfile.TemporaryDirectory() as folder:
+        starts, found = Path(folder) / "starts", Path(folder) / "positions"
+        side_by_side(job).initial.tofile(starts)
+        command = [loop("nonlinear_loop"), str(job.size), starts, found]
+        subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+        return np.fromfile(found).reshape(job.size, len(output_times(job)), -1, 2)
+
+
+@functools.cache
+def loop(name: str) -> Path:
+    """A program in C, compiled for this machine; raises NotInstalledError without a compiler."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        raise NotInstalledError("gcc")
+    program = Path(tempfile.mkdtemp()) / name
+    source = Path(__file__).with_name(f"{name}.c")
+    options = ["-O3", "-march=native", "-ffast-math", "-fopenmp", "-Wno-psabi"]
+    subprocess.run([compiler, *options, source, "-o", program, "-lm"], check=True)
+    return program

@@ -89,11 +89,13 @@ def measure(
     seconds: float = 0,
     checked: int = 0,
     tolerance: float = 1e-7,
+    warmed: bool = True,
 ) -> Any:
     """Lanes per second, cores kept busy, peak memory [MiB], lanes that failed.
 
-    With `checked`, also the greatest error [m] of the first lanes. A program that is not on this
-    machine is named under `missing`, and nothing else is there.
+    Unless `warmed`, the time includes what a program does at its first call. With `checked`, also
+    the greatest error [m] of the first lanes. A program that is not on this machine is named under
+    `missing`, and nothing else is there.
     """
     import peers
 
@@ -104,7 +106,7 @@ def measure(
     scenario = scenario_of(keys)
     try:
         run, warm = simulator(what, tolerance)
-        if warm:
+        if warm and warmed:
             run(job(scenario, Keyed(SEED), range(min(lanes, warm))))
         found = race(run, lambda samples: job(scenario, Keyed(SEED), samples), lanes, seconds)
     except peers.NotInstalledError as missing:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import special, stats
+from scipy import special
 from upath import UPath
 
 from jaxnet.config.cells import Cell
@@ -126,6 +126,6 @@ def estimate(
         return share * float((heights > level).mean()), levels, spent
 
     shares, levels, spent = zip(*map(once, range(repeats)), strict=True)
-    half = stats.t.ppf((1 + CONFIDENCE) / 2, repeats - 1) * np.std(shares, ddof=1)
+    half = special.stdtrit(repeats - 1, (1 + CONFIDENCE) / 2) * np.std(shares, ddof=1)
     half, mean = float(half / np.sqrt(repeats)), float(np.mean(shares))
     return Estimate(mean, max(0.0, mean - half), mean + half, max(levels), sum(spent))

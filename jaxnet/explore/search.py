@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from cmaes import CMA
 from jaxtyping import Float
 
 from jaxnet.config.keys import Scenario
@@ -168,6 +167,8 @@ class Population:
     """
 
     def __init__(self, box: Box, base: BoxPoint, seed: int):
+        from cmaes import CMA  # the import is slow
+
         self.base, self.free = base, box.free(box.attacked(base))
         self.turns = box.turns[self.free]
         self.strategy = CMA(mean=base[self.free], sigma=INITIAL_SIGMA, seed=seed)

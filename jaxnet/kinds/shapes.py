@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 LaneTimes = Float[Any, "*lanes"]  # [s]
 LaneNumbers = Float[Any, "*lanes"]
-LaneMask = Bool[Any, "*lanes"]
 AnyTimes = Float[Any, "..."]  # [s], of any shape
 
 SignalBasis = Float[Any, "derivatives functions ..."]  # β_b and three derivatives, or four

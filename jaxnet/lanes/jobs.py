@@ -237,7 +237,7 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
     if scenario.attack.by_link():
         first = np.nonzero(attacked.T)[::-1]  # slots and listeners, sorted by listener
         shown[hearing.of_transmitters(sources)[first][::-1]] = signals[first][::-1]
-    heard = Hearing(*map(as_array, hearing.of_slots(sources, carried_sources, attacked, signals)))
+    heard = Hearing(*map(as_array, (sources, carried_sources, attacked, signals)))
     trusted = as_array(hearing.by_slot(linked, trusted, sources))
     return Network(heard, trusted, as_array(shown), shared, choose_solver(sources).solver)
 

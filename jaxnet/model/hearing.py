@@ -8,7 +8,7 @@ The module imports JAX only when lanes run, because reading a study does not nee
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -27,7 +27,6 @@ else:
     jnp = LazyModule("jax.numpy")
 
 
-LinkCarry = TypeVar("LinkCarry")
 SlotWeights = Float[Any, "slots m *lanes"]
 AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis if both axes have equal weights
 SentMessages = Float[Any, "2 n *lanes"]  # of the navigator and the vehicles, n = m + 1
@@ -52,7 +51,6 @@ class Hearing(NamedTuple):
     carried_sources: Int[Any, "slots m"]
     attacked: Bool[Any, "slots m"]
     signals: Int[Any, "slots m"]  # number of the signal that an attacked link carries
-    listeners: Int[Any, "slots m"]  # in each slot, the listeners of attacked links first
 
     def sent(self, sources: SentMessages) -> LinkMessages:
         """The message of each slot's source, among those of navigator and vehicles, n = m + 1."""
@@ -71,21 +69,6 @@ class Hearing(NamedTuple):
     def mean_added(self, weights: AxisWeights, signal: SignalValues) -> VehicleMeans:
         """`Σ_j w_ij a_ij`, the weighted mean of the attack signals."""
         return self.slot_by_slot(weights, lambda one: one.added(signal))
-
-    def over_attacked_links(
-        self, work: Callable[[LoopIndex, LoopIndex, LinkCarry], LinkCarry], carry: LinkCarry
-    ) -> LinkCarry:
-        """Apply `work` to slot and listener of each attacked link, and return the carry."""
-        listeners = jnp.asarray(self.listeners)
-        numbers = self.attacked.sum(axis=1)  # attacked links in each slot
-
-        def in_slot(slot: LoopIndex, carry: LinkCarry) -> LinkCarry:
-            def on_link(number: LoopIndex, carry: LinkCarry) -> LinkCarry:
-                return work(slot, listeners[slot, number], carry)
-
-            return jax.lax.fori_loop(0, numbers[slot], on_link, carry)
-
-        return jax.lax.fori_loop(0, len(listeners), in_slot, carry)
 
     def mean(
         self, weights: AxisWeights, sources: SentMessages, signal: SignalValues
@@ -149,16 +132,6 @@ def plus_slots(
         return total + weight[(None,) * (total.ndim - weight.ndim)] * of_slot(slot)
 
     return jax.lax.fori_loop(0, weights.shape[1], add, start)
-
-
-def of_slots(
-    sources: Int[np.ndarray, "slots m"],
-    carried_sources: Int[np.ndarray, "slots m"],
-    attacked: Bool[np.ndarray, "slots m"],
-    signals: Int[np.ndarray, "slots m"],
-) -> Hearing:
-    listeners = np.argsort(~attacked, axis=1, kind="stable")
-    return Hearing(sources, carried_sources, attacked, signals, listeners)
 
 
 def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:

@@ -1,7 +1,10 @@
 """Replay: simulate one lane alone, and save all that can be seen of it."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
+import jax
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -10,14 +13,14 @@ from upath import UPath
 from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.scenario import situation_of
 from jaxnet.engine import batch
-from jaxnet.engine.batch import Machine
+from jaxnet.engine.batch import Job, Outcome
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics import recovery
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.arrays import lane_in, open_store
+from jaxnet.store.arrays import Variables, lane_in, open_store
 from jaxnet.store.folder import FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
@@ -32,20 +35,43 @@ def replay(
     Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
     refuse_unknown(results, cell, sample)
+    ((path, shard, outcome),) = replay_each(results, [(cell, sample, engine)])
+    columns = rows.row_columns(results.study.config, results.study.cells)
+    return path, columns.table(shard, outcome).to_pandas().iloc[0]
+
+
+def replay_each(
+    results: Results, wanted: Iterable[tuple[int, int, str | None]]
+) -> Iterator[tuple[UPath, Shard, Outcome]]:
+    """Replay lanes, by cell, sample and engine; those of one program and network side by side."""
     results.need_code()
-    study = results.study
-    chosen = with_engine(study.cells[cell], engine)
-    variables = layout.error_variables([chosen]) | layout.trajectory_variables([chosen])
-    machine = Machine(chunk=results.manifest.get("chunk"))
-    source = source_of(study.config, study.cells[cell].scenario)
-    lane = job(chosen.scenario, source, [sample], layout.series_of(variables))
-    outcome = batch.simulate(lane, machine)
-    store = store_of(results, cell, sample, engine)
-    for name, content in arrays.lane_files(variables, chosen, sample, outcome.series).items():
-        results.folder.put(f"{store}/{name}", content)
-    columns = rows.row_columns(study.config, study.cells)
-    table = columns.table(Shard(0, chosen, range(sample, sample + 1)), outcome)
-    return results.folder.path / store, table.to_pandas().iloc[0]
+    cells, alike = results.study.cells, dict[Any, list[tuple[str, Variables, Shard, Job]]]()
+    for cell, sample, engine in wanted:
+        chosen, store = with_engine(cells[cell], engine), store_of(results, cell, sample, engine)
+        variables = layout.error_variables([chosen]) | layout.trajectory_variables([chosen])
+        source = source_of(results.study.config, cells[cell].scenario)
+        one = job(chosen.scenario, source, [sample], layout.series_of(variables))
+        shard = Shard(0, chosen, range(sample, sample + 1))
+        alike.setdefault(common(one), []).append((store, variables, shard, one))
+    machine = batch.Machine(chunk=results.manifest.get("chunk"))
+    for together in alike.values():
+        _, network, clock, plan = together[0][-1]
+        inputs = (one.inputs for *_, one in together)
+        outcomes = batch.simulate_each(inputs, len(together), network, clock, plan, machine)
+        for (store, variables, shard, _), outcome in zip(together, outcomes, strict=True):
+            place = shard.cell, shard.samples[0]
+            for name, content in arrays.lane_files(variables, *place, outcome.series).items():
+                results.folder.put(f"{store}/{name}", content)
+            yield results.folder.path / store, shard, outcome
+
+
+def common(one: Job) -> Any:
+    """What lanes have in common that can run side by side: program, network, shapes of numbers."""
+    numbers, structure = jax.tree.flatten(one.inputs)
+    shared, network = jax.tree.flatten((one.network, one.clock))
+    same = [(np.shape(leaf), np.asarray(leaf).tobytes()) for leaf in shared]
+    shapes = [(np.shape(leaf), np.result_type(leaf)) for leaf in numbers]
+    return one.plan, structure, network, *same, *shapes
 
 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:

@@ -10,7 +10,7 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.config.cells import judged_metric
-from jaxnet.runs.replay import replay, store_of, worst_of
+from jaxnet.runs.replay import replay_each, store_of, worst_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import layout, rows
 from jaxnet.store.arrays import lane_in, lanes_in, open_store
@@ -65,12 +65,13 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
     wanted = dict.fromkeys(worst_of(results), "nonlinear")
     there = {each[:2] for each in stored_lanes(results)} | set(wanted)
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
-    for done, ((cell, sample), engine) in enumerate(wanted.items()):
-        told("lanes simulated again", done, len(wanted))
-        path = results.file(store_of(results, cell, sample, engine))
-        if not (path / "zarr.json").exists():
-            path, _ = replay(results, cell, sample, engine)
-        yield path
+    paths = {(*at, by): results.file(store_of(results, *at, by)) for at, by in wanted.items()}
+    missing = [lane for lane, path in paths.items() if not (path / "zarr.json").exists()]
+    yield from (path for lane, path in paths.items() if lane not in missing)
+    replays = replay_each(results, missing)
+    for done in range(len(missing)):
+        told("lanes simulated again", done, len(missing))
+        yield next(replays)[0]
 
 
 def watched(results: Results) -> list[Watched]:

@@ -112,7 +112,7 @@ class Windowed(Blocks):
         vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(self.vehicles), start, WINDOW).ravel()
         used = vehicles < x.shape[2]
         heard = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
-        _, carried_sources, attacked, signals, _ = heard
+        _, carried_sources, attacked, signals = heard
         weights = system.weights.at[:, vehicles, lane].get(mode="clip")
         decision = system.decision.at[:, :, vehicles, lane].get(mode="clip")
         weights = jnp.where(used[None, None], retained.in_force(weights, decision), 0.0)

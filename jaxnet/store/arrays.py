@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from upath import UPath
@@ -176,7 +176,7 @@ def create_arrays(
     for name, variable in variables.items():
         dims = dims_of(variable, first)
         shape = [len(coords[dim]) for dim in dims]
-        array = group.create_array(
+        group.create_array(
             name,
             shape=shape,
             chunks=(*chunk, *shape[len(chunk) :]),
@@ -184,8 +184,8 @@ def create_arrays(
             dtype=variable.dtype,
             fill_value=fill_value_of(variable.dtype),
             dimension_names=dims,
+            attributes={"units": variable.unit, "long_name": variable.meaning},
         )
-        array.attrs.update(units=variable.unit, long_name=variable.meaning)
 
 
 def add_array(
@@ -197,9 +197,9 @@ def add_array(
     meaning: str,
 ) -> None:
     dtype = str if values.dtype == object else values.dtype
-    array = group.create_array(name, shape=values.shape, dtype=dtype, dimension_names=dims)  # pyright: ignore[reportArgumentType]
-    array[...] = values
-    array.attrs.update(units=unit, long_name=meaning)
+    told: dict[str, Any] = {"units": unit, "long_name": meaning}
+    held: dict[str, Any] = {"shape": values.shape, "dtype": dtype, "dimension_names": dims}
+    group.create_array(name, **held, attributes=told)[...] = values
 
 
 def cell_values(cell: Cell, variables: Variables, time: np.ndarray) -> dict[str, np.ndarray]:

@@ -23,7 +23,7 @@ def network(weights, attacked):
     """Who hears whom slot by slot, and the weights of it, from matrices over links."""
     sources = slots_of(weights)
     both = [by_slot(each, sources) for each in (weights, attacked)]
-    heard = hearing.of_slots(sources, sources, both[1], hearing.of_transmitters(sources))
+    heard = hearing.Hearing(sources, sources, both[1], hearing.of_transmitters(sources))
     return jax.tree.map(jnp.asarray, (heard, both[0]))
 
 

@@ -35,7 +35,7 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
     slots = hearing.slots(graph, np.ones(graph.sources.shape, int))
     by_slot = [hearing.by_slot(graph, slotwise(graph, each), slots) for each in (weights, links)]
     carried_sources = np.where(by_slot[1] & replaces, 0, slots)
-    heard = hearing.of_slots(slots, carried_sources, by_slot[1], hearing.of_transmitters(slots))
+    heard = hearing.Hearing(slots, carried_sources, by_slot[1], hearing.of_transmitters(slots))
     network = jax.tree.map(jnp.asarray, heard)
     sent, signal = rng.normal(size=(2, FLEET + 1)), rng.normal(size=(2, FLEET))
     arrays = jnp.asarray(sent), jnp.asarray(signal)
@@ -84,7 +84,7 @@ def test_axes_may_have_weights_of_their_own():
     whole = rng.random((FLEET, FLEET + 1)) * (1 - np.eye(FLEET, FLEET + 1, 1))
     slots = of_matrix(whole).sources.T
     none = np.zeros(slots.shape, bool)
-    heard = hearing.of_slots(slots, slots, none, hearing.of_transmitters(slots))
+    heard = hearing.Hearing(slots, slots, none, hearing.of_transmitters(slots))
     network = jax.tree.map(jnp.asarray, heard)
     sent, silence = jnp.asarray(rng.normal(size=(2, FLEET + 1))), jnp.zeros((2, FLEET))
     by_axis = jnp.asarray(rng.random((2, *slots.shape)))

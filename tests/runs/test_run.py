@@ -17,8 +17,9 @@ import yaml
 
 import jaxnet
 from jaxnet.config.scenario import situation_of
+from jaxnet.engine import batch
 from jaxnet.model.graph import dense
-from jaxnet.runs.replay import replay
+from jaxnet.runs.replay import replay, replay_each
 from jaxnet.statistics import intervals
 from jaxnet.store import layout
 from jaxnet.store.admission import admit
@@ -368,3 +369,28 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     np.testing.assert_allclose(
         paths, results.trajectories["states"].values[1, 2, :, :, :2], atol=1e-5
     )
+
+
+def test_lanes_of_one_network_are_replayed_side_by_side(results, tmp_path, monkeypatch):
+    """Cells that differ in numbers alone. Each store is that of a lane alone, to the last bit."""
+    for name in ("alone", "together"):
+        shutil.copytree(results.path, tmp_path / name)
+    lanes = [(1, 2), (3, 0), (0, 1), (1, 0)]  # star, cyclic, star, star
+    for cell, sample in lanes:
+        replay(jaxnet.open(tmp_path / "alone"), cell, sample)
+    sizes, simulate = [], batch.simulate_each
+
+    def counted(batches, lanes, *rest):
+        sizes.append(lanes)
+        return simulate(batches, lanes, *rest)
+
+    monkeypatch.setattr(batch, "simulate_each", counted)
+    wanted = [(*lane, None) for lane in lanes]
+    found = list(replay_each(jaxnet.open(tmp_path / "together"), wanted))
+    assert sizes == [3, 1]
+    assert {(shard.cell.number, *shard.samples) for _, shard, _ in found} == set(lanes)
+    files = [path for path in (tmp_path / "alone" / "replays").rglob("*") if path.is_file()]
+    assert len([path for path in files if path.parent.suffix == ".zarr"]) == len(lanes)
+    for path in files:
+        same = tmp_path / "together" / path.relative_to(tmp_path / "alone")
+        assert path.read_bytes() == same.read_bytes(), path.name

@@ -40,7 +40,7 @@ apply = jax.jit(lambda solver, *given: solver.apply(*given, None))
 def listening(links):
     """Who hears whom, and the solver."""
     sources = matrices.slots_of(links)
-    heard = hearing.of_slots(sources, sources, sources < 0, hearing.of_transmitters(sources))
+    heard = hearing.Hearing(sources, sources, sources < 0, hearing.of_transmitters(sources))
     return jax.tree.map(jnp.asarray, heard), choice.choose_solver(sources).solver
 
 

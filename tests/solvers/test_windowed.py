@@ -60,9 +60,9 @@ def begun(topology, replaced, lanes):
     rng, carried_sources = np.random.default_rng(0), np.asarray(network.hearing.carried_sources)
     vectors = np.asarray(lane.attack_scale) * rng.uniform(-1, 1, lane.vectors.shape)
     spoken = np.where(rng.random(carried_sources.shape) < replaced, 0, carried_sources)
-    sources, _, _, signals, _ = map(np.asarray, network.hearing)
+    sources, _, _, signals = map(np.asarray, network.hearing)
     heard = jax.tree.map(
-        jnp.asarray, hearing.of_slots(sources, spoken, carried_sources > 0, signals)
+        jnp.asarray, hearing.Hearing(sources, spoken, carried_sources > 0, signals)
     )
     everybody = np.ones((2, *lane.weights.shape), bool)
     return lane._replace(vectors=jnp.asarray(vectors)), network._replace(hearing=heard), everybody

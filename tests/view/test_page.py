@@ -575,7 +575,7 @@ def test_a_report_without_replays_simulates_nothing(tmp_path, monkeypatch):
 
     results = jaxnet.run(systems.study(samples=2, **SHORT), tmp_path / "out")
     monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
-    monkeypatch.setattr(batch, "simulate", lambda *_: pytest.fail("a lane is simulated"))
+    monkeypatch.setattr(batch, "simulate_each", lambda *_: pytest.fail("a lane is simulated"))
     (*_, path), out = writing.write_report(results, replayed=False), results.path
     assert not (out / "replays").exists()
     assert f"jaxnet replay {out} --cell 0 --sample" in section(path.read_text(), "lanes")
