@@ -11,7 +11,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
-from jaxnet.config.scenario import but_magnitude
+from jaxnet.config.scenario import for_any_magnitude
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import Attack
 from jaxnet.model.wording import cells_named, count
@@ -72,12 +72,8 @@ def certificates(cells: Sequence[Cell]) -> list[str]:
 def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
     """Cells grouped by what is known of them, in the order of their first cells."""
     groups: dict[Hashable, list[Cell]] = {}
-    keys: dict[Hashable, Hashable] = {}
     for cell in cells:
-        alike = but_magnitude(cell.scenario)
-        if alike not in keys:
-            keys[alike] = facts_key(cell.scenario)
-        groups.setdefault(keys[alike], []).append(cell)
+        groups.setdefault(facts_key(cell.scenario), []).append(cell)
     seconds = PROGRAM_SECONDS / len(groups) if len(groups) <= MOST_NETWORKS else 0.0
     found: dict[Hashable, AlikeCells] = {}
     for group in groups.values():
@@ -90,6 +86,7 @@ def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
 SIGNAL = {"magnitude", "label"}  # keys of an attack that no fact depends on
 
 
+@for_any_magnitude
 def facts_key(scenario: Scenario) -> Hashable:
     """A key that is equal for cells with equal facts; cells hold the objects of their kinds."""
     attack, announcing = scenario.attack, scenario.defence.announcing()
