@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import special
 from upath import UPath
 
 from jaxnet.config.cells import Cell
@@ -23,6 +22,7 @@ from jaxnet.engine.batch import EVERYTHING
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.cells import AnalysisRow, CellTable
 from jaxnet.lanes.uniforms import Keyed
+from jaxnet.lazy import special
 from jaxnet.statistics.recovery import CONFIDENCE, threshold
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError

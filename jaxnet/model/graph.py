@@ -7,17 +7,12 @@ the navigator in the first column.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    from scipy import sparse
-else:
-    sparse = LazyModule("scipy.sparse")
+from jaxnet.lazy import sparse
 
 Weights = Float[np.ndarray, "m sources"]  # dense matrix
 Links = Bool[np.ndarray, "m slots"]  # a subset of the links of a graph, slot by slot

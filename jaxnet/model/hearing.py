@@ -8,24 +8,14 @@ The module imports JAX only when lanes run, because reading a study does not nee
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy import sparse
 
-from jaxnet.lazy import LazyModule
+from jaxnet.lazy import jax, jnp, sparse
 from jaxnet.model.graph import Digraph, of_matrix, slotted
 from jaxnet.model.shapes import Flags, LoopIndex, Numbers
-
-if TYPE_CHECKING:
-    import jax
-    import jax.numpy as jnp
-
-else:
-    jax = LazyModule("jax")
-    jnp = LazyModule("jax.numpy")
-
 
 SlotWeights = Float[Any, "slots m *lanes"]
 AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis if both axes have equal weights

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
-from scipy import sparse
 
+from jaxnet.lazy import sparse
 from jaxnet.model.graph import Numbered
 
 Neighbours = Any  # (m, m) booleans: listener i hears source j; a dense or a sparse SciPy array

@@ -6,10 +6,10 @@ import warnings
 from xml.parsers import expat
 
 import numpy as np
-from scipy import sparse
 from scipy.io import mmread
 from upath import UPath
 
+from jaxnet.lazy import sparse
 from jaxnet.networks import NODE_NUMBER, NamedNetwork
 from jaxnet.networks.objects import matrix_network, networkx_network
 from jaxnet.networks.text import read_text_table

@@ -9,8 +9,8 @@ import operator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
+from jaxnet.lazy import sparse
 from jaxnet.model import graph
 from jaxnet.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
 from jaxnet.outside.modules import KindError
@@ -30,7 +30,7 @@ def object_network(value: object, first: int = 0) -> NamedNetwork | None:
     return matrix_network(value, first) if isinstance(value, np.ndarray) else None
 
 
-def matrix_network(given: np.ndarray | sparse.coo_array, first: int = 0) -> NamedNetwork:
+def matrix_network(given: "np.ndarray | sparse.coo_array", first: int = 0) -> NamedNetwork:
     """Return the network of a matrix; entry (i, j) is the weight with which node i hears node j.
 
     A matrix is (n, n), and one of its nodes, numbered from `first`, may be the navigator; or it is

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int
-from scipy import sparse
 
+from jaxnet.lazy import sparse
 from jaxnet.solvers.blocks import Blocks
 from jaxnet.solvers.dense import Dense
 from jaxnet.solvers.iterative import Iterative

@@ -12,7 +12,8 @@ import functools
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import special
+
+from jaxnet.lazy import special
 
 CONFIDENCE = 0.95
 LEAST_LANES, LANES_PER_SKEWNESS = 28, 25  # of the rule for means

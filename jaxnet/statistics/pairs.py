@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool
-from scipy import special
 
 from jaxnet.config.cells import Cell, is_leaderless, to_plain
 from jaxnet.config.keys import Config, Recovery
 from jaxnet.kinds.metrics import AGREEMENT
+from jaxnet.lazy import special
 from jaxnet.statistics.curves import canonical_values
 from jaxnet.statistics.intervals import CONFIDENCE, paired_share_interval
 from jaxnet.statistics.recovery import threshold

@@ -12,7 +12,6 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from pydantic import AfterValidator, Field
-from scipy import sparse
 
 from jaxnet.kinds.fields import (
     Number,
@@ -26,6 +25,7 @@ from jaxnet.kinds.fields import (
 )
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.lazy import sparse
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours

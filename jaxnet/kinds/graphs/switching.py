@@ -3,7 +3,6 @@ from typing import Annotated, Literal
 
 from annotated_types import Len
 from pydantic import Field
-from scipy import sparse
 
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import NotNegative, is_drawn, setting, value_range
@@ -14,7 +13,7 @@ from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.registry import KindOf
 from jaxnet.kinds.shapes import AnyCounts, LaneTimes
 from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsAtTicks
-from jaxnet.lazy import jnp
+from jaxnet.lazy import jnp, sparse
 from jaxnet.model import graph
 
 
