@@ -53,7 +53,7 @@ def test_free_announcements_are_those_asked_for():
     attack = {"kind": "bias", "vehicles": [2, 5], "announces": free}
     study = systems.study(engine="exact", attack=attack, defence=ANNOUNCED)
     job = systems.lanes(study, 1, ())
-    announces, (sources, _, attacked, signals, _) = job.inputs.lane.announces, job.network.hearing
+    announces, (sources, _, attacked, signals) = job.inputs.lane.announces, job.network.hearing
     numbers = {key: vars(announces)[key].T for key in ("size", "frequency", "phase")}
     drawn = type(announces).filled(numbers)
     honest = np.random.default_rng(0).normal(size=(2, *sources.shape, 1))
