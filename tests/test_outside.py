@@ -66,6 +66,14 @@ def two_folders(home):
     return [folder_with(home / name, factor) for name, factor in (("one", 1.0), ("two", 2.0))]
 
 
+def test_a_module_may_have_the_name_of_an_installed_package(tmp_path):
+    """That of the study's folder is meant."""
+    folder = folder_with(tmp_path / "here", 3.0)
+    (folder / "own_kinds.py").rename(folder / "cmaes.py")
+    (folder / "study.yaml").write_text(STUDY.replace("own_kinds:", "cmaes:"))
+    assert measured(folder / "study.yaml") == [3.0]
+
+
 def test_two_folders_may_each_have_a_module_of_one_name(tmp_path):
     """Each study simulates its own class, stores its own file's name, and has a hash of its own."""
     folders = two_folders(tmp_path)

@@ -521,6 +521,11 @@ def test_what_is_told_depends_on_the_attack(tmp_path, topology, threat, of_navig
         base = np.repeat(data["navigator"].values[:, None], len(attacked), axis=1)
     told = np.frombuffer(base64.b64decode(lane["told"]["bdata"]), "<f4")
     np.testing.assert_allclose(told, (base + data["attack"].values[:, attacked]).ravel(), rtol=1e-6)
+    apart = data["states"].values[:, :, :2] - data["navigator"].values[:, None]
+    errors = np.log10(np.linalg.norm(apart, axis=2))
+    low, high = lane["errors"]["layout"]["yaxis"]["range"]
+    assert errors.min() - 1.5 < low <= errors.min()
+    assert errors.max() <= high < errors.max() + 1.5
 
 
 def test_headings_are_the_states_or_the_paths():
