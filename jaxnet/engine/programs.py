@@ -2,7 +2,7 @@
 
 A program takes a load and advances it. Tracing an engine in Python takes longer than all the rest
 of a short run. So a trace is kept, as StableHLO, beside JAX's compiled programs. Later processes
-find it under a digest of all that it depends on: the package's code, JAX's version and settings,
+find it under a digest of all that it depends on: the package's code, its libraries, JAX's settings,
 the plan, and the shapes. A trace of code from outside is not kept.
 """
 
@@ -15,6 +15,7 @@ import pickle
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from jaxnet.outside.modules import Origin
 Arguments = tuple[Network, Clock, Inputs, Any]  # the last: the number of lanes of the load
 ArrayShapes = Sequence[jax.ShapeDtypeStruct]
 
+LIBRARIES = "jax", "jaxlib", "numpy", "equinox", "diffrax", "lineax", "optimistix"  # in traces
 COMPILING = set[int]()  # threads that compile a program
 ONE_AT_A_TIME = threading.Lock()  # threads that need the same program wait for it
 # Compiler options by platform. The gains are measured on two cores. Wider vectors
@@ -165,17 +167,18 @@ def trace_file(described: bytes) -> Path | None:
     folder = jax.config.values["jax_compilation_cache_dir"]
     if not folder or "://" in folder:
         return None
-    settings = f"{jax.__version__} {platform()} {sorted(jax.config.values.items(), key=str)}"
+    settings = f"{platform()} {sorted(jax.config.values.items(), key=str)}"
     return Path(folder) / "traces" / sha(own_code() + settings.encode() + described).hex()
 
 
 @functools.cache
 def own_code() -> bytes:
-    """Digest of the package's code."""
+    """Digest of the package's code, and of the versions of what it calls in tracing."""
     root = Path(__file__).parents[1]
     files = sorted(root.rglob("*.py"))
     every = b"".join(f"{each.relative_to(root)}\n".encode() + each.read_bytes() for each in files)
-    return sha(every)
+    versions = {name: metadata.version(name) for name in LIBRARIES}
+    return sha(f"{versions}\n".encode() + every)
 
 
 def read_trace(file: Path) -> export.Exported | None:
