@@ -350,7 +350,7 @@ class SweptCells:
             written = document.data[root]
             self.base[root] = full_kind(root, written) if root in KINDS else written
         self.parts: dict[tuple[str | int, ...], Validated] = {}
-        self.faults = for_any_magnitude(faults.CellFaults().of)
+        self.faults = for_any_magnitude(lambda cell: [*faults.scenario_faults(cell)])
 
     def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
         """Return the cells, the first key slowest, and each new problem with its first cell."""

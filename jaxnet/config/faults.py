@@ -1,11 +1,8 @@
 """Faults that only several keys together show: scenarios that cannot be simulated."""
 
-import operator
-from collections.abc import Callable, Iterable, Iterator, Sequence, Set
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from pydantic import ConfigDict
 
 from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.keys import (
@@ -43,9 +40,6 @@ TAKEN_COLUMNS = (
 TAKEN_COLUMNS += ("cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share")
 GIVE_RECOVERY = "needs to know what has recovered: give recovery: {tau: 0.01}"
 LEAST_CHOICES = 100  # choices that a search tries at least
-
-Check = Callable[[Scenario], Iterable[Fault]]
-KEYS, READ = frozenset(Scenario.model_fields), "\0read"  # READ is no key
 
 
 # --- of a study -----------------------------------------------------------------------------------
@@ -171,48 +165,23 @@ def replaced_faults(
 # --- of one cell ----------------------------------------------------------------------------------
 
 
-class NotingScenario(Scenario):
-    """A scenario that notes which of its keys are read, among its values under READ."""
-
-    model_config = ConfigDict(defer_build=True)  # it is never validated
-
-    def __getattribute__(self, name: str) -> Any:
-        if name in KEYS or name == "__dict__":
-            read = object.__getattribute__(self, "__dict__")[READ]
-            read.update((name,) if name in KEYS else KEYS)
-        return object.__getattribute__(self, name)
-
-
-class CellFaults:
-    """The faults of cells, one after the other.
-
-    A check finds the same in the next cell if all keys that it read have the same values there.
-    """
-
-    def __init__(self):
-        self.noting, self.before = NotingScenario.model_construct(), dict[str, object]()
-        self.values: dict[str, object] = object.__getattribute__(self.noting, "__dict__")
-        # keys that each check read, and its faults
-        self.found: list[tuple[Set[str], list[Fault]]] = [(KEYS, []) for _ in CHECKS]
-
-    def of(self, scenario: Scenario) -> list[Fault]:
-        keys = vars(scenario)
-        changed = {key for key, value in keys.items() if self.before.get(key) is not value}
-        self.values |= keys
-        for number, check in enumerate(CHECKS):
-            if not changed.isdisjoint(self.found[number][0]):
-                self.values[READ] = read = set[str]()
-                self.found[number] = read, [*check(self.noting)]
-        self.before = keys
-        return [fault for _, faults in self.found for fault in faults]
-
-
-def place_faults(s: Scenario) -> Iterator[Fault]:
-    position = s.initial.position
-    if isinstance(position, EachPosition) and len(position.root) != s.vehicles:
-        told = f"must be {s.vehicles} places, one for each vehicle"
+def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
+    yield from time_faults(scenario)
+    yield from gain_faults(scenario)
+    position = scenario.initial.position
+    if isinstance(position, EachPosition) and len(position.root) != scenario.vehicles:
+        told = f"must be {scenario.vehicles} places, one for each vehicle"
         got = len(position.root)
         yield Fault(("initial.position", "vehicles"), f"{told} (got {got})")
+    kinds = {key: getattr(scenario, key) for key in KINDS}
+    kinds |= {f"channel.{key}": getattr(scenario.channel, key) for key in ("loss", "noise")}
+    for key, kind in kinds.items():
+        yield from kind_faults(key, kind, scenario)
+    yield from message_faults(scenario)
+    if scenario.channel.late:
+        yield from delay_faults(scenario)
+    if scenario.detector.present:
+        yield from detector_faults(scenario)
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
@@ -359,8 +328,6 @@ def message_faults(s: Scenario) -> Iterator[Fault]:
 
 def delay_faults(s: Scenario) -> Iterator[Fault]:
     delay, tick, channel = s.channel.delay, s.tick, s.channel
-    if not channel.late:
-        return
     told_motion = s.law.tells_motion(channel.extrapolate != "none")
     if tick == 0:
         yield Fault(("channel.delay", "tick"), "messages are delayed by whole ticks: give a tick")
@@ -402,8 +369,6 @@ def fastest_motion(s: Scenario) -> float:
 
 def detector_faults(s: Scenario) -> Iterator[Fault]:
     """Yield faults: no message errs, sizes are unknown, or messages are delayed or rounded."""
-    if not s.detector.present:
-        return
     noises = {"channel.noise": s.channel.noise, "sensing": s.sensing}
     noisy = {key: noise for key, noise in noises.items() if not noise.exact()}
     if not noisy:
@@ -419,13 +384,3 @@ def detector_faults(s: Scenario) -> Iterator[Fault]:
     if s.channel.rounded:
         told = "rounded messages are not tested: leave it out"
         yield Fault(("detector", "channel.quantisation"), told)
-
-
-def check_of_kind(key: str) -> Check:
-    kind = operator.attrgetter(key)
-    return lambda scenario: kind_faults(key, kind(scenario), scenario)
-
-
-CHECKS: list[Check] = [time_faults, gain_faults, place_faults]
-CHECKS += map(check_of_kind, (*KINDS, "channel.loss", "channel.noise"))
-CHECKS += [message_faults, delay_faults, detector_faults]

@@ -2,14 +2,11 @@
 
 import time
 
-import numpy as np
 import pytest
 
 import jaxnet
 from jaxnet.config import naming
 from jaxnet.config.cells import to_plain
-from jaxnet.config.faults import CellFaults
-from jaxnet.config.keys import Scenario
 from jaxnet.view.text import check
 
 STUDY = {"vehicles": 4, "horizon": 2.0, "tail": 1.0, "engine": "exact", "attack": {"vehicles": [2]}}
@@ -68,32 +65,6 @@ def test_a_swept_number_is_judged_as_one_that_is_given():
     given = {"vehicles": [2], "sybils": -1}
     wrong = told(attack=given, sweep={"attack.magnitude": [1, 2]})
     assert wrong == told(attack=given)
-
-
-def test_a_check_is_repeated_where_a_key_differs_that_it_read():
-    """The faults of cells one after the other are those of each one alone."""
-    given = [
-        {},
-        {"tick": 0.03},
-        {"tail": 40.0},
-        {"vehicles": 3},
-        {"attack": {"kind": "rotating", "vehicles": [9]}},
-        {"attack": {"kind": "bias", "vehicles": [9]}, "vehicles": 12},
-        {"channel": {"delay": 0.1}, "law": "linearised"},
-        {"detector": "chi_squared"},
-        {"topology": {"kind": "lattice", "neighbours": 6}},
-        {"topology": {"kind": "path", "own_weight": 1.0}},
-    ]
-    study = STUDY | {"attack": "bias"}
-    start, cells = Scenario.model_validate(study), []
-    for keys in given:
-        made = Scenario.model_validate(study | keys)
-        cells.append(start.model_copy(update={key: getattr(made, key) for key in keys}))
-    alone = [CellFaults().of(each) for each in cells]
-    assert sum(map(bool, alone)) >= len(given) / 2
-    together = CellFaults()
-    for number in np.random.default_rng(0).integers(0, len(cells), 200):
-        assert together.of(cells[number]) == alone[number]
 
 
 def test_whole_numbers_beyond_64_bits_are_told_as_decimals():

@@ -59,7 +59,10 @@ def comparison_legend(found: Comparison, shown: Sequence[Column]) -> str:
     lanes: Any = found.cells.set_index("cell")
     measured = AGREEMENT_LEGEND if "spread_difference" in lanes else ERROR_LEGEND
     independent = lanes.filter(like="_median_low").notna().to_numpy().any()
-    notes = [f"{each}." for each in missing_lines(shown, lanes["pairs"], independent)]
+    notes = [
+        f"{each[0].upper()}{each[1:]}."
+        for each in missing_lines(shown, lanes["pairs"], independent)
+    ]
     return " ".join([LEGEND, measured, SHARE_LEGEND, *notes])
 
 
