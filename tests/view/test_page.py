@@ -25,6 +25,7 @@ from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import findings, sections, trajectories
+from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
@@ -644,6 +645,17 @@ def titles(shown, section: str) -> list[str]:
         text.replace("\xa0", " ")
         for text in shown.locator(f"{section} h3:visible").all_inner_texts()
     ]
+
+
+@pytest.mark.long
+def test_a_page_without_a_choice_shows_all_rows(folder, browser, tmp_path):
+    """That of two studies compared."""
+    results = jaxnet.open(folder)
+    (tmp_path / "compare.html").write_text(comparison_page(jaxnet.compare(results, results)))
+    with browser.new_context() as context:
+        shown = context.new_page()
+        shown.goto((tmp_path / "compare.html").as_uri())
+        assert shown.locator("tr[data-cells]:visible").count() == len(results.cells)
 
 
 @pytest.mark.long

@@ -5,7 +5,7 @@ const all = (selector, within = document) => [...within.querySelectorAll(selecto
 
 // The choice: one value of each swept key, or all. It stands in the address, to be sent.
 const selects = all(".filter select");
-let shown = []; // whether each cell is chosen
+let shown = []; // whether each cell is chosen; empty on a page without a choice
 
 function choose() {
   const wanted = selects.map(({ selectedIndex }) => selectedIndex - 1); // -1 for all
@@ -13,7 +13,7 @@ function choose() {
     selects.every(({ dataset }, n) => wanted[n] < 0 || places[dataset.key] === wanted[n]);
   shown = data.cells.map(fits);
   for (const each of all("[data-cells]")) {
-    const other = !each.dataset.cells.split(" ").some((cell) => shown[cell]);
+    const other = !each.dataset.cells.split(" ").some((cell) => shown[cell] ?? true);
     each.classList.toggle("other", other);
     each.disabled = other; // of an option, where the style of a hidden one is ignored
   }
