@@ -104,7 +104,7 @@ def uniform(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
 
 def normal(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
     """Normal numbers of 24 random bits, at most 5.5; single precision, error below 1e-6."""
-    # Single precision apart from double: twice as many numbers in a vector, 1.5 times.
+    # Apart from double precision, vectors hold twice as many: 1.1 times, noise, 12 vehicles.
     first = xla.materialised(lambda: words(key, shape)[0])
     odd = (first >> np.uint32(8)).astype(np.int32) * np.int32(2) - np.int32(2**24 - 1)
     share = odd.astype(np.float32) * np.float32(2.0**-24)

@@ -64,7 +64,7 @@ class Dense(Solver[InverseColumns]):
         carried = jnp.asarray(hearing.carried_sources)
         source = jnp.where(carried > 0, place[carried - 1], m)  # by place; m: the navigator
         heard = jnp.moveaxis(weights, 0, 2)[:, order]
-        # Columns of the coupled vehicles, of the navigator, and of the others, which is not used.
+        # Columns of coupled vehicles, of the navigator, and of the others, which nobody reads.
         column = jnp.where(source < n, source, jnp.where(source < m, n + 1, n))
         nothing = jnp.zeros((1, m, n + 2, *heard.shape[2:]))
         table = add_weights(nothing, column[:, None, order], heard[:, None])[0]
