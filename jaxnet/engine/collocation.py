@@ -92,7 +92,7 @@ class Collocation(Following[CollocationState]):
     def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
         jets = vehicles.outputs(lane, lane.initial, zero)
-        still = jnp.zeros((gauss.STAGES, *jets[0].shape))
+        still = jax.lax.optimization_barrier(jnp.zeros((gauss.STAGES, *jets[0].shape)))
         return CollocationState(
             jets=jets,
             signals=signals(lane, zero),
