@@ -85,8 +85,10 @@ class Program:
         text, self.passes = re.sub(r"/\*.*?\*/", "", text), passes or {}
         self.computations, self.entry = dict[str, dict[str, Instruction]](), ""
         for entry, name, body in re.findall(r"\n(ENTRY )?%(\S+) \(.*\{((?:\n  .*)*)\n\}", text):
-            lines = (Instruction(*a, names_in(b), c) for *a, b, c in INSTRUCTION.findall(body))
-            self.computations[name] = {each.name: each for each in lines}
+            self.computations[name] = {
+                one: Instruction(one, shape, op, names_in(operands), rest)
+                for one, shape, op, operands, rest in INSTRUCTION.findall(body)
+            }
             self.entry = name if entry else self.entry
         self.all = [each for body in self.computations.values() for each in body.values()]
         self.names = dict(re.findall(r'\n(\d+) "(.*)"', text.partition("\nFunctionNames")[2]))
@@ -243,7 +245,7 @@ def main() -> None:
         host = f"{work.launches / passes:.0f} | {work.flags / passes:.1f}"
         device = f"{work.moved / passes / lanes:,.0f} | {work.operations / passes / lanes:,.0f}"
         print(f"| {lanes:,} | {host} | {device} | {load / time:,.0f}, by {bound} |", flush=True)
-    print(", ".join(f"{number} {kind}" for kind, number in program.counts().items()))
+        print(", ".join(f"{number} {kind}" for kind, number in program.counts().items()))
 
 
 if __name__ == "__main__":
