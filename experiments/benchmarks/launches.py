@@ -22,6 +22,7 @@ promises. That is an estimate, not measured on a GPU.
 import argparse
 import os
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -206,6 +207,7 @@ def compiled(study: Sequence[str], lanes: int) -> tuple[Program, int, int]:
         device = chip.devices[0]
     except (NotImplementedError, RuntimeError):
         device = jax.devices("cpu")[0]
+    print(f"compiled for {device.device_kind}", file=sys.stderr)
     files = [word for word in study if "=" not in word]
     cell = jaxnet.load(files[0] if files else {}, [word for word in study if "=" in word]).cells[0]
     one = job(cell.scenario, Keyed(0), range(1))
