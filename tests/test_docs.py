@@ -12,6 +12,7 @@ from pathlib import Path
 
 import click
 import pytest
+import yaml
 from click.testing import CliRunner
 
 import jaxnet
@@ -132,6 +133,20 @@ def test_what_the_readme_shows_works(home):
     shown = re.search(r"```yaml\n(.*?)```", page, re.S)[1].splitlines()
     given = (ROOT / "configs" / "quick.yaml").read_text().splitlines()
     assert shown == [line for line in given if "language-server" not in line]
+
+
+def test_the_config_begins_with_fifteen_keys_and_a_study_that_has_them_and_runs(home):
+    """Each key of the table is in the study, or swept there."""
+    page = (DOCS / "config.md").read_text()
+    begin = page.partition("\n## Fifteen keys")[2].partition("\n## ")[0]
+    keys = re.findall(r"^\| `([\w.]+)` \|", begin, re.M)
+    assert len(keys) == 15
+    reader = Reader(home).reads(begin)
+    assert reader.done == ["check", "run"]
+    given = yaml.safe_load((home / "ring.yaml").read_text())
+    named = {*given, *given["sweep"], *(f"attack.{key}" for key in given["attack"])}
+    assert set(keys) <= named
+    assert "unrecovered" in jaxnet.open("results/ring").cells
 
 
 @pytest.mark.long
