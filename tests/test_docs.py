@@ -269,6 +269,12 @@ def test_a_page_names_what_there_is(page):
     assert [line for line in long if not row.fullmatch(line)] == []
 
 
+@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)
+def test_a_page_begins_with_what_its_reader_will_be_able_to_do(page):
+    begin = " ".join(page.read_text().split("\n\n")[1].split())
+    assert re.match(r"(With|After) this page you can ", begin)
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The site, built so that a dead link or a name that is not there ends it."""
