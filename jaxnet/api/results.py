@@ -1,6 +1,7 @@
 """`Results`: tables, arrays, fits, replays, films, figures and the report of a results folder."""
 
 import dataclasses
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, SupportsInt
 
@@ -17,7 +18,9 @@ from jaxnet.store.results import Part, arrays_at, whole_number
 if TYPE_CHECKING:
     import xarray
 
+    from jaxnet.statistics.choice import Where
     from jaxnet.view.figures.every import Plots
+    from jaxnet.view.figures.style import Figure
 
 exports = LazyModule("jaxnet.store.export")
 figures = LazyModule("jaxnet.view.figures.every")
@@ -259,6 +262,106 @@ class Results(stored.Results):
         if form not in ("mat", "csv"):
             raise FolderError(f"form: one of mat, csv (got {form!r})")
         return exports.write_mat(self, out) if form == "mat" else exports.write_csv(self, out)
+
+    def figure(
+        self,
+        name: str,
+        where: "Where | None" = None,
+        *,
+        x: str | None = None,
+        y: str | None = None,
+        hue: str | None = None,
+        panel: str | Iterable[str] | None = None,
+        column: str = "two",
+        size: str | tuple[float, float] | None = None,
+        font_size: float | None = None,
+        font: str | None = None,
+        plain: bool = False,
+        note: bool = True,
+    ) -> "Figure":
+        """Draw a figure, as `jaxnet figure` does.
+
+        Parameters
+        ----------
+        name
+            Name of a figure, as in `jaxnet figure`.
+        where
+            Value or values of swept keys, which select cells; None takes all cells.
+        x, y, hue, panel
+            Axes of `curve`; `bands` takes `y` and `hue`, heat maps take all but `y`.
+        column
+            Width: "one" or "two" columns of a journal.
+        size
+            Width and height [in], or text like "86x64mm"; None is the width of `column`.
+        font_size
+            Size of the type [pt]; None is 8.
+        font
+            Family of an installed font; None is matplotlib's.
+        plain
+            Whether the figure has matplotlib's own style.
+        note
+            Whether the small line stands at the top.
+
+        Returns
+        -------
+        Figure
+            A matplotlib figure, which a notebook shows; `savefig` writes it.
+
+        Raises
+        ------
+        FolderError
+            The folder lacks the figure's data, or an argument is unknown.
+
+        Examples
+        --------
+        >>> import jaxnet
+        >>> keys = {"engine": "exact", "horizon": 5.0, "sweep": {"attack.magnitude": [1, 10]}}
+        >>> results = jaxnet.simulate(keys, samples=2)
+        >>> results.figure("curve", y="tail_max", size=(3.5, 2.5)).get_size_inches().tolist()
+        [3.5, 2.5]
+        """
+        axes = {"x": x, "y": y, "hue": hue, "panel": panel}
+        look = {"column": column, "size": size, "font_size": font_size, "font": font, "note": note}
+        return figures.draw_figure(self, name, where, plain, **axes, **look)
+
+    def latex(
+        self,
+        columns: Sequence[str] = (),
+        where: "Where | None" = None,
+        sort: str | None = None,
+        pivot: str | None = None,
+    ) -> str:
+        r"""Return the summary as a LaTeX table, as `jaxnet show --format latex` prints it.
+
+        Parameters
+        ----------
+        columns
+            Names of columns of `cells.csv`; none takes what the study asks for.
+        where
+            Value or values of swept keys, which select cells; None takes all cells.
+        sort
+            Column to sort by; "-COLUMN" puts the greatest first.
+        pivot
+            Swept key whose values stand across.
+
+        Returns
+        -------
+        str
+            A `tabular` of the package booktabs.
+
+        Raises
+        ------
+        FolderError
+            The run is unfinished, or a column or key is unknown.
+
+        Examples
+        --------
+        >>> import jaxnet
+        >>> results = jaxnet.simulate({"engine": "exact", "horizon": 5.0}, samples=2)
+        >>> results.latex(["tail_mean_median"]).splitlines()[-1]
+        '\\end{tabular}'
+        """
+        return tables.formatted(self, "latex", columns, where, sort, pivot)
 
     @property
     def plot(self) -> "Plots":

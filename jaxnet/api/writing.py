@@ -5,6 +5,7 @@ All that is heavy is imported here: `jaxnet.api.results` and the commands import
 
 import functools
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from upath import UPath
 
@@ -95,24 +96,22 @@ def write_figure(
     name: str,
     where: Mapping[str, list[str]] | None = None,
     column: str = "two",
-    axes: Mapping[str, object] | None = None,
+    chosen: Mapping[str, object] | None = None,
     plain: bool = False,
     note: bool = True,
 ) -> Iterator[UPath]:
     """Write one of the figures in `view.figures.FIGURE_NAMES`.
 
     `where` selects cells, `column` a width, `plain` matplotlib's own style, `note` the small line
-    at the top, and `axes` has the arguments x, y, hue and panel, as in `Results.plot`. Raises
-    FolderError if the folder has no data for the figure.
+    at the top, and `chosen` has the further arguments of `Results.figure`. Raises FolderError if
+    the folder has no data for the figure.
     """
     enable()
     with results.folder.writing():
-        if name not in SENSITIVITY:
-            _ = results.cells  # refuses an unfinished run
-        axes = axes or {}
-        plots = figures.Plots(results)
-        drawn = getattr(plots.plain if plain else plots, name)(where, column, note=note, **axes)
-        file = figures.file_name(name, where or {}, column, axes, plain, note)
+        chosen = chosen or {}
+        look: Any = {"column": column, "note": note, **chosen}
+        drawn = figures.draw_figure(results, name, where, plain, **look)
+        file = figures.file_name(name, where or {}, column, chosen, plain, note)
         yield from figures.save_figure(results, file, drawn)
 
 

@@ -38,10 +38,9 @@ from jaxnet.cli.commands import (
 )
 from jaxnet.cli.commands import main as main
 from jaxnet.lazy import LazyModule, LazyPackage
-from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES, HEAT
+from jaxnet.view.figures import AXES_OF, COLUMN_WIDTHS, FIGURE_NAMES
 
 api = LazyPackage("jaxnet.api")
-summary = LazyModule("jaxnet.view.columns")
 configs = LazyPackage("jaxnet.config")
 engines = LazyPackage("jaxnet.engine")
 sensitivities = LazyModule("jaxnet.explore.sensitivity")
@@ -50,7 +49,6 @@ stores = LazyPackage("jaxnet.store")
 texts = LazyPackage("jaxnet.view.text")
 
 FAILED_LANES = 3
-AXES_OF = {"curve": ("x", "y", "hue", "panel"), **dict.fromkeys(HEAT, ("x", "hue", "panel"))}
 
 
 # --- a study --------------------------------------------------------------------------------------
@@ -238,10 +236,7 @@ def show_command(
         table = texts.tables.summary_text(opened, *chosen, most) if opened.has_run else ""
         errors.echo("\n\n".join(filter(None, [table, texts.analyses.analyses_text(opened)])))
     elif opened.has_run:
-        asked = texts.tables.asked_columns(opened, *chosen)
-        notes = [*texts.tables.summary_notes(opened, asked), texts.tables.setting_note(opened)]
-        asked = summary.pivoted(asked, pivot) if pivot else asked
-        errors.echo(texts.formats.in_format(asked, form, notes))
+        errors.echo(texts.tables.formatted(opened, form, *chosen))
     else:
         found = [texts.formats.columns_of(getattr(opened, name)) for name in opened.analyses]
         errors.echo("\n\n".join(texts.formats.in_format(each, form) for each in found))
@@ -292,7 +287,11 @@ def report_command(
     click.argument("name", metavar="NAME", type=click.Choice(FIGURE_NAMES)),
     where_option,
     text("--x", "KEY", "Swept key across.  [default: the key of most numbers]"),
-    text("--y", "NAME", "Metric or share of curve.  [default: what the study asks for]"),
+    text(
+        "--y",
+        "NAME",
+        "Metric or share of curve, series of bands.  [default: what the study asks for]",
+    ),
     text("--hue", "KEY", "Swept key in colours; of a heat map, down."),
     text("--panel", "KEY", "Swept key with a panel a value; repeatable.", multiple=True),
     click.option(
@@ -302,6 +301,9 @@ def report_command(
         show_default=True,
         help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
     ),
+    text("--size", "WxH", "Width and height: 3.4x2.5 in inches, or 86x64mm."),
+    click.option("--font-size", type=float, help="Size of the type [pt].  [default: 8]"),
+    text("--font", "FAMILY", "An installed font, such as serif or 'Times New Roman'."),
     flag("--plain", told="In matplotlib's own style (matplotlibrc), not in that for print."),
     flag("--no-note", told="Without the small line at the top: a caption says it."),
     elsewhere,
@@ -317,7 +319,7 @@ def figure_command(
     out: str | None,
     trust: bool,
     config: Path | None,
-    **axes: Any,
+    **chosen: Any,
 ) -> None:
     """Write the figure NAME, as PNG and PDF, into figures/ of RESULTS.
 
@@ -332,14 +334,14 @@ def figure_command(
     search, search_worst                 of jaxnet search
     sensitivity, sensitivity_unrecovered of jaxnet sensitivity
 
-    The first three take --x, --hue and --panel; curve takes --y too. A choice of cells, axes or
-    width is part of the files' names.
+    The first three take --x, --hue and --panel; curve takes --y too, and bands takes --y and --hue.
+    A choice of cells, axes, size or type is part of the files' names.
     """  # noqa: D301
-    axes = {key: list(each) if key == "panel" else each for key, each in axes.items() if each}
-    if unknown := sorted({*axes} - {*AXES_OF.get(name, ())}):
+    chosen = {key: list(each) if key == "panel" else each for key, each in chosen.items() if each}
+    if unknown := sorted({*chosen} & {"x", "y", "hue", "panel"} - {*AXES_OF.get(name, ())}):
         raise click.UsageError(f"{name} takes no --{unknown[0]}")
     opened = jaxnet.open(results, out, trust, config)
-    files = api.writing.write_figure(opened, name, where, column, axes, plain, not no_note)
+    files = api.writing.write_figure(opened, name, where, column, chosen, plain, not no_note)
     errors.tell_written(files)
 
 

@@ -128,10 +128,13 @@ def value_name(key: str, value: object) -> str:
         given = yaml.safe_load(value) if isinstance(value, str) else value
         number = given.get("random", 0) if isinstance(given, dict) else given
         if isinstance(number, int) and number:
-            noun = "attacked vehicle" if number == 1 else "attacked vehicles"
-            return f"{number}{NO_BREAK}{noun} drawn at random"
+            return f"{number}{NO_BREAK}attacked,{NO_BREAK}drawn"
     shown = magnitudes_with_units(key, value)
-    name = f"ā{NO_BREAK}=" if key == MAGNITUDE and own_name(key) is None else f"{key_name(key)} ="
+    name = (
+        f"ā{NO_BREAK}="
+        if key == MAGNITUDE and own_name(key) is None
+        else f"{key_name(key)}{NO_BREAK}="
+    )
     words = [name, shown] if shown else [name, format_value(value), unit(key)]
     return NO_BREAK.join(filter(None, words))
 

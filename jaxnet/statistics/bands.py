@@ -4,6 +4,7 @@ Bands of ẽ(t) are of the mean error of the fleet, or of the spread without a n
 vehicles is of the mean error of each vehicle over the tail.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -13,8 +14,9 @@ import xarray as xr
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
-from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, MOST_PANELS, decades
-from jaxnet.statistics.groups import scenes
+from jaxnet.statistics.axes import by_hue, choose_axes, ordered_values, panels_of
+from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, decades
+from jaxnet.statistics.groups import Group, scenes
 from jaxnet.statistics.recovery import threshold
 from jaxnet.store.results import Results
 
@@ -36,14 +38,19 @@ class Band(NamedTuple):
     lanes: int
 
 
-def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, Band]:
-    """Return the bands of the first MOST_PANELS scenes, by number of the cell.
+def band_groups(cells: Sequence[Cell], hue: str | None = None) -> list[Group]:
+    """Cells that differ only in `hue`, a swept key; None is the magnitude of the attack.
 
-    `of` restricts the scenes to some cells.
+    Raises FolderError if the key is not swept, or has too many values.
     """
-    groups = scenes(results.study.cells if of is None else of)[:MOST_PANELS]
-    shown = [cell for group in groups for cell in group.cells]
-    return error_bands(results.errors[variable_over_time(shown)], shown)
+    if hue is None:
+        return scenes(cells)
+    axes = choose_axes(cells, hue=hue, panel=[key for key in cells[0].labels if key != hue])
+    hues = ordered_values(cells, hue)
+    return [
+        Group(labels, tuple(itertools.chain(*by_hue(mine, axes, hues))))
+        for labels, mine in panels_of(cells, axes)
+    ]
 
 
 def error_bands(stored: xr.DataArray, cells: Sequence[Cell]) -> dict[int, Band]:
@@ -58,10 +65,21 @@ def error_bands(stored: xr.DataArray, cells: Sequence[Cell]) -> dict[int, Band]:
     for cell in cells:
         values = whole_lanes(stored.isel(cell=cell.number).values[:, instants])
         if len(values):
-            low, median, high, greatest = np.quantile(values, BAND_QUANTILES, axis=0)
+            low, median, high, greatest = map(
+                without_start, np.quantile(values, BAND_QUANTILES, axis=0)
+            )
             time = stored["time"].values[instants]
             found[cell.number] = Band(time, low, median, high, greatest, len(values))
     return found
+
+
+def without_start(values: Float[np.ndarray, " times"]) -> Float[np.ndarray, " times"]:
+    """Values that begin at 0, as before the first message, have no place on a log axis until then.
+
+    What never rises stays.
+    """
+    begun = np.maximum.accumulate(values) >= LOG_FLOOR
+    return np.where(begun | ~begun.any(), values, np.nan)
 
 
 def whole_lanes(values: Float[np.ndarray, "lanes n"]) -> Float[np.ndarray, "ok n"]:
@@ -75,10 +93,10 @@ def variable_over_time(cells: Sequence[Cell]) -> str:
 
 
 def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
-    low = min(float(each.low.min()) for each in found.values())
+    low = min(float(np.nanmin(each.low)) for each in found.values())
     return decades(
         max(LOG_FLOOR, low),
-        max(LOG_FLOOR, *(float(each.greatest.max()) for each in found.values())),
+        max(LOG_FLOOR, *(float(np.nanmax(each.greatest)) for each in found.values())),
     )
 
 

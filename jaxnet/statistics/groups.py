@@ -1,7 +1,10 @@
 """Groups of cells that differ only in the attack's magnitude: the data of δ̂(ā)."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE
@@ -9,6 +12,7 @@ from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.amplitude import attack_size
 
 Label = int | float | str  # a swept value as tables show it
+T = TypeVar("T")
 
 
 class Group(NamedTuple):
@@ -29,6 +33,31 @@ class Group(NamedTuple):
 def swept_values_of(cells: Sequence[Cell]) -> dict[str, list[Label]]:
     """Swept keys with the values that these cells have, in the cells' order."""
     return {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in cells[0].labels}
+
+
+def evenly(values: Sequence[T], most: int) -> list[T]:
+    """At most so many of the values, evenly spaced, with the first and the last."""
+    places = np.linspace(0, len(values) - 1, min(most, len(values))).round().astype(int)
+    return [values[place] for place in places]
+
+
+def evenly_over(labels: Sequence[Mapping[str, Label]], most: int) -> list[int]:
+    """Places of at most so many choices of swept values: all of few values evenly along each key.
+
+    The key with the most values loses some first. Where that leaves less than half of `most`, as in
+    a sweep of pairs, the places are spaced evenly.
+    """
+    kept = {key: list(dict.fromkeys(each[key] for each in labels)) for key in labels[0]}
+    there = dict(kept)
+    while math.prod(map(len, kept.values())) > most and len(labels) > most:
+        longest = max(kept, key=lambda key: len(kept[key]))
+        kept[longest] = evenly(there[longest], len(kept[longest]) - 1)
+    found = [
+        place
+        for place, each in enumerate(labels)
+        if all(each[key] in values for key, values in kept.items())
+    ]
+    return found if 2 * len(found) > min(most, len(labels)) else evenly(range(len(labels)), most)
 
 
 def scenes(cells: Sequence[Cell]) -> list[Group]:

@@ -43,7 +43,7 @@ def test_cells_of_some_values(where, numbers):
     ("where", "numbers"),
     [
         ({"attack.vehicles": "4 drawn"}, [4, 5, 6, 7]),
-        ({"attack.vehicles": "4 attacked vehicles drawn at random"}, [4, 5, 6, 7]),
+        ({"attack.vehicles": "4 attacked, drawn"}, [4, 5, 6, 7]),
         ({"attack.vehicles": "{random: 4}"}, [4, 5, 6, 7]),
         ({"attack.vehicles": '{"random": 4}'}, [4, 5, 6, 7]),
         ({"attack.vehicles": {"random": 4}}, [4, 5, 6, 7]),

@@ -170,13 +170,13 @@ def test_ticks_stand_at_the_values_where_they_are_few():
     ("values", "log", "room", "texts"),
     [
         (np.geomspace(0.1, 3, 5).tolist(), True, 1.3, ["0.1", "0.23", "0.55", "1.3", "3"]),
-        ([100, 101, 102, 200, 1000], False, 1.0, ["100", "", "", "", "1000"]),
+        ([100, 101, 102, 200, 1000], False, 1.0, []),
         ([123, 1000], False, 3.0, ["123", "1000"]),
     ],
 )
 @mpl.rc_context(style.PRINT_STYLE)
 def test_labels_of_ticks_have_the_digits_that_fit(values, log, room, texts):
-    """Some are left out where two digits are too many."""
+    """Where two digits are too many, there are none, and ticks are round numbers."""
     assert value_ticks(values, log, room) == texts
 
 
@@ -215,6 +215,7 @@ def test_labels_of_axes_do_not_touch_in_larger_type():
                 "attack magnitude ā [m]",
                 "spread of the vehicles, median [m]",
                 COLUMN_WIDTHS["one"],
+                most=2,
             )
             drawn.draw_without_rendering()
             left, right = (panel.xaxis.label.get_window_extent() for panel in panels)

@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jaxnet.statistics.groups import evenly_over
 from jaxnet.view.drawings.analyses import sensitivity_drawing
 from jaxnet.view.figures import style
 from jaxnet.view.figures.printed import printed
@@ -37,7 +38,8 @@ def test_the_figure_has_what_the_table_says(cells, width):
     drawn.canvas.draw()
     panels = [panel for panel in drawn.axes if panel.containers]
     assert [tick.get_text() for tick in panels[0].get_yticklabels()] == NAMES
-    for cell, panel in enumerate(panels):
+    labels = [cell.labels for cell in study.cells]
+    for cell, panel in zip(evenly_over(labels, len(panels)), panels, strict=True):
         marked = [line for line in panel.lines if line.get_marker() in ("o", "s")]
         for order, line in zip(("first", "total"), marked, strict=True):
             np.testing.assert_array_equal(line.get_xdata(), table[table["cell"] == cell][order])

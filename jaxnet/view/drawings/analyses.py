@@ -8,6 +8,7 @@ import pandas as pd
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.explore.courses import Course
 from jaxnet.statistics.curves import LOG_FLOOR, MOST_PANELS
+from jaxnet.statistics.groups import evenly
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
@@ -64,7 +65,7 @@ def course_drawing(found: Sequence[Course], there: int, words: str) -> Drawing:
 def worst_drawing(table: pd.DataFrame, cells: Sequence[Cell], words: str) -> Drawing:
     """A row per cell of the table: random lanes, the choice found, late too, the bound."""
     there, searched = len(cells), set(table["cell"])
-    shown = [cell for cell in cells if cell.number in searched][:MOST_PANELS]
+    shown = evenly([cell for cell in cells if cell.number in searched], MOST_PANELS)
     rows = table.set_index("cell").loc[[cell.number for cell in shown]]
     marks = {name: look for name, look in SEARCH_MARKS.items() if name in rows}
     values = rows[[*marks]].to_numpy(dtype=float)

@@ -6,12 +6,16 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 from jaxtyping import Float, Int
 
 from jaxnet.statistics.groups import Label
 from jaxnet.view.figures import style
 
+MOST_BARS = 24  # points of a line that have error bars; more have a band
+DODGE = 0.012  # of the axis, between neighbouring colours
+MOVED_NOTE = "points are moved sideways to part them"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
 
 
@@ -32,6 +36,15 @@ class Look(NamedTuple):
 LOOKS = [Look(color, dash) for color, dash in style.SERIES_LOOKS]
 
 
+def colours_of(values: Sequence[Label]) -> list[Look]:
+    """A look for each value: few have colours of their own, more a scale of colours."""
+    if len(values) <= len(LOOKS):
+        return LOOKS[: max(1, len(values))]
+    return [
+        Look(mpl.colormaps["viridis"](0.92 * n / (len(values) - 1))) for n in range(len(values))
+    ]
+
+
 class Trace(NamedTuple):
     """Points of one name: a "line", "steps", "points", "both", or a "band" from `low` to `high`.
 
@@ -49,6 +62,12 @@ class Trace(NamedTuple):
     high: Any = None
     cells: Sequence[int] | None = None  # of each point
     of_page: bool = False  # left out in print
+    moved: tuple[float, float] = (1.0, 0.0)  # factor and shift along x, by which it is drawn
+
+    @property
+    def apart(self) -> Any:
+        """Values of x where they are drawn."""
+        return self.x * self.moved[0] + self.moved[1]
 
 
 class Tiles(NamedTuple):
@@ -84,6 +103,17 @@ class Scale(NamedTuple):
         return np.maximum(values, self.ends[0] if self.least is None else self.least)
 
 
+def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
+    """Factor and shift on x of one colour, so that error bars lie side by side."""
+    values = scale.ticks
+    if many == 1 or len(values) < 2 or len(values) > MOST_BARS:
+        return 1.0, 0.0
+    step = (place - (many - 1) / 2) * min(DODGE, 0.6 / len(values) / many)
+    if scale.log:
+        return float((values[-1] / values[0]) ** step), 0.0
+    return 1.0, float(step * (values[-1] - values[0]))
+
+
 class Panel(NamedTuple):
     """A panel about some cells, with words in its middle if it is empty."""
 
@@ -108,3 +138,7 @@ class Drawing(NamedTuple):
     left_out: Sequence[tuple[int, int, str]] = ()  # further ones drawn, there, and their noun
     colours: Scale | None = None  # of tiles
     blank: str = ""  # why tiles have no number
+
+    @property
+    def is_moved(self) -> bool:
+        return any(each.moved != (1.0, 0.0) for panel in self.panels for each in panel.series)

@@ -7,16 +7,17 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from jaxnet.config.cells import Cell, is_leaderless, judged_metric
+from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.keys import Recovery
+from jaxnet.config.naming import value_name
 from jaxnet.statistics.bands import Band, bands_span
 from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, magnitude_words
-from jaxnet.statistics.groups import Group
+from jaxnet.statistics.groups import Group, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.view.drawings.drawing import LOOKS, Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, colours_of
 from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 
@@ -38,8 +39,12 @@ LIMIT = Look(style.RED, (4, 1.5), width=0.8)
 
 
 def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
-    """The judged metric of the lanes that ended: a row per cell, a dot per lane."""
-    metric, shown = judged_metric(cells), cells[:MOST_TAIL_ROWS]
+    """The judged metric of the lanes that ended: a row per cell, a dot per lane.
+
+    Of many cells MOST_TAIL_ROWS are shown, evenly along each swept key.
+    """
+    metric = judged_metric(cells)
+    shown = [cells[at] for at in evenly_over([cell.labels for cell in cells], MOST_TAIL_ROWS)]
     places = {cell.number: place for place, cell in enumerate(shown)}
     series, is_cut = [], False
     for cell, lanes in results.by_cell(metric, where=rows.OK, cells=places):
@@ -69,29 +74,37 @@ def thin_by_rank(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dot
 
 
 def bands_drawing(
-    groups: Sequence[Group], bands: Mapping[int, Band], label: str, by_size: bool = True
+    groups: Sequence[Group],
+    bands: Mapping[int, Band],
+    label: str,
+    hue: str | None = None,
+    there: int = 0,
 ) -> Drawing:
-    """Errors over time: a panel per group of cells that differ only in ā, a colour per ā.
+    """A series over time: a panel per group of cells, a colour per cell of a group.
 
-    Without `by_size` a group is one cell, and its curves are named by what they are.
+    Cells of a group differ in `hue`, or else in ā, of which three are drawn. The median of a group
+    of one cell is named so, without ā. `there` is the number of groups of which these are some.
     """
-    panels, looks = [], dict[str, Look]()
+    sizes, panels, names = max(len(group.cells) for group in groups), [], dict[int, str]()
+    most = sizes if hue else min(MOST_MAGNITUDES, sizes)
     for group in groups:
-        few = np.linspace(0, len(group.cells) - 1, min(MOST_MAGNITUDES, len(group.cells)))
-        chosen = [group.cells[place] for place in np.unique(few.round().astype(int))]
+        for cell in evenly(group.cells, most):
+            told = value_name(hue, cell.labels[hue]) if hue else magnitude_words(cell)
+            names[cell.number] = f"median, {told}" if len(group.cells) > 1 else "median of lanes"
+    different = list(dict.fromkeys(names.values()))
+    looks = dict(zip(different, colours_of(different), strict=True))
+    for group in groups:
         series: list[Trace] = []
-        for cell in chosen:
-            name = magnitude_words(cell) if by_size else "median of lanes"
-            look = looks.setdefault(name, LOOKS[len(looks) % len(LOOKS)])
-            if cell.number in bands:
-                greatest = look._replace(dash=(), width=0.5) if by_size else GREATEST
-                series += band_series(bands[cell.number], name, look, greatest)
+        for cell in group.cells:
+            if cell.number in bands and (name := names.get(cell.number)):
+                thin = looks[name]._replace(dash=(), width=0.5) if sizes > 1 else GREATEST
+                greatest = thin if most <= MOST_MAGNITUDES else None
+                series += band_series(bands[cell.number], name, looks[name], greatest)
         panels.append(Panel(group.labels, [cell.number for cell in group.cells], series))
-    notes = [SPREAD_WORDS] * is_leaderless(groups[0].cells)
-    sizes = max(len(group.cells) for group in groups)
-    left_out = [(min(MOST_MAGNITUDES, sizes), sizes, "sizes ā")]
+    notes = [SPREAD_WORDS] * ("spread" in label)
+    left_out = [(most, sizes, "sizes ā")]
     y = Scale(label, bands_span(bands) if bands else None, log=True)
-    there = len(groups), "groups"
+    there = there or len(groups), "groups"
     return Drawing(panels, Scale("t [s]"), y, notes, there=there, where="errors.zarr",
                    left_out=left_out)  # fmt: skip
 
@@ -126,6 +139,7 @@ def vehicles_drawing(
             Trace("median of lanes", VEHICLE, at[~lied], median[~lied], "points"),
             Trace("of an attacked vehicle", ATTACKED_VEHICLE, at[lied], median[lied], "points"),
         ]
+        series = [each for each in series if len(each.x)]  # no liars that are not known
         if np.isfinite(limit):
             ends = np.array([0.5, cell.scenario.vehicles + 0.5])
             series.append(Trace("threshold of recovery", LIMIT, ends, np.full(2, limit), "level"))

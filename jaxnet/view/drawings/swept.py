@@ -6,7 +6,6 @@ Numbers are on x. Other values have a named row each, and the quantity is across
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 
 from jaxnet.config.cells import Cell
@@ -30,6 +29,8 @@ from jaxnet.view.drawings.drawing import (
     Panel,
     Scale,
     Trace,
+    colours_of,
+    dodge,
 )
 
 ROW_SHARE = 0.7  # of a named row, that its colours take
@@ -54,12 +55,13 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         table = found.values.reindex(about)[VALUE_COLUMNS].to_numpy(dtype=float)
         value, low, high = table.T
         where = np.array(at, dtype=float)[order]
+        moved = 1.0, 0.0
         if numbers:
-            points = where, value, "both"
+            points, moved = (where, value, "both"), dodge(place, len(looks), across)
         else:
             shift = ROW_SHARE * ((place + 0.5) / len(looks) - 0.5)
             points = value, where + shift, "points"
-        return Trace(names[place], looks[place], *points, low, high, about)
+        return Trace(names[place], looks[place], *points, low, high, about, moved=moved)
 
     panels = [
         Panel(
@@ -76,11 +78,8 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
 
 def hue_looks(values: Sequence[Label]) -> list[Look]:
     """A look for each value of the hue: few have colours of their own, more numbers a scale."""
-    ramp = numeric(values) and len(values) > len(LOOKS)
-    found = []
-    for place in range(max(1, len(values))):
-        look = LOOKS[place % len(LOOKS)]
-        if ramp:
-            look = Look(mpl.colormaps["viridis"](0.92 * place / (len(values) - 1)))
-        found.append(look._replace(marker=MARKERS[place % len(MARKERS)]))
-    return found
+    looks = colours_of(values) if numeric(values) else LOOKS
+    return [
+        looks[place % len(looks)]._replace(marker=MARKERS[place % len(MARKERS)])
+        for place in range(max(1, len(values)))
+    ]

@@ -16,4 +16,9 @@ FIGURE_NAMES = (
     *SEARCH,
     *SENSITIVITY,
 )
+AXES_OF = {  # arguments of figures that are axes
+    "curve": ("x", "y", "hue", "panel"),
+    "bands": ("y", "hue"),
+    **dict.fromkeys(HEAT, ("x", "hue", "panel")),
+}
 COLUMN_WIDTHS = {"one": 3.5, "two": 7.16}  # [in] widths that a two-column journal has

@@ -13,11 +13,11 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.statistics.axes import choose_axes
-from jaxnet.statistics.bands import all_bands, variable_over_time, vehicle_table
+from jaxnet.statistics.bands import band_groups, error_bands, variable_over_time, vehicle_table
 from jaxnet.statistics.choice import Where, as_list, select_cells
 from jaxnet.statistics.curves import MOST_PANELS, Curve, curves, no_magnitudes
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
-from jaxnet.statistics.groups import scenes
+from jaxnet.statistics.groups import evenly, evenly_over
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
@@ -29,8 +29,10 @@ from jaxnet.view.drawings.heat import heat_drawing
 from jaxnet.view.drawings.swept import swept_drawing
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import (
+    AXES_OF,
     COLUMN_WIDTHS,
     FIGURE_NAMES,
+    SENSITIVITY,
     multiples,
     panels,
     style,
@@ -46,8 +48,8 @@ TWO_KEYS = (
     "two swept keys with two values each among these cells",
     "a sweep of two values at least of two keys, such as defence and attack.frequency",
 )
-OVER_TIME = {"tracking": r"$\tilde{e}$ [m]", "spread": "spread [m]"}
-NO_AXES: Mapping[str, object] = {}
+NO_CHOICE: Mapping[str, object] = {}
+LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
 
@@ -119,17 +121,25 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
         column: str = "two",
         *,
         note: bool = True,
+        size: style.Size | None = None,
+        font_size: float | None = None,
+        font: str | None = None,
         **axes: Any,
     ) -> Figure:
         if column not in COLUMN_WIDTHS:
             raise FolderError(f"column: {' or '.join(COLUMN_WIDTHS)} (got {column})")
         cells = select_cells(self.results.study.cells, where or {})
-        with mpl.rc_context(self.style):
-            made = draw(self, cells, COLUMN_WIDTHS[column], **axes)
+        asked, look = style.inches(size), style.with_font(self.style, font_size, font)
+        if asked:
+            look["figure.figsize"] = asked[0], asked[1] / LEAST_PANEL
+        with mpl.rc_context(look):
+            made = draw(self, cells, asked[0] if asked else COLUMN_WIDTHS[column], **axes)
+            if asked:
+                multiples.set_size(made, asked)
         if not note:
             made.suptitle("").set_in_layout(False)
         multiples.show_unparsed(made)
-        made.style = self.style
+        made.style = look
         return made
 
     drawn.__doc__ = draw.__doc__
@@ -147,9 +157,11 @@ class Plots:
     Notes
     -----
     Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or
-    "two", the figure's width in columns of a journal. `note=False` leaves out the small line at the
-    top, for a paper whose caption says it. `curve` and the heat maps take `x`, `hue` and `panel`,
-    swept keys; `curve` takes `y` too. Each method returns a matplotlib figure.
+    "two", the figure's width in columns of a journal. `size`, a pair in inches or text like
+    "86x64mm", sets width and height; `font_size` [pt] and `font` set the type. `note=False` leaves
+    out the small line at the top, for a paper whose caption says it. `curve` and the heat maps take
+    `x`, `hue` and `panel`, swept keys; `curve` takes `y` too, and `bands` takes `y` and `hue`. Each
+    method returns a matplotlib figure.
 
     Raises
     ------
@@ -185,11 +197,24 @@ class Plots:
         return panels.panels_figure(self.results, cells, width, **there)
 
     @plot
-    def bands(self, cells: Sequence[Cell], width: float) -> Figure:
-        """Draw the error, or the spread, over time: median, 5 to 95 % and maximum over lanes."""
+    def bands(
+        self, cells: Sequence[Cell], width: float, y: str | None = None, hue: str | None = None
+    ) -> Figure:
+        """Draw the error, or the spread, over time: median, 5 to 95 % and maximum over lanes.
+
+        `y` is another stored series, such as `disagreement`, and `hue` the swept key told apart by
+        colour; other keys have panels. None takes the error, and three magnitudes of the attack.
+        """
         need_store(self.results, "errors")
-        words, found = OVER_TIME[variable_over_time(cells)], all_bands(self.results, cells)
-        return printed(spreads.bands_drawing(scenes(cells), found, words), width)
+        stored, name = self.results.errors, y or variable_over_time(cells)
+        if name not in stored:
+            raise FolderError(f"y: must be one of {', '.join(map(str, stored))} (got {name})")
+        there = band_groups(cells, hue)
+        places = evenly_over([group.labels for group in there], MOST_PANELS)
+        groups = [there[place] for place in places]
+        found = error_bands(stored[name], [cell for group in groups for cell in group.cells])
+        words = panels.ERROR_SYMBOLS.get(name, name)
+        return printed(spreads.bands_drawing(groups, found, words, hue, len(there)), width)
 
     @plot
     def vehicles(self, cells: Sequence[Cell], width: float) -> Figure:
@@ -245,7 +270,7 @@ class Plots:
     def search(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw the best value against the number of lanes, for a search and for random lanes."""
         need_search(self.results, cells)
-        found = list(search_courses(self.results, cells[:MOST_PANELS]))
+        found = list(search_courses(self.results, evenly(cells, MOST_PANELS)))
         words = worst.metric_with_unit(self.results)
         return printed(analyses.course_drawing(found, len(cells), words), width)
 
@@ -280,18 +305,34 @@ def draw_figures(
         yield from save_figure(results, name, drawn)
 
 
+def draw_figure(
+    results: Results, name: str, where: Where | None = None, plain: bool = False, **chosen: Any
+) -> Figure:
+    """Draw the figure of a name; `chosen` are arguments of its method of `Plots`, None for none."""
+    if name not in FIGURE_NAMES:
+        raise FolderError(f"name: one of {', '.join(FIGURE_NAMES)} (got {name})")
+    if name not in SENSITIVITY:
+        _ = results.cells  # refuses an unfinished run
+    given = {key: value for key, value in chosen.items() if value is not None}
+    for key in ("x", "y", "hue", "panel"):
+        if key in given and key not in AXES_OF.get(name, ()):
+            raise FolderError(f"{name} takes no {key}")
+    plots = Plots(results)
+    return getattr(plots.plain if plain else plots, name)(where, **given)
+
+
 def file_name(
     name: str,
     where: Where,
     column: str,
-    axes: Mapping[str, object] = NO_AXES,
+    chosen: Mapping[str, object] = NO_CHOICE,
     plain: bool = False,
     note: bool = True,
 ) -> str:
     """File name of a figure, without extension; what was chosen is part of it."""
     words = [
         f"{key}={value}"
-        for key, values in (*axes.items(), *where.items())
+        for key, values in (*chosen.items(), *where.items())
         for value in as_list(values)
     ]
     words += ["one-column"] * (column == "one") + ["plain"] * plain + ["no-note"] * (not note)

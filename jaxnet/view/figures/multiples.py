@@ -13,12 +13,13 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.cbook import is_math_text
 from matplotlib.font_manager import FontProperties
+from matplotlib.gridspec import GridSpec
 from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from jaxnet.statistics.curves import MOST_PANELS
-from jaxnet.statistics.groups import Label
+from jaxnet.statistics.groups import Label, evenly_over
 from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
@@ -30,15 +31,29 @@ PANELS_PER_ROW = 4  # panels in a row across two columns
 ROW_HEIGHT, LINE_HEIGHT = 0.28, 0.13  # [in] of a named row at least, and of each line of its name
 AXIS_ROOM = 0.7  # [in] for axis and legend
 LETTERS_PER_INCH = 17  # of a note
-TITLE_LETTERS_PER_INCH, LABEL_ROOM = 15.5, 0.4  # of a panel's title; [in] for the label of the rows
+TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
 
 
 def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
-    """Panels in a row; panels that share the first swept value stay together."""
+    """Panels in a row; those that share the first swept value stay together, or rows are alike."""
     firsts = [next(iter(each.values()), None) for each in labels]
     run = firsts.count(firsts[0])
-    return run if 2 <= run <= most and len(firsts) % run == 0 else min(len(firsts), most)
+    if 2 <= run <= most and len(firsts) % run == 0:
+        is_many = len(firsts) > 2 * most and len(firsts) % (2 * run) == 0
+        return 2 * run if is_many and 2 * run <= most else run
+    rows = -(-len(firsts) // most)
+    return -(-len(firsts) // rows)
+
+
+def set_size(drawn: Figure, size: tuple[float, float]) -> None:
+    """Give a figure another size [in]; lower panels with the same label share it."""
+    words = {panel.get_ylabel() for panel in drawn.axes} - {""}
+    if len(words) == 1 and size[1] < drawn.get_figheight():
+        for panel in drawn.axes:
+            panel.set_ylabel("")
+        drawn.supylabel(words.pop().replace("\n", " "), fontsize=mpl.rcParams["axes.labelsize"])
+    drawn.set_size_inches(size)
 
 
 def log_ticks(axis: Axis) -> None:
@@ -91,19 +106,22 @@ def write_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> N
     """Write how many items of each kind are drawn, if some are not, and where all are stored."""
     lacking = [f"{shown:,} of {there:,} {noun}" for shown, there, noun in parts if shown < there]
     if lacking:
-        write_note(drawn, f"{' and '.join(lacking)} are drawn; all are in {where}")
+        told = f"{' and '.join(lacking)} are drawn, spread evenly over the sweep"
+        write_note(drawn, f"{told}; all are in {where}")
 
 
 def write_note(drawn: Figure, words: str) -> None:
     """Append a note to the small line above all panels."""
     told = "; ".join(filter(None, [drawn.get_suptitle().replace("\n", " "), words]))
-    lines = textwrap.fill(told, int(1.1 * LETTERS_PER_INCH * drawn.get_figwidth()))
-    drawn.suptitle(lines, x=0.01, ha="left", fontsize=7)
+    size = type_scale("font.size")
+    lines = textwrap.fill(told, int(LETTERS_PER_INCH * drawn.get_figwidth() / size))
+    drawn.suptitle(lines, x=0.01, ha="left", fontsize=7 * size)
 
 
 def write_legend(drawn: Figure, handles: Sequence[Any], most: int, **look: Any) -> None:
     """Write a legend below the panels, of `most` columns where the figure is as wide as a page."""
-    columns = max(2, round(most * drawn.get_figwidth() / style.FIGURE_WIDTH))
+    width = drawn.get_figwidth() / type_scale("legend.fontsize")
+    columns = max(2, round(most * width / style.FIGURE_WIDTH))
     look = {"ncols": columns, "handlelength": 2.6} | look
     drawn.legend(handles=handles, loc="outside lower center", **look)
 
@@ -112,12 +130,44 @@ def panels_across(width: float) -> int:
     return max(1, round(PANELS_PER_ROW * width / style.FIGURE_WIDTH))
 
 
+def page_height() -> float:
+    """Height that panels may take [in], were the type that of the style for print."""
+    return float(mpl.rcParams["figure.figsize"][1] / type_scale("font.size"))
+
+
 def panels_fitting(
     labels: Sequence[Labels], width: float, height: float = PANEL_HEIGHT, most: int | None = None
-) -> int:
-    """How many panels fit a page, in whole rows of at most `most` panels, at least one row."""
-    rows = max(1, int((style.GREATEST_HEIGHT - AXIS_ROOM) / height))
-    return min(len(labels), MOST_PANELS, rows * panel_columns(labels, most or panels_across(width)))
+) -> list[int]:
+    """Places of the panels that fit a page, evenly over the sweep, in rows of at most `most`."""
+    rows, across = max(1, int((page_height() - AXIS_ROOM) / height)), most or panels_across(width)
+    places: list[int] = []
+    for many in range(min(len(labels), MOST_PANELS), 0, -1):
+        places = evenly_over(labels, many)
+        if len(places) <= rows * panel_columns([labels[place] for place in places], across):
+            break
+    return places
+
+
+def title_letters(width: float, across: int) -> float:
+    return TITLE_LETTERS_PER_INCH * (width - LABEL_ROOM) / across
+
+
+def title_height(labels: Sequence[Labels], width: float, most: int) -> float:
+    """Height [in] of the lines of titles after the first."""
+    letters = title_letters(width, panel_columns(labels, most))
+    return LINE_HEIGHT * max(wrapped(t, letters).count("\n") for t in distinct_titles(labels)[0])
+
+
+def columns_of_titles(labels: Sequence[Labels], width: float) -> int:
+    """Panels in a row: fewer where titles then stay on one line and a page holds as many panels."""
+    most, longest = panels_across(width), max(map(len, distinct_titles(labels)[0]))
+    there = len(panels_fitting(labels, width))
+    for across in range(most, 0, -1):
+        across = panel_columns(labels, across)
+        is_whole = len(panels_fitting(labels, width, most=across)) == there
+        if is_whole and longest <= title_letters(width, across):
+            return across
+    return most
 
 
 def panel_grid(
@@ -132,31 +182,33 @@ def panel_grid(
     """Return a figure with a titled panel per label, at most `most` in a row, and its panels.
 
     Titles and axis labels are wrapped to a panel's share of the width without the margin [in].
+    Height and margin are those for type of the style for print; larger type takes more.
     """
-    across = panel_columns(labels, most or panels_across(width))
+    size = type_scale("font.size")
+    within = width / size
+    across = panel_columns(labels, most or panels_across(within))
     rows = -(-len(labels) // across)
-    drawn = Figure(figsize=(width, height * rows + AXIS_ROOM))
+    drawn = Figure(figsize=(width, size * (height * rows + AXIS_ROOM)))
     titles, common = distinct_titles(labels)
     write_note(drawn, escape_dollars(common))
-    grid = drawn.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel().tolist()
-    letters = TITLE_LETTERS_PER_INCH * (width - margin - LABEL_ROOM) / across
-    for panel, named in zip(grid, titles, strict=False):
-        panel.set_title(wrapped(named, letters), pad=3, fontsize=7.5)
+    grid = GridSpec(rows, across, figure=drawn)
+    panels: list[Axes] = []
+    for place in range(len(labels)):
+        row, column = divmod(place, across)
+        is_alone = across == 2 and place == len(labels) - 1 and column == 0
+        shared: Any = dict.fromkeys(("sharex", "sharey"), panels[0]) if panels else {}
+        panels.append(drawn.add_subplot(grid[row, :] if is_alone else grid[row, column], **shared))
+    letters = title_letters(within - margin, across)
+    beside = y if is_math_text(y) else textwrap.fill(y, LETTERS_PER_PANEL)
+    below = textwrap.fill(x, max(1, int(0.85 * letters)))
+    for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
+        is_lowest = place + across >= len(labels)
+        panel.set_title(wrapped(named, letters), pad=3, fontsize=7.5 * size)
         panel.grid(True, color="0.92", linewidth=0.5)
         panel.set_axisbelow(True)
-    for number, panel in enumerate(grid[len(labels) :], len(labels)):
-        panel.axis("off")
-        grid[number - across].tick_params(labelbottom=True)
-    larger = type_scale("axes.labelsize")
-    beside = textwrap.fill(y, int(LETTERS_PER_PANEL / larger))
-    for panel in grid[::across]:
-        panel.set_ylabel(beside)
-    more = (larger - 1) * LABEL_ROOM + LINE_HEIGHT * larger * beside.count("\n") * (larger > 1)
-    fitting = int((int(letters) - TITLE_LETTERS_PER_INCH * more / across) / larger)
-    below = textwrap.fill(x, max(1, fitting))
-    for panel in grid[max(0, len(labels) - across) : len(labels)]:
-        panel.set_xlabel(below)
-    return drawn, grid[: len(labels)]
+        panel.tick_params(labelbottom=is_lowest, labelleft=place % across == 0)
+        panel.set(xlabel=below * is_lowest, ylabel=beside * (place % across == 0))
+    return drawn, panels
 
 
 def type_scale(setting: str) -> float:

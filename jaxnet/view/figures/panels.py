@@ -15,7 +15,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import NO_BREAK, value_name
 from jaxnet.statistics.bands import error_bands, variable_over_time
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
-from jaxnet.statistics.groups import Label
+from jaxnet.statistics.groups import Label, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.drawing import LOOKS, Scale
@@ -32,7 +32,7 @@ ROW_HEIGHT = 1.95  # [in]
 PANELS_LEGEND_HEIGHT = 0.35  # [in]
 ERRORS_WIDTH = 1.35  # of a panel of errors, in panels of trajectories
 ROW_LETTERS = 25  # that a line along a row's height takes
-TITLE_LETTERS = 110  # that a line across the page takes
+TITLE_LETTERS = 15.5  # of a line across the page, per inch
 ERROR_SYMBOLS = {
     "tracking": r"$\tilde{e}$ [m]",
     "spread": "spread [m]",
@@ -57,7 +57,7 @@ def panels_figure(
 ) -> Figure:
     """Draw a row for each choice of swept keys other than topology; errors stand last in a row.
 
-    Only the first MOST_A_SIDE rows and topologies are drawn. Narrow figures wrap their rows.
+    At most MOST_A_SIDE rows and topologies are drawn, evenly. Narrow figures wrap their rows.
     """
     judged = "spread" if is_leaderless(cells) else "error"
     whole, narrow = rows_of_cells(cells), width < style.FIGURE_WIDTH
@@ -66,7 +66,9 @@ def panels_figure(
     columns = 2 if narrow else panels
     lines = -(-panels // columns)
     fitting = int((style.GREATEST_HEIGHT - PANELS_LEGEND_HEIGHT) / (ROW_HEIGHT * lines))
-    rows = [row[:MOST_A_SIDE] for row in whole[: min(MOST_A_SIDE, max(1, fitting))]]
+    labels = [labels_of_row(row) for row in whole]
+    places = evenly_over(labels, min(MOST_A_SIDE, max(1, fitting)))
+    rows = [evenly(whole[place], MOST_A_SIDE) for place in places]
     drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + PANELS_LEGEND_HEIGHT))
     widths = [1.0] * columns if narrow else [1.0] * planes + [ERRORS_WIDTH] * errors
     grid = GridSpec(lines * len(rows), columns, figure=drawn, width_ratios=widths)
@@ -82,7 +84,7 @@ def panels_figure(
     letters = iter(map(chr, range(ord("a"), ord("z"))))
     for number, row in enumerate(rows):
         spots = [grid[lines * number + n // columns, n % columns] for n in range(panels)]
-        if errors and narrow and planes % 2 == 0:
+        if narrow and panels % 2:
             spots[-1] = grid[lines * number + lines - 1, :]  # alone in its line
         titles = [f"({next(letters)})" for _ in range(panels)]
         for cell, spot, title in zip(row, spots[:planes], titles, strict=False):
@@ -96,7 +98,7 @@ def panels_figure(
             else:
                 panel.tick_params(labelleft=False)
         if errors:
-            caption = textwrap.fill(row_caption(row[0]), TITLE_LETTERS)
+            caption = textwrap.fill(row_caption(row[0]), int(TITLE_LETTERS * width))
             words = caption if not trajectories else judged + "s" * (judged == "error")
             key = number == 0 and not narrow
             draw_errors(drawn, spots[-1], row, results.errors, f"{titles[-1]} {words}", key)
@@ -127,9 +129,12 @@ def rows_of_cells(cells: Sequence[Cell]) -> list[list[Cell]]:
     """Cells in rows; cells of a row differ only in their topology."""
     rows: dict[tuple[Label, ...], list[Cell]] = {}
     for cell in cells:
-        others = tuple(value for key, value in cell.labels.items() if key != "topology")
-        rows.setdefault(others, []).append(cell)
+        rows.setdefault(tuple(labels_of_row([cell]).values()), []).append(cell)
     return list(rows.values())
+
+
+def labels_of_row(cells: Sequence[Cell]) -> dict[str, Label]:
+    return {key: value for key, value in cells[0].labels.items() if key != "topology"}
 
 
 def row_caption(cell: Cell) -> str:

@@ -14,14 +14,13 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
-from jaxnet.view.drawings.drawing import Drawing, Look, Scale, Tiles, Trace
+from jaxnet.statistics.groups import evenly
+from jaxnet.view.drawings.drawing import MOST_BARS, MOVED_NOTE, Drawing, Look, Scale, Tiles, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
 BAR_STYLE: dict[str, Any] = {"fmt": "none", "elinewidth": 0.8, "capsize": 1.5}
-MOST_BARS = 24  # points of a line that have error bars; more have a band
-DODGE = 0.012  # of the axis, between neighbouring colours
 ROW_OF_SERIES = 0.13  # [in] of a named row, for each of its series
 TITLE_ROOM = 0.35  # [in] of a panel of named rows
 LEAST_ROWS_WIDTH = 1.3  # [in] of a panel of named rows
@@ -33,64 +32,76 @@ TILE_LETTERS = 12  # of a line of a column's name
 COLOUR_BAR_ROOM = 0.35  # [in]
 HATCHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////"}
 MOST_VALUE_TICKS = 8  # values of x, where ticks stand at them
+DIGIT_OF_NAME = 0.062  # [in] of a letter below a column of tiles
 TICK_GAP = 0.06  # [in] between labels of ticks
 DIGIT_OF_TICK, DOT_OF_TICK = 0.64, 0.32  # of the size of the type, the widths of letters
 PANEL_FRAME = 0.55, 0.12  # [in] beside the panels of a row, and between two of them
 ROOM_FOR_TWENTIES = 1.25  # [in] of an axis of shares with ticks at 0, 20 to 100
+ROOM_OF_TICK = 0.4  # [in] for each of the round ticks
 TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
 DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
-MOVED_NOTE = "points are moved sideways to part them"
 LEGEND_LINE = 0.16  # [in]
-LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 18, 9  # of a legend, and of an entry's handle
+LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 
 
 class Layout(NamedTuple):
-    """Panels of a page: how many, side by side, their height, and named rows beside them [in]."""
+    """Places of the panels of a page, how many side by side, their height, and named rows [in].
 
-    shown: int
+    `names` are those of the rows, whose places are `rows`.
+    """
+
+    shown: list[int]
     most: int
     height: float
     margin: float = 0.0
-    rows: Sequence[str] = ()
+    rows: Sequence[int] = ()
+    names: Sequence[str] = ()
 
 
 def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
-    """Draw as many panels and named rows as a page holds."""
-    handles, columns, below = legend_of(drawing, width)
-    page = layout_of(drawing, width, below)
-    panels, rows = drawing.panels[: page.shown], page.rows
+    """Draw as many panels and named rows as a page holds.
+
+    Lengths are those for type of the style for print; with larger type all are larger.
+    """
+    size = multiples.type_scale("font.size")
+    within = width / size
+    handles, columns, below = legend_of(drawing, within)
+    page = layout_of(drawing, within, below)
+    panels, rows = [drawing.panels[place] for place in page.shown], page.rows
     labels = [panel.labels for panel in panels]
     titles, sizes = (drawing.x.title, drawing.y.title), (page.height, page.most, page.margin)
     drawn, axes = multiples.panel_grid(labels, *titles, width, *sizes)
     below += COLOUR_BAR_ROOM * (drawing.colours is not None)
-    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + below))
+    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + size * below))
     across = multiples.panel_columns(labels, page.most)
-    room = (width - page.margin - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
-    is_moved = False
+    room = (within - page.margin - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
     for place, panel in zip(axes, panels, strict=True):
-        for number, series in enumerate(each for each in panel.series if not each.of_page):
-            moved = (
-                dodge(number, len(panel.series), drawing.x) if series.form == "both" else (1.0, 0.0)
-            )
-            is_moved |= moved != (1.0, 0.0)
+        for series in panel.series:
+            if series.of_page:
+                continue
             if rows:
-                draw_series(place, seen_of(series, len(rows)), drawing.x, rows=True)
+                draw_series(place, seen_of(series, rows), drawing.x, rows=True)
             else:
-                draw_series(place, series, drawing.y, moved)
+                draw_series(place, series, drawing.y)
         if panel.tiles is not None and drawing.colours is not None:
-            along = (width - page.margin) / across / len(drawing.x.names)
-            size = along, (page.height - TITLE_ROOM) / len(rows)
-            draw_tiles(place, panel.tiles, colour_norm(drawing.colours), size)
+            along = (within - page.margin) / across / len(drawing.x.names)
+            tile = along, (page.height - TITLE_ROOM) / len(rows)
+            draw_tiles(place, panel.tiles, colour_norm(drawing.colours), tile)
         if panel.words:
             place.text(0.5, 0.5, panel.words, transform=place.transAxes, ha="center", color="0.4")
     if rows:
-        axes[0].set_yticks(range(len(rows)) if any(rows) else [], rows if any(rows) else [])
+        named = page.names if any(page.names) else []
+        axes[0].set_yticks(range(len(named)), named)
         axes[0].set_ylim(len(rows) - 0.5, -0.5)
         for place in axes:
             place.grid(False, axis="y")
     else:
         set_scale(axes[0], drawing.y, "y", page.height)
     set_scale(axes[0], drawing.x, "x", room)
+    longest = max(map(len, drawing.x.names), default=0)
+    if min(longest, TILE_LETTERS) * DIGIT_OF_NAME * len(drawing.x.names) > room:
+        for place in axes:
+            place.tick_params(axis="x", labelrotation=90)
     if drawing.colours is not None:
         bar = ScalarMappable(colour_norm(drawing.colours), COLOUR_MAP)
         look: dict[str, Any] = {"location": "bottom", "aspect": 50, "shrink": 0.7}
@@ -101,51 +112,61 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     if handles:
         look = {"title": multiples.escape_dollars(drawing.key)} if drawing.key else {}
         multiples.write_legend(drawn, handles, columns, ncols=columns, **look)
-    for note in [*drawing.notes, *[MOVED_NOTE] * is_moved]:
+    for note in [*drawing.notes, *[MOVED_NOTE] * drawing.is_moved]:
         multiples.write_note(drawn, multiples.escape_dollars(note))
-    parts = [(page.shown, len(drawing.panels), "panels"), (len(rows), len(drawing.y.names), "rows")]
+    shown = len(panels)
+    parts = [(shown, len(drawing.panels), "panels"), (len(rows), len(drawing.y.names), "rows")]
     if drawing.there is not None:
-        shown = len(rows) if rows and len(panels) == 1 else page.shown
+        shown = len(rows) if rows and shown == 1 else shown
         parts = [(shown, *drawing.there)]
     multiples.write_left_out(drawn, *parts, *drawing.left_out, where=drawing.where)
     return drawn
 
 
 def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
-    """The largest tiles with which all panels fit; rows that do not fit are left out."""
+    """The largest tiles with which all panels fit in full rows, or else all, or else some.
+
+    Of named rows, as many as fit.
+    """
     labels, names = [panel.labels for panel in drawing.panels], drawing.y.names
     if not names:
-        return Layout(multiples.panels_fitting(labels, width), multiples.panels_across(width),
-                      multiples.PANEL_HEIGHT)  # fmt: skip
+        most = multiples.columns_of_titles(labels, width)
+        height = multiples.PANEL_HEIGHT + multiples.title_height(labels, width, most)
+        return Layout(multiples.panels_fitting(labels, width, height, most), most, height)
     rows = [multiples.wrapped(name, multiples.LETTERS_PER_INCH * width / 3) for name in names]
     longest = max(len(line) for name in rows for line in name.split("\n"))
     margin = longest / multiples.LETTERS_PER_INCH
     least = multiples.LINE_HEIGHT * max(1 + name.count("\n") for name in rows)
-    room = style.GREATEST_HEIGHT - multiples.AXIS_ROOM - TITLE_ROOM - below
+    room = multiples.page_height() - multiples.AXIS_ROOM - TITLE_ROOM - below
+    places = range(len(rows))
     if drawing.colours is None:
         row = max(multiples.ROW_HEIGHT, ROW_OF_SERIES * drawing.beside, least)
-        rows = rows[: max(1, int(room / row))]
+        places = evenly(places, max(1, int(room / row)))
+        rows = [rows[place] for place in places]
         height = row * len(rows) + TITLE_ROOM
         most = max(1, min(MOST_ROWS_PANELS, int((width - margin) / LEAST_ROWS_WIDTH)))
         shown = multiples.panels_fitting(labels, width, height, most)
-        return Layout(shown, most, height, margin, rows)
-    margin, found = margin + TITLE_ROOM, None
+        return Layout(shown, most, height, margin, places, rows)
+    margin, found = margin + TITLE_ROOM, list[Layout]()
     for across, up in TILE_SIZES:
         most = max(1, int((width - margin) / (across * len(drawing.x.names) + PANEL_FRAME[1])))
         height = min(max(up, least) * len(rows), room) + TITLE_ROOM
         shown = multiples.panels_fitting(labels, width, height, most)
-        found = Layout(shown, most, height, margin, rows)
-        if shown == len(labels):
-            break
-    assert found is not None
-    return found
+        found.append(Layout(shown, most, height, margin, places, rows))
+
+    def worth(layout: Layout) -> tuple[int, bool]:
+        return len(layout.shown), len(labels) % multiples.panel_columns(labels, layout.most) == 0
+
+    return max(found, key=worth)  # of equal ones the first, with the larger tiles
 
 
-def seen_of(series: Trace, rows: int) -> Trace:
-    """A series without what lies below the last named row."""
-    seen = series.y < rows - 0.5
+def seen_of(series: Trace, rows: Sequence[int]) -> Trace:
+    """A series at the named rows that are drawn, at these places."""
+    row = np.rint(series.y).astype(int)
+    seen = np.isin(row, rows)
+    y = np.searchsorted(rows, row[seen]) + (series.y - row)[seen]
     ends = [end if end is None else end[seen] for end in (series.low, series.high)]
-    return series._replace(x=series.x[seen], y=series.y[seen], low=ends[0], high=ends[1])
+    return series._replace(x=series.x[seen], y=y, low=ends[0], high=ends[1])
 
 
 def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int, float]:
@@ -157,7 +178,8 @@ def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int
                 named.setdefault(series.name, []).append(series)
     if not named:
         return [], 1, 0.0
-    room = int(LEGEND_LETTERS_PER_INCH * width / multiples.type_scale("legend.fontsize"))
+    larger = multiples.type_scale("legend.fontsize") / multiples.type_scale("font.size")
+    room = int(LEGEND_LETTERS_PER_INCH * width / larger)
     labels = [multiples.wrapped(name, room - HANDLE_LETTERS) for name in named]
     widths = [max(map(len, label.split("\n"))) + HANDLE_LETTERS for label in labels]
     columns, rows = 1, len(named)
@@ -191,17 +213,13 @@ def draw_series(
     panel: Axes,
     series: Trace,
     scale: Scale,
-    moved: tuple[float, float] = (1.0, 0.0),
     rows: bool = False,
 ) -> None:
-    """Draw a series on a scale of its values, which are along x in `rows`.
-
-    The others are moved by a factor and a shift along x.
-    """
+    """Draw a series on a scale of its values, which are along x in `rows`."""
     look = series.look
     within = Scale("").within if series.form == "slope" else scale.within
     low, high = within(series.low), within(series.high)
-    x = within(series.x) if rows else series.x * moved[0] + moved[1]
+    x = within(series.x) if rows else series.apart
     y = series.y if rows else within(series.y)
     if series.form == "band" or (series.form == "both" and len(x) > MOST_BARS):
         alpha = 0.2 if series.form == "band" else 0.15
@@ -243,37 +261,25 @@ def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, fl
     panel.tick_params(length=0)
     panel.spines[:].set_visible(False)
     legible, wide = ((np.array(size) * 1.01 >= each).all() for each in (LEAST_TILE, TILE_SIZES[0]))
-    longest = max(map(len, tiles.full.ravel()))
+    longest, scale = max(map(len, tiles.full.ravel())), multiples.type_scale("font.size")
     texts = tiles.full if DIGIT_WIDTH * longest + TILE_PAD <= size[0] else tiles.short
     for (row, column), value in np.ndenumerate(tiles.values):
         ink = "black" if np.isnan(value) else text_colour(to_hex(COLOUR_MAP(norm(value))))
         written: dict[str, Any] = {"ha": "center", "color": ink}
         interval = tiles.intervals[row, column] if wide else ""
         if interval:
-            panel.text(column, row, interval, fontsize=5, va="top", **written)
-        if legible:
+            panel.text(column, row, interval, fontsize=5 * scale, va="top", **written)
+        if legible and DIGIT_WIDTH * len(texts[row, column]) <= size[0]:
             at = "bottom" if interval else "center"
-            panel.text(column, row, texts[row, column], fontsize=6, va=at, **written)
-
-
-def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
-    """Factor and shift on x of one colour, so that error bars lie side by side."""
-    values = scale.ticks
-    if many == 1 or len(values) < 2 or len(values) > MOST_BARS:
-        return 1.0, 0.0
-    step = (place - (many - 1) / 2) * min(DODGE, 0.6 / len(values) / many)
-    if scale.log:
-        return float((values[-1] / values[0]) ** step), 0.0
-    return 1.0, float(step * (values[-1] - values[0]))
+            panel.text(column, row, texts[row, column], fontsize=6 * scale, va=at, **written)
 
 
 def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
     """Set scale, ends and ticks of an axis that has this room [in]."""
     axis = panel.xaxis if letter == "x" else panel.yaxis
     if scale.names:
-        axis.set_ticks(
-            range(len(scale.names)), [multiples.wrapped(each, TILE_LETTERS) for each in scale.names]
-        )
+        names = [multiples.wrapped(each, TILE_LETTERS) for each in scale.names]
+        axis.set_ticks(range(len(names)), names)
         panel.set_xlim(-0.5, len(scale.names) - 0.5)
         return
     if scale.share:
@@ -288,32 +294,30 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
     elif scale.whole:
         axis.set_major_locator(MaxNLocator(integer=True))
     if 0 < len(scale.ticks) <= MOST_VALUE_TICKS and numeric(scale.ticks):
-        axis.set_ticks(scale.ticks, value_ticks(scale.ticks, scale.log, room))
-        axis.set_minor_locator(NullLocator())
+        if texts := value_ticks(scale.ticks, scale.log, room):
+            axis.set_ticks(scale.ticks, texts)
+            axis.set_minor_locator(NullLocator())
+    elif letter == "x" and not scale.log and len(scale.ticks):
+        axis.set_major_locator(MaxNLocator(max(2, min(8, int(room / ROOM_OF_TICK)))))
 
 
 def value_ticks(values: Sequence[int | float], log: bool, room: float) -> list[str]:
     """Labels of ticks at these values on an axis of this room [in], none over another.
 
-    Labels have as many digits as there is room for. Where two are too many, some are empty.
+    Labels have as many digits as there is room for. Where two are too many, there are no labels.
     """
     size = FontProperties(size=mpl.rcParams["xtick.labelsize"]).get_size_in_points() / 72
+    size /= multiples.type_scale("font.size")
     given = np.log(values) if log else np.asarray(values, float)
     places = 0.9 * room * (given - given.min()) / (np.ptp(given) or 1.0)
-    fitting: list[str] = []
     for digits in DIGITS_OF_TICKS:
         texts = []
         for value in values:  # with four digits where these are too few for it
             short = float(f"{value:.{digits}g}")
             is_near = abs(short - value) <= TICK_ERROR * abs(value)
             texts.append(f"{short if is_near else value:.4g}")
-        shown, end = [], -np.inf
-        for place, text in zip(places, texts, strict=True):
-            half = size * (DIGIT_OF_TICK * len(text) - DOT_OF_TICK * text.count(".")) / 2
-            is_clear = place - half >= end + TICK_GAP
-            shown.append(text if is_clear else "")
-            end = place + half if is_clear else end
-        if shown == texts:
+        wide = [DIGIT_OF_TICK * len(text) - DOT_OF_TICK * text.count(".") for text in texts]
+        half = size * np.array(wide) / 2
+        if (np.diff(places) >= half[:-1] + half[1:] + TICK_GAP).all():
             return texts
-        fitting = max(shown, fitting, key=lambda each: len(list(filter(None, each))))
-    return fitting
+    return []

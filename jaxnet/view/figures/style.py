@@ -1,13 +1,16 @@
 """Style of all figures: type for two columns, colours that survive grey and colour blindness."""
 
 import io
+import re
 from os import PathLike
 from typing import IO, Any, TypedDict
 
 import matplotlib as mpl
 from matplotlib import figure
+from matplotlib.font_manager import FontProperties, findfont
 from matplotlib.typing import LineStyleType
 
+from jaxnet.store.folder import FolderError
 from jaxnet.view.figures import COLUMN_WIDTHS
 
 FIGURE_WIDTH = COLUMN_WIDTHS["two"]  # [in]
@@ -47,7 +50,10 @@ GREY = "#737373"  # of what stands back
 
 Style = dict[Any, Any]  # settings of matplotlib by name
 
-LAYOUT: Style = {"figure.constrained_layout.use": True}  # what any style of a figure has
+LAYOUT: Style = {  # what any style of a figure has
+    "figure.constrained_layout.use": True,
+    "figure.figsize": (FIGURE_WIDTH, GREATEST_HEIGHT),
+}
 PRINT_STYLE: Style = {
     "font.size": 8,
     "axes.titlesize": 8,
@@ -66,6 +72,50 @@ PRINT_STYLE: Style = {
     "savefig.dpi": 300,
     "pdf.fonttype": 42,
 }
+
+
+Size = str | tuple[float, float]  # "86x64mm", "3.4x2.5", or a pair in inches
+SIZE = re.compile(r"([\d.]+)x([\d.]+)(mm|in)?")
+ENDS_OF_SIZES, ENDS_OF_TYPE = (1.0, 50.0), (4.0, 40.0)  # [in], [pt]
+
+
+def inches(size: Size | None) -> tuple[float, float] | None:
+    """Width and height [in]; raises FolderError if they are none, or beyond 1 to 50 in."""
+    if size is None:
+        return None
+    match = SIZE.fullmatch(size) if isinstance(size, str) else None
+    given, unit = match.groups()[:2] if match else size, match[3] if match else "in"
+    try:
+        width, height = (float(each) / (25.4 if unit == "mm" else 1.0) for each in given)
+    except (TypeError, ValueError):
+        width = height = 0.0
+    if not all(ENDS_OF_SIZES[0] <= each <= ENDS_OF_SIZES[1] for each in (width, height)):
+        told = "WIDTHxHEIGHT of 1 to 50 in, such as 3.4x2.5 in inches or 86x64mm"
+        raise FolderError(f"size: {told} (got {size})")
+    return width, height
+
+
+def with_font(base: Style, size: float | None, family: str | None) -> Style:
+    """A style with type of a size [pt], all other type in proportion, and of a family."""
+    found = dict(base)
+    if size is not None:
+        low, high = ENDS_OF_TYPE
+        if not low <= size <= high:
+            raise FolderError(f"font_size: {low:g} to {high:g} pt (got {size:g})")
+        scale = size / base.get("font.size", size)
+        found |= {
+            key: scale * each
+            for key, each in base.items()
+            if key.endswith("size") and not isinstance(each, tuple)
+        }
+        found["font.size"] = size
+    if family is not None:
+        try:
+            findfont(FontProperties(family=family), fallback_to_default=False)
+        except ValueError as error:
+            raise FolderError(f"font: no font {family} is installed") from error
+        found["font.family"] = family
+    return found
 
 
 class Figure(figure.Figure):

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba_array
+from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
@@ -17,6 +18,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.scenario import situation_of
 from jaxnet.model.graph import Digraph
 from jaxnet.runs.watched import MOST_VEHICLES
+from jaxnet.statistics.groups import evenly
 from jaxnet.view.drawings.scene import attacked_vehicles
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -150,11 +152,15 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     across = max(1, min(most, int(72 * width / max(wanted, default=1.0))))
     columns = min(across, len(there))
     size = width / max(columns, min(3, across))
-    shown = there[: columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))]
+    most = columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))
+    shown = evenly(there, most)
     rows = -(-len(shown) // columns)
     drawn = Figure(figsize=(width, size * rows + TOPOLOGY_LEGEND_HEIGHT))
+    grid = GridSpec(rows, columns, figure=drawn)
     for number, network in enumerate(shown):
-        panel = drawn.add_subplot(rows, columns, number + 1)
+        row, column = divmod(number, columns)
+        is_alone = columns == 2 and number == len(shown) - 1 and column == 0
+        panel = drawn.add_subplot(grid[row, :] if is_alone else grid[row, column])
         panel.set_title(network.title, pad=2)
         (draw_matrix if network.is_large else draw_graph)(panel, network, 72 * size)
     multiples.write_legend(drawn, topology_legend(shown), 5, handlelength=2.4)

@@ -21,7 +21,7 @@ from matplotlib.colors import to_hex
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title
 from jaxnet.statistics.curves import LOG_FLOOR
-from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import MOVED_NOTE, Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.heat import colour_norm, palette
 from jaxnet.view.drawings.words import error_text, three_digits
 from jaxnet.view.figures import style
@@ -64,6 +64,7 @@ def plotted(drawing: Drawing) -> str:
     layout = {"xaxis": axis(drawing, "x"), "yaxis": axis(drawing, "y")}
     plots = [plot_of(drawing, panel, layout) for panel in drawing.panels]
     title = f'<p class="key-title">{escape(drawing.key)}</p>' if drawing.key else ""
+    title += f"<p>{MOVED_NOTE.capitalize()}.</p>" * drawing.is_moved
     height = LONE_HEIGHT if len(plots) == 1 else 0
     if names := drawing.y.names:
         row = max(LEAST_ROW, ROW_OF_SERIES * drawing.beside)
@@ -153,7 +154,7 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
     rows = bool(drawing.y.names)
     scale = drawing.x if rows else drawing.y
     within = Scale("").within if series.form == "slope" else scale.within
-    x, y = (within(series.x), series.y) if rows else (series.x, within(series.y))
+    x, y = (within(series.x), series.y) if rows else (series.apart, within(series.y))
     found = line_trace(series.name, look, x, y, "%{text}")
     found["text"] = hints(drawing, series)
     if series.form in ("points", "both"):

@@ -236,7 +236,7 @@ def bands_section(results: Results) -> Section | None:
         what = "Greatest distance of two vehicles that are not attacked over time"
     note = paragraph(f"{what}; what is below {LOG_FLOOR:g} m is rounding and drawn there.")
     groups = [Group(dict(cells[number].labels), (cells[number],)) for number in found]
-    drawn = bands_drawing(groups, found, label, by_size=False)
+    drawn = bands_drawing(groups, found, label)
     return Section("bands", name, note + plotted(drawn))
 
 

@@ -22,6 +22,7 @@ from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
 from jaxnet.view import columns
 from jaxnet.view.columns import Column
+from jaxnet.view.text.formats import in_format
 from jaxnet.view.text.printer import columns_text, narrow_columns
 from jaxnet.view.text.width import (
     MOST_ROWS,
@@ -69,6 +70,20 @@ def summary_text(
         shown = asked if any(each.ends for each in shown) else [each.bare() for each in asked]
     notes = filter(None, [constant, *summary_notes(results, shown)])
     return "\n".join([*lines, *map(filled, notes), *left_out_note(left_out, "cells.csv")])
+
+
+def formatted(
+    results: Results,
+    form: str,
+    names: Sequence[str] = (),
+    where: Where | None = None,
+    sort: str | None = None,
+    pivot: str | None = None,
+) -> str:
+    """Return the summary table as csv, markdown or latex, whole, chosen as `summary_text` is."""
+    asked = asked_columns(results, names, where, sort, pivot)
+    notes = [*summary_notes(results, asked), setting_note(results)]
+    return in_format(columns.pivoted(asked, pivot) if pivot else asked, form, notes)
 
 
 def asked_columns(
