@@ -283,24 +283,16 @@ class Results(stored.Results):
 
         Parameters
         ----------
-        name
-            Name of a figure, as in `jaxnet figure`.
-        where
-            Value or values of swept keys, which select cells; None takes all cells.
+        name, where
+            Name of the figure, and the value or values of swept keys that select cells.
         x, y, hue, panel
             Axes of `curve`; `bands` takes `y` and `hue`, heat maps take all but `y`.
-        column
-            Width: "one" or "two" columns of a journal.
-        size
-            Width and height [in], or text like "86x64mm"; None is the width of `column`.
-        font_size
-            Size of the type [pt]; None is 8.
-        font
-            Family of an installed font; None is matplotlib's.
-        plain
-            Whether the figure has matplotlib's own style.
-        note
-            Whether the small line stands at the top.
+        column, size
+            Width in columns of a journal, "one" or "two", or a pair [in] or text like "86x64mm".
+        font_size, font
+            Size of the type [pt] and the family of an installed font.
+        plain, note
+            Whether the figure has matplotlib's own style, and whether a note stands at the top.
 
         Returns
         -------
@@ -335,14 +327,10 @@ class Results(stored.Results):
 
         Parameters
         ----------
-        columns
-            Names of columns of `cells.csv`; none takes what the study asks for.
-        where
-            Value or values of swept keys, which select cells; None takes all cells.
-        sort
-            Column to sort by; "-COLUMN" puts the greatest first.
-        pivot
-            Swept key whose values stand across.
+        columns, where
+            Names of columns of `cells.csv`, and values of swept keys that select cells.
+        sort, pivot
+            Column to sort by ("-COLUMN": the greatest first), and the key that stands across.
 
         Returns
         -------

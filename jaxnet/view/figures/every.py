@@ -121,7 +121,7 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
         column: str = "two",
         *,
         note: bool = True,
-        size: style.Size | None = None,
+        size: style.FigureSize | None = None,
         font_size: float | None = None,
         font: str | None = None,
         **axes: Any,

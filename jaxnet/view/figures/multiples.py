@@ -40,7 +40,7 @@ def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
     firsts = [next(iter(each.values()), None) for each in labels]
     run = firsts.count(firsts[0])
     if 2 <= run <= most and len(firsts) % run == 0:
-        is_many = len(firsts) > 2 * most and len(firsts) % (2 * run) == 0
+        is_many = len(firsts) >= 2 * most and len(firsts) % (2 * run) == 0
         return 2 * run if is_many and 2 * run <= most else run
     rows = -(-len(firsts) // most)
     return -(-len(firsts) // rows)
@@ -52,7 +52,9 @@ def set_size(drawn: Figure, size: tuple[float, float]) -> None:
     if len(words) == 1 and size[1] < drawn.get_figheight():
         for panel in drawn.axes:
             panel.set_ylabel("")
-        drawn.supylabel(words.pop().replace("\n", " "), fontsize=mpl.rcParams["axes.labelsize"])
+        letters = int(LETTERS_PER_PANEL * size[1] / type_scale("font.size") / 2)
+        told = textwrap.fill(words.pop().replace("\n", " "), letters)
+        drawn.supylabel(told, fontsize=mpl.rcParams["axes.labelsize"])
     drawn.set_size_inches(size)
 
 

@@ -29,6 +29,7 @@ TILE_SIZES = (0.36, 0.26), (0.24, 0.17)  # [in] of a tile with its interval, and
 LEAST_TILE = 0.2, 0.1  # [in] of a tile whose number can be read
 DIGIT_WIDTH, TILE_PAD = 0.05, 0.04  # [in] of a letter in a tile, and of what is beside its number
 TILE_LETTERS = 12  # of a line of a column's name
+HIGH = 4  # rows of panels, from which smaller tiles in fewer rows are better
 COLOUR_BAR_ROOM = 0.35  # [in]
 HATCHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////"}
 MOST_VALUE_TICKS = 8  # values of x, where ticks stand at them
@@ -154,8 +155,9 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
         shown = multiples.panels_fitting(labels, width, height, most)
         found.append(Layout(shown, most, height, margin, places, rows))
 
-    def worth(layout: Layout) -> tuple[int, bool]:
-        return len(layout.shown), len(labels) % multiples.panel_columns(labels, layout.most) == 0
+    def worth(layout: Layout) -> tuple[int, bool, int]:
+        rows, rest = divmod(len(labels), multiples.panel_columns(labels, layout.most))
+        return len(layout.shown), rest == 0, -(rows // HIGH)
 
     return max(found, key=worth)  # of equal ones the first, with the larger tiles
 

@@ -74,12 +74,12 @@ PRINT_STYLE: Style = {
 }
 
 
-Size = str | tuple[float, float]  # "86x64mm", "3.4x2.5", or a pair in inches
+FigureSize = str | tuple[float, float]  # "86x64mm", "3.4x2.5", or a pair in inches
 SIZE = re.compile(r"([\d.]+)x([\d.]+)(mm|in)?")
 ENDS_OF_SIZES, ENDS_OF_TYPE = (1.0, 50.0), (4.0, 40.0)  # [in], [pt]
 
 
-def inches(size: Size | None) -> tuple[float, float] | None:
+def inches(size: FigureSize | None) -> tuple[float, float] | None:
     """Width and height [in]; raises FolderError if they are none, or beyond 1 to 50 in."""
     if size is None:
         return None

@@ -1,0 +1,158 @@
+"""What a figure of many cells shows, where its panels stand, and what its size and type are."""
+
+import itertools
+import json
+import re
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+
+import jaxnet
+from jaxnet.statistics.axes import choose_axes
+from jaxnet.statistics.bands import bands_span, error_bands
+from jaxnet.statistics.groups import evenly_over
+from jaxnet.store.folder import FolderError
+from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Panel, Scale, Trace
+from jaxnet.view.drawings.swept import swept_drawing
+from jaxnet.view.figures import style
+from jaxnet.view.figures.printed import printed, value_ticks
+from jaxnet.view.page.plots import plotted
+from tests import systems
+from tests.test_cli import jaxnet_does
+from tests.view.test_figures import plain
+from tests.view.test_heat import drawn, made, study_of
+from tests.view.test_lines import OF_RULES, numbered, study_cells
+
+KEYS = {"samples": 3, "horizon": 1.0, "tail": 0.5, "save": {"errors": True}, "vehicles": 4}
+SWEEP = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 5, 10, 20], "gain": [[1, 3, 3]]}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Two defences by five magnitudes."""
+    study = systems.study(engine="exact", sweep=SWEEP, **KEYS)
+    return jaxnet.run(study, tmp_path_factory.mktemp("choices") / "out", progress=False)
+
+
+def test_of_many_cells_some_of_each_key_are_chosen():
+    """A product of a few values of each key, with its ends; of pairs, every so many."""
+    labels = [{"a": a, "b": b} for a, b in itertools.product(range(20), range(3))]
+    chosen = [labels[place] for place in evenly_over(labels, 24)]
+    assert {each["b"] for each in chosen} == {0, 1, 2}
+    assert sorted({each["a"] for each in chosen}) == [0, 3, 5, 8, 11, 14, 16, 19]
+    assert len(chosen) == 24
+    pairs = [{"a": number, "b": -number} for number in range(96)]
+    places = evenly_over(pairs, 24)
+    assert (len(places), places[0], places[-1]) == (24, 0, 95)
+    assert evenly_over(labels, 60) == [*range(60)]
+
+
+@mpl.rc_context(style.PRINT_STYLE)
+def grid_of(count, width, named=""):
+    """Panels of a line each, as a page has them."""
+    panels = [
+        Panel(
+            {"tick": n, "defence": f"{named}{n}"},
+            [n],
+            [Trace("", LOOKS[0], np.ones(2), np.ones(2))],
+        )
+        for n in range(count)
+    ]
+    drawn = printed(Drawing(panels, Scale("x"), Scale("y")), width)
+    drawn.draw_without_rendering()
+    return drawn
+
+
+def test_a_column_has_no_hole():
+    """The last of an odd number of panels is as wide as the column."""
+    *others, last = grid_of(5, 3.5).axes
+    assert last.get_position().x1 == pytest.approx(
+        max(o.get_position().x1 for o in others), abs=0.02
+    )
+    assert last.get_position().width > 1.5 * others[0].get_position().width
+
+
+def test_titles_stay_on_one_line_where_the_page_has_room():
+    """Fewer panels stand in a row then."""
+    panels = grid_of(6, 7.16, named="a long name of number ").axes
+    assert not any("\n" in panel.get_title() for panel in panels)
+
+
+def test_heat_maps_of_two_by_four_stand_in_two_rows():
+    """Smaller tiles are better than a row that is not full."""
+    sweep = {"topology": ["star", "cyclic"], "attack.frequency": [1.0, 2.0, 3.0, 4.0]}
+    sweep |= {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 3, 4, 5]}
+    maps = [panel for panel in drawn(made(study_of(sweep))).axes if panel.get_title()]
+    assert len(maps) == 8
+    assert len({round(panel.get_position().y0, 2) for panel in maps}) == 2
+
+
+def test_bands_tell_series_and_hue(results):
+    """A colour a defence, a panel a magnitude; the legend names band and medians."""
+    figure = results.figure("bands", y="disagreement", hue="defence")
+    assert len(figure.axes) == 5
+    told = [plain(text.get_text()) for text in figure.legends[0].get_texts()]
+    assert told == ["5 to 95 % of lanes", "maximum", "median, no defence", "median, W-MSR"]
+    median = np.median(results.errors["disagreement"][0], axis=0)
+    lines = [line.get_ydata() for line in figure.axes[0].lines]
+    assert any(np.allclose(line, median, rtol=1e-6) for line in lines)
+    with pytest.raises(FolderError, match=r"y: must be one of disagreement, tracking \(got z\)"):
+        results.figure("bands", y="z")
+    alone = results.figure("bands", {"attack.magnitude": 5})
+    assert "ā" not in "".join(text.get_text() for text in alone.legends[0].get_texts())
+
+
+def test_a_start_at_zero_has_no_place_on_a_log_axis(results):
+    """It is not drawn until it rises; what never rises is."""
+    values = np.stack([np.zeros((2, 4)), [[0.0, 0.0, 2.0, 0.0]] * 2])
+    stored = xr.DataArray(values, dims=("cell", "sample", "time"), coords={"time": np.arange(4.0)})
+    bands = error_bands(stored, results.study.cells[:2])
+    np.testing.assert_array_equal(bands[0].median, np.zeros(4))
+    np.testing.assert_array_equal(bands[1].median, [np.nan, np.nan, 2.0, 0.0])
+    assert bands_span({1: bands[1]._replace(low=np.array([np.nan, np.nan, 2.0, 1.0]))})[0] == 1.0
+
+
+def test_curves_that_coincide_are_parted_on_the_page_as_in_print():
+    """The same places; the values that are kept are those of the study."""
+    cells = study_cells(**OF_RULES)
+    drawing = swept_drawing(numbered(cells), choose_axes(cells), cells)
+    (panel,) = printed(drawing).axes
+    lines = [line.get_xdata().tolist() for line in panel.lines if line.get_marker() in MARKERS]
+    (figure,) = re.findall(r'<script type="application/json">(.*?)</script>', plotted(drawing))
+    read = json.loads(figure)
+    assert [trace["x"] for trace in read["data"]] == lines
+    assert lines[0] != lines[1]
+    assert sorted({*read["columns"]["attack frequency [rad/s]"]}) == [0.1, 0.3, 1.0]
+
+
+@mpl.rc_context(style.PRINT_STYLE)
+def test_ticks_are_values_or_round_numbers():
+    """None is without its number."""
+    assert value_ticks([100, 101, 102, 200, 1000], False, 1.0) == []
+    cells = study_cells(**{"attack.frequency": [1.0, 1.01, 1.02, 2.0, 4.0]})
+    drawn = printed(swept_drawing(numbered(cells), choose_axes(cells), cells), 3.5)
+    drawn.draw_without_rendering()
+    assert all(text.get_text() for text in drawn.axes[0].get_xticklabels())
+
+
+def test_size_and_type_are_as_asked(results, tmp_path):
+    """In inches or millimetres; other type in proportion; what is none is refused."""
+    figure = results.figure("curve", y="tail_max", size="127x76.2mm", font_size=12, font="serif")
+    assert figure.get_size_inches().tolist() == pytest.approx([5.0, 3.0])
+    label = figure.axes[0].xaxis.label
+    assert (label.get_fontsize(), label.get_fontfamily()) == (12.0, ["serif"])
+    assert figure.axes[0].get_xticklabels()[0].get_fontsize() == 10.5
+    figure.savefig(tmp_path / "figure.pdf")
+    for wrong in ({"size": "3x"}, {"size": (0, 2)}, {"font_size": 90}, {"font": "no such font"}):
+        with pytest.raises(FolderError, match=next(iter(wrong))):
+            results.figure("curve", **wrong)
+    with pytest.raises(FolderError, match="tails takes no hue"):
+        results.figure("tails", hue="defence")
+
+
+def test_latex_is_what_show_prints(results):
+    """To the letter."""
+    done = jaxnet_does("show", results.path, "--format", "latex", "--pivot", "defence")
+    assert results.latex(pivot="defence") == done.stdout.rstrip("\n")
