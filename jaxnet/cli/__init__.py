@@ -287,11 +287,7 @@ def report_command(
     click.argument("name", metavar="NAME", type=click.Choice(FIGURE_NAMES)),
     where_option,
     text("--x", "KEY", "Swept key across.  [default: the key of most numbers]"),
-    text(
-        "--y",
-        "NAME",
-        "Metric or share of curve, series of bands.  [default: what the study asks for]",
-    ),
+    text("--y", "NAME", "Metric or share of curve, series of bands.  [default: what is asked]"),
     text("--hue", "KEY", "Swept key in colours; of a heat map, down."),
     text("--panel", "KEY", "Swept key with a panel a value; repeatable.", multiple=True),
     click.option(

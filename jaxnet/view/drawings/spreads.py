@@ -104,8 +104,8 @@ def bands_drawing(
     notes = [SPREAD_WORDS] * ("spread" in label)
     left_out = [(most, sizes, "sizes ā")]
     y = Scale(label, bands_span(bands) if bands else None, log=True)
-    there = there or len(groups), "groups"
-    return Drawing(panels, Scale("t [s]"), y, notes, there=there, where="errors.zarr",
+    total = there or len(groups), "groups"
+    return Drawing(panels, Scale("t [s]"), y, notes, there=total, where="errors.zarr",
                    left_out=left_out)  # fmt: skip
 
 

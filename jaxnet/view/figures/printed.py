@@ -211,12 +211,7 @@ def line_style(look: Look, kind: str) -> dict[str, Any]:
     return found | ({"markerfacecolor": "white"} if look.hollow else {})
 
 
-def draw_series(
-    panel: Axes,
-    series: Trace,
-    scale: Scale,
-    rows: bool = False,
-) -> None:
+def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) -> None:
     """Draw a series on a scale of its values, which are along x in `rows`."""
     look = series.look
     within = Scale("").within if series.form == "slope" else scale.within
