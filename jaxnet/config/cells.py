@@ -39,6 +39,7 @@ from jaxnet.config.keys import (
 from jaxnet.config.known import KnownKeys, explain, model_of, with_kind, written_keys
 from jaxnet.config.naming import Key, full_kind, value_labels, without_empty_labels
 from jaxnet.config.scenario import for_any_magnitude
+from jaxnet.config.sweep import Sweep, SweptColumn, holders, is_joint, keys_in, values_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
@@ -71,7 +72,9 @@ class Cell:
 
 
 def cell_name(number: int, labels: Mapping[str, object]) -> str:
-    swept = ", ".join(f"{key}={value}" for key, value in labels.items())
+    swept = ", ".join(
+        str(value) if is_joint(key) else f"{key}={value}" for key, value in labels.items()
+    )
     return f"cell {number}" + (f" ({swept})" if swept else "")
 
 
@@ -97,24 +100,25 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         ranges.write_distributions(document)
     config, wrong, problems = validated(Config, document.data, document.place)
     problems += document.problems
-    values = {key: swept_values(each) for key, each in config.sweep.items()}
+    sweep = Sweep({key: swept_values(each) for key, each in config.sweep.items()})
+    values = {key: column.values for key, column in sweep.columns.items()}
     given = given_keys(document, judges)
     settled = settle(config, given)
     if judges and not wrong:
         settled = settle_metrics(settled, values)
     known = KnownKeys(document.data, values)
-    refused = [(f"sweep.{key}", told) for key, told in refuse_sweep(config.save, values, known)]
-    refused += [(f"labels.{key}", "unknown key") for key in config.labels if not known.has(key)]
-    problems += [Problem(document.place(split_key(key)), key, told) for key, told in refused]
-    problems += idle_overrides(document, values)
+    refused = [*sweep.faults, *refuse_sweep(config.save, sweep, known)]
+    refused = [(("sweep", *keys), told) for keys, told in refused]
+    named = [key for key in config.labels if not (key in values or known.has(key))]
+    refused += [(split_key(f"labels.{key}"), "unknown key") for key in named]
+    problems += [Problem(document.place(keys), dotted_key(keys), told) for keys, told in refused]
+    problems += idle_overrides(document, sweep)
     names = {key: escape_controls(each) for key, each in config.labels.items()}
-    spanned: dict[str, list[Plain]] = {
-        Key(key, names.get(key)): each for key, each in values.items() if known.has(key)
-    }
+    spanned = [Key(key, names.get(key)) for key in values if is_joint(key) or known.has(key)]
     cells: tuple[Cell, ...] = ()
-    if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
+    if math.prod(sweep.sizes) <= MOST_SWEPT_CELLS:
         start = settled.model_copy(update={"topology": config.topology})  # cells settle their own
-        span = SweptCells(document, start, wrong, spanned, given)
+        span = SweptCells(document, start, wrong, sweep, spanned, given)
         cells, found = span.cells({*problems})
         problems += found
     if judges and not wrong:
@@ -160,42 +164,49 @@ def swept_values(given: list[Plain] | Linspace | Geomspace) -> list[Plain]:
     return [int(value) for value in spaced] if all(map(float.is_integer, spaced)) else spaced
 
 
-def refuse_sweep(
-    save: Save | None, values: Mapping[str, list[Plain]], known: KnownKeys
-) -> Iterator[tuple[str, str]]:
+def refuse_sweep(save: Save | None, sweep: Sweep, known: KnownKeys) -> Iterator[tuple[Keys, str]]:
     """Yield the key and message of each fault of a sweep before its cells are validated."""
-    if math.prod(map(len, values.values())) > MOST_SWEPT_CELLS:
-        yield list(values)[-1], f"spans more than {MOST_SWEPT_CELLS:,} cells"
-    over_time = save is not None and (save.errors or save.trajectories != "none")
-    for number, (key, listed) in enumerate(values.items()):
-        root = key.split(".")[0]
-        if root not in Scenario.model_fields:
-            wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
-            yield key, wrong + suggestion(root, list(Scenario.model_fields))
-        elif root == "metrics":
-            yield key, "cannot be swept: all rows have the same columns"
-        elif root in KINDS and key == f"{root}.kind":
-            yield key, f"sweep {root} instead: a kind comes with keys of its own"
-        elif not known.has(key):
-            yield key, known.unknown(key)
-        if any(other.startswith(f"{key}.") for other in list(values)[:number]):
-            yield key, "must stand before the dotted keys that set into it"
-        if over_time and key in ("vehicles", "vehicle", "horizon", "output_step"):
-            yield key, "cannot be swept while save stores errors or trajectories"
-        elif key == "vehicles" and save is not None and save.vehicles:
-            yield key, "cannot be swept while save stores the errors of each vehicle"
-        twice = [name for name, times in Counter(value_labels(key, listed)).items() if times > 1]
-        if twice:
+    if math.prod(sweep.sizes) > MOST_SWEPT_CELLS:
+        last = list(sweep.columns.values())[-1].written
+        yield (last,), f"spans more than {MOST_SWEPT_CELLS:,} cells"
+    for key, (written, _, values, firsts, _) in sweep.columns.items():
+        told = [] if is_joint(key) else [*refuse_key(key, save, sweep, known)]
+        names = Counter(value_labels(key, [values[number] for number in sorted({*firsts})]))
+        if twice := [name for name, times in names.items() if times > 1]:
             remedy = "; give each a label" if key in KINDS else ""
             remedy += ": jaxnet.network(…, label=…)" if key == "topology" else ""
-            yield key, f"two values are named {twice[0]}{remedy}"
+            told.append(f"two values are named {twice[0]}{remedy}")
+        about = f"{key}: " if is_joint(written) and not is_joint(key) else ""
+        yield from (((written,), about + each) for each in told)
 
 
-def idle_overrides(document: Document, swept: Mapping[str, object]) -> Iterator[Problem]:
+def refuse_key(key: str, save: Save | None, sweep: Sweep, known: KnownKeys) -> Iterator[str]:
+    """Yield the message of each fault of a swept key."""
+    root = key.split(".")[0]
+    if root not in Scenario.model_fields:
+        wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
+        yield wrong + suggestion(root, list(Scenario.model_fields))
+    elif root == "metrics":
+        yield "cannot be swept: all rows have the same columns"
+    elif root in KINDS and key == f"{root}.kind":
+        yield f"sweep {root} instead: a kind comes with keys of its own"
+    elif not known.has(key):
+        yield known.unknown(key)
+    before = itertools.takewhile(lambda other: other != key, sweep.columns)
+    if any(other.startswith(f"{key}.") for other in before):
+        yield "must stand before the dotted keys that set into it"
+    over_time = save is not None and (save.errors or save.trajectories != "none")
+    if over_time and key in ("vehicles", "vehicle", "horizon", "output_step"):
+        yield "cannot be swept while save stores errors or trajectories"
+    elif key == "vehicles" and save is not None and save.vehicles:
+        yield "cannot be swept while save stores the errors of each vehicle"
+
+
+def idle_overrides(document: Document, sweep: Sweep) -> Iterator[Problem]:
     """Yield a problem for each override that the sweep would replace."""
-    for key, other in itertools.product(document.overridden, swept):
+    for key, (other, column) in itertools.product(document.overridden, sweep.columns.items()):
         if f"{key}.".startswith(f"{other}."):
-            message = f"has no effect, {other} is swept; override sweep.{other} instead"
+            message = f"has no effect, {other} is swept; override sweep.{column.written} instead"
             yield Problem(document.place(split_key(key)), key, message)
 
 
@@ -214,18 +225,16 @@ def line_order(problem: Problem) -> tuple[int, ...]:
 
 def complete_kinds(document: Document, judges: bool) -> None:
     """Write each kind as a mapping with its name; if `judges`, add what kinds read from files."""
-    swept = swept_in(document)
     for field in KINDS:
-        holders: list[tuple[Plain, Keys]] = []
+        mappings: list[tuple[Plain, Keys]] = []
         if field in document.data:
             document.data[field] = with_kind(field, document.data[field])
             place = document.place((field, "kind"), (field,))
             document.places.setdefault((field, "kind"), place)
-            holders.append((document.data, (field,)))
-        listed = swept.get(field)
-        for number in range(len(listed) if isinstance(listed, list) else 0):
-            holders.append((listed, ("sweep", field, number)))
-        for holder, at in holders if judges else ():
+            mappings.append((document.data, (field,)))
+        found = holders(swept_in(document), field)
+        mappings += [(holder, ("sweep", *way)) for holder, way in found]
+        for holder, at in mappings if judges else ():
             value = holder[at[-1]]
             model = model_of(field, value) if isinstance(value, dict) else None
             try:
@@ -251,10 +260,10 @@ def given_keys(document: Document, judges: bool) -> set[str]:
     default. A stored study, and a study with overrides, have every key; they were not given.
     """
     new, swept = judges and not document.settled, swept_in(document)
-    dotted = [*document.overridden, *swept, *(document.data if new else ())]
+    every = [key for written in swept for key in keys_in(written)]
+    dotted = [*document.overridden, *every, *(document.data if new else ())]
     given = {str(key).split(".")[0] for key in dotted}
-    listed = [swept.get(key) for key in ("attack", "attack.vehicles")]
-    attacks, lists = (each if isinstance(each, list) else [] for each in listed)
+    attacks, lists = (values_in(swept, key) for key in ("attack", "attack.vehicles"))
     if new or "attack.vehicles" in document.overridden:
         attacks = [document.data.get("attack"), *attacks]
     lists = [*lists, *(each.get("vehicles") for each in attacks if isinstance(each, dict))]
@@ -322,7 +331,7 @@ def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
 
 
 class SweptCells:
-    """The grid of a sweep. Each value of a key is validated once for all its cells.
+    """The cells of a sweep. Each value of a key is validated once for all its cells.
 
     Swept values are set into the study with all defaults written out, the form in which it is
     stored: the stored study has the same cells.
@@ -333,13 +342,20 @@ class SweptCells:
         document: Document,
         config: Config,
         wrong: set[str],
-        values: Mapping[str, list[Plain]],
+        sweep: Sweep,
+        spanned: Sequence[Key],
         given: set[str],
     ):
-        self.document, self.values, self.given = document, values, given
+        self.document, self.sweep, self.given = document, sweep, given
+        self.columns: dict[str, SweptColumn] = {key: sweep.columns[key] for key in spanned}
         self.roots: dict[str, list[str]] = {}
-        for key in values:
+        for key in itertools.filterfalse(is_joint, spanned):
             self.roots.setdefault(key.split(".")[0], []).append(key)
+        last = {root: self.columns[keys[-1]].axis for root, keys in self.roots.items()}
+        self.varied = {
+            root: [key for key in keys if self.columns[key].axis == last[root]]
+            for root, keys in self.roots.items()
+        }
         self.wrong = (wrong & {*Scenario.model_fields}) - {*self.roots}
         fields = {key: getattr(config, key) for key in Scenario.model_fields}
         fixed = {key: each for key, each in fields.items() if key not in self.roots}
@@ -354,14 +370,15 @@ class SweptCells:
 
     def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
         """Return the cells, the first key slowest, and each new problem with its first cell."""
-        labels = {key: value_labels(key, listed) for key, listed in self.values.items()}
+        labels = {key: value_labels(key, each.values) for key, each in self.columns.items()}
+        axes = [(key, each.axis, each.firsts) for key, each in self.columns.items()]
         cells: list[Cell] = []
         found: dict[Problem, list[str]] = {}
-        grid = list(itertools.product(*(range(len(each)) for each in self.values.values())))
+        grid = list(itertools.product(*map(range, self.sweep.sizes)))
         collects = gc.isenabled()
         gc.disable()  # it would look through all cells again and again
         for number, indices in enumerate(grid):
-            chosen = dict(zip(self.values, indices, strict=True))
+            chosen = {key: firsts[indices[axis]] for key, axis, firsts in axes}
             named = {key: labels[key][index] for key, index in chosen.items()}
             scenario, problems = self.scenario(chosen)
             if scenario is not None:
@@ -399,40 +416,52 @@ class SweptCells:
         made = settle(made, self.given) if self.follows else made
         for fault in self.faults(made) if registry.scope().judges else ():
             if not wrong & {key.split(".")[0] for key in fault.keys}:
-                place = functools.partial(place_in_cell, self.document, chosen)
-                problems.append(located(fault, place))
+                problems.append(located(fault, functools.partial(self.place, chosen)))
         return None if wrong else made, problems
 
     def part_alike(self, root: str, chosen: Mapping[str, int]) -> Validated | None:
-        """Return a part with another number at the last of its swept keys, if nothing is wrong.
+        """Return a part with other numbers at the keys of its last axis, if nothing is wrong.
 
-        The number alone is validated. None tells that the whole part has to be.
+        The numbers alone are validated. None tells that the whole part has to be.
         """
-        *others, (key, index) = chosen.items()
+        varied, found = self.varied[root], {}
         nothing: Validated = None, []
-        first, wrong = self.parts.get((root, *(each for _, each in others), 0), nothing)
-        value, inside = self.values[key][index], key.removeprefix(f"{root}.")
-        if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
-            return None
-        try:
-            made = model_with(inside, type(first)).model_validate({inside: value})
-        except ValidationError:
-            return None
-        return first.with_values(**{inside: getattr(made, inside)}), []
+        mine = (0 if key in varied else index for key, index in chosen.items())
+        first, wrong = self.parts.get((root, *mine), nothing)
+        for key in varied:
+            value, inside = self.columns[key].values[chosen[key]], key.removeprefix(f"{root}.")
+            if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
+                return None
+            try:
+                made = model_with(inside, type(first)).model_validate({inside: value})
+            except ValidationError:
+                return None
+            found[inside] = getattr(made, inside)
+        return first.with_values(**found), []
 
     def part(self, root: str, chosen: Mapping[str, int]) -> Validated:
         """Return the value of a key by the indices of the swept values in it, and its problems."""
         data = {root: self.base[root]}
         for key, index in chosen.items():
             try:
-                set_value(data, split_key(key), self.values[key][index])
+                set_value(data, split_key(key), self.columns[key].values[index])
             except LookupError as error:
-                place = self.document.place(("sweep", key))
-                return None, [Problem(place, f"sweep.{key}", str(error.args[0]))]
+                keys = ("sweep", self.columns[key].written)
+                problem = Problem(self.document.place(keys), dotted_key(keys), str(error.args[0]))
+                return None, [problem]
             data[root] = with_kind(root, data[root]) if root in KINDS else data[root]
-        place = functools.partial(place_in_cell, self.document, chosen)
-        made, _, problems = validated(model_with(root), data, place)
+        made, _, problems = validated(model_with(root), data, functools.partial(self.place, chosen))
         return getattr(made, root), problems
+
+    def place(self, chosen: Mapping[str, int], *candidates: Keys) -> str:
+        """Return the place of a fault in a cell: the swept value that set the key, or the key."""
+        for keys in candidates:
+            swept_keys = itertools.filterfalse(is_joint, chosen)
+            for key in sorted(swept_keys, key=lambda key: -key.count(".")):
+                swept, here = split_key(key), ("sweep", *self.columns[key].ways[chosen[key]])
+                if swept[: len(keys)] == keys[: len(swept)]:
+                    return self.document.place((*here, *keys[len(swept) :]), here)
+        return self.document.place(*candidates)
 
 
 @functools.cache
@@ -440,13 +469,3 @@ def stands_alone(cls: type, key: str) -> bool:
     """Whether a class has a key that its type alone decides; in one from outside others may."""
     ours = issubclass(cls, BaseModel) and cls.__module__.startswith("jaxnet.")
     return ours and key in cls.model_fields
-
-
-def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:
-    """Return the place of a cell's fault: the swept value that set the key, or the key itself."""
-    for keys in candidates:
-        for key in sorted(chosen, key=lambda key: -key.count(".")):
-            swept, here = split_key(key), ("sweep", key, chosen[key])
-            if swept[: len(keys)] == keys[: len(swept)]:
-                return document.place((*here, *keys[len(swept) :]), here)
-    return document.place(*candidates)

@@ -28,6 +28,7 @@ from jaxnet.config.document import (
 from jaxnet.config.keys import Config
 from jaxnet.config.known import model_of
 from jaxnet.config.naming import without_empty_labels
+from jaxnet.config.sweep import joint_key, keys_in, values_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import adopt_network
 from jaxnet.kinds.kind import Kind, KindError
@@ -159,8 +160,8 @@ def has_navigator(data: Mapping[Any, Any], overrides: Mapping[str, object]) -> b
         if key.split(".")[0] in roots:
             trial.override(key, value)
     swept = trial.data.get("sweep")
-    listed = swept.get("navigator") if isinstance(swept, Mapping) else None
-    each = listed if isinstance(listed, list) and listed else [trial.data.get("navigator")]
+    listed = values_in(swept, "navigator") if isinstance(swept, Mapping) else []
+    each = listed or [trial.data.get("navigator")]
     kinds = [one if isinstance(one, Kind) else model_of("navigator", one) for one in each]
     leads = {getattr(kind, "present", True) for kind in kinds}
     return leads.pop() if len(leads) == 1 else None
@@ -193,6 +194,15 @@ def native(value: object, *keys: str | int, leads: bool | None = True) -> Plain:
     return plain(value, keys)
 
 
+def is_topology(keys: Keys) -> bool:
+    """Whether a topology stands at these keys of a config."""
+    written = keys_in(keys[1]) if keys[0] == "sweep" and len(keys) > 2 else ()
+    if len(written) > 1 and "topology" in written:
+        place = written.index("topology")
+        return keys[3:] in ((place,), ("values", place))
+    return keys == ("topology",) or (written == ("topology",) and len(keys) == 3)
+
+
 @runtime_checkable
 class Listable(Protocol):
     """An array or number of NumPy, pandas or JAX."""
@@ -203,9 +213,12 @@ class Listable(Protocol):
 def config_form(value: object, keys: Keys, leads: bool | None) -> object:
     """Return a kind, a kind's class, a metric or a network in the form of a config.
 
-    A network is a graph of networkx, or where a topology stands also a matrix of NumPy or SciPy.
+    Tuples of swept keys become text. A network is a graph of networkx, or where a topology stands
+    also a matrix of NumPy or SciPy.
     Other values are returned as they are. Raises ConfigError for a network that is no topology.
     """
+    if keys == ("sweep",) and isinstance(value, Mapping):
+        return {joint_key(k) if isinstance(k, tuple) else k: each for k, each in value.items()}
     if isinstance(value, Kind) and getattr(value, "led", False) and leads is False:
         told = "a node leads this network, and navigator is none: jaxnet.network(…, leads=False)"
         raise refusal(keys, told)
@@ -213,8 +226,7 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
         return {"kind": registry.adopt(type(value)), **without_empty_labels(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
-    swept = keys[:2] == ("sweep", "topology") and len(keys) == 3
-    if isinstance(value, np.ndarray) and not (swept or keys == ("topology",)):
+    if isinstance(value, np.ndarray) and not is_topology(keys):
         return value
     try:
         graph = adopt_network(value, leads)
