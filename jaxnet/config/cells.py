@@ -72,9 +72,8 @@ class Cell:
 
 
 def cell_name(number: int, labels: Mapping[str, object]) -> str:
-    swept = ", ".join(
-        str(value) if is_joint(key) else f"{key}={value}" for key, value in labels.items()
-    )
+    words = (value if is_joint(key) else f"{key}={value}" for key, value in labels.items())
+    swept = ", ".join(map(str, words))
     return f"cell {number}" + (f" ({swept})" if swept else "")
 
 
@@ -107,18 +106,23 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     if judges and not wrong:
         settled = settle_metrics(settled, values)
     known = KnownKeys(document.data, values)
-    refused = [*sweep.faults, *refuse_sweep(config.save, sweep, known)]
-    refused = [(("sweep", *keys), told) for keys, told in refused]
-    named = [key for key in config.labels if not (key in values or known.has(key))]
-    refused += [(split_key(f"labels.{key}"), "unknown key") for key in named]
-    problems += [Problem(document.place(keys), dotted_key(keys), told) for keys, told in refused]
+    refused = [(("sweep", *way), dotted_key(("sweep", *way)), told) for way, told in sweep.faults]
+    for key, told in refuse_sweep(config.save, sweep, known):
+        refused.append((("sweep", sweep.columns[key].written), f"sweep.{key}", told))
+    for key in (key for key in config.labels if not (key in values or known.has(key))):
+        refused.append((split_key(f"labels.{key}"), f"labels.{key}", "unknown key"))
+    problems += [Problem(document.place(keys), key, told) for keys, key, told in refused]
     problems += idle_overrides(document, sweep)
     names = {key: escape_controls(each) for key, each in config.labels.items()}
-    spanned = [Key(key, names.get(key)) for key in values if is_joint(key) or known.has(key)]
+    spanned = {
+        Key(key, names.get(key)): each
+        for key, each in sweep.columns.items()
+        if is_joint(key) or known.has(key)
+    }
     cells: tuple[Cell, ...] = ()
     if math.prod(sweep.sizes) <= MOST_SWEPT_CELLS:
         start = settled.model_copy(update={"topology": config.topology})  # cells settle their own
-        span = SweptCells(document, start, wrong, sweep, spanned, given)
+        span = SweptCells(document, start, wrong, sweep.sizes, spanned, given)
         cells, found = span.cells({*problems})
         problems += found
     if judges and not wrong:
@@ -164,42 +168,39 @@ def swept_values(given: list[Plain] | Linspace | Geomspace) -> list[Plain]:
     return [int(value) for value in spaced] if all(map(float.is_integer, spaced)) else spaced
 
 
-def refuse_sweep(save: Save | None, sweep: Sweep, known: KnownKeys) -> Iterator[tuple[Keys, str]]:
+def refuse_sweep(save: Save | None, sweep: Sweep, known: KnownKeys) -> Iterator[tuple[str, str]]:
     """Yield the key and message of each fault of a sweep before its cells are validated."""
+    values = {key: column.values for key, column in sweep.columns.items()}
     if math.prod(sweep.sizes) > MOST_SWEPT_CELLS:
-        last = list(sweep.columns.values())[-1].written
-        yield (last,), f"spans more than {MOST_SWEPT_CELLS:,} cells"
-    for key, (written, _, values, firsts, _) in sweep.columns.items():
-        told = [] if is_joint(key) else [*refuse_key(key, save, sweep, known)]
-        names = Counter(value_labels(key, [values[number] for number in sorted({*firsts})]))
-        if twice := [name for name, times in names.items() if times > 1]:
+        yield list(values)[-1], f"spans more than {MOST_SWEPT_CELLS:,} cells"
+    over_time = save is not None and (save.errors or save.trajectories != "none")
+    for number, key in enumerate(values):
+        root = key.split(".")[0]
+        if is_joint(key):
+            continue
+        if root not in Scenario.model_fields:
+            wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
+            yield key, wrong + suggestion(root, list(Scenario.model_fields))
+        elif root == "metrics":
+            yield key, "cannot be swept: all rows have the same columns"
+        elif root in KINDS and key == f"{root}.kind":
+            yield key, f"sweep {root} instead: a kind comes with keys of its own"
+        elif not known.has(key):
+            yield key, known.unknown(key)
+        if any(other.startswith(f"{key}.") for other in list(values)[:number]):
+            yield key, "must stand before the dotted keys that set into it"
+        if over_time and key in ("vehicles", "vehicle", "horizon", "output_step"):
+            yield key, "cannot be swept while save stores errors or trajectories"
+        elif key == "vehicles" and save is not None and save.vehicles:
+            yield key, "cannot be swept while save stores the errors of each vehicle"
+    for axis in range(len(sweep.sizes)):
+        keys = [key for key, column in sweep.columns.items() if column.axis == axis]
+        key, labels = keys[0], [value_labels(key, values[key]) for key in keys]
+        names = zip(*labels, strict=True) if len(keys) > 1 and not is_joint(key) else labels[0]
+        if twice := [name for name, times in Counter(names).items() if times > 1]:
             remedy = "; give each a label" if key in KINDS else ""
             remedy += ": jaxnet.network(…, label=…)" if key == "topology" else ""
-            told.append(f"two values are named {twice[0]}{remedy}")
-        about = f"{key}: " if is_joint(written) and not is_joint(key) else ""
-        yield from (((written,), about + each) for each in told)
-
-
-def refuse_key(key: str, save: Save | None, sweep: Sweep, known: KnownKeys) -> Iterator[str]:
-    """Yield the message of each fault of a swept key."""
-    root = key.split(".")[0]
-    if root not in Scenario.model_fields:
-        wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
-        yield wrong + suggestion(root, list(Scenario.model_fields))
-    elif root == "metrics":
-        yield "cannot be swept: all rows have the same columns"
-    elif root in KINDS and key == f"{root}.kind":
-        yield f"sweep {root} instead: a kind comes with keys of its own"
-    elif not known.has(key):
-        yield known.unknown(key)
-    before = itertools.takewhile(lambda other: other != key, sweep.columns)
-    if any(other.startswith(f"{key}.") for other in before):
-        yield "must stand before the dotted keys that set into it"
-    over_time = save is not None and (save.errors or save.trajectories != "none")
-    if over_time and key in ("vehicles", "vehicle", "horizon", "output_step"):
-        yield "cannot be swept while save stores errors or trajectories"
-    elif key == "vehicles" and save is not None and save.vehicles:
-        yield "cannot be swept while save stores the errors of each vehicle"
+            yield key, f"two values are named {twice[0]}{remedy}"
 
 
 def idle_overrides(document: Document, sweep: Sweep) -> Iterator[Problem]:
@@ -226,14 +227,13 @@ def line_order(problem: Problem) -> tuple[int, ...]:
 def complete_kinds(document: Document, judges: bool) -> None:
     """Write each kind as a mapping with its name; if `judges`, add what kinds read from files."""
     for field in KINDS:
-        mappings: list[tuple[Plain, Keys]] = []
+        found = holders(swept_in(document), field)
+        mappings: list[tuple[Plain, Keys]] = [(row, ("sweep", *way)) for row, way in found]
         if field in document.data:
             document.data[field] = with_kind(field, document.data[field])
             place = document.place((field, "kind"), (field,))
             document.places.setdefault((field, "kind"), place)
             mappings.append((document.data, (field,)))
-        found = holders(swept_in(document), field)
-        mappings += [(holder, ("sweep", *way)) for holder, way in found]
         for holder, at in mappings if judges else ():
             value = holder[at[-1]]
             model = model_of(field, value) if isinstance(value, dict) else None
@@ -260,8 +260,8 @@ def given_keys(document: Document, judges: bool) -> set[str]:
     default. A stored study, and a study with overrides, have every key; they were not given.
     """
     new, swept = judges and not document.settled, swept_in(document)
-    every = [key for written in swept for key in keys_in(written)]
-    dotted = [*document.overridden, *every, *(document.data if new else ())]
+    keys = [key for written in swept for key in keys_in(written)]
+    dotted = [*document.overridden, *keys, *(document.data if new else ())]
     given = {str(key).split(".")[0] for key in dotted}
     attacks, lists = (values_in(swept, key) for key in ("attack", "attack.vehicles"))
     if new or "attack.vehicles" in document.overridden:
@@ -331,7 +331,7 @@ def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
 
 
 class SweptCells:
-    """The cells of a sweep. Each value of a key is validated once for all its cells.
+    """The grid of a sweep. Each value of a key is validated once for all its cells.
 
     Swept values are set into the study with all defaults written out, the form in which it is
     stored: the stored study has the same cells.
@@ -342,20 +342,14 @@ class SweptCells:
         document: Document,
         config: Config,
         wrong: set[str],
-        sweep: Sweep,
-        spanned: Sequence[Key],
+        sizes: Sequence[int],
+        columns: Mapping[str, SweptColumn],
         given: set[str],
     ):
-        self.document, self.sweep, self.given = document, sweep, given
-        self.columns: dict[str, SweptColumn] = {key: sweep.columns[key] for key in spanned}
+        self.document, self.sizes, self.columns, self.given = document, sizes, columns, given
         self.roots: dict[str, list[str]] = {}
-        for key in itertools.filterfalse(is_joint, spanned):
+        for key in itertools.filterfalse(is_joint, columns):
             self.roots.setdefault(key.split(".")[0], []).append(key)
-        last = {root: self.columns[keys[-1]].axis for root, keys in self.roots.items()}
-        self.varied = {
-            root: [key for key in keys if self.columns[key].axis == last[root]]
-            for root, keys in self.roots.items()
-        }
         self.wrong = (wrong & {*Scenario.model_fields}) - {*self.roots}
         fields = {key: getattr(config, key) for key in Scenario.model_fields}
         fixed = {key: each for key, each in fields.items() if key not in self.roots}
@@ -374,7 +368,7 @@ class SweptCells:
         axes = [(key, each.axis, each.firsts) for key, each in self.columns.items()]
         cells: list[Cell] = []
         found: dict[Problem, list[str]] = {}
-        grid = list(itertools.product(*map(range, self.sweep.sizes)))
+        grid = list(itertools.product(*map(range, self.sizes)))
         collects = gc.isenabled()
         gc.disable()  # it would look through all cells again and again
         for number, indices in enumerate(grid):
@@ -420,24 +414,21 @@ class SweptCells:
         return None if wrong else made, problems
 
     def part_alike(self, root: str, chosen: Mapping[str, int]) -> Validated | None:
-        """Return a part with other numbers at the keys of its last axis, if nothing is wrong.
+        """Return a part with another number at the last of its swept keys, if nothing is wrong.
 
-        The numbers alone are validated. None tells that the whole part has to be.
+        The number alone is validated. None tells that the whole part has to be.
         """
-        varied, found = self.varied[root], {}
+        *others, (key, index) = chosen.items()
         nothing: Validated = None, []
-        mine = (0 if key in varied else index for key, index in chosen.items())
-        first, wrong = self.parts.get((root, *mine), nothing)
-        for key in varied:
-            value, inside = self.columns[key].values[chosen[key]], key.removeprefix(f"{root}.")
-            if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
-                return None
-            try:
-                made = model_with(inside, type(first)).model_validate({inside: value})
-            except ValidationError:
-                return None
-            found[inside] = getattr(made, inside)
-        return first.with_values(**found), []
+        first, wrong = self.parts.get((root, *(each for _, each in others), 0), nothing)
+        value, inside = self.columns[key].values[index], key.removeprefix(f"{root}.")
+        if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
+            return None
+        try:
+            made = model_with(inside, type(first)).model_validate({inside: value})
+        except ValidationError:
+            return None
+        return first.with_values(**{inside: getattr(made, inside)}), []
 
     def part(self, root: str, chosen: Mapping[str, int]) -> Validated:
         """Return the value of a key by the indices of the swept values in it, and its problems."""
@@ -446,9 +437,8 @@ class SweptCells:
             try:
                 set_value(data, split_key(key), self.columns[key].values[index])
             except LookupError as error:
-                keys = ("sweep", self.columns[key].written)
-                problem = Problem(self.document.place(keys), dotted_key(keys), str(error.args[0]))
-                return None, [problem]
+                place = self.document.place(("sweep", self.columns[key].written))
+                return None, [Problem(place, f"sweep.{key}", str(error.args[0]))]
             data[root] = with_kind(root, data[root]) if root in KINDS else data[root]
         made, _, problems = validated(model_with(root), data, functools.partial(self.place, chosen))
         return getattr(made, root), problems
@@ -458,7 +448,7 @@ class SweptCells:
         for keys in candidates:
             swept_keys = itertools.filterfalse(is_joint, chosen)
             for key in sorted(swept_keys, key=lambda key: -key.count(".")):
-                swept, here = split_key(key), ("sweep", *self.columns[key].ways[chosen[key]])
+                swept, here = split_key(key), self.columns[key].place(chosen[key])
                 if swept[: len(keys)] == keys[: len(swept)]:
                     return self.document.place((*here, *keys[len(swept) :]), here)
         return self.document.place(*candidates)

@@ -73,10 +73,12 @@ def explain(error: ErrorDetails, data: Plain) -> str:
         name = given.get("kind") if isinstance(given, dict) else given
         known = registry.kind_names(error.get("ctx", {})["family"])
         return value_message(error) + suggestion(str(name), known, fallback=False)
-    if kind == "list_type" and type(given) is int and written_keys(error) == ("attack", "vehicles"):
-        hint = f"{{random: {given}}} draws {given} in each lane, [{given}] is vehicle {given}"
-        return f"{value_message(error)}: {hint}"
-    return value_message(error)
+    hint, at = "", written_keys(error)
+    if kind == "list_type" and type(given) is int and at == ("attack", "vehicles"):
+        hint = f": {{random: {given}}} draws {given} in each lane, [{given}] is vehicle {given}"
+    elif at[:2] == ("attack", "vehicles") and isinstance(given, dict) and [*given] == ["random"]:
+        hint = ": sweep: {attack.vehicles: [{random: 1}, {random: 2}]} sweeps such numbers"
+    return value_message(error) + hint
 
 
 def written_keys(error: ErrorDetails) -> Keys:

@@ -28,7 +28,7 @@ from jaxnet.config.document import (
 from jaxnet.config.keys import Config
 from jaxnet.config.known import model_of
 from jaxnet.config.naming import without_empty_labels
-from jaxnet.config.sweep import joint_key, keys_in, values_in
+from jaxnet.config.sweep import joint_key, values_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import adopt_network
 from jaxnet.kinds.kind import Kind, KindError
@@ -194,15 +194,6 @@ def native(value: object, *keys: str | int, leads: bool | None = True) -> Plain:
     return plain(value, keys)
 
 
-def is_topology(keys: Keys) -> bool:
-    """Whether a topology stands at these keys of a config."""
-    written = keys_in(keys[1]) if keys[0] == "sweep" and len(keys) > 2 else ()
-    if len(written) > 1 and "topology" in written:
-        place = written.index("topology")
-        return keys[3:] in ((place,), ("values", place))
-    return keys == ("topology",) or (written == ("topology",) and len(keys) == 3)
-
-
 @runtime_checkable
 class Listable(Protocol):
     """An array or number of NumPy, pandas or JAX."""
@@ -213,9 +204,9 @@ class Listable(Protocol):
 def config_form(value: object, keys: Keys, leads: bool | None) -> object:
     """Return a kind, a kind's class, a metric or a network in the form of a config.
 
-    Tuples of swept keys become text. A network is a graph of networkx, or where a topology stands
-    also a matrix of NumPy or SciPy.
-    Other values are returned as they are. Raises ConfigError for a network that is no topology.
+    A network is a graph of networkx, or where a topology stands also a matrix of NumPy or SciPy.
+    Tuples of swept keys become text. Other values are returned as they are. Raises ConfigError for
+    a network that is no topology.
     """
     if keys == ("sweep",) and isinstance(value, Mapping):
         return {joint_key(k) if isinstance(k, tuple) else k: each for k, each in value.items()}
@@ -226,7 +217,8 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
         return {"kind": registry.adopt(type(value)), **without_empty_labels(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
-    if isinstance(value, np.ndarray) and not is_topology(keys):
+    swept = keys[:2] == ("sweep", "topology") and len(keys) == 3
+    if isinstance(value, np.ndarray) and not (swept or keys == ("topology",)):
         return value
     try:
         graph = adopt_network(value, leads)

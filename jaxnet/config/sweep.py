@@ -51,8 +51,12 @@ class SweptColumn(NamedTuple):
     written: str  # the key of the sweep
     axis: int
     values: list[Plain]
-    firsts: Sequence[int] = ()  # by value, the number of the first that equals it
-    ways: Sequence[Keys] = ()  # by value, the keys that lead to it
+    firsts: Sequence[int]  # by value, the number of the first that equals it
+    ways: Sequence[Keys] = ()  # by value, the keys that lead to it; none if the key is alone
+
+    def place(self, number: int) -> Keys:
+        """Return the keys that lead to a value."""
+        return ("sweep", *(self.ways[number] if self.ways else (self.written, number)))
 
 
 class Sweep:
@@ -64,36 +68,26 @@ class Sweep:
         self.faults: list[tuple[Keys, str]] = []
         for written, listed in given.items():
             keys = keys_in(written)
-            found = [*self.key_faults(keys)] or [*entry_faults(len(keys), listed)]
+            taken = [key for n, key in enumerate(keys) if key in self.columns or key in keys[:n]]
+            found = [((), f"{key} is swept twice") for key in taken]
+            found = found or [*entry_faults(len(keys), listed)]
             self.faults += [((written, *way), told) for way, told in found]
             if not found:
                 self.add_axis(written, keys, listed)
 
     def add_axis(self, written: str, keys: tuple[str, ...], listed: list[Plain]) -> None:
-        axis, every, several = len(self.sizes), range(len(listed)), len(keys) > 1
-        named = several and isinstance(listed[0], dict)
+        axis, every = len(self.sizes), range(len(listed))
         self.sizes.append(len(listed))
-        if named:
+        if len(keys) == 1:
+            self.columns[written] = SweptColumn(written, axis, listed, every)
+            return
+        if isinstance(listed[0], dict):
             labels = [entry["label"] for entry in listed]
             self.columns[joint_key(keys)] = SweptColumn(written, axis, labels, every)
         for key in keys:
             rows = [*holders({written: listed}, key)]
             values, ways = [row[way[-1]] for row, way in rows], [way for _, way in rows]
-            firsts = first_equal(values) if several else every
-            self.columns[key] = SweptColumn(written, axis, values, firsts, ways)
-        if several and not named:
-            rows = first_equal([*zip(*(self.columns[key].firsts for key in keys), strict=True)])
-            again = [number for number in every if rows[number] < number]
-            self.faults += [((written, number), "stands twice") for number in again]
-
-    def key_faults(self, keys: tuple[str, ...]) -> Iterator[tuple[Keys, str]]:
-        for number, key in enumerate(keys):
-            if not key:
-                yield (), "a key is missing beside a comma"
-            elif key in self.columns:
-                yield (), f"{key} is swept twice, also by sweep.{self.columns[key].written}"
-            elif key in keys[:number]:
-                yield (), f"{key} stands twice"
+            self.columns[key] = SweptColumn(written, axis, values, first_equal(values), ways)
 
 
 def first_equal(values: Sequence[Plain]) -> list[int]:

@@ -86,12 +86,12 @@ def test_what_reads_alike_is_one_study():
     ]
 
 
-def test_a_matrix_stands_for_a_topology_of_a_pair():
-    chain = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    for entry in ((chain, 0.1), {"values": (chain, 0.1), "label": "chain"}):
-        keys = {"attack": "none", "sweep": {("topology", "tick"): [entry]}}
-        (cell,) = jaxnet.load(keys).cells
+def test_a_network_stands_in_a_pair():
+    chain = jaxnet.network(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), label="chain")
+    for entry in ((chain, 0.1), {"values": (chain, 0.1), "label": "slow"}):
+        (cell,) = jaxnet.load({"attack": "none", "sweep": {("topology", "tick"): [entry]}}).cells
         assert (cell.scenario.vehicles, cell.scenario.tick) == (2, 0.1)
+        assert cell.labels["topology"] == "chain"
 
 
 def test_a_run_goes_on_in_shards_and_is_replayed(tmp_path):
