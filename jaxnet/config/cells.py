@@ -350,6 +350,10 @@ class SweptCells:
         self.roots: dict[str, list[str]] = {}
         for key in itertools.filterfalse(is_joint, columns):
             self.roots.setdefault(key.split(".")[0], []).append(key)
+        self.varied = {  # keys of the last axis in a root
+            root: [key for key in keys if columns[key].axis == columns[keys[-1]].axis]
+            for root, keys in self.roots.items()
+        }
         self.wrong = (wrong & {*Scenario.model_fields}) - {*self.roots}
         fields = {key: getattr(config, key) for key in Scenario.model_fields}
         fixed = {key: each for key, each in fields.items() if key not in self.roots}
@@ -414,21 +418,24 @@ class SweptCells:
         return None if wrong else made, problems
 
     def part_alike(self, root: str, chosen: Mapping[str, int]) -> Validated | None:
-        """Return a part with another number at the last of its swept keys, if nothing is wrong.
+        """Return a part with other numbers at the keys of its last axis, if nothing is wrong.
 
-        The number alone is validated. None tells that the whole part has to be.
+        The numbers alone are validated. None tells that the whole part has to be.
         """
-        *others, (key, index) = chosen.items()
-        nothing: Validated = None, []
-        first, wrong = self.parts.get((root, *(each for _, each in others), 0), nothing)
-        value, inside = self.columns[key].values[index], key.removeprefix(f"{root}.")
-        if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
-            return None
-        try:
-            made = model_with(inside, type(first)).model_validate({inside: value})
-        except ValidationError:
-            return None
-        return first.with_values(**{inside: getattr(made, inside)}), []
+        nothing, found = (None, []), dict[str, Any]()
+        varied = self.varied[root]
+        like = (0 if key in varied else index for key, index in chosen.items())
+        first, wrong = self.parts.get((root, *like), nothing)
+        for key in varied:
+            value, inside = self.columns[key].values[chosen[key]], key.removeprefix(f"{root}.")
+            if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
+                return None
+            try:
+                made = model_with(inside, type(first)).model_validate({inside: value})
+            except ValidationError:
+                return None
+            found[inside] = getattr(made, inside)
+        return first.with_values(**found), []
 
     def part(self, root: str, chosen: Mapping[str, int]) -> Validated:
         """Return the value of a key by the indices of the swept values in it, and its problems."""
