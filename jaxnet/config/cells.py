@@ -109,15 +109,13 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     refused = [(("sweep", *way), dotted_key(("sweep", *way)), told) for way, told in sweep.faults]
     for key, told in refuse_sweep(config.save, sweep, known):
         refused.append((("sweep", sweep.columns[key].written), f"sweep.{key}", told))
-    for key in (key for key in config.labels if not (key in values or known.has(key))):
+    for key in itertools.filterfalse(known.has, config.labels):
         refused.append((split_key(f"labels.{key}"), f"labels.{key}", "unknown key"))
     problems += [Problem(document.place(keys), key, told) for keys, key, told in refused]
     problems += idle_overrides(document, sweep)
     names = {key: escape_controls(each) for key, each in config.labels.items()}
-    spanned = {
-        Key(key, names.get(key)): each
-        for key, each in sweep.columns.items()
-        if is_joint(key) or known.has(key)
+    spanned: dict[str, SweptColumn] = {
+        Key(key, names.get(key)): each for key, each in sweep.columns.items() if known.has(key)
     }
     cells: tuple[Cell, ...] = ()
     if math.prod(sweep.sizes) <= MOST_SWEPT_CELLS:
@@ -455,7 +453,8 @@ class SweptCells:
         for keys in candidates:
             swept_keys = itertools.filterfalse(is_joint, chosen)
             for key in sorted(swept_keys, key=lambda key: -key.count(".")):
-                swept, here = split_key(key), self.columns[key].place(chosen[key])
+                column, number, swept = self.columns[key], chosen[key], split_key(key)
+                here = ("sweep", *(column.ways[number] if column.ways else (key, number)))
                 if swept[: len(keys)] == keys[: len(swept)]:
                     return self.document.place((*here, *keys[len(swept) :]), here)
         return self.document.place(*candidates)

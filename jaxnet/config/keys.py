@@ -458,9 +458,7 @@ class Config(Scenario):
         default=None, description="what jaxnet search chooses and maximises"
     )
     sweep: dict[str, SweptValues] = Field(
-        default={},
-        description="dotted key: values; cells are the product; keys with a comma between take"
-        " lists of values together",
+        default={}, description="dotted key, or keys with commas: values; cells are the product"
     )
     labels: dict[str, str] = Field(
         default={}, description="dotted key: the name of this key in figures, tables and pages"

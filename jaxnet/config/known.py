@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 
 from jaxnet.config.document import Keys, Plain, PlainMapping, dotted_key
 from jaxnet.config.keys import KINDS, Channel, Config, Initial, Scenario
+from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK
 from jaxnet.kinds.kind import Kind, KindError
@@ -120,6 +121,8 @@ class KnownKeys:
             self.models[root] = [model for each in given if (model := model_of(root, each))]
 
     def has(self, key: str) -> bool:
+        if is_joint(key):
+            return all(map(self.has, keys_in(key)))
         root, *inside = key.split(".")
         models = self.models.get(root, [])
         anything = any(each.model_config.get("extra") == "allow" for each in models)

@@ -54,10 +54,6 @@ class SweptColumn(NamedTuple):
     firsts: Sequence[int]  # by value, the number of the first that equals it
     ways: Sequence[Keys] = ()  # by value, the keys that lead to it; none if the key is alone
 
-    def place(self, number: int) -> Keys:
-        """Return the keys that lead to a value."""
-        return ("sweep", *(self.ways[number] if self.ways else (self.written, number)))
-
 
 class Sweep:
     """The grid of a sweep, by columns: keys, and joint keys with labels. It leaves out `faults`."""

@@ -82,8 +82,10 @@ def test_check_lists_entries_not_products():
 
 
 def test_a_number_without_dimension_has_no_unit():
-    for unit, time, column in [("1", "max", ""), ("1", "integral", "s"), ("m", "integral", "m·s")]:
-        assert Metric("ratio", unit, lambda seen: seen.speed, time=time).column_unit == column
+    assert Metric("ratio", "1", lambda seen: seen.speed).column_unit == ""
+    for unit, column in [("1", "s"), ("", "s"), ("m", "m·s")]:
+        summed = Metric("ratio", unit, lambda seen: seen.speed, time="integral")
+        assert summed.column_unit == column
     ratio = Metric("ratio", "1", lambda seen: abs(seen.speed), words="a ratio")
     results = jaxnet.simulate(STUDY | {"metrics": [ratio], "samples": 2})
     assert "ratio, median" in [each.title for each in summary_columns(results)]
