@@ -42,8 +42,12 @@ class Observation(NamedTuple):
         Whether each vehicle is attacked, (m, lanes).
     start
         Position of each vehicle at t = 0 [m], (2, m, lanes).
-    inputs_now
-        Function that returns `inputs`, which nobody needs in most studies.
+    inputs_now, errors_at_start
+        Functions that return `inputs`, and `error` at t = 0, which nobody needs in most studies.
+    time, next_time
+        Time of this output and of the next one [s], (lanes,); infinite after the last one.
+    leads
+        Whether there is a navigator.
     alarms
         Alarms over messages judged until now, of attacked and of honest links, (2, lanes); None
         without a detector.
@@ -69,6 +73,10 @@ class Observation(NamedTuple):
     attacked: Bool[Array, "m *lanes"]
     start: Float[Array, "2 m *lanes"]
     inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
+    errors_at_start: Callable[[], Float[Array, "2 m *lanes"]]
+    time: Float[Array, "*lanes"]
+    next_time: Float[Array, "*lanes"]
+    leads: bool = True
     alarms: Float[Array, "2 *lanes"] | None = None
 
     @property

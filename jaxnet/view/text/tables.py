@@ -16,7 +16,7 @@ from jaxnet.statistics.choice import Where
 from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.summary import LANE_SHARES, hull_note
+from jaxnet.statistics.summary import LANE_SHARES, UNSETTLED_NOTE, hull_note
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -93,6 +93,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         told = {name.split("_")[0] for name in names}
         notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in told]
         notes += [hull_note(config, cells)] if "in_hull" in names else []
+    notes += [UNSETTLED_NOTE] * ("unsettled" in names)
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
