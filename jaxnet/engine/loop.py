@@ -156,6 +156,7 @@ class Fleet(NamedTuple):
     status: Code
     stood: LaneFlags  # lanes with a vehicle that was singular at an output time
     gathered: Gathered
+    windows: metrics.Windows
 
 
 def begin(motion: Motion, ticks: Ticks) -> Fleet:
@@ -179,6 +180,7 @@ def begin(motion: Motion, ticks: Ticks) -> Fleet:
         status=status,
         stood=jnp.zeros(zero.shape, bool),
         gathered=metrics.nothing(plan.metrics, lane.initial.shape[1:]),
+        windows=metrics.Windows(*[jnp.full(zero.shape, jnp.inf)] * 2),
     )
 
 
@@ -318,7 +320,8 @@ def measure(
     gathered = metrics.add(motion.plan.metrics, fleet.gathered, seen, due, output, motion.clock)
     apart = fleet.decided.coasting.may_stop(motion.lane)
     stood = fleet.stood | (due & is_singular(motion.lane, seen.state, apart))
-    fleet = fleet._replace(gathered=gathered, stood=stood)
+    windows = fleet.windows.after(seen, due, output, motion.clock)
+    fleet = fleet._replace(gathered=gathered, stood=stood, windows=windows)
     return fleet, metrics.series(motion.plan.save, seen)
 
 
@@ -339,6 +342,7 @@ def outcome_of(fleet: Fleet, motion: Motion, series: Series) -> Outcome:
         unheard=fleet.unheard,
         series=series | metrics.vehicle_errors(plan.save, gathered, clock, ok),
         cut_off=cut_off | {"stopped": stopped},
+        tail_fall=jnp.where(ok, fleet.windows.fall(), jnp.nan),
     )
 
 

@@ -197,6 +197,42 @@ def measured(metric: Metric, seen: Observation, shape: tuple[int, ...]) -> Float
         raise KindError(f"{told}; expected: numbers, (m, lanes) = {shape}") from None
 
 
+class Windows(NamedTuple):
+    """Sums of the judged error [m] over windows of half a tail's output times, (lanes,).
+
+    The last window ends the run. Sums of windows that began before t = 0 are infinite.
+    """
+
+    last: Float[Array, "*lanes"]  # of the window under way
+    least: Float[Array, "*lanes"]  # the least of those before it
+
+    def after(
+        self,
+        seen: Observation,
+        there: Bool[Array, "*lanes"],
+        output: Int[Array, "*some"],
+        clock: Clock,
+    ) -> "Windows":
+        """The windows with the output time of number `output`, in the lanes `there`."""
+        size, left = jnp.maximum(clock.tail_outputs // 2, 1), clock.outputs - output
+        ended = jnp.where((left + 1) % size == 0, self.last, jnp.inf)
+        began = jnp.where((left + 1) % size == 0, 0.0, self.last)
+        now = Windows(began + judged_error(seen), jnp.minimum(self.least, ended))
+        return Windows(*(jnp.where(there, *pair) for pair in zip(now, self, strict=True)))
+
+    def fall(self) -> Float[Array, "*lanes"]:
+        """How far the last window is below the least of the others, a share of the greater."""
+        most = jnp.maximum(self.last, self.least)
+        return (self.least - self.last) / jnp.where(most > 0, most, 1.0)
+
+
+def judged_error(seen: Observation) -> Float[Array, "*lanes"]:
+    """Mean error of the fleet; without a navigator the greatest of honest vehicles [m]."""
+    if seen.leads:
+        return seen.errors().mean(axis=0)
+    return jnp.where(seen.attacked, 0.0, seen.errors()).max(axis=0)
+
+
 def finite(gathered: Gathered) -> Bool[Array, "*lanes"]:
     """The lanes in which every metric of the contract is finite for every vehicle."""
     return jnp.isfinite(jnp.stack([gathered[metric.name] for metric in CONTRACT])).all(axis=(0, 1))

@@ -17,6 +17,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
 from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.statistics.amplitude import amplitude_note, attack_size
+from jaxnet.statistics.falling import still_falls
 from jaxnet.statistics.intervals import (
     CONFIDENCE,
     UNKNOWN,
@@ -138,7 +139,9 @@ def summarise(
     table = []
     metrics = [*SUMMARISED, *(each.name for each in study.measured()[len(CONTRACT) :])]
     shares = asked_shares(study, cells)
-    for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
+    for number, lanes in rows.scan_cells(
+        folder, shards, ("sample", "status", *metrics, "tail_fall")
+    ):
         cell = cells[number]
         ok: Any = lanes[lanes["status"] == "ok"]
         row: dict[str, Any] = {**cell.labels, "lanes": len(lanes)}
@@ -151,7 +154,9 @@ def summarise(
         for name in shares:
             counted = LANE_SHARES[name].which(study, cell, ok)
             row |= dict(zip(share_names(name), share_estimate(counted, sure), strict=True))
-        table.append(row)
+        least = np.fmax(threshold(cell, study.recovery), cell.scenario.engine.accuracy)
+        falls = ok["tail_fall"].to_numpy(), ok[cell.scenario.judged].to_numpy()
+        table.append(row | {"falling": int(still_falls(*falls, least))})
     return pd.DataFrame(table)
 
 

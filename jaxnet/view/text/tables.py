@@ -13,6 +13,7 @@ from jaxnet.model.wording import cells_named, count, count_between
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
+from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
@@ -100,7 +101,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         share = 1 - below_greatest(int(lanes[lanes > 0].min()))
         words = f"with 95 % confidence at most {share:.2%} of all lanes of a cell are over it"
         notes.append(f"worst is the greatest of the lanes simulated: {words}")
-    return notes + caveat_lines(cells)
+    return [*filter(None, [falling_words(results, cells)]), *notes, *caveat_lines(cells)]
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
@@ -251,6 +252,7 @@ def lane_text(results: Results, row: pd.Series) -> str:
     lines = row.map(lambda value: cut_text(value, room)).to_string()
     if stored is None:
         return f"{lines}\nno such row is stored"
-    apart = stored.compare(row, result_names=("stored", "replayed"))
+    known: Any = row[stored.index]  # without columns that earlier versions had not
+    apart = stored.compare(known, result_names=("stored", "replayed"))
     differs = f"DIFFERS from the stored row:\n{apart}"
     return f"{lines}\n{'the same as the stored row' if apart.empty else differs}"
