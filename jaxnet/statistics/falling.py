@@ -25,7 +25,7 @@ from jaxnet.store.results import Results
 
 LEAST_FALL, GREAT_FALL = 0.05, 0.2  # of the error: the median of many lanes; each of a few
 LEVEL = 0.01  # of the sign test
-FEW = 7  # lanes, of which all must fall for a rejection: 2⁻⁷ < 1 %
+TOO_FEW = 7  # lanes, of which all must fall for a rejection: 2⁻⁷ < 1 %
 LONGER = 3  # times the horizon
 
 
@@ -37,7 +37,7 @@ def still_falls(
     Errors up to `least` [m] do not count.
     """
     known = fall[error > least]
-    if len(fall) < FEW:
+    if len(fall) < TOO_FEW:
         return bool(len(known) == len(fall) > 0 and (known > GREAT_FALL).all())
     if not len(known) or np.median(known) <= LEAST_FALL:
         return False
