@@ -8,10 +8,10 @@ falls if
 - their median falls by over 5 %, and more of them fall than rise, by a one-sided sign test at 1 %;
 - or the cell has fewer than seven lanes, too few for the test, and each falls by over a fifth.
 
-A lane that has settled is as often above that least as below it, or more often: there are two
-windows or more. So at most 1 % of cells are marked that have settled, however large the errors of
-their lanes are, if these are independent. Errors that swing with one phase in all lanes are not
-marked either once an earlier window has seen the same phase.
+Where each window of a settled lane is as likely to be the lowest, a lane falls at most every second
+time: two windows or more are there. At most 1 % of settled cells with independent lanes are then
+marked. An error that swings with one phase in all lanes is not marked either, once an earlier window
+has seen the same phase.
 """
 
 from collections.abc import Sequence
