@@ -10,8 +10,8 @@ falls if
 
 Where each window of a settled lane is as likely to be the lowest, a lane falls at most every second
 time: two windows or more are there. At most 1 % of settled cells with independent lanes are then
-marked. An error that swings with one phase in all lanes is not marked either, once an earlier window
-has seen the same phase.
+marked. An error that swings with one phase in all lanes is not marked either, once an earlier
+window has seen the same phase.
 """
 
 from collections.abc import Sequence
