@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.fields import PI, EachPosition, median, value_range
+from jaxnet.kinds.kind import is_number
 from jaxnet.model import graph
 from jaxnet.model.axis import PlaneGains, companion
 from jaxnet.theory.case import Case
@@ -73,19 +74,6 @@ def flow_norms(gain: PlaneGains, step: float) -> Float[np.ndarray, "times r"]:
     return np.linalg.norm(blocks, 2, axis=(1, 3))
 
 
-class Medians:
-    """Draws one lane, in which each number is the median of what may be drawn."""
-
-    def one(self, number: Any, name: str) -> np.ndarray:
-        return np.array([median(number)])
-
-    def each(self, number: Any, name: str) -> np.ndarray:
-        return np.array([[[median(number)]]])
-
-    def several(self, numbers: Any, name: str) -> np.ndarray:
-        return np.array([[median(number) for number in numbers]])
-
-
 def start_sizes(scenario: Scenario) -> Float[np.ndarray, " r"]:
     """Greatest ‖E^(k)(0)‖ over all starts that may be drawn; infinite where they have no bound.
 
@@ -102,7 +90,9 @@ def start_sizes(scenario: Scenario) -> Float[np.ndarray, " r"]:
     at = np.indices((2, 2, HEADINGS, 2)).reshape(4, -1)
     start = np.stack([x[:, at[0]], y[:, at[1]]])
     pose = (np.broadcast_to(each, start[0].shape) for each in (headings[at[2]], speeds[at[3]]))
-    vehicle: Any = scenario.vehicle.drawn(Medians(), "vehicle")  # pyright: ignore
+    numbers = {key: each for key, each in scenario.vehicle.config_keys().items() if is_number(each)}
+    medians = {key: np.array([median(number)]) for key, number in numbers.items()}
+    vehicle: Any = scenario.vehicle.with_values(**medians)
     own = np.stack(vehicle.output_jets(vehicle.start(start, *pose)))
     path = np.asarray(scenario.navigator.jets(np.zeros(1)))[: len(own), :, None]
     return np.linalg.norm(own - path, axis=1).max(axis=(1, 2))

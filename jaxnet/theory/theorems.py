@@ -8,18 +8,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from jaxnet.config.scenario import MOTION, missing
-from jaxnet.theory import (
-    announced,
-    certificate,
-    delay,
-    noise,
-    rounds,
-    safe,
-    solution,
-    start,
-    tolerance,
-)
+from jaxnet.theory import announced, certificate, delay, noise, rounds, safe, solution, tolerance
 from jaxnet.theory.case import Case
+from jaxnet.theory.start import start_decay
 
 
 class Theorem(NamedTuple):
@@ -40,7 +31,7 @@ MEAN_SQUARE = ("one gain", "flat", "one network", "on time", "drops", "no decisi
 WHILE_REACHED = ("leader", "solved", "flat", "one network", "on time", "drops")
 IN_TURNS = ("leader", "small", "solved", "flat")
 
-START = Theorem("O1", "start", AT_LAST, start.start_decay)
+START = Theorem("O1", "start", AT_LAST, start_decay)
 
 THEOREMS = (
     Theorem("O5", "inverse norm", ("leader",), certificate.inverse_norm_of),
