@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE
+from jaxnet.config.sweep import keys_in
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.amplitude import attack_size
 
@@ -60,6 +61,12 @@ def evenly_over(labels: Sequence[Mapping[str, Label]], most: int) -> list[int]:
     return found if 2 * len(found) > min(most, len(labels)) else evenly(range(len(labels)), most)
 
 
+def is_decided(cells: Sequence[Cell], keys: Sequence[str], key: str) -> bool:
+    """Whether the values of some keys decide that of another, as of keys swept together."""
+    found = {(tuple(cell.labels[each] for each in keys), cell.labels[key]) for cell in cells}
+    return len(found) == len({those for those, _ in found})
+
+
 def scenes(cells: Sequence[Cell]) -> list[Group]:
     """Groups of cells that differ only in ā, fixed or drawn, in the study's order."""
     members: dict[tuple[tuple[str, Label], ...], list[Cell]] = {}
@@ -85,5 +92,5 @@ def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
     return {
         key: label
         for key, label in cell.labels.items()
-        if key != MAGNITUDE or isinstance(label, str)
+        if MAGNITUDE not in keys_in(key) or (key == MAGNITUDE and isinstance(label, str))
     }

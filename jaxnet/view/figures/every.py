@@ -10,12 +10,14 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
+from jaxnet.config.naming import label_notes
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import band_groups, error_bands, variable_over_time, vehicle_table
 from jaxnet.statistics.choice import Where, as_list, select_cells
 from jaxnet.statistics.curves import MOST_PANELS, Curve, curves, no_magnitudes
+from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.groups import evenly, evenly_over
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
@@ -48,6 +50,7 @@ TWO_KEYS = (
     "two swept keys with two values each among these cells",
     "a sweep of two values at least of two keys, such as defence and attack.frequency",
 )
+OF_THE_TAIL = ("tails", "vehicles", "curve", "heat", "heat_worst", "ultimate", "ultimate_mean")
 NO_CHOICE: Mapping[str, object] = {}
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
 LONGEST_FILE_NAME = 100  # letters of a file's name
@@ -134,6 +137,10 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             look["figure.figsize"] = asked[0], asked[1] / LEAST_PANEL
         with mpl.rc_context(look):
             made = draw(self, cells, asked[0] if asked else COLUMN_WIDTHS[column], **axes)
+            notes = label_notes(self.results.study.config.sweep, [cell.labels for cell in cells])
+            if draw.__name__ in OF_THE_TAIL:
+                notes += filter(None, [falling_words(self.results, cells)])
+            multiples.write_note(made, multiples.escape_dollars("; ".join(notes)))
             if asked:
                 multiples.set_size(made, asked)
         if not note:
