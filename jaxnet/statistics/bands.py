@@ -65,9 +65,8 @@ def error_bands(stored: xr.DataArray, cells: Sequence[Cell]) -> dict[int, Band]:
     for cell in cells:
         values = whole_lanes(stored.isel(cell=cell.number).values[:, instants])
         if len(values):
-            low, median, high, greatest = map(
-                without_start, np.quantile(values, BAND_QUANTILES, axis=0)
-            )
+            quantiles = np.quantile(values, BAND_QUANTILES, axis=0)
+            low, median, high, greatest = map(without_start, quantiles)
             time = stored["time"].values[instants]
             found[cell.number] = Band(time, low, median, high, greatest, len(values))
     return found

@@ -53,11 +53,8 @@ def evenly_over(labels: Sequence[Mapping[str, Label]], most: int) -> list[int]:
     while math.prod(map(len, kept.values())) > most and len(labels) > most:
         longest = max(kept, key=lambda key: len(kept[key]))
         kept[longest] = evenly(there[longest], len(kept[longest]) - 1)
-    found = [
-        place
-        for place, each in enumerate(labels)
-        if all(each[key] in values for key, values in kept.items())
-    ]
+    whole = [all(each[key] in kept[key] for key in kept) for each in labels]
+    found = np.flatnonzero(whole).tolist()
     return found if 2 * len(found) > min(most, len(labels)) else evenly(range(len(labels)), most)
 
 

@@ -119,7 +119,11 @@ def test_curves_that_coincide_are_parted_on_the_page_as_in_print():
     cells = study_cells(**OF_RULES)
     drawing = swept_drawing(numbered(cells), choose_axes(cells), cells)
     (panel,) = printed(drawing).axes
-    lines = [list(line.get_data()[0]) for line in panel.lines if line.get_marker() in MARKERS]
+    lines = [
+        np.asarray(line.get_xdata()).tolist()
+        for line in panel.lines
+        if line.get_marker() in MARKERS
+    ]
     (figure,) = re.findall(r'<script type="application/json">(.*?)</script>', plotted(drawing))
     read = json.loads(figure)
     assert [trace["x"] for trace in read["data"]] == lines

@@ -22,17 +22,8 @@ from jaxnet.statistics.axes import (
 )
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.quantities import VALUE_COLUMNS, Quantity
-from jaxnet.view.drawings.drawing import (
-    LOOKS,
-    MARKERS,
-    Drawing,
-    Look,
-    Panel,
-    Scale,
-    Trace,
-    colours_of,
-    dodge,
-)
+from jaxnet.view.drawings import drawing
+from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Look, Panel, Scale, Trace
 
 ROW_SHARE = 0.7  # of a named row, that its colours take
 
@@ -58,7 +49,7 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         where = np.array(at, dtype=float)[order]
         moved = 1.0, 0.0
         if numbers:
-            points, moved = (where, value, "both"), dodge(place, len(looks), across)
+            points, moved = (where, value, "both"), drawing.dodge(place, len(looks), across)
         else:
             shift = ROW_SHARE * ((place + 0.5) / len(looks) - 0.5)
             points = value, where + shift, "points"
@@ -83,7 +74,7 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
 
 def hue_looks(values: Sequence[Label]) -> list[Look]:
     """A look for each value of the hue: few have colours of their own, more numbers a scale."""
-    looks = colours_of(values) if numeric(values) else LOOKS
+    looks = drawing.colours_of(values) if numeric(values) else LOOKS
     return [
         looks[place % len(looks)]._replace(marker=MARKERS[place % len(MARKERS)])
         for place in range(max(1, len(values)))
