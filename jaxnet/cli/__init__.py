@@ -92,8 +92,7 @@ def check_command(config: Path, overrides: tuple[str, ...], cell: int | None) ->
     with texts.progress.report_work("checking what theory says"):
         if study.config.scope.known:  # classes from outside are tried, which takes JAX
             shards.try_kinds(study.config, study.cells, engines.batch.EVERYTHING)
-        told = texts.check.check_text(study, cell)
-    errors.echo(told)
+        errors.echo(texts.check.check_text(study, cell))
 
 
 class ShardOf(click.ParamType):
@@ -501,5 +500,4 @@ def export_command(results: str, **chosen: str | None) -> None:
     opened = jaxnet.open(results)
     for form, out in asked.items():
         with texts.progress.report_work(f"writing {form}"):
-            written = opened.export(out or None, form)
-        errors.echo(f"wrote {written}", err=True)
+            errors.echo(f"wrote {opened.export(out or None, form)}", err=True)

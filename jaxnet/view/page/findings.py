@@ -77,8 +77,8 @@ def where_words(results: Results, numbers: Sequence[int]) -> str:
     return f"with {escape(labels_title(labels))} (cell {numbers[0]}){more}"
 
 
-def at_ends(results: Results, values: pd.Series, words: Callable[[float, int], str]) -> list[str]:
-    """The least and the greatest value in words, each with its cells; one if they read alike."""
+def span_words(results: Results, values: pd.Series, words: Callable[[float, int], str]) -> str:
+    """What a value is: the least and the greatest, each with its cells; one if they read alike."""
     ends = {}
     for end in (values.min(), values.max()):
         numbers = [int(cell) for cell in values.index[values == end]]
@@ -86,13 +86,8 @@ def at_ends(results: Results, values: pd.Series, words: Callable[[float, int], s
     if len(ends) == 1:
         everywhere = [int(cell) for cell in values.index]
         ends = dict.fromkeys(ends, everywhere)
-    return [f"{told} {where_words(results, numbers)}" for told, numbers in ends.items()]
-
-
-def span_words(results: Results, values: pd.Series, words: Callable[[float, int], str]) -> str:
-    """What a value is: one in all cells, or the least and the greatest with their cells."""
-    ends = at_ends(results, values, words)
-    return f"ranges from {' to '.join(ends)}" if len(ends) > 1 else f"is {ends[0]}"
+    told = [f"{words} {where_words(results, numbers)}" for words, numbers in ends.items()]
+    return f"ranges from {' to '.join(told)}" if len(told) > 1 else f"is {told[0]}"
 
 
 def judged_word(results: Results) -> str:
@@ -241,11 +236,11 @@ def search_sentence(results: Results) -> str:
         return ""
     unit = " ā" if worst.is_per_size(results) else ""
     found, random = rows[worst.LENGTHS["found"]], rows[worst.LENGTHS["random"]].max()
-    ends = at_ends(results, found, lambda end, _: f"<b>{error_text(end)}{unit}</b>")
+    span = span_words(results, found, lambda end, _: f"<b>{error_text(end)}{unit}</b>")
     lanes = count(int(rows[worst.SEARCH_LANES].max()), "lane")
     return (
-        f"The search brought the {escape(worst.metric_words(results))} to {' and to '.join(ends)},"
-        f" by {lanes} a cell at most; as many random lanes reach {error_text(random)}{unit}."
+        f"By search the {escape(worst.metric_words(results))} {span}, in {lanes} of a cell at most;"
+        f" as many random lanes reach {error_text(random)}{unit}."
     )
 
 
