@@ -21,6 +21,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
 from jaxnet.config.scenario import interval_of
 from jaxnet.config.spacings import multiples
+from jaxnet.config.sweep import values_in
 from jaxnet.lazy import LazyModule
 from jaxnet.store import gate
 from jaxnet.store.folder import Folder, FolderError
@@ -74,7 +75,8 @@ class RowColumns(NamedTuple):
 
     def names(self, cell: Cell) -> list[str]:
         metrics = [metric.name for metric in cell.scenario.measured()]
-        return ["cell", "sample", *self.swept, "status", *metrics, *ROW_COUNTS, *self.isolation]
+        names = ["cell", "sample", *self.swept, "status", *metrics, "tail_fall"]
+        return [*names, *ROW_COUNTS, *self.isolation]
 
     def table(self, shard: Shard, outcome: "Outcome") -> pa.Table:
         count, scenario = len(shard.samples), shard.cell.scenario
@@ -86,6 +88,7 @@ class RowColumns(NamedTuple):
             columns[key] = pa.array([shard.cell.labels[key]] * count, type=kind)
         columns["status"] = np.array(status.Status._member_names_, object)[outcome.status]
         columns |= {metric.name: outcome.metrics[metric.name] for metric in scenario.measured()}
+        columns["tail_fall"] = outcome.tail_fall
         columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
         for name in self.isolation:
             columns[name] = pa.array(outcome.cut_off[name], type=ISOLATION[name])
@@ -106,8 +109,8 @@ def row_columns(study: Config, cells: Sequence[Cell]) -> RowColumns:
     """
     swept = {}
     for key, label in cells[0].labels.items():
-        given = study.sweep[key]
-        whole = isinstance(given, list) and all(isinstance(value, int) for value in given)
+        listed = values_in(study.sweep, key)
+        whole = bool(listed) and all(isinstance(value, int) for value in listed)
         number = pa.int64() if whole else pa.float64()
         swept[key] = pa.string() if isinstance(label, str) else number
     defences = [cell.scenario.defence for cell in cells if cell.scenario.law.couples()]

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from jaxnet.config.scenario import MOTION, missing
 from jaxnet.theory import announced, certificate, delay, noise, rounds, safe, solution, tolerance
 from jaxnet.theory.case import Case
+from jaxnet.theory.start import start_decay
 
 
 class Theorem(NamedTuple):
@@ -29,6 +30,8 @@ OF_DELAY = ("flat", "one network", "every message", "no decisions", "steady dela
 MEAN_SQUARE = ("one gain", "flat", "one network", "on time", "drops", "no decisions", "small")
 WHILE_REACHED = ("leader", "solved", "flat", "one network", "on time", "drops")
 IN_TURNS = ("leader", "small", "solved", "flat")
+
+START = Theorem("O1", "start", AT_LAST, start_decay)
 
 THEOREMS = (
     Theorem("O5", "inverse norm", ("leader",), certificate.inverse_norm_of),
@@ -51,6 +54,7 @@ THEOREMS = (
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
     Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
+    START,
 )
 
 

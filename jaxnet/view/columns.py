@@ -85,6 +85,7 @@ class Column(NamedTuple):
     scale: float = 1.0  # by which text multiplies the values: 100 for shares
     key: str | None = None  # the swept key whose labels the values are
     across: str = ""  # in a pivoted table, the LaTeX title above the columns of one quantity
+    endless: str = "inf"  # text of infinity
 
     @property
     def values(self) -> list[Any]:
@@ -116,7 +117,7 @@ class Column(NamedTuple):
         if self.key is not None and not isinstance(value, int | float):
             return value_alone(self.key, value)
         digits = RESULT_DIGITS if self.key is None else NAME_DIGITS
-        return digits_text(value, digits, self.whole)
+        return self.endless if value == math.inf else digits_text(value, digits, self.whole)
 
     def intervals(self) -> list[str]:
         """Intervals as text: a dash where there is none, empty where no cell has one."""
@@ -222,7 +223,7 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
     The other swept keys stand first, a row for each combination of their values. Then come the
     columns of each quantity, one for each value of the key.
 
-    Raises FolderError if the key is not swept.
+    Raises FolderError if the key is not swept, or takes values together with other keys.
     """
     swept = {each.name: each for each in columns if each.key == each.name}
     if key not in swept:
@@ -233,6 +234,8 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
     for place, value in enumerate(across.values):
         combination = next(combinations) if combinations else ()
         places.setdefault(combination, {})[value] = place
+    if any(len(mine) < len({*across.values}) for mine in places.values()):
+        raise FolderError(f"pivot: {key} takes its values together with other keys")
     found = [each.at([min(mine.values()) for mine in places.values()]) for each in rows]
     for each in columns[1:]:
         if each.key is not None:
@@ -272,6 +275,7 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
         for name in names
         if not (alone and name in AGREEMENT)
     ]
+    own += ["unsettled"] * ("unsettled" in table)
     first = asked if asked in table else f"{asked}_median"
     tail = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
     return [name for name in dict.fromkeys([first, *tail, *own, "ok", "failed"]) if name in table]
@@ -308,7 +312,10 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     entries[["low", "high"]] = stored_values(rows, names)[["low", "high"]]
     ends = (names[1], names[2]) if entries[["low", "high"]].notna().to_numpy().any() else None
     title = f"{title} [{of}]" if of else title
-    return Column(name, title, latex_title(symbol, of), entries, ends, scale)
+    found = Column(name, title, latex_title(symbol, of), entries, ends, scale)
+    if stem.startswith("settling_time"):
+        return found._replace(endless=f"> {max(cell.scenario.horizon for cell in cells):g}")
+    return found
 
 
 def all_alike(mean: pd.Series, most: pd.Series, lanes: pd.Series, size: pd.Series) -> pd.Series:

@@ -13,9 +13,11 @@ from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
 from jaxnet.config.scenario import for_any_signal
 from jaxnet.config.study import Study
+from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.kinds.attacks import Attack
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
+from jaxnet.statistics.horizon import ending
 from jaxnet.store import layout
 from jaxnet.view.text.facts import Facts, facts
 from jaxnet.view.text.printer import table_text
@@ -59,6 +61,7 @@ def check_text(study: Study, number: int | None = None) -> str:
         parts.append(wrap_lines(swept_text(study)))
     parts.append(wrap_lines(amplitude_note(study.cells) + amplitude_advice(study)))
     parts += [wrap_lines(found[0].text)] if len(found) == 1 else differing(found)
+    parts.append(endings_text(study, cells))
     if idle := idle_keys(study):
         parts.append(wrap_lines(titled("keys without effect", idle)))
     return "\n\n".join(filter(None, parts))
@@ -134,11 +137,39 @@ def amplitude_advice(study: Study) -> str:
     )
 
 
+def endings_text(study: Study, cells: Sequence[Cell]) -> str:
+    """From when a start is below what the study asks for, and which cells' tails begin sooner."""
+    lines, early, needed = [], list[int](), 0.0
+    for cell in cells:
+        found = ending(cell, study.config)
+        if isinstance(found, str):
+            lines.append(f"it is not known when a start has died away: {found}")
+            continue
+        when = f"a start is below {found.length:.3g} m after {found.after:.3g} s"
+        lines.append(f"{when}, the tail begins at {found.begins:g} s")
+        if found.after > found.begins:
+            early.append(cell.number)
+            needed = max(needed, found.horizon)
+    told = wrap_lines(f"time: {lines[0]}")
+    if len(set(lines)) > 1:
+        labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell in cells]
+        told = factor_table("time", labels, lines, None)
+    if early:
+        words = "WARNING: the tail begins before a start has died away in"
+        told += "\n" + wrap_lines(f"{words} {cells_named(early)}: horizon: {needed:g} would do")
+    return told
+
+
 def swept_text(study: Study) -> str:
     values = {
         key: dict.fromkeys(format_value(cell.labels[key]) for cell in study.cells)
         for key in study.cells[0].labels
     }
+    for written, entries in study.config.sweep.items():
+        if is_joint(written):
+            rows = ([e["label"], e["values"]] if isinstance(e, dict) else [e] for e in entries)
+            values[written] = dict.fromkeys(" ".join(map(format_value, row)) for row in rows)
+            values = {key: each for key, each in values.items() if key not in keys_in(written)}
     lines = [f"  {key}: {few_values([*each])}" for key, each in values.items()]
     return "\n".join(["swept, the last fastest:", *lines] if lines else [])
 

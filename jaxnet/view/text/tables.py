@@ -9,14 +9,17 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
+from jaxnet.config.naming import label_notes
+from jaxnet.config.sweep import is_joint
 from jaxnet.model.wording import cells_named, count, count_between, number_text
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
+from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.summary import LANE_SHARES, hull_note
+from jaxnet.statistics.summary import LANE_SHARES, UNSETTLED_NOTE, hull_note
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -86,13 +89,16 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """What the columns leave open: which intervals they have, and what the greatest lane says."""
     config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
     independent, lanes = config.draws == "random", results.cells.loc[:, "ok"]
+    alone = {key: each for key, each in config.sweep.items() if not is_joint(key)}
     notes = [*interval_lines(config, shown), *missing_lines(shown, lanes, independent)]
+    notes += label_notes(alone, [cell.labels for cell in cells])
     if "unrecovered" in names and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
     if is_leaderless(cells):
         told = {name.split("_")[0] for name in names}
         notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in told]
         notes += [hull_note(config, cells)] if "in_hull" in names else []
+    notes += [UNSETTLED_NOTE] * ("unsettled" in names)
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
@@ -101,7 +107,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes.append(
             f"worst: the greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}"
         )
-    return notes + caveat_lines(cells)
+    return [*filter(None, [falling_words(results, cells)]), *notes, *caveat_lines(cells)]
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
@@ -256,6 +262,7 @@ def lane_text(results: Results, row: pd.Series) -> str:
     lines = row.map(lambda value: cut_text(value, room)).to_string()
     if stored is None:
         return f"{lines}\nno such row is stored"
-    apart = stored.compare(row, result_names=("stored", "replayed"))
+    known: Any = row[stored.index]  # without columns that earlier versions had not
+    apart = stored.compare(known, result_names=("stored", "replayed"))
     differs = f"DIFFERS from the stored row:\n{apart}"
     return f"{lines}\n{'the same as the stored row' if apart.empty else differs}"
