@@ -38,7 +38,7 @@ def test_show_prints_the_tables_that_are_there(shelf):
     sens, rare, both = (said("show", shelf / name) for name in ("sens", "rare", "both"))
     assert re.search(r"^ +0 +initial.position +\d", sens, re.MULTILINE)
     assert "parts of the variance" in sens
-    assert re.search(r"^cell +share +low +high", rare, re.MULTILINE)
+    assert re.search(r"^cell +fails +at least +at most", rare, re.MULTILINE)
     assert both.index("unrecovered [%]") < both.index("initial.position")
     table = pd.read_csv(shelf / "rare" / "rare.csv")
     csv = said("show", shelf / "rare", "--format", "csv").splitlines()
@@ -58,7 +58,7 @@ def test_a_folder_is_listed_by_what_it_holds(shelf):
 def test_the_page_and_the_figure_need_no_run(shelf, tmp_path):
     """The page begins with what was analysed, tells what was run, and has no section of lanes."""
     assert "sensitivity.pdf" in said("figure", shelf / "sens", "sensitivity", "--out", tmp_path)
-    for name, there in (("sens", "<td>initial position</td>"), ("rare", "share of lanes")):
+    for name, there in (("sens", "<td>initial position</td>"), ("rare", "share that fails")):
         said("report", shelf / name, "--out", tmp_path / name)
         html = (tmp_path / name / "report.html").read_text()
         ids = re.findall(r'<section id="(.*?)"', html)

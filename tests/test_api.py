@@ -423,7 +423,7 @@ def test_results_are_shown_in_few_words(results):
     html = results._repr_html_()
     assert "4 of 4 lanes ok, 0 failed" in html
     assert html.count("<tr") == 3
-    assert f"<td>{results.cells['tail_mean_mean'][1]:.4g}</td>" in html
+    assert f"{results.cells['tail_mean_mean'][1]:.3g}" in html
 
 
 def test_an_unfinished_run_is_shown_as_such(results, tmp_path):

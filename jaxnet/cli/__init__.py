@@ -87,9 +87,10 @@ def check_command(config: Path, overrides: tuple[str, ...], cell: int | None) ->
     study = jaxnet.load(config, overrides)
     if cell is not None and cell >= len(study.cells):
         raise click.BadParameter(f"there are {len(study.cells)} cells", param_hint="--cell")
-    if study.config.scope.known:  # classes from outside are tried, which takes JAX
-        shards.try_kinds(study.config, study.cells, engines.batch.EVERYTHING)
-    errors.echo(texts.check.check_text(study, cell))
+    with texts.progress.report_work("checking what theory says"):
+        if study.config.scope.known:  # classes from outside are tried, which takes JAX
+            shards.try_kinds(study.config, study.cells, engines.batch.EVERYTHING)
+        errors.echo(texts.check.check_text(study, cell))
 
 
 class ShardOf(click.ParamType):
@@ -337,8 +338,9 @@ def figure_command(
     if unknown := sorted({*chosen} & {"x", "y", "hue", "panel"} - {*AXES_OF.get(name, ())}):
         raise click.UsageError(f"{name} takes no --{unknown[0]}")
     opened = jaxnet.open(results, out, trust, config)
-    files = api.writing.write_figure(opened, name, where, column, chosen, plain, not no_note)
-    errors.tell_written(files)
+    with texts.progress.report_work(f"drawing {name}"):
+        files = api.writing.write_figure(opened, name, where, column, chosen, plain, not no_note)
+        errors.tell_written(files)
 
 
 @command(
@@ -354,7 +356,8 @@ def replay_command(
 ) -> None:
     """Simulate one lane again, with its full trajectory."""
     opened = jaxnet.open(results, out, **code)
-    again = opened.replay(cell, sample, engine)
+    with texts.progress.report_work(f"simulating cell {cell}, sample {sample}"):
+        again = opened.replay(cell, sample, engine)
     errors.echo(texts.tables.lane_text(opened, again.row))
     errors.tell_written([again.path])
 
@@ -458,7 +461,8 @@ def compare_command(a: str, b: str, form: str, out: str | None) -> None:
     of lanes unrecovered with those that changed sides. Writes compare.html, differences.csv,
     changed.csv and failed.csv.
     """
-    found = jaxnet.compare(a, b)
+    with texts.progress.report_work("comparing lanes"):
+        found = jaxnet.compare(a, b)
     beside = stores.folder.place(b).parent / f"{Path(a).name}-{Path(b).name}"
     errors.tell_written(api.writing.write_comparison(found, out or beside))
     if form == "text":
@@ -493,4 +497,5 @@ def export_command(results: str, **chosen: str | None) -> None:
         raise click.UsageError("say for which program: --mat or --csv")
     opened = jaxnet.open(results)
     for form, out in asked.items():
-        errors.echo(f"wrote {opened.export(out or None, form)}", err=True)
+        with texts.progress.report_work(f"writing {form}"):
+            errors.echo(f"wrote {opened.export(out or None, form)}", err=True)

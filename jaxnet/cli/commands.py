@@ -150,7 +150,7 @@ form_option = click.option(
     type=click.Choice(("text", "csv", "markdown", "latex")),
     default="text",
     show_default=True,
-    help="csv has all digits, the others four.",
+    help="csv has all digits, the others three.",
 )
 
 

@@ -88,32 +88,39 @@ class Channel(Record):
 
     label: str | None = Field(default=None, description="its name in the tables of a sweep")
     loss: Annotated[Loss, KindOf("loss")] = Field(
-        default=NoLoss(), description="which messages are lost"
+        default=NoLoss(), title="lost messages", description="which messages are lost"
     )
     missing: Literal["drop", "hold", "extrapolate"] = Field(
         default="drop",
+        title="in place of lost messages",
         description="what replaces a lost message: drop, nothing, and the other weights grow; "
         "hold, the last drive; extrapolate, the last motion, continued",
     )
     noise: Annotated[ChannelNoise, KindOf("noise", "gaussian")] = Field(
-        default=GaussianNoise(), description="errors of the messages that arrive"
+        default=GaussianNoise(),
+        title="errors of messages",
+        description="errors of the messages that arrive",
     )
     quantisation: NotNegativeByOrder = Field(
         default=0.0,
+        title="rounding of messages",
         description="[m, m/s, …], step to which messages are rounded: one for all orders, or a "
         "list, one for each order; 0: not rounded",
     )
     delay: NotNegative = Field(
         default=0.0,
+        title="delay of messages",
         description="[s], delay of messages, a multiple of tick; drawn delays are rounded to ticks",
     )
     delay_of: Literal["link", "message"] = Field(
         default="link",
+        title="a delay for each",
         description="whether a delay is drawn for each link of a lane, or for each message; the "
         "newest message counts",
     )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
         default="none",
+        title="correction of delayed messages",
         description="how a listener corrects a delayed message: none, not at all; jets, it "
         "continues the derivatives below the order; jerk, also the highest one",
     )
@@ -319,7 +326,9 @@ class Scenario(Record):
         description="the rule by which a vehicle chooses the sources that it believes",
     )
     sensing: Annotated[Sensor, KindOf("sensing")] = Field(
-        default=Gaussian(), description="errors of a vehicle that measures its own motion"
+        default=Gaussian(),
+        title="sensor errors",
+        description="errors of a vehicle that measures its own motion",
     )
     channel: Channel = Field(default=Channel(), description="loss, noise and delay of messages")
     detector: Annotated[Detector, KindOf("detector")] = Field(

@@ -232,6 +232,8 @@ def words_of_kind(key: str, label: str) -> str:
 
 def plain_words(value: object) -> str:
     if isinstance(value, dict):
+        if set(value) == {"uniform"}:
+            return f"uniform {' to '.join(map(format_value, value['uniform']))}"
         if set(value) == {"random"}:  # the number must not read as that of a vehicle
             return f"{value['random']} drawn"
         if set(value) == {"at", "sets"}:  # attacked vehicles, which change
@@ -247,9 +249,14 @@ def plain_words(value: object) -> str:
 @functools.cache
 def unit(key: str) -> str:
     """Return the unit in a key's description, "" without one; an entry has that of its list."""
-    described = (field.description or "" for field in fields_of(re.sub(r"(\.[0-9]+)+$", "", key)))
-    found = (re.match(r"\[([^],]+)", words) for words in described)
-    return next((match[1] for match in found if match), "")
+    fields = fields_of(re.sub(r"(\.[0-9]+)+$", "", key))
+    return next(filter(None, (unit_in(field.description) for field in fields)), "")
+
+
+def unit_in(description: str | None) -> str:
+    """Return the unit with which a description begins, "" without one."""
+    found = re.match(r"\[([^],]+)", description or "")
+    return found[1] if found else ""
 
 
 def fields_of(key: str) -> list[FieldInfo]:

@@ -26,7 +26,7 @@ GREATEST_SHOWN = 1e100  # [m] end of a log axis, 1 over it the other end; beyond
 LEAST_SHARE_SHOWN = 1e-3  # of the least ā, the bottom of a log axis; smaller errors have recovered
 SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
-NO_SLOPE = "no slope: errors do not rise with ā"
+NO_SLOPE = "no effect of ā: errors do not rise with it"
 BOUND_NAMES = {
     "static": "static",
     "peak_gain": "peak gain",

@@ -56,7 +56,7 @@ MOST_FIT_WEIGHTS = 2**22  # of resamples fitted side by side
 FEWEST, FEWEST_BEYOND = 50, 10  # draws that make up the variance of a mean; beyond a quantile
 LEAST_RESIDUAL = 1e-12  # smaller errors per ā are rounding
 EXACT_FIT = 1e-9  # of the greatest error, or of ā; smaller ones are rounding
-NO_SLOPE_INTERVAL = "no interval: too few draws for their skewness, or too few beyond the quantile"
+NO_SLOPE_INTERVAL = "no interval: too few lanes, or a few great errors make up the value"
 
 DrawCounts = Int[np.ndarray, "n samples"]  # how often each resample draws each sample
 FitRow = dict[str, object]

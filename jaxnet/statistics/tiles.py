@@ -1,9 +1,7 @@
 """Data of heat maps: the cells over two swept keys, with statistics of their lanes."""
 
-import math
 from collections import Counter
 from collections.abc import Sequence
-from decimal import ROUND_HALF_DOWN, ROUND_HALF_UP, Decimal
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +10,7 @@ from jaxtyping import Int
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.model.wording import count_between, counted
+from jaxnet.model.wording import count_between, counted, number_text
 from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
 from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kinds
@@ -22,6 +20,7 @@ from jaxnet.store.results import Results
 
 NO_CELL = -1
 NEGLIGIBLE_ERROR = 1e-9  # of ā; smaller errors are rounding
+LEAST_TILE_ERROR = 0.1  # whose three digits a tile has room for
 
 
 class Tiling(NamedTuple):
@@ -71,7 +70,10 @@ def tile_table(results: Results) -> pd.DataFrame:
     found = 100 * cells.reindex(columns=SHARE_COLUMNS).astype(float)
     found = found.assign(worst=worst, ok=cells["ok"], failed=cells["failed"])
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
-    found["interval"] = [interval_text(low, high) if low < high else "" for low, high in ends]
+    found["interval"] = [
+        "–".join(number_text(end, whole=100.0) for end in pair) if pair[0] < pair[1] else ""
+        for pair in ends
+    ]
     pairs = zip(results.study.cells, cells["ok"], strict=True)
     found["blank"] = [blank_reason(cell, ok) for cell, ok in pairs]
     return found
@@ -101,39 +103,19 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
         middle, low, high = (known[name] for name in SHARE_COLUMNS)
         sure = 100 * confidence_told(results.study.config.samples)
         half = max((high - middle).max(), (middle - low).max())
-        words.append(f"{sure:g} % intervals, at most {half:.2g} points to a side")
+        words.append(f"{sure:g} % intervals, at most {number_text(half)} points to a side")
     if failed := sum((kinds[cell] for cell in cells & kinds.keys()), Counter()):
         words.append(f"* other lanes failed, and are in no number: {counted(failed)}")
     return words
 
 
-def tile_text(metric: str, value: float, whole: bool = False) -> str:
-    """A value with few digits, halves rounded up; a `whole` share has the four digits of tables.
+def tile_text(metric: str, value: float) -> str:
+    """A value as in tables, only all lanes are 100 %; of small errors, which are long, the decade.
 
-    A share over 50 % has two digits of its distance from 100 %: only all lanes read 100 %.
+    What is rounding is 0.
     """
-    if metric != "unrecovered":
-        if value >= 0.1:
-            return two_digits(value)
-        return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")
-    told = f"{value:.4g}"
-    if whole and (told != "100" or value == 100):
-        return told
-    if value <= 50:
-        return two_digits(value)
-    return f"{100 - Decimal(two_digits(100 - value, ROUND_HALF_DOWN)):f}"
-
-
-def two_digits(value: float, way: str = ROUND_HALF_UP) -> str:
-    """A number with two significant digits, halves rounded as a reader rounds them."""
-    given = Decimal(f"{value:.9g}")  # 36.5 where a float is 36.499999999999996
-    if not given:
-        return "0"
-    return f"{given.quantize(Decimal(1).scaleb(given.adjusted() - 1), way).normalize():f}"
-
-
-def interval_text(low: float, high: float) -> str:
-    """An interval to two digits of its width, rounded outwards."""
-    places = max(0, 1 - math.floor(math.log10(high - low)))
-    ends = math.floor(low * 10**places), math.ceil(high * 10**places)
-    return "–".join(f"{end / 10**places:g}" for end in ends)
+    if metric == "unrecovered":
+        return number_text(value, whole=100.0)
+    if value >= LEAST_TILE_ERROR:
+        return number_text(value)
+    return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")

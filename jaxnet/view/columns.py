@@ -24,6 +24,7 @@ from jaxnet.config.naming import (
     value_name,
 )
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION
+from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
 from jaxnet.statistics.amplitude import attack_size, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import cell_magnitudes
@@ -97,27 +98,36 @@ class Column(NamedTuple):
     def at(self, places: Sequence[int] | slice) -> "Column":
         return self._replace(entries=self.entries.iloc[places])
 
+    @property
+    def whole(self) -> float:
+        """The number of a share of all lanes, which no other share reads as."""
+        return math.inf if self.scale == 1.0 else self.scale
+
     def bare(self) -> "Column":
         """The column without intervals."""
         left = self.entries.drop(columns=["low", "high", "alike"], errors="ignore")
         return self._replace(entries=left, ends=None)
 
     def texts(self) -> list[str]:
-        """Values as text: numbers to four digits, intervals in brackets to three."""
+        """Values as text, intervals in brackets."""
         pairs = zip(self.numbers("value"), self.intervals(), strict=True)
         return [f"{self.text(number)} {interval}".rstrip() for number, interval in pairs]
 
     def text(self, value: Any) -> str:
         if self.key is not None and not isinstance(value, int | float):
             return value_alone(self.key, value)
-        return self.endless if value == math.inf else digits_text(value, 4)
+        digits = RESULT_DIGITS if self.key is None else NAME_DIGITS
+        return self.endless if value == math.inf else digits_text(value, digits, self.whole)
 
     def intervals(self) -> list[str]:
         """Intervals as text: a dash where there is none, empty where no cell has one."""
         found = [""] * len(self.entries)
         if self.ends is not None:
             ends = zip(self.values, self.numbers("low"), self.numbers("high"), strict=True)
-            found = ["" if is_unknown(value) else bracketed(*each) for value, *each in ends]
+            found = [
+                "" if is_unknown(value) else bracketed(low, high, self.whole)
+                for value, low, high in ends
+            ]
         if "alike" not in self.entries:
             return found
         pairs = zip(found, self.entries["alike"], strict=True)
@@ -164,11 +174,11 @@ def is_unknown(value: object) -> bool:
     return isinstance(value, float) and math.isnan(value)
 
 
-def bracketed(low: float, high: float) -> str:
-    """[low, high] to three digits, with a dash for an end that is not known."""
+def bracketed(low: float, high: float, whole: float) -> str:
+    """[low, high], with a dash for an end that is not known."""
     if math.isnan(low) and math.isnan(high):
         return "[-]"
-    return f"[{digits_text(low, 3)}, {digits_text(high, 3)}]"
+    return f"[{digits_text(low, whole=whole)}, {digits_text(high, whole=whole)}]"
 
 
 def summary_columns(

@@ -43,7 +43,7 @@ def test_keys_have_words_and_units(key, words):
         ("attack.vehicles", '{"random": 4}', "4 attacked, drawn"),
         ("attack.vehicles.random", 2, "2 attacked, drawn"),
         (Key("attack.vehicles", "liars"), '{"random": 2}', "liars = 2 drawn"),
-        ("initial.speed", '{"uniform": [0.2, 0.4]}', "initial speed = uniform 0.2, 0.4 m/s"),
+        ("initial.speed", '{"uniform": [0.2, 0.4]}', "initial speed = uniform 0.2 to 0.4 m/s"),
     ],
 )
 def test_values_have_no_json_and_few_digits(key, value, words):

@@ -49,7 +49,7 @@ def invoke(*words):
 def test_the_constant_attack_costs_what_is_known_exactly(folder):
     """Slopes 1 and 3.1034 of the greatest error are the static bound; nobody exceeds any."""
     text = invoke("fit", folder)
-    assert "no lane is above a bound" in text
+    assert "no lane is above its bound" in text
     results = jaxnet.open(folder)
     fits, bounds = results.fits, results.bounds
     assert list(fits) == ["topology", "attack", *fit.FIT_COLUMNS]
@@ -63,7 +63,7 @@ def test_the_constant_attack_costs_what_is_known_exactly(folder):
         assert worst["slope"].tolist() == pytest.approx([exact], abs=1e-4)
     envelope = fits[fits["quantile"] == 1.0]
     assert envelope[["low", "high"]].isna().all(axis=None)
-    assert "at least 68.77% of all draws" in text  # 0.05^(1/8)
+    assert "with 95 % confidence 68.8 % of all are" in text  # 0.05^(1/8)
 
 
 def test_the_report_makes_what_is_missing(folder, monkeypatch):
@@ -90,7 +90,7 @@ def test_a_violation_is_named_with_its_command(folder, monkeypatch):
     rows.to_parquet(shard)
     text = invoke("fit", folder)
     shard.write_bytes(whole)
-    assert "VIOLATION: cell 1: star, bias, 1, sample 3:\n  tail_max 1.01 m" in text
+    assert "ABOVE ITS BOUND: cell 1: star, bias, 1, sample 3:\n  greatest error 1.01 m" in text
     assert f"jaxnet replay {folder} --cell 1 --sample 3" in text
     assert jaxnet.open(folder).violations["bound"].tolist() == ["static"]
 

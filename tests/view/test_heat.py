@@ -12,14 +12,16 @@ import pytest
 from matplotlib.colors import to_rgb
 from upath import UPath
 
+from jaxnet.model.wording import number_text
 from jaxnet.statistics import tiles
 from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.tiles import NO_CELL, tiling
 from jaxnet.store.results import Results
+from jaxnet.view import columns
 from jaxnet.view.drawings import heat
 from jaxnet.view.figures import every, style
 from jaxnet.view.figures.printed import printed
-from jaxnet.view.page import sections
+from jaxnet.view.page import elements, sections
 from tests import systems
 
 ROTATING = {"kind": "rotating", "vehicles": [2]}
@@ -109,39 +111,54 @@ def test_numbers_stand_along_kinds_down(sweep, row, column):
 
 @pytest.mark.parametrize("lanes", [7, 400])
 def test_a_share_is_not_flattered(lanes):
-    """Only all lanes are 100 %, only none 0; a rounded interval holds the exact one."""
-    number = np.arange(lanes + 1)
-    ends = clopper_pearson(number, np.full(lanes + 1, lanes), 0.95)
-    for count, low, high in zip(number.tolist(), *(100 * end for end in ends), strict=True):
+    """Only all lanes are 100 %, only none 0; three digits of what is nearer to it."""
+    for count in range(lanes + 1):
         share = 100 * Fraction(count, lanes)
         words = tiles.tile_text("unrecovered", float(share))
         assert (words == "0", words == "100") == (count == 0, count == lanes)
         assert len(words) <= 5
-        assert abs(Fraction(words) - share) <= min(share, 100 - share) / 20
-        told = [float(end) for end in tiles.interval_text(low, high).split("–")]
-        assert 0 <= told[0] <= low < high <= told[1] <= 100
-        assert told[1] - told[0] <= 1.2 * (high - low)
+        assert abs(Fraction(words) - share) <= min(share, 100 - share) / 200
 
 
 @pytest.mark.parametrize(
-    ("metric", "value", "few", "many"),
+    ("value", "words"),
     [
-        ("unrecovered", 36.5, "37", "36.5"),
-        ("unrecovered", 36.499999999999996, "37", "36.5"),
-        ("unrecovered", 63.5, "64", "63.5"),
-        ("unrecovered", 0.0, "0", "0"),
-        ("unrecovered", 100.0, "100", "100"),
-        ("unrecovered", 99.998, "99.998", "99.998"),
-        ("worst", 3.14, "3.1", "3.1"),
-        ("worst", 0.11, "0.11", "0.11"),
-        ("worst", 7.2e-4, "7e-4", "7e-4"),
-        ("worst", 1e-12, "0", "0"),  # below 1e-9 of ā: rounding
+        (12.5, "12.5"),
+        (4.186, "4.19"),
+        (26.8, "26.8"),
+        (36.45, "36.5"),
+        (36.449999999999996, "36.5"),
+        (0.0, "0"),
+        (100.0, "100"),
+        (99.998, "99.998"),
     ],
 )
-def test_a_tile_agrees_with_the_table(metric, value, few, many):
-    """Its four digits where there is room, else halves are rounded up on both sides of 50 %."""
-    assert tiles.tile_text(metric, value) == few
-    assert tiles.tile_text(metric, value, whole=True) == many
+def test_a_share_reads_the_same_everywhere(value, words):
+    """On a tile, in the terminal's table, in findings and in tables of the page."""
+    entries = pd.DataFrame({"value": [value / 100]})
+    column = columns.Column("unrecovered", "", "", entries, scale=100.0)
+    assert tiles.tile_text("unrecovered", value) == column.texts()[0] == words
+    assert number_text(value, whole=100.0) == words
+    if value < 99:
+        assert f">{words}</td>" in elements.number_cell(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(3.14159, "3.14"), (0.114, "0.114"), (7.2e-4, "7e-4"), (1e-12, "0")],
+)
+def test_a_tile_has_room_for_small_errors(value, words):
+    """As their decade; below 1e-9 of ā they are rounding."""
+    assert tiles.tile_text("worst", value) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(1234.5, "1235"), (999.96, "1000"), (1e-7, "1e-07"), (2.5e12, "2.5e+12"), (-0.0, "0")],
+)
+def test_a_number_loses_no_digit_before_its_point(value, words):
+    """Other than of very great and very small ones."""
+    assert number_text(value) == words
 
 
 def luminance(colour) -> float:
@@ -176,9 +193,9 @@ def tile_words(panel) -> dict[tuple[int, int], list[str]]:
 
 
 def interval_of(count: int, lanes: int) -> str:
-    """The exact interval, rounded outwards [%]."""
+    """The exact interval as text [%]."""
     ends = clopper_pearson(np.array(count), np.array(lanes), 0.95)
-    return tiles.interval_text(*(100 * float(end) for end in ends))
+    return "–".join(number_text(100 * float(end)) for end in ends)
 
 
 def test_a_tile_tells_its_cells_share_and_interval():
@@ -190,11 +207,11 @@ def test_a_tile_tells_its_cells_share_and_interval():
     assert [plain(panel.get_title()) for panel in panels] == titles
     words = tile_words(panels[1])
     assert words[0, 1] == [interval_of(6, 40), "15"]
-    assert words[0, 0] == [interval_of(7, 38), "18.42*"]
+    assert words[0, 0] == [interval_of(7, 38), "18.4*"]
     assert {word for each in tile_words(panels[0]).values() for word in each} == {""}
     assert tile_words(panels[3])[0, 1] == ["*"]
     assert plain(figure.get_suptitle()) == (
-        "38 to 40 lanes a tile; 95 % intervals, at most 17 points to a side;"
+        "38 to 40 lanes a tile; 95 % intervals, at most 16.6 points to a side;"
         " * other lanes failed, and are in no number: 40 nonfinite, 2 disconnected"
     )
     (legend,) = figure.legends

@@ -1,6 +1,7 @@
 """How far a run is: where there is no terminal, and where there is one."""
 
 import io
+import re
 import sys
 import time
 import types
@@ -28,13 +29,10 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
     monkeypatch.setattr(progress, "HEARTBEAT", 0.05)
 
     def line_of(lanes: str) -> str:
-        deadline, said = time.monotonic() + 20, ""
-        while not said.startswith(lanes) and time.monotonic() < deadline:
-            time.sleep(0.01)
-            said = (capsys.readouterr().err.splitlines() or [""])[-1]
-        return said
+        return next_line(capsys, lanes)
 
     with progress.report_progress(True) as report:
+        assert line_of("preparing") == "preparing"
         report(tally := tally_of(0, 100))
         assert line_of("0/100") == "0/100 lanes  first lanes under way  0 failed  unknown time left"
         programs.COMPILING.add(0)
@@ -46,9 +44,32 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
         tally.record([Done(0, 0, Sums(50, 48, 0, 0.0))])
         report(tally)
         assert " lanes/s  2 failed  0:00:" in line_of("50/100 lanes")
+        tally.record([Done(1, 0, Sums(50, 50, 0, 0.0))])
+        assert line_of("writing") == "writing results"
     capsys.readouterr()
     time.sleep(0.15)
     assert not capsys.readouterr().err
+
+
+def next_line(capsys, begin: str) -> str:
+    """The next line that begins so after the time that has passed, or the last one in 20 s."""
+    deadline, said = time.monotonic() + 20, ""
+    while not said.startswith(begin) and time.monotonic() < deadline:
+        time.sleep(0.01)
+        passed, _, said = (capsys.readouterr().err.splitlines() or [""])[-1].partition("  ")
+        assert re.fullmatch(r"(0:00:\d\d)?", passed)
+    return said
+
+
+def test_work_without_a_terminal_is_named(capsys, monkeypatch):
+    """With steps and without, from before the first step on."""
+    monkeypatch.setattr(progress, "HEARTBEAT", 0.05)
+    with progress.report_work("comparing lanes"):
+        assert next_line(capsys, "comparing") == "comparing lanes"
+    with progress.report_steps() as note:
+        assert next_line(capsys, "preparing") == "preparing"
+        note("curves fitted", 3, 12)
+        assert next_line(capsys, "curves") == "curves fitted: 3/12"
 
 
 class Terminal(io.StringIO):

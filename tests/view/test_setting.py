@@ -3,6 +3,8 @@
 import pytest
 
 import jaxnet
+from jaxnet.config.keys import Config, Scenario
+from jaxnet.view.page import setting
 from jaxnet.view.page.setting import setting_rows
 
 
@@ -15,8 +17,8 @@ def test_a_plain_study_is_told_by_names():
     """No raw name of a kind, and no row of what is not there."""
     assert rows(engine="exact") == {
         "vehicles": "12, two-wheeled",
+        "topology": "cyclic",
         "navigator": "Lissajous curve",
-        "network": "cyclic",
         "attack": "rotating",
         "attacked signals": "what vehicles 2, 5, 8, 11 transmit",
         "magnitude ā": "5 m",
@@ -35,8 +37,8 @@ def test_each_swept_key_has_its_values_and_unit():
         "attack.vehicles.random": [1, 2],
     }
     told = rows(attack={"vehicles": {"random": 1}}, sweep=sweep)
-    assert told["defence"] == "none, W-MSR"
-    assert told["attack"] == "none, rotating"
+    assert told["defence"] == "none; W-MSR, F = 1"
+    assert told["attack"] == "rotating"
     assert told["magnitude ā"] == "0, 3 m"
     assert told["attack frequency"] == "1, 2, 3, 4, 5, 6, 7, 8, … rad/s"
     assert told["attacked vehicles"] == "1, 2"
@@ -51,9 +53,9 @@ SWEPT_LOSS = {"channel.loss.probability": [0, 0.2]}
 LINKS = {"kind": "rotating", "links": "navigator", "vehicles": [2]}
 CHANGING = {"kind": "spoof", "magnitude": [3, 0.5], "vehicles": {"at": [2], "sets": [[4]]}}
 TOLD = [
-    ({"sensing": {"position": 0.1}}, "sensor errors", "Gaussian, position = 0.1"),
+    ({"sensing": {"position": 0.1}}, "sensor errors", "Gaussian, position = 0.1 m"),
     ({"channel": LOSS}, "lost messages", "Bernoulli, probability = 0.2"),
-    ({"channel": LOSS, "sweep": SWEPT_LOSS}, "lost messages", "none, Bernoulli"),  # 0 is none
+    ({"channel": LOSS, "sweep": SWEPT_LOSS}, "lost messages", "Bernoulli"),
     ({"channel": LOSS, "sweep": SWEPT_LOSS}, "loss probability", "0, 0.2"),
     ({"attack": "none"}, "attack", "none"),  # told even where there is none
     ({"defence": "none"}, "defence", "none"),
@@ -67,6 +69,64 @@ TOLD = [
     ({"attack": CHANGING}, "attacked signals", "what attacked vehicles (nobody until 2 s, then 4)"
      " transmit (derivatives falsified each on its own)"),
 ]  # fmt: skip
+
+
+OTHER = {  # another value of every key that has a row of its own
+    "topology": "star",
+    "navigator": {"kind": "lissajous", "label": "eight"},
+    "initial.position": {"uniform": [-5.0, 5.0]},
+    "initial.heading": 0.0,
+    "initial.speed": 1.0,
+    "gain": [6, 11, 6],
+    "law": "linearised",
+    "attack": "bias",
+    "defence": "w_msr",
+    "sensing": {"velocity": 0.1},
+    "channel.loss": {"kind": "bernoulli", "probability": 0.2},
+    "channel.missing": "hold",
+    "channel.noise": {"position": 0.1},
+    "channel.quantisation": 0.01,
+    "channel.delay": 0.1,
+    "channel.delay_of": "message",
+    "channel.extrapolate": "jets",
+    "detector": {"kind": "chi_squared"},
+    "output_step": 0.2,
+    "metrics": ["min_separation"],
+    "draws": "sobol",
+    "recovery": {"tau": 0.1},
+    "search": {"over": {"attack.frequency": [0.1, 1.0]}},
+    "save": {"errors": True},
+}
+SAID = {
+    "initial.position": ("initial position", "uniform -5 to 5 m"),
+    "gain": ("gain", "6, 11, 6"),
+    "channel.missing": ("in place of lost messages", "hold"),
+    "channel.quantisation": ("rounding of messages", "0.01 m"),
+    "channel.delay": ("delay of messages", "0.1 s"),
+    "output_step": ("output step", "0.2 s"),
+    "save": ("save", "errors"),
+    "search": ("search", "over = attack.frequency 0.1, 1"),
+}
+
+
+def test_every_key_of_the_schema_is_told_where_it_is_not_at_its_default():
+    """A key that somebody adds to the models has a row, or stands among those of other rows."""
+    known = {
+        *dict(setting.keys_of_cells()),
+        *(set(Config.model_fields) - set(Scenario.model_fields)),
+    }
+    assert known - {*setting.OWN_ROWS} == set(OTHER)
+    plain = rows(samples=16)
+    for key, value in OTHER.items():
+        root, _, inside = key.partition(".")
+        given = {root: {inside: value} if inside else value}
+        if key == "detector":
+            given["sensing"] = {"position": 0.1}
+        told = rows(samples=16, **given)
+        changed = {name: words for name, words in told.items() if plain.get(name) != words}
+        assert changed, key
+        name, words = SAID.get(key, next(iter(changed.items())))
+        assert changed[name] == words, key
 
 
 @pytest.mark.parametrize(("keys", "name", "words"), TOLD)

@@ -59,13 +59,13 @@ def test_the_headline_is_the_median_with_its_interval():
     results.cells[["tail_mean_low", "tail_mean_high"]] = float("nan")
     shown = columns.summary_columns(results)
     assert [each.name for each in shown[2:4]] == ["tail_mean_median", "tail_mean_mean"]
-    assert [each.texts()[0] for each in shown[2:4]] == ["0.1235 [0.123, 0.123]", "0.1235"]
+    assert [each.texts()[0] for each in shown[2:4]] == ["0.123 [0.123, 0.123]", "0.123"]
     notes = tables.summary_notes(results, shown)
     assert notes[0] == "[low, high] of tail mean, median: 95 % intervals of order statistics"
-    assert "(n < 28 + 25 G²): cells 0, 1" in notes[1]
+    assert "(n < 28 + 25 G², G: skewness): cells 0, 1" in notes[1]
     results.cells.loc[1, ["tail_mean_low", "tail_mean_high"]] = 1.0, 1.2
     shown = columns.summary_columns(results, ["tail_mean_mean"])
-    assert shown[-1].texts() == ["0.1235 [-]", "1.123 [1, 1.2]"]
+    assert shown[-1].texts() == ["0.123 [-]", "1.12 [1, 1.2]"]
 
 
 def test_lanes_that_agree_are_told_so():
@@ -73,10 +73,10 @@ def test_lanes_that_agree_are_told_so():
     results = results_of({"attack.magnitude": [1, 2]}, False, 2)
     results.cells.loc[1, "tail_mean_max"] = results.cells.loc[1, "tail_mean_mean"]
     shown = columns.summary_columns(results, ["tail_mean"])
-    assert shown[-1].texts() == ["0.1235 [0.123, 0.123]", "1.123 (alike)"]
+    assert shown[-1].texts() == ["0.123 [0.123, 0.123]", "1.12 (alike)"]
     (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
     assert "cell 1" in note
-    assert "at most 45.07% of all do not" in note
+    assert "at most 45.1 % of all differ" in note
     rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
     results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
     shown = columns.summary_columns(results, ["tail_mean", "tail_mean_mean"])
@@ -150,11 +150,11 @@ def test_a_table_for_a_paper():
         r"\toprule",
         r"$\bar a$ [m] & defence & $\tilde e$, median [m] & $\hat\delta$ [m] \\",
         r"\midrule",
-        r"1 & no~defence & 0.1235 [0.123, 0.123] & 1.123 \\",
-        r" & W-MSR & 1.123 [1.12, 1.12] & 2.123 \\",
+        r"1 & no~defence & 0.123 [0.123, 0.123] & 1.12 \\",
+        r" & W-MSR & 1.12 [1.12, 1.12] & 2.12 \\",
         r"\addlinespace",
-        r"2 & no~defence & 2.123 [2.12, 2.12] & 3.123 \\",
-        r" & W-MSR & 3.123 [3.12, 3.12] & 4.123 \\",
+        r"2 & no~defence & 2.12 [2.12, 2.12] & 3.12 \\",
+        r" & W-MSR & 3.12 [3.12, 3.12] & 4.12 \\",
         r"\bottomrule",
         r"\end{tabular}",
     ]
@@ -245,6 +245,33 @@ def test_a_long_table_is_cut_only_if_asked():
     assert len([line for line in whole.splitlines() if line.strip()[:1].isdigit()]) == 72
 
 
+@pytest.mark.parametrize(
+    ("fit", "words"),
+    [
+        ((2.2, 2.1, 2.3), "error = 2.2 ā, 95 % 2.1 to 2.3"),
+        ((2.2, float("nan"), float("nan")), "error = 2.2 ā"),
+        ((float("nan"),) * 3, "no effect of ā"),
+        (None, "-"),
+    ],
+)
+def test_a_fit_is_told_in_words(fit, words):
+    """The mean over lanes with its interval, or that ā has no effect; a dash without a fit."""
+    fits = {} if fit is None else {("tail_mean", None): fit}
+    curve = Curve(Group({}, ()), pd.DataFrame(), {}, fits, {})
+    assert slopes.law_text(curve, "tail_mean") == words
+
+
+def test_a_worst_lane_comes_with_the_number_of_lanes():
+    """Of how many it is the worst, and what this number says of all others."""
+    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
+    results.cells["ok"] = [3, 5]
+    note = tables.summary_notes(results, columns.summary_columns(results))[-1]
+    assert note == (
+        "worst: the greatest of 3 to 5 lanes of a cell; with 95 % confidence at most 63.2 % of all"
+        " lanes are worse"
+    )
+
+
 def test_fits_show_swept_values_as_the_summary_does():
     """Names of kinds, drawn vehicles and units; what is rounding is 0."""
     group = Group({"attack.vehicles": '{"random": 1}', "defence": "w_msr"}, ())
@@ -252,5 +279,5 @@ def test_fits_show_swept_values_as_the_summary_does():
     text = slopes.group_table("slopes", [(curve, {"mean": "0.1"})], (), "fit.csv")
     assert text.splitlines()[-1].split() == ["1", "drawn", "W-MSR", "0.1"]
     assert "attacked" in text.splitlines()[1]
-    assert slopes.slope_interval_text((5e-20, 4e-20, 0.35)) == "0 (0 to 0.35)"
-    assert slopes.slope_interval_text((0.4, float("nan"), float("nan"))) == "0.4"
+    assert slopes.estimate_text((5e-20, 4e-20, 0.35)) == "0 (0 to 0.35)"
+    assert slopes.estimate_text((0.4, float("nan"), float("nan")), " ā") == "0.4 ā"

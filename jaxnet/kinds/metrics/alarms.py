@@ -18,6 +18,6 @@ ALARMS = Metric(
     "",
     lambda seen: alarm_share(seen, 0),
     time="last",
-    words="alarms about words of attacked links, a share of these words",
+    words="share of attacked messages that raise an alarm",
     undefined="blank",
 )

@@ -6,6 +6,6 @@ FALSE_ALARMS = Metric(
     "",
     lambda seen: alarm_share(seen, 1),
     time="last",
-    words="alarms about words of honest links, a share of these words",
+    words="share of honest messages that raise an alarm",
     undefined="blank",
 )

@@ -21,10 +21,10 @@ SEARCH, RANDOM, BOUND = (
     Look(style.BLACK, (1, 1.2)),
 )
 SEARCH_MARKS = {
-    "random lanes": Look(style.RED, marker="o", size=4, hollow=True),
-    "found": Look(style.BLUE, marker="o", size=4),
-    "late": Look(style.BLUE, marker="x", size=5),
-    "bound": Look(style.BLACK, marker="|", size=8),
+    "worst random lane": Look(style.RED, marker="o", size=4, hollow=True),
+    "found by the search": Look(style.BLUE, marker="o", size=4),
+    "found, later": Look(style.BLUE, marker="x", size=5),
+    "bound of theory": Look(style.BLACK, marker="|", size=8),
 }
 INDICES = {
     "first": ("first-order: alone", -0.16, Look(style.BLUE, marker="o")),

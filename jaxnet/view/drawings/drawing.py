@@ -75,8 +75,7 @@ class Tiles(NamedTuple):
 
     cells: Int[np.ndarray, "rows columns"]  # below 0: none
     values: Float[np.ndarray, "rows columns"]
-    short: Any  # texts of few digits
-    full: Any  # texts as in tables
+    texts: Any
     intervals: Any
     told: Any
 

@@ -9,7 +9,7 @@ from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import quantity, value_alone, value_name
-from jaxnet.model.wording import count, counted
+from jaxnet.model.wording import count, counted, number_text
 from jaxnet.statistics.curves import decades, failed_kinds
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.statistics.recovery import confidence_told, share_name
@@ -23,7 +23,7 @@ from jaxnet.statistics.tiles import (
 )
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.drawing import Drawing, Panel, Scale, Tiles
-from jaxnet.view.drawings.words import error_text, three_digits
+from jaxnet.view.drawings.words import error_text
 
 COLOUR_MAP = mpl.colormaps["YlGnBu"]  # ever darker, and told apart by all eyes
 METRICS = ("unrecovered", "worst")
@@ -44,15 +44,15 @@ def heat_drawing(results: Results, tiling: Tiling, metric: str) -> Drawing:
     texts, words = [], []
     for cell, row in found.iterrows():
         known, star = bool(np.isfinite(row[metric])), "*" * (cell in failed)
-        either = [tile_text(metric, row[metric], whole) if known else "" for whole in (False, True)]
-        texts.append([*(text + star for text in either), row["interval"] * (known and is_share)])
+        text = tile_text(metric, row[metric]) if known else ""
+        texts.append([text + star, row["interval"] * (known and is_share)])
         words.append(tile_words(results, metric, row, failed))
-    texts, words = np.array([*texts, ["", "", ""]]), np.array([*words, "Not run."])
+    texts, words = np.array([*texts, ["", ""]]), np.array([*words, "Not run."])
     values = np.append(found[metric].to_numpy(dtype=float), np.nan)
     panels = []
     for labels, numbers in zip(tiling.panels, tiling.cells, strict=True):
-        short, full, intervals = np.moveaxis(texts[numbers], -1, 0)
-        tiles = Tiles(numbers, values[numbers], short, full, intervals, words[numbers])
+        shown, intervals = np.moveaxis(texts[numbers], -1, 0)
+        tiles = Tiles(numbers, values[numbers], shown, intervals, words[numbers])
         panels.append(Panel(labels, numbers[numbers >= 0].tolist(), [], tiles=tiles))
     x, y = (
         Scale(quantity(key), names=[value_alone(key, value) for value in each])
@@ -76,9 +76,10 @@ def tile_words(results: Results, metric: str, row: Any, failed: Mapping[int, str
     if not np.isfinite(value):
         lanes = ""
     elif metric == "unrecovered":
-        low, high = (three_digits(row[f"unrecovered_{end}"]) for end in ("low", "high"))
+        low, high = (number_text(row[f"unrecovered_{end}"], whole=100.0) for end in ("low", "high"))
         sure = 100 * confidence_told(results.study.config.samples)
-        what = f"{three_digits(value)} % {share_name(cells)}, {sure:g} % interval {low} to {high} %"
+        share = number_text(value, whole=100.0)
+        what = f"{share} % {share_name(cells)}, {sure:g} % interval {low} to {high} %"
     elif is_leaderless(cells):
         what = f"greatest spread {error_text(value)} m"
     else:

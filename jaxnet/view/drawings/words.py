@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jaxnet.config.naming import labels_title
+from jaxnet.model.wording import RESULT_DIGITS, number_text
 from jaxnet.statistics.groups import Label
 from jaxnet.view.columns import is_rounding
-from jaxnet.view.text.width import four_digits
 
 
 def distinct_titles(labels: Sequence[Mapping[str, Label]]) -> tuple[list[str], str]:
@@ -19,15 +19,13 @@ def distinct_titles(labels: Sequence[Mapping[str, Label]]) -> tuple[list[str], s
     return titles, f"all with {labels_title(common)}" if common else ""
 
 
-def three_digits(value: float) -> str:
-    return "–" if np.isnan(value) else f"{value:.3g}"
-
-
-def error_text(value: float, scale: float = 1.0) -> str:
-    """An error, or an error per ā with scale 1; below rounding "0 (rounding)".
+def error_text(value: float, scale: float = 1.0, digits: int = RESULT_DIGITS) -> str:
+    """An error, or an error per ā with scale 1; below rounding "0 (rounding)"; a dash for none.
 
     An unknown scale counts as 1 m. A scale of 0 switches the test for rounding off.
     """
+    if np.isnan(value):
+        return "–"
     if is_rounding(value, scale):
         return "0 (rounding)"
-    return "∞" if value == np.inf else four_digits(value)
+    return "∞" if value == np.inf else number_text(value, digits)

@@ -25,9 +25,10 @@ ROW_OF_SERIES = 0.13  # [in] of a named row, for each of its series
 TITLE_ROOM = 0.35  # [in] of a panel of named rows
 LEAST_ROWS_WIDTH = 1.3  # [in] of a panel of named rows
 MOST_ROWS_PANELS = 4  # of named rows, side by side
-TILE_SIZES = (0.36, 0.26), (0.24, 0.17)  # [in] of a tile with its interval, and without
-LEAST_TILE = 0.2, 0.1  # [in] of a tile whose number can be read
-DIGIT_WIDTH, TILE_PAD = 0.05, 0.04  # [in] of a letter in a tile, and of what is beside its number
+TILE_SIZES = (0.42, 0.26), (0.3, 0.17)  # [in] of a tile with its interval, and without
+LEAST_TILE = 0.28, 0.1  # [in] of a tile whose number can be read
+DIGIT_WIDTH = 0.05  # [in] of a letter in a tile
+INTERVAL_DIGIT, TILE_PAD = 0.042, 0.04  # [in] of a letter of an interval, and of what is beside it
 TILE_LETTERS = 12  # of a line of a column's name
 HIGH = 4  # rows of panels, from which smaller tiles in fewer rows are better
 COLOUR_BAR_ROOM = 0.35  # [in]
@@ -258,17 +259,17 @@ def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, fl
     panel.tick_params(length=0)
     panel.spines[:].set_visible(False)
     legible, wide = ((np.array(size) * 1.01 >= each).all() for each in (LEAST_TILE, TILE_SIZES[0]))
-    longest, scale = max(map(len, tiles.full.ravel())), multiples.type_scale("font.size")
-    texts = tiles.full if DIGIT_WIDTH * longest + TILE_PAD <= size[0] else tiles.short
+    longest, scale = max(map(len, tiles.intervals.ravel())), multiples.type_scale("font.size")
+    wide &= INTERVAL_DIGIT * longest + TILE_PAD <= size[0]
     for (row, column), value in np.ndenumerate(tiles.values):
         ink = "black" if np.isnan(value) else text_colour(to_hex(COLOUR_MAP(norm(value))))
         written: dict[str, Any] = {"ha": "center", "color": ink}
         interval = tiles.intervals[row, column] if wide else ""
         if interval:
             panel.text(column, row, interval, fontsize=5 * scale, va="top", **written)
-        if legible and DIGIT_WIDTH * len(texts[row, column]) <= size[0]:
+        if legible and DIGIT_WIDTH * len(tiles.texts[row, column]) <= size[0]:
             at = "bottom" if interval else "center"
-            panel.text(column, row, texts[row, column], fontsize=6 * scale, va=at, **written)
+            panel.text(column, row, tiles.texts[row, column], fontsize=6 * scale, va=at, **written)
 
 
 def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:

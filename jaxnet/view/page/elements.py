@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
 from jaxnet.view.drawings.words import error_text
 
 PAGE_FOLDER = Path(__file__).parent
@@ -54,8 +55,19 @@ class Section(NamedTuple):
         return f'<section id="{self.id}"><h2>{self.title}</h2>\n{self.body}</section>'
 
 
+def sentence_case(words: str) -> str:
+    """Words with a capital first letter, unless a symbol comes first."""
+    return words if words[:1] in "āϑδ" else words[:1].upper() + words[1:]
+
+
 def paragraph(text: str) -> str:
     return f"<p>{text}</p>"
+
+
+def notes_html(notes: Iterable[str]) -> str:
+    """What a table leaves open, below it."""
+    told = "".join(f"<li>{escape(sentence_case(each))}.</li>" for each in notes)
+    return f'<ul class="notes">{told}</ul>'
 
 
 class Plot(NamedTuple):
@@ -207,12 +219,13 @@ def sortable_table(
     scales: Mapping[str, np.ndarray] | None = None,
     intervals: Mapping[str, Sequence[str]] | None = None,
     cells: Iterable[Iterable[int]] | None = None,
+    names: Container[str] = (),
 ) -> str:
-    """Rows as a sortable HTML table: numbers to four digits, exact values for the sort.
+    """Rows as a sortable HTML table: numbers rounded, exact values for the sort.
 
     The page's filter looks at the column "cell", or at the `cells` of each row. Columns named in
     `scales` hold errors; those below rounding, relative to the row's scale, are marked. `intervals`
-    stand beside the values of a column.
+    stand beside the values of a column. `names` are the columns of swept keys.
     """
     heads, columns, nothing = [], [], [""] * len(rows)
     for name, values in rows.items():
@@ -225,7 +238,8 @@ def sortable_table(
         if number:
             sizes = (scales or {}).get(str(name), np.zeros(len(rows)))
             beside = (intervals or {}).get(str(name), nothing)
-            texts = list(map(number_cell, values.tolist(), sizes, beside))
+            digits = [NAME_DIGITS if str(name) in names else RESULT_DIGITS] * len(rows)
+            texts = list(map(number_cell, values.tolist(), sizes, beside, digits))
         columns.append(texts)
     if cells is None and "cell" in rows:
         cells = ([cell] for cell in rows["cell"])
@@ -239,12 +253,14 @@ def sortable_table(
     )
 
 
-def number_cell(value: float | int, scale: float = 0.0, interval: str = "") -> str:
+def number_cell(
+    value: float | int, scale: float = 0.0, interval: str = "", digits: int = RESULT_DIGITS
+) -> str:
     """A number as a table cell, then its interval: a dash for not-a-number."""
     if np.isnan(value):
         return f"<td{NUMBER_CLASS}>–</td>"
     if np.isinf(value):
         return f'<td{NUMBER_CLASS} data-value="Infinity">∞</td>'
     beside = f" <small>{escape(interval)}</small>" if interval else ""
-    text = str(value) if isinstance(value, int) else error_text(value, scale)
+    text = str(value) if isinstance(value, int) else error_text(value, scale, digits)
     return f'<td{NUMBER_CLASS} data-value="{value!r}">{text}{beside}</td>'

@@ -9,23 +9,27 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
-from jaxnet.config.naming import is_kind, key_name, labels_title, value_name
-from jaxnet.model.wording import count, count_between, counted
+from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_name
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
+from jaxnet.model.wording import count, count_between, counted, number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.falling import falling_words
+from jaxnet.statistics.limits import unchecked_words
+from jaxnet.statistics.quantities import Quantity, quantity_of
 from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.words import error_text
-from jaxnet.view.page.elements import Section
-from jaxnet.view.text.width import four_digits
+from jaxnet.view.page.elements import Section, sentence_case
+from jaxnet.view.text import worst
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MOST_COMPARED = 8  # values of a swept kind in one sentence
 
 
 def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
-    told = finding_sentences(results, found, fit)
+    sentences = finding_sentences(results, found, fit)
+    told = [each.replace(" %", f"{NO_BREAK}%") for each in sentences]
     return Section(
         "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>"
     )
@@ -45,6 +49,8 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
         extremes_sentence(results),
         outside_sentence(results) if alone else "",
         *kinds_sentences(results),
+        *metric_sentences(results),
+        search_sentence(results),
         failed,
         "" if alone else bounds_sentence(results, found, fit),
         certainty_sentence(results),
@@ -73,8 +79,8 @@ def where_words(results: Results, numbers: Sequence[int]) -> str:
     return f"with {escape(labels_title(labels))} (cell {numbers[0]}){more}"
 
 
-def at_ends(results: Results, values: pd.Series, words: Callable[[float, int], str]) -> list[str]:
-    """The least and the greatest value in words, each with its cells; one if they read alike."""
+def span_words(results: Results, values: pd.Series, words: Callable[[float, int], str]) -> str:
+    """What a value is: the least and the greatest, each with its cells; one if they read alike."""
     ends = {}
     for end in (values.min(), values.max()):
         numbers = [int(cell) for cell in values.index[values == end]]
@@ -82,7 +88,8 @@ def at_ends(results: Results, values: pd.Series, words: Callable[[float, int], s
     if len(ends) == 1:
         everywhere = [int(cell) for cell in values.index]
         ends = dict.fromkeys(ends, everywhere)
-    return [f"{told} {where_words(results, numbers)}" for told, numbers in ends.items()]
+    told = [f"{words} {where_words(results, numbers)}" for words, numbers in ends.items()]
+    return f"ranges from {' to '.join(told)}" if len(told) > 1 else f"is {told[0]}"
 
 
 def judged_word(results: Results) -> str:
@@ -104,8 +111,7 @@ def extremes_sentence(results: Results) -> str:
     without = f" {left} without a lane that ended." if len(errors) < asked else ""
     if not per_size:
         errors = errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2)
-    ends = at_ends(results, errors, lambda end, _: f"<b>{error_text(end)} {unit}</b>")
-    span = f"ranges from {' to '.join(ends)}" if len(ends) > 1 else f"is {ends[0]}"
+    span = span_words(results, errors, lambda end, _: f"<b>{error_text(end)} {unit}</b>")
     return f"The mean {word} over the tail {span}.{without}"
 
 
@@ -130,43 +136,62 @@ def kinds_sentences(results: Results) -> list[str]:
     """Compare the values of each swept kind, setting by setting of the other swept keys.
 
     Cells are compared by the share unrecovered with its interval where shares differ, else by the
-    mean tail error with three digits.
+    mean tail error as it is printed.
     """
     compared, unit = 100 * curves.unrecovered_shares(results).astype(float), "%"
     compared.columns = ["value", "low", "high"]
-    what = f"Lanes {share_name(results.study.cells)}"
+    what = share_words(results)
     if results.study.config.recovery is None or len({*compared["value"]}) < 2:
         errors, unit = errors_per_size(results)
-        printed = errors.map(lambda error: float(f"{error:.3g}"))
-        compared = pd.DataFrame({"value": errors, "low": printed, "high": printed})
-        what = f"Mean {judged_word(results)} over the tail"
+        shown = errors.map(lambda error: float(number_text(error)))
+        compared = pd.DataFrame({"value": errors, "low": shown, "high": shown})
+        what = f"The mean {judged_word(results)} over the tail"
     labels = [results.study.cells[n].labels for n in compared.index]
     swept = pd.DataFrame(labels, compared.index, list(results.study.cells[0].labels)).map(str)
     kinds = [str(key) for key in swept if is_kind(key) and len({*swept[key]}) > 1]
-    return [f"{what} by {compared_words(key, compared, swept, unit)}." for key in kinds]
+    if len(compared) < 3:  # whose two ends other sentences have
+        return []
+    return [f"{what} {compared_words(key, compared, swept, unit)}." for key in kinds]
 
 
 def compared_words(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str) -> str:
-    """Compare the values of one swept kind: the range, and in how many settings a value is least.
+    """The range of each value of a swept kind, and in how many settings a value alone is best.
 
-    A setting is a combination of the other swept keys. A value is least where its interval begins
-    no later than that of each other value ends.
+    A setting is a combination of the other swept keys. A value is best alone where each other value
+    has an interval that begins beyond the end of its own.
     """
     others = [swept[other] for other in swept if other != key]
     settings = compared.groupby(others if others else np.zeros(len(compared)))
     least: Any = compared["low"] <= settings["high"].transform("min")
+    alone = least & (
+        least.groupby(others if others else np.zeros(len(least))).transform("sum") == 1
+    )
     rows = []
     for label, numbers in compared.groupby(swept[key], sort=False).groups.items():
         some: Any = compared.loc[numbers, "value"]
-        ends = dict.fromkeys(error_text(end) for end in (some.min(), some.max()))
-        words = f"{escape(value_name(key, label))} <b>{' to '.join(ends)} {unit}</b>"
-        many = int(least[numbers].sum())
-        rows.append((-many, some.mean(), words + f", least in {many}" * bool(others)))
-    told = [words for *_, words in sorted(rows, key=lambda row: row[:2])[:MOST_COMPARED]]
-    if len(rows) > len(told):
-        told.append(count(len(rows) - len(told), "other"))
-    over = f" over {count(settings.ngroups, 'setting')}, least within intervals" if others else ""
-    return f"{escape(key_name(key))}{over}: {'; '.join(told)}"
+        ends = dict.fromkeys(map(error_text, (some.min(), some.max())))
+        told = f"<b>{' to '.join(ends)} {unit}</b>"
+        rows.append((some.mean(), escape(value_name(key, label)), told, int(alone[numbers].sum())))
+    rows.sort(key=lambda row: row[0])
+    if len({told for _, _, told, _ in rows}) == 1:
+        return f"is {rows[0][2]} whatever the {escape(key_name(key))}"
+    parts = [f"{told} with {name}" for _, name, told, _ in rows[:MOST_COMPARED]]
+    parts += [count(len(rows) - len(parts), "other")] * (len(rows) > len(parts))
+    many, alike = settings.ngroups, "intervals overlap" if unit == "%" else "some are equal"
+    best = [(name, n) for _, name, _, n in rows if n]
+    numbers = ", ".join(f"{name} in {n}" for name, n in best)
+    verdict = f"best is {numbers} of {count(many, 'setting')} of the other keys"
+    if not others:
+        verdict = f"best is {', '.join(name for name, _ in best)}"
+    elif (tied := many - sum(row[-1] for row in rows)) and best:
+        verdict += f", in {tied} {alike}"
+    return f"is {', '.join(parts)}; {verdict if best else alike}"
+
+
+def share_words(results: Results) -> str:
+    """The share of lanes that did not recover, as the subject of a sentence."""
+    ended = "did not agree" if is_leaderless(results.study.cells) else "did not recover"
+    return f"The share of lanes that {ended}"
 
 
 def unrecovered_sentence(results: Results) -> str:
@@ -179,15 +204,46 @@ def unrecovered_sentence(results: Results) -> str:
         return f"No share {share_name(cells)}: no attacked lane came to its end."
 
     def words(share: float, cell: int) -> str:
-        low, high = (four_digits(100 * end) for end in found.loc[cell].iloc[1:])
-        interval = f"{100 * confidence:g} % interval {low} to {high} %"
-        return f"<b>{four_digits(100 * share)} %</b> ({interval})"
+        told, low, high = (number_text(100 * end, whole=100.0) for end in found.loc[cell])
+        return f"<b>{told} %</b> ({100 * confidence:g} % interval {low} to {high} %)"
 
     share: Any = found["unrecovered"]
-    ends = at_ends(results, share, words)
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
-    span = f"from {' to '.join(ends)}" if len(ends) > 1 else ends[0]
-    return f"Lanes {share_name(cells)}{above}: {span}."
+    return f"{share_words(results)}{above} {span_words(results, share, words)}."
+
+
+def metric_sentences(results: Results) -> list[str]:
+    """The least and the greatest median of each metric of the study's own, and of alarms."""
+    own = (each.name for each in results.study.config.measured()[len(CONTRACT) :])
+    asked = [name for name in own if name not in AGREEMENT]
+    found = [quantity_of(results, results.study.cells, name) for name in asked]
+
+    def told(of: Quantity) -> str:
+        values: Any = of.values["value"].dropna()
+        unit = f" {of.unit}".rstrip()
+        span = span_words(results, values, lambda end, _: f"<b>{error_text(end, 0.0)}{unit}</b>")
+        return f"{escape(sentence_case(of.words))}, {span}."
+
+    return [told(each) for each in found if each.known.size]
+
+
+def search_sentence(results: Results) -> str:
+    """The worst that a search found, beside as many random lanes; "" without a search."""
+    if results.study.config.search is None:
+        return ""
+    if not (results.path / "worst.csv").exists():
+        return "The search is still to be run: <code>jaxnet search CONFIG</code>"
+    rows: Any = worst.worst_rows(results).set_index("cell").dropna(subset=worst.LENGTHS["found"])
+    if rows.empty:
+        return ""
+    unit = " ā" if worst.is_per_size(results) else ""
+    found, random = rows[worst.LENGTHS["found"]], rows[worst.LENGTHS["random"]].max()
+    span = span_words(results, found, lambda end, _: f"<b>{error_text(end)}{unit}</b>")
+    lanes = count(int(rows[worst.SEARCH_LANES].max()), "lane")
+    return (
+        f"By search the {escape(worst.metric_words(results))} {span}, in {lanes} of a cell at most;"
+        f" as many random lanes reach {error_text(random)}{unit}."
+    )
 
 
 def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -> str:
@@ -211,19 +267,21 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         where = f" with {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
         after = "; the bound holds once the transient is over" if ratio < 1 else ""
         words.append(
-            f"The tightest bound, {curves.BOUND_NAMES[name]}, is <b>{four_digits(ratio)} times</b>"
-            f" the worst error found: {four_digits(slope)} ā over"
-            f" {four_digits(curve.worst)} ā{where}{after}."
+            f"The tightest bound of theory, {curves.BOUND_NAMES[name]}, is"
+            f" <b>{number_text(ratio)} times</b> the worst error found: {number_text(slope)} ā"
+            f" against {number_text(curve.worst)} ā{where}{after}."
         )
     if of_rounding := len(found) - len(lasting):
         words.append(f"In {count(of_rounding, 'group')} of cells the worst error is 0 (rounding).")
     if silent := len(lasting) - len(tightest):
-        groups = f"{count(len(found), 'group')} of cells"
-        words.append(f"No bound of theory applies to {silent} of {groups}.")
+        groups = f" to {silent} of {count(len(found), 'group')} of cells"
+        words.append(f"No bound of theory applies{groups * (silent < len(found))}.")
     if (tightest or of_rounding) and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
-        told = f"<b>{count(many, 'lane')}</b> above a bound that claims to hold: see Violations."
-        words.append(told if many else "No lane is above a bound that claims to hold for it.")
+        told = f'<b>{count(many, "lane")}</b> above its bound: see <a href="#violations">below</a>.'
+        words.append(told if many else "No lane is above its bound.")
+        if unchecked := unchecked_words(results.study.cells):
+            words.append(f"No bound is known for {escape(unchecked)}.")
     return " ".join(words)
 
 
@@ -236,14 +294,14 @@ def certainty_sentence(results: Results) -> str:
     if means.empty:
         return samples
     place = int(means.idxmax())
-    worst: Any = results.cells.iloc[place]
+    row: Any = results.cells.iloc[place]
     scale, ends = float(curves.cell_magnitudes(results)[place]), ("mean", "low", "high")
-    mean, low, high = (error_text(float(worst[f"{metric}_{end}"]), scale) for end in ends)
-    where, of = ("The greatest mean", f" of cell {place}") if len(means) > 1 else ("The mean", "")
-    lanes = f"over {count(int(worst['ok']), 'ok lane')}{of}"
-    if metric == "spread":
-        return f"{samples} {where} spread is {mean} m, {lanes}."
+    mean, low, high = (error_text(float(row[f"{metric}_{end}"]), scale) for end in ends)
+    known = metric != "spread" and not np.isnan(row["tail_mean_high"])
+    if len(means) == 1 and not known:
+        return samples
     sure = 100 * confidence_told(results.study.config.samples)
-    known = not np.isnan(worst["tail_mean_high"])
     interval = f" ({sure:g} % interval {low} to {high} m)" if known else ""
-    return f"{samples} {where} is {mean} m{interval}, {lanes}."
+    where = f", in cell {place}" if len(means) > 1 else ""
+    what = f"{'greatest ' * (len(means) > 1)}mean {judged_word(results)} over the tail"
+    return f"{samples} The {what} is {mean} m{interval}{where}."

@@ -20,10 +20,11 @@ from matplotlib.colors import to_hex
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title
+from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import LOG_FLOOR
 from jaxnet.view.drawings.drawing import MOVED_NOTE, Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.heat import colour_norm, palette
-from jaxnet.view.drawings.words import error_text, three_digits
+from jaxnet.view.drawings.words import error_text
 from jaxnet.view.figures import style
 from jaxnet.view.figures.multiples import panel_columns
 from jaxnet.view.figures.topology import topology_figure
@@ -90,7 +91,7 @@ def tiled(drawing: Drawing) -> str:
     for panel in drawing.panels:
         tiles = panel.tiles
         assert tiles is not None
-        pairs = zip(tiles.short.ravel(), tiles.intervals.ravel(), strict=True)
+        pairs = zip(tiles.texts.ravel(), tiles.intervals.ravel(), strict=True)
         texts = [
             (text if text.strip("*") else f"–{text}") + f"<br>{interval}" * (few and interval != "")
             for text, interval in pairs
@@ -185,10 +186,10 @@ def hints(drawing: Drawing, series: Trace) -> list[str]:
     ends = zip(*(nothing if end is None else end for end in (series.low, series.high)), strict=True)
     found = []
     for place, value, (low, high) in zip(at, values, ends, strict=True):
-        where = across.names[int(place + 0.5)] if rows else f"{across.title}: {three_digits(place)}"
-        told = f"{error_text(value)} {unit}".replace("nan", "–")
+        where = across.names[int(place + 0.5)] if rows else f"{across.title}: {number_text(place)}"
+        told = f"{error_text(value)} {unit}"
         if not np.isnan([low, high]).all():
-            told += f" ({error_text(low)} to {error_text(high)} {unit})".replace("nan", "?")
+            told += f" ({error_text(low)} to {error_text(high)} {unit})"
         found.append("<br>".join(map(plain, filter(None, [series.name, where, told]))))
     return found
 

@@ -11,7 +11,7 @@ import pandas as pd
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import key_name, quantity, value_alone
 from jaxnet.explore.courses import search_courses
-from jaxnet.model.wording import count, count_between
+from jaxnet.model.wording import count, count_between, number_text
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics.axes import choose_axes
@@ -27,9 +27,7 @@ from jaxnet.statistics.curves import (
     no_magnitudes,
 )
 from jaxnet.statistics.groups import Group
-from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
-from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results
@@ -40,11 +38,19 @@ from jaxnet.view.drawings.spreads import bands_drawing
 from jaxnet.view.drawings.swept import swept_drawing
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.page import findings, trajectories
-from jaxnet.view.page.elements import Section, folded_text, paragraph, sortable_table, views_html
+from jaxnet.view.page.elements import (
+    Section,
+    folded_text,
+    notes_html,
+    paragraph,
+    sentence_case,
+    sortable_table,
+    views_html,
+)
 from jaxnet.view.page.plots import networks_html, plotted, tiled
 from jaxnet.view.page.setting import setting_rows
 from jaxnet.view.text import check, tables, worst
-from jaxnet.view.text.analyses import SENSITIVITY_LEGEND
+from jaxnet.view.text.analyses import RARE_LEGEND, SENSITIVITY_LEGEND, rare_rows
 
 MOST_PAGE_ROWS = 10_000
 MOST_LISTED = 200
@@ -56,13 +62,12 @@ VEHICLE_WORDS = {
     "unrecovered": "lanes off [%]",
 }
 ULTIMATE_NOTE = (
-    "Error over the tail against the attack's magnitude. Bounds of the worst vehicle (of the"
-    " mean over vehicles for the mean error), where they say something. Cells with ā = 0 have no"
+    "Error over the tail, with the bounds of theory where there are any. Cells with ā = 0 have no"
     " place on a log axis; a median far below ā stands on the axis."
 )
 SLOPES_NOTE = (
-    "Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds"
-    " of the worst vehicle and of the fleet. A dash: the bound says nothing there."
+    "The greatest error of any vehicle as a multiple of ā: the worst found, what was fitted, and"
+    " the bounds of theory. A dash: there is no such number."
 )
 HEAT_NOTE = (
     "One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and"
@@ -86,8 +91,8 @@ def page_sections(results: Results) -> list[Section]:
         found = known_or([], lambda: curves(results))
         of_navigator = not is_leaderless(results.study.cells)
         makers = [
-            answer_section,
             lambda results: findings.findings_section(results, found, fit_command(results)),
+            answer_section,
             run_section,
             summary_section,
             *[lambda results: ultimate_section(results, found)] * of_navigator,
@@ -144,7 +149,7 @@ def run_section(results: Results) -> Section:
         values |= {
             "samples": f"{count_between(results.samples, 'lane')} of each cell",
             "device": manifest["device"],
-            "wall time": f"{manifest['wall_seconds']:.4g} s",
+            "wall time": f"{number_text(manifest['wall_seconds'])} s",
         }
     versions = (f"{package} {version}" for package, version in manifest["versions"].items())
     values |= {"seed": str(study.config.seed), "versions": ", ".join(versions)}
@@ -169,19 +174,16 @@ def summary_section(results: Results) -> Section:
         pd.DataFrame({each.title: each.scaled()[:MOST_PAGE_ROWS] for each in shown}),
         dict.fromkeys(lengths, cell_magnitudes(results)),
         {each.title: each.intervals() for each in shown if any(each.intervals())},
+        names=[each.title for each in shown if each.key is not None],
     )
-    note = paragraph(" ".join(f"{escape(sentence_case(each))}." for each in notes))
-    return Section("summary", "Summary", note + table)
+    return Section("summary", "Summary", table + notes_html(notes))
 
 
-def sentence_case(words: str) -> str:
-    """Words with a capital first letter, unless a symbol comes first."""
-    return words if words[:1] in "āϑδ" else words[:1].upper() + words[1:]
-
-
-def ultimate_section(results: Results, found: Sequence[Curve]) -> Section:
-    """The error over the tail against ā."""
-    name = "Ultimate error δ̂(ā)"
+def ultimate_section(results: Results, found: Sequence[Curve]) -> Section | None:
+    """The error over the tail against ā; None if no two cells differ in ā alone."""
+    if not any(len(curve.cells) > 1 for curve in found):
+        return None
+    name = "Error against the magnitude of the attack"
     if reason := no_magnitudes(found):
         return Section("ultimate", name, paragraph(escape(reason)))
     note = paragraph(ULTIMATE_NOTE)
@@ -217,7 +219,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
         for labels in (curve.group.labels for curve in found)
     )
     about = [[cell.number for cell in curve.group.cells] for curve in found]
-    table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about)
+    table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about, names=labels)
     flat = any(curve.is_flat("tail_max") for curve in found)
     return paragraph(SLOPES_NOTE + f" {sentence_case(NO_SLOPE)}." * flat) + table
 
@@ -230,7 +232,7 @@ def bands_section(results: Results) -> Section | None:
     found = error_bands(results.errors[variable_over_time(cells)], cells)
     if not found:
         return None
-    name, label, what = "Error over time ẽ(t)", "ẽ [m]", "Mean error of the fleet over time"
+    name, label, what = "Error over time", "ẽ [m]", "Mean error of the fleet over time"
     if is_leaderless(cells):
         name, label = "Spread over time", "spread [m]"
         what = "Greatest distance of two vehicles that are not attacked over time"
@@ -252,11 +254,11 @@ def vehicles_section(results: Results) -> Section | None:
     note = "Mean error over the tail of each vehicle, over lanes, the greatest median first"
     left = f"; {len(shown)} of {len(found)}" if len(shown) < len(found) else ""
     table = sortable_table(shown.rename(columns=VEHICLE_WORDS))
-    return Section("vehicles", "Who tracks", paragraph(f"{note}{left}.") + table)
+    return Section("vehicles", "Error of each vehicle", paragraph(f"{note}{left}.") + table)
 
 
 def heat_section(results: Results) -> Section | None:
-    """Heat maps, None unless two swept keys have two values each."""
+    """Heat maps, None unless two swept keys have two values each and a tile has a number."""
     tiles = tiling(results.study.cells)
     if tiles is None:
         return None
@@ -268,39 +270,30 @@ def heat_section(results: Results) -> Section | None:
         if known[metric].notna().any()
     }
     if not views:
-        words = "No lane attacked with a fixed ā came to its end."
-        return Section("heat", "Heat map", paragraph(words))
+        return None
     return Section("heat", "Heat map", paragraph(HEAT_NOTE) + views_html(views))
 
 
 def search_section(results: Results) -> Section | None:
-    """A search, random lanes and bounds; None without a search."""
+    """A search, random lanes and bounds; None before a search."""
     asked = results.study.config.search
-    if asked is None:
+    if asked is None or not (results.path / "worst.csv").exists():
         return None
     name = "The worst that a search found"
-    if not (results.path / "worst.csv").exists():
-        words = "Not searched for yet: <code>jaxnet search CONFIG</code>"
-        return Section("search", name, paragraph(words))
     rows, cells = worst.worst_rows(results), results.study.cells
-    chosen = ", ".join(f"<code>{escape(key)}</code>" for key in asked.over)
-    bound = " the bound of theory where known," if "bound" in rows else ""
     note = (
-        f"{escape(worst.maximised_text(results))}, over {chosen}. Found: the choice at the"
-        f" horizon. Late: the same choice at {worst.late_times(results)}, where what is transient"
-        " has died away. Greatest: any choice at the horizon. Then the greatest of as many"
-        f" random lanes,{bound} and the same choice from 10,000 other starts, and by the"
-        " nonlinear engine. Below, the best until then, by lanes; Lanes in motion shows what was"
-        " found."
+        f"{escape(sentence_case(worst.maximised_text(results)))}. The curves show the worst until"
+        ' then, by lanes; <a href="#lanes">Lanes in motion</a> shows what was found.'
     )
-    starts = f"{escape(sentence_case(worst.starts_text(results)))}."
     courses, unit = list(search_courses(results, cells)), worst.metric_with_unit(results)
     drawn = plotted(course_drawing(courses, len(cells), unit)) if courses else ""
-    body = paragraph(note) + paragraph(starts) + sortable_table(rows) + drawn
+    table = sortable_table(rows, names=cells[0].labels)
+    body = paragraph(note) + table + notes_html(worst.search_notes(results)) + drawn
     return Section("search", name, body)
 
 
-def lanes_section(results: Results) -> Section:
+def lanes_section(results: Results) -> Section | None:
+    """Lanes whose trajectories are stored, or the command that makes them; None if none is ok."""
     found, many = trajectories.lanes_data(results)
     if found:
         again, report = "results.replay(C, S)", "results.report(DIR)"
@@ -316,7 +309,7 @@ def lanes_section(results: Results) -> Section:
     elif many:
         body = paragraph(TOO_LARGE)
     elif (ended := worst_of_cells(results, 1)).empty:
-        body = paragraph("No lane is ok.")
+        return None
     else:
         row: Any = ended.loc[ended[judged_metric(results.study.cells)].idxmax()]
         command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
@@ -324,18 +317,13 @@ def lanes_section(results: Results) -> Section:
     return Section("lanes", "Lanes in motion", body)
 
 
-def violations_section(results: Results) -> Section:
-    """Lanes above a bound that claims to hold for them."""
-    if not results.file("violations.csv").exists():
-        body = paragraph(f"Not looked for yet: <code>{fit_command(results)}</code>")
-    elif len(rows := results.violations):
-        body = lanes_listed(rows.head(MOST_LISTED), len(rows))
-    else:
-        words = "None: no lane is above a bound that claims to hold for it."
-        if unchecked := unchecked_words(results.study.cells):
-            words += f" No bound is known for {escape(unchecked)}."
-        body = paragraph(words)
-    return Section("violations", "Violations of bounds", body)
+def violations_section(results: Results) -> Section | None:
+    """Lanes above a bound that claims to hold for them, None if there are none."""
+    if not results.file("violations.csv").exists() or results.violations.empty:
+        return None
+    rows = results.violations
+    body = lanes_listed(rows.head(MOST_LISTED), len(rows))
+    return Section("violations", "Lanes above a bound of theory", body)
 
 
 def sensitivity_section(results: Results) -> Section | None:
@@ -365,21 +353,17 @@ def rare_section(results: Results) -> Section | None:
     if "rare" not in results.analyses:
         return None
     swept = {key: quantity(key) for key in results.study.cells[0].labels}
-    rows = results.rare.drop(columns=["points", "threshold"])
-    note = (
-        f"The share of lanes {share_name(results.study.cells)} by subset simulation, with a 95 %"
-        " interval over its repeats; plain lanes: the number of random lanes with an interval as"
-        " narrow."
-    )
-    table = sortable_table(rows.rename(columns=swept | {"plain_lanes": "plain lanes"}))
-    return Section("rare", "Rare failures", paragraph(note) + table)
+    table = sortable_table(rare_rows(results.rare).rename(columns=swept))
+    return Section("rare", "Rare failures", table + notes_html([RARE_LEGEND]))
 
 
-def failed_section(results: Results) -> Section:
+def failed_section(results: Results) -> Section | None:
     many, shown = results.failed(MOST_LISTED)
+    if not many:
+        return None
     places = zip(shown["cell"], shown["sample"], strict=True)
     commands = [results.replay_command(cell, sample) for cell, sample in places]
-    body = lanes_listed(shown.assign(command=commands), many) if many else paragraph("None.")
+    body = lanes_listed(shown.assign(command=commands), many)
     return Section("failed", "Failed lanes", body)
 
 

@@ -1,57 +1,57 @@
 """The setting of a study: names and values of what was run, with all swept values."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from operator import attrgetter
+from textwrap import shorten
+from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, RootModel
+from pydantic.fields import FieldInfo
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import is_kind, key_name, plain_words, unit, value_alone, words_of_kind
+from jaxnet.config.keys import Config, Recovery, Save, SearchSettings
+from jaxnet.config.known import RECORDS
+from jaxnet.config.naming import is_kind, key_name, plain_words, unit, unit_in, value_alone
 from jaxnet.config.scenario import Scenario, situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.metrics import AGREEMENT, DETECTION, Metric
 from jaxnet.model.wording import count, orders_in_words
 from jaxnet.statistics.axes import ordered_values
 from jaxnet.statistics.curves import configured_magnitude
 
 MOST_ALTERNATIVES = 8
-# Keys of kinds that other rows tell, or nobody wants told.
-TOLD_ELSEWHERE = "kind", "label", "edges", "content", "names", "vehicles", "links", "magnitude"
-PARAMETER_SYMBOLS = {"theta": "ϑ", "F": "F"}  # parameters that are told even at their defaults
-# Swept keys with a row of their own.
-OWN_ROWS = ("vehicles", "attack.magnitude", "horizon", "tail", "tick")
-ALWAYS_TOLD = ("attack", "defence")
-# Rows about a kind: its key, and whether a scenario goes without.
-KIND_ROWS: dict[str, tuple[str, Callable[[Scenario], bool]]] = {
-    "navigator": ("navigator", lambda _: False),
-    "network": ("topology", lambda _: False),
-    "attack": ("attack", lambda scenario: not attacks(scenario)),
-    "defence": ("defence", lambda _: False),
-    "law": ("law", lambda scenario: scenario.law.solves()),
-    "sensor errors": ("sensing", lambda scenario: scenario.sensing.exact()),
-    "lost messages": ("channel.loss", lambda scenario: scenario.channel.loss.perfect()),
-    "errors of messages": ("channel.noise", lambda scenario: scenario.channel.noise.exact()),
-    "detector": ("detector", lambda scenario: not scenario.detector.present),
-}
+LONGEST_VALUE = 80  # letters
+# Keys of kinds that other rows or the figure of the networks tell.
+TOLD_ELSEWHERE = {"kind", "label", "edges", "content", "names", "vehicles", "links", "magnitude"}
+SYMBOLS = {"theta": "ϑ", "F": "F", "tau": "τ"}  # keys that are told even at their defaults
+ALWAYS_TOLD = ("navigator", "topology", "attack", "defence")
+# Keys that share a row with others, or stand elsewhere on the page.
+OWN_ROWS = ("vehicles", "vehicle", "attack.magnitude", "horizon", "tail", "tick", "engine")
+OWN_ROWS += ("name", "seed", "samples", "sweep", "labels")
 
 
 def setting_rows(study: Study) -> dict[str, str]:
-    """The setting by name; what the study does not have is left out."""
+    """What was run by name: every key that is not at its default, from the models of the config."""
     cells = study.cells
 
     def among(words: Callable[[Cell], str]) -> str:
         return alternatives(list(dict.fromkeys(map(words, cells))))
 
-    def kinds(key: str, absent: Callable[[Scenario], bool]) -> str:
-        return among(lambda cell: "none" if absent(cell.scenario) else kind_words(key, cell))
+    def kinds(key: str) -> str:
+        return among(lambda cell: kind_words(key, cell))
 
-    fleet = among(lambda cell: str(cell.scenario.vehicles))
-    rows = {"vehicles": f"{fleet}, {kinds('vehicle', lambda _: False)}"}
-    for name, (key, absent) in KIND_ROWS.items():
-        words = kinds(key, absent)
-        if words != "none" or name in ALWAYS_TOLD:
-            rows[name] = words
-        if name == "attack" and words != "none":
+    rows = {"vehicles": f"{among(lambda cell: str(cell.scenario.vehicles))}, {kinds('vehicle')}"}
+    for key, field in keys_of_cells():
+        values = [attrgetter(key)(cell.scenario) for cell in cells]
+        if is_kind(key):
+            if key in ALWAYS_TOLD or any(map(field_differs, [field] * len(values), values)):
+                rows[key_name(key)] = kinds(key)
+        elif key not in cells[0].labels and any(field_differs(field, each) for each in values):
+            found = dict.fromkeys(value_words(field, each) for each in values)
+            if words := alternatives(list(filter(None, found))):
+                rows[key_name(key)] = words
+        if key == "attack" and any(attacks(cell.scenario) for cell in cells):
             rows["attacked signals"] = among(attacked_words)
             scenarios = [cell.scenario for cell in cells if attacks(cell.scenario)]
             # ā scales an attack, or `recovery` compares with it
@@ -66,9 +66,58 @@ def setting_rows(study: Study) -> dict[str, str]:
         lambda cell: f"{cell.scenario.horizon:g} s; the tail is the last {cell.scenario.tail:g} s"
     )
     rows["engine"] = among(
-        lambda cell: f"{cell.scenario.engine.reference()}, ticks of {cell.scenario.tick:g} s"
+        lambda cell: f"{kind_words('engine', cell)}, ticks of {cell.scenario.tick:g} s"
     )
+    for name, field in Config.model_fields.items():
+        value = getattr(study.config, name)
+        if name not in {*OWN_ROWS, *Scenario.model_fields} and field_differs(field, value):
+            rows[words_in(name)] = value_words(field, value)
     return rows
+
+
+def keys_of_cells() -> Iterator[tuple[str, FieldInfo]]:
+    """Dotted keys of a cell with their fields, those of records too, not those of kinds."""
+    for name, field in Scenario.model_fields.items():
+        if name in RECORDS:
+            inside = RECORDS[name].model_fields.items()
+            yield from ((f"{name}.{key}", each) for key, each in inside if key != "label")
+        elif name not in OWN_ROWS:
+            yield name, field
+
+
+def field_differs(field: FieldInfo | None, value: object) -> bool:
+    return field is None or value != field.get_default(call_default_factory=True)
+
+
+def told_keys(model: BaseModel, without: Container[str] = ()) -> list[str]:
+    """Keys of a kind or record that are not at their defaults, with values and units."""
+    told = []
+    for name in type(model).model_fields | (model.model_extra or {}):
+        field, value = type(model).model_fields.get(name), getattr(model, name)
+        if name in TOLD_ELSEWHERE or name in without:
+            continue
+        if name in SYMBOLS or field_differs(field, value):
+            shown = "" if value is True else f" = {value_words(field, value)}"
+            told.append(f"{SYMBOLS.get(name, words_in(name))}{shown}")
+    return told
+
+
+def value_words(field: FieldInfo | None, value: Any) -> str:
+    """A value with its unit; of a record, its keys that are not at their defaults."""
+    if isinstance(value, Kind):
+        return kind_name(value)
+    if isinstance(value, Recovery | SearchSettings | Save):
+        return ", ".join(told_keys(value))
+    if isinstance(value, list) and value and isinstance(value[0], Metric):
+        own = (each for each in value if each.name not in (*AGREEMENT, *DETECTION))
+        return ", ".join(each.words or words_in(each.name) for each in own)
+    plain = RootModel[Any](value).model_dump()
+    words = f"{plain_words(plain)} {unit_in(field.description if field else None)}".strip()
+    return shorten(words, LONGEST_VALUE, placeholder=" …")
+
+
+def words_in(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def alternatives(words: Sequence[str]) -> str:
@@ -112,15 +161,11 @@ def size_words(cell: Cell) -> str:
 
 
 def kind_words(key: str, cell: Cell) -> str:
-    """The name of a kind and its keys that are given and not swept."""
-    if key in cell.labels:
-        return words_of_kind(key, str(cell.labels[key]))
+    """The name of a kind and its keys that are not at their defaults and not swept."""
     kind: Kind = attrgetter(key)(cell.scenario)
-    given = {*kind.model_dump(exclude_defaults=True), *PARAMETER_SYMBOLS} - {*TOLD_ELSEWHERE}
-    told = [
-        f"{PARAMETER_SYMBOLS.get(name, name.replace('_', ' '))} = {plain_words(value)}"
-        for name, value in kind.model_dump().items()
-        if name in given and f"{key}.{name}" not in cell.labels
-    ]
-    name = kind.words or kind.reference().rpartition(":")[2].replace("_", " ")
-    return ", ".join([kind.label or name, *told])
+    swept = {each.removeprefix(f"{key}.") for each in cell.labels}
+    return ", ".join([kind_name(kind), *told_keys(kind, swept)])
+
+
+def kind_name(kind: Kind) -> str:
+    return kind.label or kind.words or words_in(kind.reference().rpartition(":")[2])

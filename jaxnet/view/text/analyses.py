@@ -21,6 +21,19 @@ SENSITIVITY_LEGEND = (
 )
 
 
+RARE_TITLES = {
+    "share": "share that fails",
+    "low": "at least",
+    "high": "at most",
+    "lanes": "lanes simulated",
+    "plain_lanes": "random lanes for such an interval",
+}
+RARE_LEGEND = (
+    "share that fails: of all lanes, those that do not recover, by subset simulation; at least, at"
+    " most: its 95 % interval over ten repeats"
+)
+
+
 def analyses_text(results: Results) -> str:
     found = [search_text(results)] if results.file("worst.csv").exists() else []
     if "sensitivity" in results.analyses:
@@ -32,7 +45,13 @@ def analyses_text(results: Results) -> str:
 
 
 def rare_text(table: pd.DataFrame) -> str:
-    return table_text(table.drop(columns=["points", "threshold"]).head(MOST_ROWS).to_dict("list"))
+    shown = rare_rows(table).head(MOST_ROWS).to_dict("list")
+    return f"{table_text(shown)}\n{filled(RARE_LEGEND)}"
+
+
+def rare_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of `rare.csv` with titles in words."""
+    return table.drop(columns=["points", "threshold"]).rename(columns=RARE_TITLES)
 
 
 def plan_text(lanes: Mapping[int, int], samples: int) -> str:

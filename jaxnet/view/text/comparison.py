@@ -30,8 +30,8 @@ def of_metrics(metrics: dict[str, str], end: str, title: str) -> list[tuple[str,
 # its interval begin, there and as titles.
 DIFFERENCES = [
     *of_metrics(FIRST_METRICS, "median", " median"),
-    ("saved", "saved"),
-    ("lost", "lost"),
+    ("saved", "only A off"),
+    ("lost", "only B off"),
     ("unrecovered", "unrecovered", "unrecovered", "share"),
     *of_metrics(FIRST_METRICS, "difference", ""),
     ("p", "p"),
@@ -50,8 +50,8 @@ AGREEMENT_LEGEND = (
     " agreement."
 )
 SHARE_LEGEND = (
-    "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many"
-    " either way."
+    "Only A off, only B off: lanes that did not recover in A alone, in B alone; p: McNemar's exact"
+    " test that both are equally likely."
 )
 
 
@@ -104,8 +104,8 @@ def comparison_text(found: Comparison) -> str:
     parts = [
         "\n".join(settings_lines(found)),
         "\n".join(lines),
-        named_lanes("saved", changed[saved]),
-        named_lanes("lost", changed[~saved]),
+        named_lanes("recovered in B alone", changed[saved]),
+        named_lanes("recovered in A alone", changed[~saved]),
         named_lanes("failed", found.failed),
     ]
     return "\n\n".join(filter(None, parts))

@@ -1,4 +1,4 @@
-"""Tables for other programs: CSV with all digits, Markdown and LaTeX with four."""
+"""Tables for other programs: CSV with all digits, Markdown and LaTeX with three."""
 
 import itertools
 import re

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.cells import cell_len, chop_cells, set_cell_size
 
+from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
 from jaxnet.view.text.width import (
     GREATEST_WIDTH,
     MOST_ROWS,
@@ -33,7 +34,7 @@ def table_text(
     table: TableColumns, labels: Sequence[str] = (), width: int = 2 * GREATEST_WIDTH
 ) -> str:
     """Table as text of this width; the columns of `labels` are wrapped to fit."""
-    columns = texts_of(table)
+    columns = texts_of(table, labels)
     titles = {name: title_lines(name, texts) for name, texts in columns.items()}
     high, sizes = max(map(len, titles.values()), default=0), {}
     for name, texts in columns.items():
@@ -68,8 +69,10 @@ def placed_lines(text: str, width: int, right: bool) -> list[str]:
     return [" " * (width - cell_len(line)) * right + line for line in lines]
 
 
-def texts_of(table: TableColumns) -> dict[str, list[str]]:
-    return {name: [digits_text(value, 4) for value in values] for name, values in table.items()}
+def texts_of(table: TableColumns, labels: Sequence[str]) -> dict[str, list[str]]:
+    """Values as text; those of `labels`, which are swept, have the digits of names."""
+    digits = {name: NAME_DIGITS if name in labels else RESULT_DIGITS for name in table}
+    return {k: [digits_text(value, digits[k]) for value in values] for k, values in table.items()}
 
 
 def title_lines(title: str, texts: Sequence[str]) -> list[str]:
@@ -81,7 +84,7 @@ def title_lines(title: str, texts: Sequence[str]) -> list[str]:
 def fits_terminal(table: TableColumns, labels: Sequence[str]) -> bool:
     """Whether a terminal is as wide as a table with its labels wrapped."""
     total = -GAP
-    for name, texts in texts_of(table).items():
+    for name, texts in texts_of(table, labels).items():
         whole = max(map(len, [*title_lines(name, texts), *texts]))
         total += GAP + (min(whole, LEAST_LABEL) if name in labels else whole)
     return total <= terminal_width()

@@ -1,4 +1,4 @@
-"""Progress of runs and other long work on stderr: a live bar, or a line each half minute."""
+"""Progress of long work on stderr: a live bar, or without a terminal a line each half minute."""
 
 import contextlib
 import importlib.util
@@ -6,14 +6,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxnet.config.cells import is_leaderless
+from jaxnet.model.wording import number_text
 from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.steps import Steps
-from jaxnet.view.text.width import cell_title, four_digits
+from jaxnet.view.text.width import cell_title
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -55,7 +57,9 @@ def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
 
     def line() -> str:
         if not now:
-            return ""
+            return "preparing"
+        if now[0].done >= now[0].aim:
+            return "writing results"
         done, aim, failed = now[0].done, now[0].aim, now[0].failed
         words = f"{done}/{aim} lanes", speed.words(now[0]), f"{failed} failed"
         return "  ".join([*words, f"{speed.left(aim - done)} left"])
@@ -107,13 +111,13 @@ def live_bar(
 
 @contextlib.contextmanager
 def print_regularly(line: Callable[[], str]) -> Iterator[None]:
-    """Print a line to stderr each half minute, unless it is empty."""
-    ended = threading.Event()
+    """Print to stderr each half minute what is done, after the time since the start."""
+    ended, start = threading.Event(), time.monotonic()
 
     def beat() -> None:
         while not ended.wait(HEARTBEAT):
-            if said := line():
-                print(said, file=sys.stderr, flush=True)
+            passed = timedelta(seconds=round(time.monotonic() - start))
+            print(f"{passed}  {line()}", file=sys.stderr, flush=True)
 
     thread = threading.Thread(target=beat, daemon=True)
     thread.start()
@@ -125,10 +129,17 @@ def print_regularly(line: Callable[[], str]) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def report_work(what: str) -> Iterator[None]:
+    """Name work that has no steps each half minute, where there is no terminal."""
+    with contextlib.nullcontext() if sys.stderr.isatty() else print_regularly(lambda: what):
+        yield
+
+
+@contextlib.contextmanager
 def report_steps() -> Iterator[Steps]:
     """Yield a function that reports steps of work; a terminal keeps no trace."""
     if not sys.stderr.isatty():
-        now = [""]
+        now = ["preparing"]
 
         def note(what: str, done: int, total: int) -> None:
             now[:] = [f"{what}: {done}/{total}"]
@@ -167,13 +178,12 @@ class Speed:
         """The speed, or the present stage if no lane is done."""
         if tally.compiling:
             return "compiling"
-        return f"{self.rate:.3g} lanes/s" if self.rate else "first lanes under way"
+        return f"{number_text(self.rate)} lanes/s" if self.rate else "first lanes under way"
 
     def left(self, lanes: int) -> str:
         if not self.rate:
             return "unknown time"
-        seconds = round(lanes / self.rate)
-        return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+        return str(timedelta(seconds=round(lanes / self.rate)))
 
 
 def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | Text]":
@@ -193,8 +203,8 @@ def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | T
     worst = sorted(found[:room])
     rows = [heads]
     for each in worst:
-        share = f"{each.unrecovered:.3g}" if np.isfinite(each.unrecovered) else "-"
-        rows.append([f"{each.lanes:,}", four_digits(each.mean), share][: len(heads)])
+        share = number_text(each.unrecovered, whole=1.0) if np.isfinite(each.unrecovered) else "-"
+        rows.append([f"{each.lanes:,}", number_text(each.mean), share][: len(heads)])
     columns = [2 + max(map(len, column)) for column in zip(*rows, strict=True)]
     left = width - sum(columns)
     names = ["so far", *(cell_title(tally.cells[each.cell], left) for each in worst)]

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.naming import quantity, value_alone
-from jaxnet.statistics.curves import NO_SLOPE, Curve, Fit, curves, no_magnitudes
+from jaxnet.model.wording import number_text
+from jaxnet.statistics.curves import BOUND_NAMES, NO_SLOPE, Curve, Fit, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVAL, whole_draws
 from jaxnet.statistics.intervals import below_greatest
@@ -20,25 +21,18 @@ from jaxnet.view.text.width import filled
 
 MOST_VIOLATIONS = 20
 LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
-SLOPE_QUANTILES = {"mean": None, "median": 0.5, "95 %": 0.95, "envelope": ENVELOPE}
-SLOPES_DROP_ORDER = (("p",), ("95 %",), ("median",), ("envelope",))
-# Of one vehicle, the worst; of the fleet, the norm of all vehicles' errors.
-BOUND_COLUMNS = {
-    "static": ("static", "worst"),
-    "peak gain": ("peak_gain", "worst"),
-    "star norm": ("star_norm", "worst"),
-    **{
-        f"{kind} {vehicle}": (f"lyapunov_{kind}", vehicle)
-        for kind in ("printed", "corrected", "best")
-        for vehicle in ("worst", "fleet")
-    },
+QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, "all below": ENVELOPE}
+ERROR_NAMES = {"tail_mean": "mean error", "tail_max": "greatest error"}
+POWER = "power p of c ā^p"
+SLOPES_DROP_ORDER = tuple((name,) for name in (POWER, *QUANTILE_COLUMNS))
+BOUND_COLUMNS = {name: (bound, "worst") for bound, name in BOUND_NAMES.items()}
+BOUND_COLUMNS |= {
+    f"{name}, fleet": (bound, "fleet") for bound, name in BOUND_NAMES.items() if "lyapunov" in bound
 }
-BOUNDS_DROP_ORDER = tuple(
-    (name,)
-    for name in (
-        *("printed fleet", "corrected fleet", "best fleet", "printed worst"),
-        *("corrected worst", "star norm", "best worst"),
-    )
+BOUNDS_DROP_ORDER = tuple((name,) for name in reversed(BOUND_COLUMNS))
+BOUNDS_LEGEND = (
+    "bounds of any one vehicle; fleet: of all vehicles' errors together; as printed: with the"
+    " paper's constant, which is false in general; a dash: no bound is known, or the error is 0"
 )
 
 
@@ -46,9 +40,11 @@ def fit_text(results: Results) -> str:
     found = curves(results)
     parts = [slopes_text(results, found)]
     if results.file("bounds.csv").exists():
-        title = "each bound over the worst error found, of the worst vehicle or of the whole fleet"
+        title = "how many times the worst error found each bound of theory is"
         rows = [(curve, group_ratios(curve)) for curve in found]
-        parts.append(group_table(title, rows, BOUNDS_DROP_ORDER, "bounds.csv"))
+        if any(np.isfinite(row[name]) for _, row in rows for name in BOUND_COLUMNS):
+            table = group_table(title, rows, BOUNDS_DROP_ORDER, "bounds.csv")
+            parts.append(f"{table}\n{filled(BOUNDS_LEGEND)}")
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
     parts += map(filled, (no_magnitudes(found), falling_words(results, results.study.cells)))
@@ -56,30 +52,42 @@ def fit_text(results: Results) -> str:
 
 
 def slopes_text(results: Results, found: Sequence[Curve]) -> str:
-    """Slopes s of s·ā with 95 % intervals, the exponent p of c·ā^p, and notes on blanks."""
+    """The error as a multiple of ā, what share of lanes is below which multiple, and notes."""
     told, rows = [], []
     for curve in found:
         for metric in SUMMARISED:
-            fits = {name: curve.fit(metric, each) for name, each in SLOPE_QUANTILES.items()}
+            fits = {name: curve.fit(metric, each) for name, each in QUANTILE_COLUMNS.items()}
             told += [(name, fit) for name, fit in fits.items() if fit is not None]
-            texts = {name: slope_interval_text(fit) for name, fit in fits.items()}
-            texts["p"] = slope_interval_text(curve.exponents.get(metric))
-            rows.append((curve, {"metric": metric} | texts))
-    title = "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p"
+            texts = {"": ERROR_NAMES[metric], "mean of the lanes": law_text(curve, metric)}
+            texts |= {name: estimate_text(fit, " ā") for name, fit in fits.items()}
+            texts[POWER] = estimate_text(curve.exponents.get(metric))
+            rows.append((curve, texts))
+    if not any(curve.fits for curve in found):
+        return ""
+    title = (
+        "how errors over the tail depend on ā: the mean of the fleet, the greatest of any vehicle;"
+        " in brackets 95 % intervals"
+    )
     lines = [group_table(title, rows, SLOPES_DROP_ORDER, "fit.csv")]
     if any(curve.is_flat(metric) for curve in found for metric in SUMMARISED):
         lines.append(filled(NO_SLOPE))
-    if any(name != "envelope" and np.isnan(fit[1:]).any() for name, fit in told):
+    if any(QUANTILE_COLUMNS[name] != ENVELOPE and np.isnan(fit[1:]).any() for name, fit in told):
         lines.append(filled(NO_SLOPE_INTERVAL))
     independent = results.study.config.draws == "random"
     draws = independent and min(whole_draws(results, curve.group) for curve in found)
-    if draws and any(name == "envelope" for name, _ in told):
-        words = (
-            f"envelope: with 95 % confidence at least {below_greatest(draws):.2%} of all draws stay"
-            f" below it at every ā simulated ({draws} draws)"
-        )
+    if draws and any(QUANTILE_COLUMNS[name] == ENVELOPE for name, _ in told):
+        share = number_text(100 * below_greatest(draws), whole=100.0)
+        words = f"all below: the {draws} lanes of each ā; with 95 % confidence {share} % of all are"
         lines.append(filled(words))
     return "\n".join(lines)
+
+
+def law_text(curve: Curve, metric: str) -> str:
+    """How the mean error depends on ā, in words."""
+    if curve.is_flat(metric):
+        return "no effect of ā"
+    told = estimate_text(curve.fit(metric), " ā").replace(" (", ", 95 % ").rstrip(")")
+    return told if told == "-" else f"error = {told}"
 
 
 def group_table(
@@ -101,13 +109,12 @@ def group_table(
     return f"{filled(title)}\n{fitted_text(table, list(named[0]), steps, file)}"
 
 
-def slope_interval_text(found: Fit | None) -> str:
+def estimate_text(found: Fit | None, unit: str = "") -> str:
     """An estimate with its interval, or a dash for None."""
     if found is None:
         return "-"
-    estimate, low, high = (without_rounding(each, 1.0) for each in found)
-    ends = f" ({low:.4g} to {high:.4g})" if np.isfinite(low) else ""
-    return f"{estimate:.4g}{ends}"
+    estimate, low, high = (number_text(without_rounding(each, 1.0)) for each in found)
+    return f"{estimate}{unit}" + (f" ({low} to {high})" if np.isfinite(found[1]) else "")
 
 
 def group_ratios(curve: Curve) -> dict[str, float]:
@@ -121,13 +128,14 @@ def group_ratios(curve: Curve) -> dict[str, float]:
 def violations_text(results: Results) -> str:
     found: Any = results.violations
     lines = [
-        f"VIOLATION: {lane_title(results, row.cell, row.sample)}:\n"
-        f"  tail_max {row.tail_max:.6g} m is over {row.bound}, {row.limit:.6g} m\n  {row.command}"
+        f"ABOVE ITS BOUND: {lane_title(results, row.cell, row.sample)}:\n"
+        f"  greatest error {row.tail_max:.6g} m, bound {row.limit:.6g} m ({row.bound})\n"
+        f"  {row.command}"
         for row in found.head(MOST_VIOLATIONS).itertuples()
     ]
     if len(found) > MOST_VIOLATIONS:
         lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.file('violations.csv')}")
-    lines = lines or ["no lane is above a bound that claims to hold for it"]
+    lines = lines or ["no lane is above its bound of theory"]
     if unchecked := unchecked_words(results.study.cells):
         lines.append(filled(f"no bound is known for {unchecked}"))
     return "\n".join(lines)

@@ -11,7 +11,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
 from jaxnet.config.naming import label_notes
 from jaxnet.config.sweep import is_joint
-from jaxnet.model.wording import cells_named, count, count_between
+from jaxnet.model.wording import cells_named, count, count_between, number_text
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
@@ -117,9 +117,11 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
-        share = 1 - below_greatest(int(lanes[lanes > 0].min()))
-        words = f"with 95 % confidence at most {share:.2%} of all lanes of a cell are over it"
-        notes.append(f"worst is the greatest of the lanes simulated: {words}")
+        many = lanes[lanes > 0].astype(int)
+        words = f"with 95 % confidence at most {share_beyond(many.min())} of all lanes are worse"
+        notes.append(
+            f"worst: the greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}"
+        )
     return [*filter(None, [falling_words(results, cells)]), *notes, *caveat_lines(cells)]
 
 
@@ -159,10 +161,14 @@ def missing_lines(shown: Sequence[Column], lanes: pd.Series, independent: bool) 
     notes = [f"{NO_MEAN_INTERVAL}: {cells_named(sorted(without))}"] * bool(without)
     if alike and independent:
         named, fewest = cells_named(sorted(alike)), int(lanes[sorted(alike)].min())
-        words = f"alike: all lanes of {named} agree ({count(fewest, 'lane')} at least)"
-        share = 1 - below_greatest(fewest)
-        notes.append(f"{words}; with 95 % confidence at most {share:.2%} of all do not")
+        words = f"alike: the lanes of {named} have one value ({count(fewest, 'lane')} at least)"
+        notes.append(f"{words}; with 95 % confidence at most {share_beyond(fewest)} of all differ")
     return notes
+
+
+def share_beyond(lanes: int) -> str:
+    """Share of all lanes that may be over the greatest of some, with 95 % confidence."""
+    return f"{number_text(100 * (1 - below_greatest(lanes)))} %"
 
 
 def setting_note(results: Results) -> str:

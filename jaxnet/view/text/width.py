@@ -7,6 +7,7 @@ from textwrap import fill
 from typing import TypeVar
 
 from jaxnet.config.cells import Cell
+from jaxnet.model.wording import RESULT_DIGITS, number_text
 
 LEAST_WIDTH, GREATEST_WIDTH = 40, 200  # of a terminal, in letters
 MOST_ROWS = 60
@@ -37,15 +38,11 @@ def cell_title(cell: Cell, room: int) -> str:
     return cut_text(shown, room)
 
 
-def four_digits(value: float) -> str:
-    return f"{value:.4g}"
-
-
-def digits_text(value: object, digits: int) -> str:
-    """A number to so many digits, a dash for not-a-number, other values as text."""
+def digits_text(value: object, digits: int = RESULT_DIGITS, whole: float = math.inf) -> str:
+    """A number as `number_text` has it, a dash for not-a-number, other values as text."""
     if not isinstance(value, float):
         return str(value)
-    return "-" if math.isnan(value) else f"{value:.{digits}g}"
+    return "-" if math.isnan(value) else number_text(value, digits, whole)
 
 
 def left_out_note(left_out: Sequence[str], file: str) -> list[str]:

@@ -12,32 +12,27 @@ from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_text
 from jaxnet.view.text.width import filled
 
-SEARCH_DROP_ORDER = (
-    ("lanes",),
-    ("fresh least 5 %",),
-    ("greatest",),
-    ("nonlinear",),
-    ("bound / found",),
-)
 LENGTHS = {  # columns of worst.csv that are told per ā, with their titles
-    "found": "found",
-    "late": "late",
-    "greatest": "greatest",
-    "random": "random lanes",
-    "bound": "bound",
+    "found": "found by the search",
+    "late": "found, later",
+    "greatest": "greatest tried",
+    "random": "worst random lane",
+    "bound": "bound of theory",
     "ratio": "bound / found",
-    "fresh": "fresh mean",
-    "fresh_low": "fresh least 5 %",
-    "nonlinear": "nonlinear",
+    "fresh": "other starts, mean",
+    "fresh_low": "other starts, 5 %",
+    "nonlinear": "found, nonlinear engine",
 }
+SEARCH_LANES = "lanes of the search"
+LESS_ASKED = ("fresh_low", "greatest", "nonlinear", "ratio", "fresh")
+SEARCH_DROP_ORDER = ((SEARCH_LANES,), *((LENGTHS[name],) for name in LESS_ASKED))
 
 
 def search_text(results: Results) -> str:
     labels, file = list(results.study.cells[0].labels), str(results.path / "worst.csv")
-    late = f"late: at {late_times(results)}; fresh: from other starts"
-    head = f"the worst {maximised_text(results)}; {late}"
     text = fitted_text(worst_rows(results).to_dict("list"), labels, SEARCH_DROP_ORDER, file)
-    return "\n".join([head, text, *map(filled, [starts_text(results), *limit_lines(results)])])
+    notes = [*search_notes(results), *limit_lines(results)]
+    return "\n".join([f"{maximised_text(results)}, by search", text, *map(filled, notes)])
 
 
 def asked_search(results: Results) -> SearchSettings:
@@ -46,14 +41,17 @@ def asked_search(results: Results) -> SearchSettings:
     return asked
 
 
-def starts_text(results: Results) -> str:
-    """From how many starts a choice is tried, beside those of random lanes."""
-    starts = asked_search(results).starts
-    same = "the same start" if starts == 1 else f"the same {starts:,} starts, their mean"
-    return (
-        f"found: every choice from {same}; random lanes: each a choice and a start of its"
-        " own, the greatest lane; so random lanes may be above what was found, from a worse start"
-    )
+def search_notes(results: Results) -> list[str]:
+    """What the columns of `worst_rows` are."""
+    asked = asked_search(results)
+    start = "one start" if asked.starts == 1 else f"{asked.starts:,} starts, their mean"
+    return [
+        f"found by the search: the worst choice from {start}, over {', '.join(asked.over)}; later:"
+        f" the same choice at {late_times(results)}, when what is transient has died away",
+        "worst random lane: of as many, each with a choice and a start of its own; from a worse"
+        " start it may lie above what was found",
+        "other starts: the choice that was found, from 10,000 further starts",
+    ]
 
 
 def limit_lines(results: Results) -> list[str]:
@@ -82,6 +80,7 @@ def late_times(results: Results) -> str:
 
 
 def maximised_text(results: Results) -> str:
+    """What the search maximises, in words with its unit."""
     words = metric_with_unit(results)
     return words.replace(" [m]", ", per ā") if is_per_size(results) else words
 
@@ -93,10 +92,17 @@ def is_per_size(results: Results) -> bool:
     return sized and led and metric_with_unit(results).endswith(" [m]")
 
 
+def metric_words(results: Results) -> str:
+    """Name in words of what the search maximises."""
+    metric = asked_search(results).maximise
+    words = {each.name: each.words for each in results.study.config.measured()}.get(metric)
+    return words or metric.replace("_", " ")
+
+
 def metric_with_unit(results: Results) -> str:
     config, metric = results.study.config, asked_search(results).maximise
     unit = {each.name: each.column_unit for each in config.measured()}.get(metric)
-    told = f"{metric} [{unit}]" if unit else metric
+    told = f"{metric_words(results)} [{unit}]" if unit else metric_words(results)
     if metric != "unrecovered" or config.recovery is None:
         return told
     return f"{told} ({criterion_words(config.recovery, results.study.cells)})"
@@ -115,4 +121,5 @@ def worst_rows(results: Results) -> pd.DataFrame:
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
         lengths = lengths.drop(columns=["bound", "ratio"])
     who = found[["cell", *results.study.cells[0].labels, "attacked"]]
-    return pd.concat([who, lengths.rename(columns=LENGTHS), found["lanes"]], axis="columns")
+    lanes = found["lanes"].rename(SEARCH_LANES)
+    return pd.concat([who, lengths.rename(columns=LENGTHS), lanes], axis="columns")
