@@ -34,9 +34,14 @@ def states_of(lane: Lane, jets: Jets, time: Instants, inner: Any = None) -> Stat
     return lane.vehicle.state_with(jets, inner)
 
 
-def inputs(lane: Lane, states: States, asked: PerAxis, time: Instants) -> PerAxis:
-    """Inputs for the r-th derivative of the outputs that is asked for."""
-    return admitted(lane, states, lane.vehicle.inputs_for(states, asked), time)
+def asked(lane: Lane, states: States, highest: PerAxis, time: Instants) -> PerAxis:
+    """Inputs that the law asks for, for this r-th derivative of the outputs."""
+    return lane.vehicle.inputs_for(states, highest)
+
+
+def inputs(lane: Lane, states: States, highest: PerAxis, time: Instants) -> PerAxis:
+    """Inputs that reach the vehicles, where the law asks for this r-th derivative."""
+    return admitted(lane, states, asked(lane, states, highest, time), time)
 
 
 def admitted(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> PerAxis:
@@ -44,14 +49,19 @@ def admitted(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> Per
     return inputs
 
 
-def rates(lane: Lane, states: States, asked: PerAxis, time: Instants) -> States:
-    """Rates of the states of vehicles that follow what is asked for."""
-    return lane.vehicle.motion(states, inputs(lane, states, asked, time))
+def rates(lane: Lane, states: States, highest: PerAxis, time: Instants) -> States:
+    """Rates of the states of vehicles of which the law asks this r-th derivative."""
+    return moved(lane, states, inputs(lane, states, highest, time), time)
 
 
 def input_rates(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> States:
     """Rates of the states of vehicles for which the law asks these inputs."""
-    return lane.vehicle.motion(states, admitted(lane, states, inputs, time))
+    return moved(lane, states, admitted(lane, states, inputs, time), time)
+
+
+def moved(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> States:
+    """Rates of the states of vehicles that these inputs reach."""
+    return lane.vehicle.motion(states, inputs)
 
 
 def output_rates(lane: Lane, states: States, rates: States, time: Instants) -> tuple[Jets, Jets]:

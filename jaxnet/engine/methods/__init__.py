@@ -42,6 +42,7 @@ class Engine(Kind):
     by_functions: ClassVar[bool] = False  # whether all drives are functions of time, on both axes
     linearises: ClassVar[bool] = False  # whether vehicles can follow a linearised law
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick
+    samples: ClassVar[bool] = False  # whether every law is evaluated at ticks alone
 
     def presumes(self, scenario: ScenarioView) -> Presumed:
         """Return what the engine takes for granted of the vehicle.
