@@ -28,8 +28,10 @@ from jaxnet.kinds.fields import (
     NotNegative,
     NotNegativeByOrder,
     Number,
+    NumberOfEach,
     Positions,
     Positive,
+    PositiveOfEach,
     Record,
     Uniform,
     VehicleGains,
@@ -75,10 +77,14 @@ class Initial(Record):
         description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a"
         " line",
     )
-    heading: Number = Field(
-        default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis"
+    heading: NumberOfEach = Field(
+        default=Uniform(uniform=[-PI, PI]),
+        description="[rad], from the first axis, or a list with the heading of each vehicle",
     )
-    speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
+    speed: PositiveOfEach = Field(
+        default=Uniform(uniform=[0.2, 0.4]),
+        description="[m/s], forwards, or a list with the speed of each vehicle",
+    )
 
 
 class Channel(Record):

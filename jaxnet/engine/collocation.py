@@ -291,7 +291,8 @@ class Collocation(Following[CollocationState]):
         own = plane.replaced(frozen, jets, vehicles.outputs(lane, states, now.time))
         own = decided.sensed.of(own)
         jerk = task.state.followed.jerk(Scene(lane, self.network, decided, now), own, guess)
-        rates = vehicles.rates(lane, states, jerk, now.time)
+        asked = vehicles.asked(lane, states, jerk, now.time)
+        rates = vehicles.rates(lane, states, asked, now.time)
         found, (*lower, moved) = vehicles.output_rates(lane, states, rates, now.time)
         missed = [jnp.abs(a - b) for a, b in zip(found, jets, strict=True)]
         for k, rate in enumerate(lower, start=1):

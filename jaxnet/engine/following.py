@@ -95,7 +95,7 @@ class Followed(eqx.Module):
 
     def rates(self, scene: Scene, states: States) -> States:
         lane, time = scene.lane, scene.now.time
-        return vehicles.input_rates(lane, states, self.inputs(scene, states), time)
+        return vehicles.rates(lane, states, self.inputs(scene, states), time)
 
     def unresolved(self, path: Float[Array, "2 lanes"], drive: Float[Array, "b lanes"]) -> PerAxis:
         """Effect on the jerk of errors of this size of the signals R(y_0) and R(β)."""
@@ -173,6 +173,10 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
             new, connected = follow_weights(lane, self.network, chosen, self.guesses)
         whole = jax.tree.map(lambda every, theirs: put(every, few, theirs), followed, new)
         return whole, new, connected
+
+    def asked(self, state, decided):
+        scene = Scene(self.lane, self.network, decided, state.signals)
+        return state.followed.inputs(scene, self.states(state))
 
     def basis(self, state):
         return state.signals.time, state.signals.basis

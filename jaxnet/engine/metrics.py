@@ -47,6 +47,9 @@ class Observation(NamedTuple):
     alarms
         Alarms over messages judged until now, of attacked and of honest links, (2, lanes); None
         without a detector.
+    saturated
+        Share of (vehicle, tick) pairs until now at which inputs were limited, and the number of
+        ticks with any such vehicle, (2, lanes); None where vehicles have no limits.
 
     Examples
     --------
@@ -70,6 +73,7 @@ class Observation(NamedTuple):
     start: Float[Array, "2 m *lanes"]
     inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
     alarms: Float[Array, "2 *lanes"] | None = None
+    saturated: Float[Array, "2 *lanes"] | None = None
 
     @property
     def inputs(self) -> Float[Array, "2 m *lanes"]:

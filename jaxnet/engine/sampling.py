@@ -36,7 +36,7 @@ class SamplingState(NamedTuple):
 
     states: States
     signals: Signals
-    inputs: PerAxis  # held until the next tick
+    asked: PerAxis  # inputs that the law asks for until the next tick
     steps: Int[Array, " lanes"]  # of the motion over periods, refused ones included
     followed: Followed
 
@@ -51,7 +51,7 @@ class Sampling(Following[SamplingState]):
         return SamplingState(
             states=lane.initial,
             signals=signals(lane, zero),
-            inputs=jnp.zeros_like(lane.initial[:2]),
+            asked=jnp.zeros_like(lane.initial[:2]),
             steps=jnp.zeros(zero.shape, int),
             followed=self.nothing_followed(),
         )
@@ -66,12 +66,12 @@ class Sampling(Following[SamplingState]):
     def placed(self, state, which, states):
         return state._replace(states=jnp.where(which[None], states, state.states))
 
-    def inputs(self, state, decided):
-        return state.inputs
+    def asked(self, state, decided):
+        return state.asked
 
     def drive_now(self, state, decided):
         """`y^(r) + P(ŷ)`, with y^(r) of the inputs that are held."""
-        rates = vehicles.moved(self.lane, state.states, state.inputs, state.signals.time)
+        rates = vehicles.rates(self.lane, state.states, state.asked, state.signals.time)
         return drive_along(self.lane, state.states, rates, state.signals.time, decided)
 
     def hold(self, state, decided, at):
@@ -92,8 +92,7 @@ class Sampling(Following[SamplingState]):
         carry = state.followed, jnp.zeros_like(at.here)
         followed, cut_off = for_each(flagged, at_once, some, carry)
         asked = followed.inputs(Scene(lane, self.network, decided, now), state.states)
-        inputs = vehicles.admitted(lane, state.states, asked, now.time)
-        return state._replace(inputs=inputs, followed=followed), cut_off
+        return state._replace(asked=asked, followed=followed), cut_off
 
     def advance(self, state, decided, ticks, status):
         """The state at the next tick; vehicles that have stopped stay where they are."""
@@ -102,7 +101,7 @@ class Sampling(Following[SamplingState]):
         frozen = decided.coasting.frozen(lane)
 
         def rates(time: Instants, states: States) -> States:
-            moved = vehicles.moved(lane, states, state.inputs, time)
+            moved = vehicles.rates(lane, states, state.asked, time)
             return jnp.where(frozen[None], 0.0, moved)
 
         if self.plan.options == ("euler",):

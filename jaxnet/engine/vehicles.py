@@ -39,29 +39,14 @@ def asked(lane: Lane, states: States, highest: PerAxis, time: Instants) -> PerAx
     return lane.vehicle.inputs_for(states, highest)
 
 
-def inputs(lane: Lane, states: States, highest: PerAxis, time: Instants) -> PerAxis:
-    """Inputs that reach the vehicles, where the law asks for this r-th derivative."""
-    return admitted(lane, states, asked(lane, states, highest, time), time)
+def admitted(lane: Lane, states: States, asked: PerAxis, time: Instants) -> PerAxis:
+    """Inputs that reach the vehicles, of those that the law asks for: within their limits."""
+    return lane.vehicle.within_limits(asked) if lane.vehicle.limits else asked
 
 
-def admitted(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> PerAxis:
-    """Inputs that reach the vehicles, of those that the law asks for: all."""
-    return inputs
-
-
-def rates(lane: Lane, states: States, highest: PerAxis, time: Instants) -> States:
-    """Rates of the states of vehicles of which the law asks this r-th derivative."""
-    return moved(lane, states, inputs(lane, states, highest, time), time)
-
-
-def input_rates(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> States:
-    """Rates of the states of vehicles for which the law asks these inputs."""
-    return moved(lane, states, admitted(lane, states, inputs, time), time)
-
-
-def moved(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> States:
-    """Rates of the states of vehicles that these inputs reach."""
-    return lane.vehicle.motion(states, inputs)
+def rates(lane: Lane, states: States, asked: PerAxis, time: Instants) -> States:
+    """Rates of the states of vehicles of which the law asks these inputs."""
+    return lane.vehicle.motion(states, admitted(lane, states, asked, time))
 
 
 def output_rates(lane: Lane, states: States, rates: States, time: Instants) -> tuple[Jets, Jets]:

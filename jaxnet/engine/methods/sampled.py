@@ -20,6 +20,7 @@ class Sampled(Engine):
     linearises: ClassVar[bool] = True
     holds: ClassVar[bool] = True
     samples: ClassVar[bool] = True
+    limits: ClassVar[bool] = True
 
     move: Literal["euler", "exact"] = setting(
         "exact",

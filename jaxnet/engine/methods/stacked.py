@@ -274,7 +274,7 @@ def lane_field(
     decoupling = jnp.where(frozen[None, None], jnp.eye(2)[..., None, None], psi)
     given = lane.vehicle.drift(there), decoupling, graph, strength * highest, strength[None] * error
     inputs = stacked_inputs(*(each[..., 0] for each in (*given, lane.gain)))
-    rates = vehicles.input_rates(lane, there, inputs[..., None], now)
+    rates = vehicles.rates(lane, there, inputs[..., None], now)
     return jnp.where(frozen[None], 0.0, rates)[..., 0]
 
 
