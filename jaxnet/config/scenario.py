@@ -229,7 +229,14 @@ def breaks(scenario: Scenario) -> set[str]:
         "small": scenario.vehicles > MOST_INVERTED,
     }
     kinds = (scenario.navigator, scenario.topology, attack, scenario.law, scenario.vehicle)
-    kinds = (*kinds, scenario.engine, attack.announcement(), scenario.sensing, channel.loss, channel.noise)
+    kinds = (
+        *kinds,
+        scenario.engine,
+        attack.announcement(),
+        scenario.sensing,
+        channel.loss,
+        channel.noise,
+    )
     return {name for name, broken in own.items() if broken}.union(*(k.breaks() for k in kinds))
 
 

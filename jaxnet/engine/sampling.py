@@ -78,9 +78,7 @@ class Sampling(Following[SamplingState]):
         """Take the law's inputs in all lanes; factorise the Laplacian where a weight changed."""
         lane, now = self.lane, state.signals
 
-        def some(
-            few: LaneIndices, carry: tuple[Followed, LaneFlags]
-        ) -> tuple[Followed, LaneFlags]:
+        def some(few: LaneIndices, carry: tuple[Followed, LaneFlags]) -> tuple[Followed, LaneFlags]:
             followed, cut_off = carry
             followed, _, connected = self.follow(
                 state, followed, decided, few, lambda: state.states

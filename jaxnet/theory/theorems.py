@@ -25,8 +25,25 @@ AT_LAST = ("leader", *MOTION)
 LIVE = ("flat", "continuous", "one network", "every message", "on time")
 OF_LAWS = ("one gain", *LIVE, "small")
 OF_ERRORS = ("solved", "one gain", "alike", *LIVE, "unrounded messages", "ticks")
-OF_DELAY = ("flat", "continuous", "one network", "every message", "no decisions", "steady delay", "small")
-MEAN_SQUARE = ("one gain", "flat", "continuous", "one network", "on time", "drops", "no decisions", "small")
+OF_DELAY = (
+    "flat",
+    "continuous",
+    "one network",
+    "every message",
+    "no decisions",
+    "steady delay",
+    "small",
+)
+MEAN_SQUARE = (
+    "one gain",
+    "flat",
+    "continuous",
+    "one network",
+    "on time",
+    "drops",
+    "no decisions",
+    "small",
+)
 WHILE_REACHED = ("leader", "solved", "flat", "continuous", "one network", "on time", "drops")
 IN_TURNS = ("leader", "small", "solved", "flat", "continuous")
 

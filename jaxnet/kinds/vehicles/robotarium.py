@@ -23,6 +23,6 @@ class Robotarium(LookAhead):
         radius, half = self.wheel_radius[None], self.base[None] / 2
         left, right = ((inputs[0] + side * half * inputs[1]) / radius for side in (-1.0, 1.0))
         fast = xp.maximum(abs(left), abs(right)) > most
-        left, right = (xp.clip(each, -most, most) for each in (left, right))
-        clipped = radius * xp.stack([(left + right) / 2, (right - left) / (2 * half)])
+        left, right = (radius * xp.clip(each, -most, most) for each in (left, right))
+        clipped = xp.stack([(left + right) / 2, (right - left) / (2 * half)])
         return xp.where(fast[None], clipped, inputs)
