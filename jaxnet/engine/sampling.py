@@ -22,7 +22,6 @@ from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
 from jaxnet.engine.plan import Tolerances
 from jaxnet.engine.status import Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, put, select
-from jaxnet.engine.tick import DecisionState
 from jaxnet.engine.vehicles import States
 from jaxnet.model import plane
 from jaxnet.solvers.choice import factorised_at_once
