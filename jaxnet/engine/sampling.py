@@ -43,7 +43,9 @@ class SamplingState(NamedTuple):
 class Sampling(Following[SamplingState]):
     """Motion of vehicles with held inputs, which is that of the option `move`."""
 
-    acts = True
+    @property
+    def acts(self):
+        return True
 
     def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)

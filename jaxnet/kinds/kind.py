@@ -155,7 +155,7 @@ class Kind(Record, metaclass=KindType):
                 values[key] = draw.one(value, dotted)
             elif isinstance(value, list) and value and all(map(is_number, value)):
                 values[key] = draw.several(value, dotted).T
-            elif is_mapping_of(is_number, value):
+            elif is_mapping_of(value, is_number):
                 values[key] = {k: draw.one(each, f"{dotted}.{k}") for k, each in value.items()}
             else:
                 values[key] = value
@@ -230,14 +230,14 @@ def is_number(value: object) -> bool:
     return isinstance(value, float | Apiece | Shared | Listed) or is_drawn(value)
 
 
-def is_mapping_of(kind: Callable[[object], bool], value: object) -> TypeGuard[dict[str, Any]]:
+def is_mapping_of(value: object, kind: Callable[[object], bool]) -> TypeGuard[dict[str, Any]]:
     """Whether a value is a mapping, not an empty one, to such values alone."""
     return isinstance(value, dict) and bool(value) and all(map(kind, value.values()))
 
 
 def is_leaf(value: object) -> bool:
     """Whether a value of a drawn kind consists of numbers."""
-    return isinstance(value, np.ndarray | Kind) or is_mapping_of(is_leaf, value)
+    return isinstance(value, np.ndarray | Kind) or is_mapping_of(value, is_leaf)
 
 
 def holds_drawn(value: object) -> bool:
