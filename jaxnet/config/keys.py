@@ -38,6 +38,8 @@ from jaxnet.kinds.fields import (
     ordered,
     value_range,
 )
+from jaxnet.kinds.formations import Formation
+from jaxnet.kinds.formations.none import NoFormation
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
@@ -59,7 +61,7 @@ from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 LARGEST_FLEET = 10_000
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
 KINDS = ("topology", "navigator", "vehicle", "attack", "defence")  # keys that take a kind
-KINDS += ("law", "sensing", "detector", "engine")
+KINDS += ("law", "formation", "sensing", "detector", "engine")
 INNER_KINDS = {  # families of deeper keys
     "attack.announces": "announcement",
     "channel.loss": "loss",
@@ -303,6 +305,9 @@ class Scenario(Record):
     )
     law: Annotated[Law, KindOf("law")] = Field(
         default=ExactLaw(), description="how the law is solved"
+    )
+    formation: Annotated[Formation, KindOf("formation")] = Field(
+        default=NoFormation(), description="where each vehicle goes, relative to the others"
     )
     attack: Annotated[AnyAttack, KindOf("attack")] = Field(
         default=Rotating(), description="what is false in what is heard"

@@ -93,7 +93,7 @@ class Collocation(Following[CollocationState]):
 
     def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
-        jets = vehicles.outputs(lane, lane.initial, zero)
+        jets = vehicles.first_outputs(lane)
         still = jnp.zeros((gauss.STAGES, *jets[0].shape))
         return CollocationState(
             jets=jets,

@@ -50,6 +50,9 @@ class Observation(NamedTuple):
     saturated
         Share of (vehicle, tick) pairs until now at which inputs were limited, and the number of
         ticks with any such vehicle, (2, lanes); None where vehicles have no limits.
+    offset
+        Offset of each vehicle in the formation [m], (2, m, lanes); None without a formation.
+        Errors are those of y minus the offset.
 
     Examples
     --------
@@ -74,6 +77,7 @@ class Observation(NamedTuple):
     inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
     alarms: Float[Array, "2 *lanes"] | None = None
     saturated: Float[Array, "2 *lanes"] | None = None
+    offset: Float[Array, "2 m *lanes"] | None = None
 
     @property
     def inputs(self) -> Float[Array, "2 m *lanes"]:
@@ -83,6 +87,11 @@ class Observation(NamedTuple):
         acceleration [rad/s²].
         """
         return self.inputs_now()
+
+    def apart(self) -> Float[Array, "m m *lanes"]:
+        """Distance [m] of each vehicle to each other, by their true outputs."""
+        place = self.error if self.offset is None else self.error + self.offset
+        return length(place[:, :, None] - place[:, None])
 
     def errors(self) -> Float[Array, "m *lanes"]:
         """`‖y_i - y_0‖` [m] of each vehicle."""

@@ -50,7 +50,7 @@ class Sampling(Following[SamplingState]):
     def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
         return SamplingState(
-            states=lane.initial,
+            states=vehicles.first_states(lane),
             signals=signals(lane, zero),
             asked=jnp.zeros_like(lane.initial[:2]),
             steps=jnp.zeros(zero.shape, int),

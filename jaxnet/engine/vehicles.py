@@ -23,19 +23,45 @@ Which = Bool[Array, "m *lanes"]
 
 
 def outputs(lane: Lane, states: States, time: Instants) -> Jets:
-    """Jets of the outputs that the law steers, below the order."""
-    return lane.vehicle.output_jets(states)
+    """Jets of what the law steers, below the order: of the outputs less the formation's offsets."""
+    found = lane.vehicle.output_jets(states)
+    if lane.formation is None:
+        return found
+    return tuple(jet - by for jet, by in zip(found, lane.offsets(time), strict=False))
+
+
+def in_formation(lane: Lane, jets: Jets, time: Instants) -> Jets:
+    """Jets of the outputs, from those of what the law steers."""
+    if lane.formation is None:
+        return jets
+    return tuple(jet + by for jet, by in zip(jets, lane.offsets(time), strict=False))
+
+
+def first_outputs(lane: Lane) -> Jets:
+    """Jets of what the law steers at t = 0, which do not depend on the formation."""
+    return lane.vehicle.output_jets(lane.initial)
+
+
+def first_states(lane: Lane) -> States:
+    """States of the vehicles at t = 0."""
+    if lane.formation is None:
+        return lane.initial
+    inner = lane.vehicle.inner(lane.initial) if lane.vehicle.internal else None
+    return states_of(lane, first_outputs(lane), jnp.zeros_like(lane.attack_scale), inner)
 
 
 def states_of(lane: Lane, jets: Jets, time: Instants, inner: Any = None) -> States:
-    """States of vehicles with these outputs; `inner` are the states that outputs do not tell."""
+    """States of vehicles with these jets; `inner` are the states that outputs do not tell."""
+    jets = in_formation(lane, jets, time)
     if inner is None:
         return lane.vehicle.state_of(jets)
     return lane.vehicle.state_with(jets, inner)
 
 
 def asked(lane: Lane, states: States, highest: PerAxis, time: Instants) -> PerAxis:
-    """Inputs that the law asks for, for this r-th derivative of the outputs."""
+    """Inputs that the law asks for, for this r-th derivative of what it steers."""
+    if lane.formation is not None:
+        highest = highest + lane.offsets(time)[len(lane.gain)]
     return lane.vehicle.inputs_for(states, highest)
 
 
@@ -64,7 +90,7 @@ def pace_of(lane: Lane, states: States, inputs: PerAxis) -> tuple[PerVehicle, Pe
 
 
 def pace_of_jets(lane: Lane, jets: Jets) -> tuple[PerVehicle, PerVehicle] | None:
-    """Speed and turn rate where the outputs' jets tell them."""
+    """Speed and turn rate where the outputs' jets tell them, which no formation moves then."""
     return plane.pace(jets) if lane.vehicle.jets_tell_pace else None
 
 

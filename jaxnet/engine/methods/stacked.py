@@ -129,7 +129,7 @@ class ByDiffrax(Motion[StackedState]):
 
     def begin(self):
         zero = jnp.zeros_like(self.lane.attack_scale)
-        return StackedState(self.lane.initial, zero, jnp.zeros(zero.shape, int))
+        return StackedState(vehicles.first_states(self.lane), zero, jnp.zeros(zero.shape, int))
 
     def errors(self, state):
         own = vehicles.outputs(self.lane, state.state, state.time)
