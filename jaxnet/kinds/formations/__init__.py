@@ -4,7 +4,8 @@ The law acts on `y - δ`, and vehicles transmit and judge that. So the errors of
 depend on its formation.
 """
 
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -52,14 +53,14 @@ class Formation(Kind):
     def faults(self, scenario):
         vehicle, engine = scenario.vehicle, scenario.engine
         if self.moves and not engine.samples and (vehicle.singular or engine.kind == "stacked"):
-            message = f"moves {vehicle.kind} by the sampled engine alone: give engine: sampled"
-            yield Fault(("formation", "engine"), f"a formation that moves {message}")
+            message = f"cannot turn {vehicle.kind} vehicles: give engine: sampled"
+            yield Fault(("formation", "engine"), f"the {engine.kind} engine {message}")
 
 
 class Still(Formation):
     """A formation whose offsets do not change. A subclass gives `places`."""
 
-    def places(self, vehicles: int) -> tuple[list, list]:
+    def places(self, vehicles: int) -> Sequence[Sequence[Any]]:
         """The offsets on both axes [m], each a list of numbers (lanes,), one for each vehicle."""
         raise KindError(f"{self.kind}: a formation that stands gives places(self, vehicles)")
 
