@@ -1,6 +1,5 @@
-import io
+import math
 
-import numpy as np
 from upath import UPath
 
 from jaxnet.kinds.fields import Vector, setting
@@ -29,10 +28,11 @@ class File(Offsets):
 def read_places(content: bytes, name: str) -> list[list[float]]:
     """The places in a file; raise KindError."""
     try:
-        text = content.decode().replace(",", " ")
-        places = np.loadtxt(io.StringIO(text), ndmin=2)
+        lines = [line.partition("#")[0] for line in content.decode().splitlines()]
+        places = [list(map(float, line.replace(",", " ").split())) for line in lines]
     except ValueError as error:
         raise KindError(f"{name}: must be lines x, y ({error})") from error
-    if places.shape[1:] != (2,) or not np.isfinite(places).all():
+    places = [place for place in places if place]
+    if not places or any(len(place) != 2 or not all(map(math.isfinite, place)) for place in places):
         raise KindError(f"{name}: must be lines with two numbers x, y [m]")
-    return places.tolist()
+    return places

@@ -152,7 +152,7 @@ def test_attacker_lies_about_its_place_in_the_formation():
 
 def test_places_of_a_file(tmp_path):
     (tmp_path / "places.csv").write_text("# x, y\n" + "\n".join(f"{n}, {-n}" for n in range(12)))
-    (tmp_path / "study.yaml").write_text("formation: {kind: file, path: places.csv}\n")
+    (tmp_path / "study.yaml").write_text("name: one\nformation: {kind: file, path: places.csv}\n")
     formation = jaxnet.load(tmp_path / "study.yaml").config.formation
     assert formation.offsets == [[float(n), float(-n)] for n in range(12)]
 
@@ -160,7 +160,7 @@ def test_places_of_a_file(tmp_path):
 @pytest.mark.parametrize("content", ["", "1, 2, 3\n", "1, nan\n", "a, b\n"])
 def test_wrong_files_of_places_are_refused(tmp_path, content):
     (tmp_path / "places.csv").write_text(content)
-    (tmp_path / "study.yaml").write_text("formation: {kind: file, path: places.csv}\n")
+    (tmp_path / "study.yaml").write_text("name: one\nformation: {kind: file, path: places.csv}\n")
     with pytest.raises(jaxnet.ConfigError, match=r"places\.csv"):
         jaxnet.load(tmp_path / "study.yaml")
 
