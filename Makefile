@@ -1,10 +1,11 @@
 # `make paper` sets everything up and runs the main job; `make test` sets everything up and passes the
 # tests; `make test-all` runs the long tests too and checks the shapes of arrays in all of them;
-# `make docs` sets everything up and builds the site of the pages.
+# `make docs` sets everything up and builds the site of the pages; `make release` makes what a release
+# consists of, in dist/.
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: paper check test test-all docs lock clean
+.PHONY: paper check test test-all docs release lock clean
 
 paper: .venv/ready
 	$(BIN)/python experiments/paper.py
@@ -25,6 +26,12 @@ docs: .venv/ready
 	$(BIN)/python docs/site/keys.py
 	$(BIN)/python docs/site/solvers.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+# Wheel, sdist, site and checksums in dist/, if versions and dates agree and all tests pass. No upload.
+release: .venv/ready
+	$(BIN)/python packaging/release.py --check
+	$(MAKE) test docs
+	$(BIN)/python packaging/release.py
 
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

@@ -5,10 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.benchmarks import peers, row
+from experiments.benchmarks import launches, peers, row
 from jaxnet.engine import batch
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
@@ -90,7 +92,7 @@ def test_the_loop_by_hand_simulates_the_same_study():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("script", ["commands", "speed", "scaling", "memory", "row"])
+@pytest.mark.parametrize("script", ["commands", "speed", "scaling", "memory", "launches", "row"])
 def test_a_script_says_what_it_does(script):
     """Under `--help`, with its question or task first."""
     command = [sys.executable, BENCHMARKS / f"{script}.py", "--help"]
@@ -100,3 +102,36 @@ def test_a_script_says_what_it_does(script):
     )
     assert shown.returncode == 0, shown.stderr
     assert "usage" in shown.stdout
+
+
+def test_launches_and_bytes_of_a_program_are_counted():
+    """Numbers with 8 bytes are read and written once by a kernel; a slice counts as the slice."""
+    lanes = jnp.zeros((64, 1000))
+
+    def counted(function, *given, passes=None):
+        return launches.Program(jax.jit(function).lower(*given).compile().as_text(), passes)
+
+    whole = counted(lambda x: jnp.sin(x) * 2, lanes).work()
+    assert whole == launches.Work(1, 0, 2 * 8 * 64_000, 2 * 64_000)
+    part = counted(lambda x, n: 2 * jax.lax.dynamic_slice_in_dim(x, n, 1), lanes, 3).work()
+    assert part.launches == 1
+    assert 0 <= part.moved - 2 * 8 * 1000 <= 8  # and the place of the slice
+
+    def halve(_, x):
+        return 0.5 * jnp.sort(x, axis=0)
+
+    known = counted(lambda x: jax.lax.fori_loop(0, 5, halve, x), lanes)
+    assert known.counts() == {
+        "known loops": 1,
+        "other loops": 0,
+        "conditional": 0,
+        "sort": 1,
+        "scatter": 0,
+        "custom-call": 0,
+    }
+    assert known.work().flags == 0
+    other = counted(lambda x, n: jax.lax.fori_loop(0, n, halve, x), lanes, 5)
+    assert other.counts()["other loops"] == 1
+    assert other.work().flags == 2
+    once = other.work(*next(each for each in other.all if each.op == "while").calls("body"))
+    assert 5 * once.launches <= known.work().launches <= other.work().launches + 4 * once.launches

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import click
 import pytest
+import yaml
 from click.testing import CliRunner
 
 import jaxnet
@@ -134,6 +135,20 @@ def test_what_the_readme_shows_works(home):
     assert shown == [line for line in given if "language-server" not in line]
 
 
+def test_the_config_begins_with_fifteen_keys_and_a_study_that_has_them_and_runs(home):
+    """Each key of the table is in the study, or swept there."""
+    page = (DOCS / "config.md").read_text()
+    begin = page.partition("\n## Fifteen keys")[2].partition("\n## ")[0]
+    keys = re.findall(r"^\| `([\w.]+)` \|", begin, re.M)
+    assert len(keys) == 15
+    reader = Reader(home).reads(begin)
+    assert reader.done == ["check", "run"]
+    given = yaml.safe_load((home / "ring.yaml").read_text())
+    named = {*given, *given["sweep"], *(f"attack.{key}" for key in given["attack"])}
+    assert set(keys) <= named
+    assert "unrecovered" in jaxnet.open("results/ring").cells
+
+
 @pytest.mark.long
 def test_what_the_tutorial_shows_works(home):
     """From the first check to the figure; the faulty study is refused in these words."""
@@ -252,6 +267,12 @@ def test_a_page_names_what_there_is(page):
     row = re.compile(r".* \| .*|!?\[.*\)|- `\w+`: .*")  # or a key of the config
     long = [line for line in text.splitlines() if len(line) > 100]
     assert [line for line in long if not row.fullmatch(line)] == []
+
+
+@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)
+def test_a_page_begins_with_what_its_reader_will_be_able_to_do(page):
+    begin = " ".join(page.read_text().split("\n\n")[1].split())
+    assert re.match(r"(With|After) this page you can ", begin)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 
 def on_files(files: Any, config: Any) -> Any:
     """Add them to the files of the site."""
-    home = re.sub(r"\bdocs/(?=[\w/-]+\.(?:md|png|ipynb))", "", (ROOT / "README.md").read_text())
+    home = re.sub(r"\bdocs/(?=[\w/-]+\.(?:md|png|svg|ipynb))", "", (ROOT / "README.md").read_text())
     files.append(File.generated(config, "index.md", content=home))
     files.append(
         File.generated(config, "changelog.md", content=(ROOT / "CHANGELOG.md").read_text())

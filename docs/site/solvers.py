@@ -27,8 +27,8 @@ GRAPHS: dict[str, Callable[[int], Neighbours]] = {
 }
 HEAD = f"""# Solvers
 
-The law couples the vehicles by a linear system `L x = b`. A solver solves or factorises L at
-ticks where weights changed:
+With this page you can see which solver runs for your fleet. The law couples the vehicles by a
+linear system `L x = b`. A solver solves or factorises L at ticks where weights changed:
 
 - `Dense` eliminates one dense matrix. Up to half of the vehicles, which hear none of each other,
   need no elimination.

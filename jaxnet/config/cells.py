@@ -38,7 +38,7 @@ from jaxnet.config.keys import (
 )
 from jaxnet.config.known import KnownKeys, explain, model_of, with_kind, written_keys
 from jaxnet.config.naming import Key, full_kind, value_labels, without_empty_labels
-from jaxnet.config.scenario import for_any_magnitude
+from jaxnet.config.scenario import for_any_signal
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
@@ -353,7 +353,7 @@ class SweptCells:
             written = document.data[root]
             self.base[root] = full_kind(root, written) if root in KINDS else written
         self.parts: dict[tuple[str | int, ...], Validated] = {}
-        self.faults = for_any_magnitude(lambda cell: [*faults.scenario_faults(cell)])
+        self.faults = for_any_signal(lambda cell: [*faults.scenario_faults(cell)])
 
     def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
         """Return the cells, the first key slowest, and each new problem with its first cell."""

@@ -6,7 +6,7 @@ from pydantic import BaseModel
 
 from jaxnet.config.faults import is_multiple
 from jaxnet.config.keys import Config, Scenario
-from jaxnet.config.scenario import but_magnitude, links_of
+from jaxnet.config.scenario import but_signal, links_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import usual_targets
 from jaxnet.kinds.fields import is_drawn, value_range
@@ -66,7 +66,7 @@ def idle_keys(study: Study) -> dict[str, str]:
     """Return why a key that is given changes nothing in any cell that gives it, by key."""
     reasons: dict[str, list[str]] = {}
     links: dict[tuple[int, ...], LinkWeights] = {}
-    different = dict.fromkeys(but_magnitude(cell.scenario) for cell in study.cells)
+    different = dict.fromkeys(but_signal(cell.scenario) for cell in study.cells)
     for scenario in (each.one for each in different):
         rows = [row for row in rules(scenario) if given(scenario, row[0])[0]]
         for key, idle, why in (*rows, *unheard(scenario, links)):

@@ -74,8 +74,8 @@ class Initial(Record):
 
     position: Positions = Field(
         default=Uniform(uniform=[-200.0, 200.0]),
-        description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a"
-        " line",
+        description="[m], of both axes, or a list of places: [x, y] of each vehicle, or x on a "
+        "line",
     )
     heading: NumberOfEach = Field(
         default=Uniform(uniform=[-PI, PI]),
@@ -90,37 +90,36 @@ class Initial(Record):
 class Channel(Record):
     """What happens to messages on their way. Attacks act before the channel."""
 
-    label: str | None = Field(default=None, description="what tables call it where it is swept")
+    label: str | None = Field(default=None, description="its name in the tables of a sweep")
     loss: Annotated[Loss, KindOf("loss")] = Field(
         default=NoLoss(), description="which messages are lost"
     )
     missing: Literal["drop", "hold", "extrapolate"] = Field(
         default="drop",
-        description="what replaces a lost message: drop, nothing, the other weights grow; hold,"
-        " the drive heard last; extrapolate, the motion heard last, continued",
+        description="what replaces a lost message: drop, nothing, and the other weights grow; "
+        "hold, the last drive; extrapolate, the last motion, continued",
     )
     noise: Annotated[ChannelNoise, KindOf("noise", "gaussian")] = Field(
         default=GaussianNoise(), description="errors of the messages that arrive"
     )
     quantisation: NotNegativeByOrder = Field(
         default=0.0,
-        description="[m, m/s, …], step to which each jet in a message is rounded at a tick, one for"
-        " all orders or a list, one for each order; 0: none",
+        description="[m, m/s, …], step to which messages are rounded: one for all orders, or a "
+        "list, one for each order; 0: not rounded",
     )
     delay: NotNegative = Field(
         default=0.0,
-        description="[s] by which messages are delayed, a multiple of tick; what is drawn is"
-        " rounded to ticks",
+        description="[s], delay of messages, a multiple of tick; drawn delays are rounded to ticks",
     )
     delay_of: Literal["link", "message"] = Field(
         default="link",
-        description="what draws a delay: each link of a lane, or each message; the newest message"
-        " counts",
+        description="whether a delay is drawn for each link of a lane, or for each message; the "
+        "newest message counts",
     )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
         default="none",
-        description="what a listener makes of a delayed message: none, it takes it as it is; jets,"
-        " it continues the derivatives below the order; jerk, also the highest one",
+        description="how a listener corrects a delayed message: none, not at all; jets, it "
+        "continues the derivatives below the order; jerk, also the highest one",
     )
 
     @property
@@ -206,16 +205,14 @@ class EachIn(Record):
 class Criterion(Record):
     """The criterion that ends the sampling of a cell."""
 
-    half_width: float = Field(gt=0, lt=0.5, description="of the interval of each cell")
+    half_width: float = Field(gt=0, lt=0.5, description="half width of the interval of each cell")
     of: Literal["unrecovered"] = Field(
         default="unrecovered", description="the share whose interval it is"
     )
     confidence: float = Field(
         default=0.95, gt=0, lt=1, description="of all intervals of a cell together"
     )
-    at_most: int = Field(
-        default=100_000, ge=1, lt=2**32, description="samples, whatever the intervals are"
-    )
+    at_most: int = Field(default=100_000, ge=1, lt=2**32, description="most samples of a cell")
 
 
 class Sequential(Record):
@@ -271,20 +268,19 @@ class Scenario(Record):
         default=12,
         ge=1,
         le=LARGEST_FLEET,
-        description="how many, besides the navigator; as many as the network has, if it has a"
-        " number",
+        description="number of vehicles without the navigator; a network may set it",
     )
-    horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
+    horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], length of a lane")
     tick: float = Field(
         default=0.05,
         ge=0,
-        description="[s], the communication period; 0: vehicles decide in the vector field",
+        description="[s], the communication period; 0: vehicles decide at every instant",
     )
     output_step: float = Field(
-        default=0.1, gt=0, description="[s], from one output time to the next, whole ticks"
+        default=0.1, gt=0, description="[s], time between outputs, a multiple of tick"
     )
     tail: float = Field(
-        default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞"
+        default=5.0, ge=0, description="[s], the last part of a lane, which stands for t → ∞"
     )
     topology: Annotated[Graph, KindOf("topology")] = Field(
         default=Cyclic(), description="who hears whom"
@@ -293,15 +289,14 @@ class Scenario(Record):
         default=Lissajous(), description="the path to track"
     )
     vehicle: Annotated[Vehicle, KindOf("vehicle")] = Field(
-        default=TwoWheeled(), description="what moves"
+        default=TwoWheeled(), description="the robot"
     )
     initial: Initial = Field(default=Initial(), description="where the vehicles start")
     gain: Gains = Field(
         default=[1.0, 3.0, 3.0],
-        description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial"
-        " by default: [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or"
-        " for each order a 2 × 2 matrix, which couples the axes; or {vehicles: [...]}, a list for"
-        " each vehicle",
+        description="k0, k1, … of the law for ε, ε̇, …, as many as the vehicle's order; by "
+        "default [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or a list for each axis; or a 2 × 2 "
+        "matrix for each order; or {vehicles: [...]}, a list for each vehicle",
     )
     law: Annotated[Law, KindOf("law")] = Field(
         default=ExactLaw(), description="how the law is solved"
@@ -310,20 +305,21 @@ class Scenario(Record):
         default=NoFormation(), description="where each vehicle goes, relative to the others"
     )
     attack: Annotated[AnyAttack, KindOf("attack")] = Field(
-        default=Rotating(), description="what is false in what is heard"
+        default=Rotating(), description="the false signal in messages"
     )
     defence: Annotated[AnyDefence, KindOf("defence")] = Field(
-        default=TrustedTrim(), description="whom a vehicle believes"
+        default=TrustedTrim(),
+        description="the rule by which a vehicle chooses the sources that it believes",
     )
     sensing: Annotated[Sensor, KindOf("sensing")] = Field(
-        default=Gaussian(), description="what vehicles sense of their own motion"
+        default=Gaussian(), description="errors of a vehicle that measures its own motion"
     )
-    channel: Channel = Field(default=Channel(), description="what happens to messages on their way")
+    channel: Channel = Field(default=Channel(), description="loss, noise and delay of messages")
     detector: Annotated[Detector, KindOf("detector")] = Field(
-        default=NoDetector(), description="which messages raise an alarm; an alarm does nothing"
+        default=NoDetector(), description="which messages raise an alarm; an alarm has no effect"
     )
     engine: Annotated[Engine, KindOf("engine")] = Field(
-        default=Nonlinear(), description="how lanes are advanced"
+        default=Nonlinear(), description="how lanes are computed"
     )
     metrics: list[NamedMetric] = Field(
         default=[],
@@ -400,50 +396,50 @@ class Recovery(Record):
     )
     of: Literal["magnitude", "amplitude"] = Field(
         default="magnitude",
-        description="what tau multiplies: ā, or the amplitude in force, by which positions are"
-        " shifted",
+        description="what tau multiplies: ā, or the amplitude in force, the greatest shift of a "
+        "position",
     )
-    worst: int = Field(
-        default=3, ge=0, description="lanes of the study that the report replays, the worst"
-    )
+    worst: int = Field(default=3, ge=0, description="number of worst lanes that the report replays")
 
 
 class SearchSettings(Record):
     """The keys that a search chooses, and how it searches for the worst choice."""
 
     over: Annotated[dict[str, SearchRange], Len(1)] = Field(
-        description="dotted key: where the search may choose it, [a, b], one for each attacked"
-        " vehicle by each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the"
-        " attacked vehicles; `jaxnet run` draws them there"
+        description="dotted key: range of the search, [a, b]; each or {each: [a, b]}, one for "
+        "each attacked vehicle; a list of [a, b] for the gain; {choose: n}, attacked vehicles; "
+        "`jaxnet run` draws from these ranges"
     )
     maximise: str = Field(
         default="tail_max",
-        description="a metric of rows, or unrecovered, the share of starts; spread by default"
-        " without a navigator",
+        description="a metric of rows, or unrecovered, the share of starts; without a navigator "
+        "spread by default",
     )
     subject_to: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
         default={},
-        description="a metric of rows: its greatest value; a choice counts only where no start has"
-        " more",
+        description="a metric of rows: its limit; a choice counts only if no start exceeds it",
     )
     budget: int = Field(
-        default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell"
+        default=20_000, ge=1, le=10**9, description="lanes of the search in each cell"
     )
     starts: int = Field(
         default=1,
         ge=1,
         le=10_000,
-        description="samples from whose start each choice is tried; the mean counts",
+        description="number of starts from which each choice is tried; their mean counts",
     )
     until: float = Field(
         default=1000.0,
         gt=0,
         le=1e5,
-        description="[s], to which the best choices are run, or to the horizon if that is later:"
-        " of them the worst then is the answer",
+        description="[s], time to which the best choices are run, at least the horizon; the "
+        "worst of them then is the answer",
     )
     seed: int = Field(
-        default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's"
+        default=0,
+        ge=0,
+        lt=2**63,
+        description="seed of the search; the study's seed draws the lanes",
     )
 
 
@@ -451,24 +447,24 @@ class Config(Scenario):
     """All keys of a study."""
 
     name: Annotated[str, AfterValidator(plain_file_name)] = Field(
-        description="of the study, and of its results folder"
+        description="name of the study and of its results folder"
     )
     seed: int = Field(
         default=0,
         ge=0,
         lt=2**63,
-        description="of all draws; a random graph that lanes share has its own",
+        description="seed of all draws; a random graph that lanes share has its own",
     )
     samples: SampleCount = Field(default=1, description="lanes per cell")
     draws: Literal["random", "sobol"] = Field(
         default="random",
-        description="random, independent; sobol, samples as even as can be, in 16 sequences"
-        " scrambled independently, by which intervals are made",
+        description="random: independent draws; sobol: even samples, in 16 sequences that are "
+        "scrambled independently",
     )
-    recovery: Recovery | None = Field(
-        default=None, description="when a lane counts as saved by its defence"
+    recovery: Recovery | None = Field(default=None, description="when a lane counts as recovered")
+    search: SearchSettings | None = Field(
+        default=None, description="what jaxnet search chooses and maximises"
     )
-    search: SearchSettings | None = Field(default=None, description="what jaxnet search looks for")
     sweep: dict[str, SweptValues] = Field(
         default={}, description="dotted key: values; cells are the product"
     )

@@ -16,6 +16,8 @@ from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
 
+# Keys of an attack on which no fault, gain or bound per ā depends where they are one number each
+SIGNAL_NUMBERS = ("magnitude", "frequency", "phase", "direction")
 MOST_INVERTED = 1_000  # vehicles; L of a larger fleet takes over a second to invert
 MOST_DRAWN_SETS = 1_000  # sets of attacked vehicles that are tried one by one, 1 to 2 ms each
 
@@ -34,18 +36,20 @@ class Situation(NamedTuple):
     retained: DropPolicy | None
 
 
-def but_magnitude(scenario: Scenario) -> ByIdentity:
-    """A cache key that equals those of scenarios with the same objects but for the number ā.
+def but_signal(scenario: Scenario) -> ByIdentity:
+    """A cache key that equals those of scenarios with the same objects but for SIGNAL_NUMBERS.
 
-    A list of magnitudes, and ā of a kind from outside, are told apart.
+    Lists and distributions, and numbers of a kind from outside, are told apart.
     """
-    attack, others = scenario.attack, vars(scenario) | {"attack": type(scenario.attack)}
-    number = type(attack.magnitude) is float and type(attack).__module__.startswith("jaxnet.")
-    own = vars(attack) | ({"magnitude": float} if number else {})
+    attack, own = scenario.attack, dict(vars(scenario.attack))
+    for name in SIGNAL_NUMBERS if type(attack).__module__.startswith("jaxnet.") else ():
+        if type(own.get(name)) is float:
+            own[name] = float
+    others = vars(scenario) | {"attack": type(attack)}
     return ByIdentity(scenario, *others.values(), *own.values())
 
 
-for_any_magnitude = functools.partial(shared_by_cells, key=but_magnitude)
+for_any_signal = functools.partial(shared_by_cells, key=but_signal)
 
 
 def situation_of(scenario: Scenario) -> Situation:

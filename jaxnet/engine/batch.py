@@ -24,7 +24,7 @@ from jaxnet.model.lane import Network
 Lanes = TypeVar("Lanes")  # of arrays whose first axis is lanes
 
 TYPICAL_FLEET = 12  # vehicles in the fleet for which an engine states its chunk
-CHOOSING = 16_000  # most vehicles side by side in a plan that chooses at ticks: more gain little
+CHOOSING = 8_000  # most vehicles side by side in a plan that chooses at ticks, for the cache
 LEAST_CHUNK = 2
 MOST_LANES = 2**32
 SLOW_CHUNK = 8  # lanes side by side where vehicles decide inside the vector field

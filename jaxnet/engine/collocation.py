@@ -39,7 +39,7 @@ from jaxnet.engine.gauss import Jerks, Window
 from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
 from jaxnet.engine.plan import Tolerances
 from jaxnet.engine.status import Code, Status, fail
-from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if, select
+from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if, select, side_by_side
 from jaxnet.engine.tick import DecisionState
 from jaxnet.engine.vehicles import States
 from jaxnet.model import plane
@@ -50,9 +50,7 @@ from jaxnet.solvers.choice import factorised_at_once
 FIRST = 0.7  # [s] length of the first window that is tried
 PASSES = 10  # most evaluations at the nodes of a window
 CONVERGED = 0.1  # change of a pass over the tolerance, below which another pass changes nothing
-WIDTH = (
-    8  # lanes whose windows are computed at once; 16 measured 0.9 times as fast, plain, 12 vehicles
-)
+WIDTH = 8  # lanes whose windows are computed at once; 16: 0.9 times as fast, plain, 12 vehicles
 
 
 class CollocationState(NamedTuple):
@@ -94,7 +92,7 @@ class Collocation(Following[CollocationState]):
     def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
         jets = vehicles.first_outputs(lane)
-        still = jnp.zeros((gauss.STAGES, *jets[0].shape))
+        still = jax.lax.optimization_barrier(jnp.zeros((gauss.STAGES, *jets[0].shape)))
         return CollocationState(
             jets=jets,
             signals=signals(lane, zero),
@@ -176,7 +174,8 @@ class Collocation(Following[CollocationState]):
         goal, horizon = clock.at(ticks + 1), clock.at(jnp.broadcast_to(last, ticks.shape))
         moving = going & (state.end > time)
         waiting, movable = going & ~moving, moving.any()
-        ready = jnp.where(movable, waiting.sum() // WIDTH * WIDTH, waiting.sum())
+        width = side_by_side(WIDTH, waiting.size)
+        ready = jnp.where(movable, waiting.sum() // width * width, waiting.sum())
         limit = goal if self.at_every_tick else horizon
         task = Task(lane, self.numbers, decided, state, goal, limit, status)
 
@@ -185,7 +184,7 @@ class Collocation(Following[CollocationState]):
             return jax.tree.map(lambda every, theirs: put(every, few, theirs), known, found)
 
         known = state.window, state.end, state.length, state.steps, status
-        known = for_each(waiting & (jnp.cumsum(waiting) <= ready), WIDTH, some, known)
+        known = for_each(waiting & (jnp.cumsum(waiting) <= ready), width, some, known)
         window, end, length, steps, status = known
         state = state._replace(window=window, end=end, length=length, steps=steps)
 

@@ -56,9 +56,7 @@ def gauss_rule(nodes: int) -> Rule:
     places, shares = np.polynomial.legendre.leggauss(nodes)
     degrees = np.arange(nodes)
     values = np.polynomial.legendre.legvander(places, nodes - 1)
-    legendre = (degrees + 0.5)[:, None] * (
-        values * shares[:, None]
-    ).T  # coefficient by degree, node
+    legendre = (degrees + 0.5)[:, None] * (values * shares[:, None]).T  # by degree, node
     cardinal = [Legendre(column, domain=[0, 1]) for column in legendre.T]
     times, fine = (places + 1) / 2, np.linspace(0, 1, 1001)
     integrals = [[one.integ(order, lbnd=0)(times) for one in cardinal] for order in INTEGRALS]

@@ -70,7 +70,7 @@ class Kind(Record, metaclass=KindType):
         {"kind", "words", "untraced", "model_config", "faults", "breaks"}
     )
 
-    label: str | None = Field(default=None, description="what tables call it where it is swept")
+    label: str | None = Field(default=None, description="its name in the tables of a sweep")
 
     def __init_subclass__(cls, **options: Unpack[ConfigDict]) -> None:
         """Name the class, and hold one from outside to its contract."""

@@ -76,7 +76,9 @@ class DrawsAtTicks(Kind):
 class DrawsTogether(DrawsAtTicks):
     """A kind that draws one number for each link, for each transmitter, or for all links."""
 
-    of: Together = setting("link", "whose draws are one: a link's, a transmitter's, or all links'")
+    of: Together = setting(
+        "link", "what has draws of its own: each link, each transmitter, or all links together"
+    )
 
     def random_by_slot(
         self,
@@ -135,9 +137,11 @@ class NormalErrors(ErrorsAtTicks):
     position: NotNegative = setting(0.0, "[m], standard deviation on each axis")
     velocity: NotNegative = setting(0.0, "[m/s], standard deviation on each axis")
     acceleration: NotNegative = setting(0.0, "[m/s²], standard deviation on each axis")
-    correlation: NotNegative = setting(0.0, "[s], of its fall to 1/e; 0: independent ticks")
+    correlation: NotNegative = setting(
+        0.0, "[s], correlation time, of the fall to 1/e; 0: ticks are independent"
+    )
     outliers: Probability = setting(0.0, "probability that a reading is an outlier, at each tick")
-    outlier_factor: Positive = setting(10.0, "by which an outlier multiplies errors at its tick")
+    outlier_factor: Positive = setting(10.0, "factor of the errors of an outlier")
 
     def sizes(self) -> dict[str, Any]:
         """The standard deviations without outliers, by order of derivative."""

@@ -64,12 +64,13 @@ class Dense(Solver[InverseColumns]):
         carried = jnp.asarray(hearing.carried_sources)
         source = jnp.where(carried > 0, place[carried - 1], m)  # by place; m: the navigator
         heard = jnp.moveaxis(weights, 0, 2)[:, order]
-        nothing = jnp.zeros((1, m, m + 1, *heard.shape[2:]))
-        table = add_weights(nothing, source[:, None, order], heard[:, None])[0]
+        # Columns of coupled vehicles, of the navigator, and of the others, which nobody reads.
+        column = jnp.where(source < n, source, jnp.where(source < m, n + 1, n))
+        nothing = jnp.zeros((1, m, n + 2, *heard.shape[2:]))
+        table = add_weights(nothing, column[:, None, order], heard[:, None])[0]
         given = right.at[order].get(mode="promise_in_bounds")
-        whole = jnp.concatenate(
-            [identity(table[:, :m]) - table[:, :m], given, table[:, m:]], axis=1
-        )
+        own = jnp.eye(m, n)[:, :, None, None] - table[:, :n]
+        rows = jnp.concatenate([own, given, table[:, n : n + 1]], axis=1)
 
         def plus(
             rows: TableRows, links: Any, first: Any, others: TableRows, there: int
@@ -87,7 +88,6 @@ class Dense(Solver[InverseColumns]):
             return add_each(rows, self.slots.size, links, link) if n < m else rows
 
         # D - C B beside b + C c: links to `coupled` take the rows of `apart` with them.
-        rows = jnp.concatenate([whole[:, :n], whole[:, m:]], axis=1)
         found = eliminated(plus(rows[:n], self.to_coupled, 0, rows[n:], n))
         rest = plus(rows[n:, n:], self.to_apart, self.to_coupled, found, 0)
         solution = jnp.concatenate([found, rest]).at[place].get(mode="promise_in_bounds")

@@ -78,14 +78,17 @@ def fit_table(results: Results, progress: Steps = no_progress) -> pd.DataFrame:
 
     Raises FolderError if no cell has an attack with ā > 0 that is fixed or swept.
     """
-    groups = [(group, group.attacked) for group in fitted_groups(results)]
-    tasks = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
+    groups = fitted_groups(results)
+    tasks = [
+        (group.labels | {"metric": metric}, errors)
+        for group in groups
+        for metric, errors in read_errors(results, group.attacked).items()
+    ]
     independent = results.study.config.draws == "random"
 
-    def rows_of_task(task: tuple[dict[str, Label], dict[int, float], str]) -> list[FitRow]:
-        labels, cells, metric = task
-        found = fit_rows(read_errors(results, cells, metric), independent)
-        return [labels | {"metric": metric} | row for row in found]
+    def rows_of_task(task: tuple[dict[str, Label], Errors]) -> list[FitRow]:
+        labels, errors = task
+        return [labels | row for row in fit_rows(errors, independent)]
 
     found = []
     progress("curves fitted", 0, len(tasks))
@@ -93,7 +96,7 @@ def fit_table(results: Results, progress: Steps = no_progress) -> pd.DataFrame:
         for done, task_rows in enumerate(pool.map(rows_of_task, tasks), 1):
             found += task_rows
             progress("curves fitted", done, len(tasks))
-    return pd.DataFrame(found, columns=pd.Index([*groups[0][0].labels, *FIT_COLUMNS]))
+    return pd.DataFrame(found, columns=pd.Index([*groups[0].labels, *FIT_COLUMNS]))
 
 
 def write_ultimate_error(results: Results, progress: Steps = no_progress) -> Iterator[UPath]:
@@ -131,12 +134,13 @@ def fitted_groups(results: Results) -> list[Group]:
     return [group for group in attacked_groups(results.study.cells) if group.attacked]
 
 
-def read_errors(results: Results, cells: dict[int, float], metric: str) -> Errors:
-    place = {cell: row for row, cell in enumerate(cells)}
-    y = np.full((len(cells), results.manifest["samples"]), np.nan)
-    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=cells):
-        y[place[cell], lanes["sample"]] = lanes[metric]
-    return Errors(np.array(list(cells.values())), y)
+def read_errors(results: Results, cells: dict[int, float]) -> dict[str, Errors]:
+    """Errors at the magnitudes of some cells, by metric."""
+    place, x = {cell: row for row, cell in enumerate(cells)}, np.array(list(cells.values()))
+    y = np.full((len(SUMMARISED), len(cells), results.manifest["samples"]), np.nan)
+    for cell, lanes in results.by_cell("sample", *SUMMARISED, where=rows.OK, cells=cells):
+        y[:, place[cell], lanes["sample"]] = lanes[[*SUMMARISED]].to_numpy().T
+    return {metric: Errors(x, each) for metric, each in zip(SUMMARISED, y, strict=True)}
 
 
 def fit_rows(errors: Errors, independent: bool = True) -> Iterator[FitRow]:
@@ -297,5 +301,8 @@ def has_slope(errors: Errors) -> bool:
 
 def whole_draws(results: Results, group: Group) -> int:
     """Number of samples whose lanes are ok at every ā of a group."""
-    errors = read_errors(results, group.attacked, SUMMARISED[0])
+    samples = results.manifest["samples"]
+    if (results.cells.loc[[*group.attacked], "ok"] == samples).all():
+        return samples
+    errors = read_errors(results, group.attacked)[SUMMARISED[0]]
     return int(np.isfinite(errors.y).all(axis=0).sum())

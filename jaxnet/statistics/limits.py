@@ -20,7 +20,7 @@ from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import (
     BOUNDS,
     broken_premise,
-    for_any_magnitude,
+    for_any_signal,
     outputs_of,
     situation_of,
     sources_of,
@@ -156,7 +156,7 @@ def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
     return draw.one(scenario.attack.amplitude(), "attack.magnitude")
 
 
-@for_any_magnitude
+@for_any_signal
 def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
     """Return valid bounds with the G at which transients start: 0 where kept sets may switch."""
     reach, known = scenario_gain(scenario), situation_of(scenario)

@@ -455,7 +455,7 @@ def arrays_at(
     path: UPath, sizes: Mapping[str, int] | None = None, due: "chunks.Due | None" = None
 ) -> "xarray.Dataset":
     """Open a store; load a store in memory at once, since its memory is freed with its Results."""
-    found = arrays.open_store(path, sizes, due)
+    found = arrays.open_store(path, sizes, due, by_dask=True)
     return found.load() if path.protocol == "memory" else found
 
 

@@ -15,7 +15,7 @@ from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import (
     BOUNDS,
     MOST_INVERTED,
-    for_any_magnitude,
+    for_any_signal,
     missing,
     situation_of,
 )
@@ -141,7 +141,7 @@ def worst_kept_weights(
         ratio = better
 
 
-@for_any_magnitude
+@for_any_signal
 def scenario_gain(scenario: Scenario) -> AttackGain | None:
     """Gains γ of a scenario's network, by which bounds multiply ā.
 

@@ -7,6 +7,12 @@ import pytest
 import jaxnet
 from jaxnet.config import naming
 from jaxnet.config.cells import to_plain
+from jaxnet.config.faults import scenario_faults
+from jaxnet.config.keys import Scenario
+from jaxnet.config.scenario import SIGNAL_NUMBERS, but_signal
+from jaxnet.kinds.registry import kind_names
+from jaxnet.statistics.limits import valid_bounds
+from jaxnet.theory.spread import scenario_gain
 from jaxnet.view.text import check
 
 STUDY = {"vehicles": 4, "horizon": 2.0, "tail": 1.0, "engine": "exact", "attack": {"vehicles": [2]}}
@@ -67,6 +73,26 @@ def test_a_swept_number_is_judged_as_one_that_is_given():
     assert wrong == told(attack=given)
 
 
+@pytest.mark.parametrize("kind", sorted({*kind_names("attack")} - {"none", "envelope", "freeform"}))
+def test_no_number_of_a_signal_changes_what_is_found_once_for_all(kind):
+    """Faults, gains, bounds and facts are those of each cell alone, where two cells share a key."""
+
+    def found(scenario):
+        gain = scenario_gain.__wrapped__(scenario)
+        slopes = valid_bounds.__wrapped__(scenario) if gain else {}
+        bounds = {name: bound.vehicles.tolist() for name, (bound, _) in slopes.items()}
+        return [*scenario_faults(scenario)], repr(gain), bounds, check.facts(scenario, 0.0)
+
+    for more in ({}, {"vehicles": [9]}, {"orders": [1]}):
+        made = Scenario.model_validate(STUDY | {"attack": {"kind": kind} | more})
+        named = [name for name in SIGNAL_NUMBERS if type(getattr(made.attack, name, 0)) is float]
+        assert "magnitude" in named
+        for name in named:
+            other = made.with_values(attack=made.attack.with_values(**{name: 0.3}))
+            assert but_signal(other) == but_signal(made)
+            assert found(other) == found(made)
+
+
 def test_whole_numbers_beyond_64_bits_are_told_as_decimals():
     """A column of a table holds no greater ones."""
     study = load(attack_magnitude=[1, 9223372036854775808])
@@ -79,7 +105,7 @@ def test_a_long_sweep_takes_a_time_like_its_length():
 
     def seconds(count):
         began = time.process_time()
-        study = load(attack_magnitude={"linspace": [0.1, 1.1, count]})
+        study = load(attack_frequency={"linspace": [0.1, 1.1, count]})
         told = check.check_text(study)
         assert f"{count:,} cells" in told
         return time.process_time() - began

@@ -1,11 +1,12 @@
 """What accelerators are told otherwise than CPUs comes to the same."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.engine import batch, programs
+from jaxnet.engine import batch, programs, subset
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import xla
@@ -39,3 +40,13 @@ def outcome(engine, vehicles):
 def test_a_default_device_may_be_told_by_its_platform():
     with jax.default_device("cpu"):
         assert xla.on_cpus(lambda: 1, lambda: 2) == 1
+
+
+@pytest.mark.parametrize("done", [0, 3, 40])
+def test_accelerators_number_flagged_lanes_alike(monkeypatch, done):
+    """Also beyond the last flagged lane; and a pass takes an eighth of all lanes or more."""
+    up_to = jnp.cumsum(jnp.arange(200) % 7 == 3)
+    found = subset.numbered(up_to, done, 16), subset.side_by_side(16, 256)
+    monkeypatch.setattr(xla, "on_cpus", lambda work, elsewhere: elsewhere())
+    np.testing.assert_array_equal(found[0], subset.numbered(up_to, done, 16))
+    assert (found[1], subset.side_by_side(16, 256), subset.side_by_side(16, 4)) == (16, 32, 4)

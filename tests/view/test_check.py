@@ -205,6 +205,13 @@ def test_programs_of_many_networks_share_their_time(monkeypatch):
     assert asked == [2.0] + [0.5] * 4
 
 
+def test_a_frequency_tells_networks_apart_where_vehicles_announce():
+    """Announcements lag by the signal's rate; no other fact depends on it."""
+    sweep = {"attack.frequency": [0.1, 5.0]}
+    for defence, groups in (("trusted_trim", 1), (ANNOUNCED, 2)):
+        assert len(check.networks(systems.study(defence=defence, sweep=sweep).cells)) == groups
+
+
 def test_a_draw_has_the_weakest_of_its_reasons():
     """Vehicle by vehicle as for each listed vehicle alone."""
     keys = {"vehicles": 5, "topology": "path", "defence": "none", "engine": "exact"}

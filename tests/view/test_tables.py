@@ -123,6 +123,20 @@ def test_numbers_stand_at_the_right_and_brackets_are_no_markup():
     ]
 
 
+def test_labels_give_way_to_numbers():
+    """Down to a letter; words of letters twice as wide are broken where they are too long."""
+    table = {"name": ["ab cd", "中文"], "n": [1, 22]}
+    assert printer.table_text(table, ["name"], 7).splitlines() == [
+        "nam   n",
+        "e",
+        "ab    1",
+        "cd",
+        "中   22",
+        "文",
+    ]
+    assert printer.table_text(table, ["name"], 1).splitlines()[:2] == ["n   n", "a"]
+
+
 def test_a_table_for_a_paper():
     """booktabs, symbols, units and intervals; no column that is the same everywhere."""
     results = results_of({"attack.magnitude": [1, 2], "defence": ["none", "w_msr"]}, False, 4)

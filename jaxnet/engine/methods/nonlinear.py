@@ -38,7 +38,7 @@ class Nonlinear(Engine):
         default=100_000,
         ge=1,
         le=10**15,
-        description="of a lane's whole fleet, refused ones included",
+        description="most steps of a lane, refused ones included",
     )
 
     def presumes(self, scenario):

@@ -325,19 +325,19 @@ class Attack(AnyAttack):
 
     magnitude: NotNegativeByOrder = setting(
         5.0,
-        "[m, m/s, m/s², m/s³], ā, bound on the signal and its three derivatives; where orders are "
-        "falsified each on its own also a list, by order from 0; orders beyond it are true",
+        "[m, m/s, m/s², m/s³], ā, bound on the signal and its three derivatives; or "
+        "a list, one for each order, if each order is falsified on its own",
     )
     vehicles: Annotated[list[int] | DrawnVehicles | ChangingVehicles, OneOf()] = setting(
         USUAL_TARGETS,
-        "attacked vehicles, from 1, or {random: n}, n of them drawn for each lane, or {at: [...], "
-        "sets: [...]}, others from given times on; by default those of these that exist, or 1",
+        "attacked vehicles; {random: n}, n drawn for each lane; {at: [...], sets: "
+        "[...]}, others from given times on; by default those of these that exist, or 1",
         title="attacked vehicles",
     )
     links: Literal["auto", "neighbour", "navigator"] = setting(
         "auto",
-        "neighbour: what they transmit; navigator: what they hear from 0; auto: navigator where no "
-        "vehicle hears another",
+        "attacked links: neighbour, what attacked vehicles send; navigator, what "
+        "they hear from it; auto, navigator if no vehicle hears another",
     )
     threat: Literal["adds", "replaces"] = setting(
         "adds",
@@ -351,14 +351,16 @@ class Attack(AnyAttack):
     )
     orders: Annotated[list[Literal[0, 1, 2, 3]], Len(1)] = setting(
         [*ORDERS],
-        "received derivatives with the signal, from 0, the position; the others are true",
+        "derivatives that carry the signal, 0 is the position; the others are true",
     )
     listeners: Literal["same", "each"] = setting(
-        "same", "same: an attacked vehicle transmits the same to all; each: to each its own"
+        "same", "same: an attacked vehicle sends the same signal to all; each: another one to each"
     )
-    sybils: int = setting(0, "further sources as which each attacked one appears", ge=0, le=100)
+    sybils: int = setting(
+        0, "additional sources that each attacked vehicle pretends to be", ge=0, le=100
+    )
     announces: Annotated[Announcement, KindOf("announcement")] = setting(
-        Consistent(), "what attacked links announce, where the defence judges announcements"
+        Consistent(), "what attacked links announce, if the defence judges announcements"
     )
 
     @classmethod
@@ -635,7 +637,9 @@ class PathInstead(Attack):
     highest = 4
     bounded = False
 
-    magnitude: NotNegative = setting(5.0, "[m], what recovery is judged by; scales nothing")
+    magnitude: NotNegative = setting(
+        5.0, "[m], used by recovery alone; it does not scale the signal"
+    )
     threat: Literal["replaces"] = setting(  # pyright: ignore[reportIncompatibleVariableOverride]
         "replaces", "what is sent is replaced"
     )

@@ -266,21 +266,21 @@ class Defence(AnyDefence):
         OneOf("must be none, {vehicle: [sources]}, {share: s} or {nearest: n}"),
     ] = setting(
         {},
-        "{vehicle: [sources]}, these besides the navigator; {share: s, seed: n}, that drawn share "
-        "of what each hears of others, besides it; {nearest: n}, the n sources of each that are "
-        "fewest links from it; none, nobody",
+        "trusted sources: {vehicle: [sources]}, and the navigator; {share: s, seed: "
+        "n}, a drawn share of the sources, and the navigator; {nearest: n}, of each vehicle the n "
+        "sources with the fewest links from the navigator; none, no source",
     )
     noise: NotNegative = setting(
         0.0,
-        "[m], standard deviation of the error in what is judged, on each axis, of each source and "
-        "tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ of "
-        "announcements; the law uses what is received without it",
+        "[m], standard deviation on each axis of an error in what the defence "
+        "judges, drawn for each source and tick; the same number in m/s, m/s² and m/s³ for "
+        "velocities, accelerations and announcements; the law has no such error",
     )
     isolated: Literal["fail", "coast"] = setting(
         "fail",
-        "where decisions cut a vehicle off from the navigator: fail, its lane fails; coast, it "
-        "keeps its last input until a believed path reaches it again, or stops where it comes to "
-        "rest; under law: local, a vehicle that retains nobody has q = 0 with either",
+        "if a vehicle drops its last path to the navigator: fail, its lane fails; "
+        "coast, it keeps its last drive until a believed path reaches it again, or stops where it "
+        "comes to rest; under law: local a vehicle that retains nobody has q = 0 with either",
     )
 
     def faults(self, scenario):
@@ -303,7 +303,9 @@ class Defence(AnyDefence):
 class Sparing(Defence):
     """A rule that never drops trusted sources, unless `drop_trusted` is true."""
 
-    drop_trusted: bool = setting(False, "whether trusted sources are judged and dropped as others")
+    drop_trusted: bool = setting(
+        False, "whether trusted sources are judged and dropped like others"
+    )
 
     def spares(self, trusted: AnyMask) -> AnyMask:
         """Those of the trusted links or slots whose weight the rule does not change."""

@@ -17,7 +17,9 @@ class MSNorm(Sparing):
         "where at most F untrusted sources are heard, who are all dropped"
     )
 
-    F: int = setting(1, "most attacked sources that a vehicle reckons with", ge=0, le=10_000)
+    F: int = setting(
+        1, "greatest number of attacked sources that a vehicle expects", ge=0, le=10_000
+    )
 
     def decide(self, own, received, last, memory, around):
         """Count the sources farther out; of equal ones (`ties`) the lower slot is dropped first."""

@@ -98,17 +98,18 @@ class TrustedTrim(Sparing):
         1, "ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named"
     )
     tolerance: NotNegative = setting(
-        OF_ROUNDING, "[m], by which who was dropped last counts as farther (numerics.md O8)"
+        OF_ROUNDING,
+        "[m], added to the score of a source that was dropped at the last tick (numerics.md O8)",
     )
     score: Score = setting(
         "position",
-        "what is compared: position, the paper's; jets, position, velocity and acceleration; "
-        "feedback, what the law makes of them; announced, what sources say drives them",
+        "what is compared: position, the paper's; jets, position, velocity and "
+        "acceleration; feedback, P of these; announced, the disturbance that sources announce",
     )
     first_announcement: NotNegative = setting(
         1.0,
-        "[m/s³], standard deviation on each axis of what vehicles announce at first; with 0 and "
-        "without noise the rule sees any inconsistent message to the last bit",
+        "[m/s³], standard deviation on each axis of the first announcements; with 0 "
+        "and without noise the rule notices the smallest inconsistent message",
     )
     filter: Positive | None = setting(None, "[s], time constant of a low-pass filter on scores")
 

@@ -20,7 +20,9 @@ class WMSR(Sparing):
         "1)-robust, or if each hears F at most and the graph is (2F + 1)-robust"
     )
 
-    F: int = setting(1, "most attacked sources that a vehicle reckons with", ge=0, le=10_000)
+    F: int = setting(
+        1, "greatest number of attacked sources that a vehicle expects", ge=0, le=10_000
+    )
 
     def decide(self, own, received, last, memory, around):
         """Drop a source if fewer than F sources are farther out on the same side.

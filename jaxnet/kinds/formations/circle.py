@@ -5,7 +5,7 @@ from jaxnet.kinds.formations import Formation, numbers_of
 from jaxnet.model.circle import circle
 
 
-class Circle(Formation):
+class CircleFormation(Formation):
     """Vehicles at equal angles on a circle, in the order of their numbers; the circle may turn."""
 
     radius: Positive = setting(..., "[m]")

@@ -3,12 +3,12 @@ import math
 from upath import UPath
 
 from jaxnet.kinds.fields import Vector, setting
-from jaxnet.kinds.formations.offsets import Offsets
+from jaxnet.kinds.formations.offsets import PlacedFormation
 from jaxnet.kinds.kind import KindError
 from jaxnet.networks.files import read_bytes
 
 
-class File(Offsets):
+class FileFormation(PlacedFormation):
     """Places from a file with a line `x, y` for each vehicle.
 
     The places become part of the study, so results need no file.

@@ -6,7 +6,7 @@ from jaxnet.kinds.fields import Positive, setting
 from jaxnet.kinds.formations import Still
 
 
-class Grid(Still):
+class GridFormation(Still):
     """Vehicles on a square grid, row by row in the order of their numbers, about its middle."""
 
     spacing: Positive = setting(..., "[m], from vehicle to vehicle")

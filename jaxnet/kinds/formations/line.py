@@ -3,7 +3,7 @@ from jaxnet.kinds.formations import Still, numbers_of
 from jaxnet.model.circle import circle
 
 
-class Line(Still):
+class LineFormation(Still):
     """Vehicles on a line at equal distances, in the order of their numbers, about its middle."""
 
     spacing: Positive = setting(..., "[m], from vehicle to vehicle")

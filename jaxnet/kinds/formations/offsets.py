@@ -7,7 +7,7 @@ from jaxnet.kinds.formations import Still
 from jaxnet.kinds.kind import Fault
 
 
-class Offsets(Still):
+class PlacedFormation(Still):
     """A given place of each vehicle."""
 
     offsets: Annotated[list[Vector], Len(1)] = setting(

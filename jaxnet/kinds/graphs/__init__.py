@@ -88,8 +88,8 @@ class Graph(Kind):
 
     own_weight: float = setting(
         0.0,
-        "weight of a vehicle on itself, relative to the mean weight of those it hears; 1 gives "
-        "each 1/(d + 1) where it hears d alike; acts under law: local alone",
+        "weight of a vehicle on itself, relative to the mean weight of its sources; "
+        "1 gives 1/(d + 1) to it and to each of d equal sources; only law: local uses it",
         title="weight on oneself",
         ge=0.0,
         le=GREATEST_EDGE_WEIGHT,
@@ -265,13 +265,13 @@ class Unweighted(Graph):
     ] = setting("all", "who hears the navigator: all, those listed, or a {share} drawn")
     navigator_weight: Annotated[
         Number, Within(gt=0.0, le=1.0), AfterValidator(check_navigator_weight)
-    ] = setting(0.1, "of the navigator's message where it is heard, the neighbours share the rest")
+    ] = setting(0.1, "weight of the navigator where it is heard; the neighbours share the rest")
     weighting: Literal["uniform", "metropolis"] = setting(
         "uniform",
-        "of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many vehicles the "
-        "listener hears, or the source if that is more",
+        "weights of neighbours: uniform, all the same; metropolis, 1/(1 + d), where "
+        "d is the number of vehicles that the listener hears, or the source if it hears more",
     )
-    seed: int = setting(0, "of a draw for all lanes, until the navigator reaches everybody", ge=0)
+    seed: int = setting(0, "seed of a draw for all lanes", ge=0)
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
         """Which vehicles each vehicle hears, (m, m) booleans, dense or sparse."""

@@ -309,8 +309,8 @@ def save_figure(results: Results, name: str, figure: Figure) -> Iterator[UPath]:
     if layout is not None:  # once for both, for it takes longer than drawing
         with mpl.rc_context(figure.style):
             layout.execute(figure)
-        figure.set_layout_engine("none")
     for kind in ("png", "pdf"):
+        figure.set_layout_engine(None)  # each file would be drawn twice; saving sets one again
         yield results.folder.put(
             f"figures/{name}.{kind}", lambda file, kind=kind: figure.savefig(file, format=kind)
         )

@@ -11,7 +11,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
-from jaxnet.config.scenario import for_any_magnitude
+from jaxnet.config.scenario import for_any_signal
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import Attack
 from jaxnet.model.wording import cells_named, count
@@ -86,19 +86,25 @@ def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
 SIGNAL = {"magnitude", "label"}  # keys of an attack that no fact depends on
 
 
-@for_any_magnitude
 def facts_key(scenario: Scenario) -> Hashable:
     """A key that is equal for cells with equal facts; cells hold the objects of their kinds."""
     attack, announcing = scenario.attack, scenario.defence.announcing()
+    signal = (attack.fastest(), attack.harmonic()) if announcing else ()
+    return network_key(scenario), signal
+
+
+@for_any_signal
+def network_key(scenario: Scenario) -> Hashable:
+    """The part of `facts_key` that no number of the attack's signal changes."""
+    attack = scenario.attack
     known = {*Attack.model_fields} - SIGNAL
     told = attack.describe(), attack.whom(), attack.model_dump_json(include=known)
     told += attack.by_order(), attack.falsified(), attack.periods(), attack.identities()
     told += attack.bounded, attack.consistent(), attack.strategic, attack.as_told()
-    signal = (attack.fastest(), attack.harmonic()) if announcing else ()
     shared = scenario.topology, scenario.navigator, scenario.defence, scenario.law, scenario.vehicle
     ids = (*map(id, shared), id(scenario.channel), id(scenario.sensing))
     times = scenario.tick, scenario.horizon, scenario.tail
-    return ids, scenario.vehicles, repr(told), signal, repr(scenario.gain), times
+    return ids, scenario.vehicles, repr(told), repr(scenario.gain), times
 
 
 def study_head(study: Study) -> str:

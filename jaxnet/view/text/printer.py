@@ -1,13 +1,12 @@
 """The printer of all tables: numbers at the right, labels wrapped, as many columns as fit."""
 
-import io
 import re
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.table import Table
+from rich.cells import cell_len, chop_cells, set_cell_size
 
 from jaxnet.view.text.width import (
     GREATEST_WIDTH,
@@ -34,23 +33,39 @@ def table_text(
     table: TableColumns, labels: Sequence[str] = (), width: int = 2 * GREATEST_WIDTH
 ) -> str:
     """Table as text of this width; the columns of `labels` are wrapped to fit."""
-    drawn = Table(box=None, padding=(0, GAP, 0, 0), pad_edge=False, header_style="")
     columns = texts_of(table)
-    titles = [title_lines(name, texts) for name, texts in columns.items()]
-    high = max(map(len, titles), default=0)
-    for lines, (name, texts) in zip(titles, columns.items(), strict=True):
-        is_number = name not in labels and all(map(NUMBER.fullmatch, texts))
-        drawn.add_column(
-            "\n".join([""] * (high - len(lines)) + lines),
-            justify="right" if is_number else "left",
-            no_wrap=name not in labels,
-            overflow="fold",
-        )
-    for row in zip(*columns.values(), strict=True):
-        drawn.add_row(*row)
-    page = io.StringIO()
-    Console(file=page, width=width, markup=False, highlight=False, emoji=False).print(drawn)
-    return "\n".join(line.rstrip() for line in page.getvalue().rstrip("\n").split("\n"))
+    titles = {name: title_lines(name, texts) for name, texts in columns.items()}
+    high, sizes = max(map(len, titles.values()), default=0), {}
+    for name, texts in columns.items():
+        sizes[name] = max(map(cell_len, [*titles[name], *texts]), default=0)
+    wide = sum(sizes.values()) + GAP * (len(sizes) - 1)
+    wrapped = [name for name in columns if name in labels]
+    for _ in range(min(wide - width, sum(sizes[name] - 1 for name in wrapped))):
+        sizes[max(wrapped, key=sizes.__getitem__)] -= 1
+    cells = []
+    for name, texts in columns.items():
+        head = "\n".join([""] * (high - len(titles[name])) + titles[name])
+        right = name not in labels and all(map(NUMBER.fullmatch, texts))
+        cells.append([placed_lines(text, sizes[name], right) for text in (head, *texts)])
+    lines = []
+    for row in zip(*cells, strict=True):
+        for parts in zip_longest(*row, fillvalue=""):
+            lines.append((" " * GAP).join(map(set_cell_size, parts, sizes.values())).rstrip())
+    return "\n".join(lines)
+
+
+def placed_lines(text: str, width: int, right: bool) -> list[str]:
+    """A text on lines of this width; a word that is longer is broken, on lines of its own."""
+    lines: list[str] = []
+    for whole in text.split("\n"):
+        lines.append("")
+        for word in whole.split(" "):
+            joined = f"{lines[-1]} {word}" if lines[-1] else word
+            if cell_len(joined) <= width:
+                lines[-1] = joined
+            else:
+                lines[len(lines) - (not lines[-1]) :] = chop_cells(word, width)
+    return [" " * (width - cell_len(line)) * right + line for line in lines]
 
 
 def texts_of(table: TableColumns) -> dict[str, list[str]]:
