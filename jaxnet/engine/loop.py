@@ -293,6 +293,7 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
     if motion.plan.as_told:
         errors = told_errors(lane, basis, errors)
     shown, error = network.display_signals, errors[0]
+    steered = error + lane.path(time)[0][:, None]
     attacked = (lane.vectors[:, shown] != 0).any(axis=(0, 2))
     if not lane.navigator.present:
         error = error - honest_mean(error, attacked)
@@ -310,6 +311,7 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
         hearing=network.hearing,
         attacked=attacked,
         start=vehicles.first_outputs(lane)[0],
+        steered=steered,
         offset=None if lane.formation is None else lane.offsets(time)[0],
         inputs_now=lambda: jnp.where(stopped[None], 0.0, motion.inputs(fleet.state, decided)),
         alarms=decided.alarms.shares,

@@ -40,8 +40,9 @@ class Observation(NamedTuple):
         Who hears whom.
     attacked
         Whether each vehicle is attacked, (m, lanes).
-    start
-        Position of each vehicle at t = 0 [m], (2, m, lanes).
+    start, steered
+        What the law steers of each vehicle, at t = 0 and now: its output, less its offset in the
+        formation [m], (2, m, lanes).
     inputs_now
         Function that returns `inputs`, which nobody needs in most studies.
     alarms
@@ -74,6 +75,7 @@ class Observation(NamedTuple):
     hearing: Hearing
     attacked: Bool[Array, "m *lanes"]
     start: Float[Array, "2 m *lanes"]
+    steered: Float[Array, "2 m *lanes"]
     inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
     alarms: Float[Array, "2 *lanes"] | None = None
     saturated: Float[Array, "2 *lanes"] | None = None

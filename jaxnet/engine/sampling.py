@@ -26,7 +26,7 @@ from jaxnet.engine.vehicles import States
 from jaxnet.model import plane
 from jaxnet.solvers.choice import factorised_at_once
 
-MOST_STEPS = 1_000  # of a lane's motion over a period
+MOST_TRIES = 1_000  # of a lane's motion over a period
 EXACT = 1e-13  # tolerance of a step, absolute and relative, of the exact motion over a period
 
 
@@ -128,7 +128,7 @@ def solved(
 
     def under_way(carry: Any) -> LaneFlags:
         time, _, _, number = carry
-        return among & (time < end) & (number < MOST_STEPS)
+        return among & (time < end) & (number < MOST_TRIES)
 
     def one(carry: Any) -> Any:
         time, states, step, number = carry

@@ -14,9 +14,8 @@ def beyond(seen: FleetView) -> VehicleNumbers:
     xp, honest = seen.error.__array_namespace__(), ~seen.attacked
     angle = 2 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
     outside = xp.zeros_like(seen.error[0])
-    place = seen.state[:2] if seen.offset is None else seen.state[:2] - seen.offset
     for cosine, sine in zip(np.cos(angle).tolist(), np.sin(angle).tolist(), strict=True):
-        start, now = (cosine * each[0] + sine * each[1] for each in (seen.start, place))
+        start, now = (cosine * each[0] + sine * each[1] for each in (seen.start, seen.steered))
         edge = xp.where(honest, start, -xp.inf).max(axis=0)
         outside = xp.maximum(outside, now - edge[None])
     return xp.where(honest, outside, 0.0)
