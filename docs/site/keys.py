@@ -84,7 +84,10 @@ def current(page: str) -> str:
     metrics = (registry.find("metrics", name) for name in registry.kind_names("metrics"))
     parts += [
         "## metrics\n",
-        *(f"- `{each.name}` [{each.unit}]: {each.words}." for each in metrics),
+        *(
+            f"- `{each.name}`{f' [{each.column_unit}]' * bool(each.column_unit)}: {each.words}."
+            for each in metrics
+        ),
     ]
     return "\n".join([prose + mark, *parts]) + "\n"
 

@@ -39,6 +39,7 @@ from jaxnet.config.keys import (
 from jaxnet.config.known import KnownKeys, explain, model_of, with_kind, written_keys
 from jaxnet.config.naming import Key, full_kind, value_labels, without_empty_labels
 from jaxnet.config.scenario import for_any_signal
+from jaxnet.config.sweep import Sweep, SweptColumn, holders, is_joint, keys_in, values_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
@@ -71,7 +72,8 @@ class Cell:
 
 
 def cell_name(number: int, labels: Mapping[str, object]) -> str:
-    swept = ", ".join(f"{key}={value}" for key, value in labels.items())
+    words = (value if is_joint(key) else f"{key}={value}" for key, value in labels.items())
+    swept = ", ".join(map(str, words))
     return f"cell {number}" + (f" ({swept})" if swept else "")
 
 
@@ -97,24 +99,28 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         ranges.write_distributions(document)
     config, wrong, problems = validated(Config, document.data, document.place)
     problems += document.problems
-    values = {key: swept_values(each) for key, each in config.sweep.items()}
+    sweep = Sweep({key: swept_values(each) for key, each in config.sweep.items()})
+    values = {key: column.values for key, column in sweep.columns.items()}
     given = given_keys(document, judges)
     settled = settle(config, given)
     if judges and not wrong:
         settled = settle_metrics(settled, values)
     known = KnownKeys(document.data, values)
-    refused = [(f"sweep.{key}", told) for key, told in refuse_sweep(config.save, values, known)]
-    refused += [(f"labels.{key}", "unknown key") for key in config.labels if not known.has(key)]
-    problems += [Problem(document.place(split_key(key)), key, told) for key, told in refused]
-    problems += idle_overrides(document, values)
+    refused = [(("sweep", *way), dotted_key(("sweep", *way)), told) for way, told in sweep.faults]
+    for key, told in refuse_sweep(config.save, sweep, known):
+        refused.append((("sweep", sweep.columns[key].written), f"sweep.{key}", told))
+    for key in itertools.filterfalse(known.has, config.labels):
+        refused.append((split_key(f"labels.{key}"), f"labels.{key}", "unknown key"))
+    problems += [Problem(document.place(keys), key, told) for keys, key, told in refused]
+    problems += idle_overrides(document, sweep)
     names = {key: escape_controls(each) for key, each in config.labels.items()}
-    spanned: dict[str, list[Plain]] = {
-        Key(key, names.get(key)): each for key, each in values.items() if known.has(key)
+    spanned: dict[str, SweptColumn] = {
+        Key(key, names.get(key)): each for key, each in sweep.columns.items() if known.has(key)
     }
     cells: tuple[Cell, ...] = ()
-    if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
+    if math.prod(sweep.sizes) <= MOST_SWEPT_CELLS:
         start = settled.model_copy(update={"topology": config.topology})  # cells settle their own
-        span = SweptCells(document, start, wrong, spanned, given)
+        span = SweptCells(document, start, wrong, sweep.sizes, spanned, given)
         cells, found = span.cells({*problems})
         problems += found
     if judges and not wrong:
@@ -160,15 +166,16 @@ def swept_values(given: list[Plain] | Linspace | Geomspace) -> list[Plain]:
     return [int(value) for value in spaced] if all(map(float.is_integer, spaced)) else spaced
 
 
-def refuse_sweep(
-    save: Save | None, values: Mapping[str, list[Plain]], known: KnownKeys
-) -> Iterator[tuple[str, str]]:
+def refuse_sweep(save: Save | None, sweep: Sweep, known: KnownKeys) -> Iterator[tuple[str, str]]:
     """Yield the key and message of each fault of a sweep before its cells are validated."""
-    if math.prod(map(len, values.values())) > MOST_SWEPT_CELLS:
+    values = {key: column.values for key, column in sweep.columns.items()}
+    if math.prod(sweep.sizes) > MOST_SWEPT_CELLS:
         yield list(values)[-1], f"spans more than {MOST_SWEPT_CELLS:,} cells"
     over_time = save is not None and (save.errors or save.trajectories != "none")
-    for number, (key, listed) in enumerate(values.items()):
+    for number, key in enumerate(values):
         root = key.split(".")[0]
+        if is_joint(key):
+            continue
         if root not in Scenario.model_fields:
             wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
             yield key, wrong + suggestion(root, list(Scenario.model_fields))
@@ -184,18 +191,21 @@ def refuse_sweep(
             yield key, "cannot be swept while save stores errors or trajectories"
         elif key == "vehicles" and save is not None and save.vehicles:
             yield key, "cannot be swept while save stores the errors of each vehicle"
-        twice = [name for name, times in Counter(value_labels(key, listed)).items() if times > 1]
-        if twice:
+    for axis in range(len(sweep.sizes)):
+        keys = [key for key, column in sweep.columns.items() if column.axis == axis]
+        key, labels = keys[0], [value_labels(key, values[key]) for key in keys]
+        names = zip(*labels, strict=True) if len(keys) > 1 and not is_joint(key) else labels[0]
+        if twice := [name for name, times in Counter(names).items() if times > 1]:
             remedy = "; give each a label" if key in KINDS else ""
             remedy += ": jaxnet.network(…, label=…)" if key == "topology" else ""
             yield key, f"two values are named {twice[0]}{remedy}"
 
 
-def idle_overrides(document: Document, swept: Mapping[str, object]) -> Iterator[Problem]:
+def idle_overrides(document: Document, sweep: Sweep) -> Iterator[Problem]:
     """Yield a problem for each override that the sweep would replace."""
-    for key, other in itertools.product(document.overridden, swept):
+    for key, (other, column) in itertools.product(document.overridden, sweep.columns.items()):
         if f"{key}.".startswith(f"{other}."):
-            message = f"has no effect, {other} is swept; override sweep.{other} instead"
+            message = f"has no effect, {other} is swept; override sweep.{column.written} instead"
             yield Problem(document.place(split_key(key)), key, message)
 
 
@@ -214,18 +224,15 @@ def line_order(problem: Problem) -> tuple[int, ...]:
 
 def complete_kinds(document: Document, judges: bool) -> None:
     """Write each kind as a mapping with its name; if `judges`, add what kinds read from files."""
-    swept = swept_in(document)
     for field in KINDS:
-        holders: list[tuple[Plain, Keys]] = []
+        found = holders(swept_in(document), field)
+        mappings: list[tuple[Plain, Keys]] = [(row, ("sweep", *way)) for row, way in found]
         if field in document.data:
             document.data[field] = with_kind(field, document.data[field])
             place = document.place((field, "kind"), (field,))
             document.places.setdefault((field, "kind"), place)
-            holders.append((document.data, (field,)))
-        listed = swept.get(field)
-        for number in range(len(listed) if isinstance(listed, list) else 0):
-            holders.append((listed, ("sweep", field, number)))
-        for holder, at in holders if judges else ():
+            mappings.append((document.data, (field,)))
+        for holder, at in mappings if judges else ():
             value = holder[at[-1]]
             model = model_of(field, value) if isinstance(value, dict) else None
             try:
@@ -251,10 +258,10 @@ def given_keys(document: Document, judges: bool) -> set[str]:
     default. A stored study, and a study with overrides, have every key; they were not given.
     """
     new, swept = judges and not document.settled, swept_in(document)
-    dotted = [*document.overridden, *swept, *(document.data if new else ())]
+    keys = [key for written in swept for key in keys_in(written)]
+    dotted = [*document.overridden, *keys, *(document.data if new else ())]
     given = {str(key).split(".")[0] for key in dotted}
-    listed = [swept.get(key) for key in ("attack", "attack.vehicles")]
-    attacks, lists = (each if isinstance(each, list) else [] for each in listed)
+    attacks, lists = (values_in(swept, key) for key in ("attack", "attack.vehicles"))
     if new or "attack.vehicles" in document.overridden:
         attacks = [document.data.get("attack"), *attacks]
     lists = [*lists, *(each.get("vehicles") for each in attacks if isinstance(each, dict))]
@@ -336,13 +343,18 @@ class SweptCells:
         document: Document,
         config: Config,
         wrong: set[str],
-        values: Mapping[str, list[Plain]],
+        sizes: Sequence[int],
+        columns: Mapping[str, SweptColumn],
         given: set[str],
     ):
-        self.document, self.values, self.given = document, values, given
+        self.document, self.sizes, self.columns, self.given = document, sizes, columns, given
         self.roots: dict[str, list[str]] = {}
-        for key in values:
+        for key in itertools.filterfalse(is_joint, columns):
             self.roots.setdefault(key.split(".")[0], []).append(key)
+        self.varied = {  # keys of the last axis in a root
+            root: [key for key in keys if columns[key].axis == columns[keys[-1]].axis]
+            for root, keys in self.roots.items()
+        }
         self.wrong = (wrong & {*Scenario.model_fields}) - {*self.roots}
         fields = {key: getattr(config, key) for key in Scenario.model_fields}
         fixed = {key: each for key, each in fields.items() if key not in self.roots}
@@ -357,14 +369,15 @@ class SweptCells:
 
     def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
         """Return the cells, the first key slowest, and each new problem with its first cell."""
-        labels = {key: value_labels(key, listed) for key, listed in self.values.items()}
+        labels = {key: value_labels(key, each.values) for key, each in self.columns.items()}
+        axes = [(key, each.axis, each.firsts) for key, each in self.columns.items()]
         cells: list[Cell] = []
         found: dict[Problem, list[str]] = {}
-        grid = list(itertools.product(*(range(len(each)) for each in self.values.values())))
+        grid = list(itertools.product(*map(range, self.sizes)))
         collects = gc.isenabled()
         gc.disable()  # it would look through all cells again and again
         for number, indices in enumerate(grid):
-            chosen = dict(zip(self.values, indices, strict=True))
+            chosen = {key: firsts[indices[axis]] for key, axis, firsts in axes}
             named = {key: labels[key][index] for key, index in chosen.items()}
             scenario, problems = self.scenario(chosen)
             if scenario is not None:
@@ -402,40 +415,52 @@ class SweptCells:
         made = settle(made, self.given) if self.follows else made
         for fault in self.faults(made) if registry.scope().judges else ():
             if not wrong & {key.split(".")[0] for key in fault.keys}:
-                place = functools.partial(place_in_cell, self.document, chosen)
-                problems.append(located(fault, place))
+                problems.append(located(fault, functools.partial(self.place, chosen)))
         return None if wrong else made, problems
 
     def part_alike(self, root: str, chosen: Mapping[str, int]) -> Validated | None:
-        """Return a part with another number at the last of its swept keys, if nothing is wrong.
+        """Return a part with other numbers at the keys of its last axis, if nothing is wrong.
 
-        The number alone is validated. None tells that the whole part has to be.
+        The numbers alone are validated. None tells that the whole part has to be.
         """
-        *others, (key, index) = chosen.items()
-        nothing: Validated = None, []
-        first, wrong = self.parts.get((root, *(each for _, each in others), 0), nothing)
-        value, inside = self.values[key][index], key.removeprefix(f"{root}.")
-        if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
-            return None
-        try:
-            made = model_with(inside, type(first)).model_validate({inside: value})
-        except ValidationError:
-            return None
-        return first.with_values(**{inside: getattr(made, inside)}), []
+        nothing, found = (None, []), dict[str, Any]()
+        varied = self.varied[root]
+        like = (0 if key in varied else index for key, index in chosen.items())
+        first, wrong = self.parts.get((root, *like), nothing)
+        for key in varied:
+            value, inside = self.columns[key].values[chosen[key]], key.removeprefix(f"{root}.")
+            if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
+                return None
+            try:
+                made = model_with(inside, type(first)).model_validate({inside: value})
+            except ValidationError:
+                return None
+            found[inside] = getattr(made, inside)
+        return first.with_values(**found), []
 
     def part(self, root: str, chosen: Mapping[str, int]) -> Validated:
         """Return the value of a key by the indices of the swept values in it, and its problems."""
         data = {root: self.base[root]}
         for key, index in chosen.items():
             try:
-                set_value(data, split_key(key), self.values[key][index])
+                set_value(data, split_key(key), self.columns[key].values[index])
             except LookupError as error:
-                place = self.document.place(("sweep", key))
+                place = self.document.place(("sweep", self.columns[key].written))
                 return None, [Problem(place, f"sweep.{key}", str(error.args[0]))]
             data[root] = with_kind(root, data[root]) if root in KINDS else data[root]
-        place = functools.partial(place_in_cell, self.document, chosen)
-        made, _, problems = validated(model_with(root), data, place)
+        made, _, problems = validated(model_with(root), data, functools.partial(self.place, chosen))
         return getattr(made, root), problems
+
+    def place(self, chosen: Mapping[str, int], *candidates: Keys) -> str:
+        """Return the place of a fault in a cell: the swept value that set the key, or the key."""
+        for keys in candidates:
+            swept_keys = itertools.filterfalse(is_joint, chosen)
+            for key in sorted(swept_keys, key=lambda key: -key.count(".")):
+                column, number, swept = self.columns[key], chosen[key], split_key(key)
+                here = ("sweep", *(column.ways[number] if column.ways else (key, number)))
+                if swept[: len(keys)] == keys[: len(swept)]:
+                    return self.document.place((*here, *keys[len(swept) :]), here)
+        return self.document.place(*candidates)
 
 
 @functools.cache
@@ -443,13 +468,3 @@ def stands_alone(cls: type, key: str) -> bool:
     """Whether a class has a key that its type alone decides; in one from outside others may."""
     ours = issubclass(cls, BaseModel) and cls.__module__.startswith("jaxnet.")
     return ours and key in cls.model_fields
-
-
-def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:
-    """Return the place of a cell's fault: the swept value that set the key, or the key itself."""
-    for keys in candidates:
-        for key in sorted(chosen, key=lambda key: -key.count(".")):
-            swept, here = split_key(key), ("sweep", key, chosen[key])
-            if swept[: len(keys)] == keys[: len(swept)]:
-                return document.place((*here, *keys[len(swept) :]), here)
-    return document.place(*candidates)

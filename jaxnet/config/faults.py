@@ -70,7 +70,7 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     if study.search is not None:
         yield from search_faults(study, study.search)
     stores = save.errors or save.vehicles or save.trajectories != "none"
-    if stores and "vehicles" not in study.sweep and len({cell.vehicles for cell in cells}) > 1:
+    if stores and "vehicles" not in study.swept and len({cell.vehicles for cell in cells}) > 1:
         told = "stores arrays of one size: all networks need as many vehicles"
         yield Fault(("save", "sweep.topology"), told)
     yield from metric_faults(study, cells)
@@ -97,7 +97,7 @@ def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]
 def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     """Yield faults of columns that share a name, of odd names, of shares that nobody counts."""
     own = [metric.name for metric in study.measured()]
-    names = [*TAKEN_COLUMNS, *study.sweep, *own]
+    names = [*TAKEN_COLUMNS, *study.swept, *own]
     odd = sorted({name for name in own if names.count(name) > 1})
     if odd := [*odd, *(name for name in own if not name.isidentifier())]:
         told = f"a metric's name must be a column's own (got {', '.join(odd)})"
@@ -111,7 +111,7 @@ def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
 def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
     """Yield faults of a search: swept keys, Sobol draws, an unknown metric, a small budget."""
     for key in search.over:
-        if swept := [each for each in study.sweep if f"{key}.".startswith(f"{each}.")]:
+        if swept := [each for each in study.swept if f"{key}.".startswith(f"{each}.")]:
             told = f"{swept[0]} is swept: search over it, or sweep it"
             yield Fault((f"search.over.{key}",), told)
     if study.draws == "sobol":

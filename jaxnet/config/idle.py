@@ -98,13 +98,13 @@ def unheard(
 
 def replaced_keys(config: Config) -> Iterator[tuple[str, str]]:
     """Yield the keys outside the sweep that a swept key replaces."""
-    for swept in config.sweep:
+    for swept, written in config.swept.items():
         value = getattr(config, swept, None)
         if not isinstance(value, BaseModel):
             if given(config, swept)[0]:
-                yield swept, f"sweep.{swept} replaces it"
+                yield swept, f"sweep.{written} replaces it"
             continue
-        why = f"sweep.{swept} replaces the whole {swept}"
+        why = f"sweep.{written} replaces the whole {swept}"
         if type(value) is not type(getattr(DEFAULTS, swept)):
             yield f"{swept}.kind", why
         for key in (f"{swept}.{field}" for field in type(value).model_fields):

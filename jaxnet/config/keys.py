@@ -12,6 +12,7 @@ from annotated_types import Len
 from pydantic import AfterValidator, BaseModel, Field, PlainSerializer, PrivateAttr
 from pydantic_core import PydanticCustomError
 
+from jaxnet.config.sweep import keys_in
 from jaxnet.engine.methods import Engine
 from jaxnet.engine.methods.nonlinear import Nonlinear
 from jaxnet.kinds import registry
@@ -466,7 +467,7 @@ class Config(Scenario):
         default=None, description="what jaxnet search chooses and maximises"
     )
     sweep: dict[str, SweptValues] = Field(
-        default={}, description="dotted key: values; cells are the product"
+        default={}, description="dotted key, or keys with commas: values; cells are the product"
     )
     labels: dict[str, str] = Field(
         default={}, description="dotted key: the name of this key in figures, tables and pages"
@@ -474,6 +475,11 @@ class Config(Scenario):
     save: Save = Field(default=Save(), description="what is stored besides the rows")
 
     _scope: registry.Scope = PrivateAttr(default_factory=registry.Scope)
+
+    @property
+    def swept(self) -> dict[str, str]:
+        """The swept keys, and the key of the sweep that gives each its values."""
+        return {key: written for written in self.sweep for key in keys_in(written)}
 
     @property
     def scope(self) -> registry.Scope:

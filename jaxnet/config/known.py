@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 
 from jaxnet.config.document import Keys, Plain, PlainMapping, dotted_key
 from jaxnet.config.keys import KINDS, Channel, Config, Initial, Scenario
+from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK
 from jaxnet.kinds.kind import Kind, KindError
@@ -73,10 +74,12 @@ def explain(error: ErrorDetails, data: Plain) -> str:
         name = given.get("kind") if isinstance(given, dict) else given
         known = registry.kind_names(error.get("ctx", {})["family"])
         return value_message(error) + suggestion(str(name), known, fallback=False)
-    if kind == "list_type" and type(given) is int and written_keys(error) == ("attack", "vehicles"):
-        hint = f"{{random: {given}}} draws {given} in each lane, [{given}] is vehicle {given}"
-        return f"{value_message(error)}: {hint}"
-    return value_message(error)
+    hint, at = "", written_keys(error)
+    if kind == "list_type" and type(given) is int and at == ("attack", "vehicles"):
+        hint = f": {{random: {given}}} draws {given} in each lane, [{given}] is vehicle {given}"
+    elif at[:2] == ("attack", "vehicles") and isinstance(given, dict) and [*given] == ["random"]:
+        hint = ": sweep: {attack.vehicles: [{random: 1}, {random: 2}]} sweeps such numbers"
+    return value_message(error) + hint
 
 
 def written_keys(error: ErrorDetails) -> Keys:
@@ -118,6 +121,8 @@ class KnownKeys:
             self.models[root] = [model for each in given if (model := model_of(root, each))]
 
     def has(self, key: str) -> bool:
+        if is_joint(key):
+            return all(map(self.has, keys_in(key)))
         root, *inside = key.split(".")
         models = self.models.get(root, [])
         anything = any(each.model_config.get("extra") == "allow" for each in models)

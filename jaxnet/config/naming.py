@@ -7,7 +7,8 @@ name comes from the config (`labels`), else from the key's field (`title`), else
 
 import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import yaml
 from pydantic import BaseModel
@@ -16,6 +17,7 @@ from pydantic.fields import FieldInfo
 from jaxnet.config.document import Plain, PlainMapping, escape_controls
 from jaxnet.config.keys import INNER_KINDS, KINDS, Scenario
 from jaxnet.config.known import model_of, models_in, with_kind
+from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.refusals import shorten_value, value_text
@@ -24,7 +26,8 @@ from jaxnet.model.wording import orders_in_words, sets_in_words
 MAGNITUDE = "attack.magnitude"
 ATTACKED, ATTACKED_NUMBER = "attack.vehicles", "attack.vehicles.random"
 NO_BREAK = "\N{NO-BREAK SPACE}"
-UNLABELLED_KEYS = {"kind", "label", "edges", "content", "names"}  # of kinds, that labels leave out
+SILENT = {"label", "edges", "content", "names"}  # keys of kinds that nobody wants told
+UNLABELLED_KEYS = {"kind", *SILENT}  # of kinds, that labels leave out
 
 
 class Key(str):
@@ -113,13 +116,34 @@ def kind_label(kind: Plain, telling: Mapping[str, list[object]]) -> str:
 # --- words in figures and pages -------------------------------------------------------------------
 
 
+def label_notes(sweep: Mapping[str, Any], cells: Sequence[Mapping[str, object]]) -> list[str]:
+    """Return what the labels of a config's sweep stand for that the labels of cells have."""
+    found, shown = [], {label for labels in cells for label in labels.values()}
+    for written, listed in sweep.items():
+        for entry in listed if isinstance(listed, list) else ():
+            if not isinstance(entry, dict) or entry.get("label") not in shown:
+                continue
+            words = plain_words({key: each for key, each in entry.items() if key not in SILENT})
+            if is_joint(written):
+                given = zip(keys_in(written), entry["values"], strict=True)
+                words = labels_title({key: value_labels(key, [each])[0] for key, each in given})
+            found += [f"{entry['label']}: {words}"] * bool(words)
+    return found
+
+
 def labels_title(labels: Mapping[str, object]) -> str:
-    """The title of a panel or row: its swept values, with keys where a value is unclear."""
-    return ", ".join(value_name(key, value) for key, value in labels.items())
+    """The title of a panel or row: its swept values, with keys where a value is unclear.
+
+    A label stands for the values of its keys.
+    """
+    told = {key for joint in filter(is_joint, labels) for key in keys_in(joint)}
+    return ", ".join(value_name(key, value) for key, value in labels.items() if key not in told)
 
 
 def value_name(key: str, value: object) -> str:
     """Return the name of a swept value with its unit, which non-breaking spaces join."""
+    if is_joint(key):
+        return str(value)
     if value == "none":
         return f"no{NO_BREAK}{key_name(key)}"
     if is_kind(key):
@@ -146,7 +170,7 @@ def magnitudes_with_units(key: str, value: object) -> str:
 
 def value_alone(key: str, value: object) -> str:
     """Return a swept value without its key and unit."""
-    if is_kind(key):
+    if is_kind(key) or is_joint(key):
         return value_name(key, value)
     return magnitudes_with_units(key, value) or format_value(value)
 
@@ -173,6 +197,8 @@ def key_name(key: str) -> str:
 @functools.cache
 def words_of(key: str) -> str:
     """Return the name of a key by its field's title, else by its own words."""
+    if is_joint(key):
+        return " and ".join(map(words_of, keys_in(key)))
     titles = (field.title for field in fields_of(key))
     if title := next(filter(None, titles), None):
         return title
@@ -226,7 +252,7 @@ def unit(key: str) -> str:
 def fields_of(key: str) -> list[FieldInfo]:
     """Return the fields that a dotted key has in the models of its root, the first kind first."""
     root, *inside = key.split(".")
-    found = [Scenario.model_fields[root]]
+    found = [] if is_joint(key) else [Scenario.model_fields[root]]
     for name in inside:
         models = (model for field in found for model in models_in(field))
         found = [model.model_fields[name] for model in models if name in model.model_fields]

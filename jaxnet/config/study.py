@@ -28,6 +28,7 @@ from jaxnet.config.document import (
 from jaxnet.config.keys import Config
 from jaxnet.config.known import model_of
 from jaxnet.config.naming import without_empty_labels
+from jaxnet.config.sweep import joint_key, values_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import adopt_network
 from jaxnet.kinds.kind import Kind, KindError
@@ -159,8 +160,8 @@ def has_navigator(data: Mapping[Any, Any], overrides: Mapping[str, object]) -> b
         if key.split(".")[0] in roots:
             trial.override(key, value)
     swept = trial.data.get("sweep")
-    listed = swept.get("navigator") if isinstance(swept, Mapping) else None
-    each = listed if isinstance(listed, list) and listed else [trial.data.get("navigator")]
+    listed = values_in(swept, "navigator") if isinstance(swept, Mapping) else []
+    each = listed or [trial.data.get("navigator")]
     kinds = [one if isinstance(one, Kind) else model_of("navigator", one) for one in each]
     leads = {getattr(kind, "present", True) for kind in kinds}
     return leads.pop() if len(leads) == 1 else None
@@ -204,8 +205,11 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
     """Return a kind, a kind's class, a metric or a network in the form of a config.
 
     A network is a graph of networkx, or where a topology stands also a matrix of NumPy or SciPy.
-    Other values are returned as they are. Raises ConfigError for a network that is no topology.
+    Tuples of swept keys become text. Other values are returned as they are. Raises ConfigError for
+    a network that is no topology.
     """
+    if keys == ("sweep",) and isinstance(value, Mapping):
+        return {joint_key(k) if isinstance(k, tuple) else k: each for k, each in value.items()}
     if isinstance(value, Kind) and getattr(value, "led", False) and leads is False:
         told = "a node leads this network, and navigator is none: jaxnet.network(…, leads=False)"
         raise refusal(keys, told)

@@ -8,8 +8,9 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import is_kind
+from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.statistics.curves import GREATEST_SHOWN
-from jaxnet.statistics.groups import Label, swept_values_of
+from jaxnet.statistics.groups import Label, is_decided, swept_values_of
 from jaxnet.store.folder import FolderError
 
 MOST_HUES = 12
@@ -24,10 +25,6 @@ class Axes(NamedTuple):
     hue: str | None
     panel: tuple[str, ...]
 
-    @property
-    def keys(self) -> tuple[str, ...]:
-        return (*filter(None, (self.x, self.hue)), *self.panel)
-
 
 def choose_axes(
     cells: Sequence[Cell],
@@ -40,12 +37,13 @@ def choose_axes(
 
     Where a key is None, this function chooses. The key of most numbers comes on x, the last if
     several have as many. Kinds come first in colours, of at most `most_hues` values. All keys that
-    are left come into panels, after those named. Raises FolderError if a key is not swept or is
-    named twice, or if a hue has too many values.
+    are left come into panels, after those named. Keys that take values together have one axis, the
+    labels' if they have labels. Raises FolderError if a key is not swept or is named twice, or if a
+    hue has too many values.
     """
     values = swept_values_of(cells)
     given = [panel] if isinstance(panel, str) else list(panel or ())
-    panels = [key for each in given for key in each.split(",")]
+    panels = [key for each in given for key in ([each] if each in values else each.split(","))]
     named = {"x": [x] if x else [], "hue": [hue] if hue else [], "panel": panels}
     for argument, keys in named.items():
         for key in keys:
@@ -55,11 +53,12 @@ def choose_axes(
     taken = [key for keys in named.values() for key in keys]
     if twice := [key for key in taken if taken.count(key) > 1]:
         raise FolderError(f"{twice[0]} is named twice among x, hue and panel")
-    free = [key for key, each in values.items() if len(each) > 1 and key not in taken]
+    told = {*taken, *(key for joint in filter(is_joint, values) for key in keys_in(joint))}
+    free = [key for key, each in values.items() if len(each) > 1 and key not in told]
     if x is None:
         numbers = [key for key in free if numeric(values[key])]
         x = max(numbers[::-1] or free, key=lambda key: len(values[key]), default=None)
-        free = [key for key in free if key != x]
+    free = [key for key in free if key != x and not is_decided(cells, [x or key], key)]
     if hue is None:
         few = [key for key in free if len(values[key]) <= MOST_CHOSEN_HUES]
         few = few or (free if most_hues > MOST_HUES else [])
@@ -71,8 +70,11 @@ def choose_axes(
             f" on x, or choose values with where"
         )
     full = {str(key): key for key in values}  # keys with their names
-    panels = list(dict.fromkeys([*panels, *free, *values]))  # those of one value last
-    rest = tuple(full[key] for key in panels if key not in (x, hue))
+    shown = [key for key in (x, hue) if key]
+    for key in dict.fromkeys([*panels, *free, *values]):  # those of one value last
+        needed = key in panels or len(values[key]) == 1 or not is_decided(cells, shown, key)
+        shown += [key] if needed and key not in shown else []
+    rest = tuple(full[key] for key in shown if key not in (x, hue))
     return Axes(x and full[x], hue and full[hue], rest)
 
 

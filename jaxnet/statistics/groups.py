@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE
+from jaxnet.config.sweep import keys_in
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.amplitude import attack_size
 
@@ -29,6 +30,12 @@ class Group(NamedTuple):
 def swept_values_of(cells: Sequence[Cell]) -> dict[str, list[Label]]:
     """Swept keys with the values that these cells have, in the cells' order."""
     return {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in cells[0].labels}
+
+
+def is_decided(cells: Sequence[Cell], keys: Sequence[str], key: str) -> bool:
+    """Whether the values of some keys decide that of another, as of keys swept together."""
+    found = {(tuple(cell.labels[each] for each in keys), cell.labels[key]) for cell in cells}
+    return len(found) == len({those for those, _ in found})
 
 
 def scenes(cells: Sequence[Cell]) -> list[Group]:
@@ -56,5 +63,5 @@ def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
     return {
         key: label
         for key, label in cell.labels.items()
-        if key != MAGNITUDE or isinstance(label, str)
+        if MAGNITUDE not in keys_in(key) or (key == MAGNITUDE and isinstance(label, str))
     }

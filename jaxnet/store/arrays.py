@@ -226,7 +226,7 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
         values = np.array(given)
         values = values.astype(object) if values.dtype.kind in "UO" else values
         # a swept attack beside the signal `attack`
-        names.append(f"{key}_name" if key in group else key)
+        names.append(f"{key}_name" if key in group else key.replace(" ", ""))
         swept = key not in BY_SAMPLE
         told = (naming.unit(key), naming.key_name(key)) if swept else DIMENSIONS[key]
         add_array(group, names[-1], (dim,), values, *told)

@@ -21,6 +21,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
 from jaxnet.config.scenario import interval_of
 from jaxnet.config.spacings import multiples
+from jaxnet.config.sweep import values_in
 from jaxnet.lazy import LazyModule
 from jaxnet.store import gate
 from jaxnet.store.folder import Folder, FolderError
@@ -106,8 +107,8 @@ def row_columns(study: Config, cells: Sequence[Cell]) -> RowColumns:
     """
     swept = {}
     for key, label in cells[0].labels.items():
-        given = study.sweep[key]
-        whole = isinstance(given, list) and all(isinstance(value, int) for value in given)
+        listed = values_in(study.sweep, key)
+        whole = bool(listed) and all(isinstance(value, int) for value in listed)
         number = pa.int64() if whole else pa.float64()
         swept[key] = pa.string() if isinstance(label, str) else number
     defences = [cell.scenario.defence for cell in cells if cell.scenario.law.couples()]

@@ -212,7 +212,7 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
     The other swept keys stand first, a row for each combination of their values. Then come the
     columns of each quantity, one for each value of the key.
 
-    Raises FolderError if the key is not swept.
+    Raises FolderError if the key is not swept, or takes values together with other keys.
     """
     swept = {each.name: each for each in columns if each.key == each.name}
     if key not in swept:
@@ -223,6 +223,8 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
     for place, value in enumerate(across.values):
         combination = next(combinations) if combinations else ()
         places.setdefault(combination, {})[value] = place
+    if any(len(mine) < len({*across.values}) for mine in places.values()):
+        raise FolderError(f"pivot: {key} takes its values together with other keys")
     found = [each.at([min(mine.values()) for mine in places.values()]) for each in rows]
     for each in columns[1:]:
         if each.key is not None:

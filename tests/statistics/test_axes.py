@@ -39,7 +39,7 @@ def test_numbers_go_across_and_kinds_into_colours():
 def test_no_two_cells_have_one_place(named):
     """Whatever is chosen, the values of x and hue within a panel are those of one cell."""
     axes = choose_axes(CELLS, **named)
-    assert sorted(axes.keys) == sorted(SWEEP)
+    assert sorted([axes.x, axes.hue, *axes.panel]) == sorted(SWEEP)
     places = [
         (tuple(labels.items()), *(cell.labels[key] for key in (axes.x, axes.hue) if key))
         for labels, cells in panels_of(CELLS, axes)

@@ -11,7 +11,7 @@ class MSNorm(Sparing):
     This is the rule of W-MSR with distances in the plane in place of numbers on a line.
     """
 
-    words = "MS-norm"
+    words = "ms_norm"
     guarantee = (
         "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust "
         "where at most F untrusted sources are heard, who are all dropped"

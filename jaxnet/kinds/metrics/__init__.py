@@ -32,7 +32,7 @@ class Metric:
     name
         Name of the column.
     unit
-        Unit of the numbers that `of` returns, such as "m/s".
+        Unit of the numbers that `of` returns, such as "m/s"; "1" or "" for none.
     of
         Function from an observation to one number for each vehicle, (m, lanes).
     over
@@ -85,10 +85,11 @@ class Metric:
 
     @property
     def column_unit(self) -> str:
-        """Unit of the column: an integral over time has the metric's unit times seconds."""
+        """Unit of the column, "" without dimension; an integral has that of the metric times s."""
+        unit = "" if self.unit == "1" else self.unit
         if self.time != "integral":
-            return self.unit
-        return f"{self.unit}·s" if self.unit else "s"
+            return unit
+        return f"{unit}·s" if unit else "s"
 
     def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
         """Pickle the file of the metric with its hash: another process loads the same metric."""

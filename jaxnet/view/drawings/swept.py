@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import key_name, quantity, value_alone
+from jaxnet.config.sweep import is_joint
 from jaxnet.statistics.axes import (
     Axes,
     by_hue,
@@ -70,8 +71,12 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         for labels, mine in panels_of(cells, axes)
     ]
     x_scale, y_scale = (across, shown) if numbers else (shown, rows)
-    key = key_name(axes.hue) if axes.hue else ""
-    return Drawing(panels, x_scale, y_scale, [found.notes], key, len(looks))
+    key, notes = key_name(axes.hue) if axes.hue else "", [found.notes]
+    on_axes = [*filter(None, (x, axes.hue)), *axes.panel]
+    if x and not any(map(is_joint, on_axes)):
+        with_x = (other for other in cells[0].labels if other not in on_axes)
+        notes += [f"{key_name(other)} changes with {key_name(x)}" for other in with_x]
+    return Drawing(panels, x_scale, y_scale, notes, key, len(looks))
 
 
 def hue_looks(values: Sequence[Label]) -> list[Look]:

@@ -10,6 +10,7 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
+from jaxnet.config.naming import label_notes
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.statistics.axes import choose_axes
@@ -126,6 +127,9 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
         cells = select_cells(self.results.study.cells, where or {})
         with mpl.rc_context(self.style):
             made = draw(self, cells, COLUMN_WIDTHS[column], **axes)
+            sweep = self.results.study.config.sweep
+            told = "; ".join(label_notes(sweep, [cell.labels for cell in cells]))
+            multiples.write_note(made, multiples.escape_dollars(told))
         if not note:
             made.suptitle("").set_in_layout(False)
         multiples.show_unparsed(made)

@@ -13,6 +13,7 @@ from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
 from jaxnet.config.scenario import for_any_signal
 from jaxnet.config.study import Study
+from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.kinds.attacks import Attack
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
@@ -139,6 +140,11 @@ def swept_text(study: Study) -> str:
         key: dict.fromkeys(format_value(cell.labels[key]) for cell in study.cells)
         for key in study.cells[0].labels
     }
+    for written, entries in study.config.sweep.items():
+        if is_joint(written):
+            rows = ([e["label"], e["values"]] if isinstance(e, dict) else [e] for e in entries)
+            values[written] = dict.fromkeys(" ".join(map(format_value, row)) for row in rows)
+            values = {key: each for key, each in values.items() if key not in keys_in(written)}
     lines = [f"  {key}: {few_values([*each])}" for key, each in values.items()]
     return "\n".join(["swept, the last fastest:", *lines] if lines else [])
 

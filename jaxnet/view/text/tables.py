@@ -9,6 +9,8 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
+from jaxnet.config.naming import label_notes
+from jaxnet.config.sweep import is_joint
 from jaxnet.model.wording import cells_named, count, count_between
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
@@ -86,7 +88,9 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """What the columns leave open: which intervals they have, and what the greatest lane says."""
     config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
     independent, lanes = config.draws == "random", results.cells.loc[:, "ok"]
+    alone = {key: each for key, each in config.sweep.items() if not is_joint(key)}
     notes = [*interval_lines(config, shown), *missing_lines(shown, lanes, independent)]
+    notes += label_notes(alone, [cell.labels for cell in cells])
     if "unrecovered" in names and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
     if is_leaderless(cells):
