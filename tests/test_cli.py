@@ -284,13 +284,14 @@ def test_an_error_that_nobody_foresaw_ends_in_a_line(config, tmp_path, monkeypat
 
 
 def test_init_writes_a_config_that_check_accepts(tmp_path, monkeypatch):
-    """It says what the defaults are."""
+    """It says what the defaults are, with a horizon at which its defence is done."""
     monkeypatch.chdir(tmp_path)
     done = jaxnet_does("init", "mine.yaml")
     assert (done.exit_code, done.stderr) == (0, "wrote mine.yaml\nnext: jaxnet check mine.yaml\n")
     assert (tmp_path / "mine.yaml").read_text().startswith("# jaxnet run mine.yaml\n")
     assert jaxnet_does("check", "mine.yaml").stdout.startswith("mine: 3 cells × 100 samples")
     rest = {"samples": 100, "recovery": {}, "sweep": {"attack.magnitude": [0.1, 1, 10]}}
+    rest["horizon"] = 90
     assert jaxnet.load("mine.yaml").config == jaxnet.load({"name": "mine", **rest}).config
     again = jaxnet_does("init", "mine.yaml")
     assert (again.exit_code, again.stderr) == (2, "mine.yaml is there already: give another FILE\n")

@@ -33,6 +33,7 @@ PARTS = {
     "search": "SearchSettings",
     "save": "Save",
     "samples.until": "Criterion",
+    "settling": "Settling",
 }
 ELSEWHERE = {  # kinds of which a page says what their docstring says after its first paragraph
     "edges": "[the local law](model.md#the-local-law)",

@@ -78,7 +78,9 @@ def main() -> None:
     print(f"loop in NumPy        {1 / loop:12,.0f} lanes/s")
     print(f"jaxnet, limits       {asked.lanes / limited:12,.0f} lanes/s", end="")
     print(f"   {loop * asked.lanes / limited:.0f} times; spreads differ by {error:.1e} m")
-    print(f"jaxnet, no limits    {asked.lanes / free:12,.0f} lanes/s   limits cost {limited / free:.2f} times")
+    print(
+        f"jaxnet, no limits    {asked.lanes / free:12,.0f} lanes/s   limits cost {limited / free:.2f} times"
+    )
 
 
 if __name__ == "__main__":

@@ -36,6 +36,7 @@ TAKEN_COLUMNS = (
     "switches",
     "unheard",
     "stopped",
+    "tail_fall",
 )  # of all rows
 TAKEN_COLUMNS += ("cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share")
 GIVE_RECOVERY = "needs to know what has recovered: give recovery: {tau: 0.01}"

@@ -49,6 +49,7 @@ from jaxnet.kinds.laws.exact import ExactLaw
 from jaxnet.kinds.losses import Loss
 from jaxnet.kinds.losses.none import NoLoss
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, Metric
+from jaxnet.kinds.metrics.settling_time import Settling, settling_time
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.navigators.lissajous import Lissajous
 from jaxnet.kinds.noises import ChannelNoise
@@ -153,11 +154,19 @@ def one_of(refusal: str, *words: str, **members: Any) -> Any:
     return one_form_of(form, refusal, **members)
 
 
-def known_metric(name: str) -> Metric:
+def known_metric(given: str | Settling) -> Metric:
+    if not isinstance(given, str):
+        return settling_time(**given.keys())
     try:
-        return registry.find("metrics", name)
+        return registry.find("metrics", given)
     except KindError as error:
         raise PydanticCustomError("metric", "{error}", {"error": str(error)}) from error
+
+
+def plain_metric(metric: Metric) -> str | dict[str, object]:
+    """A metric as a config has it: its name, or its keys."""
+    keys = getattr(metric.of, "keys", dict)()
+    return {"kind": metric.name, **keys} if keys else registry.metric_name(metric)
 
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
@@ -230,7 +239,13 @@ if TYPE_CHECKING:
     SampleCount = int | Sequential
 else:
     NamedMetric = Annotated[
-        str, AfterValidator(known_metric), PlainSerializer(registry.metric_name)
+        one_of(
+            "must be a name, or keys such as {kind: settling_time, below: 0.1}",
+            plain=str,
+            kind=Settling,
+        ),
+        AfterValidator(known_metric),
+        PlainSerializer(plain_metric),
     ]
     SweptValues = one_of(
         "must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}",

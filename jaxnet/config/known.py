@@ -96,7 +96,7 @@ def written_keys(error: ErrorDetails) -> Keys:
 def keys_beside(location: Keys, data: Plain) -> list[str]:
     """Return the keys allowed in the mapping in which pydantic found an unknown key."""
     models: list[type[BaseModel]] = [Config]
-    for part in location[:-1]:
+    for part in (part for part in location[:-1] if not isinstance(part, int)):
         if str(part).startswith(MARK):
             tag = str(part).removeprefix(MARK).lower()
             models = [

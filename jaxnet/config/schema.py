@@ -38,7 +38,11 @@ def config_schema() -> JsonSchema:
     for family in KINDS:
         whole["properties"][family] |= {"family": family, "default": DEFAULT_KINDS[family]}
     whole["properties"]["metrics"]["items"] = {
-        "anyOf": [{"enum": registry.kind_names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
+        "anyOf": [
+            {"enum": registry.kind_names("metrics")},
+            {"type": "string", "pattern": OUTSIDE},
+            {"$ref": "#/$defs/Settling"},
+        ]
     }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
 

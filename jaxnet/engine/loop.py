@@ -172,6 +172,7 @@ class Fleet(NamedTuple):
     status: Code
     stood: LaneFlags  # lanes with a vehicle that was singular at an output time
     gathered: Gathered
+    windows: metrics.Windows
     saturation: Saturation | None = None  # None where inputs have no limits
 
 
@@ -196,6 +197,7 @@ def begin(motion: Motion, ticks: Ticks) -> Fleet:
         status=status,
         stood=jnp.zeros(zero.shape, bool),
         gathered=metrics.nothing(plan.metrics, lane.initial.shape[1:]),
+        windows=metrics.Windows(*[jnp.full(zero.shape, jnp.inf)] * 2),
         saturation=Saturation(zero, zero) if lane.vehicle.limits else None,
     )
 
@@ -289,20 +291,24 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
     lane, network, decided = motion.lane, motion.network, fleet.decided
     drive = motion.drive(fleet.state, decided)
     time, basis = motion.basis(fleet.state)
-    stopped, errors = decided.coasting.stopped(lane), motion.errors(fleet.state)
-    if motion.plan.as_told:
-        errors = told_errors(lane, basis, errors)
-    shown, error = network.display_signals, errors[0]
-    steered = error + lane.path(time)[0][:, None]
+    stopped, shown = decided.coasting.stopped(lane), network.display_signals
     attacked = (lane.vectors[:, shown] != 0).any(axis=(0, 2))
-    if not lane.navigator.present:
-        error = error - honest_mean(error, attacked)
+
+    def error_of(state: Any) -> PerAxis:
+        errors = motion.errors(state)
+        if motion.plan.as_told:
+            errors = told_errors(lane, motion.basis(state)[1], errors)
+        return errors[0] if lane.navigator.present else errors[0] - honest_mean(errors[0], attacked)
+
+    clock = motion.clock
+    ticks = jnp.broadcast_to(fleet.ticks, fleet.status.shape)
+    later = clock.at(ticks + clock.ticks)
     speed, turn_rate = motion.pace(fleet.state, decided)
     weights = drive.weights
     if decided.late.present or decided.heard.stands:
         weights = decided.listened(lane)
     seen = Observation(
-        error=error,
+        error=error_of(fleet.state),
         speed=jnp.where(stopped, 0.0, speed),
         turn_rate=jnp.where(stopped, 0.0, turn_rate),
         state=decided.coasting.at_rest(motion.states(fleet.state)),
@@ -311,9 +317,13 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
         hearing=network.hearing,
         attacked=attacked,
         start=vehicles.first_outputs(lane)[0],
-        steered=steered,
+        steered=motion.errors(fleet.state)[0] + lane.path(time)[0][:, None],
         offset=None if lane.formation is None else lane.offsets(time)[0],
         inputs_now=lambda: jnp.where(stopped[None], 0.0, motion.inputs(fleet.state, decided)),
+        errors_at_start=lambda: error_of(motion.begin()),
+        time=clock.at(ticks),
+        next_time=jnp.where(ticks < clock.outputs * clock.ticks, later, jnp.inf),
+        leads=lane.navigator.present,
         alarms=decided.alarms.shares,
         saturated=saturated_until_now(fleet),
     )
@@ -346,7 +356,8 @@ def measure(
     gathered = metrics.add(motion.plan.metrics, fleet.gathered, seen, due, output, motion.clock)
     apart = fleet.decided.coasting.may_stop(motion.lane)
     stood = fleet.stood | (due & is_singular(motion.lane, seen.state, apart))
-    fleet = fleet._replace(gathered=gathered, stood=stood)
+    windows = fleet.windows.after(seen, due, output, motion.clock)
+    fleet = fleet._replace(gathered=gathered, stood=stood, windows=windows)
     return fleet, metrics.series(motion.plan.save, seen)
 
 
@@ -367,6 +378,7 @@ def outcome_of(fleet: Fleet, motion: Motion, series: Series) -> Outcome:
         unheard=fleet.unheard,
         series=series | metrics.vehicle_errors(plan.save, gathered, clock, ok),
         cut_off=cut_off | {"stopped": stopped},
+        tail_fall=jnp.where(ok, fleet.windows.fall(), jnp.nan),
     )
 
 

@@ -43,8 +43,12 @@ class Observation(NamedTuple):
     start, steered
         What the law steers of each vehicle, at t = 0 and now: its output, less its offset in the
         formation [m], (2, m, lanes).
-    inputs_now
-        Function that returns `inputs`, which nobody needs in most studies.
+    inputs_now, errors_at_start
+        Functions that return `inputs`, and `error` at t = 0, which nobody needs in most studies.
+    time, next_time
+        Time of this output and of the next one [s], (lanes,); infinite after the last one.
+    leads
+        Whether there is a navigator.
     alarms
         Alarms over messages judged until now, of attacked and of honest links, (2, lanes); None
         without a detector.
@@ -77,6 +81,10 @@ class Observation(NamedTuple):
     start: Float[Array, "2 m *lanes"]
     steered: Float[Array, "2 m *lanes"]
     inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
+    errors_at_start: Callable[[], Float[Array, "2 m *lanes"]]
+    time: Float[Array, "*lanes"]
+    next_time: Float[Array, "*lanes"]
+    leads: bool = True
     alarms: Float[Array, "2 *lanes"] | None = None
     saturated: Float[Array, "2 *lanes"] | None = None
     offset: Float[Array, "2 m *lanes"] | None = None
@@ -202,6 +210,42 @@ def measured(metric: Metric, seen: Observation, shape: tuple[int, ...]) -> Float
     except (TypeError, ValueError):
         told = f"metric {metric.name}.of gives {contract.described(given)}"
         raise KindError(f"{told}; expected: numbers, (m, lanes) = {shape}") from None
+
+
+class Windows(NamedTuple):
+    """Sums of the judged error [m] over windows of half a tail's output times, (lanes,).
+
+    The last window ends the run. Sums of windows that began before t = 0 are infinite.
+    """
+
+    last: Float[Array, "*lanes"]  # of the window under way
+    least: Float[Array, "*lanes"]  # the least of those before it
+
+    def after(
+        self,
+        seen: Observation,
+        there: Bool[Array, "*lanes"],
+        output: Int[Array, "*some"],
+        clock: Clock,
+    ) -> "Windows":
+        """The windows with the output time of number `output`, in the lanes `there`."""
+        size, left = jnp.maximum(clock.tail_outputs // 2, 1), clock.outputs - output
+        ended = jnp.where((left + 1) % size == 0, self.last, jnp.inf)
+        began = jnp.where((left + 1) % size == 0, 0.0, self.last)
+        now = Windows(began + judged_error(seen), jnp.minimum(self.least, ended))
+        return Windows(*(jnp.where(there, *pair) for pair in zip(now, self, strict=True)))
+
+    def fall(self) -> Float[Array, "*lanes"]:
+        """How far the last window is below the least of the others, a share of the greater."""
+        most = jnp.maximum(self.last, self.least)
+        return (self.least - self.last) / jnp.where(most > 0, most, 1.0)
+
+
+def judged_error(seen: Observation) -> Float[Array, "*lanes"]:
+    """Mean error of the fleet; without a navigator the greatest of honest vehicles [m]."""
+    if seen.leads:
+        return seen.errors().mean(axis=0)
+    return jnp.where(seen.attacked, 0.0, seen.errors()).max(axis=0)
 
 
 def finite(gathered: Gathered) -> Bool[Array, "*lanes"]:

@@ -84,3 +84,4 @@ class Outcome(NamedTuple):
     unheard: Int[Array, "*lanes"]  # (vehicle, tick) pairs at which a vehicle kept its drive
     series: dict[str, Any]
     cut_off: dict[str, Any]  # by column, of vehicles that decisions cut off (`status.Isolation`)
+    tail_fall: Float[Array, "*lanes"]  # how far the tail still falls (`metrics.Windows.fall`)

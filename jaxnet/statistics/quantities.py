@@ -114,6 +114,7 @@ def known_quantities(study: Config) -> list[str]:
     """Names of quantities; a metric's name may end in a statistic."""
     shares = ["failed"] if study.recovery is None else ["unrecovered", "failed"]
     shares += ["in_hull"] * study.leaderless
+    shares += ["unsettled"] * any(metric.name == "settling_time" for metric in study.metrics)
     return [*shares, *(metric.name for metric in study.measured())]
 
 
@@ -144,6 +145,9 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         words = f"{metric.words or metric.name.replace('_', ' ')}{tail}"
         words += f", {LANE_STATISTICS[statistic].words}"
         values = row_values(results, cells, metric, statistic)
+        if endless := int(np.isinf(values["value"]).sum()):
+            note = f"infinite, and not drawn, in {count(endless, 'cell')}"
+        values = values.replace(np.inf, np.nan)
         found = Quantity(name, words, metric.column_unit, False, CONFIDENCE, values, note)
     lanes = set(table.loc[values["value"].dropna().index, of].tolist())
     return found._replace(lanes=int(lanes.pop()) if len(lanes) == 1 else 0)

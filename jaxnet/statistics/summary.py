@@ -17,6 +17,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
 from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.statistics.amplitude import amplitude_note, attack_size
+from jaxnet.statistics.falling import still_falls
 from jaxnet.statistics.intervals import (
     CONFIDENCE,
     UNKNOWN,
@@ -98,15 +99,26 @@ def hull_note(study: Config, cells: Sequence[Cell]) -> str:
     return f"in the hull (in_hull): {who} by over {tolerance:g} m"
 
 
+def count_unsettled(study: Config, cell: Cell, ok: pd.DataFrame) -> Counted:
+    """Whether the lane has no settling time: its error is not below the limit at the end."""
+    return np.isinf(ok["settling_time"].to_numpy())
+
+
+UNSETTLED_NOTE = "never settled (unsettled): above the limit at the last output time"
+
 LANE_SHARES = {
     "in_hull": Share(lambda cells: "in the hull", hull_note, count_in_hull),
     "unrecovered": Share(share_name, unrecovered_note, count_unrecovered),
+    "unsettled": Share(
+        lambda cells: "never settled", lambda study, cells: UNSETTLED_NOTE, count_unsettled
+    ),
 }
 
 
 def asked_shares(study: Config, cells: Sequence[Cell]) -> list[str]:
     alone = any(cell.scenario.leaderless for cell in cells)
-    return ["in_hull"] * alone + ["unrecovered"] * (study.recovery is not None)
+    found = ["in_hull"] * alone + ["unrecovered"] * (study.recovery is not None)
+    return found + ["unsettled"] * any(each.name == "settling_time" for each in study.metrics)
 
 
 def share_names(name: str) -> list[str]:
@@ -127,7 +139,9 @@ def summarise(
     table = []
     metrics = [*SUMMARISED, *(each.name for each in study.measured()[len(CONTRACT) :])]
     shares = asked_shares(study, cells)
-    for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
+    for number, lanes in rows.scan_cells(
+        folder, shards, ("sample", "status", *metrics, "tail_fall")
+    ):
         cell = cells[number]
         ok: Any = lanes[lanes["status"] == "ok"]
         row: dict[str, Any] = {**cell.labels, "lanes": len(lanes)}
@@ -140,7 +154,9 @@ def summarise(
         for name in shares:
             counted = LANE_SHARES[name].which(study, cell, ok)
             row |= dict(zip(share_names(name), share_estimate(counted, sure), strict=True))
-        table.append(row)
+        least = np.fmax(threshold(cell, study.recovery), cell.scenario.engine.accuracy)
+        falls = ok["tail_fall"].to_numpy(), ok[cell.scenario.judged].to_numpy()
+        table.append(row | {"falling": int(still_falls(*falls, least))})
     return pd.DataFrame(table)
 
 
@@ -174,6 +190,8 @@ def lane_estimate(
     Lanes of one unit depend on each other, so their quantiles have no interval; a maximum has none.
     """
     if not len(values):
+        return np.nan, *UNKNOWN
+    if statistic == "mean" and np.isinf(values).any():  # of what never happened
         return np.nan, *UNKNOWN
     if statistic == "mean":
         return float(values.mean()), *mean_interval(values, confidence, units)

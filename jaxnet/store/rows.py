@@ -75,7 +75,8 @@ class RowColumns(NamedTuple):
 
     def names(self, cell: Cell) -> list[str]:
         metrics = [metric.name for metric in cell.scenario.measured()]
-        return ["cell", "sample", *self.swept, "status", *metrics, *ROW_COUNTS, *self.isolation]
+        names = ["cell", "sample", *self.swept, "status", *metrics, "tail_fall"]
+        return [*names, *ROW_COUNTS, *self.isolation]
 
     def table(self, shard: Shard, outcome: "Outcome") -> pa.Table:
         count, scenario = len(shard.samples), shard.cell.scenario
@@ -87,6 +88,7 @@ class RowColumns(NamedTuple):
             columns[key] = pa.array([shard.cell.labels[key]] * count, type=kind)
         columns["status"] = np.array(status.Status._member_names_, object)[outcome.status]
         columns |= {metric.name: outcome.metrics[metric.name] for metric in scenario.measured()}
+        columns["tail_fall"] = outcome.tail_fall
         columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
         for name in self.isolation:
             columns[name] = pa.array(outcome.cut_off[name], type=ISOLATION[name])

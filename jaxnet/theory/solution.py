@@ -60,14 +60,12 @@ def tracking_errors(
 
 
 class Decay(NamedTuple):
-    """`‖η(t)‖ ≤ factor e^(-rate t) ‖η(0)‖` without attack, and what is left in the tail."""
+    """`‖η(t)‖ ≤ factor e^(-rate t) ‖η(0)‖` without attack."""
 
     factor: float
     rate: float  # [1/s]
     norms: list[float]  # ‖h_i‖₁ of the vehicles that have gains of their own
     joined: bool  # whether dropped links cut nobody off
-    left: float  # of ‖η(0)‖, when the tail begins
-    begins: float  # [s]
 
 
 def decay(case: Case) -> Decay | None:
@@ -86,6 +84,4 @@ def decay(case: Case) -> Decay | None:
     drops = scenario.defence.may_drop(graph, trusted)
     joined = safety.stay_joined(drops, np.ones(graph.vehicles, bool)).all()
     norms = [] if own is None else [response.impulse_norm(each) for each in own]
-    begins = scenario.horizon - scenario.tail
-    left = max(np.linalg.norm(expm(companion(gain) * begins), 2) for gain in gains)
-    return Decay(max(factors), min(rates), norms, bool(joined), float(left), begins)
+    return Decay(max(factors), min(rates), norms, bool(joined))

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from jaxnet.config.scenario import MOTION, missing
 from jaxnet.theory import announced, certificate, delay, noise, rounds, safe, solution, tolerance
 from jaxnet.theory.case import Case
+from jaxnet.theory.start import start_decay
 
 
 class Theorem(NamedTuple):
@@ -47,6 +48,8 @@ MEAN_SQUARE = (
 WHILE_REACHED = ("leader", "solved", "flat", "continuous", "one network", "on time", "drops")
 IN_TURNS = ("leader", "small", "solved", "flat", "continuous")
 
+START = Theorem("O1", "start", AT_LAST, start_decay)
+
 THEOREMS = (
     Theorem("O5", "inverse norm", ("leader",), certificate.inverse_norm_of),
     Theorem("Assumption 1", "honest paths", ("leader",), certificate.honest_paths),
@@ -68,6 +71,7 @@ THEOREMS = (
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
     Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
+    START,
 )
 
 

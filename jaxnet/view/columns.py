@@ -84,6 +84,7 @@ class Column(NamedTuple):
     scale: float = 1.0  # by which text multiplies the values: 100 for shares
     key: str | None = None  # the swept key whose labels the values are
     across: str = ""  # in a pivoted table, the LaTeX title above the columns of one quantity
+    endless: str = "inf"  # text of infinity
 
     @property
     def values(self) -> list[Any]:
@@ -109,7 +110,7 @@ class Column(NamedTuple):
     def text(self, value: Any) -> str:
         if self.key is not None and not isinstance(value, int | float):
             return value_alone(self.key, value)
-        return digits_text(value, 4)
+        return self.endless if value == math.inf else digits_text(value, 4)
 
     def intervals(self) -> list[str]:
         """Intervals as text: a dash where there is none, empty where no cell has one."""
@@ -264,6 +265,7 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
         for name in names
         if not (alone and name in AGREEMENT)
     ]
+    own += ["unsettled"] * ("unsettled" in table)
     first = asked if asked in table else f"{asked}_median"
     tail = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
     return [name for name in dict.fromkeys([first, *tail, *own, "ok", "failed"]) if name in table]
@@ -300,7 +302,10 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     entries[["low", "high"]] = stored_values(rows, names)[["low", "high"]]
     ends = (names[1], names[2]) if entries[["low", "high"]].notna().to_numpy().any() else None
     title = f"{title} [{of}]" if of else title
-    return Column(name, title, latex_title(symbol, of), entries, ends, scale)
+    found = Column(name, title, latex_title(symbol, of), entries, ends, scale)
+    if stem.startswith("settling_time"):
+        return found._replace(endless=f"> {max(cell.scenario.horizon for cell in cells):g}")
+    return found
 
 
 def all_alike(mean: pd.Series, most: pd.Series, lanes: pd.Series, size: pd.Series) -> pd.Series:

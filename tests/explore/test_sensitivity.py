@@ -138,7 +138,14 @@ def test_a_failed_lane_takes_its_sample_with_it_and_is_named():
     def outcomes(kept):
         metrics = [metric.name for metric in study.cells[0].scenario.measured()]
         return [
-            Outcome(codes[kept], dict.fromkeys(metrics, lane[kept]), *[codes[kept]] * 3, {}, {})
+            Outcome(
+                codes[kept],
+                dict.fromkeys(metrics, lane[kept]),
+                *[codes[kept]] * 3,
+                {},
+                {},
+                lane[kept],
+            )
             for codes, lane in zip(status, values, strict=True)
         ]
 

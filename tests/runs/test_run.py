@@ -41,7 +41,7 @@ STUDY = {
 }
 COLUMNS = (
     "cell sample topology attack.magnitude status tail_mean tail_max tail_disagreement peak_error"
-    " min_speed peak_turn_rate steps switches unheard cut_off cut_off_at"
+    " min_speed peak_turn_rate tail_fall steps switches unheard cut_off cut_off_at"
 )
 
 

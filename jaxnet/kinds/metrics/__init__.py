@@ -92,12 +92,18 @@ class Metric:
         return f"{unit}·s" if unit else "s"
 
     def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
-        """Pickle the file of the metric with its hash: another process loads the same metric."""
-        return restore_metric, (provenance.origin_of(self), provenance.name_in(self))
+        """Pickle the file of the metric with its hash: another process loads the same metric.
+
+        A metric with keys is made by the function of its name.
+        """
+        keys = getattr(self.of, "keys", dict)()
+        name = self.name if keys else provenance.name_in(self)
+        return restore_metric, (provenance.origin_of(self), name, keys)
 
 
-def restore_metric(origin: modules.Origin, name: str) -> Metric:
-    return modules.attribute(modules.load_origin(origin), name)
+def restore_metric(origin: modules.Origin, name: str, keys: dict[str, Any]) -> Metric:
+    found = modules.attribute(modules.load_origin(origin), name)
+    return found(**keys) if keys else found
 
 
 def errors_of(seen: FleetView) -> VehicleNumbers:

@@ -17,6 +17,7 @@ from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import all_bands, variable_over_time, vehicle_table
 from jaxnet.statistics.choice import Where, as_list, select_cells
 from jaxnet.statistics.curves import MOST_PANELS, Curve, curves, no_magnitudes
+from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.groups import scenes
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
@@ -48,6 +49,7 @@ TWO_KEYS = (
     "a sweep of two values at least of two keys, such as defence and attack.frequency",
 )
 OVER_TIME = {"tracking": r"$\tilde{e}$ [m]", "spread": "spread [m]"}
+OF_THE_TAIL = ("tails", "vehicles", "curve", "heat", "heat_worst", "ultimate", "ultimate_mean")
 NO_AXES: Mapping[str, object] = {}
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
@@ -128,8 +130,10 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
         with mpl.rc_context(self.style):
             made = draw(self, cells, COLUMN_WIDTHS[column], **axes)
             sweep = self.results.study.config.sweep
-            told = "; ".join(label_notes(sweep, [cell.labels for cell in cells]))
-            multiples.write_note(made, multiples.escape_dollars(told))
+            notes = label_notes(sweep, [cell.labels for cell in cells])
+            if draw.__name__ in OF_THE_TAIL:
+                notes += filter(None, [falling_words(self.results, cells)])
+            multiples.write_note(made, multiples.escape_dollars("; ".join(notes)))
         if not note:
             made.suptitle("").set_in_layout(False)
         multiples.show_unparsed(made)

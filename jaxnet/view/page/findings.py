@@ -12,6 +12,7 @@ from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import is_kind, key_name, labels_title, value_name
 from jaxnet.model.wording import count, count_between, counted
 from jaxnet.statistics import curves
+from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
@@ -33,12 +34,13 @@ def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) 
 def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str) -> list[str]:
     """Each finding as HTML; `fit` is the command that computes the bounds."""
     alone = is_leaderless(results.study.cells)
-    lanes = results.manifest["lanes"]
+    lanes, falling = results.manifest["lanes"], falling_words(results, results.study.cells)
     failed = f"All {count(lanes['total'], 'lane')} came to their end; none failed."
     if lanes["failed"]:
         kinds = escape(counted(sum(curves.failed_kinds(results).values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}."
     sentences = [
+        f"<b>{falling}</b>." if falling else "",
         unrecovered_sentence(results),
         extremes_sentence(results),
         outside_sentence(results) if alone else "",

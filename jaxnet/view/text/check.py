@@ -17,6 +17,7 @@ from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.kinds.attacks import Attack
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
+from jaxnet.statistics.horizon import ending
 from jaxnet.store import layout
 from jaxnet.view.text.facts import Facts, facts
 from jaxnet.view.text.printer import table_text
@@ -60,6 +61,7 @@ def check_text(study: Study, number: int | None = None) -> str:
         parts.append(wrap_lines(swept_text(study)))
     parts.append(wrap_lines(amplitude_note(study.cells) + amplitude_advice(study)))
     parts += [wrap_lines(found[0].text)] if len(found) == 1 else differing(found)
+    parts.append(endings_text(study, cells))
     if idle := idle_keys(study):
         parts.append(wrap_lines(titled("keys without effect", idle)))
     return "\n\n".join(filter(None, parts))
@@ -133,6 +135,29 @@ def amplitude_advice(study: Study) -> str:
         f"; recovery compares {what} with tau · ā: give recovery.of: amplitude to compare with the"
         " shift"
     )
+
+
+def endings_text(study: Study, cells: Sequence[Cell]) -> str:
+    """From when a start is below what the study asks for, and which cells' tails begin sooner."""
+    lines, early, needed = [], list[int](), 0.0
+    for cell in cells:
+        found = ending(cell, study.config)
+        if isinstance(found, str):
+            lines.append(f"it is not known when a start has died away: {found}")
+            continue
+        when = f"a start is below {found.length:.3g} m after {found.after:.3g} s"
+        lines.append(f"{when}, the tail begins at {found.begins:g} s")
+        if found.after > found.begins:
+            early.append(cell.number)
+            needed = max(needed, found.horizon)
+    told = wrap_lines(f"time: {lines[0]}")
+    if len(set(lines)) > 1:
+        labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell in cells]
+        told = factor_table("time", labels, lines, None)
+    if early:
+        words = "WARNING: the tail begins before a start has died away in"
+        told += "\n" + wrap_lines(f"{words} {cells_named(early)}: horizon: {needed:g} would do")
+    return told
 
 
 def swept_text(study: Study) -> str:

@@ -20,13 +20,13 @@ from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.theory.rounds import Stability
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.solution import Decay
+from jaxnet.theory.start import Start
 from jaxnet.theory.theorems import OF_LAWS, values
 from jaxnet.theory.tolerance import VehiclesAlone
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_NAMED_VEHICLES = 60
 MOST_NAMED_SETS = 12
-DIED_AWAY = 1e-3  # of ‖η(0)‖: less is millimetres of a fleet that starts metres away
 NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, and are not tried"
 ONE_LIVE_NETWORK = {"one network", "on time", "every message"}
 OF_NETWORKS, OF_SENSORS, OF_NOISE = ("reach", "nominal"), ("sensors leave",), ("messages leave",)
@@ -192,6 +192,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", ""),
+        "start": told.get("start", ""),
     }
 
 
@@ -331,10 +332,12 @@ def decay_words(found: Decay, scenario: Scenario) -> str:
         line += f"; ‖h_i‖₁ of the vehicles from {least:.3g} to {most:.3g}"
     else:
         line += ", η = (E, Ė, …)" + ", while nobody is cut off" * (not found.joined)
-    if found.left <= DIED_AWAY:
-        return line
-    left = f"up to {found.left:.2g} ‖η(0)‖ when the tail begins, at {found.begins:g} s"
-    return f"{line}; the start has not died away: {left}"
+    return line
+
+
+def start_words(found: Start, scenario: Scenario) -> str:
+    within = (f"within {length:g} m after {found.after(length):.3g} s" for length in (1.0, 1e-3))
+    return f"at most {found.distance:.4g} m from the navigator's, alone {' and '.join(within)}"
 
 
 # What a theorem's value says, by its quantity.
@@ -377,4 +380,5 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "proof ends": margin_words,
     "ultimate error": ultimate_words,
     "decay": decay_words,
+    "start": start_words,
 }

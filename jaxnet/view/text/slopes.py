@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxnet.config.naming import quantity, value_alone
 from jaxnet.statistics.curves import NO_SLOPE, Curve, Fit, curves, no_magnitudes
+from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVAL, whole_draws
 from jaxnet.statistics.intervals import below_greatest
 from jaxnet.statistics.limits import unchecked_words
@@ -50,7 +51,8 @@ def fit_text(results: Results) -> str:
         parts.append(group_table(title, rows, BOUNDS_DROP_ORDER, "bounds.csv"))
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
-    return "\n\n".join(filter(None, [*parts, filled(no_magnitudes(found))]))
+    parts += map(filled, (no_magnitudes(found), falling_words(results, results.study.cells)))
+    return "\n\n".join(filter(None, parts))
 
 
 def slopes_text(results: Results, found: Sequence[Curve]) -> str:

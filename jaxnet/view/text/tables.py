@@ -15,10 +15,11 @@ from jaxnet.model.wording import cells_named, count, count_between
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
+from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.summary import LANE_SHARES, hull_note
+from jaxnet.statistics.summary import LANE_SHARES, UNSETTLED_NOTE, hull_note
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -97,13 +98,14 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         told = {name.split("_")[0] for name in names}
         notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in told]
         notes += [hull_note(config, cells)] if "in_hull" in names else []
+    notes += [UNSETTLED_NOTE] * ("unsettled" in names)
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
         share = 1 - below_greatest(int(lanes[lanes > 0].min()))
         words = f"with 95 % confidence at most {share:.2%} of all lanes of a cell are over it"
         notes.append(f"worst is the greatest of the lanes simulated: {words}")
-    return notes + caveat_lines(cells)
+    return [*filter(None, [falling_words(results, cells)]), *notes, *caveat_lines(cells)]
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
@@ -254,6 +256,7 @@ def lane_text(results: Results, row: pd.Series) -> str:
     lines = row.map(lambda value: cut_text(value, room)).to_string()
     if stored is None:
         return f"{lines}\nno such row is stored"
-    apart = stored.compare(row, result_names=("stored", "replayed"))
+    known: Any = row[stored.index]  # without columns that earlier versions had not
+    apart = stored.compare(known, result_names=("stored", "replayed"))
     differs = f"DIFFERS from the stored row:\n{apart}"
     return f"{lines}\n{'the same as the stored row' if apart.empty else differs}"

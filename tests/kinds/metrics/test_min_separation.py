@@ -58,4 +58,4 @@ def test_one_vehicle_is_infinitely_far_from_the_next():
     results = jaxnet.simulate({"metrics": ["min_separation"], **alone, **KEYS}, 2, progress=False)
     assert results.lanes["status"].tolist() == ["ok", "ok"]
     assert np.isinf(results.lanes["min_separation"]).all()
-    assert np.isinf(results.cells["min_separation_mean"]).all()
+    assert np.isinf(results.cells["min_separation_median"]).all()

@@ -1,0 +1,56 @@
+"""Whether a cell's tail begins when a start has died away below what the study asks for."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxnet.config.cells import Cell
+from jaxnet.config.keys import Config, Scenario
+from jaxnet.config.scenario import broken_premise, for_any_magnitude
+from jaxnet.statistics.recovery import threshold
+from jaxnet.theory.case import Case
+from jaxnet.theory.start import Start
+from jaxnet.theory.theorems import START
+
+LEAST_LEFT = 1e-3  # of a start, where a study asks for no length
+
+
+class Ending(NamedTuple):
+    """A length that a study asks for, and the times of a cell."""
+
+    length: float  # [m]
+    after: float  # [s] from when a start is below it
+    begins: float  # [s], of the tail
+    horizon: float  # [s] that would do
+
+
+@for_any_magnitude
+def decay_of(scenario: Scenario) -> Start | str:
+    """How starts die away, or why it is not known."""
+    if why := broken_premise(scenario, START.needs):
+        return why
+    found = START.value(Case(scenario))
+    return "gains are drawn or apart, or a start has no bound" if found is None else found
+
+
+def ending(cell: Cell, study: Config) -> Ending | str:
+    """When a start of the cell has died away, or why it is not known."""
+    scenario, found = cell.scenario, decay_of(cell.scenario)
+    if isinstance(found, str):
+        return found
+    length = asked_length(cell, study, found.distance)
+    after, step = found.after(length), scenario.output_step
+    least = after + scenario.tail
+    horizon = step * np.ceil(round(least / step, 9)) if np.isfinite(least) else least
+    return Ending(length, after, scenario.horizon - scenario.tail, float(horizon))
+
+
+def asked_length(cell: Cell, study: Config, distance: float) -> float:
+    """The least length [m] of recovery and settling times; else a thousandth of the start."""
+    lengths = [threshold(cell, study.recovery)]
+    for metric in study.metrics:
+        if metric.name == "settling_time":
+            asked: Any = metric.of
+            lengths.append(asked.below or asked.fraction * distance)
+    known = [length for length in lengths if length == length]
+    return min(known, default=LEAST_LEFT * distance)
