@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config, Scenario
-from jaxnet.config.scenario import broken_premise, for_any_magnitude
+from jaxnet.config.scenario import broken_premise, for_any_signal
 from jaxnet.statistics.recovery import threshold
 from jaxnet.theory.case import Case
 from jaxnet.theory.start import Start
@@ -24,7 +24,7 @@ class Ending(NamedTuple):
     horizon: float  # [s] that would do
 
 
-@for_any_magnitude
+@for_any_signal
 def decay_of(scenario: Scenario) -> Start | str:
     """How starts die away, or why it is not known."""
     if why := broken_premise(scenario, START.needs):
