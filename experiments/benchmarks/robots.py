@@ -1,7 +1,7 @@
 """Robots of the arena, sampled: lanes per second beside a plain NumPy loop, and what limits cost.
 
-`python experiments/benchmarks/robots.py`: 12 robots on a ring, 300 steps of Euler's method. The loop
-advances one lane after the other, with all robots of a step in one array, as programs of users do.
+`python experiments/benchmarks/robots.py`: 12 robots on a ring, 300 steps of Euler's method. The
+loop advances one lane after the other, with all robots of a step in one array, as users do.
 """
 
 import argparse
@@ -78,9 +78,8 @@ def main() -> None:
     print(f"loop in NumPy        {1 / loop:12,.0f} lanes/s")
     print(f"jaxnet, limits       {asked.lanes / limited:12,.0f} lanes/s", end="")
     print(f"   {loop * asked.lanes / limited:.0f} times; spreads differ by {error:.1e} m")
-    print(
-        f"jaxnet, no limits    {asked.lanes / free:12,.0f} lanes/s   limits cost {limited / free:.2f} times"
-    )
+    print(f"jaxnet, no limits    {asked.lanes / free:12,.0f} lanes/s", end="")
+    print(f"   limits cost {limited / free:.2f} times")
 
 
 if __name__ == "__main__":
