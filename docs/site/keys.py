@@ -37,7 +37,7 @@ PARTS = {
 }
 ELSEWHERE = {  # kinds of which a page says what their docstring says after its first paragraph
     "edges": "[the local law](model.md#the-local-law)",
-    "file": "[networks from files](#networks-from-files)",
+    "file of topology": "[networks from files](#networks-from-files)",
     "switching": "[switching networks](theorems.md#o14-networks-in-turn)",
     "driven": "[navigator](model.md#navigator)",
     "none of navigator": "[without a navigator](model.md#without-a-navigator)",
@@ -57,6 +57,7 @@ EXAMPLES = {
     "vehicle": "vehicle: {kind: car, wheelbase: 0.6}",
     "attack": "attack: {kind: sinusoid, magnitude: 10, vehicles: [2, 5], frequency: 0.35}",
     "defence": "defence: {kind: w_msr, F: 2, trusted: {nearest: 1}, isolated: coast}",
+    "formation": "formation: {kind: circle, radius: 2}",
     "law": "law: {kind: rounds, rounds: 2}",
     "sensing": "sensing: {position: 0.1, correlation: 1, outliers: 0.01}",
     "detector": "detector: {kind: chi_squared, false_alarms: 0.001}",
@@ -238,6 +239,7 @@ REFERENCES = {
     "ChosenVehicles": "{choose: n}",
     "Table": "a list of lists",
     "EachPosition": "a list of places",
+    "EachVehicle": "a list of draws",
     "AxisGains": "a list for each axis",
     "MatrixGains": "a list of 2 × 2 matrices",
     "VehicleGains": "{vehicles: a list for each}",

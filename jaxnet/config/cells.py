@@ -45,7 +45,7 @@ from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
 from jaxnet.kinds.graphs import Graph, shared_by_cells
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.metrics import AGREEMENT, DETECTION
+from jaxnet.kinds.metrics import AGREEMENT, DETECTION, SATURATION
 from jaxnet.kinds.refusals import suggestion
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
@@ -306,17 +306,20 @@ def without_leader(graph: Graph) -> Graph:
 
 
 def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
-    """Add the metrics of agreement if a cell has no navigator, and of alarms if one has a detector.
+    """Add the metrics of agreement if a cell has no navigator, of alarms if one has a detector, of
+    saturation if one has limits.
 
     If nobody leads in any cell, a search maximises the spread by default.
     """
 
-    def present(key: str, unknown: bool) -> list[bool]:
+    def of_kinds(key: str, name: str, unknown: object) -> list[Any]:
         kinds = [model_of(key, with_kind(key, value)) for value in swept.get(key, [])]
-        return [getattr(each, "present", unknown) for each in kinds or [getattr(study, key)]]
+        return [getattr(each, name, unknown) for each in kinds or [getattr(study, key)]]
 
-    leads, detects = present("navigator", True), present("detector", False)
+    leads, detects = of_kinds("navigator", "present", True), of_kinds("detector", "present", False)
+    limited = [*of_kinds("vehicle", "limits", {}), *(key.startswith("vehicle.l") for key in swept)]
     names = [*(AGREEMENT if not all(leads) else ()), *(DETECTION if any(detects) else ())]
+    names += SATURATION if any(limited) else ()
     measured = {metric.name for metric in study.metrics}
     more = [known_metric(name) for name in names if name not in measured]
     changed: dict[str, object] = {"metrics": [*study.metrics, *more]} if more else {}

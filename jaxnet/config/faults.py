@@ -15,7 +15,7 @@ from jaxnet.config.keys import (
     Sequential,
 )
 from jaxnet.config.scenario import scenario_graph
-from jaxnet.kinds.fields import EachOrder, EachPosition, Number, is_drawn, value_range
+from jaxnet.kinds.fields import EachOrder, EachPosition, EachVehicle, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.metrics import DETECTION
 from jaxnet.kinds.refusals import shorten_value
@@ -169,11 +169,11 @@ def replaced_faults(
 def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     yield from time_faults(scenario)
     yield from gain_faults(scenario)
-    position = scenario.initial.position
-    if isinstance(position, EachPosition) and len(position.root) != scenario.vehicles:
-        told = f"must be {scenario.vehicles} places, one for each vehicle"
-        got = len(position.root)
-        yield Fault(("initial.position", "vehicles"), f"{told} (got {got})")
+    for key, nouns in {"position": "places", "heading": "headings", "speed": "speeds"}.items():
+        each = getattr(scenario.initial, key)
+        if isinstance(each, EachPosition | EachVehicle) and len(each.root) != scenario.vehicles:
+            told = f"must be {scenario.vehicles} {nouns}, one for each vehicle"
+            yield Fault((f"initial.{key}", "vehicles"), f"{told} (got {len(each.root)})")
     kinds = {key: getattr(scenario, key) for key in KINDS}
     kinds |= {f"channel.{key}": getattr(scenario.channel, key) for key in ("loss", "noise")}
     for key, kind in kinds.items():

@@ -28,9 +28,9 @@ from jaxnet.kinds.fields import (
     Gains,
     NotNegative,
     NotNegativeByOrder,
-    Number,
+    NumberOfEach,
     Positions,
-    Positive,
+    PositiveOfEach,
     Record,
     Uniform,
     VehicleGains,
@@ -39,6 +39,8 @@ from jaxnet.kinds.fields import (
     ordered,
     value_range,
 )
+from jaxnet.kinds.formations import Formation
+from jaxnet.kinds.formations.none import NoFormation
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
@@ -61,7 +63,7 @@ from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 LARGEST_FLEET = 10_000
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
 KINDS = ("topology", "navigator", "vehicle", "attack", "defence")  # keys that take a kind
-KINDS += ("law", "sensing", "detector", "engine")
+KINDS += ("law", "formation", "sensing", "detector", "engine")
 INNER_KINDS = {  # families of deeper keys
     "attack.announces": "announcement",
     "channel.loss": "loss",
@@ -77,10 +79,14 @@ class Initial(Record):
         description="[m], of both axes, or a list of places: [x, y] of each vehicle, or x on a "
         "line",
     )
-    heading: Number = Field(
-        default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis"
+    heading: NumberOfEach = Field(
+        default=Uniform(uniform=[-PI, PI]),
+        description="[rad], from the first axis, or a list with the heading of each vehicle",
     )
-    speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
+    speed: PositiveOfEach = Field(
+        default=Uniform(uniform=[0.2, 0.4]),
+        description="[m/s], forwards, or a list with the speed of each vehicle",
+    )
 
 
 class Channel(Record):
@@ -317,6 +323,9 @@ class Scenario(Record):
     )
     law: Annotated[Law, KindOf("law")] = Field(
         default=ExactLaw(), description="how the law is solved"
+    )
+    formation: Annotated[Formation, KindOf("formation")] = Field(
+        default=NoFormation(), description="where each vehicle goes, relative to the others"
     )
     attack: Annotated[AnyAttack, KindOf("attack")] = Field(
         default=Rotating(), description="the false signal in messages"

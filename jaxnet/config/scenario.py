@@ -185,6 +185,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "by law": "attacked vehicles move as they tell",
     "solved": "the law is {one.law.kind} (theorems need the law solved at every instant)",
     "flat": "{one.vehicle.kind} may not move as the law asks",
+    "continuous": "the {one.engine.kind} engine holds inputs from tick to tick",
     "settled": "gains differ by vehicle, and weights may switch",
     "retained": "the defence may retain any neighbour",
     "consistent": "attacked links announce {announced}, not what they carry",
@@ -196,13 +197,13 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "small": "there are more than {most:,} vehicles",
 }
 EVERY_MESSAGE = ("exact sensors", "exact messages", "every message", "on time", "one network")
-MOTION = (*EVERY_MESSAGE, "solved", "flat", "settled")  # at last (theorems.md O1)
+MOTION = (*EVERY_MESSAGE, "solved", "flat", "continuous", "settled")  # at last (theorems.md O1)
 BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
     *("leader", *EVERY_MESSAGE, "alike", "one gain", "bounded", "one identity", "by law"),
-    *("solved", "flat", "retained"),
+    *("solved", "flat", "continuous", "retained"),
 )
 SOLUTION = (  # of the exact solution for known decisions at ticks (theorems.md O1, O2)
-    *("leader", *EVERY_MESSAGE, "one gain", "by law", "solved", "flat"),
+    *("leader", *EVERY_MESSAGE, "one gain", "by law", "solved", "flat", "continuous"),
     *("added path", "ticks"),
 )
 # Premises that are asked last, as they take time.
@@ -232,7 +233,14 @@ def breaks(scenario: Scenario) -> set[str]:
         "small": scenario.vehicles > MOST_INVERTED,
     }
     kinds = (scenario.navigator, scenario.topology, attack, scenario.law, scenario.vehicle)
-    kinds = (*kinds, attack.announcement(), scenario.sensing, channel.loss, channel.noise)
+    kinds = (
+        *kinds,
+        scenario.engine,
+        attack.announcement(),
+        scenario.sensing,
+        channel.loss,
+        channel.noise,
+    )
     return {name for name, broken in own.items() if broken}.union(*(k.breaks() for k in kinds))
 
 
@@ -275,7 +283,7 @@ def has_ticks(scenario: Scenario) -> bool:
     """
     attack = scenario.attack
     decides = scenario.defence.decides or attack.strategic or bool(attack.periods())
-    holds = not scenario.law.solves() or not attack.consistent()
+    holds = scenario.engine.samples or not scenario.law.solves() or not attack.consistent()
     return (decides or holds or not is_ideal(scenario)) and scenario.tick > 0
 
 

@@ -91,7 +91,7 @@ class Collocation(Following[CollocationState]):
 
     def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
-        jets = vehicles.outputs(lane, lane.initial, zero)
+        jets = vehicles.first_outputs(lane)
         still = jax.lax.optimization_barrier(jnp.zeros((gauss.STAGES, *jets[0].shape)))
         return CollocationState(
             jets=jets,
@@ -290,7 +290,8 @@ class Collocation(Following[CollocationState]):
         own = plane.replaced(frozen, jets, vehicles.outputs(lane, states, now.time))
         own = decided.sensed.of(own)
         jerk = task.state.followed.jerk(Scene(lane, self.network, decided, now), own, guess)
-        rates = vehicles.rates(lane, states, jerk, now.time)
+        asked = vehicles.asked(lane, states, jerk, now.time)
+        rates = vehicles.rates(lane, states, asked, now.time)
         found, (*lower, moved) = vehicles.output_rates(lane, states, rates, now.time)
         missed = [jnp.abs(a - b) for a, b in zip(found, jets, strict=True)]
         for k, rate in enumerate(lower, start=1):

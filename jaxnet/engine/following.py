@@ -87,10 +87,15 @@ class Followed(eqx.Module):
                 demand = demand - gain[None] * error
         return network.solver.apply(network.hearing, self.factors, demand, start)
 
-    def rates(self, scene: Scene, states: States) -> States:
+    def inputs(self, scene: Scene, states: States) -> PerAxis:
+        """The inputs that the law asks of vehicles with these states."""
         own = scene.sensed(scene.outputs(states))
         jerk = self.jerk(scene, own, self.guess(scene.lane, scene.now, own))
-        return vehicles.rates(scene.lane, states, jerk, scene.now.time)
+        return vehicles.asked(scene.lane, states, jerk, scene.now.time)
+
+    def rates(self, scene: Scene, states: States) -> States:
+        lane, time = scene.lane, scene.now.time
+        return vehicles.rates(lane, states, self.inputs(scene, states), time)
 
     def unresolved(self, path: Float[Array, "2 lanes"], drive: Float[Array, "b lanes"]) -> PerAxis:
         """Effect on the jerk of errors of this size of the signals R(y_0) and R(β)."""
@@ -102,13 +107,12 @@ class Followed(eqx.Module):
 class FollowsLinearised(Followed):
     """Inputs linear in the error of the state."""
 
-    def rates(self, scene, states):
+    def inputs(self, scene, states):
         """With `z - R(y_0) = L⁻¹ d - P(n)` for the sensors' errors n."""
         lane, now = scene.lane, scene.now
         drive = signal.combined(self.response, now.drive)
         drive = scene.decided.sensed.less_feedback(lane.gain, drive)
-        inputs = linearised.inputs_near_navigator(lane, states, now.navigator, drive)
-        return vehicles.input_rates(lane, states, inputs, now.time)
+        return linearised.inputs_near_navigator(lane, states, now.navigator, drive)
 
 
 class FollowsLocal(Followed):
@@ -169,6 +173,10 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
             new, connected = follow_weights(lane, self.network, chosen, self.guesses)
         whole = jax.tree.map(lambda every, theirs: put(every, few, theirs), followed, new)
         return whole, new, connected
+
+    def asked(self, state, decided):
+        scene = Scene(self.lane, self.network, decided, state.signals)
+        return state.followed.inputs(scene, self.states(state))
 
     def basis(self, state):
         return state.signals.time, state.signals.basis

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxnet.engine import stepper
+from jaxnet.engine import stepper, vehicles
 from jaxnet.engine.moment import Instants, LaneFlags
 from jaxnet.engine.subset import select
 from jaxnet.kinds.vehicles import OUTPUT_PLACES
@@ -54,6 +54,10 @@ def carried(
         places = (motion.later(now, decided, at * step, since) for at in OUTPUT_PLACES[1:])
         there = [now, *places]
         jets = [motion.all_jets(each, decided) for each in there]
+        jets = [
+            vehicles.in_formation(motion.lane, every, each.time)
+            for every, each in zip(jets, there, strict=True)
+        ]
         found, error = vehicle.inner_after(last.states, jets, step)
         error = (error / TOLERANCE).max(axis=0)
         kept = goes & ~(error >= 1.0)  # a lane whose numbers are not finite goes on

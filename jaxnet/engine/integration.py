@@ -45,7 +45,7 @@ class Integration(Following[IntegrationState]):
     def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
         return IntegrationState(
-            state=lane.initial,
+            state=vehicles.first_states(lane),
             slope=jnp.zeros_like(lane.initial),
             signals=signals(lane, zero),
             step=zero + self.clock.interval,

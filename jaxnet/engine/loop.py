@@ -129,10 +129,15 @@ class Motion(ABC, Generic[MotionState]):
         own = vehicles.outputs(self.lane, self.states(state), self.basis(state)[0])
         return decided.sensed.jerk(self.lane.gain, self.drive_now(state, decided), own)
 
+    def asked(self, state: MotionState, decided: DecisionState) -> PerAxis:
+        """The inputs that the law asks for right after these decisions."""
+        time, jerk = self.basis(state)[0], self.jerk(state, decided)
+        return vehicles.asked(self.lane, self.states(state), jerk, time)
+
     def inputs(self, state: MotionState, decided: DecisionState) -> PerAxis:
         """The control inputs u of the vehicles right after these decisions."""
-        time, jerk = self.basis(state)[0], self.jerk(state, decided)
-        return vehicles.inputs(self.lane, self.states(state), jerk, time)
+        asked, time = self.asked(state, decided), self.basis(state)[0]
+        return vehicles.admitted(self.lane, self.states(state), asked, time)
 
     def pace(self, state: MotionState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
         """Speed [m/s] and turn rate [rad/s], (m, lanes), right after these decisions."""
@@ -141,6 +146,17 @@ class Motion(ABC, Generic[MotionState]):
     def steps(self, state: MotionState) -> Int[Array, " lanes"]:
         """The number of an integrator's steps so far; 0 without an integrator."""
         return jnp.zeros(self.lane.attack_scale.shape, int)
+
+
+class Saturation(NamedTuple):
+    """How often inputs were limited until now."""
+
+    vehicles: Int[Array, " lanes"]  # (vehicle, tick) pairs
+    ticks: Int[Array, " lanes"]  # with any such vehicle
+
+    def after(self, limited: VehicleFlags) -> "Saturation":
+        some = limited.any(axis=0).astype(int)
+        return Saturation(self.vehicles + limited.sum(axis=0), self.ticks + some)
 
 
 class Fleet(NamedTuple):
@@ -157,6 +173,7 @@ class Fleet(NamedTuple):
     stood: LaneFlags  # lanes with a vehicle that was singular at an output time
     gathered: Gathered
     windows: metrics.Windows
+    saturation: Saturation | None = None  # None where inputs have no limits
 
 
 def begin(motion: Motion, ticks: Ticks) -> Fleet:
@@ -181,6 +198,7 @@ def begin(motion: Motion, ticks: Ticks) -> Fleet:
         stood=jnp.zeros(zero.shape, bool),
         gathered=metrics.nothing(plan.metrics, lane.initial.shape[1:]),
         windows=metrics.Windows(*[jnp.full(zero.shape, jnp.inf)] * 2),
+        saturation=Saturation(zero, zero) if lane.vehicle.limits else None,
     )
 
 
@@ -227,9 +245,15 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     isolation = fleet.isolation
     if lane.law.couples() and plan.decides:
         isolation = isolation.after(isolated(motion, decided, here, cut_off), time)
+    saturation = fleet.saturation
+    if saturation is not None:
+        asked = motion.asked(state, decided)
+        admitted = vehicles.admitted(lane, motion.states(state), asked, time)
+        saturation = saturation.after((asked != admitted).any(axis=0) & here[None])
     return fleet._replace(
         state=state,
         decided=decided,
+        saturation=saturation,
         status=status,
         switches=fleet.switches + jnp.where(here & ~first, changed.sum(axis=0), 0),
         unheard=fleet.unheard + jnp.where(here, decided.coasting.kept(lane).sum(axis=0), 0),
@@ -292,15 +316,27 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
         weights=weights,
         hearing=network.hearing,
         attacked=attacked,
-        start=vehicles.outputs(lane, lane.initial, jnp.zeros_like(time))[0],
+        start=vehicles.first_outputs(lane)[0],
+        steered=motion.errors(fleet.state)[0] + lane.path(time)[0][:, None],
+        offset=None if lane.formation is None else lane.offsets(time)[0],
         inputs_now=lambda: jnp.where(stopped[None], 0.0, motion.inputs(fleet.state, decided)),
         errors_at_start=lambda: error_of(motion.begin()),
         time=clock.at(ticks),
         next_time=jnp.where(ticks < clock.outputs * clock.ticks, later, jnp.inf),
         leads=lane.navigator.present,
         alarms=decided.alarms.shares,
+        saturated=saturated_until_now(fleet),
     )
     return as_told(lane, time, basis, seen) if motion.plan.as_told else seen
+
+
+def saturated_until_now(fleet: Fleet) -> Float[Array, "2 lanes"] | None:
+    """The share of (vehicle, tick) pairs, and the number of ticks, with limited inputs."""
+    if fleet.saturation is None:
+        return None
+    pairs, ticks = fleet.saturation
+    vehicles = len(fleet.isolation.ever)
+    return jnp.stack([pairs / (vehicles * (fleet.ticks + 1)), ticks.astype(float)])
 
 
 def honest_mean(

@@ -40,8 +40,9 @@ class Observation(NamedTuple):
         Who hears whom.
     attacked
         Whether each vehicle is attacked, (m, lanes).
-    start
-        Position of each vehicle at t = 0 [m], (2, m, lanes).
+    start, steered
+        What the law steers of each vehicle, at t = 0 and now: its output, less its offset in the
+        formation [m], (2, m, lanes).
     inputs_now, errors_at_start
         Functions that return `inputs`, and `error` at t = 0, which nobody needs in most studies.
     time, next_time
@@ -51,6 +52,12 @@ class Observation(NamedTuple):
     alarms
         Alarms over messages judged until now, of attacked and of honest links, (2, lanes); None
         without a detector.
+    saturated
+        Share of (vehicle, tick) pairs until now at which inputs were limited, and the number of
+        ticks with any such vehicle, (2, lanes); None where vehicles have no limits.
+    offset
+        Offset of each vehicle in the formation [m], (2, m, lanes); None without a formation.
+        Errors are those of y minus the offset.
 
     Examples
     --------
@@ -72,12 +79,15 @@ class Observation(NamedTuple):
     hearing: Hearing
     attacked: Bool[Array, "m *lanes"]
     start: Float[Array, "2 m *lanes"]
+    steered: Float[Array, "2 m *lanes"]
     inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
     errors_at_start: Callable[[], Float[Array, "2 m *lanes"]]
     time: Float[Array, "*lanes"]
     next_time: Float[Array, "*lanes"]
     leads: bool = True
     alarms: Float[Array, "2 *lanes"] | None = None
+    saturated: Float[Array, "2 *lanes"] | None = None
+    offset: Float[Array, "2 m *lanes"] | None = None
 
     @property
     def inputs(self) -> Float[Array, "2 m *lanes"]:
@@ -87,6 +97,11 @@ class Observation(NamedTuple):
         acceleration [rad/s²].
         """
         return self.inputs_now()
+
+    def apart(self) -> Float[Array, "m m *lanes"]:
+        """Distance [m] of each vehicle to each other, by their true outputs."""
+        place = self.error if self.offset is None else self.error + self.offset
+        return length(place[:, :, None] - place[:, None])
 
     def errors(self) -> Float[Array, "m *lanes"]:
         """`‖y_i - y_0‖` [m] of each vehicle."""

@@ -94,7 +94,7 @@ class Propagation(Motion[PropagationState]):
     def begin(self):
         lane, time = self.lane, self.instant(0)
         basis, attacks = self.functions_at(time), lane.vectors.shape[2]
-        jets = self.of_outputs(time, vehicles.outputs(lane, lane.initial, time))
+        jets = self.of_outputs(time, vehicles.first_outputs(lane))
         effect = basis[: len(jets)].at[:, :attacks].set(0.0) if self.integrates else None
         return PropagationState(
             jets=jets,

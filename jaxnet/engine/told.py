@@ -29,7 +29,7 @@ def as_told(lane: Lane, time: Instants, basis: Basis, seen: Observation) -> Obse
     told = signal.jets(lane.vectors, basis)[: order + 1]
     jets = tuple(jet + path[:, None] for jet, path in zip(told, lane.path(time), strict=False))
     states = vehicles.states_of(lane, jets[:order], time)
-    inputs = vehicles.inputs(lane, states, jets[order], time)
+    inputs = vehicles.asked(lane, states, jets[order], time)
     speed, turn_rate = vehicles.pace_of(lane, states, inputs)
 
     def theirs(told: Any, by_law: Any) -> Any:

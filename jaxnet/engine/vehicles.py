@@ -23,35 +23,56 @@ Which = Bool[Array, "m *lanes"]
 
 
 def outputs(lane: Lane, states: States, time: Instants) -> Jets:
-    """Jets of the outputs that the law steers, below the order."""
-    return lane.vehicle.output_jets(states)
+    """Jets of what the law steers, below the order: of the outputs less the formation's offsets."""
+    found = lane.vehicle.output_jets(states)
+    if lane.formation is None:
+        return found
+    return tuple(jet - by for jet, by in zip(found, lane.offsets(time), strict=False))
+
+
+def in_formation(lane: Lane, jets: Jets, time: Instants) -> Jets:
+    """Jets of the outputs, from those of what the law steers."""
+    if lane.formation is None:
+        return jets
+    return tuple(jet + by for jet, by in zip(jets, lane.offsets(time), strict=False))
+
+
+def first_outputs(lane: Lane) -> Jets:
+    """Jets of what the law steers at t = 0, which do not depend on the formation."""
+    return lane.vehicle.output_jets(lane.initial)
+
+
+def first_states(lane: Lane) -> States:
+    """States of the vehicles at t = 0."""
+    if lane.formation is None:
+        return lane.initial
+    inner = lane.vehicle.inner(lane.initial) if lane.vehicle.internal else None
+    return states_of(lane, first_outputs(lane), jnp.zeros_like(lane.attack_scale), inner)
 
 
 def states_of(lane: Lane, jets: Jets, time: Instants, inner: Any = None) -> States:
-    """States of vehicles with these outputs; `inner` are the states that outputs do not tell."""
+    """States of vehicles with these jets; `inner` are the states that outputs do not tell."""
+    jets = in_formation(lane, jets, time)
     if inner is None:
         return lane.vehicle.state_of(jets)
     return lane.vehicle.state_with(jets, inner)
 
 
-def inputs(lane: Lane, states: States, asked: PerAxis, time: Instants) -> PerAxis:
-    """Inputs for the r-th derivative of the outputs that is asked for."""
-    return admitted(lane, states, lane.vehicle.inputs_for(states, asked), time)
+def asked(lane: Lane, states: States, highest: PerAxis, time: Instants) -> PerAxis:
+    """Inputs that the law asks for, for this r-th derivative of what it steers."""
+    if lane.formation is not None:
+        highest = highest + lane.offsets(time)[len(lane.gain)]
+    return lane.vehicle.inputs_for(states, highest)
 
 
-def admitted(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> PerAxis:
-    """Inputs that reach the vehicles, of those that the law asks for: all."""
-    return inputs
+def admitted(lane: Lane, states: States, asked: PerAxis, time: Instants) -> PerAxis:
+    """Inputs that reach the vehicles, of those that the law asks for: within their limits."""
+    return lane.vehicle.within_limits(asked) if lane.vehicle.limits else asked
 
 
 def rates(lane: Lane, states: States, asked: PerAxis, time: Instants) -> States:
-    """Rates of the states of vehicles that follow what is asked for."""
-    return lane.vehicle.motion(states, inputs(lane, states, asked, time))
-
-
-def input_rates(lane: Lane, states: States, inputs: PerAxis, time: Instants) -> States:
-    """Rates of the states of vehicles for which the law asks these inputs."""
-    return lane.vehicle.motion(states, admitted(lane, states, inputs, time))
+    """Rates of the states of vehicles of which the law asks these inputs."""
+    return lane.vehicle.motion(states, admitted(lane, states, asked, time))
 
 
 def output_rates(lane: Lane, states: States, rates: States, time: Instants) -> tuple[Jets, Jets]:
@@ -69,7 +90,7 @@ def pace_of(lane: Lane, states: States, inputs: PerAxis) -> tuple[PerVehicle, Pe
 
 
 def pace_of_jets(lane: Lane, jets: Jets) -> tuple[PerVehicle, PerVehicle] | None:
-    """Speed and turn rate where the outputs' jets tell them."""
+    """Speed and turn rate where the outputs' jets tell them, which no formation moves then."""
     return plane.pace(jets) if lane.vehicle.jets_tell_pace else None
 
 

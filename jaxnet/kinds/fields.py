@@ -222,6 +222,10 @@ class EachPosition(Rooted[PlacePairs]):
     """The position of each vehicle, in the order of their numbers: [x, y], or x alone on a line."""
 
 
+class EachVehicle(Rooted[Annotated[list[AnyNumber], Len(1)]]):
+    """The number of each vehicle, in the order of their numbers."""
+
+
 GainLists = Annotated[list[Annotated[list[float], Len(1, 4)]], AfterValidator(equally_long)]
 AxisPairs = Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]
 
@@ -265,6 +269,7 @@ if TYPE_CHECKING:
     Magnitudes = Any  # one magnitude for all orders of the received derivatives, or one for each
     Several = Any  # several numbers for each attacked vehicle
     Positions = Any  # a number for all coordinates of all vehicles, or a position of each
+    NumberOfEach = Any  # one number for all vehicles, or one of each
     PerVehicle = Any  # one number for all attacked vehicles, or one for each
     Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
 else:
@@ -278,6 +283,9 @@ else:
     ]
     Positions = Annotated[
         OneNumber | EachPosition, OneOf(f"{A_NUMBER}, or a list with x or [x, y] of each vehicle")
+    ]
+    NumberOfEach = Annotated[
+        OneNumber | EachVehicle, OneOf(f"{A_NUMBER}, or a list with one of them for each vehicle")
     ]
     PerVehicle = Annotated[
         OneNumber | Apiece | Shared | Listed,
@@ -314,7 +322,7 @@ def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
             return min(values), max(values)
         case Apiece(each=inner) | Shared(shared=inner):
             return value_range(inner)
-        case Listed(root=numbers):
+        case Listed(root=numbers) | EachVehicle(root=numbers):
             low, high = zip(*map(value_range, numbers), strict=True)
             return min(low), max(high)
     return number, number
@@ -373,6 +381,7 @@ class Each:
 Positive = Annotated[Number, Within(gt=0.0)]
 NotNegative = Annotated[Number, Within(ge=0.0)]
 NotNegativeByOrder = Annotated[Magnitudes, Within(ge=0.0)]
+PositiveOfEach = Annotated[NumberOfEach, Within(gt=0.0)]
 PositivePerVehicle = Annotated[PerVehicle, Within(gt=0.0)]
 Probability = Annotated[Number, Within(ge=0.0, le=1.0)]
 Angle = Annotated[PerVehicle, Each(), Field(description="[rad]")]

@@ -10,7 +10,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeGuard, TypeVar, Unpack
 
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, model_serializer
@@ -155,6 +155,8 @@ class Kind(Record, metaclass=KindType):
                 values[key] = draw.one(value, dotted)
             elif isinstance(value, list) and value and all(map(is_number, value)):
                 values[key] = draw.several(value, dotted).T
+            elif is_mapping_of(value, is_number):
+                values[key] = {k: draw.one(each, f"{dotted}.{k}") for k, each in value.items()}
             else:
                 values[key] = value
         return self.filled(values)
@@ -190,7 +192,7 @@ def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
         REGISTERED.add(cls)
         unflatten = functools.partial(unflatten_kind, cls)
         jax.tree_util.register_pytree_node(cls, flatten_kind, unflatten)
-    leaves = tuple(key for key, each in values.items() if isinstance(each, np.ndarray | Kind))
+    leaves = tuple(key for key, each in values.items() if is_leaf(each))
     return cls.filled({**values, "_leaves": leaves})
 
 
@@ -228,8 +230,20 @@ def is_number(value: object) -> bool:
     return isinstance(value, float | Apiece | Shared | Listed) or is_drawn(value)
 
 
+def is_mapping_of(value: object, kind: Callable[[object], bool]) -> TypeGuard[dict[str, Any]]:
+    """Whether a value is a mapping, not an empty one, to such values alone."""
+    return isinstance(value, dict) and bool(value) and all(map(kind, value.values()))
+
+
+def is_leaf(value: object) -> bool:
+    """Whether a value of a drawn kind consists of numbers."""
+    return isinstance(value, np.ndarray | Kind) or is_mapping_of(value, is_leaf)
+
+
 def holds_drawn(value: object) -> bool:
     """Whether a value is or contains a distribution."""
+    if isinstance(value, dict):
+        return any(map(holds_drawn, value.values()))
     if isinstance(value, list | tuple):
         return any(map(holds_drawn, value))
     if isinstance(value, Kind):

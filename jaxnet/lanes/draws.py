@@ -48,6 +48,8 @@ class Draw:
                 return np.broadcast_to(self.one(number, name)[:, None, None], shape)
             case fields.EachPosition(root=pairs):
                 numbers = [pairs[vehicle - 1][component] for vehicle, component in places]
+            case fields.EachVehicle(root=numbers):
+                numbers = [numbers[vehicle - 1] for vehicle, _ in places]
             case fields.Listed(root=listed):
                 given = dict(zip(self.listed, listed, strict=True))
                 numbers = [given.get(vehicle, listed[0]) for vehicle, _ in places]

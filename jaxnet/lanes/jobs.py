@@ -81,7 +81,7 @@ def gain_of(scenario: Scenario, draw: Draw) -> Any:
 def lanes_of(scenario: Scenario, draw: Draw, sources: np.ndarray, gain: Any) -> Lane:
     topology, attack, own = scenario.topology, scenario.attack, scenario.own_gains
     loss, noise, detector = scenario.channel.loss, scenario.channel.noise, scenario.detector
-    vehicle = scenario.vehicle.drawn(draw, "vehicle")
+    vehicle, formation = scenario.vehicle.drawn(draw, "vehicle"), scenario.formation
     prove_presumed(scenario, vehicle)
     navigator = scenario.navigator.drawn(draw, "navigator")
     start = start_of(scenario, vehicle, draw)
@@ -117,6 +117,7 @@ def lanes_of(scenario: Scenario, draw: Draw, sources: np.ndarray, gain: Any) -> 
         gain_apart=None if own is None else draw.same((own - own[0]).T),
         steps=steps_of(scenario, draw),
         detector=tree(detector.drawn(draw, "detector")) if detector.present else None,
+        formation=tree(formation.drawn(draw, "formation")) if formation.present else None,
     )
 
 

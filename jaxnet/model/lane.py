@@ -32,8 +32,9 @@ class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
     Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle,
-    navigator, defence, announcements, sensor, loss, noise and detector are kinds with their numbers
-    drawn. The attack's signal has a method `basis`.
+    navigator, defence, announcements, sensor, loss, noise, detector and formation are kinds with
+    their numbers drawn. The attack's signal has a method `basis`. With a formation, `initial` holds
+    the states that vehicles would have without it.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -60,6 +61,7 @@ class Lane(NamedTuple):
     gain_apart: Float[Array, "r m *lanes"] | None = None  # own gains minus `gain`; None: 0
     steps: Float[Array, "r *lanes"] | None = None  # [m, m/s, …] of rounded messages, or None
     detector: Any = None  # None where nobody tests messages
+    formation: Any = None  # None where all vehicles go to one place
 
     @property
     def lossy(self) -> bool:
@@ -99,6 +101,14 @@ class Lane(NamedTuple):
     def basis(self, time: Numbers) -> Basis:
         """The attacks' functions at times [s] and their derivatives, at least up to the order."""
         return up_to(len(self.gain), self.signal.basis, time)
+
+    def offsets(self, time: Numbers) -> Float[Array, "derivatives 2 m ..."]:
+        """The formation's offsets at times [s] with derivatives, up to the order at least."""
+
+        def jets(time: Numbers) -> Any:
+            return self.formation.jets(time, self.weights.shape[1])
+
+        return up_to(len(self.gain), jets, time)
 
     def path(self, time: Numbers) -> Float[Array, "derivatives 2 ..."]:
         """The navigator's jets at times [s], up to the vehicles' order at least."""

@@ -28,6 +28,7 @@ FAMILIES = {
     "attack": Family("jaxnet.kinds.attacks", "AnyAttack", "jaxnet.attacks"),
     "announcement": Family("jaxnet.kinds.announcements", "Announcement", "jaxnet.announcements"),
     "defence": Family("jaxnet.kinds.defences", "AnyDefence", "jaxnet.defences"),
+    "formation": Family("jaxnet.kinds.formations", "Formation", "jaxnet.formations"),
     "law": Family("jaxnet.kinds.laws", "Law", "jaxnet.laws"),
     "sensing": Family("jaxnet.kinds.sensors", "Sensor", "jaxnet.sensors"),
     "loss": Family("jaxnet.kinds.losses", "Loss", "jaxnet.losses"),

@@ -23,13 +23,30 @@ class Theorem(NamedTuple):
 
 
 AT_LAST = ("leader", *MOTION)
-LIVE = ("flat", "one network", "every message", "on time")
+LIVE = ("flat", "continuous", "one network", "every message", "on time")
 OF_LAWS = ("one gain", *LIVE, "small")
 OF_ERRORS = ("solved", "one gain", "alike", *LIVE, "unrounded messages", "ticks")
-OF_DELAY = ("flat", "one network", "every message", "no decisions", "steady delay", "small")
-MEAN_SQUARE = ("one gain", "flat", "one network", "on time", "drops", "no decisions", "small")
-WHILE_REACHED = ("leader", "solved", "flat", "one network", "on time", "drops")
-IN_TURNS = ("leader", "small", "solved", "flat")
+OF_DELAY = (
+    "flat",
+    "continuous",
+    "one network",
+    "every message",
+    "no decisions",
+    "steady delay",
+    "small",
+)
+MEAN_SQUARE = (
+    "one gain",
+    "flat",
+    "continuous",
+    "one network",
+    "on time",
+    "drops",
+    "no decisions",
+    "small",
+)
+WHILE_REACHED = ("leader", "solved", "flat", "continuous", "one network", "on time", "drops")
+IN_TURNS = ("leader", "small", "solved", "flat", "continuous")
 
 START = Theorem("O1", "start", AT_LAST, start_decay)
 

@@ -42,6 +42,8 @@ class Engine(Kind):
     by_functions: ClassVar[bool] = False  # whether all drives are functions of time, on both axes
     linearises: ClassVar[bool] = False  # whether vehicles can follow a linearised law
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick
+    samples: ClassVar[bool] = False  # whether every law is evaluated at ticks alone
+    limits: ClassVar[bool] = False  # whether inputs of vehicles can be limited
 
     def presumes(self, scenario: ScenarioView) -> Presumed:
         """Return what the engine takes for granted of the vehicle.
@@ -78,6 +80,9 @@ class Engine(Kind):
         if law.way() == "linearised" and not self.linearises:
             message = f"{engine} moves vehicles by the law's exact linearisation, which {law.kind}"
             yield Fault(("engine", "law"), f"{message} lacks: give engine: nonlinear")
+        if scenario.vehicle.limits and not self.limits:
+            message = f"{engine} knows no limits: give engine: sampled or nonlinear"
+            yield Fault(("vehicle.limits", "engine"), message)
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"{engine} decides at ticks only: give a tick")
 

@@ -11,9 +11,10 @@ from jaxnet.kinds.fields import Number, Positive, Within
 class Nonlinear(Engine):
     """The nonlinear vehicles under the law, integrated adaptively.
 
-    `dopri5` runs in place of `gauss` in three cases: with `tick: 0` vehicles decide inside the
+    `dopri5` runs in place of `gauss` in these cases: with `tick: 0` vehicles decide inside the
     vector field, which then jumps; the outputs of a vehicle such as `look_ahead` do not determine
-    its state; and under `law: linearised` vehicles drive backwards too.
+    its state, or their inputs have limits; and under `law: linearised` vehicles drive backwards
+    too.
     """
 
     kind = "nonlinear"
@@ -22,6 +23,7 @@ class Nonlinear(Engine):
     in_field: ClassVar[bool] = True
     linearises: ClassVar[bool] = True
     holds: ClassVar[bool] = True
+    limits: ClassVar[bool] = True
 
     solver: Literal["gauss", "dopri5", "dopri8"] = Field(
         default="gauss",
@@ -71,4 +73,5 @@ class Nonlinear(Engine):
 
 def tells_motion(in_field: bool, vehicle: Any, law: Any) -> bool:
     """Whether jets tell the state of vehicles, which move smoothly from tick to tick."""
-    return not (in_field or vehicle.internal or law.way() == "linearised")
+    limited = bool(vehicle.limits)
+    return not (in_field or limited or vehicle.internal or law.way() == "linearised")

@@ -129,7 +129,7 @@ class ByDiffrax(Motion[StackedState]):
 
     def begin(self):
         zero = jnp.zeros_like(self.lane.attack_scale)
-        return StackedState(self.lane.initial, zero, jnp.zeros(zero.shape, int))
+        return StackedState(vehicles.first_states(self.lane), zero, jnp.zeros(zero.shape, int))
 
     def errors(self, state):
         own = vehicles.outputs(self.lane, state.state, state.time)
@@ -274,7 +274,7 @@ def lane_field(
     decoupling = jnp.where(frozen[None, None], jnp.eye(2)[..., None, None], psi)
     given = lane.vehicle.drift(there), decoupling, graph, strength * highest, strength[None] * error
     inputs = stacked_inputs(*(each[..., 0] for each in (*given, lane.gain)))
-    rates = vehicles.input_rates(lane, there, inputs[..., None], now)
+    rates = vehicles.rates(lane, there, inputs[..., None], now)
     return jnp.where(frozen[None], 0.0, rates)[..., 0]
 
 

@@ -186,8 +186,10 @@ def degrees(lane: Lane, plan: Plan) -> int:
 
 
 def messages_of(now: Moment, late: OnTime) -> Messages:
-    hearing, own = now.network.hearing, now.errors[0]
-    apart = plane.length(hearing.sent(tell(now.errors)[0]) - own[:, None])
+    hearing, own = now.network.hearing, now.errors[:1]
+    if now.lane.formation is not None:
+        own = (own[0] + now.lane.offsets(now.time)[0],)
+    apart = plane.length(hearing.sent(tell(own)[0]) - own[0][:, None])
     present = late.arriving(now, now.lane.weights > 0)
     return Messages(now.time, hearing.sources, present, apart, now.lane.interval)
 

@@ -1,13 +1,11 @@
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers
-from jaxnet.model.plane import length
 
 
 def nearest(seen: FleetView) -> VehicleNumbers:
     """Distance [m] of each vehicle to the nearest other, (m, lanes); infinite for a single one."""
-    xp = seen.error.__array_namespace__()
-    apart = length(seen.error[:, :, None] - seen.error[:, None])
+    xp, apart = seen.error.__array_namespace__(), seen.apart()
     itself = xp.eye(apart.shape[0], dtype=bool)[:, :, None]
     return xp.where(itself, xp.inf, apart).min(axis=0)
 

@@ -15,7 +15,7 @@ def beyond(seen: FleetView) -> VehicleNumbers:
     angle = 2 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
     outside = xp.zeros_like(seen.error[0])
     for cosine, sine in zip(np.cos(angle).tolist(), np.sin(angle).tolist(), strict=True):
-        start, now = (cosine * each[0] + sine * each[1] for each in (seen.start, seen.state))
+        start, now = (cosine * each[0] + sine * each[1] for each in (seen.start, seen.steered))
         edge = xp.where(honest, start, -xp.inf).max(axis=0)
         outside = xp.maximum(outside, now - edge[None])
     return xp.where(honest, outside, 0.0)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
+from jaxnet.kinds.fields import Positive, setting
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken
 from jaxnet.kinds.shapes import (
     AnyNumbers,
@@ -64,9 +65,14 @@ class Vehicle(Kind):
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
+    limitable: ClassVar[tuple[str, ...]] = ()  # names of limits; by default those of the inputs
+
+    limits: dict[str, Positive] = setting(
+        {}, "greatest absolute values of the vehicle's own inputs, by name: others are clipped"
+    )
 
     def breaks(self):
-        return broken(flat=not self.flat)
+        return broken(flat=not self.flat or bool(self.limits))
 
     def faults(self, scenario):
         if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
@@ -74,6 +80,10 @@ class Vehicle(Kind):
         if not 1 <= self.order <= MOST_ORDER:
             message = f"an order of 1 to {MOST_ORDER} is possible (got {self.order})"
             yield Fault(("vehicle",), message)
+        allowed = self.limitable or self.inputs
+        if unknown := [name for name in self.limits if name not in allowed]:
+            message = f"{self.kind} has limits of {', '.join(allowed)} (got {unknown[0]})"
+            yield Fault(("vehicle.limits", "vehicle"), message)
 
     def start(
         self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers
@@ -98,6 +108,13 @@ class Vehicle(Kind):
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
         """The input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) for this derivative of order r."""
         raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
+
+    def within_limits(self, inputs: VehicleInput) -> VehicleInput:
+        """The inputs (2, m, lanes), each clipped at its limit, if it has one."""
+        xp = inputs.__array_namespace__()
+        most = (self.limits.get(name) for name in self.inputs)
+        each = zip(inputs, most, strict=True)
+        return xp.stack([u if q is None else xp.clip(u, -q[None], q[None]) for u, q in each])
 
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
         """The time derivative of the state, `ẋ = f(x, u)` (n, m, lanes)."""
@@ -155,6 +172,12 @@ class Integrators(Vehicle):
 
     flat = True
     singular = 0
+    limitable = ("input",)
+
+    def within_limits(self, inputs):
+        """The inputs, clipped on each axis."""
+        most = self.limits["input"][None, None]
+        return inputs.__array_namespace__().clip(inputs, -most, most)
 
     def output_jets(self, state):
         return tuple(state[2 * k : 2 * k + 2] for k in range(self.order))

@@ -1,0 +1,86 @@
+"""Robots of the arena, sampled: lanes per second beside a plain NumPy loop, and what limits cost.
+
+`python experiments/benchmarks/robots.py`: 12 robots on a ring, 300 steps of Euler's method. The
+loop advances one lane after the other, with all robots of a step in one array, as users do.
+"""
+
+import argparse
+import time
+
+import numpy as np
+
+import jaxnet
+from jaxnet.engine import batch
+from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
+
+STEP, STEPS, ROBOTS, AHEAD, RADIUS, BASE, MOST = 0.033, 300, 12, 0.05, 0.016, 0.11, 12.5
+STUDY = {
+    "navigator": "none",
+    "vehicles": ROBOTS,
+    "topology": {"kind": "circulant", "offsets": [1, -1]},
+    "law": "local",
+    "gain": [2.0],
+    "attack": "none",
+    "defence": "none",
+    "engine": {"kind": "sampled", "move": "euler"},
+    "tick": STEP,
+    "output_step": STEP,
+    "horizon": STEPS * STEP,
+    "tail": 0.0,
+    "initial": {"position": {"uniform": [-1.0, 1.0]}},
+}
+WITHOUT = {"kind": "look_ahead", "ahead": AHEAD}
+
+
+def moved_by_numpy(place: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    """The points (2, m) that one lane's robots agree on, after all steps."""
+    for _ in range(STEPS):
+        along = np.stack([np.cos(heading), np.sin(heading)])
+        left = np.stack([-along[1], along[0]])
+        point = place + AHEAD * along
+        asked = np.roll(point, 1, axis=1) + np.roll(point, -1, axis=1) - 2 * point
+        speed, turn = (along * asked).sum(axis=0), (left * asked).sum(axis=0) / AHEAD
+        wheels = [(2 * speed + side * BASE * turn) / (2 * RADIUS) for side in (-1, 1)]
+        slow, fast = (np.clip(each, -MOST, MOST) for each in wheels)
+        speed, turn = RADIUS * (slow + fast) / 2, RADIUS * (fast - slow) / BASE
+        place, heading = place + STEP * speed * along, heading + STEP * turn
+        heading = np.arctan2(np.sin(heading), np.cos(heading))
+    return place + AHEAD * np.stack([np.cos(heading), np.sin(heading)])
+
+
+def seconds_of(vehicle: object, lanes: int, rounds: int) -> tuple[float, np.ndarray, object]:
+    """Least time to simulate lanes whose numbers are drawn, their spread, and their batch."""
+    (cell,) = jaxnet.load({**STUDY, "vehicle": vehicle}).cells
+    drawn = job(cell.scenario, Keyed(0), range(lanes))
+    found, least = batch.simulate(drawn), np.inf
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        found = batch.simulate(drawn)
+        least = min(least, time.perf_counter() - begin)
+    return least, found.metrics["spread"], drawn
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--lanes", type=int, default=10_000)
+    parser.add_argument("--by-loop", type=int, default=20, help="lanes of the loop")
+    parser.add_argument("--rounds", type=int, default=3)
+    asked = parser.parse_args()
+    free, _, _ = seconds_of(WITHOUT, asked.lanes, asked.rounds)
+    limited, spread, drawn = seconds_of("robotarium", asked.lanes, asked.rounds)
+    initial = np.asarray(drawn.inputs.lane.initial)
+    begin = time.perf_counter()
+    ends = [moved_by_numpy(lane[:2], lane[2]) for lane in initial[: asked.by_loop]]
+    loop = (time.perf_counter() - begin) / asked.by_loop
+    apart = [np.hypot(*(end[:, :, None] - end[:, None])).max() for end in ends]
+    error = np.abs(np.array(apart) - spread[: asked.by_loop]).max()
+    print(f"loop in NumPy        {1 / loop:12,.0f} lanes/s")
+    print(f"jaxnet, limits       {asked.lanes / limited:12,.0f} lanes/s", end="")
+    print(f"   {loop * asked.lanes / limited:.0f} times; spreads differ by {error:.1e} m")
+    print(f"jaxnet, no limits    {asked.lanes / free:12,.0f} lanes/s", end="")
+    print(f"   limits cost {limited / free:.2f} times")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""Vehicles with a digital controller: at a tick it takes the law's inputs, and holds them.
+
+    at a tick    u = u(x, t), by the law from what the vehicle senses and hears
+    between      ẋ = f(x, u), u constant: one step of Euler's method, or exactly
+
+Nothing that happens between ticks reaches the controller. The lanes are the last axis of every
+array.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int
+
+from jaxnet.engine import stepper, vehicles
+from jaxnet.engine.demand import Signals, signals
+from jaxnet.engine.following import Followed, Following, Scene
+from jaxnet.engine.integration import drive_along
+from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
+from jaxnet.engine.plan import Tolerances
+from jaxnet.engine.status import Status, fail
+from jaxnet.engine.subset import LaneIndices, for_each, put, select
+from jaxnet.engine.vehicles import States
+from jaxnet.model import plane
+from jaxnet.solvers.choice import factorised_at_once
+
+MOST_TRIES = 1_000  # of a lane's motion over a period
+EXACT = 1e-13  # tolerance of a step, absolute and relative, of the exact motion over a period
+
+
+class SamplingState(NamedTuple):
+    """State of the lanes at a tick."""
+
+    states: States
+    signals: Signals
+    asked: PerAxis  # inputs that the law asks for until the next tick
+    steps: Int[Array, " lanes"]  # of the motion over periods, refused ones included
+    followed: Followed
+
+
+class Sampling(Following[SamplingState]):
+    """Motion of vehicles with held inputs, which is that of the option `move`."""
+
+    @property
+    def acts(self):
+        return True
+
+    def begin(self):
+        lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
+        return SamplingState(
+            states=vehicles.first_states(lane),
+            signals=signals(lane, zero),
+            asked=jnp.zeros_like(lane.initial[:2]),
+            steps=jnp.zeros(zero.shape, int),
+            followed=self.nothing_followed(),
+        )
+
+    def errors(self, state):
+        own = vehicles.outputs(self.lane, state.states, state.signals.time)
+        return plane.relative(own, state.signals.navigator)
+
+    def states(self, state):
+        return state.states
+
+    def placed(self, state, which, states):
+        return state._replace(states=jnp.where(which[None], states, state.states))
+
+    def asked(self, state, decided):
+        return state.asked
+
+    def drive_now(self, state, decided):
+        """`y^(r) + P(ŷ)`, with y^(r) of the inputs that are held."""
+        rates = vehicles.rates(self.lane, state.states, state.asked, state.signals.time)
+        return drive_along(self.lane, state.states, rates, state.signals.time, decided)
+
+    def hold(self, state, decided, at):
+        """Take the law's inputs in all lanes; factorise the Laplacian where a weight changed."""
+        lane, now = self.lane, state.signals
+
+        def some(few: LaneIndices, carry: tuple[Followed, LaneFlags]) -> tuple[Followed, LaneFlags]:
+            followed, cut_off = carry
+            followed, _, connected = self.follow(
+                state, followed, decided, few, lambda: state.states
+            )
+            return followed, put(cut_off, few, ~connected)
+
+        flagged = at.here if lane.law.needs_ticks() else at.anew
+        at_once = factorised_at_once(lane.initial.shape[1])
+        carry = state.followed, jnp.zeros_like(at.here)
+        followed, cut_off = for_each(flagged, at_once, some, carry)
+        asked = followed.inputs(Scene(lane, self.network, decided, now), state.states)
+        return state._replace(asked=asked, followed=followed), cut_off
+
+    def advance(self, state, decided, ticks, status):
+        """The state at the next tick; vehicles that have stopped stay where they are."""
+        lane, begin, ok = self.lane, state.signals.time, status == Status.ok
+        end = jnp.broadcast_to(self.clock.at(jnp.asarray(ticks + 1)), begin.shape)
+        frozen = decided.coasting.frozen(lane)
+
+        def rates(time: Instants, states: States) -> States:
+            moved = vehicles.rates(lane, states, state.asked, time)
+            return jnp.where(frozen[None], 0.0, moved)
+
+        if self.plan.options == ("euler",):
+            states = state.states + (end - begin)[None, None] * rates(begin, state.states)
+            steps, stuck = state.steps + ok.astype(int), jnp.zeros_like(ok)
+        else:
+            states, steps, stuck = solved(rates, begin, end, state.states, ok)
+            steps = state.steps + steps
+        status = fail(status, Status.nonfinite, ok & ~jnp.isfinite(states).all(axis=(0, 1)))
+        status = fail(status, Status.max_steps, stuck)
+        state = state._replace(states=states, signals=signals(lane, end), steps=steps)
+        return state, status, jnp.ones_like(ok)
+
+
+def solved(
+    rates: Callable[[Instants, States], States],
+    begin: Instants,
+    end: Instants,
+    states: States,
+    among: LaneFlags,
+) -> tuple[States, Int[Array, " lanes"], LaneFlags]:
+    """The states at the end by adaptive steps, their numbers, and the lanes, among some, stuck."""
+    rule, tolerance = stepper.method("dopri8"), jnp.full_like(begin, EXACT)
+    tolerances = Tolerances(tolerance, tolerance, 0)
+
+    def under_way(carry: Any) -> LaneFlags:
+        time, _, _, number = carry
+        return among & (time < end) & (number < MOST_TRIES)
+
+    def one(carry: Any) -> Any:
+        time, states, step, number = carry
+        goal, slope = stepper.towards(end, time, step), rates(time, states)
+        given = rule, time, goal, states, slope, tolerances
+        trial = stepper.attempt(rates, lambda instant: instant, *given)
+        kept = trial.error < 1.0
+        new = (
+            jnp.where(kept, goal, time),
+            jnp.where(kept[None, None], trial.state, states),
+            stepper.next_step(goal - time, trial.error, rule.order),
+            number + 1,
+        )
+        return select(under_way(carry), new, carry)
+
+    carry = begin, states, end - begin, jnp.zeros(begin.shape, int)
+    time, states, _, number = jax.lax.while_loop(lambda c: under_way(c).any(), one, carry)
+    return states, number, among & (time < end)

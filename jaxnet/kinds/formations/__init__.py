@@ -1,0 +1,75 @@
+"""Formations: where each vehicle goes, relative to what the law steers all vehicles to.
+
+The law acts on `y - δ`, and vehicles transmit and judge that. So the errors of a fleet do not
+depend on its formation.
+"""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.shapes import AnyTimes, VehicleJets
+
+
+class Formation(Kind):
+    """The offset δ of each vehicle. A subclass gives `jets`.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> plain = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> keys["formation"] = {"kind": "line", "spacing": 5.0}
+    >>> shaped = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> bool((plain.lanes["tail_mean"] == shaped.lanes["tail_mean"]).all())
+    True
+    """
+
+    present: ClassVar[bool] = True  # whether any vehicle has an offset
+
+    @property
+    def moves(self) -> bool:
+        """Whether offsets change in time."""
+        return False
+
+    def jets(self, time: AnyTimes, vehicles: int) -> VehicleJets:
+        """The offset [m] of each vehicle and its first three derivatives.
+
+        Parameters
+        ----------
+        time
+            Times [s], (lanes,), as an array of NumPy or JAX.
+        vehicles
+            Number m of vehicles.
+
+        Returns
+        -------
+            Offset and derivatives [m, m/s, m/s², m/s³], (4, 2, m, lanes).
+        """
+        raise KindError(f"{self.kind}: a formation gives jets(self, time, vehicles)")
+
+    def faults(self, scenario):
+        vehicle, engine = scenario.vehicle, scenario.engine
+        if self.moves and not engine.samples and (vehicle.singular or engine.kind == "stacked"):
+            message = f"cannot turn {vehicle.kind} vehicles: give engine: sampled"
+            yield Fault(("formation", "engine"), f"the {engine.kind} engine {message}")
+
+
+class Still(Formation):
+    """A formation whose offsets do not change. A subclass gives `places`."""
+
+    def places(self, vehicles: int) -> Sequence[Sequence[Any]]:
+        """The offsets on both axes [m], each a list of numbers (lanes,), one for each vehicle."""
+        raise KindError(f"{self.kind}: a formation that stands gives places(self, vehicles)")
+
+    def jets(self, time, vehicles):
+        xp, zero = time.__array_namespace__(), 0.0 * time
+        each = xp.stack([xp.stack([zero + one for one in axis]) for axis in self.places(vehicles)])
+        return xp.stack([each, *[0.0 * each] * 3])
+
+
+def numbers_of(vehicles: int) -> np.ndarray:
+    """Numbers of the vehicles minus their mean, so that a formation is centred."""
+    return np.arange(vehicles) - (vehicles - 1) / 2

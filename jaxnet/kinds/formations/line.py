@@ -1,0 +1,16 @@
+from jaxnet.kinds.fields import Number, Positive, setting
+from jaxnet.kinds.formations import Still, numbers_of
+from jaxnet.model.circle import circle
+
+
+class LineFormation(Still):
+    """Vehicles on a line at equal distances, in the order of their numbers, about its middle."""
+
+    spacing: Positive = setting(..., "[m], from vehicle to vehicle")
+    heading: Number = setting(0.0, "[rad], of the line, from the first axis")
+
+    def places(self, vehicles):
+        return tuple(
+            [self.spacing * along * number for number in numbers_of(vehicles).tolist()]
+            for along in circle(self.heading)
+        )

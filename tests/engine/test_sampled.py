@@ -1,0 +1,192 @@
+"""The sampled engine and limits: published figures, exact answers, and the order of convergence.
+
+Figures of the Robotarium are those of its public simulator (robotarium_python_simulator 2.1.0).
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.view.text.check import check_text
+
+STEP = 0.033
+ROBOTS = 12
+
+
+def ring(**keys):
+    """The arena's example of consensus: 12 robots on a circle of 0.9 m, each hears two."""
+    angle = 2 * np.pi * np.arange(ROBOTS) / ROBOTS
+    places = 0.9 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    fixed = {
+        "navigator": "none",
+        "vehicles": ROBOTS,
+        "topology": {"kind": "circulant", "offsets": [1, -1]},
+        "vehicle": "robotarium",
+        "law": "local",
+        "gain": [2.0],
+        "attack": "none",
+        "defence": "none",
+        "engine": {"kind": "sampled", "move": "euler"},
+        "tick": STEP,
+        "output_step": STEP,
+        "horizon": 1000 * STEP,
+        "tail": STEP,
+        "initial": {"position": places.tolist(), "heading": [0.0] * ROBOTS},
+        "metrics": ["saturated_steps"],
+        "save": {"trajectories": "all"},
+    }
+    return jaxnet.simulate({**fixed, **keys}, samples=1, progress=False)
+
+
+def states_of(results):
+    return results.trajectories["states"].values[0, 0]
+
+
+def points(states, ahead=0.05):
+    return states[:, :2] + ahead * np.stack([np.cos(states[:, 2]), np.sin(states[:, 2])], axis=1)
+
+
+def test_consensus_of_the_arena():
+    results = ring()
+    states, row = states_of(results), results.lanes.iloc[0]
+    assert states[100, 0] == pytest.approx([0.411336738, 0, 0], abs=6e-10)
+    assert states[100, 1] == pytest.approx([0.451326470, 0.226286340, -2.613441755], abs=6e-10)
+    assert states[1000, 0] == pytest.approx([0.015646697, 0, -6e-9], abs=8e-10)
+    assert states[1000, 1] == pytest.approx([0.108731764, 0.025408357, -2.610114648], abs=6e-10)
+    assert row["saturated_steps"] == 50
+    assert row["saturated"] * ROBOTS * 1001 == pytest.approx(427)
+    end = points(states[1000])
+    assert end.mean(axis=0) == pytest.approx([0.065513238, 0], abs=6e-10)
+
+
+@pytest.mark.parametrize(
+    ("move", "limit", "mean"), [("euler", 12.5, 0.065513238), ("euler", 1e6, 0.048045590)]
+)
+def test_wheels_that_are_clipped_move_the_consensus(move, limit, mean):
+    robot = {"kind": "robotarium", "limits": {"wheel_rate": limit}}
+    results = ring(vehicle=robot, engine={"kind": "sampled", "move": move})
+    assert points(states_of(results)[-1])[:, 0].mean() == pytest.approx(mean, abs=6e-10)
+
+
+def test_clipped_wheels_change_the_curvature():
+    """(v, ω) = (0.2, 1) becomes (0.1725, 0.5) at wheel rates of 12.5 rad/s."""
+    robot = jaxnet.load({"vehicle": "robotarium"}).config.vehicle
+    keys = {key: np.array([getattr(robot, key)]) for key in ("wheel_radius", "base")}
+    robot = robot.filled({**keys, "limits": {"wheel_rate": np.array([12.5])}})
+    clipped = robot.within_limits(np.array([0.2, 1.0]).reshape(2, 1, 1))
+    assert clipped.ravel() == pytest.approx([0.1725, 0.5], abs=1e-12)
+
+
+def gap_after(time, place, engine):
+    """Distance of one agent, at most 0.2 m/s on an axis, to a navigator with 0.1 m/s."""
+    keys = {
+        "vehicles": 1,
+        "topology": {"kind": "star"},
+        "navigator": {"kind": "driven", "speed": [0.1, 0.1], "turn_rate": [0.0, 0.0]},
+        "vehicle": {"kind": "single_integrator", "limits": {"input": 0.2}},
+        "attack": "none",
+        "defence": "none",
+        "gain": [1.0],
+        "initial": {"position": [[place, 0.0]]},
+        "engine": engine,
+        "horizon": time,
+        "tail": 0.0,
+        "output_step": time / 10,
+        "tick": time / 1000,
+    }
+    return jaxnet.simulate(keys, samples=1, progress=False).lanes.iloc[0]
+
+
+@pytest.mark.parametrize(("place", "time"), [(-3.0, 31.302585), (3.0, 12.401)])
+def test_agent_with_limits_reaches_a_navigator(place, time):
+    """1 cm away after 29 s + ln 10 where it is behind, 12.401 s where it is ahead."""
+    assert time == pytest.approx(29 + math.log(10) if place < 0 else 12.401, abs=1e-6)
+    row = gap_after(time, place, {"kind": "nonlinear", "rtol": 1e-12, "atol": 1e-12})
+    assert row["tail_mean"] == pytest.approx(0.01, abs=1e-8 if place < 0 else 1e-5)
+    assert row["saturated"] > 0.5
+
+
+def converging(engine, tick, **keys):
+    fixed = {
+        "horizon": 2.0,
+        "tail": 0.0,
+        "output_step": 0.4,
+        "tick": tick,
+        "engine": engine,
+        "defence": "none",
+        "attack": {"magnitude": 1.0},
+        "initial": {
+            "position": {"uniform": [-2.0, 2.0]},
+            "speed": {"uniform": [26.0, 30.0]},
+            "heading": {"uniform": [0.7, 0.9]},
+        },
+        "save": {"trajectories": "all"},
+    }
+    results = jaxnet.simulate({**fixed, **keys}, samples=2, progress=False)
+    assert (results.lanes["status"] == "ok").all()
+    return results.trajectories["states"].values[0, :, -1, :, :2]
+
+
+@pytest.mark.parametrize("move", ["euler", "exact"])
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {},
+        {"vehicle": "unicycle"},
+        {"vehicle": {"kind": "look_ahead", "ahead": 3.0}},
+        {"vehicle": "double_integrator", "law": {"kind": "local", "hold": False}},
+        {"vehicle": "unicycle", "channel": {"delay": 0.2}},
+        {"law": "linearised"},
+    ],
+    ids=["two_wheeled", "unicycle", "look_ahead", "local", "delay", "linearised"],
+)
+def test_order_of_convergence_is_one(keys, move):
+    ticks = np.array([0.01, 0.005, 0.0025])
+    engine = {"kind": "sampled", "move": move}
+    apart = [
+        np.abs(converging(engine, tick, **keys) - converging("nonlinear", tick, **keys)).max()
+        for tick in ticks.tolist()
+    ]
+    order = np.polyfit(np.log(ticks), np.log(apart), 1)[0]
+    assert order == pytest.approx(1.0, abs=0.1)
+
+
+def test_held_single_integrators_move_exactly():
+    """Agents that hold their q anyway move as those of the exact engine, by either move."""
+    keys = {"vehicle": "single_integrator", "law": "local", "horizon": 2.0, "tail": 1.0}
+    exact = jaxnet.simulate({**keys, "engine": "exact"}, samples=4, progress=False).lanes
+    for move in ("euler", "exact"):
+        engine = {"kind": "sampled", "move": move}
+        lanes = jaxnet.simulate({**keys, "engine": engine}, samples=4, progress=False).lanes
+        for column in ("tail_mean", "peak_error", "tail_disagreement"):
+            assert lanes[column].to_numpy() == pytest.approx(exact[column].to_numpy(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"tick": 0.0}, "the sampled engine"),
+        (
+            {"engine": "exact", "vehicle": {"kind": "unicycle", "limits": {"turn_rate": 1.0}}},
+            "know",
+        ),
+        ({"vehicle": {"kind": "unicycle", "limits": {"speed": 1.0}}}, "acceleration, turn_rate"),
+        ({"initial": {"heading": [0.0, 1.0]}}, "12 headings, one for each vehicle"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused(keys, message):
+    with pytest.raises(jaxnet.ConfigError, match=message):
+        jaxnet.load({"engine": "sampled", **keys})
+
+
+def test_nothing_is_proved_of_sampled_or_limited_fleets():
+    limited = {"kind": "unicycle", "limits": {"turn_rate": 1.0}}
+    asked = {"defence": "none", "vehicle": "unicycle", "engine": "nonlinear"}
+    assert "nothing is proved" not in check_text(jaxnet.load(asked))
+    sampled = check_text(jaxnet.load({**asked, "engine": "sampled"}))
+    assert "nothing is proved; the sampled engine holds inputs" in sampled
+    assert "nothing is proved; unicycle may" in check_text(
+        jaxnet.load({**asked, "vehicle": limited})
+    )

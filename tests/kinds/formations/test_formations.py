@@ -1,0 +1,179 @@
+"""Formations: errors stay what they are without one, places are where the formation says."""
+
+import math
+
+import numpy as np
+import pytest
+
+import jaxnet
+
+PLACES = {
+    "offsets": {"offsets": [[3.0 * n, -2.0 * n**2] for n in range(12)]},
+    "circle": {"radius": 4.0, "phase": 0.3},
+    "line": {"spacing": 2.0, "heading": 1.1},
+    "grid": {"spacing": 2.0, "columns": 5},
+}
+TURNING = {"kind": "circle", "radius": 4.0, "turn_rate": 0.5}
+
+
+def simulated(**keys):
+    fixed = {
+        "engine": "exact",
+        "horizon": 2.0,
+        "tail": 1.0,
+        "save": {"trajectories": "all"},
+        "metrics": ["min_separation"],
+    }
+    results = jaxnet.simulate({**fixed, **keys}, samples=3, progress=False)
+    assert (results.lanes["status"] == "ok").all()
+    return results
+
+
+def offsets(kind, time=0.0):
+    """δ of twelve vehicles (2, m), by the formulas of docs/config.md."""
+    number = np.arange(12)
+    match kind:
+        case "offsets":
+            return np.array(PLACES[kind]["offsets"]).T
+        case "circle":
+            angle = 0.3 + 2 * np.pi * number / 12
+            return 4.0 * np.stack([np.cos(angle), np.sin(angle)])
+        case "line":
+            along = 2.0 * (number - 5.5)
+            return np.stack([along * math.cos(1.1), along * math.sin(1.1)])
+        case "grid":
+            return 2.0 * np.stack([number % 5 - 2.0, number // 5 - 1.0])
+    angle = 0.5 * time + 2 * np.pi * number / 12
+    return 4.0 * np.stack([np.cos(angle), np.sin(angle)])
+
+
+def positions(results):
+    return results.trajectories["states"].values[0, ..., :2]  # samples, times, vehicles, 2
+
+
+@pytest.mark.parametrize("vehicle", ["two_wheeled", "double_integrator", "single_integrator"])
+@pytest.mark.parametrize("kind", PLACES)
+def test_errors_are_those_without_a_formation_to_the_last_bit(kind, vehicle):
+    plain = simulated(vehicle=vehicle)
+    shaped = simulated(vehicle=vehicle, formation={"kind": kind, **PLACES[kind]})
+    for column in ("tail_mean", "tail_max", "peak_error", "tail_disagreement", "switches"):
+        assert (plain.lanes[column] == shaped.lanes[column]).all(), column
+    moved = positions(shaped) - positions(plain)
+    assert moved == pytest.approx(np.broadcast_to(offsets(kind).T, moved.shape), abs=1e-10)
+
+
+@pytest.mark.parametrize("engine", ["nonlinear", "sampled", "stacked"])
+def test_errors_of_other_engines_are_those_without_a_formation(engine):
+    keys = {"vehicle": "unicycle", "engine": engine, "horizon": 1.0, "tail": 0.5}
+    keys["initial"] = {"position": {"uniform": [-5.0, 5.0]}, "speed": 20.0}
+    keys |= {"defence": "none", "tick": 0.01}
+    plain = simulated(**keys)
+    shaped = simulated(**keys, formation={"kind": "grid", **PLACES["grid"]})
+    for column in ("tail_mean", "peak_error"):
+        expected = plain.lanes[column].to_numpy()
+        assert shaped.lanes[column].to_numpy() == pytest.approx(expected, rel=1e-6), column
+    moved = positions(shaped) - positions(plain)
+    assert moved == pytest.approx(np.broadcast_to(offsets("grid").T, moved.shape), abs=1e-5)
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+@pytest.mark.parametrize("vehicle", ["double_integrator", {"kind": "look_ahead", "ahead": 2.0}])
+def test_circle_that_turns(vehicle, engine):
+    """The true outputs turn, the errors do not."""
+    plain = simulated(vehicle=vehicle, engine=engine, defence="none")
+    shaped = simulated(vehicle=vehicle, engine=engine, defence="none", formation=TURNING)
+    expected = plain.lanes["tail_mean"].to_numpy()
+    assert shaped.lanes["tail_mean"].to_numpy() == pytest.approx(expected, rel=1e-7)
+    places = [places_of(results, vehicle) for results in (plain, shaped)]
+    moved = (places[1] - places[0])[:, -1]
+    assert moved == pytest.approx(np.broadcast_to(offsets("", 2.0).T, moved.shape), abs=1e-5)
+
+
+def places_of(results, vehicle):
+    states = results.trajectories["states"].values[0]
+    if vehicle == "double_integrator":
+        return states[..., :2]
+    heading = states[..., 2]
+    return states[..., :2] + 2.0 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+
+
+def test_least_separation_is_that_of_true_places():
+    """Twelve vehicles that agree on a point, on a circle of radius 1: a regular 12-gon."""
+    keys = {
+        "vehicle": "single_integrator",
+        "defence": "none",
+        "attack": "none",
+        "initial": {"position": 0.0},
+        "navigator": "none",
+        "law": "local",
+        "formation": {"kind": "circle", "radius": 1.0},
+    }
+    lanes = simulated(**keys).lanes
+    assert lanes["min_separation"].to_numpy() == pytest.approx(0.517638, abs=5e-7)
+    assert lanes["spread"].to_numpy() == pytest.approx(0.0, abs=1e-12)
+    assert lanes["outside"].to_numpy() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_messages_are_lost_by_true_distance():
+    """Vehicles that agree on a point hear nobody whose place in the formation is out of range."""
+    keys = {
+        "vehicle": "single_integrator",
+        "defence": "none",
+        "attack": "none",
+        "initial": {"position": 0.0},
+        "law": "local",
+        "navigator": "none",
+        "topology": "complete",
+        "channel": {"loss": {"kind": "range", "radius": 3.0}},
+        "save": {"trajectories": "all"},
+    }
+    near = simulated(**keys, formation={"kind": "line", "spacing": 2.0})
+    far = simulated(**keys, formation={"kind": "line", "spacing": 4.0})
+    assert (near.lanes["unheard"] == 0).all()
+    assert (far.lanes["unheard"] == 12 * 41).all()
+
+
+def test_attacker_lies_about_its_place_in_the_formation():
+    """A lie is added to y - δ: by minus the difference of two places it claims the other one."""
+    keys = {
+        "vehicle": "single_integrator",
+        "defence": "none",
+        "formation": {"kind": "line", "spacing": 2.0},
+        "horizon": 60.0,
+        "tail": 1.0,
+        "save": {},
+    }
+    lie = {"kind": "bias", "vehicles": [2], "magnitude": 2.0, "direction": 0.0}
+    lanes = simulated(**keys, attack=lie).lanes
+    plain = simulated(**{**keys, "formation": "none"}, attack=lie).lanes
+    assert (lanes["tail_mean"] > 0.1).all()
+    assert (lanes["tail_mean"] == plain["tail_mean"]).all()
+
+
+def test_places_of_a_file(tmp_path):
+    (tmp_path / "places.csv").write_text("# x, y\n" + "\n".join(f"{n}, {-n}" for n in range(12)))
+    (tmp_path / "study.yaml").write_text("name: one\nformation: {kind: file, path: places.csv}\n")
+    formation = jaxnet.load(tmp_path / "study.yaml").config.formation
+    assert formation.offsets == [[float(n), float(-n)] for n in range(12)]
+
+
+@pytest.mark.parametrize("content", ["", "1, 2, 3\n", "1, nan\n", "a, b\n"])
+def test_wrong_files_of_places_are_refused(tmp_path, content):
+    (tmp_path / "places.csv").write_text(content)
+    (tmp_path / "study.yaml").write_text("name: one\nformation: {kind: file, path: places.csv}\n")
+    with pytest.raises(jaxnet.ConfigError, match=r"places\.csv"):
+        jaxnet.load(tmp_path / "study.yaml")
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"formation": {"kind": "offsets", "offsets": [[0.0, 0.0]]}}, "must be 12, one for each"),
+        ({"formation": TURNING}, "give engine: sampled"),
+        ({"formation": {"kind": "circle"}}, "radius"),
+        ({"formation": "square"}, "must be one of circle, file, grid, line, none, offsets"),
+    ],
+)
+def test_wrong_formations_are_refused(keys, message):
+    with pytest.raises(jaxnet.ConfigError, match=message):
+        jaxnet.load(keys)
