@@ -129,18 +129,27 @@ def converging(engine, tick, **keys):
     return results.trajectories["states"].values[0, :, -1, :, :2]
 
 
-@pytest.mark.parametrize("move", ["euler", "exact"])
 @pytest.mark.parametrize(
-    "keys",
+    ("keys", "move"),
     [
-        {},
-        {"vehicle": "unicycle"},
-        {"vehicle": {"kind": "look_ahead", "ahead": 3.0}},
-        {"vehicle": "double_integrator", "law": {"kind": "local", "hold": False}},
-        {"vehicle": "unicycle", "channel": {"delay": 0.2}},
-        {"law": "linearised"},
+        pytest.param({"vehicle": "unicycle"}, "euler", id="unicycle"),
+        pytest.param(
+            {"vehicle": "double_integrator", "law": {"kind": "local", "hold": False}},
+            "exact",
+            id="local",
+        ),
+        *[
+            pytest.param(keys, move, id=f"{name}-{move}", marks=pytest.mark.long)
+            for name, keys in {
+                "two_wheeled": {},
+                "unicycle": {"vehicle": "unicycle"},
+                "look_ahead": {"vehicle": {"kind": "look_ahead", "ahead": 3.0}},
+                "delay": {"vehicle": "unicycle", "channel": {"delay": 0.2}},
+                "linearised": {"law": "linearised"},
+            }.items()
+            for move in ("euler", "exact")
+        ],
     ],
-    ids=["two_wheeled", "unicycle", "look_ahead", "local", "delay", "linearised"],
 )
 def test_order_of_convergence_is_one(keys, move):
     ticks = np.array([0.01, 0.005, 0.0025])
