@@ -49,7 +49,7 @@ def moved_by_numpy(place: np.ndarray, heading: np.ndarray) -> np.ndarray:
     return place + AHEAD * np.stack([np.cos(heading), np.sin(heading)])
 
 
-def seconds_of(vehicle: object, lanes: int, rounds: int) -> tuple[float, np.ndarray, object]:
+def seconds_of(vehicle: object, lanes: int, rounds: int) -> tuple[float, np.ndarray, batch.Job]:
     """Least time to simulate lanes whose numbers are drawn, their spread, and their batch."""
     (cell,) = jaxnet.load({**STUDY, "vehicle": vehicle}).cells
     drawn = job(cell.scenario, Keyed(0), range(lanes))
@@ -58,7 +58,7 @@ def seconds_of(vehicle: object, lanes: int, rounds: int) -> tuple[float, np.ndar
         begin = time.perf_counter()
         found = batch.simulate(drawn)
         least = min(least, time.perf_counter() - begin)
-    return least, found.metrics["spread"], drawn
+    return least, np.asarray(found.metrics["spread"]), drawn
 
 
 def main() -> None:

@@ -61,7 +61,7 @@ def test_what_blurs_announcements_ends_the_proof(keys):
     text = told(attack=BIAS, defence=ANNOUNCED | keys)
     assert "safe not known of 1-6" in text
     assert "announced: by majority" not in text
-    assert "within" not in text
+    assert "within" not in text.partition("decay")[0]
     assert "by majority" not in safe(attack=BIAS, defence=ANNOUNCED | keys)
 
 
@@ -99,8 +99,8 @@ def test_lemma_1_with_one_gain_is_of_the_error():
     """Local errors jump where weights do; E does not (O1)."""
     for defence in ("none", "trusted_trim"):
         line = "‖η(t)‖ ≤ 4.76 exp(-0.101 t) ‖η(0)‖ (Lemma 1), η = (E, Ė, …)"
-        assert told(attack="none", defence=defence).endswith(line)
-    assert told(attack="none", defence="w_msr", topology="path").endswith("while nobody is cut off")
+        assert line in told(attack="none", defence=defence)
+    assert "while nobody is cut off" in told(attack="none", defence="w_msr", topology="path")
 
 
 def test_a_liar_that_moves_as_told_is_where_it_tells():
