@@ -79,6 +79,7 @@ OTHER = {  # another value of every key that has a row of its own
     "initial.speed": 1.0,
     "gain": [6, 11, 6],
     "law": "linearised",
+    "formation": {"kind": "line", "spacing": 2.0},
     "attack": "bias",
     "defence": "w_msr",
     "sensing": {"velocity": 0.1},

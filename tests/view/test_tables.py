@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import math
 import numpy as np
 import pandas as pd
 import pytest
@@ -258,6 +259,16 @@ def test_a_fit_is_told_in_words(fit, words):
     """The mean over lanes with its interval, or that ā has no effect; a dash without a fit."""
     fits = {} if fit is None else {("tail_mean", None): fit}
     curve = Curve(Group({}, ()), pd.DataFrame(), {}, fits, {})
+    assert slopes.law_text(curve, "tail_mean") == words
+
+
+@pytest.mark.parametrize(
+    ("power", "words"),
+    [(1.0, "error = 2.2 ā"), (0.9, "error = 2.2 ā"), (0.3, "not proportional to ā")],
+)
+def test_no_slope_is_told_where_the_error_is_not_proportional(power, words):
+    fits, ends = {("tail_mean", None): (2.2, math.nan, math.nan)}, (math.nan, math.nan)
+    curve = Curve(Group({}, ()), pd.DataFrame(), {}, fits, {"tail_mean": (power, *ends)})
     assert slopes.law_text(curve, "tail_mean") == words
 
 

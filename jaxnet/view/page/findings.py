@@ -222,7 +222,10 @@ def metric_sentences(results: Results) -> list[str]:
         values: Any = of.values["value"].dropna()
         unit = f" {of.unit}".rstrip()
         span = span_words(results, values, lambda end, _: f"<b>{error_text(end, 0.0)}{unit}</b>")
-        return f"{escape(sentence_case(of.words))}, {span}."
+        endless = len(of.values) - len(values)
+        apart = f" {sentence_case(count(endless, 'cell'))} has no such median." * (endless == 1)
+        apart = apart or f" {endless} cells have no such median." * (endless > 1)
+        return f"{escape(sentence_case(of.words))}, {span}.{apart}"
 
     return [told(each) for each in found if each.known.size]
 

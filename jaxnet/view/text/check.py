@@ -156,7 +156,8 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
         told = factor_table("time", labels, lines, None)
     if early:
         words = "WARNING: the tail begins before a start has died away in"
-        told += "\n" + wrap_lines(f"{words} {cells_named(early)}: horizon: {needed:g} would do")
+        enough = f"horizon: {needed:g} would do for a start; a defence may need longer"
+        told += "\n" + wrap_lines(f"{words} {cells_named(early)}: {enough}")
     return told
 
 
