@@ -83,7 +83,7 @@ def test_titles_stay_on_one_line_where_the_page_has_room():
 def test_heat_maps_of_two_by_four_stand_in_two_rows():
     """Smaller tiles are better than a row that is not full."""
     sweep = {"topology": ["star", "cyclic"], "attack.frequency": [1.0, 2.0, 3.0, 4.0]}
-    sweep |= {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 3]}
+    sweep |= {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 3, 4, 5]}
     maps = [panel for panel in drawn(made(study_of(sweep))).axes if panel.get_title()]
     assert len(maps) == 8
     assert len({round(panel.get_position().y0, 2) for panel in maps}) == 2

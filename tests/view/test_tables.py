@@ -1,8 +1,8 @@
 """The tables of a terminal: what they show, and what they say they leave out."""
 
+import math
 from types import SimpleNamespace
 
-import math
 import numpy as np
 import pandas as pd
 import pytest
