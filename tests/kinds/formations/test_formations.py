@@ -51,8 +51,17 @@ def positions(results):
     return results.trajectories["states"].values[0, ..., :2]  # samples, times, vehicles, 2
 
 
-@pytest.mark.parametrize("vehicle", ["two_wheeled", "double_integrator", "single_integrator"])
-@pytest.mark.parametrize("kind", PLACES)
+@pytest.mark.parametrize(
+    ("kind", "vehicle"),
+    [
+        *[(kind, "single_integrator") for kind in PLACES],
+        *[
+            pytest.param(kind, vehicle, marks=pytest.mark.long)
+            for kind in PLACES
+            for vehicle in ("two_wheeled", "double_integrator")
+        ],
+    ],
+)
 def test_errors_are_those_without_a_formation_to_the_last_bit(kind, vehicle):
     plain = simulated(vehicle=vehicle)
     shaped = simulated(vehicle=vehicle, formation={"kind": kind, **PLACES[kind]})
@@ -62,7 +71,10 @@ def test_errors_are_those_without_a_formation_to_the_last_bit(kind, vehicle):
     assert moved == pytest.approx(np.broadcast_to(offsets(kind).T, moved.shape), abs=1e-10)
 
 
-@pytest.mark.parametrize("engine", ["nonlinear", "sampled", "stacked"])
+@pytest.mark.parametrize(
+    "engine",
+    ["sampled", *[pytest.param(each, marks=pytest.mark.long) for each in ("nonlinear", "stacked")]],
+)
 def test_errors_of_other_engines_are_those_without_a_formation(engine):
     keys = {"vehicle": "unicycle", "engine": engine, "horizon": 1.0, "tail": 0.5}
     keys["initial"] = {"position": {"uniform": [-5.0, 5.0]}, "speed": 20.0}
@@ -76,7 +88,7 @@ def test_errors_of_other_engines_are_those_without_a_formation(engine):
     assert moved == pytest.approx(np.broadcast_to(offsets("grid").T, moved.shape), abs=1e-5)
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+@pytest.mark.parametrize("engine", ["exact", pytest.param("nonlinear", marks=pytest.mark.long)])
 @pytest.mark.parametrize("vehicle", ["double_integrator", {"kind": "look_ahead", "ahead": 2.0}])
 def test_circle_that_turns(vehicle, engine):
     """The true outputs turn, the errors do not."""
