@@ -32,7 +32,7 @@ def is_marked(errors):
     return still_falls(falls(errors), errors[:, -TAIL:].mean(axis=1), LEAST)
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+@pytest.mark.parametrize("engine", ["exact", pytest.param("nonlinear", marks=pytest.mark.long)])
 @pytest.mark.parametrize("tail", [0.0, 1.0, 5.0])
 def test_rows_have_the_fall_of_the_stored_errors(engine, tail):
     keys = {"engine": engine, "horizon": 12.0, "tail": tail, "attack": {"vehicles": [2, 7]}}

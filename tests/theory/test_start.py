@@ -62,9 +62,10 @@ def test_a_start_283_m_away_is_within_a_millimetre_after_18_s():
         {"vehicle": "car"},
         {"vehicle": "look_ahead", "engine": "exact"},
         {"initial": {"position": [[3 * i, -40] for i in range(12)], "speed": 1.0}},
-        {**AXES, "engine": "nonlinear"},
-        {**COUPLED, "engine": "nonlinear"},
-        {**APART, "engine": "nonlinear"},
+        *[
+            pytest.param({**keys, "engine": "nonlinear"}, marks=pytest.mark.long)
+            for keys in (AXES, COUPLED, APART)
+        ],
     ],
 )
 def test_no_lane_is_ever_farther_off(keys):

@@ -41,7 +41,7 @@ def decayed(lane, time):
     return np.linalg.norm(found, axis=1)
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+@pytest.mark.parametrize("engine", ["exact", pytest.param("nonlinear", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("keys", "over", "limit"),
     [
