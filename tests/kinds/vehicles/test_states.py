@@ -24,8 +24,9 @@ KEYS = {
 }
 SCRIPT = f"""
 import sys, jaxnet
-for vehicle in sys.argv[2:]:
-    jaxnet.run(jaxnet.load({KEYS} | {{"vehicle": vehicle}}), out=f"{{sys.argv[1]}}/{{vehicle}}")
+for name in sys.argv[2:]:
+    vehicle = {{"kind": name, "limits": {{}}}}
+    jaxnet.run(jaxnet.load({KEYS} | {{"vehicle": vehicle}}), out=f"{{sys.argv[1]}}/{{name}}")
 """
 
 
