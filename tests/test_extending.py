@@ -113,7 +113,7 @@ def test_a_stranger_s_kinds_work_end_to_end(folder):
     )
     assert "Fading on 2 in what they transmit" in said
     assert "Nearest: nothing is known of whom it retains" in said
-    assert "ultimate error per ā" in said
+    assert "how errors over the tail depend on ā" in said
     assert "the same as the stored row" in said
     ours = jaxnet.open(folder / "results" / "nonlinear").lanes
     np.testing.assert_allclose(
