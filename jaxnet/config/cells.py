@@ -317,7 +317,10 @@ def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
         return [getattr(each, name, unknown) for each in kinds or [getattr(study, key)]]
 
     leads, detects = of_kinds("navigator", "present", True), of_kinds("detector", "present", False)
-    limited = [*of_kinds("vehicle", "limits", {}), *(key.startswith("vehicle.l") for key in swept)]
+    limited = [
+        *of_kinds("vehicle", "limits", {}),
+        *(key.startswith("vehicle.limits") for key in swept),
+    ]
     names = [*(AGREEMENT if not all(leads) else ()), *(DETECTION if any(detects) else ())]
     names += SATURATION if any(limited) else ()
     measured = {metric.name for metric in study.metrics}

@@ -112,7 +112,9 @@ class FollowsLinearised(Followed):
         lane, now = scene.lane, scene.now
         drive = signal.combined(self.response, now.drive)
         drive = scene.decided.sensed.less_feedback(lane.gain, drive)
-        return linearised.inputs_near_navigator(lane, states, now.navigator, drive)
+        path = (jnp.broadcast_to(jet[:, None], drive.shape) for jet in now.navigator)
+        path = vehicles.in_formation(lane, tuple(path), now.time)
+        return linearised.inputs_near_navigator(lane, states, path, drive)
 
 
 class FollowsLocal(Followed):

@@ -232,7 +232,7 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     decided = tick.decide(now, before)
     if isinstance(decided.coasting, Stops):
         until_now = before.sensed.jerk(lane.gain, now.last, now.own)
-        given = lane, motion.clock.interval, until_now, now.own, decided.sensed, here
+        given = lane, motion.clock.interval, until_now, now.own, decided.sensed, here, time
         decided = replace(decided, coasting=decided.coasting.will_stop(*given))
     if not lockstep:
         decided = select(here, decided, fleet.decided)

@@ -58,6 +58,12 @@ def states_of(lane: Lane, jets: Jets, time: Instants, inner: Any = None) -> Stat
     return lane.vehicle.state_with(jets, inner)
 
 
+def drift(lane: Lane, states: States, time: Instants) -> PerAxis:
+    """The r-th derivative, without input, of what the law steers."""
+    found = lane.vehicle.drift(states)
+    return found if lane.formation is None else found - lane.offsets(time)[len(lane.gain)]
+
+
 def asked(lane: Lane, states: States, highest: PerAxis, time: Instants) -> PerAxis:
     """Inputs that the law asks for, for this r-th derivative of what it steers."""
     if lane.formation is not None:

@@ -16,20 +16,21 @@ from jaxtyping import Array, Float
 from jaxnet.model import control
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Plane
+from jaxnet.model.shapes import OrderedJets
 
 VehicleStates = Float[Array, "n m lanes"]
 
 
 def inputs_near_navigator(
-    lane: Lane, states: VehicleStates, navigator: Float[Array, "derivatives 2 lanes"], drive: Plane
+    lane: Lane, states: VehicleStates, path: OrderedJets, drive: Plane
 ) -> Plane:
     """The inputs (2, m, lanes) of vehicles with these states.
 
-    `navigator` are the navigator's jets, and `drive` is z - R(y_0) [m/s³] of each vehicle.
+    `path` are the jets of the navigator's path, for each vehicle in its place, up to the order at
+    least; `drive` is z - R(y_0) [m/s³] of each vehicle.
     """
     vehicle, order = lane.vehicle, len(lane.gain)
-    jets = tuple(jnp.broadcast_to(jet[:, None], drive.shape) for jet in navigator[: order + 1])
-    target = vehicle.state_of(jets[:order])
+    target = vehicle.state_of(tuple(path[:order]))
     error, turn = states - target, 2 * math.pi
     angles = jnp.asarray([unit == "rad" for unit in vehicle.units])[:, None, None]
     error = error - jnp.where(angles, turn * jnp.round(error / turn), 0.0)  # half a turn at most
@@ -38,6 +39,6 @@ def inputs_near_navigator(
         own = vehicle.output_jets(state)
         return vehicle.inputs_for(state, z - control.feedback(lane.gain, own))
 
-    at = target, control.driven(lane.gain, jets)
+    at = target, control.driven(lane.gain, path)
     there, change = jax.jvp(exact, at, (error, drive))
     return there + change

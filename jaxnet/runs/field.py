@@ -8,7 +8,8 @@ from jax.typing import ArrayLike
 
 from jaxnet.config.scenario import is_ideal
 from jaxnet.config.study import Study
-from jaxnet.engine.methods.stacked import lane_field, undisturbed
+from jaxnet.engine.methods.stacked import lane_field, undisturbed, with_lane_axis
+from jaxnet.engine.vehicles import first_states
 from jaxnet.lanes.jobs import job, source_of
 
 LaneField = Callable[..., jax.Array]  # of time [s], state (n, m) and an ignored argument
@@ -29,6 +30,7 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
         "attacked vehicles change at ticks": attack.periods(),
         f"{defence.kind} has isolated: coast": defence.coasts(),
         f"{law.kind} is not the law solved at every instant": not law.solves(),
+        f"the {scenario.engine.kind} engine holds inputs": scenario.engine.samples,
         "vehicles sense, and messages are lost, at ticks": not is_ideal(scenario),
     }
     if fault := next((words for words, broken in faults.items() if broken), ""):
@@ -44,4 +46,4 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
         now, state = jnp.asarray(time, float), jnp.asarray(state, float)
         return lane_field(now, state, followed, network, one.plan)
 
-    return derivative, lane.initial
+    return derivative, first_states(with_lane_axis(lane))[..., 0]

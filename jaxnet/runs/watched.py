@@ -52,8 +52,8 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
 def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Simulate the lanes of the report that no store holds; yield each store.
 
-    The nonlinear engine simulates the study's worst lanes, the study's own engine the exemplary
-    ones. Lanes of large fleets are left out, with a warning.
+    The nonlinear engine simulates the study's worst lanes, unless the study is of held inputs; the
+    study's own engine simulates the others. Lanes of large fleets are left out, with a warning.
     """
     cells = results.study.cells
     size = layout.variable_bytes(layout.trajectory_variables(cells), cells)
@@ -62,7 +62,10 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
         fleet = f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each"
         warnings.warn(f"{results.place}: {fleet}, are too large to be put in motion", stacklevel=2)
         return
-    wanted = dict.fromkeys(worst_of(results), "nonlinear")
+    wanted = {
+        (cell, sample): None if cells[cell].scenario.engine.samples else "nonlinear"
+        for cell, sample in worst_of(results)
+    }
     there = {each[:2] for each in stored_lanes(results)} | set(wanted)
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
     paths = {(*at, by): results.file(store_of(results, *at, by)) for at, by in wanted.items()}

@@ -26,6 +26,7 @@ GREATEST_SHOWN = 1e100  # [m] end of a log axis, 1 over it the other end; beyond
 LEAST_SHARE_SHOWN = 1e-3  # of the least ā, the bottom of a log axis; smaller errors have recovered
 SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
+NOT_PROPORTIONAL = 0.2  # of the power p of c·ā^p beside 1
 NO_SLOPE = "no effect of ā: errors do not rise with it"
 BOUND_NAMES = {
     "static": "static",
@@ -91,6 +92,11 @@ class Curve(NamedTuple):
 
     def is_flat(self, metric: str) -> bool:
         return (metric, None) in self.fits and self.fit(metric) is None
+
+    def is_bent(self, metric: str) -> bool:
+        """Whether errors are not proportional to ā, so that no slope of means tells of them."""
+        power = self.exponents.get(metric)
+        return power is not None and abs(power[0] - 1.0) > NOT_PROPORTIONAL
 
 
 def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:

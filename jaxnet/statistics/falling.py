@@ -48,7 +48,7 @@ def still_falls(
 
 
 def falling_cells(results: Results, cells: Sequence[Cell]) -> list[Cell]:
-    """Those of the cells that still fall; none in a folder that does not tell."""
+    """The cells that still fall; none in a folder of an earlier version, which has no mark."""
     table = results.cells
     if "falling" not in table:
         return []

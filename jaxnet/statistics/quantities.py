@@ -36,6 +36,7 @@ AGREEMENT_NOTES = {
     "spread": f"{SPREAD_WORDS}, over the tail",
     "outside": "outside: greatest way of such a vehicle out of the convex hull of their starts",
 }
+FORMATION_NOTE = "errors, spread and outside leave out the vehicles' places in the formation"
 VALUE_COLUMNS = ["value", "low", "high"]
 
 

@@ -272,7 +272,13 @@ def lane_field(
         highest = highest - (lane.gain_apart[:, None] * error).sum(axis=0)
     psi = lane.vehicle.decoupling(there)  # singular at rest
     decoupling = jnp.where(frozen[None, None], jnp.eye(2)[..., None, None], psi)
-    given = lane.vehicle.drift(there), decoupling, graph, strength * highest, strength[None] * error
+    given = (
+        vehicles.drift(lane, there, now),
+        decoupling,
+        graph,
+        strength * highest,
+        strength[None] * error,
+    )
     inputs = stacked_inputs(*(each[..., 0] for each in (*given, lane.gain)))
     rates = vehicles.rates(lane, there, inputs[..., None], now)
     return jnp.where(frozen[None], 0.0, rates)[..., 0]

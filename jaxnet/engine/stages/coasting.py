@@ -13,7 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxnet.engine.moment import LaneFlags, Moment, PerAxis, VehicleFlags
+from jaxnet.engine.moment import Instants, LaneFlags, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.stages import stopping
 from jaxnet.engine.stages.channel import Reception
 from jaxnet.engine.stages.judging import Judged
@@ -177,6 +177,7 @@ class Stops(Coasts):
         own: Jets,
         sensed: Sensed,
         here: LaneFlags,
+        time: Instants,
     ) -> "Stops":
         """Note the vehicles that stop before the next tick, in the lanes at a tick.
 
@@ -185,7 +186,7 @@ class Stops(Coasts):
         if not lane.law.needs_ticks():
             highest = self.kept_drive - control.feedback(lane.gain, sensed.of(own))
         among = self.off & ~self.standing & here[None]
-        soon, states = stopping.rest_within_tick(lane, (*own, highest), among, interval)
+        soon, states = stopping.rest_within_tick(lane, (*own, highest), among, interval, time)
         states = jnp.where(soon[None], states, self.states)
         return replace(self, soon=jnp.where(here[None], soon, self.soon), states=states)
 

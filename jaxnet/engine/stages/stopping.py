@@ -14,8 +14,8 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxnet.engine import flow, standstill
-from jaxnet.engine.moment import VehicleFlags
+from jaxnet.engine import flow, standstill, vehicles
+from jaxnet.engine.moment import Instants, VehicleFlags
 from jaxnet.engine.subset import run_if
 from jaxnet.engine.vehicles import States
 from jaxnet.model import control
@@ -28,7 +28,7 @@ BRAKING = 1e3
 
 
 def rest_within_tick(
-    lane: Lane, jets: Jets, among: VehicleFlags, interval: Float[Array, ""]
+    lane: Lane, jets: Jets, among: VehicleFlags, interval: Float[Array, ""], time: Instants
 ) -> tuple[VehicleFlags, States]:
     """Find the vehicles, among some, that stand still in this tick, and their states of rest.
 
@@ -61,5 +61,6 @@ def rest_within_tick(
     # Rounding bends a velocity of 1e-9 m/s.
     brakes = length(acceleration) > BRAKING * length(velocity)
     course = jnp.where(brakes[None], -acceleration, velocity)
+    (place,) = vehicles.in_formation(lane, (place,), time)
     states = lane.vehicle.start(place, angle(course[0], course[1]), jnp.zeros(shape))
     return still.reshape(shape) & among, states

@@ -7,8 +7,6 @@ depend on its formation.
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-import numpy as np
-
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.shapes import AnyTimes, VehicleJets
 
@@ -52,7 +50,7 @@ class Formation(Kind):
 
     def faults(self, scenario):
         vehicle, engine = scenario.vehicle, scenario.engine
-        if self.moves and not engine.samples and (vehicle.singular or engine.kind == "stacked"):
+        if self.moves and vehicle.singular and not engine.samples:
             message = f"cannot turn {vehicle.kind} vehicles: give engine: sampled"
             yield Fault(("formation", "engine"), f"the {engine.kind} engine {message}")
 
@@ -68,8 +66,3 @@ class Still(Formation):
         xp, zero = time.__array_namespace__(), 0.0 * time
         each = xp.stack([xp.stack([zero + one for one in axis]) for axis in self.places(vehicles)])
         return xp.stack([each, *[0.0 * each] * 3])
-
-
-def numbers_of(vehicles: int) -> np.ndarray:
-    """Numbers of the vehicles minus their mean, so that a formation is centred."""
-    return np.arange(vehicles) - (vehicles - 1) / 2

@@ -1,7 +1,9 @@
 import math
 
+import numpy as np
+
 from jaxnet.kinds.fields import Number, Positive, setting
-from jaxnet.kinds.formations import Formation, numbers_of
+from jaxnet.kinds.formations import Formation
 from jaxnet.model.circle import circle
 
 
@@ -19,7 +21,7 @@ class CircleFormation(Formation):
     def jets(self, time, vehicles):
         xp = time.__array_namespace__()
         first = (self.phase + self.turn_rate * time)[None]
-        apart = 2 * math.pi / vehicles * (numbers_of(vehicles) + (vehicles - 1) / 2)
+        apart = 2 * math.pi / vehicles * np.arange(vehicles)
         cosine, sine = circle(first + xp.asarray(apart)[:, None])
         radius, rate = self.radius[None, None], self.turn_rate[None, None]
         along, left = radius * xp.stack([cosine, sine]), radius * xp.stack([-sine, cosine])

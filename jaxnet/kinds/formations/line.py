@@ -1,5 +1,5 @@
 from jaxnet.kinds.fields import Number, Positive, setting
-from jaxnet.kinds.formations import Still, numbers_of
+from jaxnet.kinds.formations import Still
 from jaxnet.model.circle import circle
 
 
@@ -11,6 +11,6 @@ class LineFormation(Still):
 
     def places(self, vehicles):
         return tuple(
-            [self.spacing * along * number for number in numbers_of(vehicles).tolist()]
+            [self.spacing * along * (number - (vehicles - 1) / 2) for number in range(vehicles)]
             for along in circle(self.heading)
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from jaxnet.kinds.protocols import FleetView
-from jaxnet.kinds.shapes import VehicleNumbers
+from jaxnet.kinds.shapes import LaneNumbers, VehicleNumbers
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError
 
@@ -104,6 +104,12 @@ class Metric:
 def restore_metric(origin: modules.Origin, name: str, keys: dict[str, Any]) -> Metric:
     found = modules.attribute(modules.load_origin(origin), name)
     return found(**keys) if keys else found
+
+
+def of_fleet(seen: FleetView, number: float | LaneNumbers) -> VehicleNumbers:
+    """A number of the whole fleet, for each vehicle (m, lanes)."""
+    xp = seen.error.__array_namespace__()
+    return xp.broadcast_to(xp.asarray(number), seen.error.shape[1:])
 
 
 def errors_of(seen: FleetView) -> VehicleNumbers:

@@ -1,4 +1,6 @@
-from jaxnet.kinds.metrics import Metric
+import math
+
+from jaxnet.kinds.metrics import Metric, of_fleet
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers
 
@@ -8,9 +10,7 @@ def alarm_share(seen: FleetView, links: int) -> VehicleNumbers:
 
     The share is not-a-number without a detector, and where no message was judged.
     """
-    xp = seen.error.__array_namespace__()
-    share = xp.nan if seen.alarms is None else seen.alarms[links]
-    return xp.broadcast_to(xp.asarray(share), seen.error.shape[1:])
+    return of_fleet(seen, math.nan if seen.alarms is None else seen.alarms[links])
 
 
 ALARMS = Metric(

@@ -1,13 +1,11 @@
-from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.metrics import Metric, of_fleet
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import VehicleNumbers
 
 
 def saturation(seen: FleetView, which: int) -> VehicleNumbers:
     """What was limited until now, (m, lanes): the share of vehicle-steps (0), or the steps (1)."""
-    xp = seen.error.__array_namespace__()
-    found = 0.0 if seen.saturated is None else seen.saturated[which]
-    return xp.broadcast_to(xp.asarray(found), seen.error.shape[1:])
+    return of_fleet(seen, 0.0 if seen.saturated is None else seen.saturated[which])
 
 
 SATURATED = Metric(

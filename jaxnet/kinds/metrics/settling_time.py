@@ -1,7 +1,7 @@
 from typing import Any, Literal
 
 from jaxnet.kinds.fields import Record, setting
-from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.metrics import Metric, of_fleet
 from jaxnet.kinds.metrics.spread import farthest_honest
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import LaneNumbers, VehicleNumbers
@@ -43,8 +43,7 @@ class Settling(Record):
         if self.fraction is not None:
             start = self.size(seen._replace(error=seen.errors_at_start()))
             limit = xp.maximum(self.fraction * start, LEAST_LENGTH)
-        time = xp.where(self.size(seen) > limit, seen.next_time, 0.0)
-        return xp.broadcast_to(time[None], seen.error.shape[1:])
+        return of_fleet(seen, xp.where(self.size(seen) > limit, seen.next_time, 0.0))
 
 
 def settling_time(

@@ -44,7 +44,8 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
             for name, slope in curve.limits(metric).items()
         }
         for name, (quantile, look) in FITS.items():
-            if fitted := curve.fit(metric, quantile):
+            fitted = curve.fit(metric, quantile)
+            if fitted and not (quantile is None and curve.is_bent(metric)):
                 slopes[name] = fitted[0], look
         lines = []
         for name, (slope, look) in slopes.items():

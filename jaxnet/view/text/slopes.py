@@ -20,7 +20,6 @@ from jaxnet.view.text.tables import lane_title
 from jaxnet.view.text.width import filled
 
 MOST_VIOLATIONS = 20
-NOT_PROPORTIONAL = 0.2  # of the power p beside 1: a slope tells nothing then
 LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, "all below": ENVELOPE}
 ERROR_NAMES = {"tail_mean": "mean error", "tail_max": "greatest error"}
@@ -87,8 +86,7 @@ def law_text(curve: Curve, metric: str) -> str:
     """How the mean error depends on ā, in words."""
     if curve.is_flat(metric):
         return "no effect of ā"
-    power = curve.exponents.get(metric)
-    if power is not None and abs(power[0] - 1.0) > NOT_PROPORTIONAL:
+    if curve.is_bent(metric):
         return "not proportional to ā"
     told = estimate_text(curve.fit(metric), " ā").replace(" (", ", 95 % ").rstrip(")")
     return told if told == "-" else f"error = {told}"

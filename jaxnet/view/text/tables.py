@@ -17,7 +17,7 @@ from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
-from jaxnet.statistics.quantities import AGREEMENT_NOTES
+from jaxnet.statistics.quantities import AGREEMENT_NOTES, FORMATION_NOTE
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import LANE_SHARES, UNSETTLED_NOTE, hull_note
 from jaxnet.store.folder import FolderError
@@ -113,6 +113,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         told = {name.split("_")[0] for name in names}
         notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in told]
         notes += [hull_note(config, cells)] if "in_hull" in names else []
+    notes += [FORMATION_NOTE] * any(cell.scenario.formation.present for cell in cells)
     notes += [UNSETTLED_NOTE] * ("unsettled" in names)
     if "amplitude" in names:
         notes.append(amplitude_note(cells))

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import jaxnet
+from jaxnet.view.text.tables import summary_text
+from tests.engine import test_stopping
+from tests.engine.test_isolated import LastDrops
 
 PLACES = {
     "offsets": {"offsets": [[3.0 * n, -2.0 * n**2] for n in range(12)]},
@@ -88,7 +91,10 @@ def test_errors_of_other_engines_are_those_without_a_formation(engine):
     assert moved == pytest.approx(np.broadcast_to(offsets("grid").T, moved.shape), abs=1e-5)
 
 
-@pytest.mark.parametrize("engine", ["exact", pytest.param("nonlinear", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "engine",
+    ["exact", *[pytest.param(each, marks=pytest.mark.long) for each in ("nonlinear", "stacked")]],
+)
 @pytest.mark.parametrize("vehicle", ["double_integrator", {"kind": "look_ahead", "ahead": 2.0}])
 def test_circle_that_turns(vehicle, engine):
     """The true outputs turn, the errors do not."""
@@ -99,6 +105,47 @@ def test_circle_that_turns(vehicle, engine):
     places = [places_of(results, vehicle) for results in (plain, shaped)]
     moved = (places[1] - places[0])[:, -1]
     assert moved == pytest.approx(np.broadcast_to(offsets("", 2.0).T, moved.shape), abs=1e-5)
+
+
+@pytest.mark.parametrize("engine", ["nonlinear", "sampled"])
+def test_the_linearised_law_leads_each_vehicle_to_its_place(engine):
+    """It linearises about the navigator's path in each vehicle's place."""
+    keys = {"vehicle": "unicycle", "law": "linearised", "engine": engine, "attack": "none"}
+    keys |= {"defence": "none", "tick": 0.01, "initial": {"speed": 28.0, "heading": 0.8}}
+    keys["initial"]["position"] = {"uniform": [-2.0, 2.0]}
+    plain = simulated(**keys).lanes["tail_mean"].to_numpy()
+    shaped = simulated(**keys, formation={"kind": "grid", **PLACES["grid"]}).lanes
+    assert shaped["tail_mean"].to_numpy() == pytest.approx(plain, rel=1e-6)
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+def test_a_vehicle_that_stops_stands_in_its_place(engine):
+    """Vehicles 3 and 4, cut off at once, come to rest where they are in the formation."""
+    stops = {**test_stopping.KEYS, "engine": engine, "gain": test_stopping.GAINS[3][0]}
+    stops["defence"] = {"kind": f"{LastDrops.__module__}:LastDrops", "isolated": "coast"}
+    plain = simulated(**stops)
+    line = {"kind": "line", "spacing": 50.0}
+    shaped = simulated(**stops, formation=line)
+    assert (plain.lanes["stopped"] > 0).all()
+    for column in ("tail_mean", "peak_error", "stopped"):
+        expected = plain.lanes[column].to_numpy()
+        assert shaped.lanes[column].to_numpy() == pytest.approx(expected, rel=1e-6), column
+    moved = positions(shaped) - positions(plain)
+    along = 50.0 * (np.arange(4) - 1.5)
+    places = np.stack([along, np.zeros(4)], axis=1)
+    assert moved == pytest.approx(np.broadcast_to(places, moved.shape), abs=1e-5)
+
+
+def test_the_vector_field_starts_in_formation():
+    keys = {"defence": "none", "formation": {"kind": "grid", **PLACES["grid"]}}
+    plain, shaped = (
+        jaxnet.load({"name": "one", **keys, "formation": each})
+        for each in ("none", keys["formation"])
+    )
+    starts = [np.asarray(jaxnet.field(study)[1]) for study in (plain, shaped)]
+    assert (starts[1] - starts[0])[:2] == pytest.approx(offsets("grid"), abs=1e-10)
+    with pytest.raises(ValueError, match="the sampled engine"):
+        jaxnet.field(jaxnet.load({"name": "one", "defence": "none", "engine": "sampled"}))
 
 
 def places_of(results, vehicle):
@@ -124,6 +171,15 @@ def test_least_separation_is_that_of_true_places():
     assert lanes["min_separation"].to_numpy() == pytest.approx(0.517638, abs=5e-7)
     assert lanes["spread"].to_numpy() == pytest.approx(0.0, abs=1e-12)
     assert lanes["outside"].to_numpy() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_tables_say_that_errors_leave_out_places():
+    line = {"kind": "line", "spacing": 2.0}
+    told = [
+        summary_text(simulated(vehicle="single_integrator", formation=each))
+        for each in ("none", line)
+    ]
+    assert ["places in the formation" in text for text in told] == [False, True]
 
 
 def test_messages_are_lost_by_true_distance():
