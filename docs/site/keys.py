@@ -33,7 +33,6 @@ PARTS = {
     "search": "SearchSettings",
     "save": "Save",
     "samples.until": "Criterion",
-    "settling": "Settling",
 }
 ELSEWHERE = {  # kinds of which a page says what their docstring says after its first paragraph
     "edges": "[the local law](model.md#the-local-law)",
@@ -52,6 +51,7 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "consistent": "[B1](guarantees.md#assumptions-b1-to-c3)",
 }
 EXAMPLES = {
+    "metrics": "metrics: [min_separation, {kind: settling_time, below: 0.1}]",
     "topology": "topology: {kind: lattice, neighbours: 4, navigator: [1, 2]}",
     "navigator": "navigator: {kind: lissajous, amplitude: [80, 40], frequency: [0.1, 0.2]}",
     "vehicle": "vehicle: {kind: car, wheelbase: 0.6}",
@@ -82,14 +82,7 @@ def current(page: str) -> str:
     parts += [section(key, rows(each, each["properties"])) for key, each in inner.items()]
     said: dict[Any, str] = {}  # base classes whose keys families share, and the first family
     parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"], said)]
-    metrics = (registry.find("metrics", name) for name in registry.kind_names("metrics"))
-    parts += [
-        "## metrics\n",
-        *(
-            f"- `{each.name}`{f' [{each.column_unit}]' * bool(each.column_unit)}: {each.words}."
-            for each in metrics
-        ),
-    ]
+    parts += of_metrics(whole["$defs"])
     return "\n".join([prose + mark, *parts]) + "\n"
 
 
@@ -118,6 +111,18 @@ def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Itera
         if more := ELSEWHERE.get(name, ELSEWHERE.get(f"{name} of {family}")):
             words = f"{words.partition(chr(10) * 2)[0]} More: {more}."
         yield section(f"`{name}`", tables[name], 3, wrapped(words))
+
+
+def of_metrics(known: dict[str, Any]) -> Iterator[str]:
+    """The metrics, then the keys of those that have keys."""
+    yield "## metrics\n"
+    yield f"    {EXAMPLES['metrics']}\n"
+    for each in (registry.find("metrics", name) for name in registry.kind_names("metrics")):
+        yield f"- `{each.name}`{f' [{each.column_unit}]' * bool(each.column_unit)}: {each.words}."
+    for name, model in registry.models("metrics").items():
+        table = rows(known[model.__name__], model.model_fields)
+        words = wrapped(inspect.cleandoc(model.__doc__ or ""))
+        yield "\n" + section(f"`{name}`", table, 3, words).rstrip()
 
 
 def alike(tables: dict[str, list[str]]) -> list[str]:

@@ -34,7 +34,6 @@ from jaxnet.config.keys import (
     Linspace,
     Save,
     Scenario,
-    known_metric,
 )
 from jaxnet.config.known import KnownKeys, explain, model_of, with_kind, written_keys
 from jaxnet.config.naming import Key, full_kind, value_labels, without_empty_labels
@@ -324,7 +323,7 @@ def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
     names = [*(AGREEMENT if not all(leads) else ()), *(DETECTION if any(detects) else ())]
     names += SATURATION if any(limited) else ()
     measured = {metric.name for metric in study.metrics}
-    more = [known_metric(name) for name in names if name not in measured]
+    more = [registry.find("metrics", name) for name in names if name not in measured]
     changed: dict[str, object] = {"metrics": [*study.metrics, *more]} if more else {}
     if not any(leads) and study.search and "maximise" not in study.search.model_fields_set:
         changed["search"] = study.search.model_copy(update={"maximise": "spread"})

@@ -17,7 +17,7 @@ from jaxnet.config.keys import (
 from jaxnet.config.scenario import scenario_graph
 from jaxnet.kinds.fields import EachOrder, EachPosition, EachVehicle, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.metrics import DETECTION
+from jaxnet.kinds.metrics import DETECTION, Metric
 from jaxnet.kinds.refusals import shorten_value
 from jaxnet.model import axis
 from jaxnet.outside import blame
@@ -178,6 +178,8 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     kinds |= {f"channel.{key}": getattr(scenario.channel, key) for key in ("loss", "noise")}
     for key, kind in kinds.items():
         yield from kind_faults(key, kind, scenario)
+    for metric in scenario.metrics:
+        yield from kind_faults("metrics", metric, scenario)
     yield from message_faults(scenario)
     if scenario.channel.late:
         yield from delay_faults(scenario)
@@ -185,7 +187,7 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
         yield from detector_faults(scenario)
 
 
-def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
+def kind_faults(key: str, kind: Kind | Metric, scenario: Scenario) -> list[Fault]:
     """Return the faults that a kind reports, or the error that a kind from outside raised."""
     try:
         with blame.blaming():

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, Field, PlainSerializer, PrivateAttr
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BaseModel, Field, PrivateAttr
 
 from jaxnet.config.sweep import keys_in
 from jaxnet.engine.methods import Engine
@@ -43,18 +42,16 @@ from jaxnet.kinds.formations import Formation
 from jaxnet.kinds.formations.none import NoFormation
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
-from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.laws import Law
 from jaxnet.kinds.laws.exact import ExactLaw
 from jaxnet.kinds.losses import Loss
 from jaxnet.kinds.losses.none import NoLoss
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, Metric
-from jaxnet.kinds.metrics.settling_time import Settling, settling_time
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.navigators.lissajous import Lissajous
 from jaxnet.kinds.noises import ChannelNoise
 from jaxnet.kinds.noises.gaussian import GaussianNoise
-from jaxnet.kinds.registry import KindOf
+from jaxnet.kinds.registry import KindOf, MetricOf
 from jaxnet.kinds.sensors import Sensor
 from jaxnet.kinds.sensors.gaussian import Gaussian
 from jaxnet.kinds.vehicles import Vehicle
@@ -161,21 +158,6 @@ def one_of(refusal: str, *words: str, **members: Any) -> Any:
     return one_form_of(form, refusal, **members)
 
 
-def known_metric(given: str | Settling) -> Metric:
-    if not isinstance(given, str):
-        return settling_time(**given.keys())
-    try:
-        return registry.find("metrics", given)
-    except KindError as error:
-        raise PydanticCustomError("metric", "{error}", {"error": str(error)}) from error
-
-
-def plain_metric(metric: Metric) -> str | dict[str, object]:
-    """A metric as a config has it: its name, or its keys."""
-    keys = getattr(metric.of, "keys", dict)()
-    return {"kind": metric.name, **keys} if keys else registry.metric_name(metric)
-
-
 Count = Annotated[int, Field(ge=1, le=100_000)]
 Above = Annotated[float, Field(gt=0)]
 
@@ -239,21 +221,11 @@ class Sequential(Record):
 
 
 if TYPE_CHECKING:
-    NamedMetric = Metric
     SweptValues = list[Any] | Linspace | Geomspace
     SavedLanes = Literal["none", "all"] | Samples | WorstLanes
     SearchRange = list[float] | Literal["each"] | EachIn | list[list[float]] | ChosenVehicles
     SampleCount = int | Sequential
 else:
-    NamedMetric = Annotated[
-        one_of(
-            "must be a name, or keys such as {kind: settling_time, below: 0.1}",
-            plain=str,
-            kind=Settling,
-        ),
-        AfterValidator(known_metric),
-        PlainSerializer(plain_metric),
-    ]
     SweptValues = one_of(
         "must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}",
         list=Annotated[list[Any], Len(1)],
@@ -346,7 +318,7 @@ class Scenario(Record):
     engine: Annotated[Engine, KindOf("engine")] = Field(
         default=Nonlinear(), description="how lanes are computed"
     )
-    metrics: list[NamedMetric] = Field(
+    metrics: list[Annotated[Metric, MetricOf("metrics")]] = Field(
         default=[],
         description="what rows measure besides what all do; without a navigator also spread and"
         " outside",

@@ -3,11 +3,12 @@
 import json
 from typing import Any
 
+from pydantic import BaseModel
+
 from jaxnet.config.document import Plain
 from jaxnet.config.keys import KINDS, Channel, Config, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import Attack
-from jaxnet.kinds.kind import Kind
 
 JsonSchema = dict[str, Any]
 
@@ -19,13 +20,13 @@ def schema_text() -> str:
 def config_schema() -> JsonSchema:
     """Return the schema of all keys and of every kind with a name, which may be bare."""
     whole = Config.model_json_schema()
-    for family, default in DEFAULT_KINDS.items():
-        kinds = {name: registry.find(family, name) for name in registry.kind_names(family)}
+    for family, default in {**DEFAULT_KINDS, "metrics": ""}.items():
+        kinds = registry.models(family)
         for name, kind in kinds.items():
             whole["$defs"] |= definitions(kind, name, default)
         whole["$defs"][family] = {
             "anyOf": [
-                {"enum": list(kinds)},
+                {"enum": registry.kind_names(family)},
                 {"type": "string", "pattern": OUTSIDE},
                 *({"$ref": f"#/$defs/{kind.__name__}"} for kind in kinds.values()),
                 {
@@ -37,13 +38,6 @@ def config_schema() -> JsonSchema:
         }
     for family in KINDS:
         whole["properties"][family] |= {"family": family, "default": DEFAULT_KINDS[family]}
-    whole["properties"]["metrics"]["items"] = {
-        "anyOf": [
-            {"enum": registry.kind_names("metrics")},
-            {"type": "string", "pattern": OUTSIDE},
-            {"$ref": "#/$defs/Settling"},
-        ]
-    }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
 
 
@@ -55,7 +49,7 @@ DEFAULT_KINDS |= {key: Channel.model_fields[key].default.reference() for key in 
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class
 
 
-def definitions(kind: type[Kind], name: str, default: str) -> JsonSchema:
+def definitions(kind: type[BaseModel], name: str, default: str) -> JsonSchema:
     """Return the schema of a kind and of its keys. Only the default kind may omit `kind`."""
     own = kind.model_json_schema(ref_template="#/$defs/{model}")
     inner = own.pop("$defs", {})

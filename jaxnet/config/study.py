@@ -215,8 +215,11 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
         raise refusal(keys, told)
     if isinstance(value, Kind):
         return {"kind": registry.adopt(type(value)), **without_empty_labels(dict(value))}
-    if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
+    if isinstance(value, type) and issubclass(value, Kind):
         return registry.adopt(value)
+    if isinstance(value, Metric):
+        registry.adopt(value)
+        return registry.plain_metric(value)
     swept = keys[:2] == ("sweep", "topology") and len(keys) == 3
     if isinstance(value, np.ndarray) and not (swept or keys == ("topology",)):
         return value

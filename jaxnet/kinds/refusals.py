@@ -51,7 +51,7 @@ def value_message(error: ErrorDetails) -> str:
         return "unknown key"
     if kind == "kind":
         return f"must be a mapping, or one of {context['known']} (got {shorten_value(given)})"
-    if kind in ("metric", "kind_name"):
+    if kind == "kind_name":
         return str(context["error"])
     if kind in ("too_short", "too_long"):
         limit, name = ("least", "min_length") if kind == "too_short" else ("most", "max_length")

@@ -20,6 +20,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError, core_schema
 
+from jaxnet.kinds.fields import Record
 from jaxnet.kinds.kind import REFERENCES, Kind, KindError
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.families import (
@@ -104,6 +105,15 @@ def kind_names(family: str) -> list[str]:
     package = importlib.import_module(FAMILIES[family].package)
     ours = [module.name for module in pkgutil.iter_modules(package.__path__)]
     return [*ours, *(point.name for point in entry_points(family) if point.name not in ours)]
+
+
+def models(family: str) -> dict[str, type[Record]]:
+    """The models of keys, by name, of a family's kinds that have keys and need no module."""
+    found = {name: find(family, name) for name in kind_names(family)}
+    models = {
+        name: each if isinstance(each, type) else type(each.of) for name, each in found.items()
+    }
+    return {name: model for name, model in models.items() if issubclass(model, Record)}
 
 
 def find(family: str, name: str) -> Any:
@@ -210,10 +220,10 @@ class KindOf:
     def __init__(self, family: str, default: str | None = None):
         self.family, self.default = family, default
 
-    def validate(self, value: object) -> Kind:
+    def validate(self, value: object) -> Any:
         if isinstance(value, str):
             value = {"kind": value}
-        if isinstance(value, Kind) and isinstance(value, base_of(self.family)):
+        if isinstance(value, base_of(self.family)):
             return value
         if not isinstance(value, dict):
             known = {"known": ", ".join(kind_names(self.family))}
@@ -227,12 +237,21 @@ class KindOf:
         except KindError as error:
             context = {"error": str(error), "family": self.family}
             raise PydanticCustomError("kind_name", "{error}", context) from error
-        return found.model_validate({key: each for key, each in value.items() if key != "kind"})
+        return self.made(found, {key: each for key, each in value.items() if key != "kind"})
+
+    @staticmethod
+    def made(found: Any, keys: dict[str, object]) -> Any:
+        return found.model_validate(keys)
+
+    @staticmethod
+    def plain(kind: Any) -> object:
+        """The form of a config."""
+        return kind.model_dump()
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        dumped = core_schema.plain_serializer_function_ser_schema(lambda kind: kind.model_dump())
+        dumped = core_schema.plain_serializer_function_ser_schema(self.plain)
         return core_schema.no_info_plain_validator_function(self.validate, serialization=dumped)
 
     def __get_pydantic_json_schema__(
@@ -240,3 +259,22 @@ class KindOf:
     ) -> JsonSchemaValue:
         """A placeholder, which `config.schema` replaces by a reference."""
         return {"family": self.family}
+
+
+class MetricOf(KindOf):
+    """A metric: an object, a mapping with `kind` and its keys, or the name alone."""
+
+    @staticmethod
+    def made(found, keys):
+        made = found.with_keys(**keys)
+        refer(made, metric_name(found))
+        return made
+
+    @staticmethod
+    def plain(kind):
+        return plain_metric(kind)
+
+
+def plain_metric(metric: Any) -> str | dict[str, object]:
+    """A metric as a config has it: its name, or a mapping with its keys."""
+    return {"kind": metric_name(metric), **metric.keys} if metric.keys else metric_name(metric)

@@ -46,8 +46,10 @@ def home_of(found: KindOrMetric) -> str:
 def name_in(found: KindOrMetric) -> str:
     if isinstance(found, type):
         return found.__qualname__
-    held = vars(sys.modules[home_of(found)]).items()
-    return next((name for name, each in held if each is found), found.name)
+    held = vars(sys.modules[home_of(found)])
+    # A metric with other keys than that of the module has its name.
+    alike = (n for n, each in held.items() if type(each) is type(found) and each.name == found.name)
+    return next((name for name, each in held.items() if each is found), next(alike, found.name))
 
 
 def neighbours_of(found: KindOrMetric) -> ModuleFolder | None:

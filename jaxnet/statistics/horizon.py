@@ -51,6 +51,6 @@ def asked_length(cell: Cell, study: Config, distance: float) -> float:
     for metric in study.metrics:
         if metric.name == "settling_time":
             asked: Any = metric.of
-            lengths.append(asked.below or asked.fraction * distance)
+            lengths.append(asked.below or asked.share * distance)
     known = [length for length in lengths if length == length]
     return min(known, default=LEAST_LEFT * distance)

@@ -18,8 +18,8 @@ from typing import Any, ClassVar, NoReturn, TypeVar, get_origin
 from pydantic import BaseModel, ConfigDict, create_model
 
 from jaxnet.kinds.kind import Kind, KindError
-from jaxnet.kinds.metrics import Metric
-from jaxnet.kinds.registry import LOADED, METRIC_REFERENCES, Scope
+from jaxnet.kinds.metrics import Metric, MetricKeys
+from jaxnet.kinds.registry import LOADED, METRIC_REFERENCES, Scope, metric_name
 from jaxnet.outside import modules
 from jaxnet.outside import provenance as source
 from jaxnet.outside.families import FAMILIES, base_of, entry_points, import_reference
@@ -113,13 +113,19 @@ class Looking(Scope):
 
 
 def describe_outside(
-    known: Mapping[tuple[str, str], source.KindOrMetric], named: Iterable[source.KindOrMetric]
+    known: Mapping[tuple[str, str], source.KindOrMetric],
+    named: Iterable[source.KindOrMetric],
+    metrics: Iterable[Metric] = (),
 ) -> dict[str, Description]:
-    """The manifest's description of kinds from outside, for readers without their code."""
+    """The manifest's description of kinds from outside, for readers without their code.
+
+    `metrics` are those of the study, with its keys.
+    """
     wanted, told = list(named), dict[str, Description]()
+    used = {metric_name(each): each for each in metrics}
     for (family, name), found in known.items():
         if any(each is found for each in wanted):
-            own = {key: getattr(found, key, None) for key in METRIC}
+            own = {key: getattr(used.get(name, found), key, None) for key in METRIC}
             told[name] = {"family": family, **(of_class(found) if isinstance(found, type) else own)}
     return told
 
@@ -170,7 +176,9 @@ def json_value(value: object) -> object:
 def metric_like(family: str, name: str, told: Description) -> Metric:
     texts = {"name": name.rpartition(":")[2], "unit": ""}
     texts |= {key: told[key] for key in METRIC if isinstance(told.get(key), str)}
-    found = Metric(**texts, of=missing_method(name))  # pyright: ignore[reportArgumentType]
+    own = {"__call__": missing_method(name), "model_config": ConfigDict(extra="allow")}
+    measure: Any = type("StandIn", (MetricKeys,), {"__module__": __name__, **own})
+    found = Metric(**texts, of=measure())  # pyright: ignore[reportArgumentType]
     METRIC_REFERENCES[found] = name
     return found
 

@@ -95,7 +95,7 @@ def manifest_entries(config: Config) -> dict[str, object]:
     return {
         "hash": digest(config),
         "versions": versions(),
-        "kinds": describe_outside(config.scope.known, named),
+        "kinds": describe_outside(config.scope.known, named, config.metrics),
         "modules": {name: made._asdict() for name, made in modules_of(config).items()},
         "save": to_plain(config.save),
         "settings": settings_of(config),

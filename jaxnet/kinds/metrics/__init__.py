@@ -1,10 +1,12 @@
 """Metrics: what a row measures. Rows, cells, tables and the figure `curve` follow from it."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
-from jaxnet.kinds.protocols import FleetView
+from jaxnet.kinds.fields import Record
+from jaxnet.kinds.kind import Fault
+from jaxnet.kinds.protocols import FleetView, ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, VehicleNumbers
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError
@@ -17,6 +19,27 @@ Over = Literal["run", "tail"]
 Reduction = Literal["mean", "max", "min"]
 OverTime = Literal["mean", "max", "min", "sum", "integral", "last"]
 Undefined = Literal["error", "infinite", "blank"]
+
+
+class MetricKeys(Record):
+    """The `of` of a metric with keys: its fields are the keys, each with a default.
+
+    A subclass gives `__call__`.
+    """
+
+    def __call__(self, seen: FleetView) -> VehicleNumbers:
+        raise KindError(f"{type(self).__name__}: a metric with keys gives __call__(self, seen)")
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.model_dump_json()))  # of lists among the keys too
+
+    def words(self) -> str:
+        """Meaning of the metric with these keys; "" where that of the metric suits all."""
+        return ""
+
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """The faults of a scenario whose rows have this metric."""
+        yield from ()
 
 
 @dataclass(frozen=True)
@@ -34,7 +57,8 @@ class Metric:
     unit
         Unit of the numbers that `of` returns, such as "m/s"; "1" or "" for none.
     of
-        Function from an observation to one number for each vehicle, (m, lanes).
+        Function from an observation to one number for each vehicle, (m, lanes). Of a metric with
+        keys it is a `MetricKeys`.
     over
         Output times: those of the whole run, or of the tail.
     time
@@ -82,6 +106,21 @@ class Metric:
             if (given := getattr(self, field)) not in known:
                 message = f"{field} is one of {', '.join(known)} (got {given!r})"
                 raise KindError(f"metric {self.name}: {message}")
+        if isinstance(self.of, MetricKeys):
+            object.__setattr__(self, "words", self.of.words() or self.words)
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """The keys of the metric with their values; empty for a metric without keys."""
+        return self.of.model_dump() if isinstance(self.of, MetricKeys) else {}
+
+    def with_keys(self, **keys: object) -> "Metric":
+        """The metric with these keys and its own others; raise ValueError where they are wrong."""
+        if isinstance(self.of, MetricKeys):
+            return replace(self, of=type(self.of).model_validate(dict(self.of) | keys))
+        if keys:
+            raise ValueError(f"{self.name} has no keys")
+        return self
 
     @property
     def column_unit(self) -> str:
@@ -91,19 +130,18 @@ class Metric:
             return unit
         return f"{unit}·s" if unit else "s"
 
-    def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
-        """Pickle the file of the metric with its hash: another process loads the same metric.
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """The faults of a scenario whose rows have this metric."""
+        return self.of.faults(scenario) if isinstance(self.of, MetricKeys) else iter(())
 
-        A metric with keys is made by the function of its name.
-        """
-        keys = getattr(self.of, "keys", dict)()
-        name = self.name if keys else provenance.name_in(self)
-        return restore_metric, (provenance.origin_of(self), name, keys)
+    def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
+        """Pickle the file of the metric with its hash: another process loads the same metric."""
+        return restore_metric, (provenance.origin_of(self), provenance.name_in(self), self.keys)
 
 
 def restore_metric(origin: modules.Origin, name: str, keys: dict[str, Any]) -> Metric:
-    found = modules.attribute(modules.load_origin(origin), name)
-    return found(**keys) if keys else found
+    found: Metric = modules.attribute(modules.load_origin(origin), name)
+    return found.with_keys(**keys)
 
 
 def of_fleet(seen: FleetView, number: float | LaneNumbers) -> VehicleNumbers:

@@ -1,7 +1,7 @@
 from typing import Any, Literal
 
-from jaxnet.kinds.fields import Record, setting
-from jaxnet.kinds.metrics import Metric, of_fleet
+from jaxnet.kinds.fields import setting
+from jaxnet.kinds.metrics import Metric, MetricKeys, of_fleet
 from jaxnet.kinds.metrics.spread import farthest_honest
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.kinds.shapes import LaneNumbers, VehicleNumbers
@@ -9,14 +9,13 @@ from jaxnet.kinds.shapes import LaneNumbers, VehicleNumbers
 LEAST_LENGTH = 1e-9  # [m]: shorter ones are rounding
 
 
-class Settling(Record):
+class SettlingTime(MetricKeys):
     """The first output time after which the error stays below a length, or a part of the start.
 
     Times are those of outputs (`output_step`). Without a navigator the spread counts. A lane that
     is not below at the last output has never settled: its time is infinite.
     """
 
-    kind: Literal["settling_time"] = setting("settling_time", "the metric that has keys")
     below: float | None = setting(None, "[m], the length", gt=0)
     fraction: float | None = setting(
         None, "of the error at the start; 0.01 where `below` is not given", gt=0, lt=1
@@ -27,8 +26,16 @@ class Settling(Record):
         if self.below is not None and self.fraction is not None:
             raise ValueError("give below or fraction, not both")
 
-    def keys(self) -> dict[str, Any]:
-        return self.model_dump(exclude={"kind"})
+    @property
+    def share(self) -> float | None:
+        """The fraction of the start; None where a length is asked for."""
+        return None if self.below is not None else self.fraction or 0.01
+
+    def words(self):
+        limit = (
+            f"{self.below:g} m" if self.share is None else f"{100 * self.share:g} % of the start"
+        )
+        return f"settling time to {limit}{', greatest vehicle' * (self.of == 'greatest')}"
 
     def size(self, seen: FleetView) -> LaneNumbers:
         """The error [m] that has to settle, (lanes,); without a navigator the spread."""
@@ -40,25 +47,10 @@ class Settling(Record):
     def __call__(self, seen: FleetView) -> VehicleNumbers:
         """The next output time where the error is not below now, else 0: (m, lanes) [s]."""
         xp, limit = seen.error.__array_namespace__(), self.below
-        if self.fraction is not None:
+        if self.share is not None:
             start = self.size(seen._replace(error=seen.errors_at_start()))
-            limit = xp.maximum(self.fraction * start, LEAST_LENGTH)
+            limit = xp.maximum(self.share * start, LEAST_LENGTH)
         return of_fleet(seen, xp.where(self.size(seen) > limit, seen.next_time, 0.0))
 
 
-def settling_time(
-    below: float | None = None,
-    fraction: float | None = None,
-    of: Literal["mean", "greatest"] = "mean",
-) -> Metric:
-    """The metric of these keys; metrics of equal keys are equal."""
-    if below is None:
-        fraction = fraction or 0.01
-    asked = Settling(below=below, fraction=fraction, of=of)
-    limit = f"{below:g} m" if fraction is None else f"{100 * fraction:g} % of the start"
-    whose = ", greatest vehicle" if of == "greatest" else ""
-    words = f"settling time to {limit}{whose}"
-    return Metric("settling_time", "s", asked, words=words, undefined="infinite")
-
-
-SETTLING_TIME = settling_time()
+SETTLING_TIME = Metric("settling_time", "s", SettlingTime(), undefined="infinite")

@@ -10,7 +10,7 @@ import pytest
 import jaxnet
 from jaxnet.config.document import ConfigError
 from jaxnet.kinds.metrics import Metric
-from jaxnet.kinds.metrics.settling_time import settling_time
+from jaxnet.kinds.metrics.settling_time import SETTLING_TIME
 from jaxnet.model.plane import length
 from jaxnet.view.columns import default_columns
 from jaxnet.view.text.tables import summary_text
@@ -139,13 +139,17 @@ def test_the_stored_study_has_the_keys_of_the_metric():
     told = {"kind": "settling_time", "below": None, "fraction": 0.05, "of": "greatest"}
     assert study.config.model_dump(mode="json")["metrics"] == ["min_separation", told]
     assert again.config.metrics == study.config.metrics
-    assert systems.study(metrics=["settling_time"]).config.metrics == [settling_time(fraction=0.01)]
+    assert systems.study(metrics=["settling_time"]).config.metrics == [SETTLING_TIME]
 
 
 def test_another_process_has_the_same_metric():
-    metric = settling_time(below=0.2, of="greatest")
-    assert pickle.loads(pickle.dumps(metric)) == metric != settling_time(below=0.3, of="greatest")
-    assert {metric} == {settling_time(below=0.2, of="greatest")}
+    metric = SETTLING_TIME.with_keys(below=0.2, of="greatest")
+    assert (
+        pickle.loads(pickle.dumps(metric))
+        == metric
+        != SETTLING_TIME.with_keys(below=0.3, of="greatest")
+    )
+    assert {metric} == {SETTLING_TIME.with_keys(below=0.2, of="greatest")}
 
 
 @pytest.mark.parametrize(
@@ -155,8 +159,8 @@ def test_another_process_has_the_same_metric():
         (asked(below=-1), "must be greater than 0"),
         (asked(fraction=1.5), "must be less than 1"),
         (asked(belwo=0.1), "did you mean 'below'?"),
-        ({"kind": "min_separation"}, "settling_time"),
-        ({"below": 0.1}, "{kind: settling_time, below: 0.1}"),
+        ({"kind": "min_separation", "below": 0.1}, "min_separation has no keys"),
+        ({"below": 0.1}, "must be one of alarms, "),
     ],
 )
 def test_wrong_keys_are_told(given, told):
