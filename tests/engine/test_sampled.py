@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jaxnet
+from jaxnet.kinds.vehicles.robotarium import Robotarium
 from jaxnet.view.text.check import check_text
 
 STEP = 0.033
@@ -59,6 +60,17 @@ def test_consensus_of_the_arena():
     assert row["saturated"] * ROBOTS * 1001 == pytest.approx(427)
     end = points(states[1000])
     assert end.mean(axis=0) == pytest.approx([0.065513238, 0], abs=6e-10)
+
+
+@pytest.mark.parametrize(("steps", "collisions"), [(100, 0), (300, 2_523), (1000, 47_713)])
+def test_collisions_of_the_arena(steps, collisions):
+    """Each pair counts in each step; the pose after the last move does not."""
+    metrics = ["collisions", "outside_arena", "spread"]
+    row = ring(horizon=steps * STEP, tail=0.0, metrics=metrics, save={}).lanes.iloc[0]
+    assert row["collisions"] == collisions
+    assert row["outside_arena"] == 0
+    if steps == 1000:
+        assert row["spread"] == pytest.approx(2.718254e-4, abs=6e-11)
 
 
 @pytest.mark.parametrize(("limit", "mean"), [(12.5, 0.065513238), (1e6, 0.048045590)])
@@ -199,3 +211,22 @@ def test_nothing_is_proved_of_sampled_or_limited_fleets():
     assert "nothing is proved; unicycle may" in check_text(
         jaxnet.load({**asked, "vehicle": limited})
     )
+
+
+class Driven(Robotarium):
+    """A robot whose inputs are constant, whatever the law asks for."""
+
+    def inputs_for(self, state, jerk):
+        xp = state.__array_namespace__()
+        return xp.stack([xp.full_like(state[0], 0.1), xp.full_like(state[0], 0.5)])
+
+
+def test_circle_of_constant_inputs():
+    """3,000 steps from the origin at 0.1 m/s and 0.5 rad/s; the arena wraps the heading."""
+    keys = {"vehicles": 1, "topology": "star", "vehicle": Driven(), "law": "local", "gain": [1.0]}
+    keys |= {"attack": "none", "defence": "none", "engine": {"kind": "sampled", "move": "euler"}}
+    keys |= {"initial": {"position": 0.0, "heading": 0.0}, "save": {"trajectories": "all"}}
+    keys |= {"tick": STEP, "output_step": 100 * STEP, "horizon": 3000 * STEP, "tail": 0.0}
+    x, y, heading = states_of(jaxnet.simulate(keys, samples=1, progress=False))[-1, 0]
+    wrapped = math.atan2(math.sin(heading), math.cos(heading))
+    assert (x, y, wrapped) == pytest.approx((-0.138113576, 0.056932364, -0.765482457), abs=6e-10)
