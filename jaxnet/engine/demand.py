@@ -6,7 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxnet.engine.moment import Instants, PerAxis
-from jaxnet.engine.tick import Drive
+from jaxnet.engine.stages.links import LinkErrors
+from jaxnet.engine.tick import DecisionState, Drive
+from jaxnet.kinds.laws import LinksInForce
 from jaxnet.model import control, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -48,17 +50,37 @@ def local_jerk(lane: Lane, network: Network, drive: Drive, own: Jets, now: Signa
     return drive.strength.times(demand)
 
 
+def demand_by_link(
+    lane: Lane, network: Network, drive: Drive, errors: LinkErrors, own: Jets, now: Signals
+) -> PerAxis:
+    """The r-th derivative that a law by link asks for; `errors` are those of the messages."""
+    hearing, attack = network.hearing, signal.jets(drive.vectors, now.basis)
+    told = (
+        hearing.received(jnp.concatenate([led[:, None], mine], axis=1), lie)
+        for led, mine, lie in zip(now.navigator, own, attack, strict=False)
+    )
+    received = errors.of(tuple(told))
+    apart = tuple(jet - mine[:, None] for jet, mine in zip(received, own, strict=True))
+    weights = drive.strength.rows(drive.weights)[:, None] * drive.weights
+    return lane.law.demand(apart, LinksInForce(hearing.sources, weights, lane.gain, now.time))
+
+
 def exchange(
-    lane: Lane, network: Network, drive: Drive, own: Jets, now: Signals, last: PerAxis
+    lane: Lane, network: Network, decided: DecisionState, own: Jets, now: Signals, last: PerAxis
 ) -> PerAxis:
     """The r-th derivative that vehicles hold until the next tick, under a law that holds one.
 
     `own` are a vehicle's own jets of y, and `last` is the derivative held until now, which a
     vehicle that hears nobody still holds.
     """
+    drive = decided.drive(lane)
     own, weights = drive.sensed.of(own), drive.weights
-    asked = coupled_demand if lane.law.couples() else local_jerk
-    demand = drive.coasting.held(asked(lane, network, drive, own, now), last)
+    if lane.law.by_link:
+        demand = demand_by_link(lane, network, drive, decided.links, own, now)
+    else:
+        asked = coupled_demand if lane.law.couples() else local_jerk
+        demand = asked(lane, network, drive, own, now)
+    demand = drive.coasting.held(demand, last)
 
     def heard(jerk: PerAxis) -> PerAxis:
         sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)

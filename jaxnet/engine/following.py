@@ -168,8 +168,9 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         if isinstance(followed, Holds):
             given = followed.held, state.signals, states()
             last, now, there = jax.tree.map(lambda leaf: picked(leaf, few), given)
-            drive, own = chosen.drive(lane), vehicles.outputs(lane, there, now.time)
-            new = holding(drive.weights, exchange(lane, self.network, drive, own, now, last))
+            own = vehicles.outputs(lane, there, now.time)
+            jerk = exchange(lane, self.network, chosen, own, now, last)
+            new = holding(chosen.drive(lane).weights, jerk)
             connected = ~chosen.disconnected(lane, self.network)
         else:
             new, connected = follow_weights(lane, self.network, chosen, self.guesses)

@@ -363,7 +363,7 @@ class Held(Propagation):
         """Exchange the jerk in all lanes. Return the state, and lanes with a vehicle cut off."""
         lane, network = self.lane, self.network
         now = barrier(signals(lane, state.time))
-        jerk = exchange(lane, network, decided.drive(lane), state.jets, now, state.response[0])
+        jerk = exchange(lane, network, decided, state.jets, now, state.response[0])
         cut_off = run_if(
             at.first.any() | self.plan.decides,
             lambda _: decided.disconnected(lane, network),

@@ -1,12 +1,19 @@
 """Laws: how vehicles find the jerk q = y‴ that solves `L q = b` (theorems.md O2b, O12)."""
 
 from collections.abc import Callable
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken
-from jaxnet.kinds.shapes import VehicleVectors
+from jaxnet.kinds.shapes import (
+    AxisSlotNumbers,
+    LaneGains,
+    LaneTimes,
+    SlotJets,
+    SlotSources,
+    VehicleVectors,
+)
 
 Way = Literal["solved", "held", "local", "linearised"]
 
@@ -20,6 +27,7 @@ class Law(Kind):
     claims: ClassVar[frozenset[str]] = frozenset({"left", "iterates", "gives_demand"})
     holds: ClassVar[bool] = True  # whether vehicles hold q from tick to tick
     local: ClassVar[bool] = False  # whether neighbours transmit no highest derivative, as q = y‴
+    by_link: ClassVar[bool] = False  # whether `demand` gives q, from the difference on each link
 
     def exchange(
         self,
@@ -111,3 +119,53 @@ class Law(Kind):
         if self.needs_ticks() and scenario.tick == 0:
             message = f"{self.kind} holds the jerk from tick to tick: give a tick"
             yield Fault(("law", "tick"), message)
+
+
+class LinksInForce(NamedTuple):
+    """What a law by link knows besides the differences."""
+
+    sources: SlotSources  # numbers, 0 is the navigator; a slot without a source holds the listener
+    weights: AxisSlotNumbers  # in force: 0 where there is no link, or no message that is believed
+    gain: LaneGains  # k0, k1, …
+    time: LaneTimes  # [s]
+
+
+class LinkLaw(Law):
+    """A local law that need not be linear in what each link tells, held from tick to tick.
+
+    A subclass gives `demand`.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp, jaxnet
+    >>> from jaxnet.kinds.laws import LinkLaw
+    >>> class Sign(LinkLaw):
+    ...     '''Agreement in finite time: `q_i = k0 Σ_j w_ij sign(y_j - y_i)`.'''
+    ...
+    ...     def demand(self, apart, links):
+    ...         return links.gain[0][None, None] * (links.weights * jnp.sign(apart[0])).sum(axis=1)
+    >>> keys = {"navigator": "none", "vehicle": "single_integrator", "law": Sign()}
+    >>> results = jaxnet.simulate({**keys, "engine": "exact"}, samples=2, progress=False)
+    >>> results.lanes["status"].to_list()
+    ['ok', 'ok']
+    """
+
+    local = True
+    by_link = True
+
+    def demand(self, apart: SlotJets, links: LinksInForce) -> VehicleVectors:
+        """The derivative of the order r that each vehicle asks for [m/s^r], (2, m, lanes).
+
+        `apart` are the received jets less those that the vehicle senses of itself, below the order,
+        each (2, slots, m, lanes): `y_j + a_ij - y_i` first, with the errors of the channel.
+        """
+        raise KindError(f"{self.kind}: a law by link gives demand(self, apart, links)")
+
+    def exchange(self, last, demand, heard):
+        return demand
+
+    def faults(self, scenario):
+        yield from super().faults(scenario)
+        if scenario.channel.late or scenario.channel.missing != "drop":
+            told = f"{self.kind} hears messages of now alone: no delay, and missing: drop"
+            yield Fault(("law", "channel"), told)
