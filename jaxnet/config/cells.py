@@ -102,7 +102,7 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     values = {key: column.values for key, column in sweep.columns.items()}
     given = given_keys(document, judges)
     settled = settle(config, given)
-    if judges and not wrong:
+    if judges:
         settled = settle_metrics(settled, values)
     known = KnownKeys(document.data, values)
     refused = [(("sweep", *way), dotted_key(("sweep", *way)), told) for way, told in sweep.faults]
@@ -117,16 +117,19 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         Key(key, names.get(key)): each for key, each in sweep.columns.items() if known.has(key)
     }
     cells: tuple[Cell, ...] = ()
+    tried, unknown = [], {*wrong, *Scenario.model_fields}
     if math.prod(sweep.sizes) <= MOST_SWEPT_CELLS:
         start = settled.model_copy(update={"topology": config.topology})  # cells settle their own
         span = SweptCells(document, start, wrong, sweep.sizes, spanned, given)
         cells, found = span.cells({*problems})
         problems += found
-    if judges and not wrong:
-        scenarios = [cell.scenario for cell in cells]
-        written = [key for key in values if is_written(document, split_key(key))]
-        found = [*faults.study_faults(settled, scenarios)]
-        found += faults.replaced_faults(settled, written, scenarios)
+        if not refused and "sweep" not in wrong:
+            tried, unknown = span.tried, wrong | span.unknown
+    if judges:
+        found = [*faults.study_faults(settled, tried, unknown)]
+        if unknown.isdisjoint(Scenario.model_fields):
+            written = [key for key in values if is_written(document, split_key(key))]
+            found += faults.replaced_faults(settled, written, tried)
         problems += [located(fault, document.place) for fault in found]
     if problems:
         raise ConfigError(sorted(problems, key=line_order))
@@ -367,6 +370,8 @@ class SweptCells:
             written = document.data[root]
             self.base[root] = full_kind(root, written) if root in KINDS else written
         self.parts: dict[tuple[str | int, ...], Validated] = {}
+        self.tried: list[Scenario] = []  # of all cells, with defaults for keys that are wrong
+        self.unknown: set[str] = set()  # these keys
         self.faults = for_any_signal(lambda cell: [*faults.scenario_faults(cell)])
 
     def cells(self, known: set[Problem]) -> tuple[tuple[Cell, ...], list[Problem]]:
@@ -381,8 +386,10 @@ class SweptCells:
         for number, indices in enumerate(grid):
             chosen = {key: firsts[indices[axis]] for key, axis, firsts in axes}
             named = {key: labels[key][index] for key, index in chosen.items()}
-            scenario, problems = self.scenario(chosen)
-            if scenario is not None:
+            scenario, wrong, problems = self.scenario(chosen)
+            self.tried.append(scenario)
+            self.unknown |= wrong
+            if not wrong:
                 cells.append(Cell(number, named, scenario))
             for problem in dict.fromkeys(problems):
                 if problem not in known:
@@ -396,8 +403,8 @@ class SweptCells:
             told.append(problem._replace(message=message))
         return tuple(cells), told
 
-    def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
-        """Return a cell's scenario by the indices of its swept values, or None, and all problems.
+    def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario, set[str], list[Problem]]:
+        """Return a cell's scenario by the indices of its swept values, wrong keys, and problems.
 
         Faults of several keys together are reported although other keys are wrong.
         """
@@ -418,7 +425,7 @@ class SweptCells:
         for fault in self.faults(made) if registry.scope().judges else ():
             if not wrong & {key.split(".")[0] for key in fault.keys}:
                 problems.append(located(fault, functools.partial(self.place, chosen)))
-        return None if wrong else made, problems
+        return made, wrong, problems
 
     def part_alike(self, root: str, chosen: Mapping[str, int]) -> Validated | None:
         """Return a part with other numbers at the keys of its last axis, if nothing is wrong.

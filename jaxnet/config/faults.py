@@ -1,6 +1,6 @@
 """Faults that only several keys together show: scenarios that cannot be simulated."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -11,10 +11,9 @@ from jaxnet.config.keys import (
     Config,
     Samples,
     Scenario,
-    SearchSettings,
     Sequential,
 )
-from jaxnet.config.scenario import scenario_graph
+from jaxnet.config.scenario import greatest_strength
 from jaxnet.kinds.fields import EachOrder, EachPosition, EachVehicle, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.metrics import DETECTION, Metric
@@ -46,44 +45,63 @@ LEAST_CHOICES = 100  # choices that a search tries at least
 # --- of a study -----------------------------------------------------------------------------------
 
 
-def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    save, samples = study.save, study.samples
-    if isinstance(save.trajectories, Samples):
+def study_faults(
+    study: Config, cells: Sequence[Scenario], wrong: Collection[str]
+) -> Iterator[Fault]:
+    """Yield faults of a study that depend on none of the wrong keys."""
+    for needed, faults_of in STUDY_FAULTS:
+        if not {*needed} & {*wrong}:
+            yield from faults_of(study, cells)
+
+
+def chosen_sample_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
+    if isinstance(study.save.trajectories, Samples):
         keys = ("save.trajectories.samples", "samples")
-        chosen = save.trajectories.samples
+        chosen, samples = study.save.trajectories.samples, study.samples
         if isinstance(samples, Sequential):
             yield Fault(keys, "asks for a fixed number of samples; {worst: K} does not")
         elif beyond := [sample for sample in chosen if sample >= samples]:
             yield Fault(keys, f"samples are 0 to {samples - 1} (got {beyond[0]})")
-    if isinstance(samples, Sequential) and study.recovery is None:
+
+
+def until_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
+    if isinstance(study.samples, Sequential) and study.recovery is None:
         yield Fault(("samples.until", "samples"), GIVE_RECOVERY)
+
+
+def sobol_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
+    samples = study.samples
     if study.draws == "sobol":
         number, got = (0, "until: …") if isinstance(samples, Sequential) else (samples, samples)
         each, rest = divmod(number, RANDOMISATIONS)
         if each == 0 or rest or each & (each - 1):
             told = f"must be {RANDOMISATIONS} times a power of two where draws is sobol:"
             yield Fault(("samples", "draws"), f"{told} {RANDOMISATIONS}, 32, 64, … (got {got})")
-        if study.recovery is not None:
-            told = "has an interval of independent lanes: give draws: random, or no recovery"
-            yield Fault(("recovery", "draws"), told)
-    if study.recovery is not None:
-        yield from recovery_faults(study, cells)
-    if study.search is not None:
-        yield from search_faults(study, study.search)
+
+
+def sobol_share_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
+    if study.draws == "sobol" and study.recovery is not None:
+        told = "has an interval of independent lanes: give draws: random, or no recovery"
+        yield Fault(("recovery", "draws"), told)
+
+
+def size_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
+    save = study.save
     stores = save.errors or save.vehicles or save.trajectories != "none"
     if stores and "vehicles" not in study.swept and len({cell.vehicles for cell in cells}) > 1:
         told = "stores arrays of one size: all networks need as many vehicles"
         yield Fault(("save", "sweep.topology"), told)
-    yield from metric_faults(study, cells)
 
 
 def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
+    if study.recovery is None:
+        return
     attacked = [cell for cell in cells if cell.attack.present]
     magnitudes = [cell.attack.amplitude() for cell in attacked]
     if any(map(is_drawn, magnitudes)):
         told = "compares with ā, which is drawn here: give or sweep attack.magnitude"
         yield Fault(("recovery", "attack.magnitude"), told)
-    elif study.recovery is not None and study.recovery.of == "amplitude":
+    elif study.recovery.of == "amplitude":
         harmful = (cell for cell in attacked if cell.attack.amplitude() > 0)
         unknown = next((cell.attack for cell in harmful if not known_amplitude(cell) > 0), None)
         if unknown is not None:
@@ -109,8 +127,11 @@ def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         yield Fault(("metrics",), told)
 
 
-def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
+def search_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     """Yield faults of a search: swept keys, Sobol draws, an unknown metric, a small budget."""
+    search = study.search
+    if search is None:
+        return
     for key in search.over:
         if swept := [each for each in study.swept if f"{key}.".startswith(f"{each}.")]:
             told = f"{swept[0]} is swept: search over it, or sweep it"
@@ -134,6 +155,19 @@ def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
         told = f"must be at least {least:,} lanes, {LEAST_CHOICES} choices from {search.starts}"
         told += f" starts each (got {search.budget:,})"
         yield Fault(("search.budget", "search.starts"), told)
+
+
+OF_METRICS = ("metrics", "navigator", "detector", "vehicle")  # on which columns depend
+STUDY_FAULTS = (  # the keys on which faults depend, and a generator of these faults
+    (("save", "samples"), chosen_sample_faults),
+    (("samples", "recovery"), until_faults),
+    (("samples", "draws"), sobol_faults),
+    (("recovery", "draws"), sobol_share_faults),
+    (("recovery", "samples", *Scenario.model_fields), recovery_faults),
+    (("search", "draws", "recovery", *OF_METRICS), search_faults),
+    (("save", "topology", "vehicles", "navigator"), size_faults),
+    (OF_METRICS, metric_faults),
+)
 
 
 def replaced_faults(
@@ -360,14 +394,10 @@ def fastest_motion(s: Scenario) -> float:
     The law's rate is the greatest absolute eigenvalue at the greatest gains, 0 for matrices, which
     delayed messages refuse.
     """
-    factors = [1.0]
-    for each in s.topology.turns() if not s.law.couples() else ():
-        rows = scenario_graph(s.model_copy(update={"topology": each})).weights.T[None]
-        strength = each.strength(rows, s.navigator.present)
-        if strength is not None:
-            factors.append(float(strength.of(np.ones((1, *rows.shape[::2]))).max()))
+    turns = s.topology.turns() if not s.law.couples() else ()
+    factors = [greatest_strength(s.model_copy(update={"topology": each})) for each in turns]
     greatest = [] if s.gain_matrices is not None else [value_range(each)[1] for each in s.gain]
-    return max(factors) * float(np.abs(np.roots([1.0, *greatest[::-1]])).max(initial=0.0))
+    return max([1.0, *factors]) * float(np.abs(np.roots([1.0, *greatest[::-1]])).max(initial=0.0))
 
 
 def detector_faults(s: Scenario) -> Iterator[Fault]:

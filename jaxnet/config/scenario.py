@@ -67,6 +67,13 @@ def scenario_graph(scenario: Scenario) -> Digraph:
     return graph if scenario.navigator.present else normalised(without_navigator(graph))
 
 
+def greatest_strength(scenario: Scenario) -> float:
+    """Greatest factor of a row of the graph in a local law (`Graph.strength`)."""
+    rows = scenario_graph(scenario).weights.T[None]
+    strength = scenario.topology.strength(rows, scenario.navigator.present)
+    return 1.0 if strength is None else float(strength.of(np.ones((1, *rows.shape[::2]))).max())
+
+
 def links_of(scenario: Scenario) -> Digraph:
     """Graph of the possible links, each with weight 1."""
     linked = scenario.topology.linked(scenario.vehicles)

@@ -66,6 +66,8 @@ class Sweep:
             keys = keys_in(written)
             taken = [key for n, key in enumerate(keys) if key in self.columns or key in keys[:n]]
             found = [((), f"{key} is swept twice") for key in taken]
+            if "" in keys:
+                found = [((), "a key is missing before or after a comma")]
             found = found or [*entry_faults(len(keys), listed)]
             self.faults += [((written, *way), told) for way, told in found]
             if not found:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import is_kind
 from jaxnet.config.sweep import is_joint, keys_in
+from jaxnet.statistics.choice import swept_key
 from jaxnet.statistics.curves import GREATEST_SHOWN
 from jaxnet.statistics.groups import Label, is_decided, swept_values_of
 from jaxnet.store.folder import FolderError
@@ -43,14 +44,13 @@ def choose_axes(
     """
     values = swept_values_of(cells)
     given = [panel] if isinstance(panel, str) else list(panel or ())
-    panels = [key for each in given for key in ([each] if each in values else each.split(","))]
-    named = {"x": [x] if x else [], "hue": [hue] if hue else [], "panel": panels}
-    for argument, keys in named.items():
-        for key in keys:
-            if key not in values:
-                known = ", ".join(values) or "no keys"
-                raise FolderError(f"{argument}: {key} is not swept (swept are {known})")
-    taken = [key for keys in named.values() for key in keys]
+    x, hue = (name and swept_key(at, name, values) for at, name in (("x", x), ("hue", hue)))
+    panels = [
+        swept_key("panel", name, values)
+        for each in given
+        for name in ([each] if each in values else each.split(","))
+    ]
+    taken = [key for key in (x, hue, *panels) if key]
     if twice := [key for key in taken if taken.count(key) > 1]:
         raise FolderError(f"{twice[0]} is named twice among x, hue and panel")
     told = {*taken, *(key for joint in filter(is_joint, values) for key in keys_in(joint))}

@@ -1,13 +1,21 @@
 """Selection of a study's cells by the values of their swept keys."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import yaml
 
 from jaxnet.config.cells import Cell, full_kind, to_plain, with_kind
 from jaxnet.config.keys import KINDS
-from jaxnet.config.naming import NO_BREAK, format_value, value_alone, value_name
+from jaxnet.config.naming import (
+    NO_BREAK,
+    format_value,
+    key_name,
+    quantity,
+    unit,
+    value_alone,
+    value_name,
+)
 from jaxnet.kinds.refusals import value_text
 from jaxnet.statistics.curves import canonical_value
 from jaxnet.statistics.groups import Label, swept_values_of
@@ -19,28 +27,34 @@ Where = Mapping[str, Any]  # swept key: the wanted value, or a list of wanted va
 def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
     """Return the cells whose swept keys have one of the wanted values.
 
-    A value may be written as in tables, as in the config, or as in `cells.csv`.
+    A key may be written as `swept_key` says, a value as in tables, in the config, or in
+    `cells.csv`.
 
     Raises FolderError for a key that is not swept, and for a value without a cell.
     """
-    swept = swept_values_of(cells)
-    shown = {
-        key: ", ".join(plain_spaces(value_alone(key, value)) for value in values)
-        for key, values in swept.items()
-    }
-    listing = "; ".join(f"{key}: {values}" for key, values in shown.items())
-    found = list(cells)
-    for key, wanted in where.items():
-        if key not in swept:
-            raise FolderError(f"where: {key} is not swept (swept are {listing or 'no keys'})")
-        chosen: set[Label] = set()
+    swept, found = swept_values_of(cells), list(cells)
+    for name, wanted in where.items():
+        key, chosen = swept_key("where", name, swept), set[Label]()
         for value in as_list(wanted):
             labels = matching_labels(cells, key, value)
             if not labels:
-                raise FolderError(f"where: {key} has no value {value} (swept are {listing})")
+                there = ", ".join(plain_spaces(value_alone(key, each)) for each in swept[key])
+                raise FolderError(f"where: {key} has no value {value} (it has {there})")
             chosen |= labels
         found = [cell for cell in found if cell.labels[key] in chosen]
     return found
+
+
+def swept_key(argument: str, name: str, swept: Iterable[str]) -> str:
+    """Return the swept key of a name: the key, or its title in tables, with or without the unit.
+
+    Raises FolderError, which names the argument and all swept keys.
+    """
+    for key in swept:
+        if name in (key, key_name(key), quantity(key), quantity(key).partition(" [")[0]):
+            return key
+    known = "; ".join(swept) or "no keys"
+    raise FolderError(f"{argument}: {name} is not swept (swept are {known})")
 
 
 def as_list(values: object) -> list[object]:
@@ -54,11 +68,10 @@ def plain_spaces(words: str) -> str:
 def matching_labels(cells: Sequence[Cell], key: str, value: object) -> set[Label]:
     """Labels of a swept key that a wanted value means."""
     first = {cell.labels[key]: cell for cell in reversed(cells)}  # the first cell of each label
-    named = next(each for each in cells[0].labels if each == key)  # with the config's name for it
     return {
         label
         for label, cell in first.items()
-        if matches_label(named, value, label) or matches_config(cell, named, value)
+        if matches_label(key, value, label) or matches_config(cell, key, value)
     }
 
 
@@ -68,7 +81,8 @@ def matches_label(key: str, value: object, label: Label) -> bool:
         return value_text(value) == label
     if isinstance(label, float) and canonical_value(value) == canonical_value(format_value(label)):
         return True
-    shown = (plain_spaces(value_alone(key, label)), plain_spaces(value_name(key, label)))
+    alone = plain_spaces(value_alone(key, label))
+    shown = (alone, f"{alone} {unit(key)}", plain_spaces(value_name(key, label)))
     return canonical_value(value) == canonical_value(label) or plain_spaces(str(value)) in shown
 
 

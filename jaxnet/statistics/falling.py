@@ -1,17 +1,19 @@
 """Which cells' errors still fall when the run ends, so that they are not ultimate (results.md).
 
 Rows tell of each lane by which share the mean error in the last half of its tail is below the least
-in any window of that length before it (`tail_fall`; without a navigator the spread). Lanes count
-whose error is above what a recovery asks for, or above the engine's accuracy. Their cell still
-falls if
+in any window of that length before it (`tail_fall`; without a navigator the spread). Only lanes
+with an error above what a recovery asks for, or above the engine's accuracy, are counted.
 
-- their median falls by over 5 %, and more of them fall than rise, by a one-sided sign test at 1 %;
-- or the cell has fewer than seven lanes, too few for the test, and each falls by over a fifth.
+McNemar's test, one-sided and exact, compares the lanes that fell in the last window with those that
+rose. Lanes that changed by less are left out. A cell still falls if the test rejects at 1 % for
+changes of over 5 %, of the typical lane, or for changes of over a fifth, of the lanes that have not
+recovered yet. Below seven lanes the test cannot reject: such a cell may still fall, if more lanes
+fell by over a fifth than rose.
 
-Where each window of a settled lane is as likely to be the lowest, a lane falls at most every second
-time: two windows or more are there. At most 1 % of settled cells with independent lanes are then
-marked. An error that swings with one phase in all lanes is not marked either, once an earlier
-window has seen the same phase.
+Where each window of a settled lane is equally likely to be the lowest, a lane falls at most as
+often as it rises. At most 2 % of settled cells with independent lanes are then marked. An error
+that swings with one phase in all lanes is not marked either, once an earlier window has seen the
+same phase.
 """
 
 from collections.abc import Sequence
@@ -23,48 +25,50 @@ from jaxnet.config.cells import Cell
 from jaxnet.model.wording import cells_named, count
 from jaxnet.store.results import Results
 
-LEAST_FALL, GREAT_FALL = 0.05, 0.2  # of the error: the median of many lanes; each of a few
-LEVEL = 0.01  # of the sign test
+CHANGES = (0.05, 0.2)  # of the error; what is smaller is no change
+LEVEL = 0.01  # of the test for each of these changes
 TOO_FEW = 7  # lanes, of which all must fall for a rejection: 2⁻⁷ < 1 %
 LONGER = 3  # times the horizon
 
 
 def still_falls(
     fall: Float[np.ndarray, " lanes"], error: Float[np.ndarray, " lanes"], least: float
-) -> bool:
-    """Whether the lanes of a cell with these falls and errors [m] are still on their way.
+) -> float:
+    """Whether lanes with these falls and errors [m] still fall: 1, 0, or NaN of too few lanes.
 
     Errors up to `least` [m] do not count.
     """
-    known = fall[error > least]
-    if len(fall) < TOO_FEW:
-        return bool(len(known) == len(fall) > 0 and (known > GREAT_FALL).all())
-    if not len(known) or np.median(known) <= LEAST_FALL:
-        return False
     from scipy.special import betainc  # takes long to import
 
-    falls, rises = int((known > 0).sum()), int((known < 0).sum())
-    return bool(betainc(falls, rises + 1, 0.5) <= LEVEL)  # of as many falls, each as likely as not
-
-
-def falling_cells(results: Results, cells: Sequence[Cell]) -> list[Cell]:
-    """The cells that still fall; none in a folder of an earlier version, which has no mark."""
-    table = results.cells
-    if "falling" not in table:
-        return []
-    return [cell for cell in cells if table.loc[cell.number, "falling"] == 1]
+    known, falls, rises = fall[error > least], 0, 0
+    for change in CHANGES:
+        falls, rises = int((known > change).sum()), int((known < -change).sum())
+        if falls and betainc(falls, rises + 1, 0.5) <= LEVEL:  # as many falls, if both are alike
+            return 1.0
+    return np.nan if len(known) < TOO_FEW and falls > rises else 0.0
 
 
 def falling_words(results: Results, cells: Sequence[Cell]) -> str:
-    """One sentence about the cells that still fall; "" if none does."""
-    found = falling_cells(results, cells)
+    """Tell which cells still fall or may; "" of none, and of a folder of an earlier version."""
+    if "falling" not in results.cells:
+        return ""
+    falling = results.cells["falling"].to_numpy()
+    told = {
+        "errors still fall when the run ends": [c for c in cells if falling[c.number] == 1],
+        "errors may still fall, with too few lanes to tell": [
+            c for c in cells if np.isnan(falling[c.number])
+        ],
+    }
+    found = [cell for each in told.values() for cell in each]
     if not found:
         return ""
-    many = f"{len(found)} of {count(len(cells), 'cell')}"
-    many += f" ({cells_named([cell.number for cell in found])})" * (len(found) < len(cells))
-    one = len(found) == 1
+    words = [f"{those_of(each, cells)} {what}" for what, each in told.items() if each]
     longer = LONGER * max(cell.scenario.horizon for cell in found)
-    return (
-        f"{many} still {'falls' if one else 'fall'} when the run ends:"
-        f" {'its' if one else 'their'} errors are not ultimate. Longer: horizon: {longer:g}"
-    )
+    return f"{'; '.join(words)}. Try a longer run: horizon: {longer:g}"
+
+
+def those_of(found: Sequence[Cell], cells: Sequence[Cell]) -> str:
+    if len(found) == len(cells):
+        return "in all cells"
+    named = cells_named([cell.number for cell in found])
+    return f"in {len(found)} of {count(len(cells), 'cell')} ({named})"

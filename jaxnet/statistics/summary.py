@@ -156,7 +156,7 @@ def summarise(
             row |= dict(zip(share_names(name), share_estimate(counted, sure), strict=True))
         least = np.fmax(threshold(cell, study.recovery), cell.scenario.engine.accuracy)
         falls = ok["tail_fall"].to_numpy(), ok[cell.scenario.judged].to_numpy()
-        table.append(row | {"falling": int(still_falls(*falls, least))})
+        table.append(row | {"falling": still_falls(*falls, least)})
     return pd.DataFrame(table)
 
 

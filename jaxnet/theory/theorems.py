@@ -41,6 +41,7 @@ THEOREMS = (
     Theorem("O1", "reach", ("leader", "small"), certificate.reach_in_turns),
     Theorem("O1", "nominal", IN_TURNS, certificate.nominal_in_turns),
     Theorem("O9", "alone", (), tolerance.alone),
+    Theorem("O9", "agreement", (), tolerance.agreement),
     Theorem("O9", "led", ("leader",), tolerance.led),
     Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors),
     Theorem("O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages),

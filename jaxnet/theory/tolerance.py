@@ -1,4 +1,4 @@
-"""Attackers that W-MSR tolerates on a network, by the robustness of the vehicles alone."""
+"""Attackers that W-MSR tolerates on a network, by the robustness of the vehicles alone (O9)."""
 
 from functools import lru_cache
 from time import monotonic
@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxnet.config.scenario import EVERY_MESSAGE, broken_premise, greatest_strength
+from jaxnet.kinds.fields import value_range
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.graph import dense
 from jaxnet.theory import integer, robustness
@@ -36,6 +38,59 @@ def alone(case: Case) -> VehiclesAlone | None:
     found = robustness.robustness(heard)
     r, total = len(found), robustness.most_total(found)
     return VehiclesAlone(found, RobustnessBracket(r, r), RobustnessBracket(total, total))
+
+
+class Agreement(NamedTuple):
+    """Whether honest vehicles agree inside the range of their starts under W-MSR, and why."""
+
+    proved: bool
+    why: str
+
+
+OF_AGREEMENT = (*EVERY_MESSAGE, "alike", "one gain", "one identity", "flat", "continuous", "drops")
+
+
+def agreement(case: Case) -> Agreement | None:
+    """Ask LeBlanc et al., IEEE JSAC 31(4), 2013, of vehicles without a navigator; else None."""
+    scenario, F = case.scenario, case.scenario.defence.tolerates()
+    if F is None or scenario.navigator.present:
+        return None
+    if why := broken_step(case) or broken_premise(scenario, OF_AGREEMENT):
+        return Agreement(False, why)
+    attack, links = scenario.attack, case.situation.attacked
+    total = attack.number()
+    each = int(np.minimum(links.sum(axis=1), total).max())
+    liars = f"{total} attacked, at most {each} of them heard by one vehicle, and F = {F}"
+    robust = alone(case)
+    if robust is None:
+        return Agreement(False, f"{liars}: the robustness of the vehicles was not examined")
+    if total <= F <= robust.total.low:
+        return Agreement(True, f"{liars}; the vehicles are ({F + 1}, {F + 1})-robust")
+    if each <= F <= robust.local.low:
+        return Agreement(True, f"{liars}; the vehicles are {2 * F + 1}-robust")
+    return Agreement(False, f"{liars}: too many, or the vehicles are not known to be robust enough")
+
+
+def broken_step(case: Case) -> str:
+    """What keeps a tick from being a step of W-MSR, `x ← W x` with positive weights; "" if it is.
+
+    At a tick a vehicle moves by h k0 of the way to the mean, times the strength of its row.
+    """
+    scenario = case.scenario
+    law, defence, order = scenario.law, scenario.defence, scenario.vehicle.order
+    if law.couples() or not law.holds:
+        return "the law is not local with hold: true"
+    if order != 1:
+        return f"the order of the vehicles is {order}, not 1"
+    step = scenario.tick * value_range(scenario.gain[0])[1] if scenario.gain_matrices is None else 0
+    if not step * greatest_strength(scenario) < 1:
+        return "tick times gain, times the strength of a row of weights, is not below 1"
+    if case.situation.trusted.any() or defence.draws():
+        return "the defence trusts vehicles, or has noise"
+    attack = scenario.attack
+    if attack.present and (attack.by_link() or attack.splits()):
+        return "an attacked vehicle does not send all listeners the same"
+    return ""
 
 
 @lru_cache(maxsize=20)  # the cells of several attacks share one graph

@@ -26,7 +26,7 @@ from jaxnet.config.naming import (
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION
 from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
 from jaxnet.statistics.amplitude import attack_size, reduced_amplitudes
-from jaxnet.statistics.choice import Where, select_cells
+from jaxnet.statistics.choice import Where, select_cells, swept_key
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
 from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic, stored_values
@@ -226,8 +226,7 @@ def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
     Raises FolderError if the key is not swept, or takes values together with other keys.
     """
     swept = {each.name: each for each in columns if each.key == each.name}
-    if key not in swept:
-        raise FolderError(f"pivot: {key} is not swept (swept are {', '.join(swept) or 'no keys'})")
+    key = swept_key("pivot", key, swept)
     rows, across = [each for name, each in swept.items() if name != key], swept[key]
     places: dict[tuple[Any, ...], dict[Any, int]] = {}
     combinations = zip(*(each.values for each in rows), strict=True) if rows else None

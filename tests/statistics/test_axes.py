@@ -53,7 +53,7 @@ def test_no_two_cells_have_one_place(named):
     [
         (
             {"x": "tick"},
-            r"x: tick is not swept \(swept are defence, attack.frequency, vehicles, topology\)",
+            r"x: tick is not swept \(swept are defence; attack.frequency; vehicles; topology\)",
         ),
         ({"x": "vehicles", "hue": "vehicles"}, "vehicles is named twice"),
         (

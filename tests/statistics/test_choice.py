@@ -32,6 +32,9 @@ def chosen(sweep, where):
         ({"attack.magnitude": [1, 2]}, [0, 1, 3, 4]),
         ({"attack.magnitude": "0.1235", "topology": "star"}, [2]),
         ({"attack.magnitude": 0.123456789}, [2, 5]),
+        ({"attack magnitude": "2 m"}, [1, 4]),
+        ({"attack magnitude ā": "ā = 2 m"}, [1, 4]),
+        ({"attack magnitude ā [m]": 2, "topology": "star"}, [1]),
     ],
 )
 def test_cells_of_some_values(where, numbers):
@@ -63,11 +66,11 @@ def test_a_value_may_be_written_as_a_table_or_the_config_has_it(where, numbers):
 @pytest.mark.parametrize(
     ("sweep", "where", "words", "listed"),
     [
-        (PLAIN, {"topolgy": "star"}, "topolgy is not swept", "topology: star, path"),
-        (PLAIN, {"topology": "cyclic"}, "topology has no value cyclic", "magnitude: 1, 2, 0.1235"),
-        (PLAIN, {"attack.magnitude": ["1", "0.124"]}, "has no value 0.124", "topology: star, path"),
+        (PLAIN, {"topolgy": "star"}, "topolgy is not swept", "topology; attack.magnitude"),
+        (PLAIN, {"topology": "cyclic"}, "topology has no value cyclic", "it has star, path"),
+        (PLAIN, {"attack.magnitude": ["1", "0.124"]}, "has no value 0.124", "it has 1, 2, 0.1235"),
         *(
-            (NAMED, {"attack.vehicles": wrong}, "has no value", "attack.vehicles: 1 drawn, 4 drawn")
+            (NAMED, {"attack.vehicles": wrong}, "has no value", "it has 1 drawn, 4 drawn")
             for wrong in ("4", "[4]", "{random: 2}", "{", "{kind: star}")
         ),
     ],

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import jaxnet
-from jaxnet.statistics.falling import falling_cells, falling_words, still_falls
+from jaxnet.statistics.falling import falling_words, still_falls
 from jaxnet.view.text.slopes import fit_text
 from jaxnet.view.text.tables import summary_text
 from tests import systems
@@ -28,7 +28,7 @@ def falls(errors, tail=TAIL):
     return (least - sums[-1]) / np.where(most > 0, most, 1.0)
 
 
-def is_marked(errors):
+def mark(errors):
     return still_falls(falls(errors), errors[:, -TAIL:].mean(axis=1), LEAST)
 
 
@@ -89,39 +89,43 @@ SETTLED = {
 @pytest.mark.parametrize("lanes", [1, 5, 20, 200])
 @pytest.mark.parametrize("name", SETTLED)
 def test_a_cell_that_has_settled_is_marked_once_in_twenty_times_at_most(name, lanes):
+    """Cells of too few lanes to tell are among the marked ones."""
     random = np.random.default_rng(0)
-    marked = sum(is_marked(SETTLED[name](random, lanes)) for _ in range(200))
+    marked = sum(mark(SETTLED[name](random, lanes)) != 0 for _ in range(200))
     assert marked <= 10
 
 
 @pytest.mark.parametrize("lanes", [1, 6, 7, 200])
 @pytest.mark.parametrize("rate", [0.1, 1.0])
 def test_a_decay_is_marked_until_it_is_below_what_counts(lanes, rate):
+    """Six lanes at most are too few for a test at 1 %: 2⁻⁶ > 1 %."""
     errors = np.random.default_rng(0).uniform(1e6, 2e6, (lanes, 1)) * np.exp(-rate * TIME)
-    assert is_marked(errors)
-    assert not is_marked(1e-15 * errors)
+    np.testing.assert_equal(mark(errors), np.nan if lanes < 7 else 1.0)
+    assert mark(1e-15 * errors) == 0
 
 
-def test_slow_lanes_among_many_settled_ones_mark_a_cell_and_a_few_do_not():
-    """What counts are the lanes that are not down yet, seven at least."""
+@pytest.mark.parametrize("stuck", [0, 3, 200])
+def test_lanes_that_have_not_recovered_yet_mark_a_cell_beside_any_number_of_stuck_ones(stuck):
+    """Stuck lanes, whose error the attack keeps up, change by less than a fifth."""
+    random = np.random.default_rng(0)
+    rest = random.uniform(1, 2, (stuck, 1)) * (1 + 0.02 * random.normal(size=(stuck, OUTPUTS)))
     decay = 1e3 * np.exp(-0.5 * TIME)[None]
-    for slow, marked in ((6, False), (7, True), (30, True)):
-        assert (
-            is_marked(np.concatenate([np.zeros((200, OUTPUTS)), decay.repeat(slow, 0)])) is marked
-        )
+    for slow, known in ((7, 1.0), (30, 1.0), (1, np.nan if stuck < 6 else 0.0)):
+        errors = np.concatenate([np.zeros((200, OUTPUTS)), rest, decay.repeat(slow, 0)])
+        np.testing.assert_equal(mark(errors), known)
 
 
 @pytest.mark.parametrize("lanes", [3, 30])
 def test_what_grows_or_falls_by_little_is_not_marked(lanes):
-    assert not is_marked(np.exp(0.3 * TIME)[None].repeat(lanes, 0))
-    assert not is_marked(1.0 + np.exp(-0.5 * TIME)[None].repeat(lanes, 0))
+    assert mark(np.exp(0.3 * TIME)[None].repeat(lanes, 0)) == 0
+    assert mark(1.0 + np.exp(-0.5 * TIME)[None].repeat(lanes, 0)) == 0
 
 
 # --- results -------------------------------------------------------------------------------------
 
 SHORT = {"name": "short", "horizon": 15.0, "engine": "exact", "defence": "trusted_only"}
 SHORT |= {"recovery": {"tau": 0.01}, "sweep": {"attack.magnitude": [0.1, 1.0, 100.0]}}
-TOLD = "2 of 3 cells (cells 0, 1) still fall when the run ends: their errors are not ultimate."
+TOLD = "n 2 of 3 cells (cells 0, 1) errors still fall when the run ends. Try a longer run:"
 
 
 @pytest.fixture(scope="module")
@@ -139,8 +143,8 @@ def one_line(text):
 def test_a_transient_is_told_wherever_results_are(short):
     """Tables, fits, figures and the page; the last cell's errors are below its threshold."""
     assert short.cells["unrecovered"].tolist() == [1, 1, 0]
-    assert [cell.number for cell in falling_cells(short, short.study.cells)] == [0, 1]
-    assert f"{TOLD} Longer: horizon: 45" in one_line(summary_text(short))
+    assert short.cells["falling"].tolist() == [1, 1, 0]
+    assert f"{TOLD} horizon: 45" in one_line(summary_text(short))
     short.fit()
     assert TOLD in one_line(fit_text(short))
     for figure in (short.plot.curve(), short.plot.tails(), short.plot.ultimate()):
@@ -153,6 +157,22 @@ def test_a_run_that_is_long_enough_is_not_marked():
     results = jaxnet.simulate({**SHORT, "horizon": 40.0}, 20, progress=False)
     assert results.cells["unrecovered"].tolist() == [0, 0, 0]
     assert "still fall" not in summary_text(results)
+
+
+LATE = {"defence": "trusted_trim", "attack": {"magnitude": 0.1}, "recovery": {"tau": 0.01}}
+
+
+@pytest.mark.parametrize(
+    ("horizon", "marks"), [(23.0, (1.0, 1.0)), (30.0, (np.nan, np.nan)), (90.0, (0.0, 0.0))]
+)
+def test_few_lanes_whose_defence_settles_late_are_marked(horizon, marks):
+    """At 30 s four lanes of 10 or 20 are unrecovered, at 90 s one, whose error does not fall."""
+    for samples, marked in zip((10, 20), marks, strict=True):
+        keys = {**LATE, "engine": "exact", "horizon": horizon}
+        results = jaxnet.simulate(keys, samples, progress=False)
+        np.testing.assert_equal(results.cells["falling"].tolist(), [marked])
+        told = "errors may still fall, with too few lanes to tell"
+        assert (told in one_line(summary_text(results))) is bool(np.isnan(marked))
 
 
 def test_a_folder_without_the_column_opens_and_says_nothing(short, tmp_path):

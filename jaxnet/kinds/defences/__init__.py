@@ -85,13 +85,17 @@ class AnyDefence(DrawsAtTicks):
 
     decides: ClassVar[bool] = False
     claims: ClassVar[frozenset[str]] = frozenset(
-        {"guarantee", "promise", "retained", "may_drop", "safe", "describe"}
+        {"guarantee", "promise", "retained", "may_drop", "safe", "describe", "tolerates"}
     )
     guarantee: ClassVar[str] = "none is known"
 
     def promise(self) -> str:
         """The guarantee of the defence with its keys, in words; by default `guarantee`."""
         return self.guarantee
+
+    def tolerates(self) -> int | None:
+        """The F of W-MSR's theorems on agreement (theorems.md O9); None for other defences."""
+        return None
 
     def needs_ticks(self) -> bool:
         """Whether the defence has a memory: it cannot decide at every instant (`tick: 0`)."""

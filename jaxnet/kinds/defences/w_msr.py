@@ -14,10 +14,8 @@ class WMSR(Sparing):
 
     words = "W-MSR"
     guarantee = (
-        "none where derivatives drive vehicles, which this rule does not check; with law local, "
-        "vehicles of order 1, k0 below 1/tick and no navigator, honest vehicles agree axis by axis "
-        "inside the range of their starts if F are attacked in all and the graph is (F + 1, F + "
-        "1)-robust, or if each hears F at most and the graph is (2F + 1)-robust"
+        "none where derivatives drive vehicles, which this rule does not check; without a "
+        "navigator, with law local and order 1, check tells whether honest vehicles agree"
     )
 
     F: int = setting(
@@ -47,6 +45,9 @@ class WMSR(Sparing):
 
     def may_drop(self, graph, trusted):
         return any_untrusted(graph, self.spares(trusted), 2 * self.F)
+
+    def tolerates(self):
+        return self.F
 
     def describe(self, graph, attacked, trusted):
         told = "whom it retains is not bounded here, so no bound is told"

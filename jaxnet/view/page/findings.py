@@ -44,7 +44,7 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
         kinds = escape(counted(sum(curves.failed_kinds(results).values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}."
     sentences = [
-        f"<b>{falling}</b>." if falling else "",
+        f"<b>{sentence_case(falling)}</b>." if falling else "",
         unrecovered_sentence(results),
         extremes_sentence(results),
         outside_sentence(results) if alone else "",

@@ -22,7 +22,7 @@ from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.solution import Decay
 from jaxnet.theory.start import Start
 from jaxnet.theory.theorems import OF_LAWS, values
-from jaxnet.theory.tolerance import VehiclesAlone
+from jaxnet.theory.tolerance import Agreement, VehiclesAlone
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_NAMED_VEHICLES = 60
@@ -51,7 +51,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         "attack": attack_line(case) if attack.present else "none",
         "Assumption 1": told.get("honest paths", ""),
         **defence.describe(graph, at_once, trusted),
-        "guarantee": f"{defence.kind}: {defence.promise()}",
+        "guarantee": told.get("agreement", f"{defence.kind}: {defence.promise()}"),
         "cut off": told.get("cut off", ""),
         **world_lines(scenario, told),
         **motion_lines(scenario, found, told),
@@ -173,6 +173,8 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         law = f"{scenario.law.kind}: nothing is known of its stability{why}"
     why = [premise_words(scenario, each) for each in missing(scenario, ("leader", *MOTION))]
     safe, announced = told.get("safe") or f"nothing is proved; {'; '.join(why)}", {}
+    if "agreement" in told:  # says it all
+        safe = ""
     announcing = scenario.defence.announcing() and scenario.attack.present
     if announcing and "safe" in found and found["safe"].tried:
         announced = {
@@ -214,6 +216,14 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
         return f"{line}, enough for W-MSR without attackers; with attackers it is not known"
     ends = f"F-local attackers up to {at_least(local)}, F-total up to {at_least(total)}"
     return f"{line}, enough for W-MSR with {ends}"
+
+
+def agreement_words(found: Agreement, scenario: Scenario) -> str:
+    if not found.proved:
+        return f"none is proved; {found.why}"
+    return (
+        f"vehicles not attacked agree, on each axis inside the range of their starts; {found.why}"
+    )
 
 
 def at_least(found: RobustnessBracket) -> str:
@@ -351,6 +361,7 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     ),
     "nominal": nominal_words,
     "alone": alone_words,
+    "agreement": agreement_words,
     "led": lambda found, scenario: (
         f"by {ranges(found.leaders)}, whom somebody trusts, strongly {found.strongly}-robust, and"
         f" percolation with F = 1 reaches {ranges(found.reached) or 'nobody else'}"
