@@ -29,7 +29,7 @@ MODULES = sorted((ROOT / "jaxnet").rglob("*.py"))
 
 # Each room may import itself and the rooms before it (docs/architecture.md).
 ROOMS = "model solvers outside networks kinds engine config theory lanes store statistics"
-ROOMS = [*ROOMS.split(), "runs", "explore", "view", "film", "api", "cli"]
+ROOMS = [*ROOMS.split(), "runs", "explore", "view", "film", "viewer", "api", "cli"]
 ROOT_NAMES = {"jaxnet", "jaxnet.__version__", *(f"jaxnet.{name}" for name in jaxnet.__all__)}
 
 

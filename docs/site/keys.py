@@ -58,6 +58,7 @@ EXAMPLES = {
     "attack": "attack: {kind: sinusoid, magnitude: 10, vehicles: [2, 5], frequency: 0.35}",
     "defence": "defence: {kind: w_msr, F: 2, trusted: {nearest: 1}, isolated: coast}",
     "formation": "formation: {kind: circle, radius: 2}",
+    "filter": "filter: {kind: barrier, form: halves, distance: 0.2}",
     "law": "law: {kind: rounds, rounds: 2}",
     "sensing": "sensing: {position: 0.1, correlation: 1, outliers: 0.01}",
     "detector": "detector: {kind: chi_squared, false_alarms: 0.001}",

@@ -7,25 +7,29 @@ import functools
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import xarray as xr
 from upath import UPath
 
-from jaxnet import film
+from jaxnet import film, viewer
 from jaxnet.api.places import AnyPath, default_out, in_memory
 from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.cores import cores
 from jaxnet.explore import rare, sensitivity, worst
+from jaxnet.model.graph import Digraph
 from jaxnet.runs import replay, watched
 from jaxnet.runs.cache import enable
 from jaxnet.runs.cluster import executor
 from jaxnet.statistics import fits, pairs
 from jaxnet.statistics.steps import Steps, no_progress
+from jaxnet.store import arena
 from jaxnet.store.admission import claim
-from jaxnet.store.folder import Folder
+from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.store.tables import write_table
 from jaxnet.view import page
+from jaxnet.view.drawings.scene import scene_of
 from jaxnet.view.figures import SENSITIVITY, ULTIMATE
 from jaxnet.view.figures import every as figures
 from jaxnet.view.page import comparison
@@ -70,16 +74,48 @@ def write_film(
     kind = film.film_format(str(file) if file else None)
     folder = UPath(out) if out else results.folder.path / "figures"
     place = file or folder / f"cell-{cell}-sample-{sample}{kind}"
-    if out:  # then nothing is written into the folder
-        results = Results(results.path, in_memory())
-    with results.folder.writing():
-        lane, graph = replay.trajectory_of(results, cell, sample)
-        if out:
-            lane = lane.load()
-            results.folder.remove("replays")
+    lane, graph = shown_lane(results, cell, sample, kept=not out)
     chosen = results.study.cells[cell]
     shown = film.film_of(lane, chosen, graph)
     return film.save_film(Folder(place.parent), place.name, shown, chosen, sample, told)
+
+
+def shown_lane(results: Results, cell: int, sample: int, kept: bool) -> tuple[xr.Dataset, Digraph]:
+    """Trajectory and graph of a lane; `kept`: a lane simulated again stays in the folder."""
+    if not kept:
+        results = Results(results.path, in_memory(), results.trust, results.config)
+    with results.folder.writing():
+        lane, graph = replay.trajectory_of(results, cell, sample)
+        if not kept:
+            lane = lane.load()
+            results.folder.remove("replays")
+    return lane, graph
+
+
+def write_robotarium(results: Results, cell: int, sample: int, out: AnyPath) -> list[UPath]:
+    """Write the script for the arena with the loop of one lane, and the lane's poses."""
+    enable()
+    replay.refuse_unknown(results, cell, sample)
+    chosen = results.study.cells[cell]
+    arena.refuse_unable(chosen, out)
+    lane, _ = shown_lane(results, cell, sample, kept=False)
+    return arena.write_script(results.study.config, chosen, sample, lane, out)
+
+
+def write_view(
+    results: Results, cell: int, sample: int, save: AnyPath | None, told: Steps = no_progress
+) -> UPath | None:
+    """Open the viewer rerun with one lane, or write a recording for it and return its path."""
+    enable()
+    if save is not None and UPath(save).suffix != ".rrd":
+        raise FolderError(f"save: a recording ends in .rrd (got {save})")
+    viewer.load_rerun()
+    lane, graph = shown_lane(results, cell, sample, kept=False)
+    config, chosen = results.study.config, results.study.cells[cell]
+    scene = scene_of(lane, chosen, graph)
+    goals = viewer.formation_places(scene, chosen, sample, config)
+    title = f"{config.name}, cell {cell}, sample {sample}"
+    return viewer.show_lane(title, scene, goals, None if save is None else UPath(save), told)
 
 
 def write_fits(results: Results, told: Steps = no_progress) -> Iterator[UPath]:

@@ -381,6 +381,25 @@ def animate_command(results: str, cell: int, sample: int, out: str | None, **cod
     errors.tell_written([path])
 
 
+@command(
+    ONE_LANE,
+    "view",
+    lane,
+    text("--save", "FILE", "Write a recording that ends in .rrd; the viewer does not open."),
+    code,
+)
+def view_command(results: str, cell: int, sample: int, save: str | None, **code: Any) -> None:
+    """Open one lane in rerun: robots, links, dropped messages, false positions, formation.
+
+    Needs rerun: pip install 'jaxnet-sim[view]'. A lane whose trajectory is not there is simulated
+    again.
+    """
+    opened = jaxnet.open(results, **code)
+    with texts.progress.report_steps() as told:
+        path = api.writing.write_view(opened, cell, sample, save, told)
+    errors.tell_written([] if path is None else [path])
+
+
 # --- further --------------------------------------------------------------------------------------
 
 
@@ -483,19 +502,40 @@ def compare_command(a: str, b: str, form: str, out: str | None) -> None:
             ("csv", "DIR", "A folder of CSV files of the trajectories.  [default: csv in RESULTS]"),
         )
     ),
+    text("--robotarium", "FILE", "A script for the simulator of the Robotarium; ends in .py."),
+    number("--cell", 0, "Of the script: number of the cell, from 0."),
+    number("--sample", 0, "Of the script: number of the draw, from 0."),
+    code,
 )
-def export_command(results: str, **chosen: str | None) -> None:
+def export_command(
+    results: str,
+    robotarium: str | None,
+    cell: int | None,
+    sample: int | None,
+    trust: bool,
+    config: Path | None,
+    **chosen: str | None,
+) -> None:
     """Write results for other programs: --mat [FILE] for MATLAB, Octave, --csv [DIR] for R, Excel.
 
     The file for MATLAB has a structure of columns for the lanes and one for the cells, what is
     swept, and errors and trajectories where they are stored. CSV has a file for each stored
     trajectory, with a row for each time and vehicle. Everything else is readable as it is: CSV,
     Parquet and Zarr.
+
+    --robotarium FILE --cell C --sample S writes a script with the closed loop of one lane, and the
+    poses of this lane beside it.
     """
     asked = {form: out for form, out in chosen.items() if out is not None}
-    if not asked:
-        raise click.UsageError("say for which program: --mat or --csv")
-    opened = jaxnet.open(results)
+    if not asked and robotarium is None:
+        raise click.UsageError("say for which program: --mat, --csv or --robotarium")
+    if (robotarium is None) != (cell is None) or (robotarium is None) != (sample is None):
+        raise click.UsageError("a script needs all three: --robotarium, --cell and --sample")
+    opened = jaxnet.open(results, trust=trust, config=config)
+    if robotarium is not None and cell is not None and sample is not None:
+        with texts.progress.report_work("writing the script"):
+            written = api.writing.write_robotarium(opened, cell, sample, robotarium)
+        errors.tell_written(written)
     for form, out in asked.items():
         with texts.progress.report_work(f"writing {form}"):
             errors.echo(f"wrote {opened.export(out or None, form)}", err=True)

@@ -38,6 +38,8 @@ from jaxnet.kinds.fields import (
     ordered,
     value_range,
 )
+from jaxnet.kinds.filters import Filter
+from jaxnet.kinds.filters.none import NoFilter
 from jaxnet.kinds.formations import Formation
 from jaxnet.kinds.formations.none import NoFormation
 from jaxnet.kinds.graphs import Graph
@@ -60,7 +62,7 @@ from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 LARGEST_FLEET = 10_000
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
 KINDS = ("topology", "navigator", "vehicle", "attack", "defence")  # keys that take a kind
-KINDS += ("law", "formation", "sensing", "detector", "engine")
+KINDS += ("law", "formation", "filter", "sensing", "detector", "engine")
 INNER_KINDS = {  # families of deeper keys
     "attack.announces": "announcement",
     "channel.loss": "loss",
@@ -298,6 +300,9 @@ class Scenario(Record):
     )
     formation: Annotated[Formation, KindOf("formation")] = Field(
         default=NoFormation(), description="where each vehicle goes, relative to the others"
+    )
+    filter: Annotated[Filter, KindOf("filter")] = Field(
+        default=NoFilter(), description="what keeps vehicles apart"
     )
     attack: Annotated[AnyAttack, KindOf("attack")] = Field(
         default=Rotating(), description="the false signal in messages"

@@ -192,6 +192,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "by law": "attacked vehicles move as they tell",
     "solved": "the law is {one.law.kind} (theorems need the law solved at every instant)",
     "flat": "{one.vehicle.kind} may not move as the law asks",
+    "unfiltered": "filter {one.filter.kind} may change what the law asks for",
     "continuous": "the {one.engine.kind} engine holds inputs from tick to tick",
     "settled": "gains differ by vehicle, and weights may switch",
     "retained": "the defence may retain any neighbour",
@@ -204,14 +205,15 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "small": "there are more than {most:,} vehicles",
 }
 EVERY_MESSAGE = ("exact sensors", "exact messages", "every message", "on time", "one network")
-MOTION = (*EVERY_MESSAGE, "solved", "flat", "continuous", "settled")  # at last (theorems.md O1)
+# At last (theorems.md O1)
+MOTION = (*EVERY_MESSAGE, "solved", "flat", "unfiltered", "continuous", "settled")
 BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
     *("leader", *EVERY_MESSAGE, "alike", "one gain", "bounded", "one identity", "by law"),
-    *("solved", "flat", "continuous", "retained"),
+    *("solved", "flat", "unfiltered", "continuous", "retained"),
 )
 SOLUTION = (  # of the exact solution for known decisions at ticks (theorems.md O1, O2)
-    *("leader", *EVERY_MESSAGE, "one gain", "by law", "solved", "flat", "continuous"),
-    *("added path", "ticks"),
+    *("leader", *EVERY_MESSAGE, "one gain", "by law", "solved", "flat", "unfiltered"),
+    *("continuous", "added path", "ticks"),
 )
 # Premises that are asked last, as they take time.
 OF_GRAPHS: dict[str, Callable[[Scenario], bool]] = {
@@ -243,6 +245,7 @@ def breaks(scenario: Scenario) -> set[str]:
     kinds = (
         *kinds,
         scenario.engine,
+        scenario.filter,
         attack.announcement(),
         scenario.sensing,
         channel.loss,

@@ -44,6 +44,12 @@ class Scene(NamedTuple):
     def sensed(self, own: Jets) -> Jets:
         return self.decided.sensed.of(own)
 
+    def lies(self) -> PerAxis:
+        """What vehicles tell of their places beside the truth; nothing if the navigator's lie."""
+        hearing, vectors = self.network.hearing, self.decided.of(self.lane).vectors
+        of_navigator = (hearing.attacked & (hearing.sources == 0)).any()
+        return jnp.where(of_navigator, 0.0, signal.jets(vectors, self.now.basis)[0])
+
 
 class Followed(eqx.Module):
     """What vehicles follow until the next tick: the law solved from the received jets."""
@@ -91,7 +97,7 @@ class Followed(eqx.Module):
         """The inputs that the law asks of vehicles with these states."""
         own = scene.sensed(scene.outputs(states))
         jerk = self.jerk(scene, own, self.guess(scene.lane, scene.now, own))
-        return vehicles.asked(scene.lane, states, jerk, scene.now.time)
+        return vehicles.asked(scene.lane, states, jerk, scene.now.time, scene.lies)
 
     def rates(self, scene: Scene, states: States) -> States:
         lane, time = scene.lane, scene.now.time

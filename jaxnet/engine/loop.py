@@ -148,15 +148,15 @@ class Motion(ABC, Generic[MotionState]):
         return jnp.zeros(self.lane.attack_scale.shape, int)
 
 
-class Saturation(NamedTuple):
-    """How often inputs were limited until now."""
+class AtTicks(NamedTuple):
+    """How often something happened to vehicles at ticks until now."""
 
     vehicles: Int[Array, " lanes"]  # (vehicle, tick) pairs
     ticks: Int[Array, " lanes"]  # with any such vehicle
 
-    def after(self, limited: VehicleFlags) -> "Saturation":
-        some = limited.any(axis=0).astype(int)
-        return Saturation(self.vehicles + limited.sum(axis=0), self.ticks + some)
+    def after(self, happened: VehicleFlags) -> "AtTicks":
+        some = happened.any(axis=0).astype(int)
+        return AtTicks(self.vehicles + happened.sum(axis=0), self.ticks + some)
 
 
 class Fleet(NamedTuple):
@@ -173,7 +173,8 @@ class Fleet(NamedTuple):
     stood: LaneFlags  # lanes with a vehicle that was singular at an output time
     gathered: Gathered
     windows: metrics.Windows
-    saturation: Saturation | None = None  # None where inputs have no limits
+    saturated: AtTicks | None = None  # None where inputs have no limits
+    halted: AtTicks | None = None  # by the filter; None where there is none
 
 
 def begin(motion: Motion, ticks: Ticks) -> Fleet:
@@ -198,7 +199,8 @@ def begin(motion: Motion, ticks: Ticks) -> Fleet:
         stood=jnp.zeros(zero.shape, bool),
         gathered=metrics.nothing(plan.metrics, lane.initial.shape[1:]),
         windows=metrics.Windows(*[jnp.full(zero.shape, jnp.inf)] * 2),
-        saturation=Saturation(zero, zero) if lane.vehicle.limits else None,
+        saturated=AtTicks(zero, zero) if lane.vehicle.limits else None,
+        halted=AtTicks(zero, zero) if lane.filter is not None else None,
     )
 
 
@@ -245,15 +247,20 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     isolation = fleet.isolation
     if lane.law.couples() and plan.decides:
         isolation = isolation.after(isolated(motion, decided, here, cut_off), time)
-    saturation = fleet.saturation
-    if saturation is not None:
+    saturated, halted = fleet.saturated, fleet.halted
+    if saturated is not None or halted is not None:
         asked = motion.asked(state, decided)
         admitted = vehicles.admitted(lane, motion.states(state), asked, time)
-        saturation = saturation.after((asked != admitted).any(axis=0) & here[None])
+        stands = jnp.isnan(asked).any(axis=0)
+        if halted is not None:
+            halted = halted.after(stands & here[None])
+        if saturated is not None:
+            saturated = saturated.after((asked != admitted).any(axis=0) & ~stands & here[None])
     return fleet._replace(
         state=state,
         decided=decided,
-        saturation=saturation,
+        saturated=saturated,
+        halted=halted,
         status=status,
         switches=fleet.switches + jnp.where(here & ~first, changed.sum(axis=0), 0),
         unheard=fleet.unheard + jnp.where(here, decided.coasting.kept(lane).sum(axis=0), 0),
@@ -325,16 +332,17 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
         next_time=jnp.where(ticks < clock.outputs * clock.ticks, later, jnp.inf),
         leads=lane.navigator.present,
         alarms=decided.alarms.shares,
-        saturated=saturated_until_now(fleet),
+        saturated=until_now(fleet.saturated, fleet),
+        halted=until_now(fleet.halted, fleet),
     )
     return as_told(lane, time, basis, seen) if motion.plan.as_told else seen
 
 
-def saturated_until_now(fleet: Fleet) -> Float[Array, "2 lanes"] | None:
-    """The share of (vehicle, tick) pairs, and the number of ticks, with limited inputs."""
-    if fleet.saturation is None:
+def until_now(tally: AtTicks | None, fleet: Fleet) -> Float[Array, "2 lanes"] | None:
+    """The share of (vehicle, tick) pairs, and the number of ticks, of a tally."""
+    if tally is None:
         return None
-    pairs, ticks = fleet.saturation
+    pairs, ticks = tally
     vehicles = len(fleet.isolation.ever)
     return jnp.stack([pairs / (vehicles * (fleet.ticks + 1)), ticks.astype(float)])
 

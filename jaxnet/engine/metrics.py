@@ -55,6 +55,8 @@ class Observation(NamedTuple):
     saturated
         Share of (vehicle, tick) pairs until now at which inputs were limited, and the number of
         ticks with any such vehicle, (2, lanes); None where vehicles have no limits.
+    halted
+        Those at which the filter had no velocity, (2, lanes); None where there is no filter.
     offset
         Offset of each vehicle in the formation [m], (2, m, lanes); None without a formation.
         Errors are those of y minus the offset.
@@ -87,6 +89,7 @@ class Observation(NamedTuple):
     leads: bool = True
     alarms: Float[Array, "2 *lanes"] | None = None
     saturated: Float[Array, "2 *lanes"] | None = None
+    halted: Float[Array, "2 *lanes"] | None = None
     offset: Float[Array, "2 m *lanes"] | None = None
 
     @property

@@ -1,10 +1,12 @@
 """The one place where the law's output meets a vehicle, with time.
 
 The law steers outputs y, and asks for their r-th derivative q. Here y follows from a vehicle's
-state and the input from q. A formation acts here for all engines. A limit of inputs or a filter
-acts here for the nonlinear engine: the exact one moves outputs, and never asks for inputs.
+state and the input from q. A formation acts here for all engines. A filter and limits of inputs act
+here for the sampled and the nonlinear engine: the exact one moves outputs, and never asks for
+inputs.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -13,6 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine.moment import Instants, PerAxis
 from jaxnet.engine.status import LEAST_MARGIN
+from jaxnet.engine.subset import LaneIndices, for_each, picked, put
 from jaxnet.model import plane
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
@@ -20,6 +23,7 @@ from jaxnet.model.plane import Jets
 States = Float[Array, "n m *lanes"]
 PerVehicle = Float[Array, "m *lanes"]
 Which = Bool[Array, "m *lanes"]
+FILTERED_AT_ONCE = 16  # lanes
 
 
 def outputs(lane: Lane, states: States, time: Instants) -> Jets:
@@ -64,15 +68,43 @@ def drift(lane: Lane, states: States, time: Instants) -> PerAxis:
     return found if lane.formation is None else found - lane.offsets(time)[len(lane.gain)]
 
 
-def asked(lane: Lane, states: States, highest: PerAxis, time: Instants) -> PerAxis:
-    """Inputs that the law asks for, for this r-th derivative of what it steers."""
+def asked(
+    lane: Lane,
+    states: States,
+    highest: PerAxis,
+    time: Instants,
+    lies: Callable[[], PerAxis] | None = None,
+) -> PerAxis:
+    """Inputs that the law and the filter ask for, for this r-th derivative of what the law steers.
+
+    `lies` gives what each vehicle tells of its place beside the truth. Inputs are not-a-number
+    where the filter admits none.
+    """
     if lane.formation is not None:
         highest = highest + lane.offsets(time)[len(lane.gain)]
+    if lane.filter is not None and lies is not None:
+        highest = kept_apart(lane, states, highest, lies())
     return lane.vehicle.inputs_for(states, highest)
 
 
+def kept_apart(lane: Lane, states: States, velocity: PerAxis, lies: PerAxis) -> PerAxis:
+    """Velocities that the filter admits, sought in the lanes with one that it does not."""
+    (own,) = lane.vehicle.output_jets(states)
+    given = lane.filter, velocity, own, own + lies
+
+    def some(few: LaneIndices, velocity: PerAxis) -> PerAxis:
+        safety, *places = jax.tree.map(lambda leaf: picked(leaf, few), given)
+        return put(velocity, few, safety.nearest(*places))
+
+    breached = lane.filter.breached(*given[1:]).any(axis=0)
+    return for_each(breached, FILTERED_AT_ONCE, some, velocity)
+
+
 def admitted(lane: Lane, states: States, asked: PerAxis, time: Instants) -> PerAxis:
-    """Inputs that reach the vehicles, of those that the law asks for: within their limits."""
+    """Inputs that reach the vehicles, of those asked for: within their limits, or of rest."""
+    if lane.filter is not None:
+        rest = lane.vehicle.inputs_for(states, jnp.zeros_like(asked))
+        asked = jnp.where(jnp.isnan(asked), rest, asked)
     return lane.vehicle.within_limits(asked) if lane.vehicle.limits else asked
 
 

@@ -81,7 +81,8 @@ def gain_of(scenario: Scenario, draw: Draw) -> Any:
 def lanes_of(scenario: Scenario, draw: Draw, sources: np.ndarray, gain: Any) -> Lane:
     topology, attack, own = scenario.topology, scenario.attack, scenario.own_gains
     loss, noise, detector = scenario.channel.loss, scenario.channel.noise, scenario.detector
-    vehicle, formation = scenario.vehicle.drawn(draw, "vehicle"), scenario.formation
+    vehicle = scenario.vehicle.drawn(draw, "vehicle")
+    formation, safety = scenario.formation, scenario.filter
     prove_presumed(scenario, vehicle)
     navigator = scenario.navigator.drawn(draw, "navigator")
     start = start_of(scenario, vehicle, draw)
@@ -118,6 +119,7 @@ def lanes_of(scenario: Scenario, draw: Draw, sources: np.ndarray, gain: Any) -> 
         steps=steps_of(scenario, draw),
         detector=tree(detector.drawn(draw, "detector")) if detector.present else None,
         formation=tree(formation.drawn(draw, "formation")) if formation.present else None,
+        filter=tree(safety.drawn(draw, "filter")) if safety.present else None,
     )
 
 

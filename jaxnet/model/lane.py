@@ -32,9 +32,9 @@ class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
     Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle,
-    navigator, defence, announcements, sensor, loss, noise, detector and formation are kinds with
-    their numbers drawn. The attack's signal has a method `basis`. With a formation, `initial` holds
-    the states that vehicles would have without it.
+    navigator, defence, announcements, sensor, loss, noise, detector, formation and filter are kinds
+    with their numbers drawn. The attack's signal has a method `basis`. With a formation, `initial`
+    holds the states that vehicles would have without it.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -62,6 +62,7 @@ class Lane(NamedTuple):
     steps: Float[Array, "r *lanes"] | None = None  # [m, m/s, …] of rounded messages, or None
     detector: Any = None  # None where nobody tests messages
     formation: Any = None  # None where all vehicles go to one place
+    filter: Any = None  # None where vehicles move as the law asks
 
     @property
     def lossy(self) -> bool:

@@ -77,7 +77,7 @@ def sizes(cells: Sequence[Cell]) -> dict[str, int]:
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
     scenario, known = cells[0].scenario, sizes(cells)
     alike = {}  # cells with equal slots
-    for each in (cell.scenario for cell in cells if cell.scenario.defence.decides):
+    for each in (cell.scenario for cell in cells if drops_messages(cell.scenario)):
         # an attacked source may have several slots
         several = each.attack.identities() + each.attack.splits() > 1
         alike[id(each.topology), several and id(each.attack)] = each
@@ -92,6 +92,11 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
         "state": np.array(scenario.vehicle.states, dtype=object),
         "input": np.array(scenario.vehicle.inputs, dtype=object),
     }
+
+
+def drops_messages(scenario: keys.Scenario) -> bool:
+    """Whether links may be out of force: a defence decides, or the channel loses messages."""
+    return scenario.defence.decides or not scenario.channel.loss.perfect()
 
 
 class Shard(NamedTuple):
@@ -170,7 +175,7 @@ def error_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
 
 
 def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
-    """Arrays of a trajectory; `kept` only where a defence decides.
+    """Arrays of a trajectory; `kept` only where messages are dropped or lost.
 
     States and inputs have one unit for each of their labels, separated by commas.
     """
@@ -178,7 +183,7 @@ def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
     found = dict(TRAJECTORIES)
     for name, units in {"states": vehicle.units, "inputs": vehicle.input_units}.items():
         found[name] = found[name]._replace(unit=", ".join(units))
-    if not any(cell.scenario.defence.decides for cell in cells):
+    if not any(drops_messages(cell.scenario) for cell in cells):
         del found["kept"]
     return found
 

@@ -23,7 +23,7 @@ class Theorem(NamedTuple):
 
 
 AT_LAST = ("leader", *MOTION)
-AS_ASKED = ("flat", "continuous")
+AS_ASKED = ("flat", "unfiltered", "continuous")
 LIVE = (*AS_ASKED, "one network", "every message", "on time")
 OF_LAWS = ("one gain", *LIVE, "small")
 OF_ERRORS = ("solved", "one gain", "alike", *LIVE, "unrounded messages", "ticks")

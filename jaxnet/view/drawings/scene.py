@@ -53,7 +53,7 @@ def scene_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> LaneScene:
         path = np.zeros_like(centre) if leaderless else navigator
         base = np.repeat(path[:, None], len(attacked), axis=1)
     kept = np.ones((len(places), len(sources)), bool)
-    if cell.scenario.defence.decides:
+    if "kept" in lane:
         kept = hearing.by_link(graph, lane["kept"].values > 0, lane["source"].values)
     return LaneScene(
         lane["time"].values,
