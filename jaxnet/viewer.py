@@ -52,7 +52,7 @@ def formation_places(
     return centre[:, None] + offsets
 
 
-def in_space(points: Float[np.ndarray, "*some 2"]) -> Float[np.ndarray, "*some 3"]:
+def with_height(points: Float[np.ndarray, "*some 2"]) -> Float[np.ndarray, "*some 3"]:
     return np.pad(points, [*[(0, 0)] * (points.ndim - 1), (0, 1)])
 
 
@@ -60,25 +60,25 @@ def entities(
     rerun: Any, scene: LaneScene, goals: np.ndarray | None, frame: int, size: float
 ) -> Iterator[tuple[str, Any]]:
     """Yield what is shown at a frame, by the path of its entity."""
-    places, angles = in_space(scene.places[frame]), np.radians(scene.heading[frame])
+    places, angles = with_height(scene.places[frame]), np.radians(scene.heading[frame])
     colours = [RED if one in scene.attacked else GREY for one in range(1, len(places))]
     names = [str(one) for one in range(1, len(places))]
     look = {"colors": colours, "radii": RADIUS * size}
     yield "robots", rerun.Points3D(places[1:], labels=names, **look)
     ahead = ARROW_LENGTH * size * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     arrows = {"origins": places[1:], "colors": colours, "radii": 0.2 * RADIUS * size}
-    yield "robots/headings", rerun.Arrows3D(vectors=in_space(ahead), **arrows)
+    yield "robots/headings", rerun.Arrows3D(vectors=with_height(ahead), **arrows)
     thin = 0.1 * RADIUS * size
     for (name, colour), ends in zip(LINK_COLOURS.items(), links_at(scene, frame), strict=True):
-        yield name, rerun.LineStrips3D(in_space(ends), colors=colour, radii=thin)
-    told = in_space(scene.told[frame])
-    lies = np.stack([in_space(scene.truth[frame]), told], axis=1)
+        yield name, rerun.LineStrips3D(with_height(ends), colors=colour, radii=thin)
+    told = with_height(scene.told[frame])
+    lies = np.stack([with_height(scene.truth[frame]), told], axis=1)
     yield "told", rerun.Points3D(told, colors=RED, radii=0.6 * RADIUS * size)
     yield "told/instead_of", rerun.LineStrips3D(lies, colors=RED, radii=thin)
     centre = "centre" if scene.leaderless else "navigator"
     yield centre, rerun.Points3D(places[:1], labels=[centre], colors=BLUE, radii=RADIUS * size)
     if goals is not None:
-        goal = in_space(goals[frame])
+        goal = with_height(goals[frame])
         yield "formation", rerun.Points3D(goal, colors=LIGHT, radii=0.8 * RADIUS * size)
 
 
@@ -88,8 +88,8 @@ def show_lane(
     """Open the viewer, or write a recording and return its path."""
     rerun = load_rerun()
     finite = np.flatnonzero(np.isfinite(scene.places).all(axis=(1, 2)))
-    middle = in_space(np.nanmean(scene.places, axis=(0, 1)))
-    size = max(1e-3, float(np.abs(in_space(scene.places) - middle)[finite].max(initial=0.0)))
+    middle = with_height(np.nanmean(scene.places, axis=(0, 1)))
+    size = max(1e-3, float(np.abs(with_height(scene.places) - middle)[finite].max(initial=0.0)))
     above = {"position": middle + np.array([0.0, 0.0, 3 * size]), "look_target": middle}
     eye = rerun.blueprint.EyeControls3D(eye_up=(0.0, 1.0, 0.0), **above)
     seen = rerun.blueprint.Spatial3DView(origin="/", name=title, eye_controls=eye)
@@ -102,7 +102,7 @@ def show_lane(
         else:
             recording.save(made, default_blueprint=blueprint)
         recording.send_recording_name(title)
-        paths = in_space(scene.places[finite].swapaxes(0, 1))
+        paths = with_height(scene.places[finite].swapaxes(0, 1))
         thin = {"colors": LIGHT, "radii": 0.05 * RADIUS * size}
         recording.log("paths", rerun.LineStrips3D(paths[scene.leaderless :], **thin), static=True)
         for number, frame in enumerate(finite.tolist(), 1):
