@@ -277,7 +277,9 @@ class Scenario(Record):
         default=0.1, gt=0, description="[s], time between outputs, a multiple of tick"
     )
     tail: float = Field(
-        default=5.0, ge=0, description="[s], the last part of a lane, which stands for t → ∞"
+        default=5.0,
+        ge=0,
+        description="[s], the last part of a lane, in which ultimate errors are measured",
     )
     topology: Annotated[Graph, KindOf("topology")] = Field(
         default=Cyclic(), description="who hears whom"

@@ -42,14 +42,14 @@ class Clock(NamedTuple):
     interval: Float[Array, ""]  # [s] from tick to tick
     ticks: Int[Array, ""]  # intervals from one output time to the next
     outputs: Int[Array, ""]  # output times after t = 0
-    tail_outputs: Int[Array, ""]  # number of the last output times, which stand for t → ∞
+    tail_outputs: Int[Array, ""]  # output times of the tail
 
     def at(self, number: Int[Array, "*numbers"]) -> Float[Array, "*numbers"]:
         """The times [s] of the ticks with these numbers."""
         return number.astype(float) * self.interval
 
     def in_tail(self, output: Int[Array, "*numbers"]) -> Bool[Array, "*numbers"]:
-        """Whether these output times stand for t → ∞."""
+        """Whether these output times are in the tail."""
         return output > self.outputs - self.tail_outputs
 
 

@@ -20,10 +20,10 @@ class Status(IntEnum):
     ok = 0
     singular = 1  # a margin under LEAST_MARGIN, or one that changes its sign
     nonfinite = 2  # a number is not finite, also where an iterative solver finds no solution
-    max_steps = 3  # the step limit, or a step too small to move the time
+    max_steps = 3  # the step limit, or a step too short to change the time
     disconnected = 4  # decisions leave a vehicle without a path from the navigator
     diverged = 5  # an error over LARGEST
-    unmeasured = 6  # a metric is no number that it may be
+    unmeasured = 6  # a metric is infinite or undefined and may not be
 
 
 Code = Int[Array, "*lanes"]

@@ -1,4 +1,4 @@
-"""Rows, one a lane: a file `lanes/NNNNN.parquet` a shard, with a stamp that describes the file.
+"""Rows, one for each lane: each shard has a file `lanes/NNNNN.parquet` with a stamp about it.
 
 A reader trusts no file. Truncation, a page's wrong checksum, or lanes of another study raise.
 """
@@ -101,7 +101,7 @@ class RowColumns(NamedTuple):
 
 
 def row_columns(study: Config, cells: Sequence[Cell]) -> RowColumns:
-    """Columns of swept keys with their types, and of vehicles that decisions cut off.
+    """Columns of swept keys with their types, and columns on vehicles that decisions cut off.
 
     A study whose defences cannot cut a vehicle off has none of the latter. Where they can, the
     columns tell who and since when; where such vehicles coast, also how many, for how long, and how
@@ -203,7 +203,7 @@ def refuse_lost(folder: Folder, manifest: Manifest) -> None:
 
 
 def wrong_rows(rows: pa.Table, cell: int, wanted: range) -> str:
-    """What is wrong with a shard's rows if they lack a sample or have one twice; or ""."""
+    """Fault of a shard whose rows lack a sample or have one twice; "" without a fault."""
     samples = rows["sample"].to_numpy()
     if (rows["cell"].to_numpy() != cell).any():
         return "holds rows of another cell"
@@ -240,7 +240,7 @@ def scan_cells(
     columns: Sequence[str] | None = None,
     where: ds.Expression | None = None,
 ) -> Iterator[tuple[int, pd.DataFrame]]:
-    """Yield cell by cell the number of the cell and its rows, sorted by sample.
+    """Yield the number of each cell and its rows, sorted by sample.
 
     `columns` and `where` select columns and rows. The scan reads the files once, with the rows of
     one cell in memory. It omits cells without rows, and samples beyond those of the shards. Raises

@@ -64,7 +64,7 @@ def test_two_who_trust_each_other_know_nothing():
     assert safe(study).tolist() == [False, False, True, True]
     text = check.check_text(study)
     assert "safe          3, 4 untouched; not known of 1, 2" in text
-    assert "proof ends    for 1, 2 with 4 alone; for 3, 4 with no 3 more" in text
+    assert "proof fails   for 1, 2 if only 4 lie; for 3, 4 not even if 3 more lie" in text
 
 
 def test_what_is_announced_saves_them():

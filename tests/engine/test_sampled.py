@@ -11,6 +11,7 @@ import pytest
 import jaxnet
 from jaxnet.kinds.vehicles.robotarium import Robotarium
 from jaxnet.view.text.check import check_text
+from jaxnet.view.text.tables import failures_text
 
 STEP = 0.033
 ROBOTS = 12
@@ -230,3 +231,16 @@ def test_circle_of_constant_inputs():
     x, y, heading = states_of(jaxnet.simulate(keys, samples=1, progress=False))[-1, 0]
     wrapped = math.atan2(math.sin(heading), math.cos(heading))
     assert (x, y, wrapped) == pytest.approx((-0.138113576, 0.056932364, -0.765482457), abs=6e-10)
+
+
+def test_a_slow_start_that_a_held_input_spoils_is_told_with_what_helps():
+    """A robot at 0.5 m/s turns at a rate proportional to 1/speed; limits keep all lanes."""
+    keys = {"vehicle": "two_wheeled", "initial": {"speed": 0.5}, "horizon": 5.0, "tail": 1.0}
+    keys |= {"engine": {"kind": "sampled", "move": "euler"}, "vehicles": 6, "defence": "none"}
+    failed = jaxnet.simulate(keys, 4, progress=False)
+    assert (failed.lanes["status"] != "ok").all()
+    told = " ".join(failures_text(failed).split())
+    assert "give vehicle.limits, a shorter tick, or a faster start (initial.speed)" in told
+    limits = {"force_rate": 50.0, "angular_acceleration": 5.0}
+    keys |= {"vehicle": {"kind": "two_wheeled", "limits": limits}}
+    assert (jaxnet.simulate(keys, 4, progress=False).lanes["status"] == "ok").all()

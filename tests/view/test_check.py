@@ -161,7 +161,7 @@ def test_a_broken_premise_of_safety_is_named(keys, why):
     found = known(**keys)
     assert found["safe"].startswith("nothing is proved; ")
     assert why in found["safe"]
-    assert not {"decay", "proof ends", "theorem 3"} & {*found}
+    assert not {"decay", "proof fails", "theorem 3"} & {*found}
 
 
 TRUSTED = {"defence": "trusted_only", "recovery": {"tau": 0.01}, "name": "short"}

@@ -133,11 +133,11 @@ class AnyDefence(DrawsAtTicks):
         return None
 
     def announcing(self) -> bool:
-        """Whether vehicles announce what drives them off the navigator, and are judged by it."""
+        """Whether vehicles announce `R(y) - R(y_0)`, and sources are judged by announcements."""
         return False
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
-        """Received jets as the decision sees them; the law uses the jets without this change."""
+        """Received jets with the noise of the decision; the law uses the jets without it."""
         return received if self.noise is None else self.noisy(received, self.noise, time)
 
     def overheard(
@@ -186,7 +186,7 @@ class AnyDefence(DrawsAtTicks):
         )
 
     def retained(self, graph: Digraph, trusted: Links) -> DropPolicy | None:
-        """Which sources the defence may retain, for bounds; None, the default, if not known."""
+        """The sets of sources that the defence may retain; None, the default, if not known."""
         return None
 
     def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
@@ -312,7 +312,7 @@ class Sparing(Defence):
     )
 
     def spares(self, trusted: AnyMask) -> AnyMask:
-        """Those of the trusted links or slots whose weight the rule does not change."""
+        """The trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
 
     def may_drop(self, graph, trusted):

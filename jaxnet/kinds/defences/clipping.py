@@ -23,5 +23,5 @@ class Clipping(Sparing):
         return around.weights * xp.where(self.spared(around), 1.0, share), memory
 
     def may_drop(self, graph, trusted):
-        """That no source is dropped, because no weight becomes 0."""
+        """No source is dropped, because no weight becomes 0."""
         return everybody(graph)

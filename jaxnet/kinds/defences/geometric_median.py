@@ -42,5 +42,5 @@ class GeometricMedian(Defence):
         return weighed(middle), memory
 
     def may_drop(self, graph, trusted):
-        """That no source is dropped, because no weight becomes 0."""
+        """No source is dropped, because no weight becomes 0."""
         return everybody(graph)

@@ -22,7 +22,7 @@ class MSNorm(Sparing):
     )
 
     def decide(self, own, received, last, memory, around):
-        """Count the sources farther out; of equal ones (`ties`) the lower slot is dropped first."""
+        """Drop the F farthest sources; of equal ones (`ties`) the lower slot is dropped first."""
         xp = own[0].__array_namespace__()
         candidate = (around.weights > 0) & ~self.spared(around)
         distance = length(received[0] - own[0][:, None])

@@ -16,7 +16,7 @@ class TrustedOnly(Defence):
         return False
 
     def decide(self, own, received, last, memory, around):
-        """The trusted sources, or everybody where a vehicle has none in the network in force."""
+        """Retain trusted sources; a vehicle without one in the network in force retains all."""
         trusted = around.linked & around.trusted[:, :, None]
         return trusted | ~trusted.any(axis=0, keepdims=True), memory
 

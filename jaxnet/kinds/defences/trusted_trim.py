@@ -53,7 +53,7 @@ OF_BLURRED = (
 
 
 class Trimming(NamedTuple):
-    """What all lanes share: ϑ, and the slots of trusted sources.
+    """ϑ and the slots of trusted sources, which all lanes share.
 
     `references` has as many rows as the listener with the most trusted sources needs.
     """
@@ -201,7 +201,7 @@ class TrustedTrim(Sparing):
         return decision, memory
 
     def trims(self, heard: AnyCounts, trusted: AnyCounts, theta: AnyCounts) -> AnyMask:
-        """Which vehicles trim, from how many sources and trusted sources they hear."""
+        """Vehicles that trim, by the numbers of sources and of trusted sources that they hear."""
         if self.announcing():
             return heard > theta
         return (heard >= 2 * theta + 1) & (trusted >= theta)
@@ -213,7 +213,7 @@ class TrustedTrim(Sparing):
         return control.feedback(gain, received) if self.score == "feedback" else received[0]
 
     def retained(self, graph, trusted):
-        """That a trimming vehicle drops ϑ_i sources, or all unspared ones if it hears fewer."""
+        """A trimming vehicle drops ϑ_i sources, or all unspared ones if it hears fewer."""
         theta = by_listener(self.theta, graph.vehicles)
         links = graph.heard & ~self.spares(trusted) & self.protected(graph, trusted)[:, None]
         return DropPolicy(graph, links, np.minimum(theta, links.sum(axis=1)))

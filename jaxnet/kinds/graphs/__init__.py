@@ -59,7 +59,7 @@ class ByIdentity:
 
 
 def shared_by_cells(found: Asked, key: Callable[[Any], ByIdentity] = ByIdentity) -> Asked:
-    """Keep what a function last found, by a key of its first argument and by the others."""
+    """Cache the last results of a function, by a key of its first argument and by the others."""
     cached = functools.lru_cache(maxsize=16)(lambda itself, *rest: found(itself.one, *rest))
     shared: Any = lambda one, *rest: cached(key(one), *rest)  # noqa: E731
     functools.update_wrapper(shared, found)
@@ -120,15 +120,15 @@ class Graph(Kind):
         return None
 
     def leaderless(self) -> "Graph":
-        """The graph of a fleet without a navigator, if numbered otherwise; by default this one."""
+        """The graph without a navigator. Override it if its nodes then have other numbers."""
         return self
 
     def vehicle_names(self) -> Sequence[str]:
-        """The names of the vehicles 1 … m, empty if only numbers name them."""
+        """The names of the vehicles 1 … m; empty if vehicles have numbers only."""
         return ()
 
     def turns(self) -> Sequence["Graph"]:
-        """The networks of which one is in force at a time; by default this graph alone."""
+        """The networks that take turns; by default this graph alone."""
         return [self]
 
     @shared_by_cells
@@ -171,7 +171,7 @@ class Graph(Kind):
         return True
 
     def rows_with_loops(self, vehicles: int) -> Digraph:
-        """The weights as they are given, with those of vehicles on themselves; raise KindError."""
+        """The given weights, with the weights of vehicles on themselves; raise KindError."""
         return self.checked(self.weights(vehicles), vehicles)
 
     def strength(self, weights: LaneWeights, navigator: bool) -> RowStrength | None:
@@ -188,12 +188,12 @@ class Graph(Kind):
         return WithOwnWeight(share) if share.any() else None
 
     def digraph(self, given: GivenGraph, vehicles: int) -> Digraph:
-        """What `weights` and `links` give as a graph, without loops; raise KindError."""
+        """The graph of `weights` or `links` without loops; raise KindError."""
         found = self.checked(given, vehicles)
         return found.only(found.sources != np.arange(1, vehicles + 1)[:, None])
 
     def checked(self, given: GivenGraph, vehicles: int) -> Digraph:
-        """What `weights` and `links` give as a graph; raise KindError."""
+        """The graph of `weights` or `links`; raise KindError."""
         if not isinstance(given, Digraph):
             try:
                 given = given if sparse.issparse(given) else np.asarray(given, float)
@@ -285,7 +285,7 @@ class Unweighted(Graph):
         return isinstance(self.navigator, ShareOfVehicles)
 
     def informed(self, vehicles: int, random: np.random.Generator) -> Bool[np.ndarray, " m"]:
-        """Who hears the navigator; by one generator, a greater share contains a smaller one."""
+        """Vehicles that hear the navigator. With one generator greater shares contain smaller."""
         everyone = np.arange(1, vehicles + 1)
         if isinstance(self.navigator, ShareOfVehicles):
             number = round(self.navigator.share * vehicles)
@@ -293,7 +293,7 @@ class Unweighted(Graph):
         return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
 
     def connected(self, vehicles: int, random: np.random.Generator) -> Digraph:
-        """Links by which the navigator reaches everybody; raise KindError if no draw has them."""
+        """Draw links until the navigator reaches every vehicle; raise KindError if no draw does."""
         for _ in range(TRIES):
             informed = np.flatnonzero(self.informed(vehicles, random))
             listeners, heard, _ = graph.entries(self.heard(vehicles, random))
@@ -304,7 +304,7 @@ class Unweighted(Graph):
         raise KindError(f"{self.kind}: the navigator reaches everybody in none of {TRIES} draws")
 
     def weights(self, vehicles):
-        """The weights by the rule; for a graph drawn lane by lane, those of one such graph."""
+        """The weights by the rule. If each lane draws its graph, these are of one such graph."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         weights = self.weighted(links, median(self.navigator_weight), links.sources.T)
         return links._replace(weights=np.ascontiguousarray(weights.T))
@@ -342,7 +342,7 @@ class Unweighted(Graph):
 
 
 class Random(Unweighted):
-    """Links drawn at random: one graph by `seed`, or one for each lane by the study's seed."""
+    """Random links: one graph from `seed`, or with `redraw` one graph for each lane."""
 
     redraw: bool = setting(False, "whether each lane has a graph of its own")
 

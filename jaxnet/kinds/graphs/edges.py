@@ -36,7 +36,7 @@ class Edges(EdgeGraph):
 
     @property
     def led(self) -> bool:
-        """Whether these edges are of an object, one of whose nodes became the navigator."""
+        """Whether the edges come from an object, and one of its nodes became the navigator."""
         return bool(self._led)
 
     def listed(self):
@@ -69,7 +69,7 @@ class Edges(EdgeGraph):
 
 
 def adopt_network(given: object, leads: bool | None = True) -> Edges | None:
-    """The graph that a networkx graph or a matrix means, None for another object.
+    """The graph of a networkx graph or a matrix; None for another object.
 
     `leads` says whether a node is the navigator, None if in some cells only. Raises KindError if
     the object means no network.

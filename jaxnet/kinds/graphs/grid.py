@@ -7,7 +7,7 @@ from jaxnet.model import patterns
 
 
 class Grid(Unweighted):
-    """Rows and columns, numbered row by row; a vehicle hears those beside, before and behind it."""
+    """A grid, numbered row by row. A vehicle hears the vehicles beside, before and behind it."""
 
     rows: int = Field(ge=1, description="how many")
     columns: int = Field(ge=1, description="vehicles in a row")

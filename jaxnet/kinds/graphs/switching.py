@@ -18,7 +18,7 @@ from jaxnet.model import graph
 
 
 class Switching(DrawsAtTicks, Graph):
-    """Several networks, one of which is in force at a tick, with its own weights.
+    """Several networks that take turns: one is in force at a tick, with its own weights.
 
     A vehicle that the navigator does not reach in the network in force keeps its last drive, as
     where messages are lost. What `check` says of the graph holds for the union of the networks.
@@ -78,7 +78,7 @@ class Switching(DrawsAtTicks, Graph):
         return self.networks
 
     def number(self, time: LaneTimes, networks: int) -> AnyCounts:
-        """The number, from 0, of the network in force at times, one of so many networks."""
+        """The number, from 0, of the network that is in force at each of these times."""
         if len(self.at):
             passed = (time[None] >= jnp.asarray(self.at) - TICK_ROUNDING).sum(axis=0)
         else:

@@ -116,7 +116,7 @@ def indices_figure(results: Results, metric: str, cells: Sequence[Cell], width: 
 
 
 def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Method of `Plots` that selects cells and draws them in its style, without `note` no notes."""
+    """Make a method of `Plots` that selects cells and draws them; `note` adds the small line."""
 
     def drawn(
         self: "Plots",
@@ -181,7 +181,7 @@ class Plots:
 
     @property
     def plain(self) -> "Plots":
-        """The same figures in matplotlib's own style: of `matplotlibrc`, or `plt.style.use`."""
+        """The same figures in matplotlib's own style (`matplotlibrc` or `plt.style.use`)."""
         return Plots(self.results, style.LAYOUT)
 
     @plot
@@ -302,7 +302,7 @@ class Plots:
 def draw_figures(
     results: Results, names: Sequence[str] = FIGURE_NAMES, told: Steps = no_progress
 ) -> Iterator[UPath]:
-    """Draw the named figures for which the folder has data; yield the files as they are written."""
+    """Draw the named figures that the folder has data for; yield each file once it is written."""
     for done, name in enumerate(names):
         told("figures drawn", done, len(names))
         try:
@@ -315,7 +315,7 @@ def draw_figures(
 def draw_figure(
     results: Results, name: str, where: Where | None = None, plain: bool = False, **chosen: Any
 ) -> Figure:
-    """Draw the figure of a name; `chosen` are arguments of its method of `Plots`, None for none."""
+    """Draw the figure of this name; `chosen` are arguments of its method, None if not given."""
     if name not in FIGURE_NAMES:
         raise FolderError(f"name: one of {', '.join(FIGURE_NAMES)} (got {name})")
     if name not in SENSITIVITY:
@@ -336,7 +336,7 @@ def file_name(
     plain: bool = False,
     note: bool = True,
 ) -> str:
-    """File name of a figure, without extension; what was chosen is part of it."""
+    """File name of a figure without extension; it contains the chosen options."""
     words = [
         f"{key}={value}"
         for key, values in (*chosen.items(), *where.items())

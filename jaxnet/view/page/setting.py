@@ -32,7 +32,7 @@ OWN_ROWS += ("name", "seed", "samples", "sweep", "labels")
 
 
 def setting_rows(study: Study) -> dict[str, str]:
-    """What was run by name: every key that is not at its default, from the models of the config."""
+    """Name and value of each key that is not at its default, from the models of the config."""
     cells = study.cells
 
     def among(words: Callable[[Cell], str]) -> str:
@@ -76,7 +76,7 @@ def setting_rows(study: Study) -> dict[str, str]:
 
 
 def keys_of_cells() -> Iterator[tuple[str, FieldInfo]]:
-    """Dotted keys of a cell with their fields, those of records too, not those of kinds."""
+    """Dotted keys of a cell with their fields: keys of records too, but not keys of kinds."""
     for name, field in Scenario.model_fields.items():
         if name in RECORDS:
             inside = RECORDS[name].model_fields.items()
@@ -103,7 +103,7 @@ def told_keys(model: BaseModel, without: Container[str] = ()) -> list[str]:
 
 
 def value_words(field: FieldInfo | None, value: Any) -> str:
-    """A value with its unit; of a record, its keys that are not at their defaults."""
+    """A value with its unit, or the keys of a record that are not at their defaults."""
     if isinstance(value, Kind):
         return kind_name(value)
     if isinstance(value, Recovery | SearchSettings | Save):
@@ -121,7 +121,7 @@ def words_in(name: str) -> str:
 
 
 def alternatives(words: Sequence[str]) -> str:
-    """The first alternatives as a list, with semicolons where they have commas themselves."""
+    """The first alternatives as a list; semicolons part alternatives that contain commas."""
     shown = [*words[:MOST_ALTERNATIVES], *["…"] * (len(words) > MOST_ALTERNATIVES)]
     return ("; " if any("," in each for each in words) else ", ").join(shown)
 
@@ -131,7 +131,7 @@ def attacks(scenario: Scenario) -> bool:
 
 
 def attacked_words(cell: Cell) -> str:
-    """Whose signals the attack falsifies, and whether these vehicles hear or transmit them."""
+    """Vehicles whose signals the attack falsifies, and whether they hear or transmit these."""
     attack, drawn = cell.scenario.attack, "attack.vehicles.random" in cell.labels
     if not attacks(cell.scenario):
         return "none"

@@ -51,7 +51,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         "attack": attack_line(case) if attack.present else "none",
         "Assumption 1": told.get("honest paths", ""),
         **defence.describe(graph, at_once, trusted),
-        "guarantee": told.get("agreement", f"{defence.kind}: {defence.promise()}"),
+        "guarantee": told.get("agreement", defence.promise()),
         "cut off": told.get("cut off", ""),
         **world_lines(scenario, told),
         **motion_lines(scenario, found, told),
@@ -190,7 +190,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "law": law,
         "safe": safe,
         **announced,
-        "proof ends": told.get("proof ends", ""),
+        "proof fails": told.get("proof ends", ""),
         "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", ""),
@@ -327,10 +327,10 @@ def margin_words(found: Margin, scenario: Scenario) -> str:
                 for each in sets
             ]
             by.setdefault(" or ".join(names), []).append(number)
-    words = [f"for {ranges(those)} with {sets} alone" for sets, those in by.items()]
+    words = [f"for {ranges(those)} if only {sets} lie" for sets, those in by.items()]
     for more in np.unique(found.further[found.further > 0]).tolist():
-        far = f"no {MOST_TRIED}" if more > MOST_TRIED else str(more)
-        words.append(f"for {flagged(found.further == more)} with {far} more")
+        far = f"not even if {MOST_TRIED}" if more > MOST_TRIED else f"if {more}"
+        words.append(f"for {flagged(found.further == more)} {far} more lie")
     return "; ".join([*words[:MOST_NAMED_SETS], *["…"] * (len(words) > MOST_NAMED_SETS)])
 
 

@@ -38,13 +38,18 @@ from jaxnet.view.text.width import (
 
 MOST_FAILURES = 20
 FAILURE_REASONS = {
-    "disconnected": "a vehicle retained nobody by whom the navigator reaches it",
+    "disconnected": "a vehicle retained no source through which the navigator reaches it",
     "singular": "a vehicle stood still, where the law is singular",
-    "max_steps": "more steps than engine.max_steps, or one too small to move time",
-    "nonfinite": "a number that is none",
+    "max_steps": "more steps than engine.max_steps allows, or a step too short to change the time",
+    "nonfinite": "a number is infinite or undefined",
     "diverged": "an error over 1e100 m",
-    "unmeasured": "a metric of the study is no finite number (extending.md: undefined)",
+    "unmeasured": "a metric of the study is infinite or undefined (extending.md: undefined)",
 }
+HELD_TOO_LONG = ["max_steps", "nonfinite", "diverged"]  # statuses of a digital controller
+ON_SAMPLED = (
+    "engine: sampled: vehicles hold inputs for a tick, and a slow vehicle's are great (as 1/speed):"
+    " give vehicle.limits, a shorter tick, or a faster start (initial.speed)"
+)
 
 
 def summary_text(
@@ -263,6 +268,9 @@ def failures_text(results: Results) -> str:
         lines.append(f"… {many - MOST_FAILURES} more; see the column status in lanes/")
     kinds = failed["status"].unique()
     lines += [f"{kind}: {FAILURE_REASONS[kind]}" for kind in kinds if kind in FAILURE_REASONS]
+    held = failed.loc[failed["status"].isin(HELD_TOO_LONG), "cell"].unique()
+    if any(results.study.cells[number].scenario.engine.samples for number in held):
+        lines.append(filled(ON_SAMPLED))
     return "\n".join(lines)
 
 
