@@ -63,8 +63,8 @@ def test_two_who_trust_each_other_know_nothing():
     assert np.mean((ended < 1e-6) | (np.abs(ended - 5.0) < 1e-6)) > 0.98  # a few still change sides
     assert safe(study).tolist() == [False, False, True, True]
     text = check.check_text(study)
-    assert "safe          3, 4 untouched; not known of 1, 2" in text
-    assert "proof fails   for 1, 2 if only 4 lie; for 3, 4 not even if 3 more lie" in text
+    assert "safe          3, 4 untouched; not known for 1, 2" in text
+    assert "for 1, 2 by an attack on 4 alone; for 3, 4 by no attack on 3" in text
 
 
 def test_what_is_announced_saves_them():

@@ -246,7 +246,7 @@ class TrustedTrim(Sparing):
         asked = "|N_i| > ϑ" if self.announcing() else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
         line = f"ϑ = {values}, {asked}: "
         if not meets.any():
-            return {"trimming": line + "nobody is protected, so everybody keeps whom they hear"}
+            return {"trimming": line + "no vehicle is protected: each retains all its sources"}
         line += "holds for every vehicle"
         if not meets.all():
             line = line.removesuffix("every vehicle") + f"{ranges(vehicle_numbers(meets))} only"

@@ -120,7 +120,7 @@ def study_head(study: Study) -> str:
     samples = f"{most}{count(settled.most_samples, 'sample')} = {count(lanes, 'lane')}"
     return wrap_lines(
         f"{settled.name}: {count(len(study.cells), 'cell')} × {samples},"
-        f" {settled.engine.kind} engine, nothing wrong\n"
+        f" {settled.engine.kind} engine, no faults\n"
         f"about {decimal(round(memory))} of memory; at most {decimal(disk)} on disk"
     )
 
@@ -143,10 +143,10 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
     for cell in cells:
         found = ending(cell, study.config)
         if isinstance(found, str):
-            lines.append(f"it is not known when a start has died away: {found}")
+            lines.append(f"it is not known when the effect of the start ends: {found}")
             continue
-        when = f"a start is below {found.length:.3g} m after {found.after:.3g} s"
-        lines.append(f"{when}, the tail begins at {found.begins:g} s")
+        when = f"the effect of the start is below {found.length:.3g} m after {found.after:.3g} s"
+        lines.append(f"{when}; the tail begins at {found.begins:g} s")
         if found.after > found.begins:
             early.append(cell.number)
             needed = max(needed, found.horizon)
@@ -155,8 +155,8 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
         labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell in cells]
         told = factor_table("time", labels, lines, None)
     if early:
-        words = "WARNING: the tail begins before a start has died away in"
-        enough = f"horizon: {needed:g} would do for a start; a defence may need longer"
+        words = "WARNING: the tail begins before the effect of the start ends, in"
+        enough = f"horizon: {needed:g} is enough for the start; a defence may need longer"
         told += "\n" + wrap_lines(f"{words} {cells_named(early)}: {enough}")
     return told
 

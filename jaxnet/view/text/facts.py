@@ -81,11 +81,11 @@ def network_lines(case: Case, told: Facts) -> Facts:
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)
         navigator = f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)"
-        robust = "exactly 1-robust with the navigator, as every graph that it reaches"
+        robust = "exactly 1-robust with the navigator, as is every graph that it reaches"
         if unreachable(graph):
             robust = "not 1-robust with the navigator, which does not reach every vehicle"
         robust += (
-            ", while W-MSR with F = 1 asks for 3-robustness against F-local attackers,"
+            "; W-MSR with F = 1 needs 3-robustness against F-local attackers, or"
             " (2, 2)-robustness against F-total attackers"
         )
     return {
@@ -241,7 +241,7 @@ def path_words(found: HonestPaths, scenario: Scenario) -> str:
     if found.cut_off != found.perhaps or not found.all_attacked:
         return line
     lonely = ranges(found.all_attacked)
-    return f"{line}; {lonely} hear{plural_s(lonely)} nobody honest"
+    return f"{line}; {lonely} hear{plural_s(lonely)} no honest source"
 
 
 def nominal_words(found: list[int], scenario: Scenario) -> str:
@@ -293,7 +293,7 @@ def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
         words += [f"{flagged(vehicles & left)} {why}"] if (vehicles & left).any() else []
         left &= ~vehicles
     known = "; ".join(words) + ", whichever vehicles are drawn" * (found.drawn and bool(words))
-    whose = "not known in every lane of" if found.drawn else "not known of"
+    whose = "not known in every lane for" if found.drawn else "not known for"
     unknown = f"{whose} {ranges(vehicle_numbers(left))}" if left.any() else ""
     return "; ".join(filter(None, [known, unknown, "" if found.tried else NOT_TRIED]))
 
@@ -327,10 +327,10 @@ def margin_words(found: Margin, scenario: Scenario) -> str:
                 for each in sets
             ]
             by.setdefault(" or ".join(names), []).append(number)
-    words = [f"for {ranges(those)} if only {sets} lie" for sets, those in by.items()]
+    words = [f"for {ranges(those)} by an attack on {sets} alone" for sets, those in by.items()]
     for more in np.unique(found.further[found.further > 0]).tolist():
-        far = f"not even if {MOST_TRIED}" if more > MOST_TRIED else f"if {more}"
-        words.append(f"for {flagged(found.further == more)} {far} more lie")
+        far = f"no attack on {MOST_TRIED}" if more > MOST_TRIED else f"an attack on {more}"
+        words.append(f"for {flagged(found.further == more)} by {far} more")
     return "; ".join([*words[:MOST_NAMED_SETS], *["…"] * (len(words) > MOST_NAMED_SETS)])
 
 
@@ -346,8 +346,8 @@ def decay_words(found: Decay, scenario: Scenario) -> str:
 
 
 def start_words(found: Start, scenario: Scenario) -> str:
-    within = (f"within {length:g} m after {found.after(length):.3g} s" for length in (1.0, 1e-3))
-    return f"at most {found.distance:.4g} m from the navigator's, alone {' and '.join(within)}"
+    below = (f"below {length:g} m after {found.after(length):.3g} s" for length in (1.0, 1e-3))
+    return f"at most {found.distance:.4g} m from the navigator's; its effect is {', '.join(below)}"
 
 
 # What a theorem's value says, by its quantity.

@@ -40,7 +40,7 @@ def fit_text(results: Results) -> str:
     found = curves(results)
     parts = [slopes_text(results, found)]
     if results.file("bounds.csv").exists():
-        title = "how many times the worst error found each bound of theory is"
+        title = "bounds of theory, as multiples of the worst error found"
         rows = [(curve, group_ratios(curve)) for curve in found]
         if any(np.isfinite(row[name]) for _, row in rows for name in BOUND_COLUMNS):
             table = group_table(title, rows, BOUNDS_DROP_ORDER, "bounds.csv")
@@ -77,7 +77,10 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     draws = independent and min(whole_draws(results, curve.group) for curve in found)
     if draws and any(QUANTILE_COLUMNS[name] == ENVELOPE for name, _ in told):
         share = number_text(100 * below_greatest(draws), whole=100.0)
-        words = f"all below: the {draws} lanes of each ā; with 95 % confidence {share} % of all are"
+        words = (
+            f"all below: the {draws} lanes of each ā are; at least {share} % of all possible lanes,"
+        )
+        words += " with 95 % confidence"
         lines.append(filled(words))
     return "\n".join(lines)
 

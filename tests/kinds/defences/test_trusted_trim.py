@@ -214,7 +214,7 @@ def test_protected_vehicles_hear_and_trust_enough(heard, trusted, theta):
 
 CONDITION = "ϑ = 1, |N_i| ≥ 2ϑ + 1 with ϑ trusted: "
 EVERYBODY = "holds for every vehicle"
-NOBODY = "nobody is protected, so everybody keeps whom they hear"
+NOBODY = "no vehicle is protected: each retains all its sources"
 SOME = "holds for 3, 5 only; 1, 2, 4, 6-12 unprotected"
 TWO_THETAS = CONDITION.replace("1", "0, 1", 1)
 OUTNUMBERED = "; more than ϑ attacked sources, or a trusted one, at "
