@@ -83,7 +83,7 @@ def write_starter(file: Path) -> None:
     click.option("--cell", type=click.IntRange(0), help="Tell all of this cell alone."),
 )
 def check_command(config: Path, overrides: tuple[str, ...], cell: int | None) -> None:
-    """Validate a config; print its cells and what is known of them before anything moves."""
+    """Validate a config; print its cells and what theory says of them, without simulation."""
     study = jaxnet.load(config, overrides)
     if cell is not None and cell >= len(study.cells):
         raise click.BadParameter(f"there are {len(study.cells)} cells", param_hint="--cell")
@@ -164,7 +164,7 @@ def run_command(
 def search_command(
     config: Path, overrides: tuple[str, ...], out: str | None, fresh: bool, **machines: Any
 ) -> None:
-    """Look for the worst that `search.over` lets an attacker choose, beside as many random lanes.
+    """Search for an attacker's worst choice in `search.over`; compare it with as many random lanes.
 
     The lanes are a run of the study; a search that was broken off goes on, and workers search cells
     side by side. The best choice of each cell is tried from 10,000 other starts and by the
@@ -208,7 +208,7 @@ def list_results(folder: str) -> None:
     text(
         "--columns",
         "A,B,…",
-        "Columns of cells.csv to show.  [default: what is asked first]",
+        "Columns of cells.csv to show.  [default: the main ones]",
     ),
     text("--sort", "COLUMN", "Column to sort by; -COLUMN: the greatest first."),
     where_option,
@@ -370,7 +370,7 @@ def replay_command(
     code,
 )
 def animate_command(results: str, cell: int, sample: int, out: str | None, **code: Any) -> None:
-    """Write a film of one lane: who hears whom, what attacked vehicles tell, and the errors.
+    """Write a film of one lane: links, what attacked vehicles transmit, and the errors.
 
     It is an MP4 where ffmpeg is found, else a GIF. A lane whose trajectory is not there is
     simulated again.
@@ -424,7 +424,7 @@ def view_command(results: str, cell: int, sample: int, save: str | None, **code:
 def sensitivity_command(
     config: Path, overrides: tuple[str, ...], metric: str | None, samples: int, out: str | None
 ) -> None:
-    """Tell which of the quantities drawn the results depend on.
+    """Tell on which drawn quantities the results depend.
 
     Sobol's indices with 95 % intervals: which part of the variance over lanes comes from each,
     alone and with interactions. Writes sensitivity.csv and its figure; cells that are there are not
@@ -453,7 +453,7 @@ def sensitivity_command(
     out_of("Results folder.  [default: results/NAME]"),
 )
 def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str | None) -> None:
-    """Tell how rarely the defence fails, where plain lanes would hardly show it.
+    """Estimate how often the defence fails, where that is too rare for plain lanes.
 
     Subset simulation over all that is drawn, ten repeats, with a 95 % interval. Writes rare.csv;
     cells that are there are not done again.
@@ -474,7 +474,7 @@ def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str
     out_of("Where to write.  [default: A-B beside B]"),
 )
 def compare_command(a: str, b: str, form: str, out: str | None) -> None:
-    """Hold the lanes of results B against those of A, paired by their draws.
+    """Compare the lanes of results B with those of A, paired by their draws.
 
     Prints what differs between the studies, then B − A cell by cell: the tail errors, and the share
     of lanes unrecovered with those that changed sides. Writes compare.html, differences.csv,

@@ -137,7 +137,7 @@ def search_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
             told = f"{swept[0]} is swept: search over it, or sweep it"
             yield Fault((f"search.over.{key}",), told)
     if study.draws == "sobol":
-        told = "a search is held against random lanes: give draws: random"
+        told = "a search is compared with random lanes: give draws: random"
         yield Fault(("draws", "search"), told)
     measured = [metric.name for metric in study.measured()]
     if search.maximise == "unrecovered" and study.recovery is None:

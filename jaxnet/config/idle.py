@@ -32,7 +32,7 @@ def rules(s: Scenario) -> Iterator[tuple[str, bool, str]]:
             why = "there are no errors: give a standard deviation, as position"
             yield f"{at}.{key}", exact, why
     for key in ("attack.announces", "defence.first_announcement"):
-        yield key, not announces, "the defence has nobody announce: give score: announced"
+        yield key, not announces, "no vehicle announces under this defence: give score: announced"
     why = "under a local law no vehicle has a drive to keep"
     yield "defence.isolated", not s.law.couples(), why
     for key in ("topology.navigator", "topology.navigator_weight"):

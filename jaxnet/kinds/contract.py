@@ -1,4 +1,4 @@
-"""What methods of kinds from outside return, held against the annotations of overridden methods.
+"""Check what methods of kinds from outside return, by the annotations of overridden methods.
 
 The annotations name the axes of arrays (`kinds.shapes`). Arguments tell the sizes of the axes. JAX
 traces a program before it compiles it, so a wrong shape or type is found before anything compiles.

@@ -55,7 +55,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 CONNECT = 10  # [s]
-KEPT = "what is finished is kept, the same command goes on"
+KEPT = "what is finished is kept; the same command resumes"
 NO_LOGS = logging.CRITICAL + 1  # what is lost is told by us, not by dask
 MOST_LOSSES = 5  # workers that one item may take with it before it is given up
 SETTING_UP = threading.Lock()

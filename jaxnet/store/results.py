@@ -255,7 +255,7 @@ class Results:
         """Table with a row per cell of a finished run: means, quantiles and shares of its lanes."""
         self.need_run()
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
-            told = "holds an unfinished run: the command that began it goes on"
+            told = "holds an unfinished run: the same command finishes it"
             raise FolderError(f"{self.place} {told}")
         return self.checked("cells.csv", self.path / "cells.csv")
 
@@ -482,7 +482,7 @@ def open_folder(
         rows.refuse_lost(folder, manifest)
     found = Results(folder.path, None, trust, config)
     if not manifest or not (rows_there or found.analyses):
-        told = "holds an unfinished run: the command that began it, without --shard, goes on"
+        told = "holds an unfinished run: the same command without --shard finishes it"
         raise FolderError(f"{path} {told}")
     return found if out is None else written_into(found, out)
 

@@ -27,7 +27,7 @@ REPLACED = "attack: {vehicles: [3], magnitude: 7}\nsweep: {attack: [bias, none]}
         ("channel: {noise: {outliers: 0.1}}", "channel.noise.outliers: there are no errors"),
         ("sensing: {outliers: 0.1, position: 1}", ""),
         ("sensing: {correlation: 1, dropout: 0.1}", "sensing.correlation: there are no errors"),
-        ("attack: {announces: zero}", "attack.announces: the defence has nobody announce"),
+        ("attack: {announces: zero}", "attack.announces: no vehicle announces under this defence"),
         ("attack: {announces: zero}\ndefence: {score: announced}", ""),
         ("defence: {trusted: {1: [5, 2], 3: [4]}}", "defence.trusted.1: 1 does not hear 5"),
         ("search: {over: {attack.phase: [0, 1]}, until: 5}", "search.until: choices are run to"),

@@ -147,4 +147,4 @@ def test_whom_nobody_attacks_may_still_be_cut_off():
         },
     )
     assert safe(study).tolist() == [True, False, False, True]
-    assert "cut off       2, 3 may be, by whom they drop" in check.check_text(study)
+    assert "cut off       2, 3 may be, if they drop the wrong sources" in check.check_text(study)

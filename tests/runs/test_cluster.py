@@ -117,7 +117,7 @@ def test_a_client_that_is_stopped(parted, assert_begins, tmp_path, number):
     assert len(done(out)) < SHARDS
     if number != signal.SIGKILL:
         assert client.returncode == 130
-        assert said.endswith("interrupted; what is finished is kept, the same command goes on\n")
+        assert said.endswith("interrupted; what is finished is kept; the same command resumes\n")
     kept = done(out)
     results = jaxnet.run(jaxnet.load(parted, {"samples": MORE}), out)
     assert kept.items() <= done(out).items()
@@ -179,7 +179,7 @@ def test_a_scheduler_that_is_killed(parted, assert_begins, tmp_path, monkeypatch
         killed.kill()
         _, said = client.communicate(timeout=WAIT)
     assert client.returncode == 2
-    assert "the scheduler was lost; what is finished is kept, the same command goes on" in said
+    assert "the scheduler was lost; what is finished is kept; the same command resumes" in said
     assert "Traceback" not in said
     assert 0 < len(done(out)) < SHARDS
     monkeypatch.setattr(cluster, "CONNECT", 0.5)

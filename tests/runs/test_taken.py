@@ -57,7 +57,7 @@ def test_a_run_in_the_background_that_is_taken_over_stops(parted, assert_begins,
     assert_begins(results.lanes)
 
 
-KEPT = "what is finished is kept, the same command goes on"
+KEPT = "what is finished is kept; the same command resumes"
 
 
 @pytest.mark.long

@@ -72,7 +72,7 @@ FACTS = [
     ({"defence": {"kind": "trust", "observation": "random"}}, "guarantee", "by earned trust"),
     # laws: growths of an independent program
     (ROUNDS, "law", "UNSTABLE, deviations times 1.0458 at each tick of 0.05 s; 2 rounds are"),
-    (ROUNDS, "law", "that is while everybody is retained"),
+    (ROUNDS, "law", "this holds while all sources are retained"),
     (ROUNDS, "safe", "nothing is proved; the law is rounds"),
     (
         ROUNDS | {"tick": 0.2},

@@ -7,7 +7,7 @@ from jaxnet.model.retained import everybody
 class NoDefence(AnyDefence):
     """Vehicles believe every source."""
 
-    guarantee = "none: everybody is believed"
+    guarantee = "none: vehicles believe every source"
     model_config = ConfigDict(ignored_types=(object,))  # class attributes are no keys
     trusted, noise, isolated = {}, None, "fail"
 

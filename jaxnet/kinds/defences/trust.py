@@ -11,8 +11,8 @@ from jaxnet.model.retained import everybody
 from jaxnet.model.safety import Safe
 
 OF_RANDOM_TRUTHS = (
-    "random: by earned trust, almost surely in the end, however many are attacked, where nobody "
-    "can be cut off meanwhile"
+    "random: by earned trust, almost surely in the end, for any number of attacked vehicles, if no "
+    "vehicle can be cut off before"
 )
 
 

@@ -10,7 +10,7 @@ class TrustedOnly(Defence):
     to the navigator.
     """
 
-    guarantee = "by trust: exact for whom no attack reaches over what is retained, whatever it is"
+    guarantee = "by trust: a vehicle that no attack reaches over retained links is exact"
 
     def needs_ticks(self):
         return False
@@ -25,4 +25,4 @@ class TrustedOnly(Defence):
         return DropPolicy(graph, links, links.sum(axis=1))
 
     def describe(self, graph, attacked, trusted):
-        return {"defence": "trusted sources only, everybody where there is none"}
+        return {"defence": "trusted sources only; a vehicle without one retains all its sources"}

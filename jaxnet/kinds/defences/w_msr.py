@@ -50,5 +50,5 @@ class WMSR(Sparing):
         return self.F
 
     def describe(self, graph, attacked, trusted):
-        told = "whom it retains is not bounded here, so no bound is told"
+        told = "it may drop any source, so there is no bound"
         return {"defence": f"W-MSR, F = {self.F}; {told}"}

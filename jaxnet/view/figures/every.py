@@ -101,7 +101,7 @@ def need_search(results: Results, cells: Sequence[Cell]) -> None:
     if results.study.config.search is None or not (results.path / "worst.csv").exists():
         raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
     if not set(results.worst["cell"]) & {cell.number for cell in cells}:
-        words = "no search of these cells has ended: jaxnet search goes on"
+        words = "no search of these cells has ended: jaxnet search resumes it"
         raise LackingError(f"{results.place}: {words}")
 
 

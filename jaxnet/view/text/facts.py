@@ -127,7 +127,7 @@ def attack_line(case: Case) -> str:
         settled = scenario.horizon - scenario.tail - last
         tail = f"begins {settled:g} s after the last change"
         tail = tail if settled > 0 else "has the last change in it"
-        line += f"; bounds and safety are of all that are ever attacked, and the tail {tail}"
+        line += f"; bounds and safety count all vehicles that are ever attacked; the tail {tail}"
     return line
 
 
@@ -184,7 +184,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         if missing(scenario, ("consistent",)):
             broken_by = premise_words(scenario, "consistent")
             announced = {"B1": f"broken: {broken_by}; nobody is safe by majority"}
-    medians = "what is said is of their medians"
+    medians = "this report uses their medians"
     gain = "stable whatever is drawn" if scenario.law.solves() else medians
     return {
         "law": law,
@@ -261,7 +261,7 @@ def stable(is_stable: bool) -> str:
 
 def rms_words(each: np.ndarray, scenario: Scenario) -> str:
     who = f", the most of {int(each.argmax()) + 1}" if np.ptp(each) > 1e-9 * each.max() else ""
-    return f"; without attack they leave {each.max():.4g} m rms on each axis at last{who}"
+    return f"; without attack they leave {each.max():.4g} m rms on each axis in the end{who}"
 
 
 def greatest_delay_words(margin: float, scenario: Scenario) -> str:
@@ -273,7 +273,7 @@ def greatest_delay_words(margin: float, scenario: Scenario) -> str:
 def stability_words(found: Stability, scenario: Scenario) -> str:
     line = f"{stable(found.stable)}, deviations "
     if found.tick is None:
-        line += f"behave as exp({found.growth:.4f} t) at last"
+        line += f"behave as exp({found.growth:.4f} t) in the end"
     else:
         line += f"times {found.growth:.4f} at each tick of {found.tick:g} s"
     if found.jacobi:
@@ -283,7 +283,7 @@ def stability_words(found: Stability, scenario: Scenario) -> str:
         line += f"; {least if found.least else 'no number of rounds is stable at this tick'}"
     if found.without_attack:
         line += "; that is without the attack, which replaces what vehicles send"
-    return line + "; that is while everybody is retained" * found.while_retained
+    return line + "; this holds while all sources are retained" * found.while_retained
 
 
 def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
@@ -354,7 +354,7 @@ def start_words(found: Start, scenario: Scenario) -> str:
 PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": lambda norm, scenario: f"{norm:.4g}",
     "honest paths": path_words,
-    "cut off": lambda lost, scenario: f"{ranges(lost)} may be, by whom they drop",
+    "cut off": lambda lost, scenario: f"{ranges(lost)} may be, if they drop the wrong sources",
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"
         f" {vehicles_named(found.always, scenario)} in each of them"
@@ -363,7 +363,7 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "alone": alone_words,
     "agreement": agreement_words,
     "led": lambda found, scenario: (
-        f"by {ranges(found.leaders)}, whom somebody trusts, strongly {found.strongly}-robust, and"
+        f"by {ranges(found.leaders)}, which others trust: strongly {found.strongly}-robust, and"
         f" percolation with F = 1 reaches {ranges(found.reached) or 'nobody else'}"
     ),
     "sensors leave": rms_words,

@@ -141,7 +141,7 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
         "median": f"{sure} intervals of order statistics",
         "mean": f"{sure} intervals of a mean over {lanes} (Student)",
     }
-    at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
+    at_once = ", valid at all looks together" if isinstance(config.samples, Sequential) else ""
     found: dict[str, list[str]] = {}
     for each in shown:
         if any("," in text for text in each.intervals()):
