@@ -18,6 +18,7 @@ from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import Quantity, quantity_of
 from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name
+from jaxnet.statistics.summary import LANE_STATISTICS
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.words import error_text
@@ -25,6 +26,7 @@ from jaxnet.view.page.elements import Section, sentence_case
 from jaxnet.view.text import worst
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
+MEDIAN_WORDS = f", {LANE_STATISTICS['median'].words}"
 MOST_COMPARED, MOST_TOLD = 8, 3  # values of a swept key in one sentence, and of a few cells
 
 
@@ -244,7 +246,7 @@ def metric_sentences(results: Results) -> list[str]:
         endless = len(of.values) - len(values)
         apart = f" {sentence_case(count(endless, 'cell'))} has no such median." * (endless == 1)
         apart = apart or f" {endless} cells have no such median." * (endless > 1)
-        return f"{escape(sentence_case(of.words))}, {span}.{apart}"
+        return f"In the median lane, {escape(of.words.removesuffix(MEDIAN_WORDS))} {span}.{apart}"
 
     return [told(each) for each in found if each.known.size]
 
