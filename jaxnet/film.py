@@ -15,6 +15,7 @@ from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 from upath import UPath
 
 from jaxnet.config.cells import Cell
@@ -31,7 +32,6 @@ FILM_SIZE = (5.6, 7.2)  # [in]
 FILM_RESOLUTION = 110
 MOST_FRAMES_PER_FILM = 150
 FRAME_RATE = 10  # frames a second
-ARROW_LENGTH = 0.07  # of the frame, that a heading is long
 FILM_FORMATS = (".mp4", ".gif")
 DARK = "0.15"
 FILM_LINK_LOOKS: dict[str, dict[str, Any]] = {
@@ -39,6 +39,8 @@ FILM_LINK_LOOKS: dict[str, dict[str, Any]] = {
     "retained link, attacked": {"color": style.RED, "linewidth": 0.9},
     "dropped link": {"color": style.BLUE, "linewidth": 0.7, "linestyle": (0, (1, 1.5))},
 }
+SHAPE_LOOK: dict[str, Any] = {"marker": "+", "color": "0.6", "linestyle": "", "markersize": 5}
+TOUCHING_LOOK: dict[str, Any] = {"s": 120, "facecolors": "none", "edgecolors": style.PURPLE}
 FALSE_LOOK: dict[str, Any] = {"color": style.RED, "linewidth": 0.6, "linestyle": (0, (1, 1))}
 
 
@@ -72,16 +74,16 @@ def film_figure(film: LaneScene, cell: Cell, sample: int) -> tuple[Figure, Calla
         plane.plot(*film.places[:, 0].T, color="0.8", linewidth=1.0, zorder=0)
     vehicles = range(1, film.places.shape[1])
     edges = [style.RED if one in film.attacked else DARK for one in vehicles]
-    rim = {"s": 26, "c": "white", "edgecolors": edges, "linewidths": 1.2}
-    fleet = plane.scatter(*film.places[0, 1:].T, zorder=3, **rim)
+    rim = {"s": 26 if film.heading is None else 50, "edgecolors": edges, "linewidths": 1.2}
+    fleet = plane.scatter(*film.places[0, 1:].T, c="white", zorder=3, **rim)
+    touching = plane.scatter([], [], zorder=3, **TOUCHING_LOOK)
+    (shape,) = plane.plot([], [], zorder=1, **SHAPE_LOOK)
     everything = np.abs(np.concatenate([film.places, film.told], axis=1))
-    reach = float(np.ceil(1.08 * np.nanmax(everything, initial=1.0)))
+    x, y = film.arena or (0.0, 0.0)
+    plane.add_patch(Rectangle((-x, -y), 2 * x, 2 * y, fill=False, edgecolor="0.6"))
+    reach = 1.08 * float(max(np.nanmax(everything, initial=0.0), x, y))
     plane.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
     plane.set_aspect("equal")
-    angles = np.radians(film.heading)
-    ahead = ARROW_LENGTH * reach * np.stack([np.cos(angles), np.sin(angles)])
-    units = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.004}
-    arrows = plane.quiver(*film.places[0, 1:].T, *ahead[:, 0], color=edges, zorder=3.5, **units)
     clock = plane.text(0.98, 0.98, "", transform=plane.transAxes, ha="right", va="top", fontsize=9)
     size = [] if MAGNITUDE in cell.labels else [magnitude_words(cell)]
     named = ", ".join(filter(None, [labels_title(cell.labels), *size, f"sample {sample}"]))
@@ -96,8 +98,12 @@ def film_figure(film: LaneScene, cell: Cell, sample: int) -> tuple[Figure, Calla
         if not film.leaderless:
             navigator.set_data(*film.places[frame, :1].T)
         fleet.set_offsets(film.places[frame, 1:])
-        arrows.set_offsets(film.places[frame, 1:])
-        arrows.set_UVC(*ahead[:, frame])
+        if film.heading is not None:
+            fleet.set_paths([*map(style.pointer, film.heading[frame])])
+        fleet.set_facecolor([style.LIMITED if each else "white" for each in film.saturated[frame]])
+        touching.set_offsets(film.places[frame, 1:][film.colliding[frame]])
+        if film.shape is not None:
+            shape.set_data(*film.shape[frame].T)
         clock.set_text(f"t = {film.time[frame]:.1f} s")
         cursor.set_xdata([film.time[frame]] * 2)
 
@@ -109,7 +115,9 @@ def draw_errors_below(panel: Axes, film: LaneScene) -> Line2D:
     for vehicle, errors in enumerate(np.maximum(LOG_FLOOR, film.off).T, 1):
         colour = style.RED if vehicle in film.attacked else "0.55"
         panel.plot(film.time, errors, color=colour, linewidth=0.7)
-    distance = r"$\|y_i - \bar{y}\|$ [m]" if film.leaderless else r"$\|y_i - y_0\|$ [m]"
+    centre = r"\bar{y}" if film.leaderless else "y_0"
+    less = "" if film.shape is None else r" - \delta_i"
+    distance = rf"$\|y_i{less} - {centre}\|$ [m]"
     panel.set(yscale="log", xlabel="t [s]", ylabel=distance, xlim=film.time[[0, -1]])
     multiples.log_ticks(panel.yaxis)
     return panel.axvline(0.0, color=style.BLACK, linewidth=0.8)
@@ -118,15 +126,21 @@ def draw_errors_below(panel: Axes, film: LaneScene) -> Line2D:
 def film_legend(film: LaneScene) -> list[Line2D]:
     """Legend entries for the links and markers that occur in the film."""
     rim = {"markerfacecolor": "white", "markeredgecolor": style.RED}
+    marker: Any = "o" if film.heading is None else style.pointer(0.0)
     markers: dict[str, dict[str, Any]] = {
         "navigator": {"marker": "s", "color": DARK},
-        "vehicle and heading": {"marker": "o", "color": DARK, "markerfacecolor": "white"},
-        "attacked vehicle": {"marker": "o", **rim},
+        "vehicle": {"marker": marker, "color": DARK, "markerfacecolor": "white"},
+        "attacked vehicle": {"marker": marker, **rim},
         "place that is told falsely": {"marker": "x", "color": style.RED},
+        "place in the formation": SHAPE_LOOK,
+        "input at its limit": {"marker": marker, "color": DARK, "markerfacecolor": style.LIMITED},
+        "touches another": {"marker": "o", "color": style.PURPLE, "markerfacecolor": "none"},
     }
-    shown = [not film.leaderless, True, *[bool(film.told.size)] * 2]
+    lies = bool(film.told.size)
+    marks = film.shape is not None, film.saturated.any(), film.colliding.any()
+    shown = [not film.leaderless, True, lies, lies, *marks]
     handles = [
-        Line2D([], [], linestyle="", markersize=5, label=called, **look)
+        Line2D([], [], label=called, **{"linestyle": "", "markersize": 5, **look})
         for (called, look), there in zip(markers.items(), shown, strict=True)
         if there
     ]

@@ -13,16 +13,13 @@ import numpy as np
 from jaxtyping import Float
 from upath import UPath
 
-from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Config
-from jaxnet.film import ARROW_LENGTH, links_at
-from jaxnet.lanes.draws import Draw
-from jaxnet.lanes.jobs import source_of
+from jaxnet.film import links_at
 from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.view.drawings.scene import LaneScene, fleet_centre
+from jaxnet.view.drawings.scene import LaneScene
 
 RADIUS = 0.01  # of a robot, as a share of the scene
+ARROW_LENGTH = 0.07  # of the scene, that a heading is long
 GREY, RED, BLUE, LIGHT = (90, 90, 90), (213, 60, 40), (40, 110, 200), (190, 190, 190)
 LINK_COLOURS = {"links/believed": GREY, "links/attacked": RED, "links/dropped": BLUE}
 
@@ -36,38 +33,22 @@ def load_rerun() -> Any:
         raise FolderError("view needs rerun: pip install 'jaxnet-sim[view]'") from None
 
 
-def formation_places(
-    scene: LaneScene, cell: Cell, sample: int, config: Config
-) -> Float[np.ndarray, "times m 2"] | None:
-    """Where the robots would stand in formation [m], about the navigator or the fleet's centre."""
-    scenario = cell.scenario
-    if not scenario.formation.present:
-        return None
-    draw = Draw(source_of(config, scenario), [sample], scenario.vehicles)
-    jets = scenario.formation.drawn(draw, "formation").jets(scene.time, scenario.vehicles)
-    offsets = np.moveaxis(np.asarray(jets)[0], -1, 0).swapaxes(1, 2)
-    centre = scene.places[:, 0]
-    if scene.leaderless:
-        centre = fleet_centre(scene.places[:, 1:] - offsets, scene.attacked)
-    return centre[:, None] + offsets
-
-
 def with_height(points: Float[np.ndarray, "*some 2"]) -> Float[np.ndarray, "*some 3"]:
     return np.pad(points, [*[(0, 0)] * (points.ndim - 1), (0, 1)])
 
 
-def entities(
-    rerun: Any, scene: LaneScene, goals: np.ndarray | None, frame: int, size: float
-) -> Iterator[tuple[str, Any]]:
+def entities(rerun: Any, scene: LaneScene, frame: int, size: float) -> Iterator[tuple[str, Any]]:
     """Yield what is shown at a frame, by the path of its entity."""
-    places, angles = with_height(scene.places[frame]), np.radians(scene.heading[frame])
+    places = with_height(scene.places[frame])
     colours = [RED if one in scene.attacked else GREY for one in range(1, len(places))]
     names = [str(one) for one in range(1, len(places))]
     look = {"colors": colours, "radii": RADIUS * size}
     yield "robots", rerun.Points3D(places[1:], labels=names, **look)
-    ahead = ARROW_LENGTH * size * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    arrows = {"origins": places[1:], "colors": colours, "radii": 0.2 * RADIUS * size}
-    yield "robots/headings", rerun.Arrows3D(vectors=with_height(ahead), **arrows)
+    if scene.heading is not None:
+        angles = np.radians(scene.heading[frame])
+        ahead = ARROW_LENGTH * size * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        arrows = {"origins": places[1:], "colors": colours, "radii": 0.2 * RADIUS * size}
+        yield "robots/headings", rerun.Arrows3D(vectors=with_height(ahead), **arrows)
     thin = 0.1 * RADIUS * size
     for (name, colour), ends in zip(LINK_COLOURS.items(), links_at(scene, frame), strict=True):
         yield name, rerun.LineStrips3D(with_height(ends), colors=colour, radii=thin)
@@ -77,14 +58,12 @@ def entities(
     yield "told/instead_of", rerun.LineStrips3D(lies, colors=RED, radii=thin)
     centre = "centre" if scene.leaderless else "navigator"
     yield centre, rerun.Points3D(places[:1], labels=[centre], colors=BLUE, radii=RADIUS * size)
-    if goals is not None:
-        goal = with_height(goals[frame])
+    if scene.shape is not None:
+        goal = with_height(scene.shape[frame])
         yield "formation", rerun.Points3D(goal, colors=LIGHT, radii=0.8 * RADIUS * size)
 
 
-def show_lane(
-    title: str, scene: LaneScene, goals: np.ndarray | None, save: UPath | None, told: Steps
-) -> UPath | None:
+def show_lane(title: str, scene: LaneScene, save: UPath | None, told: Steps) -> UPath | None:
     """Open the viewer, or write a recording and return its path."""
     rerun = load_rerun()
     finite = np.flatnonzero(np.isfinite(scene.places).all(axis=(1, 2)))
@@ -107,7 +86,7 @@ def show_lane(
         recording.log("paths", rerun.LineStrips3D(paths[scene.leaderless :], **thin), static=True)
         for number, frame in enumerate(finite.tolist(), 1):
             recording.set_time("time", duration=float(scene.time[frame]))
-            for name, entity in entities(rerun, scene, goals, frame, size):
+            for name, entity in entities(rerun, scene, frame, size):
                 recording.log(name, entity)
             told("frames", number, len(finite))
         recording.flush()

@@ -1,5 +1,8 @@
 """Films of a lane: what they show is what the engine did, and they end up whole or not at all."""
 
+import itertools
+import re
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -13,7 +16,7 @@ from jaxnet.model.graph import dense
 from jaxnet.runs.replay import stored_trajectory, trajectory_of
 from jaxnet.runs.watched import watched
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.view.drawings.scene import attacked_vehicles
+from jaxnet.view.drawings.scene import attacked_vehicles, scene_of
 from jaxnet.view.page import trajectories
 from jaxnet.view.text import check
 from tests import systems
@@ -131,3 +134,101 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
     assert "rotating on 2 drawn for each lane in what they transmit" in check.check_text(study)
+
+
+ARENA = {
+    "vehicles": 6,
+    "vehicle": "robotarium",
+    "engine": {"kind": "sampled", "move": "euler"},
+    **dict.fromkeys(("tick", "output_step"), 0.033),
+    "horizon": 6.6,
+    "tail": 0.99,
+    "navigator": "none",
+    "law": "local",
+    "gain": [1.0],
+    "initial": {"position": {"uniform": [-0.5, 0.5]}},
+    "attack": {"kind": "bias", "magnitude": 0.2, "vehicles": [2]},
+    "formation": {"kind": "circle", "radius": 0.4},
+    "metrics": [
+        "saturated_steps",
+        {"kind": "collisions", "distance": 0.3},
+        {"kind": "outside_arena", "x": 1, "y": 2},
+    ],
+    "save": {"trajectories": "all"},
+}
+
+
+@pytest.fixture(scope="module")
+def arena(tmp_path_factory):
+    """Robots in an arena, with the metrics whose keys pictures show."""
+    return jaxnet.run(systems.study(samples=2, **ARENA), tmp_path_factory.mktemp("arena") / "out")
+
+
+def test_robots_are_marked_at_their_limits_and_where_they_touch(arena):
+    """The share of limited vehicle-steps is the row's; pairs and headings as a plain loop says."""
+    for sample in range(2):
+        lane, graph = trajectory_of(arena, 0, sample)
+        shown = scene_of(lane, arena.study.cells[0], graph)
+        limited = shown.saturated
+        assert limited.mean() == pytest.approx(arena.row(0, sample)["saturated"], abs=1e-12)
+        assert limited.any(axis=1).sum() == arena.row(0, sample)["saturated_steps"] > 0
+        touched, pairs = np.zeros_like(shown.colliding), 0
+        for time, robots in enumerate(lane["states"].values):
+            ahead = [(x + 0.025 * np.cos(h), y + 0.025 * np.sin(h)) for x, y, h in robots]
+            for one, other in itertools.permutations(range(6), 2):
+                near = np.hypot(*np.subtract(ahead[one], ahead[other])) <= 0.3
+                touched[time, one] |= near
+                pairs += near * (time + 1 < len(touched))
+        assert arena.row(0, sample)["collisions"] == pairs / 2
+        np.testing.assert_array_equal(shown.colliding, touched)
+        assert 0 < touched.mean() < 1
+        heading = lane["states"].sel(state="heading").values
+        np.testing.assert_allclose(shown.heading, np.degrees(heading))
+        assert shown.arena == (1, 2)
+
+
+def test_pictures_have_true_places_and_errors_less_the_offsets(tmp_path):
+    """Errors of a formation are those of the same lane without one; places differ by its shape."""
+    keys = ARENA | {"vehicle": "single_integrator", "engine": "exact", "metrics": []}
+    scenes = []
+    for radius in (0.0, 3.0):
+        formation = {"kind": "circle", "radius": radius, "turn_rate": 0.5} if radius else "none"
+        study = systems.study(samples=1, **keys | {"formation": formation})
+        results = jaxnet.run(study, tmp_path / f"{radius:g}")
+        lane, graph = trajectory_of(results, 0, 0)
+        scenes.append(scene_of(lane, results.study.cells[0], graph))
+    plain, shaped = scenes
+    np.testing.assert_allclose(shaped.off, plain.off, atol=1e-12)
+    angles = 0.5 * plain.time[:, None] + np.arange(6) * np.pi / 3
+    circle = 3.0 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    np.testing.assert_allclose(shaped.places[:, 1:], plain.places[:, 1:] + circle, atol=1e-12)
+    middle = np.delete(plain.places[:, 1:], 1, axis=1).mean(axis=1)
+    np.testing.assert_allclose(shaped.shape, middle[:, None] + circle, atol=1e-12)
+    assert plain.shape is None
+    assert plain.heading is None
+    assert not shaped.saturated.any() | shaped.colliding.any()
+
+
+def test_film_panels_and_page_show_what_robots_do(arena):
+    """Triangles, the arena's sides, marks of limits and touches, places in the formation."""
+    lane, graph = trajectory_of(arena, 0, 0)
+    film = animation.film_of(lane, arena.study.cells[0], graph)
+    drawn, show = animation.film_figure(film, arena.study.cells[0], 0)
+    words = {text.get_text() for text in drawn.legends[0].get_texts()}
+    marks = {"place in the formation", "input at its limit", "touches another"}
+    assert marks <= words
+    show(1)
+    (fleet, touching), (box,) = drawn.axes[0].collections[-2:], drawn.axes[0].patches
+    assert (box.get_width(), box.get_height()) == (2, 4)
+    tips = [path.vertices[0] for path in fleet.get_paths()]
+    np.testing.assert_allclose(np.degrees([np.arctan2(y, x) for x, y in tips]) % 360,
+                               film.heading[1] % 360, atol=1e-9)  # fmt: skip
+    assert len(touching.get_offsets()) == film.colliding[1].sum()
+    page, _ = trajectories.lanes_data(arena)
+    assert page[0]["arena"] == (1, 2)
+    assert all(page[0][name] for name in ("formation", "saturated", "colliding"))
+    assert marks <= {*re.findall('data-name="(.*?)"', trajectories.lanes_html(page))}
+    panels = arena.plot.panels()
+    written = {text.get_text() for text in panels.legends[0].get_texts()}
+    assert marks - {"place in the formation"} <= written
+    assert any(patch.get_width() == 2 for patch in panels.axes[0].patches)

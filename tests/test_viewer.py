@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
-from jaxnet.runs.replay import lane_graph
+from jaxnet.runs.replay import trajectory_of
 from jaxnet.view.drawings.scene import scene_of
 
 KEYS = {
@@ -92,8 +92,8 @@ def test_without_rerun_the_extra_is_named(results, monkeypatch):
 
 def test_the_film_drops_lost_messages_too(results):
     """Without a defence the links that are out of force are those of lost messages."""
-    lane = results.trajectories.isel(lane=0)
-    scene = scene_of(lane, results.study.cells[0], lane_graph(results, 0, 0))
+    lane, graph = trajectory_of(results, 0, 0)
+    scene = scene_of(lane, results.study.cells[0], graph)
     heard = (lane["kept"].values > 0).sum(axis=(1, 2))
     np.testing.assert_array_equal(scene.kept.sum(axis=1), heard)
     assert heard.min() < 12

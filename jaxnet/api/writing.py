@@ -113,9 +113,8 @@ def write_view(
     lane, graph = shown_lane(results, cell, sample, kept=False)
     config, chosen = results.study.config, results.study.cells[cell]
     scene = scene_of(lane, chosen, graph)
-    goals = viewer.formation_places(scene, chosen, sample, config)
     title = f"{config.name}, cell {cell}, sample {sample}"
-    return viewer.show_lane(title, scene, goals, None if save is None else UPath(save), told)
+    return viewer.show_lane(title, scene, None if save is None else UPath(save), told)
 
 
 def write_fits(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
@@ -138,8 +137,8 @@ def write_figure(
 ) -> Iterator[UPath]:
     """Write one of the figures in `view.figures.FIGURE_NAMES`.
 
-    `where` selects cells, `column` a width, `plain` matplotlib's own style, `note` the small line
-    at the top, and `chosen` has the further arguments of `Results.figure`. Raises FolderError if
+    `where` selects cells, `column` a width, `plain` matplotlib's own style, `note` the small
+    lines below, and `chosen` has the further arguments of `Results.figure`. Raises FolderError if
     the folder has no data for the figure.
     """
     enable()

@@ -302,7 +302,7 @@ def report_command(
     click.option("--font-size", type=float, help="Size of the type [pt].  [default: 8]"),
     text("--font", "FAMILY", "An installed font, such as serif or 'Times New Roman'."),
     flag("--plain", told="In matplotlib's own style (matplotlibrc), not in that for print."),
-    flag("--no-note", told="Without the small line at the top: a caption says it."),
+    flag("--no-note", told="Without the small lines below the panels: a caption says it."),
     elsewhere,
     code,
 )

@@ -8,6 +8,7 @@ import jax
 import numpy as np
 import pandas as pd
 import xarray as xr
+from jaxtyping import Bool, Float
 from upath import UPath
 
 from jaxnet.config.cells import Cell, judged_metric
@@ -15,6 +16,7 @@ from jaxnet.config.scenario import situation_of
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Outcome
 from jaxnet.kinds import registry
+from jaxnet.kinds.vehicles import HEADING
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
@@ -24,6 +26,8 @@ from jaxnet.store.arrays import Variables, lane_in, open_store
 from jaxnet.store.folder import FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
+
+AT_LIMIT = 1e-9  # of an input: so near its limit it is limited
 
 
 def replay(
@@ -91,17 +95,56 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
     if lane is None:
         path, _ = replay(results, cell, sample)
         lane = open_store(path, results.sizes).isel(lane=0)
-    return lane, lane_graph(results, cell, sample)
+    return pictured(results, cell, sample, lane)
 
 
-def lane_graph(results: Results, cell: int, sample: int) -> Digraph:
-    """The graph of a lane, which may differ from the cell's graph."""
+def pictured(
+    results: Results, cell: int, sample: int, lane: xr.Dataset
+) -> tuple[xr.Dataset, Digraph]:
+    """A trajectory with what pictures show beside it, and the graph of its lane.
+
+    `output` is what the law steers and `offset` the place in the formation, both (2, m, times) [m].
+    `saturated` and `colliding`, (m, times), say whose inputs are at their limits, and who touches
+    another vehicle by the keys of the metric `collisions`. The attribute `arena` has the keys of
+    the metric `outside_arena`.
+    """
     scenario = results.study.cells[cell].scenario
-    if not scenario.topology.differs():
-        return situation_of(scenario).graph
     one = job(scenario, source_of(results.study.config, scenario), [sample])
-    sources, weights = one.network.hearing.sources, one.inputs.lane.weights[0]
-    return hearing.graph_of(np.asarray(sources), np.asarray(weights))
+    numbers, vehicle = one.inputs.lane, one.inputs.lane.vehicle
+    states, inputs = (
+        lane[name].transpose(axis, "vehicle", "time").values
+        for name, axis in (("states", "state"), ("inputs", "input"))
+    )
+    (output, *_), offset = vehicle.output_jets(states), np.zeros_like(states[:2])
+    if numbers.formation is not None:
+        offset = numbers.formation.jets(lane["time"].values, len(offset[0]))[0]
+    saturated = colliding = np.zeros(states.shape[1:], bool)
+    if vehicle.limits:
+        beyond = (1 + AT_LIMIT) * inputs
+        saturated = (vehicle.within_limits(beyond) != beyond).any(axis=0)
+    keys = {each.name: each.keys for each in results.study.config.metrics}
+    if "collisions" in keys:
+        colliding = touching(states, **keys["collisions"])
+    both = {"output": output, "offset": offset}
+    lane = lane.assign({name: (("axis", "vehicle", "time"), each) for name, each in both.items()})
+    each = {"saturated": saturated, "colliding": colliding}
+    lane = lane.assign({name: (("vehicle", "time"), flags) for name, flags in each.items()})
+    lane.attrs["arena"] = keys.get("outside_arena")
+    if not scenario.topology.differs():
+        return lane, situation_of(scenario).graph
+    sources, weights = one.network.hearing.sources, numbers.weights[0]
+    return lane, hearing.graph_of(np.asarray(sources), np.asarray(weights))
+
+
+def touching(
+    states: Float[np.ndarray, "n m times"], distance: float, forward: float
+) -> Bool[np.ndarray, "m times"]:
+    """Whether each vehicle's centre, moved forward [m], is within a distance of another's."""
+    centre = states[:2]
+    if forward:
+        centre = centre + forward * np.stack([np.cos(states[HEADING]), np.sin(states[HEADING])])
+    apart = np.hypot(*(centre[:, :, None] - centre[:, None]))
+    return ((apart <= distance) & ~np.eye(len(apart), dtype=bool)[:, :, None]).any(axis=0)
 
 
 def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:

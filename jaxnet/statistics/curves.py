@@ -21,9 +21,8 @@ from jaxnet.store.results import Results
 from jaxnet.store.tables import read_table
 
 MOST_PANELS = 24  # of one figure
-LOG_FLOOR = 1e-9  # [m] smaller errors are rounding
+LOG_FLOOR = 1e-9  # the least that a log axis shows: smaller errors [m], or per ā, are rounding
 GREATEST_SHOWN = 1e100  # [m] end of a log axis, 1 over it the other end; beyond, the ticks overflow
-LEAST_SHARE_SHOWN = 1e-3  # of the least ā, the bottom of a log axis; smaller errors have recovered
 SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
 NOT_PROPORTIONAL = 0.2  # of the power p of c·ā^p beside 1
@@ -150,15 +149,14 @@ def canonical_value(value: Any) -> str:
 
 
 def axis_ends(found: Sequence[Curve], metric: str) -> tuple[float, float]:
-    """Ends of a log axis for a metric [m], which leaves out negligible errors."""
-    low, high = [], []
+    """Ends of a log axis for a metric [m]."""
+    low, high = [], [LOG_FLOOR]
     for curve in found:
         low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
         bounds = (curve.sizes.max() * s for s in curve.limits(metric).values())
         high += [*curve.spread(metric, "max")[0], *bounds]
-    least = LEAST_SHARE_SHOWN * min(curve.sizes.min() for curve in found)
-    most = max(filter(np.isfinite, high), default=least)
-    return decades(max(least, min(low, default=least)), most)
+    most = max(filter(np.isfinite, high))
+    return decades(max(LOG_FLOOR, min(low, default=LOG_FLOOR)), most)
 
 
 def decades(low: float, high: float) -> tuple[float, float]:

@@ -30,7 +30,6 @@ from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
 LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
-LEAST_SHARE_OF_LOG = 1e-5  # of the greatest value, the least that a log axis shows
 SPREAD_WORDS = "spread: greatest distance of two vehicles that are not attacked"
 AGREEMENT_NOTES = {
     "spread": f"{SPREAD_WORDS}, over the tail",
@@ -68,11 +67,6 @@ class Quantity(NamedTuple):
         return bool(least >= 0 and greatest > LOG_FLOOR and greatest >= LEAST_RATIO_OF_LOG * least)
 
     @property
-    def floor(self) -> float:
-        """Least value that a log axis shows; what is below is drawn there."""
-        return max(LOG_FLOOR, LEAST_SHARE_OF_LOG * float(self.known.max()))
-
-    @property
     def ends(self) -> tuple[float, float]:
         """Ends of an axis that holds all values and intervals."""
         if self.share:
@@ -80,7 +74,7 @@ class Quantity(NamedTuple):
         known = self.values[VALUE_COLUMNS].to_numpy(dtype=float)
         known = known[np.isfinite(known)]
         if self.log:
-            return decades(max(self.floor, known.min()), known.max())
+            return decades(max(LOG_FLOOR, known.min()), known.max())
         if self.unit == "m" and np.abs(known).max() < LOG_FLOOR:  # rounding needs no own scale
             return 0.0, 1.0
         return min(0.0, float(known.min())), float(known.max())
@@ -90,10 +84,8 @@ class Quantity(NamedTuple):
         """What a figure of the quantity has to say below its title."""
         known = self.values[["low", "high"]].notna().to_numpy().any()
         bars = f"bars: {100 * self.confidence:g} % intervals" if known else "no interval is known"
-        below = self.log and self.known.min() < self.floor
-        cut = f"values below {self.floor:.1g} {self.unit} are drawn there" if below else ""
         lanes = f"{count(self.lanes, 'lane')} a point" if self.lanes else ""
-        return "; ".join(filter(None, [self.note, lanes, bars, cut]))
+        return "; ".join(filter(None, [self.note, lanes, bars]))
 
     @property
     def axis(self) -> str:

@@ -13,13 +13,12 @@ from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import count_between, counted, number_text
 from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
-from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kinds
+from jaxnet.statistics.curves import LOG_FLOOR, SHARE_COLUMNS, cell_magnitudes, failed_kinds
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.recovery import confidence_told, share_definition
 from jaxnet.store.results import Results
 
 NO_CELL = -1
-NEGLIGIBLE_ERROR = 1e-9  # of ā; smaller errors are rounding
 LEAST_TILE_ERROR = 0.1  # whose three digits a tile has room for
 
 
@@ -118,4 +117,4 @@ def tile_text(metric: str, value: float) -> str:
         return number_text(value, whole=100.0)
     if value >= LEAST_TILE_ERROR:
         return number_text(value)
-    return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")
+    return "0" if value < LOG_FLOOR else f"{value:.0e}".replace("e-0", "e-")

@@ -148,7 +148,7 @@ def test_a_transient_is_told_wherever_results_are(short):
     short.fit()
     assert TOLD in one_line(fit_text(short))
     for figure in (short.plot.curve(), short.plot.tails(), short.plot.ultimate()):
-        assert "cells 0, 1" in one_line(figure.get_suptitle())
+        assert "cells 0, 1" in one_line(figure.get_supxlabel())
     page = short.report(replay=False).read_text()
     assert page.count("still fall when the run ends") >= 2
 

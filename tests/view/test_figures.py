@@ -47,7 +47,7 @@ def test_panels(results):
     """A row per magnitude; planes in metres and on one scale, errors on log axes."""
     figure = results.plot.panels()
     planes = [axes for axes in figure.axes if axes.get_xlabel() == "x [m]"]
-    titles = ["(a) star", "(b) cyclic", "(d) star", "(e) cyclic"]
+    titles = ["(a) star", "(b) cyclic", "(d)", "(e)"]  # a name stands above its column
     assert [axes.get_title() for axes in planes] == titles
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in planes}) == 1
     assert plain(planes[0].get_ylabel()) == "no attack\ny [m]"
@@ -57,6 +57,9 @@ def test_panels(results):
         assert len(axes.lines) == 37
         points = np.concatenate([line.get_xydata() for line in axes.lines])
         assert np.abs(points).max() <= axes.get_xlim()[1]
+    told = figure.get_supxlabel().replace("\n", " ")
+    assert "paths: sample 0 of each cell" in told
+    assert "lines: median of the lanes, bands: 5 to 95 % of lanes; ẽ: mean error" in told
     errors = [axes for axes in figure.axes if axes.get_yscale() == "log"]
     assert len(errors) == 4
     tracked = results.errors["tracking"].values[[1, 3]].mean(axis=1)  # the median of two samples
@@ -81,7 +84,8 @@ def test_tails_are_rows_of_dots(results):
     figure = results.plot.tails(where={"topology": "cyclic"})
     named = [plain(label.get_text()) for label in figure.axes[0].get_yticklabels()]
     assert named == ["ā = 0 m", "ā = 5 m"]
-    assert figure.get_suptitle() == "all with cyclic; one dot per lane; median and 5 to 95 %"
+    told = "all with cyclic; one dot per lane; median and 5 to 95 %; tail: the last 0.5 of 1 s"
+    assert figure.get_supxlabel() == told
     kept = results.lanes.loc[results.lanes["topology"] == "cyclic", "tail_mean"]
     np.testing.assert_allclose(dots_of(figure.axes[0]), np.sort(kept))
 
@@ -118,14 +122,12 @@ def test_what_has_no_room_is_told(many, results, monkeypatch):
     assert titles[1] == "(b) rotating attack, ā = 4 m, attack frequency = 0.1 rad/s"
     assert len(titles) == 4
     evenly = "are drawn, spread evenly over the sweep; all are in errors.zarr"
-    assert (
-        plain(figure.get_suptitle()).replace("\n", " ")
-        == f"4 of 60 rows and 4 of 5 topologies {evenly}"
-    )
+    told = plain(figure.get_supxlabel()).replace("\n", " ")
+    assert told.endswith(f"; 4 of 60 rows and 4 of 5 topologies {evenly}")
     left_out = f"20 of 75 groups and 3 of 4 sizes ā {evenly}"
     for cells, told in ((many.cells, left_out), (results.study.cells, "")):
-        drawn = printed(spreads.bands_drawing(scenes(cells), {}, "ẽ [m]"))
-        assert plain(drawn.get_suptitle()).replace("\n", " ") == told
+        drawn = printed(spreads.bands_drawing(scenes(cells), {}, "tracking"))
+        assert plain(drawn.get_supxlabel()).replace("\n", " ") == told
 
 
 def test_one_lane_is_a_line_and_no_band(results):
@@ -137,11 +139,11 @@ def test_one_lane_is_a_line_and_no_band(results):
     alone = {number: band._replace(lanes=1) for number, band in two.items()}
     groups = [Group(dict(cell.labels), (cell,)) for cell in cells]
     for found, many, drawn in ((two, True, (1, 2)), (alone, False, (0, 1))):
-        figure = printed(spreads.bands_drawing(scenes(cells), found, "ẽ [m]"))
+        figure = printed(spreads.bands_drawing(scenes(cells), found, "tracking"))
         told = {text.get_text() for text in figure.legends[0].get_texts()}
         assert ({"5 to 95 % of lanes", "maximum"} <= told) == many
         assert (len(figure.axes[0].collections), len(figure.axes[0].lines)) == drawn
-        page = plotted(spreads.bands_drawing(groups, found, "ẽ [m]"))
+        page = plotted(spreads.bands_drawing(groups, found, "tracking"))
         assert ("one lane" in page) == (not many)
 
 
@@ -186,12 +188,12 @@ def test_nodes_of_graphs_keep_apart():
         written: dict[str, Any] = {text.get_text(): text.get_fontsize() for text in axes.texts}
         assert {str(number) for number in range(49)} <= set(written)
         assert min(written.values()) >= 5
-    assert figure.get_suptitle() == ""
+    assert figure.get_supxlabel() == ""
     figure, _ = graphs_of(300, [7], ["star"])
     assert {text.get_text() for text in figure.axes[0].texts} == {"0", "7"}
     assert figure.axes[0].get_title() == "star\nweights: 1 from 0"
     words = "There is no room for the numbers of vehicles that are not attacked"
-    assert figure.get_suptitle() == words
+    assert figure.get_supxlabel() == words
 
 
 def test_a_large_fleet_is_shown_by_its_matrix():
@@ -261,5 +263,5 @@ def test_style_and_note_can_be_left_out(results):
     assert file.name == "tails-plain.png"
     assert imread(str(file)).shape[1] == pytest.approx(50 * plain.get_figwidth(), abs=1)
     for plots in (results.plot, results.plot.plain):
-        assert plots.tails().get_suptitle()
-        assert plots.tails(note=False).get_suptitle() == ""
+        assert plots.tails().get_supxlabel()
+        assert plots.tails(note=False).get_supxlabel() == ""

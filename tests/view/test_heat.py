@@ -210,9 +210,10 @@ def test_a_tile_tells_its_cells_share_and_interval():
     assert words[0, 0] == [interval_of(7, 38), "18.4*"]
     assert {word for each in tile_words(panels[0]).values() for word in each} == {""}
     assert tile_words(panels[3])[0, 1] == ["*"]
-    assert plain(figure.get_suptitle()) == (
+    assert plain(figure.get_supxlabel()) == (
         "38 to 40 lanes a tile; 95 % intervals, at most 16.6 points to a side;"
-        " * other lanes failed, and are in no number: 40 nonfinite, 2 disconnected"
+        " * other lanes failed, and are in no number: 40 nonfinite, 2 disconnected;"
+        " tail: the last 5 of 30 s"
     )
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["no attack, no lane ended"]
@@ -264,7 +265,7 @@ def test_more_panels_than_a_page_has_room_for():
         made(study_of(SWEEP | frequencies | {"topology": graphs, "attack.magnitude": [1]}))
     )
     shown = [panel for panel in figure.axes if panel.get_title()]
-    words = plain(figure.get_suptitle())
+    words = plain(figure.get_supxlabel())
     assert f"{len(shown)} of 30 panels are drawn" in words
     assert "all are in cells.csv" in words
     assert len(shown) >= 12

@@ -12,10 +12,10 @@ from matplotlib import text as mpl_text
 
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.quantities import Quantity
-from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import LOOKS, MARKERS, MOVED_NOTE, Drawing, Panel, Scale, Trace
 from jaxnet.view.drawings.swept import hue_looks, swept_drawing
 from jaxnet.view.figures import COLUMN_WIDTHS, multiples, style
-from jaxnet.view.figures.printed import MOVED_NOTE, printed, value_ticks
+from jaxnet.view.figures.printed import printed, value_ticks
 from jaxnet.view.page.plots import plotted
 from tests import systems
 
@@ -185,23 +185,32 @@ def test_the_note_says_what_a_point_is():
     for sweep, told in ((OF_RULES, True), (RATES, False)):
         cells = study_cells(**sweep)
         drawn = printed(swept_drawing(numbered(cells), choose_axes(cells), cells))
-        assert (MOVED_NOTE in drawn.get_suptitle()) == told
+        assert (MOVED_NOTE in drawn.get_supxlabel()) == told
         assert "200 lanes a point" in numbered(cells)._replace(lanes=200).notes
         assert "lanes a point" not in numbered(cells).notes
 
 
 def test_what_is_below_the_floor_of_a_log_axis_is_drawn_there():
-    """A hundred-thousandth of the greatest value, in print and on the page, as the note says."""
+    """Hollow, in print and on the page, as the caption says; what is above is not moved."""
     cells = study_cells(**RATES)
-    values = pd.DataFrame({"value": [8.0, 3e-5, 1e-9], "low": np.nan, "high": np.nan})
+    values = pd.DataFrame({"value": [8.0, 3e-8, 1e-12], "low": np.nan, "high": np.nan})
     found = numbered(cells, share=False)._replace(values=values)
     drawing = swept_drawing(found, choose_axes(cells), cells)
-    (panel,) = printed(drawing).axes
-    drawn = [line.get_ydata() for line in panel.lines if line.get_marker() in MARKERS]
-    assert np.sort(np.concatenate(drawn)).tolist() == [8e-5, 8e-5, 8.0]
-    (figure,) = re.findall(r'<script type="application/json">(.*?)</script>', plotted(drawing))
-    assert json.loads(figure)["data"][0]["y"] == [8.0, 8e-5, 8e-5]
-    assert "values below 8e-05 m are drawn there" in found.notes
+    figure, page = printed(drawing), plotted(drawing)
+    told = "values below 1e-9 m are drawn there, hollow"
+    assert told in figure.get_supxlabel()
+    assert told.capitalize() in page
+    line, hollow = (each for each in figure.axes[0].lines if each.get_marker() in MARKERS)
+    assert np.asarray(line.get_ydata()).tolist() == [8.0, 3e-8, 1e-9]
+    assert np.asarray(hollow.get_ydata()).tolist() == [1e-9]
+    assert hollow.get_markerfacecolor() == "white"
+    (shown,) = re.findall(r'<script type="application/json">(.*?)</script>', page)
+    (trace,) = json.loads(shown)["data"]
+    assert trace["y"] == [8.0, 3e-8, 1e-9]
+    assert trace["marker"]["symbol"] == ["circle", "circle", "circle-open"]
+    above = found._replace(values=values.replace(1e-12, 1e-8))
+    drawn = printed(swept_drawing(above, choose_axes(cells), cells))
+    assert "drawn there" not in drawn.get_supxlabel()
 
 
 def test_labels_of_axes_do_not_touch_in_larger_type():

@@ -46,13 +46,13 @@ def test_keys_together_have_one_axis(entries, named, axes):
 
 def test_figures_tell_what_labels_stand_for_and_which_key_changes_too(results):
     labelled, plain = results
-    told = labelled.plot.curve(y="tail_mean").get_suptitle().replace("\n", " ")
+    told = labelled.plot.curve(y="tail_mean").get_supxlabel().replace("\n", " ")
     assert "a: ā = 1 m, attack frequency = 0.35 rad/s; b: ā = 2 m" in told.replace("\xa0", " ")
     assert told.count("strict: kind w_msr, F 2") == told.count("a: ā") == 1
     assert "changes with" not in told
-    told = plain.plot.curve(y="tail_mean", x=KEYS[1]).get_suptitle().replace("\n", " ")
+    told = plain.plot.curve(y="tail_mean", x=KEYS[1]).get_supxlabel().replace("\n", " ")
     assert "attack magnitude changes with attack frequency" in told
-    assert "changes with" not in plain.plot.curve(y="tail_mean", hue=KEYS[0]).get_suptitle()
+    assert "changes with" not in plain.plot.curve(y="tail_mean", hue=KEYS[0]).get_supxlabel()
 
 
 def test_tables_have_a_column_for_each_key_and_one_for_labels(results, monkeypatch):

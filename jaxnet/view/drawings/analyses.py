@@ -13,7 +13,6 @@ from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 
-AXIS_RANGE = 1e3  # of an axis, at most: what is below is next to nothing
 BEYOND = 0.7  # below the least value
 SEARCH, RANDOM, BOUND = (
     Look(style.BLUE, width=1.4),
@@ -21,7 +20,7 @@ SEARCH, RANDOM, BOUND = (
     Look(style.BLACK, (1, 1.2)),
 )
 SEARCH_MARKS = {
-    "worst random lane": Look(style.RED, marker="o", size=4, hollow=True),
+    "worst random lane": Look(style.RED, marker="s", size=4),
     "found by the search": Look(style.BLUE, marker="o", size=4),
     "found, later": Look(style.BLUE, marker="x", size=5),
     "bound of theory": Look(style.BLACK, marker="|", size=8),
@@ -33,18 +32,18 @@ INDICES = {
 AXIS_MARGIN = 0.08
 
 
-def least_drawn(values: Sequence[float] | np.ndarray) -> tuple[float, list[str]]:
-    """Least value that is drawn; what is far below the greatest stands there, with a note."""
-    known = np.nan_to_num(np.asarray(values, dtype=float), nan=0.0, posinf=0.0)
-    least = max(LOG_FLOOR, float(known.max(initial=0.0)) / AXIS_RANGE)
-    return least, [f"values below {least:.1g} are drawn there"] * bool((known < least).any())
+def ends_around(values: Sequence[float] | np.ndarray) -> tuple[float, float]:
+    """Ends of a log axis just beyond these values."""
+    known = np.asarray(values, float)
+    known = np.maximum(LOG_FLOOR, known[np.isfinite(known)])
+    least, most = known.min(initial=np.inf), known.max(initial=LOG_FLOOR)
+    return BEYOND * min(float(least), float(most)), float(most) / BEYOND
 
 
 def course_drawing(found: Sequence[Course], there: int, words: str) -> Drawing:
     """The best value against the number of lanes: of each search and of random lanes."""
     best = np.concatenate([[*each.best, *each.random_best] for each in found])
     lanes = [float(n) for each in found for n in (*each.lanes, *each.random_lanes)]
-    least, notes = least_drawn(best)
     panels, known = [], [*best]
     for each in found:
         series = [
@@ -56,10 +55,9 @@ def course_drawing(found: Sequence[Course], there: int, words: str) -> Drawing:
             known.append(each.bound)
             series.append(Trace("bound", BOUND, ends, np.full(2, each.bound), "level"))
         panels.append(Panel(each.cell.labels, [each.cell.number], series))
-    ends = BEYOND * max(least, float(min(known))), float(max(known)) / BEYOND
-    y = Scale(words, ends, log=True)
+    y = Scale(words, ends_around(known), log=True)
     x = Scale("lanes", log=True)
-    return Drawing(panels, x, y, notes, there=(there, "cells"), where="search.csv")
+    return Drawing(panels, x, y, there=(there, "cells"), where="search.csv")
 
 
 def worst_drawing(table: pd.DataFrame, cells: Sequence[Cell], words: str) -> Drawing:
@@ -69,18 +67,16 @@ def worst_drawing(table: pd.DataFrame, cells: Sequence[Cell], words: str) -> Dra
     rows = table.set_index("cell").loc[[cell.number for cell in shown]]
     marks = {name: look for name, look in SEARCH_MARKS.items() if name in rows}
     values = rows[[*marks]].to_numpy(dtype=float)
-    least, notes = least_drawn(values)
     at = np.arange(len(shown))
     series = [
         Trace(name, look, value, at, "points")
         for (name, look), value in zip(marks.items(), values.T, strict=True)
     ]
     titles, common = distinct_titles([cell.labels for cell in shown])
-    known = values[np.isfinite(values)]
-    x = Scale(words, (BEYOND * least, float(known.max(initial=least)) / BEYOND), log=True)
+    x = Scale(words, ends_around(values), log=True)
     panel = Panel({}, [cell.number for cell in shown], series)
     y, total = Scale("", names=titles), (there, "cells")
-    return Drawing([panel], x, y, [common, *notes], there=total, where="worst.csv")
+    return Drawing([panel], x, y, [common], there=total, where="worst.csv")
 
 
 def sensitivity_drawing(table: pd.DataFrame, cells: Sequence[Cell]) -> Drawing:

@@ -10,9 +10,12 @@ import matplotlib as mpl
 import numpy as np
 from jaxtyping import Float, Int
 
+from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR
 from jaxnet.statistics.groups import Label
+from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 
+MOST_NOTED = 3  # panels by a note
 MOST_BARS = 24  # points of a line that have error bars; more have a band
 DODGE = 0.012  # of the axis, between neighbouring colours
 MOVED_NOTE = "points are moved sideways to part them"
@@ -49,8 +52,8 @@ class Trace(NamedTuple):
     """Points of one name: a "line", "steps", "points", "both", or a "band" from `low` to `high`.
 
     Error bars reach from `low` to `high`: along y, along x in a drawing of named rows. They are all
-    that is seen of a "range". A "level" is a line across the panel. Values are as computed; what a
-    log axis lacks stands at its end, but for a "slope", which leaves the axis.
+    that is seen of a "range". A "level" is a line across the panel. Values are as computed; what is
+    below the floor of a log axis stands there, but for a "slope", which leaves the axis.
     """
 
     name: str
@@ -61,7 +64,6 @@ class Trace(NamedTuple):
     low: Any = None
     high: Any = None
     cells: Sequence[int] | None = None  # of each point
-    of_page: bool = False  # left out in print
     moved: tuple[float, float] = (1.0, 0.0)  # factor and shift along x, by which it is drawn
 
     @property
@@ -83,7 +85,7 @@ class Tiles(NamedTuple):
 class Scale(NamedTuple):
     """An axis. Names stand at 0, 1, …, on y from the top; `ticks` where there is room for them.
 
-    On a log axis values below `least`, or below its lower end without one, are drawn there.
+    Values below LOG_FLOOR stand there on a log axis, with hollow markers.
     """
 
     title: str
@@ -93,13 +95,20 @@ class Scale(NamedTuple):
     whole: bool = False
     names: Sequence[str] = ()
     ticks: Sequence[Any] = ()
-    least: float | None = None
+
+    @property
+    def unit(self) -> str:
+        return self.title.rpartition("[")[2].removesuffix("]") if "[" in self.title else ""
 
     def within(self, values: Any) -> Any:
         """Values as a log axis shows them."""
-        if values is None or not (self.log and self.ends):
+        if values is None or not self.log:
             return values
-        return np.maximum(values, self.ends[0] if self.least is None else self.least)
+        return np.clip(values, LOG_FLOOR, GREATEST_SHOWN)
+
+    def is_low(self, values: Any) -> Any:
+        """Which values a log axis shows at its floor."""
+        return self.log & (np.asarray(values, float) <= LOG_FLOOR)
 
 
 def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
@@ -114,12 +123,13 @@ def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
 
 
 class Panel(NamedTuple):
-    """A panel about some cells, with words in its middle if it is empty."""
+    """A panel about some cells, with words in its middle if it is empty, and a note on it."""
 
     labels: Mapping[str, Label]
     cells: Sequence[int]
     series: Sequence[Trace]
     words: str = ""
+    note: str = ""
     tiles: Tiles | None = None
 
 
@@ -138,6 +148,28 @@ class Drawing(NamedTuple):
     colours: Scale | None = None  # of tiles
     blank: str = ""  # why tiles have no number
 
-    @property
-    def is_moved(self) -> bool:
-        return any(each.moved != (1.0, 0.0) for panel in self.panels for each in panel.series)
+    def told(self, panels: Sequence[Panel]) -> list[str]:
+        """The notes, those on these panels, and how points were moved and low values are drawn."""
+        series = [each for panel in panels for each in panel.series if each.form != "slope"]
+        scale, named = self.x if self.y.names else self.y, dict[str, list[str]]()
+        titles, _ = distinct_titles([panel.labels for panel in panels])
+        for panel, title in zip(panels, titles, strict=True):
+            named.setdefault(panel.note, []).append(title)
+        notes = []
+        for note, some in named.items():
+            more = [f"{len(some) - MOST_NOTED} more"] * (len(some) > MOST_NOTED)
+            where = [*some[:MOST_NOTED], *more] if len(some) < len(panels) else ["all"]
+            notes += [f"{note} ({' / '.join(where)})"] * bool(note)
+        found = [
+            *self.notes,
+            *notes,
+            *[MOVED_NOTE] * any(each.moved != (1.0, 0.0) for each in series),
+        ]
+        middle = [each.x if self.y.names else each.y for each in series]
+        ends = [end for each in series for end in (each.low, each.high)]
+        if not any(scale.is_low(each).any() for each in (*middle, *ends) if each is not None):
+            return found
+        pairs = zip(series, middle, strict=True)
+        hollow = any(each.look.marker and scale.is_low(at).any() for each, at in pairs)
+        low = f"values below {LOG_FLOOR:.0e} {scale.unit} are drawn there".replace("e-0", "e-")
+        return [*found, low + ", hollow" * hollow]

@@ -17,7 +17,8 @@ class LaneScene(NamedTuple):
 
     time: Float[np.ndarray, " times"]
     places: Float[np.ndarray, "times sources 2"]  # of source 0, then of the vehicles [m]
-    heading: Float[np.ndarray, "times m"]  # [°] counterclockwise from x
+    heading: Float[np.ndarray, "times m"] | None  # [°] counterclockwise from x, if they have one
+    off: Float[np.ndarray, "times m"]  # [m] of what the law steers, from source 0
     links: Int[np.ndarray, "2 links"]  # of the graph: listeners, from 0, and sources
     lied: Bool[np.ndarray, " links"]  # attacked links
     kept: Bool[np.ndarray, "times links"]  # whether they are retained
@@ -25,11 +26,10 @@ class LaneScene(NamedTuple):
     about: list[int]  # the source whose place each of them falsifies: itself, or the navigator
     told: Float[np.ndarray, "times attacked 2"]  # where attacked links say that these are [m]
     leaderless: bool
-
-    @property
-    def off(self) -> Float[np.ndarray, "times m"]:
-        """Distance of each vehicle from source 0 [m]."""
-        return np.linalg.norm(self.places[:, 1:] - self.places[:, :1], axis=-1)
+    shape: Float[np.ndarray, "times m 2"] | None  # places in the formation about the centre [m]
+    saturated: Bool[np.ndarray, "times m"]
+    colliding: Bool[np.ndarray, "times m"]
+    arena: tuple[float, float] | None  # half of its sides [m]
 
     @property
     def truth(self) -> Float[np.ndarray, "times attacked 2"]:
@@ -40,12 +40,16 @@ class LaneScene(NamedTuple):
 def scene_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> LaneScene:
     vehicles, navigator = lane["states"].values[..., :2], lane["navigator"].values
     attack, attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
+    arena = lane.attrs["arena"]
     listeners, slots = graph.edges()
     sources = graph.sources[listeners, slots]
     lied = falsified_links(cell, graph, attacked)[listeners, slots]
     leaderless = not cell.scenario.navigator.present
     centre = fleet_centre(vehicles, attacked) if leaderless else navigator
     places = np.concatenate([centre[:, None], vehicles], axis=1)
+    output, offset = (lane[name].values.T for name in ("output", "offset"))
+    steered = output - offset
+    middle = fleet_centre(steered, attacked) if leaderless else navigator
     # An attack falsifies a vehicle's own place, or the navigator's that it receives.
     about = [0] * len(attacked) if lied[sources == 0].any() else attacked
     base = places[:, about]
@@ -59,6 +63,7 @@ def scene_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> LaneScene:
         lane["time"].values,
         places,
         headings(lane["states"]),
+        np.linalg.norm(steered - middle[:, None], axis=-1),
         np.stack([listeners, sources]),
         lied,
         kept,
@@ -66,6 +71,10 @@ def scene_of(lane: xr.Dataset, cell: Cell, graph: Digraph) -> LaneScene:
         about,
         base + lane["attack"].values[:, np.array(attacked, int) - 1],
         leaderless,
+        middle[:, None] + offset if offset.any() else None,
+        lane["saturated"].values.T,
+        lane["colliding"].values.T,
+        arena and (arena["x"], arena["y"]),
     )
 
 
@@ -97,15 +106,8 @@ def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Link
     return links & np.isin(np.where(sources, sources, listeners), attacked)
 
 
-def headings(states: xr.DataArray) -> Float[np.ndarray, "times m"]:
-    """Direction of motion of each vehicle [°], counterclockwise from x.
-
-    A vehicle that drives backwards moves against its heading. Without a heading in the states, the
-    path's direction serves.
-    """
-    names, values = states["state"].values.tolist(), states.values
-    if {"heading", "speed"} <= set(names):
-        heading, speed = (values[..., names.index(name)] for name in ("heading", "speed"))
-        return np.degrees(heading + np.pi * (speed < 0))
-    dx, dy = np.gradient(values[..., 0], axis=0), np.gradient(values[..., 1], axis=0)
-    return np.degrees(np.arctan2(dy, dx))
+def headings(states: xr.DataArray) -> Float[np.ndarray, "times m"] | None:
+    """Where each vehicle points [°], counterclockwise from x; None without a heading."""
+    if "heading" not in states["state"]:
+        return None
+    return np.degrees(states.sel(state="heading").values)

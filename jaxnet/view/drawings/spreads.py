@@ -7,17 +7,19 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from jaxnet.config.cells import Cell, judged_metric
+from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Recovery
 from jaxnet.config.naming import value_name
+from jaxnet.model.wording import count_between
 from jaxnet.statistics.bands import Band, bands_span
-from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, magnitude_words
+from jaxnet.statistics.curves import magnitude_words
 from jaxnet.statistics.groups import Group, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, colours_of
+from jaxnet.view.drawings.scene import attacked_vehicles
 from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 
@@ -29,6 +31,11 @@ MOST_TAIL_ROWS = 24  # cells that one figure takes
 MOST_DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other
 MOST_MAGNITUDES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 JITTER = 0.22  # of a row
+OVER_TIME_WORDS = {
+    "tracking": "mean error of the fleet [m]",
+    "spread": "spread of honest vehicles [m]",
+    "disagreement": "mean disagreement [m]",
+}
 QUANTILES_WORDS = "5 to 95 % of lanes"
 GREATEST = Look(style.RED, (4, 2), width=0.9)
 DOT, MIDDLE = Look(style.SKY, marker=".", size=3), Look(style.BLACK, marker="D", size=4)
@@ -46,10 +53,9 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     metric = judged_metric(cells)
     shown = [cells[at] for at in evenly_over([cell.labels for cell in cells], MOST_TAIL_ROWS)]
     places = {cell.number: place for place, cell in enumerate(shown)}
-    series, is_cut = [], False
+    series = []
     for cell, lanes in results.by_cell(metric, where=rows.OK, cells=places):
-        is_cut |= bool((lanes[metric] < LOG_FLOOR).any())
-        values, row = lanes[metric].to_numpy().clip(LOG_FLOOR, GREATEST_SHOWN), [places[cell]]
+        values, row = lanes[metric].to_numpy(), [places[cell]]
         dots = thin_by_rank(values)
         jitter = np.random.default_rng(0).uniform(-JITTER, JITTER, len(dots))
         low, median, high = np.quantile(values, [[0.05], [0.5], [0.95]])
@@ -61,7 +67,6 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     many = max(results.samples) > MOST_DOTS
     dot = f"{MOST_DOTS:,} dots evenly by rank" if many else "one dot per lane"
     notes = [common, f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
-    notes += [f"values below {LOG_FLOOR:g} m are drawn there"] * is_cut
     panel, x = Panel({}, [*places], series), Scale(JUDGED_WORDS[metric], log=True)
     y = Scale("", names=titles)
     return Drawing([panel], x, y, notes, there=(len(cells), "cells"), where="lanes/")
@@ -76,7 +81,7 @@ def thin_by_rank(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dot
 def bands_drawing(
     groups: Sequence[Group],
     bands: Mapping[int, Band],
-    label: str,
+    variable: str,
     hue: str | None = None,
     there: int = 0,
 ) -> Drawing:
@@ -101,9 +106,12 @@ def bands_drawing(
                 greatest = thin if most <= MOST_MAGNITUDES else None
                 series += band_series(bands[cell.number], name, looks[name], greatest)
         panels.append(Panel(group.labels, [cell.number for cell in group.cells], series))
-    notes = [SPREAD_WORDS] * ("spread" in label)
+    lanes = sorted({band.lanes for band in bands.values()})
+    notes = [f"over {count_between(lanes, 'lane')} of a cell"] if lanes else []
+    notes += [SPREAD_WORDS] * (variable == "spread")
     left_out = [(most, sizes, "sizes ā")]
-    y = Scale(label, bands_span(bands) if bands else None, log=True)
+    words = OVER_TIME_WORDS.get(variable, variable)
+    y = Scale(words, bands_span(bands) if bands else None, log=True)
     total = there or len(groups), "groups"
     return Drawing(panels, Scale("t [s]"), y, notes, there=total, where="errors.zarr",
                    left_out=left_out)  # fmt: skip
@@ -131,13 +139,13 @@ def vehicles_drawing(
     for cell, limit in zip(cells, limits, strict=True):
         mine: Any = found[found["cell"] == cell.number]
         columns = mine[["vehicle", "low", "median", "q95", "greatest"]].to_numpy(dtype=float)
-        at, low, median, high, greatest = np.maximum(LOG_FLOOR, columns.T)
-        lied = np.isin(at, cell.scenario.attack.targets())
+        at, low, median, high, greatest = columns.T
+        lied = np.isin(at, attacked_vehicles(cell))
         series = [
             Trace("5 to 95 %", VEHICLE_RANGE, at, median, "range", low, high),
             Trace("maximum", VEHICLE_MAXIMUM, at, greatest, "points"),
             Trace("median of lanes", VEHICLE, at[~lied], median[~lied], "points"),
-            Trace("of an attacked vehicle", ATTACKED_VEHICLE, at[lied], median[lied], "points"),
+            Trace("median, attacked vehicle", ATTACKED_VEHICLE, at[lied], median[lied], "points"),
         ]
         series = [each for each in series if len(each.x)]  # no liars that are not known
         if np.isfinite(limit):
@@ -146,7 +154,8 @@ def vehicles_drawing(
         panels.append(Panel(cell.labels, [cell.number], series))
     known = recovery is not None and np.isfinite(limits).any()
     notes = [share_definition(recovery, cells)] if recovery is not None and known else []
-    y = Scale("mean error over the tail [m]", log=True)
+    words = "distance from the mean" if is_leaderless(cells) else "mean error"
+    y = Scale(f"{words} over the tail [m]", log=True)
     there = len(cells), "cells"
     return Drawing(
         panels, Scale("vehicle", whole=True), y, notes, there=there, where="vehicles.zarr"

@@ -31,13 +31,17 @@ ROW_SHARE = 0.7  # of a named row, that its colours take
 def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing:
     x, values = axes.x, ordered_values(cells, axes.x)
     numbers = x is not None and on_a_scale(values)
+    there = found.values["value"].dropna().index
+    if x is not None and numbers:  # an axis without the values of which nothing is known
+        known = {cell.labels[x] for cell in cells if cell.number in there}
+        values = [value for value in values if value in known]
+        cells = [cell for cell in cells if cell.labels[x] in known]
     hues = ordered_values(cells, axes.hue)
     looks = hue_looks(hues)
     names = [value_alone(axes.hue, hue) for hue in hues] if axes.hue else [""]
     across = Scale(quantity(x) if x else "", log=numbers and geometric(values), ticks=values)
     rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""])
-    least = found.floor if found.log else None
-    shown = Scale(found.axis, found.ends, found.log, found.share, least=least)
+    shown = Scale(found.axis, found.ends, found.log, found.share)
 
     def series(place: int, mine: Sequence[Cell]) -> Trace:
         labels = [cell.labels[x] if x else 0 for cell in mine]
@@ -55,14 +59,12 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
             points = value, where + shift, "points"
         return Trace(names[place], looks[place], *points, low, high, about, moved=moved)
 
-    panels = [
-        Panel(
-            labels,
-            [cell.number for cell in mine],
-            [series(place, each) for place, each in enumerate(by_hue(mine, axes, hues)) if each],
-        )
-        for labels, mine in panels_of(cells, axes)
-    ]
+    panels = []
+    for labels, mine in panels_of(cells, axes):
+        numbers_of = [cell.number for cell in mine]
+        drawn = [series(place, each) for place, each in enumerate(by_hue(mine, axes, hues)) if each]
+        words = "" if there.isin(numbers_of).any() else "no value"
+        panels.append(Panel(labels, numbers_of, drawn, words))
     x_scale, y_scale = (across, shown) if numbers else (shown, rows)
     key, notes = key_name(axes.hue) if axes.hue else "", [found.notes]
     on_axes = [*filter(None, (x, axes.hue)), *axes.panel]

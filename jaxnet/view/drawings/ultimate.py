@@ -2,16 +2,8 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from jaxnet.statistics.curves import BOUND_NAMES, NO_SLOPE, Curve, axis_ends
-from jaxnet.view.drawings.drawing import (
-    Drawing,
-    Look,
-    Panel,
-    Scale,
-    Trace,
-)
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, axis_ends
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.figures import style
 
 BOUND_LOOKS = {
@@ -23,13 +15,13 @@ BOUND_LOOKS = {
     "lyapunov_printed": Look(style.SKY, (6, 1.5, 1, 1.5, 1, 1.5)),
 }
 FITS = {
-    "least squares s·ā": (None, Look(style.GREY, width=0.7)),
-    "95 % of lanes": (0.95, Look(style.GREY, (1, 2), width=0.9)),
+    "fit of the means": (None, Look(style.GREY, width=0.7)),
+    "fit below which 95 % of lanes are": (0.95, Look(style.GREY, (1, 2), width=0.9)),
 }
-OF_PAGE = ("95 % of lanes",)  # not in print
 MEDIAN = Look(style.BLACK, marker="o", size=3)
-MEAN = Look(style.GREY, marker="D", hollow=True)
+MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
+LINES_TOLD = "coloured lines: bounds of theory; grey lines: s ā fitted to the lanes"
 CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
 ULTIMATE_WORDS = {"tail_max": "greatest tail error [m]", "tail_mean": "mean tail error [m]"}
 
@@ -49,30 +41,31 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
                 slopes[name] = fitted[0], look
         lines = []
         for name, (slope, look) in slopes.items():
-            line = Trace(name, look, curve.sizes, slope * curve.sizes, "slope")
-            lines.append(line._replace(of_page=name in OF_PAGE))
+            lines.append(Trace(name, look, curve.sizes, slope * curve.sizes, "slope"))
         labels, about = curve.group.labels, [*curve.group.attacked]
-        panels.append(Panel(labels, about, [*lines, *lane_series(curve, metric, ends[0])]))
+        series = [*lines, *lane_series(curve, metric)]
+        panels.append(Panel(labels, about, series, note=slope_note(curve, metric)))
     x = Scale("attack magnitude ā [m]", log=True)
-    flat = any(curve.is_flat(metric) for curve in found)
     y = Scale(ULTIMATE_WORDS[metric], ends, log=True)
-    return Drawing(panels, x, y, [NO_SLOPE] * flat, there=(len(found), "groups"))
+    return Drawing(panels, x, y, [LINES_TOLD], there=(len(found), "groups"))
 
 
-def lane_series(curve: Curve, metric: str, floor: float) -> list[Trace]:
-    """Median, 5 to 95 %, maximum and mean; a triangle marks a median below the axis."""
+def slope_note(curve: Curve, metric: str) -> str:
+    if curve.is_flat(metric):
+        return "errors do not rise with ā: no line is fitted"
+    if len(curve.cells) == 1:
+        return "one ā alone: error / ā is no fit"
+    bent = curve.is_bent(metric)
+    return "errors are not proportional to ā: no line is fitted to their means" if bent else ""
+
+
+def lane_series(curve: Curve, metric: str) -> list[Trace]:
+    """Mean, median, 5 to 95 % and maximum of the lanes."""
     sizes, statistics = curve.sizes, curve.spread(metric, *CURVE_STATISTICS)
     q05, median, q95, most, mean, low, high = statistics
-    about = {"form": "points", "cells": [*curve.group.attacked]}
-    below = median <= floor
     found = [
-        Trace("mean, 95 % interval", MEAN, 1.1 * sizes, mean, low=low, high=high, of_page=True)
+        Trace("mean, 95 % interval", MEAN, 1.1 * sizes, mean, low=low, high=high),
+        Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, low=q05, high=q95),
+        Trace("maximum", MAXIMUM, sizes, most),
     ]
-    seen = np.where(below, np.nan, median)
-    found.append(Trace("median, 5 to 95 %", MEDIAN, sizes, seen, low=q05, high=q95))
-    if below.any():
-        look = MEDIAN._replace(marker="v")
-        hidden = np.where(below, median, np.nan)
-        found.append(Trace("median below the axis", look, sizes, hidden, low=q05, high=q95))
-    found.append(Trace("maximum", MAXIMUM, sizes, most))
-    return [each._replace(**about) for each in found]
+    return [each._replace(form="points", cells=[*curve.group.attacked]) for each in found]

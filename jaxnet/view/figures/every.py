@@ -20,7 +20,7 @@ from jaxnet.statistics.curves import MOST_PANELS, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.groups import evenly, evenly_over
-from jaxnet.statistics.quantities import asked_quantity, quantity_of
+from jaxnet.statistics.quantities import FORMATION_NOTE, asked_quantity, quantity_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.folder import FolderError
@@ -34,6 +34,7 @@ from jaxnet.view.figures import (
     AXES_OF,
     COLUMN_WIDTHS,
     FIGURE_NAMES,
+    SEARCH,
     SENSITIVITY,
     multiples,
     panels,
@@ -115,6 +116,12 @@ def indices_figure(results: Results, metric: str, cells: Sequence[Cell], width: 
     return printed(analyses.sensitivity_drawing(table[wanted], cells), width)
 
 
+def tail_words(cells: Sequence[Cell]) -> str:
+    """What the tail is, if all cells have the same."""
+    spans = {(cell.scenario.tail, cell.scenario.horizon) for cell in cells}
+    return "tail: the last {:g} of {:g} s".format(*spans.pop()) if len(spans) == 1 else ""
+
+
 def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Make a method of `Plots` that selects cells and draws them; `note` adds the small line."""
 
@@ -139,12 +146,14 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             made = draw(self, cells, asked[0] if asked else COLUMN_WIDTHS[column], **axes)
             notes = label_notes(self.results.study.config.sweep, [cell.labels for cell in cells])
             if draw.__name__ in OF_THE_TAIL:
-                notes += filter(None, [falling_words(self.results, cells)])
+                notes += filter(None, [tail_words(cells), falling_words(self.results, cells)])
+            if draw.__name__ not in (*SEARCH, *SENSITIVITY, "topologies"):
+                notes += [FORMATION_NOTE] * any(cell.scenario.formation.present for cell in cells)
             multiples.write_note(made, multiples.escape_dollars("; ".join(notes)))
             if asked:
                 multiples.set_size(made, asked)
         if not note:
-            made.suptitle("").set_in_layout(False)
+            made.supxlabel("").set_in_layout(False)
         multiples.show_unparsed(made)
         made.style = look
         return made
@@ -166,7 +175,7 @@ class Plots:
     Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or
     "two", the figure's width in columns of a journal. `size`, a pair in inches or text like
     "86x64mm", sets width and height; `font_size` [pt] and `font` set the type. `note=False` leaves
-    out the small line at the top, for a paper whose caption says it. `curve` and the heat maps take
+    out the small lines below, for a paper whose caption says it. `curve` and the heat maps take
     `x`, `hue` and `panel`, swept keys; `curve` takes `y` too, and `bands` takes `y` and `hue`. Each
     method returns a matplotlib figure.
 
@@ -220,8 +229,7 @@ class Plots:
         places = evenly_over([group.labels for group in there], MOST_PANELS)
         groups = [there[place] for place in places]
         found = error_bands(stored[name], [cell for group in groups for cell in group.cells])
-        words = panels.ERROR_SYMBOLS.get(name, name)
-        return printed(spreads.bands_drawing(groups, found, words, hue, len(there)), width)
+        return printed(spreads.bands_drawing(groups, found, name, hue, len(there)), width)
 
     @plot
     def vehicles(self, cells: Sequence[Cell], width: float) -> Figure:

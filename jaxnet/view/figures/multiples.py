@@ -113,19 +113,19 @@ def write_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> N
 
 
 def write_note(drawn: Figure, words: str) -> None:
-    """Append a note to the small line above all panels."""
-    told = "; ".join(filter(None, [drawn.get_suptitle().replace("\n", " "), words]))
+    """Append a note to the small lines below all panels."""
+    told = "; ".join(filter(None, [drawn.get_supxlabel().replace("\n", " "), words]))
     size = type_scale("font.size")
     lines = textwrap.fill(told, int(LETTERS_PER_INCH * drawn.get_figwidth() / size))
-    drawn.suptitle(lines, x=0.01, ha="left", fontsize=7 * size)
+    drawn.supxlabel(lines, x=0.01, ha="left", fontsize=7 * size)
 
 
 def write_legend(drawn: Figure, handles: Sequence[Any], most: int, **look: Any) -> None:
-    """Write a legend below the panels, of `most` columns where the figure is as wide as a page."""
+    """Write a legend above the panels, of `most` columns where the figure is as wide as a page."""
     width = drawn.get_figwidth() / type_scale("legend.fontsize")
     columns = max(2, round(most * width / style.FIGURE_WIDTH))
     look = {"ncols": columns, "handlelength": 2.6} | look
-    drawn.legend(handles=handles, loc="outside lower center", **look)
+    drawn.legend(handles=handles, loc="outside upper center", **look)
 
 
 def panels_across(width: float) -> int:

@@ -10,16 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.gridspec import GridSpec, SubplotSpec
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import NO_BREAK, value_name
+from jaxnet.runs.replay import pictured
 from jaxnet.statistics.bands import error_bands, variable_over_time
-from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
+from jaxnet.statistics.curves import magnitude_words
 from jaxnet.statistics.groups import Label, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.drawing import LOOKS, Scale
-from jaxnet.view.drawings.scene import attacked_vehicles
+from jaxnet.view.drawings.scene import attacked_vehicles, headings
 from jaxnet.view.drawings.spreads import band_series
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.printed import draw_series, line_style
@@ -38,12 +40,18 @@ ERROR_SYMBOLS = {
     "spread": "spread [m]",
     "disagreement": r"$\tilde{\epsilon}$ [m]",
 }
-ERROR_SCALE = Scale("", (LOG_FLOOR, 1.0), log=True)
+SYMBOLS_TOLD = "ẽ: mean error of the fleet"
+DISAGREEMENT_TOLD = "ε̃: mean disagreement with the sources heard"
+BANDS_TOLD = "lines: median of the lanes, bands: 5 to 95 % of lanes"
+ERROR_SCALE = Scale("", log=True)
 NAVIGATOR_PATH: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.8, "linestyle": (0, (2, 1))}
 HONEST_PATH: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
 CROWDED_PATHS: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "rasterized": True, "zorder": 1}
 CROWD_INK, CROWD_OPACITY = 150, (0.03, 0.15)  # of all paths of a crowd together, and of one of them
 ATTACKED_PATH: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
+LIMITED_PATH: dict[str, Any] = {"color": style.LIMITED, "linewidth": 2.0, "zorder": 0.5}
+TOUCHING_PATH = LIMITED_PATH | {"color": style.PURPLE, "zorder": 0.4, "linewidth": 3.5}
+END_SIZE = 5
 END: dict[str, Any] = {"color": "0.3", "linestyle": "", "markersize": 3}
 
 
@@ -74,22 +82,30 @@ def panels_figure(
     grid = GridSpec(lines * len(rows), columns, figure=drawn, width_ratios=widths)
     paths = results.trajectories if trajectories else None
     lanes = {} if paths is None else {c.number: first_lane(paths, c) for row in rows for c in row}
+    lanes = {
+        number: None if lane is None else pictured(results, number, int(lane["sample"]), lane)[0]
+        for number, lane in lanes.items()
+    }
     points = [
         np.abs(lane[name].values[..., :2])
         for lane in lanes.values()
         if lane is not None
         for name in ("states", "navigator")
     ]
-    reach = float(np.ceil(1.04 * max(map(np.nanmax, points), default=1.0)))
-    letters = iter(map(chr, range(ord("a"), ord("z"))))
+    arenas = [lane.attrs["arena"] for lane in lanes.values() if lane is not None]
+    points += [np.array([*each.values()]) for each in arenas if each]
+    reach = 1.04 * float(max(map(np.nanmax, points), default=1.0))
+    letters, above = iter(map(chr, range(ord("a"), ord("z")))), dict[int, str]()
     for number, row in enumerate(rows):
         spots = [grid[lines * number + n // columns, n % columns] for n in range(panels)]
         if narrow and panels % 2:
             spots[-1] = grid[lines * number + lines - 1, :]  # alone in its line
         titles = [f"({next(letters)})" for _ in range(panels)]
-        for cell, spot, title in zip(row, spots[:planes], titles, strict=False):
-            panel = drawn.add_subplot(spot)
-            panel.set_title(f"{title} {multiples.escape_dollars(topology_name(cell))}", pad=3)
+        for place, (cell, spot) in enumerate(zip(row, spots[:planes], strict=False)):
+            panel, name = drawn.add_subplot(spot), topology_name(cell)
+            new = multiples.escape_dollars(name) if above.get(place) != name else ""
+            panel.set_title(f"{titles[place]} {new}".rstrip(), pad=3)
+            above[place] = name
             draw_plane(panel, cell, lanes[cell.number], reach)
             if cell is row[0]:
                 panel.set_ylabel(f"{textwrap.fill(row_caption(cell), ROW_LETTERS)}\ny [m]")
@@ -99,14 +115,22 @@ def panels_figure(
                 panel.tick_params(labelleft=False)
         if errors:
             caption = textwrap.fill(row_caption(row[0]), int(TITLE_LETTERS * width))
-            words = caption if not trajectories else judged + "s" * (judged == "error")
-            key = number == 0 and not narrow
-            draw_errors(drawn, spots[-1], row, results.errors, f"{titles[-1]} {words}", key)
+            words = caption
+            if trajectories:
+                words = "" if number else judged + "s" * (judged == "error")
+            title, key = f"{titles[-1]} {words}".rstrip(), number == 0 and not narrow
+            draw_errors(drawn, spots[-1], row, results.errors, title, key)
     if trajectories:
-        handles = panels_legend(rows) + error_keys(rows[0], f"{judged}, ") * (errors and narrow)
+        handles = panels_legend(rows, [lane for lane in lanes.values() if lane is not None])
+        handles += error_keys(rows[0], f"{judged}, ") * (errors and narrow)
         multiples.write_legend(drawn, handles, 6, handlelength=2.2)
-    if errors and is_leaderless(cells):
-        multiples.write_note(drawn, SPREAD_WORDS)
+    samples = {int(lane["sample"]) for lane in lanes.values() if lane is not None}
+    if samples:
+        sample = f"sample {samples.pop()}" if len(samples) == 1 else "the first sample that ended"
+        multiples.write_note(drawn, f"paths: {sample} of each cell, on one scale")
+    if errors:
+        words = SPREAD_WORDS if is_leaderless(cells) else SYMBOLS_TOLD
+        multiples.write_note(drawn, "; ".join([BANDS_TOLD, words, DISAGREEMENT_TOLD]))
     stores = {"trajectories.zarr": trajectories, "errors.zarr": errors}
     where = " and ".join(store for store, there in stores.items() if there)
     most = max(map(len, rows)), max(map(len, whole)), "topologies"
@@ -116,7 +140,7 @@ def panels_figure(
 
 def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
     """The first stored lane of a cell that has a valid start, or None."""
-    paths = data[["states", "navigator", "attack"]]
+    paths = data[["states", "inputs", "navigator", "attack"]]
     if "lane" in data.dims:
         mine, along = paths.isel(lane=data["cell"] == cell.number), "lane"
     else:
@@ -151,13 +175,18 @@ def row_caption(cell: Cell) -> str:
 def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None, reach: float) -> None:
     """Draw the paths of one lane from -reach to reach [m]; many vehicles are drawn as a density."""
     panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x [m]")
-    panel.locator_params(nbins=5)
+    panel.locator_params(nbins=4)
     if lane is None:
         panel.text(0.5, 0.5, "no lane stored", transform=panel.transAxes, ha="center")
         return
     if cell.scenario.navigator.present:
         panel.plot(*lane["navigator"].values.T[:2], **NAVIGATOR_PATH, zorder=3)
-    positions = lane["states"].values[:, :, :2]
+    positions, heading = lane["states"].values[:, :, :2], headings(lane["states"])
+    limited, touching = lane["saturated"].values.T, lane["colliding"].values.T
+    if arena := lane.attrs["arena"]:
+        corner = -arena["x"], -arena["y"]
+        sides = 2 * arena["x"], 2 * arena["y"]
+        panel.add_patch(Rectangle(corner, *sides, fill=False, edgecolor="0.6"))
     attacked = attacked_vehicles(cell, lane)
     apart = list(range(positions.shape[1]))
     if len(apart) > MOST_APART:
@@ -173,21 +202,29 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None, reach: float) -
         panel.plot(*path, **look, zorder=2 if lies else 1)
         end = {"color": look["color"], "markersize": 3, "zorder": 4}
         panel.plot(*path[:, 0], "o", markerfacecolor="white", **end)
-        panel.plot(*path[:, -1], "s", **end)
+        for marked, drawn_as in ((limited, LIMITED_PATH), (touching, TOUCHING_PATH)):
+            if marked[:, vehicle].any():
+                panel.plot(*np.where(marked[:, vehicle], path, np.nan), **drawn_as)
+        pointed = "s" if heading is None else style.pointer(heading[-1, vehicle])
+        panel.plot(*path[:, -1], **end | {"marker": pointed, "markersize": END_SIZE})
 
 
-def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
+def panels_legend(rows: Sequence[Sequence[Cell]], lanes: Sequence[xr.Dataset]) -> list[Line2D]:
     scenarios = [cell.scenario for row in rows for cell in row]
     fleets = [scenario.vehicles for scenario in scenarios]
     attacks = [scenario.attack for scenario in scenarios]
     lies = any(attack.number() and attack.amplitude() != 0 for attack in attacks)
+    pointed = any("heading" in lane["state"] for lane in lanes)
+    pointer: Any = style.pointer(0.0) if pointed else "s"
     entries = {
         "navigator": (NAVIGATOR_PATH, any(each.navigator.present for each in scenarios)),
         "vehicle": (HONEST_PATH, min(fleets) <= MOST_APART),
         "vehicles": ({"color": "0.6", "linewidth": 2.0}, max(fleets) > MOST_APART),
         "attacked vehicle": (ATTACKED_PATH, lies),
         "start": (END | {"marker": "o", "markerfacecolor": "white"}, True),
-        "end": (END | {"marker": "s"}, True),
+        "end": (END | {"marker": pointer, "markersize": END_SIZE}, True),
+        "input at its limit": (LIMITED_PATH, any(lane["saturated"].any() for lane in lanes)),
+        "touches another": (TOUCHING_PATH, any(lane["colliding"].any() for lane in lanes)),
     }
     return [Line2D([], [], **look, label=name) for name, (look, shown) in entries.items() if shown]
 

@@ -1,4 +1,4 @@
-"""A drawing in print: small multiples on a page, a legend below them, notes above."""
+"""A drawing in print: a legend, small multiples, and notes below them."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
 from jaxnet.statistics.groups import evenly
-from jaxnet.view.drawings.drawing import MOST_BARS, MOVED_NOTE, Drawing, Look, Scale, Tiles, Trace
+from jaxnet.view.drawings.drawing import MOST_BARS, Drawing, Look, Scale, Tiles, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -79,8 +79,6 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     room = (within - page.margin - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
     for place, panel in zip(axes, panels, strict=True):
         for series in panel.series:
-            if series.of_page:
-                continue
             if rows:
                 draw_series(place, seen_of(series, rows), drawing.x, rows=True)
             else:
@@ -110,11 +108,11 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
         drawn.colorbar(bar, ax=drawn.axes, label=drawing.colours.title, **look)
     if drawing.blank:
         hatched = Patch(label=drawing.blank, linewidth=0, **HATCHED)
-        drawn.legend(handles=[hatched], loc="outside lower right")
+        drawn.legend(handles=[hatched], loc="outside upper right")
     if handles:
         look = {"title": multiples.escape_dollars(drawing.key)} if drawing.key else {}
         multiples.write_legend(drawn, handles, columns, ncols=columns, **look)
-    for note in [*drawing.notes, *[MOVED_NOTE] * drawing.is_moved]:
+    for note in drawing.told(panels):
         multiples.write_note(drawn, multiples.escape_dollars(note))
     shown = len(panels)
     parts = [(shown, len(drawing.panels), "panels"), (len(rows), len(drawing.y.names), "rows")]
@@ -177,7 +175,7 @@ def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int
     named: dict[str, list[Trace]] = {}
     for panel in drawing.panels:
         for series in panel.series:
-            if series.name and not series.of_page:
+            if series.name:
                 named.setdefault(series.name, []).append(series)
     if not named:
         return [], 1, 0.0
@@ -239,6 +237,9 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
     is_mark = series.form in ("points", "both") and look.marker != "."
     front = {"clip_on": False, "zorder": 3} if is_mark else {}
     panel.plot(x, y, **line_style(look, series.form), **front)
+    if look.marker and (low := scale.is_low(series.x if rows else series.y)).any():
+        hollow = line_style(look._replace(hollow=True), "points")
+        panel.plot(np.asarray(x)[low], np.asarray(y)[low], **hollow, **front)
 
 
 def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, float]) -> None:

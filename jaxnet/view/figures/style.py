@@ -3,12 +3,13 @@
 import io
 import re
 from os import PathLike
-from typing import IO, Any, TypedDict
+from typing import IO, Any
 
 import matplotlib as mpl
 from matplotlib import figure
 from matplotlib.font_manager import FontProperties, findfont
-from matplotlib.typing import LineStyleType
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D
 
 from jaxnet.store.folder import FolderError
 from jaxnet.view.figures import COLUMN_WIDTHS
@@ -28,13 +29,6 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
 )
 
 
-class LineStyle(TypedDict):
-    """Colour and dashes of a line."""
-
-    color: str
-    linestyle: LineStyleType
-
-
 SERIES_LOOKS: list[tuple[str, tuple[float, ...]]] = [
     (BLUE, ()),
     (RED, (5, 1.5)),
@@ -43,10 +37,19 @@ SERIES_LOOKS: list[tuple[str, tuple[float, ...]]] = [
     (ORANGE, (8, 2)),
     (BLACK, (3, 1, 1, 1, 1, 1)),
 ]
-SERIES_STYLES: list[LineStyle] = [
+SERIES_STYLES: list[dict[str, Any]] = [
     {"color": color, "linestyle": (0, dash) if dash else "-"} for color, dash in SERIES_LOOKS
 ]
 GREY = "#737373"  # of what stands back
+
+LIMITED = ORANGE  # of a vehicle whose input is at its limit
+POINTER = Path(((0.9, 0.0), (-0.6, 0.55), (-0.6, -0.55), (0.9, 0.0)), closed=True)
+
+
+def pointer(heading: float) -> Path:
+    """A triangle that points along a heading [°]."""
+    return POINTER.transformed(Affine2D().rotate_deg(heading))
+
 
 Style = dict[Any, Any]  # settings of matplotlib by name
 

@@ -41,6 +41,7 @@ SYMBOL_PATHS = {
     "star": "M17 1l1.8 3.9 4.2.5-3.1 2.9.8 4.2-3.7-2.1-3.7 2.1.8-4.2L11 5.4l4.2-.5z",
     "diamond": "M17 2l5 5-5 5-5-5z",
     "line-ew": "M12 7H22",
+    "cross-thin": "M17 2V12M12 7H22",
 }
 
 
@@ -66,8 +67,8 @@ def paragraph(text: str) -> str:
 
 def notes_html(notes: Iterable[str]) -> str:
     """What a table leaves open, below it."""
-    told = "".join(f"<li>{escape(sentence_case(each))}.</li>" for each in notes)
-    return f'<ul class="notes">{told}</ul>'
+    told = "".join(f"<li>{escape(sentence_case(each))}.</li>" for each in notes if each)
+    return f'<ul class="notes">{told}</ul>' if told else ""
 
 
 class Plot(NamedTuple):
@@ -133,13 +134,19 @@ def plot_html(plot: Plot, look: str = "", height: int = 0) -> str:
 
 
 def plots_html(
-    plots: Sequence[Plot], columns: int, height: int = 0, above: str = "", kind: str = ""
+    plots: Sequence[Plot],
+    columns: int,
+    height: int = 0,
+    above: str = "",
+    kind: str = "",
+    below: str = "",
 ) -> str:
     """Small multiples with a key and a pager, at most so many in a row; a `kind` has a style."""
     key = key_html(trace for plot in plots for trace in plot.figure["data"])
     drawn = "".join(plot_html(plot, height=height) for plot in plots)
     grid = f'<div class="grid" style="--columns: {columns}">{drawn}</div>'
-    return f'<div class="view {kind}">{above}{key}{PAGER}{grid}<output class="told"></output></div>'
+    told = f'{below}<output class="told"></output>'
+    return f'<div class="view {kind}">{above}{key}{PAGER}{grid}{told}</div>'
 
 
 def key_html(traces: Iterable[Mapping[str, Any]]) -> str:
@@ -171,7 +178,8 @@ def swatch(trace: Mapping[str, Any]) -> str:
             f' stroke-width="{line.get("width", 1.6)}" stroke-dasharray="{dashes}"/>'
         )
     if "markers" in mode:
-        symbol, colour = marker["symbol"], painted(marker["color"])
+        symbols, colour = marker["symbol"], painted(marker["color"])
+        symbol = symbols if isinstance(symbols, str) else min(symbols, default="circle")
         fill = "none" if "open" in symbol else colour
         path = SYMBOL_PATHS[symbol.removesuffix("-open")]
         parts.append(f'<path d="{path}" fill="{fill}" stroke="{colour}" stroke-width="1.6"/>')

@@ -14,9 +14,11 @@ from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
 from jaxnet.model.wording import count, count_between, counted, number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.falling import falling_words
+from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import Quantity, quantity_of
 from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name
+from jaxnet.statistics.summary import LANE_STATISTICS
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.words import error_text
@@ -24,7 +26,8 @@ from jaxnet.view.page.elements import Section, sentence_case
 from jaxnet.view.text import worst
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
-MOST_COMPARED = 8  # values of a swept kind in one sentence
+MEDIAN_WORDS = f", {LANE_STATISTICS['median'].words}"
+MOST_COMPARED, MOST_TOLD = 8, 3  # values of a swept key in one sentence, and of a few cells
 
 
 def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
@@ -41,8 +44,10 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
     lanes, falling = results.manifest["lanes"], falling_words(results, results.study.cells)
     failed = f"All {count(lanes['total'], 'lane')} came to their end; none failed."
     if lanes["failed"]:
-        kinds = escape(counted(sum(curves.failed_kinds(results).values(), Counter())))
-        failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}."
+        there = curves.failed_kinds(results)
+        kinds = escape(counted(sum(there.values(), Counter())))
+        failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
+        failed += f", {where_words(results, sorted(there))}."
     sentences = [
         f"<b>{sentence_case(falling)}</b>." if falling else "",
         unrecovered_sentence(results),
@@ -69,14 +74,23 @@ def errors_per_size(results: Results) -> tuple[pd.Series, str]:
 
 
 def where_words(results: Results, numbers: Sequence[int]) -> str:
-    """The swept values of the first cell, and the number of further cells."""
-    labels = results.study.cells[numbers[0]].labels
+    """The swept values that cells have, and no other cells; else those of the first cell."""
+    cells = results.study.cells
+    labels, many = cells[numbers[0]].labels, len(numbers)
     if not labels:
         return "over all lanes"
-    if len(numbers) == len(results.study.cells):
+    if many == len(cells):
         return "in every cell"
-    more = f" and {count(len(numbers) - 1, 'other cell')}" if len(numbers) > 1 else ""
-    return f"with {escape(labels_title(labels))} (cell {numbers[0]}){more}"
+    first = f"{escape(labels_title(labels))} (cell {numbers[0]})"
+    if many == 1:
+        return f"with {first}"
+    mine, there = swept_values_of([cells[n] for n in numbers]), swept_values_of(cells)
+    alike = [cell for cell in cells if all(cell.labels[key] in mine[key] for key in mine)]
+    told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
+    if len(alike) > many or max(map(len, told.values())) > MOST_TOLD:
+        return f"in {many} cells, such as {first}"
+    words = (" or ".join(value_name(key, each) for each in told[key]) for key in told)
+    return f"with {escape(', '.join(words))} ({many} cells)"
 
 
 def span_words(results: Results, values: pd.Series, words: Callable[[float, int], str]) -> str:
@@ -112,7 +126,9 @@ def extremes_sentence(results: Results) -> str:
     if not per_size:
         errors = errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2)
     span = span_words(results, errors, lambda end, _: f"<b>{error_text(end)} {unit}</b>")
-    return f"The mean {word} over the tail {span}.{without}"
+    offsets = any(cell.scenario.formation.present for cell in results.study.cells)
+    less = ", less the offsets of the formation," * offsets
+    return f"The mean {word} over the tail{less} {span}.{without}"
 
 
 def outside_sentence(results: Results) -> str:
@@ -155,37 +171,35 @@ def kinds_sentences(results: Results) -> list[str]:
 
 
 def compared_words(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str) -> str:
-    """The range of each value of a swept kind, and in how many settings a value alone is best.
+    """The range of each value of a swept kind, and in how many settings none is clearly better.
 
-    A setting is a combination of the other swept keys. A value is best alone where each other value
-    has an interval that begins beyond the end of its own.
+    A setting is a combination of the other swept keys. A value is as good as the best unless its
+    interval begins beyond the end of the best one's. Of attacks the most harmful one is the best.
     """
     others = [swept[other] for other in swept if other != key]
     settings = compared.groupby(others if others else np.zeros(len(compared)))
-    least: Any = compared["low"] <= settings["high"].transform("min")
-    alone = least & (
-        least.groupby(others if others else np.zeros(len(least))).transform("sum") == 1
-    )
+    good: Any = compared["low"] <= settings["high"].transform("min")
+    if harms := key.startswith("attack"):
+        good = compared["high"] >= settings["low"].transform("max")
     rows = []
     for label, numbers in compared.groupby(swept[key], sort=False).groups.items():
         some: Any = compared.loc[numbers, "value"]
         ends = dict.fromkeys(map(error_text, (some.min(), some.max())))
         told = f"<b>{' to '.join(ends)} {unit}</b>"
-        rows.append((some.mean(), escape(value_name(key, label)), told, int(alone[numbers].sum())))
+        rows.append((some.mean(), escape(value_name(key, label)), told, int(good[numbers].sum())))
     rows.sort(key=lambda row: row[0])
     if len({told for _, _, told, _ in rows}) == 1:
         return f"is {rows[0][2]} whatever the {escape(key_name(key))}"
     parts = [f"{told} with {name}" for _, name, told, _ in rows[:MOST_COMPARED]]
     parts += [count(len(rows) - len(parts), "other")] * (len(rows) > len(parts))
-    many, alike = settings.ngroups, "intervals overlap" if unit == "%" else "some are equal"
-    best = [(name, n) for _, name, _, n in rows if n]
-    numbers = ", ".join(f"{name} in {n}" for name, n in best)
-    verdict = f"best is {numbers} of {count(many, 'setting')} of the other keys"
-    if not others:
-        verdict = f"best is {', '.join(name for name, _ in best)}"
-    elif (tied := many - sum(row[-1] for row in rows)) and best:
-        verdict += f", in {tied} {alike}"
-    return f"is {', '.join(parts)}; {verdict if best else alike}"
+    if all(good):
+        return f"is {', '.join(parts)}; {'intervals overlap' if unit == '%' else 'some are equal'}"
+    best = sorted([(name, n) for _, name, _, n in rows if n], key=lambda each: -each[1])
+    numbers = ", ".join(name + f" in {n}" * bool(others) for name, n in best[:MOST_COMPARED])
+    among = f" of {count(settings.ngroups, 'setting')} of the other keys" if others else ""
+    what = "most harmful" if harms else "best"
+    alike = " or not clearly worse" * (unit == "%")
+    return f"is {', '.join(parts)}; {what}{alike}: {numbers}{among}"
 
 
 def share_words(results: Results) -> str:
@@ -220,12 +234,19 @@ def metric_sentences(results: Results) -> list[str]:
 
     def told(of: Quantity) -> str:
         values: Any = of.values["value"].dropna()
-        unit = f" {of.unit}".rstrip()
-        span = span_words(results, values, lambda end, _: f"<b>{error_text(end, 0.0)}{unit}</b>")
+        unit, scale = f" {of.unit}".rstrip(), float(of.unit == "m")
+
+        def words(end: float, cell: int) -> str:
+            low, high = of.values.loc[cell, ["low", "high"]]
+            ends = f"{error_text(low, scale)} to {error_text(high, scale)}{unit}"
+            sure = f" ({100 * of.confidence:g} % interval {ends})" * bool(np.isfinite(low + high))
+            return f"<b>{error_text(end, scale)}{unit}</b>{sure}"
+
+        span = span_words(results, values, words)
         endless = len(of.values) - len(values)
         apart = f" {sentence_case(count(endless, 'cell'))} has no such median." * (endless == 1)
         apart = apart or f" {endless} cells have no such median." * (endless > 1)
-        return f"{escape(sentence_case(of.words))}, {span}.{apart}"
+        return f"In the median lane, {escape(of.words.removesuffix(MEDIAN_WORDS))} {span}.{apart}"
 
     return [told(each) for each in found if each.known.size]
 
@@ -264,6 +285,8 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         if sound:
             slope, name = min(sound, key=lambda each: each[0])
             tightest.append((slope / curve.worst, name, slope, curve))
+    none = [curve for ratio, *_, curve in tightest if ratio == 0]
+    tightest = [each for each in tightest if each[0] > 0]
     words = []
     if tightest:
         ratio, name, slope, curve = min(tightest, key=lambda each: each[0])
@@ -274,9 +297,15 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
             f" <b>{number_text(ratio)} times</b> the worst error found: {number_text(slope)} ā"
             f" against {number_text(curve.worst)} ā{where}{after}."
         )
-    if of_rounding := len(found) - len(lasting):
+    if of_rounding := sum(curve.worst < ROUNDING_ERROR for curve in found):
         words.append(f"In {count(of_rounding, 'group')} of cells the worst error is 0 (rounding).")
-    if silent := len(lasting) - len(tightest):
+    if none:
+        worst = number_text(max(curve.worst for curve in none))
+        where = f"in {count(len(none), 'group')} of cells"
+        if len(none) == 1 and none[0].group.labels:
+            where = f"with {escape(labels_title(none[0].group.labels))}"
+        words.append(f"By theory no error lasts {where}; the worst found there is {worst} ā.")
+    if silent := len(lasting) - len(tightest) - len(none):
         groups = f" to {silent} of {count(len(found), 'group')} of cells"
         words.append(f"No bound of theory applies{groups * (silent < len(found))}.")
     if (tightest or of_rounding) and results.file("violations.csv").exists():

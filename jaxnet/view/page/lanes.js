@@ -6,7 +6,9 @@ const range = (from, to) => Array.from({ length: to - from }, (_, n) => from + n
 // The numbers of a lane. Source 0 is the navigator, or the mean of the vehicles not attacked.
 function unpacked(given) {
   const { vehicles, attacked } = given, time = numbers(given.errors.x);
-  const [x, y, ahead, told] = ["x", "y", "ahead", "told"].map((name) => numbers(given[name]));
+  const [x, y, told] = ["x", "y", "told"].map((name) => numbers(given[name]));
+  const [ahead, shape, ...flags] = ["ahead", "formation", "saturated", "colliding"]
+    .map((name) => given[name] && numbers(given[name]));
   const fates = given.raster && numbers(given.raster.data[0].z);
   return {
     ...given, time, frames: range(0, time.length), all: range(1, vehicles + 1),
@@ -14,17 +16,19 @@ function unpacked(given) {
     off: given.errors.data.map((trace) => numbers(trace.y)),
     place: (frame, source) => [x, y].map((each) => each[frame * (vehicles + 1) + source]),
     told: (frame, n) => [0, 1].map((axis) => told[2 * (frame * attacked.length + n) + axis]),
-    ahead: (frame, vehicle) => ahead[frame * vehicles + vehicle - 1],
+    ahead: ahead && ((frame, vehicle) => ahead[frame * vehicles + vehicle - 1]),
+    formation: shape && ((frame, vehicle) =>
+      [0, 1].map((axis) => shape[2 * (frame * vehicles + vehicle - 1) + axis])),
+    marked: (frame) => flags.map((each) => range(1, vehicles + 1)
+      .filter((vehicle) => each?.[frame * vehicles + vehicle - 1])),
     fate: (frame, link) => (fates ? fates[link * time.length + frame] : 2),
   };
 }
 
 // Fill the figure of the plane with one frame: places in the plane, or around the centre.
 function fill(figure, lane, frame, around) {
-  const seen = (n, place) => {
-    const centre = around ? lane.place(n, 0) : [0, 0];
-    return place.map((value, axis) => value - centre[axis]);
-  };
+  const centre = (n) => (around ? lane.place(n, 0) : [0, 0]);
+  const seen = (n, place) => place.map((value, axis) => value - centre(n)[axis]);
   const at = (source, n = frame) => seen(n, lane.place(n, source));
   const told = (_, n) => seen(frame, lane.told(frame, n));
   const first = around ? Math.max(0, frame - Math.ceil(lane.time.length / 4)) : 0;
@@ -38,8 +42,9 @@ function fill(figure, lane, frame, around) {
     text: vehicles.map((vehicle) => lane.names[vehicle]),
     customdata: vehicles.map((vehicle) => lane.off[vehicle - 1][frame]),
     hovertemplate: lane.hover,
-    angle: vehicles.map((vehicle) => 270 - lane.ahead(frame, vehicle)), // clockwise from up
+    angle: lane.ahead && vehicles.map((vehicle) => 270 - lane.ahead(frame, vehicle)), // from up
   });
+  const [saturated, colliding] = lane.marked(frame);
   const filled = {
     dropped: { paths: links(false) },
     retained: { paths: links(true) },
@@ -53,9 +58,16 @@ function fill(figure, lane, frame, around) {
     },
     honest: fleet(lane.honest),
     attacked: fleet(lane.attacked),
+    formation: lane.formation && {
+      paths: [lane.all.map((vehicle) => seen(frame, lane.formation(frame, vehicle)))],
+      text: lane.all.map((vehicle) => `place of ${lane.names[vehicle]}`),
+    },
+    saturated: fleet(saturated),
+    colliding: fleet(colliding),
     navigator: !lane.leaderless && { paths: [[at(0)]], text: ["navigator"] },
   };
-  figure.data = figure.data.filter((trace) => filled[trace.meta]);
+  const isDrawn = ({ meta, marker }) => filled[meta] && (lane.ahead || !marker?.standoff);
+  figure.data = figure.data.filter(isDrawn);
   for (const trace of figure.data) {
     const { paths, angle, ...words } = filled[trace.meta];
     const points = paths.flatMap((path) => [...path, [null, null]]); // a gap after each path
@@ -63,7 +75,10 @@ function fill(figure, lane, frame, around) {
     if (trace.marker?.standoff) trace.marker.angle = angle;
     if (trace.line) trace.line.shape = lane.shape;
   }
-  const { xaxis, yaxis } = figure.layout, reach = lane.reach[+around];
+  const { xaxis, yaxis, shapes: [arena] } = figure.layout, reach = lane.reach[+around];
+  const [[x0, x1], [y0, y1]] = (lane.arena ?? [0, 0])
+    .map((half, axis) => [-half - centre(frame)[axis], half - centre(frame)[axis]]);
+  Object.assign(arena, { x0, x1, y0, y1, visible: Boolean(lane.arena) });
   [xaxis, yaxis].forEach((axis, n) => {
     axis.range = [-reach, reach];
     axis.title = { text: lane.axes[+around][n] };

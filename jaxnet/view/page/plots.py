@@ -22,13 +22,13 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.naming import labels_title
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import LOG_FLOOR
-from jaxnet.view.drawings.drawing import MOVED_NOTE, Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.heat import colour_norm, palette
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.figures import style
 from jaxnet.view.figures.multiples import panel_columns
 from jaxnet.view.figures.topology import topology_figure
-from jaxnet.view.page.elements import Plot, packed, plain, plots_html
+from jaxnet.view.page.elements import Plot, notes_html, packed, plain, plots_html
 
 COLOUR_NAMES = ("BLUE", "ORANGE", "GREEN", "RED", "PURPLE", "SKY", "BLACK")
 COLOURS = {getattr(style, name): f"--{name.lower()}" for name in COLOUR_NAMES}
@@ -52,7 +52,7 @@ WIDTH_SCALE = 1.6  # [px] of a line of 1 pt
 MARKER_SIZE = 6  # [px]
 TIME_AXIS = {"title": {"text": "t [s]"}, "rangemode": "tozero"}
 LONE_HEIGHT = 340  # [px] of the only panel
-LETTERS = 26  # of a line of a name on an axis
+LETTERS, ACROSS = 26, 40  # of a line of a name on an axis, and of the title along x
 LOG_ROOM = 1.25  # at the ends of a log axis
 MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
 MOST_COLUMNS = 24  # of all maps in a row
@@ -65,15 +65,13 @@ def plotted(drawing: Drawing) -> str:
     layout = {"xaxis": axis(drawing, "x"), "yaxis": axis(drawing, "y")}
     plots = [plot_of(drawing, panel, layout) for panel in drawing.panels]
     title = f'<p class="key-title">{escape(drawing.key)}</p>' if drawing.key else ""
-    title += f"<p>{MOVED_NOTE.capitalize()}.</p>" * drawing.is_moved
     height = LONE_HEIGHT if len(plots) == 1 else 0
     if names := drawing.y.names:
         row = max(LEAST_ROW, ROW_OF_SERIES * drawing.beside)
-        lines = on_lines(drawing.x.title).count("<br>") + 1
+        lines = on_lines(drawing.x.title, ACROSS).count("<br>") + 1
         height = FRAME + LINE * lines + row * len(names)
-    return plots_html(
-        plots, panel_columns([panel.labels for panel in drawing.panels]), height, title
-    )
+    across = panel_columns([panel.labels for panel in drawing.panels])
+    return plots_html(plots, across, height, title, below=notes_html(drawing.told(drawing.panels)))
 
 
 def tiled(drawing: Drawing) -> str:
@@ -120,6 +118,9 @@ def tiled(drawing: Drawing) -> str:
 def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
     """A panel; series over a common time are packed, others have their numbers in full for CSV."""
     about, title, many = [*panel.cells], labels_title(panel.labels), panel.series
+    if panel.words:
+        middle = {"x": 0.5, "y": 0.5, "xref": "paper", "yref": "paper", "showarrow": False}
+        layout = layout | {"annotations": [middle | {"text": plain(panel.words)}]}
     timed = [each for each in many if each.cells is None and len(each.x) > 2]
     shared = bool(timed) and all(each.x is timed[0].x for each in many)
     traces = [trace for each in many for trace in traces_of(drawing, each, shared)]
@@ -161,7 +162,9 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
     if series.form in ("points", "both"):
         symbol = PLOTLY_SYMBOLS[look.marker] + "-open" * (look.hollow or look.marker == "_")
         found["mode"] = "markers" if series.form == "points" else "lines+markers"
-        found["marker"] = {"color": found["line"]["color"], "symbol": symbol, "size": MARKER_SIZE}
+        low = scale.is_low(series.x if rows else series.y)
+        symbols = np.where(low, symbol.removesuffix("-open") + "-open", symbol).tolist()
+        found["marker"] = {"color": found["line"]["color"], "symbol": symbols, "size": MARKER_SIZE}
         found["connectgaps"] = True
     if series.form == "steps":
         found["line"]["shape"] = "hv"
@@ -181,15 +184,14 @@ def hints(drawing: Drawing, series: Trace) -> list[str]:
     rows = bool(drawing.y.names)
     scale, across = (drawing.x, drawing.y) if rows else (drawing.y, drawing.x)
     values, at = (series.x, series.y) if rows else (series.y, series.x)
-    unit = scale.title.rpartition("[")[2].removesuffix("]") if "[" in scale.title else ""
     nothing = np.full(len(values), np.nan)
     ends = zip(*(nothing if end is None else end for end in (series.low, series.high)), strict=True)
     found = []
     for place, value, (low, high) in zip(at, values, ends, strict=True):
         where = across.names[int(place + 0.5)] if rows else f"{across.title}: {number_text(place)}"
-        told = f"{error_text(value)} {unit}"
+        told = f"{error_text(value)} {scale.unit}"
         if not np.isnan([low, high]).all():
-            told += f" ({error_text(low)} to {error_text(high)} {unit})"
+            told += f" ({error_text(low)} to {error_text(high)} {scale.unit})"
         found.append("<br>".join(map(plain, filter(None, [series.name, where, told]))))
     return found
 
@@ -213,7 +215,8 @@ def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
     scale: Scale = getattr(drawing, letter)
     if scale.names:
         return names_axis(scale.names, falling=letter == "y")
-    title = {"title": {"text": on_lines(scale.title)}}
+    letters = LETTERS if letter == "y" else ACROSS
+    title = {"title": {"text": on_lines(scale.title, letters)}}
     low, high = scale.ends or reach_of(drawing, letter)
     if scale.log:
         room = LOG_ROOM if letter == "x" else 1.0
@@ -268,9 +271,9 @@ def names_axis(names: Sequence[str], falling: bool) -> dict[str, Any]:
     }
 
 
-def on_lines(name: str) -> str:
+def on_lines(name: str, letters: int = LETTERS) -> str:
     """A name as plotly's HTML, on several short lines."""
-    return "<br>".join(plain(line) for line in wrap(name, LETTERS, break_on_hyphens=False))
+    return "<br>".join(plain(line) for line in wrap(name, letters, break_on_hyphens=False))
 
 
 def networks_html(cells: Sequence[Cell]) -> str:

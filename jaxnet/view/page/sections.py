@@ -18,9 +18,7 @@ from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import error_bands, variable_over_time, vehicle_table
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
-    LOG_FLOOR,
     METRIC_NAMES,
-    NO_SLOPE,
     Curve,
     cell_magnitudes,
     curves,
@@ -63,7 +61,7 @@ VEHICLE_WORDS = {
 }
 ULTIMATE_NOTE = (
     "Error over the tail, with the bounds of theory where there are any. Cells with ā = 0 have no"
-    " place on a log axis; a median far below ā stands on the axis."
+    " place on a log axis."
 )
 SLOPES_NOTE = (
     "The greatest error of any vehicle as a multiple of ā: the worst found, what was fitted, and"
@@ -135,10 +133,11 @@ def answer_section(results: Results) -> Section | None:
     if not found.known.size:
         return None
     axes = choose_axes(cells)
+    if len(cells) == 1:
+        return None  # a finding says it
     over = f" against {key_name(axes.x)}" if axes.x else ""
-    note = paragraph(f"{escape(sentence_case(found.notes))}.")
     drawn = plotted(swept_drawing(found, axes, cells))
-    return Section("answer", escape(sentence_case(found.words) + over), note + drawn)
+    return Section("answer", escape(sentence_case(found.words) + over), drawn)
 
 
 def run_section(results: Results) -> Section:
@@ -203,8 +202,8 @@ def slopes_html(found: Sequence[Curve]) -> str:
     for curve in found:
         fitted = (not curve.is_bent("tail_max") and curve.fit("tail_max")) or (np.nan,) * 3
         row = {"worst found": curve.worst}
-        row |= dict(zip(("least squares", "low", "high"), fitted, strict=True))
-        row["95 % of lanes"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
+        row |= dict(zip(("fit of the means", "low", "high"), fitted, strict=True))
+        row["95 % of lanes below"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
         for bound, name in BOUND_NAMES.items():
             row[name], fleet = (curve.slope(bound, of) for of in ("worst", "fleet"))
             row[f"{name}, fleet"] = fleet
@@ -220,8 +219,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     )
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about, names=labels)
-    flat = any(curve.is_flat("tail_max") for curve in found)
-    return paragraph(SLOPES_NOTE + f" {sentence_case(NO_SLOPE)}." * flat) + table
+    return paragraph(SLOPES_NOTE) + table
 
 
 def bands_section(results: Results) -> Section | None:
@@ -229,17 +227,13 @@ def bands_section(results: Results) -> Section | None:
     if not (results.path / "errors.zarr").exists():
         return None
     cells = results.study.cells
-    found = error_bands(results.errors[variable_over_time(cells)], cells)
+    variable = variable_over_time(cells)
+    found = error_bands(results.errors[variable], cells)
     if not found:
         return None
-    name, label, what = "Error over time", "ẽ [m]", "Mean error of the fleet over time"
-    if is_leaderless(cells):
-        name, label = "Spread over time", "spread [m]"
-        what = "Greatest distance of two vehicles that are not attacked over time"
-    note = paragraph(f"{what}; what is below {LOG_FLOOR:g} m is rounding and drawn there.")
+    name = "Spread over time" if is_leaderless(cells) else "Error over time"
     groups = [Group(dict(cells[number].labels), (cells[number],)) for number in found]
-    drawn = bands_drawing(groups, found, label)
-    return Section("bands", name, note + plotted(drawn))
+    return Section("bands", name, plotted(bands_drawing(groups, found, variable)))
 
 
 def vehicles_section(results: Results) -> Section | None:
@@ -251,10 +245,15 @@ def vehicles_section(results: Results) -> Section | None:
         return None
     shown = found.sort_values("median", ascending=False, kind="stable").head(MOST_LISTED)
     shown = shown.dropna(axis="columns", how="all")  # the share, without a threshold of recovery
-    note = "Mean error over the tail of each vehicle, over lanes, the greatest median first"
+    name, note = "Error of each vehicle", "Mean error over the tail"
+    if is_leaderless(results.study.cells):
+        name = note = "Distance of each vehicle from the mean"
+    note = f"{note}, over lanes, the greatest median first"
     left = f"; {len(shown)} of {len(found)}" if len(shown) < len(found) else ""
-    table = sortable_table(shown.rename(columns=VEHICLE_WORDS))
-    return Section("vehicles", "Error of each vehicle", paragraph(f"{note}{left}.") + table)
+    sizes = cell_magnitudes(results)[shown["cell"].astype(int)]
+    lengths = {words: sizes for words in VEHICLE_WORDS.values() if "[m]" in words}
+    table = sortable_table(shown.rename(columns=VEHICLE_WORDS), lengths)
+    return Section("vehicles", name, paragraph(f"{note}{left}.") + table)
 
 
 def heat_section(results: Results) -> Section | None:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import labels_title
 from jaxnet.config.scenario import situation_of
-from jaxnet.runs.replay import lane_graph
+from jaxnet.runs.replay import pictured
 from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
 from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, decades
 from jaxnet.store.results import Results
@@ -42,6 +42,8 @@ FATES = ("dropped", "dropped, attacked", "retained", "retained, attacked")
 FATE_COLOURS = ("--line", "--green", "--sky", "--red")
 FALSE = "%{text}: %{customdata:.3~g} m from the truth"
 TOLD, LIAR = "place that is told", "attacked vehicle"
+SHAPE, LIMITED, TOUCHES = "place in the formation", "input at its limit", "touches another"
+ARENA = {"type": "rect", "line": {"color": "--muted", "width": 1}}
 EMPTY = {"data": [], "layout": {}}  # what a lane brings
 PLANE_MARGIN = {"l": 62, "r": 12, "t": 6, "b": 48}
 
@@ -74,10 +76,13 @@ PLANE = [
     plane_trace("attackedTrails", LIAR, "--red", width=1.4, dash="6px,2px"),
     plane_trace("lies", TOLD, "--purple", width=2),
     plane_trace("told", TOLD, "--purple", symbol="diamond-open"),
+    plane_trace("formation", SHAPE, "--muted", symbol="cross-thin-open", size=7),
     plane_trace("honest", "vehicle", "--blue", symbol="circle"),
     plane_trace("honest", "vehicle", "--blue", symbol=AHEAD, size=11, standoff=6),
     plane_trace("attacked", LIAR, "--red", symbol="diamond"),
     plane_trace("attacked", LIAR, "--red", symbol=AHEAD, size=11, standoff=7),
+    plane_trace("saturated", LIMITED, "--orange", symbol="circle", size=6),
+    plane_trace("colliding", TOUCHES, "--purple", symbol="circle-open", size=18),
     plane_trace("navigator", "navigator", "--black", symbol="square-open"),
 ]
 
@@ -86,10 +91,14 @@ def lanes_html(lanes: Sequence[dict[str, Any]]) -> str:
     """The stage: choices, controls, the plane, errors and whom vehicles retain."""
     alone, lies = all(lane["leaderless"] for lane in lanes), any(lane["attacked"] for lane in lanes)
     there = {"navigator": not alone, LIAR: lies, TOLD: lies}
+    marks = {SHAPE: "formation", LIMITED: "saturated", TOUCHES: "colliding"}
+    there |= {name: any(lane[key] for lane in lanes) for name, key in marks.items()}
     there["dropped link"] = any(lane["raster"] for lane in lanes)
-    mean = "Distance of each vehicle from the mean of those not attacked"
+    off = "Distance of each vehicle from the mean of those not attacked"
+    off = off if alone else "Error of each vehicle"
+    off += ", less the offsets" * there[SHAPE]
     across, up = {"constrain": "domain"}, {"constrain": "domain", "scaleanchor": "x"}
-    layout = {"xaxis": across, "yaxis": up, "margin": PLANE_MARGIN}
+    layout = {"xaxis": across, "yaxis": up, "margin": PLANE_MARGIN, "shapes": [ARENA]}
     areas = zip(FATES, FATE_COLOURS, strict=True)
     menu = "".join(
         f'<option value="lane-{place}"{about(lane["cells"])}>{escape(lane["label"])}</option>'
@@ -99,7 +108,7 @@ def lanes_html(lanes: Sequence[dict[str, Any]]) -> str:
         lanes=menu,
         key=key_html(trace for trace in PLANE if there.get(trace["name"], True)),
         plane=plot_html(Plot("Positions", None, {"data": PLANE, "layout": layout}), "plane"),
-        errors=plot_html(Plot(mean if alone else "Error of each vehicle", None, EMPTY), "errors"),
+        errors=plot_html(Plot(off, None, EMPTY), "errors"),
         raster=plot_html(Plot("Whom vehicles retain", None, EMPTY), "raster"),
         fates="".join(f"<li>{swatch({'fillcolor': colour})}{name}</li>" for name, colour in areas),
         packs="".join(script_json(lane, f' id="lane-{n}"') for n, lane in enumerate(lanes)),
@@ -165,10 +174,12 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
     cell, data = results.study.cells[one.cell], one.arrays(results)
     outputs = np.arange(data.sizes["time"])
     data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
-    scene = scene_of(data, cell, lane_graph(results, one.cell, one.sample))
+    data, graph = pictured(results, one.cell, one.sample, data)
+    scene = scene_of(data, cell, graph)
     time, leaderless = scene.time, scene.leaderless
     half, last = len(time) // 2, int(0.75 * len(time))  # it opens at the worst of the last quarter
     lies = np.linalg.norm(scene.told - scene.places[:, :1], axis=-1)
+    apart = np.linalg.norm(scene.places[:, 1:] - scene.places[:, :1], axis=-1)
     given = cell.scenario.topology.vehicle_names()
     names = [called(source, given) for source in range(scene.places.shape[1])]
     hears = "hears of the navigator" if 0 in scene.about else "tells its neighbours"
@@ -177,6 +188,7 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
         for (i, j), lies in zip(scene.links.T, scene.lied, strict=True)
     ]
     decides = cell.scenario.defence.decides
+    triangle = "" if scene.heading is None else " A triangle points where a vehicle heads."
     step, axis = time[1] - time[0], "{}\u0304" if leaderless else "{}<sub>0</sub>"
     mean = " from the mean" if leaderless else ""
     thinned = f", some of {len(outputs)} output times" if len(time) < len(outputs) else ""
@@ -185,8 +197,8 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "cells": [one.cell],
         "label": lane_label(results, one, cell),
         "command": results.replay_command(one.cell, one.sample, one.engine),
-        "said": f"Shown every {step:.3g} s{thinned}; a path is a smooth curve through its places. A"
-        f" triangle points where a vehicle heads.{retained}",
+        "said": f"Shown every {step:.3g} s{thinned}; a path is a smooth curve through its places."
+        f"{triangle}{retained}",
         "views": f"around the {'mean of vehicles not attacked' if leaderless else 'navigator'}",
         "vehicles": scene.places.shape[1] - 1,
         "names": names,
@@ -199,8 +211,8 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "shape": "spline" if len(time) <= MOST_CURVED else "linear",
         "worst": last + int(np.nan_to_num(scene.off[last:]).max(axis=1).argmax()),
         "reach": [
-            max(1.0, 1.05 * greatest_finite(np.abs(scene.places))),
-            max(1e-3, 1.15 * greatest_finite(scene.off[half:], lies[half:])),
+            1.05 * greatest_finite(np.abs(scene.places), np.array(scene.arena or 1e-3)),
+            max(1e-3, 1.15 * greatest_finite(apart[half:], lies[half:])),
         ],
         "axes": [
             ["x [m]", "y [m]"],
@@ -208,7 +220,11 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
         ],
         "x": packed(scene.places[..., 0].ravel()),
         "y": packed(scene.places[..., 1].ravel()),
-        "ahead": packed(scene.heading.ravel()),
+        "ahead": None if scene.heading is None else packed(scene.heading.ravel()),
+        "formation": None if scene.shape is None else packed(scene.shape.ravel()),
+        "saturated": packed(scene.saturated.ravel(), "u1") if scene.saturated.any() else None,
+        "colliding": packed(scene.colliding.ravel(), "u1") if scene.colliding.any() else None,
+        "arena": scene.arena,
         "told": packed(scene.told.ravel()),
         "errors": errors_figure(scene, names, axis.format("y")),
         "raster": raster_figure(scene, links) if decides else None,
@@ -240,7 +256,8 @@ def errors_figure(scene: LaneScene, names: Sequence[str], centre: str) -> dict[s
         traces.append(drawn | {"x": [], "y": packed(errors), "line": line, "hovertemplate": hover})
     known = off[np.isfinite(off) & (off > LOG_FLOOR)]
     ends = decades(known.min(initial=np.inf), known.max()) if known.size else (LOG_FLOOR, 1.0)
-    upwards = decades_axis(*ends) | {"title": {"text": f"‖y<sub>i</sub> − {centre}‖ [m]"}}
+    less = "" if scene.shape is None else " − δ<sub>i</sub>"
+    upwards = decades_axis(*ends) | {"title": {"text": f"‖y<sub>i</sub>{less} − {centre}‖ [m]"}}
     layout = {"xaxis": TIME_AXIS, "yaxis": upwards, "shapes": [CURSOR]}
     columns = [f"vehicle {n + 1}" for n in range(off.shape[1])]
     common = {"x": packed(scene.time), "names": columns, "floor": LOG_FLOOR}

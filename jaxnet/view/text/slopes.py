@@ -91,6 +91,8 @@ def law_text(curve: Curve, metric: str) -> str:
         return "no effect of ā"
     if curve.is_bent(metric):
         return "not proportional to ā"
+    if len(curve.cells) == 1:  # one ā is no fit
+        return f"error / ā = {estimate_text(curve.fit(metric))}"
     told = estimate_text(curve.fit(metric), " ā").replace(" (", ", 95 % ").rstrip(")")
     return told if told == "-" else f"error = {told}"
 

@@ -129,7 +129,7 @@ def test_tables_and_figures_have_the_time_and_the_share(swinging):
     assert "> 19" in text
     assert "above the limit at the last output time" in text
     assert {"settling_time_median", "unsettled"} <= {*default_columns(*of_study(swinging))}
-    assert "not drawn, in 1 cell" in swinging.plot.curve(y="settling_time").get_suptitle()
+    assert "not drawn, in 1 cell" in swinging.plot.curve(y="settling_time").get_supxlabel()
     assert swinging.plot.curve(y="unsettled").axes
 
 
