@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
-from jaxnet.runs.replay import lane_graph
+from jaxnet.runs.replay import lane_graph, trajectory_of
 from jaxnet.view.drawings.scene import scene_of
 
 KEYS = {
@@ -47,7 +47,13 @@ def contents(path):
     return found
 
 
-@pytest.mark.parametrize("sample", [0, 1], ids=["stored", "simulated again"])
+@pytest.mark.parametrize(
+    "sample",
+    [
+        pytest.param(0, id="stored"),
+        pytest.param(1, id="simulated again", marks=pytest.mark.long),
+    ],
+)
 def test_a_recording_shows_the_lane(results, sample, tmp_path):
     pytest.importorskip("rerun")
     place = tmp_path / "lane.rrd"
@@ -55,7 +61,7 @@ def test_a_recording_shows_the_lane(results, sample, tmp_path):
     assert ended.exit_code == 0, ended.output
     assert str(place) in ended.output
     assert not (results.path / "replays" / f"cell-0-sample-{sample}.zarr").exists()
-    lane = results.replay(0, sample).trajectory.isel(lane=0)
+    lane, _ = trajectory_of(results, 0, sample)
     known, found = contents(place), lane["states"].values[..., :2]
     times = [time.total_seconds() for time in known["/robots", "time"]]
     assert times == lane["time"].values.tolist()
