@@ -229,25 +229,16 @@ class Results(stored.Results):
         numbers = whole_number("cell", cell), whole_number("sample", sample)
         return writing.write_film(self, *numbers, out)
 
-    def export(
-        self,
-        out: AnyPath | None = None,
-        form: str = "mat",
-        cell: SupportsInt | None = None,
-        sample: SupportsInt | None = None,
-    ) -> UPath:
-        """Write a file for MATLAB and Octave, CSV for pandas, R and Excel, or a robots' script.
+    def export(self, out: AnyPath | None = None, form: str = "mat") -> UPath:
+        """Write a file for MATLAB and Octave, or the trajectories as CSV for pandas, R and Excel.
 
         Parameters
         ----------
         out
             File name that ends in .mat, None for `results.mat` in the folder; or the folder of the
-            CSV files, None for `csv` in the folder; or the script, which ends in .py.
+            CSV files, None for `csv` in the folder.
         form
-            "mat", or "csv": a file for each stored lane, with a row for each time and vehicle; or
-            "robotarium": a script for the arena's simulator with the loop of one lane.
-        cell, sample
-            Numbers of the lane of the script, from 0.
+            "mat", or "csv": a file for each stored lane, with a row for each time and vehicle.
 
         Returns
         -------
@@ -257,8 +248,8 @@ class Results(stored.Results):
         Raises
         ------
         FolderError
-            A variable of MATLAB's file would exceed 2 GB, no trajectories are stored for CSV, the
-            arena cannot do what the cell has, or `form` is another.
+            A variable of MATLAB's file would exceed 2 GB, no trajectories are stored for CSV, or
+            `form` is another.
 
         Examples
         --------
@@ -268,13 +259,8 @@ class Results(stored.Results):
         ...     results.export(f"{folder}/study.mat").name
         'study.mat'
         """
-        if form == "robotarium":
-            if out is None or cell is None or sample is None:
-                raise FolderError("robotarium: give the script's name, a cell and a sample")
-            numbers = whole_number("cell", cell), whole_number("sample", sample)
-            return writing.write_robotarium(self, *numbers, out)[0]
         if form not in ("mat", "csv"):
-            raise FolderError(f"form: one of mat, csv, robotarium (got {form!r})")
+            raise FolderError(f"form: one of mat, csv (got {form!r})")
         return exports.write_mat(self, out) if form == "mat" else exports.write_csv(self, out)
 
     def figure(

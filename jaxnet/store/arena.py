@@ -34,11 +34,18 @@ from jaxnet.model.retained import WeightsAsTheyAre, WithOwnWeight
 from jaxnet.store import arena_loop
 from jaxnet.store.folder import Folder, FolderError
 
-DEFENCES: dict[str, tuple[Callable[..., np.ndarray], str]] = {  # by kind, with the numbers it needs
-    "none": (arena_loop.believe_all, ""),
-    "trusted_only": (arena_loop.believe_trusted, "trusted trusts_nobody"),
-    "trusted_trim": (arena_loop.trim_by_trust, "trusted spared theta tolerance"),
-    "w_msr": (arena_loop.w_msr, "spared F"),
+# Of the script, by key and kind; the loop calls the first one.
+FUNCTIONS: dict[str, dict[str, list[Callable[..., Any]]]] = {
+    "defence": {
+        "none": [arena_loop.believe_all],
+        "trusted_only": [arena_loop.believe_trusted],
+        "trusted_trim": [arena_loop.trim_by_trust],
+        "w_msr": [arena_loop.w_msr],
+    },
+    "filter": {
+        "none": [arena_loop.unfiltered],
+        "barrier": [arena_loop.keep_apart, arena_loop.nearest_within],
+    },
 }
 ARENA_KINDS = {
     "vehicle": ["robotarium"],
@@ -46,7 +53,8 @@ ARENA_KINDS = {
     "law": ["local"],
     "navigator": ["none", "lissajous"],
     "attack": ["none", "bias", "rotating", "sinusoid", "own_path"],
-    "defence": [*DEFENCES],
+    "defence": [*FUNCTIONS["defence"]],
+    "filter": [*FUNCTIONS["filter"]],
     "formation": ["none", "circle", "file", "grid", "line", "offsets"],
     "channel.loss": ["none", "bernoulli", "gilbert_elliott", "jamming"],
     "detector": ["none"],
@@ -61,6 +69,7 @@ ARENA_VALUES = {  # of keys, where a cell has them
     "channel.missing": "drop",
     "channel.delay": 0.0,
     "attack.moves": "by_law",
+    "filter.form": "halves",
     "defence.noise": 0.0,
     "defence.score": "position",
     "defence.filter": None,
@@ -80,7 +89,7 @@ MEANINGS = {
     "carried": "links: whose place a message has; one above the last robot: nobody's",
     "lie": "links: the column of `lies` that a message adds",
     "weight": "links: weights, which sum to 1 for each listener",
-    "normalised": "1: believed weights and `own_weight` are divided by their sum",
+    "normalised": "1: the sum of believed weights and `own_weight` is a divisor; 0: `own_weight`",
     "lost": "messages that the channel loses: a row for each step, a column for each link",
     "trusted": "links: whether the listener trusts the source",
     "trusts_nobody": "links: whether the listener trusts no source",
@@ -88,6 +97,8 @@ MEANINGS = {
     "theta": "links: how many messages the listener drops",
     "tolerance": "[m], added to the score of a message that was dropped before",
     "F": "how many messages a robot drops on each side",
+    "told": "[m], what robots tell of their places beside the truth: centre, cosine, sine, rate",
+    "distance": "of the filter: [m], gain [s⁻¹ m^(2 - 2 power)], power, speed [m/s]",
 }
 
 
@@ -109,7 +120,7 @@ def write_script(
 
     Raises FolderError if a robot starts outside the arena.
     """
-    poses = np.moveaxis(lane["states"].values, -1, 1)
+    poses = np.moveaxis(lane["states"].values, -1, 1).copy()
     poses[:, 2] = np.arctan2(np.sin(poses[:, 2]), np.cos(poses[:, 2]))
     outside = (np.abs(poses[0, :2]) > HALF_SIZE[:, None]).any(axis=0)
     if outside.any():
@@ -128,9 +139,8 @@ def write_script(
 def refusals(scenario: Scenario) -> Iterator[str]:
     """Yield what the script cannot do: key, what is given, what is allowed."""
     for key, allowed in ARENA_KINDS.items():
-        given = attrgetter(key)(scenario)
-        name = type(given).reference()
-        if name not in allowed and not (key == "channel.loss" and given.perfect()):
+        name = name_of(scenario, key)
+        if name not in allowed:
             yield f"{key}: {' or '.join(allowed)} (got {name})"
     for key, needed in ARENA_VALUES.items():
         family, _, name = key.rpartition(".")
@@ -148,6 +158,11 @@ def refusals(scenario: Scenario) -> Iterator[str]:
     ):
         if other:
             yield f"{key}: {told} (got {shorten_value(attrgetter(key)(scenario))})"
+
+
+def name_of(scenario: Scenario, key: str) -> str:
+    """The name of a kind in a config."""
+    return attrgetter(key)(scenario).reference()
 
 
 def lane_numbers(scenario: Scenario, sample: int, config: Config) -> dict[str, Any]:
@@ -173,6 +188,9 @@ def lane_numbers(scenario: Scenario, sample: int, config: Config) -> dict[str, A
         attacked = attacked & (lane.vectors != 0).any(axis=(0, 2, 3))[number]
     told, lie = np.unique(number[attacked], return_inverse=True)
     rate = np.broadcast_to(attack_rate(scenario, draw_of_attack(scenario, draw)), lies.shape[2])
+    robots_lie = wave_parts(lies, rate)
+    if (sources[attacked] == 0).any():  # a robot's own place is told truly
+        robots_lie = 0 * robots_lie
     lies = lies[..., told] + path * own_path  # a path of its own is less the navigator's
     column = np.zeros(len(slot), int)
     column[attacked] = lie + 1
@@ -181,10 +199,11 @@ def lane_numbers(scenario: Scenario, sample: int, config: Config) -> dict[str, A
         own_weight = strength.own[:, 0]
     elif isinstance(strength, WeightsAsTheyAre):  # divided by nothing but the sum of the row
         own_weight = 1 / np.where(strength.total > 0, strength.total, 1.0)[:, 0]
+    defence, trusted = scenario.defence, np.asarray(one.network.trusted)[at]
     return {
         "steps": steps,
         "step": STEP,
-        "ahead": float(lane.vehicle.ahead[0]),
+        "ahead": number_of(lane.vehicle, "ahead"),
         "gain": float(lane.gain[0, 0]),
         "places": wave_parts(places, getattr(lane.formation, "turn_rate", 0.0)),
         "navigator": wave_parts(path, getattr(lane.navigator, "frequency", 0.0)),
@@ -197,26 +216,23 @@ def lane_numbers(scenario: Scenario, sample: int, config: Config) -> dict[str, A
         "normalised": 0 if isinstance(strength, WeightsAsTheyAre) else 1,
         "own_weight": own_weight,
         "lost": lost,
-        **defence_numbers(scenario, one, lane, at),
+        "trusted": trusted,
+        "trusts_nobody": ~np.isin(listener, listener[trusted]),
+        "spared": trusted & (not getattr(defence, "drop_trusted", False)),
+        "theta": getattr(one.network.shared, "theta", np.zeros(robots, int))[listener],
+        "tolerance": number_of(lane.defence, "tolerance"),
+        "F": getattr(defence, "F", 0),
+        "told": robots_lie,
+        "distance": number_of(lane.filter, "distance"),
+        "barrier_gain": number_of(lane.filter, "gain"),
+        "power": getattr(lane.filter, "power", 0),
+        "speed": number_of(lane.filter, "speed") or 1e9,  # none
     }
 
 
-def defence_numbers(
-    scenario: Scenario, one: Job, lane: Lane, at: tuple[np.ndarray, np.ndarray]
-) -> dict[str, Any]:
-    """The numbers that the function of the defence needs, by name."""
-    defence: Any = scenario.defence  # of which each kind has its own keys
-    listener = at[1]
-    trusted = np.asarray(one.network.trusted)[at]
-    every: dict[str, Callable[[], Any]] = {
-        "trusted": lambda: trusted,
-        "trusts_nobody": lambda: ~np.isin(listener, listener[trusted]),
-        "spared": lambda: defence.spares(trusted),
-        "theta": lambda: np.asarray(one.network.shared.theta)[listener],
-        "tolerance": lambda: float(lane.defence.tolerance[0]),
-        "F": lambda: defence.F,
-    }
-    return {name: every[name]() for name in DEFENCES[defence.reference()][1].split()}
+def number_of(kind: Any, name: str) -> float:
+    """A drawn number of a kind, 0 where it has none."""
+    return float(np.ravel(getattr(kind, name, None) or 0.0)[0])
 
 
 def attack_rate(scenario: Scenario, draw: Draw) -> np.ndarray:
@@ -252,10 +268,11 @@ def lost_messages(one: Job, lane: Lane, steps: int) -> np.ndarray:
 
 def script_text(heading: str, stem: str, numbers: dict[str, Any], scenario: Scenario) -> str:
     """The script: its head, the numbers of the lane, the functions of the loop, and the run."""
-    defence = DEFENCES[scenario.defence.reference()][0]
-    functions = (arena_loop.drive_robots, arena_loop.commands, arena_loop.waves, defence)
-    fields = "".join(map(field_text, numbers, numbers.values()))
-    source = "\n\n".join(map(inspect.getsource, functions))
+    defence, safety = (FUNCTIONS[key][name_of(scenario, key)] for key in FUNCTIONS)
+    loop = arena_loop.drive_robots, arena_loop.commands, arena_loop.waves
+    source = "\n\n".join(map(inspect.getsource, (*loop, *defence, *safety)))
+    needed = {name: value for name, value in numbers.items() if f"lane.{name}" in source}
+    fields = "".join(map(field_text, needed, needed.values()))
     return f"""\
 # {heading}
 #
@@ -273,13 +290,14 @@ from typing import Any
 import numpy as np
 import rps.robotarium as robotarium
 
+Array = np.ndarray
 lane = SimpleNamespace(
 {fields})
 
 
 {source}
 
-lane.defence = {defence.__name__}
+lane.defence, lane.filter = {defence[0].__name__}, {safety[0].__name__}
 robots = robotarium.Robotarium(
     number_of_robots=lane.start.shape[1],
     show_figure=True,
@@ -287,7 +305,7 @@ robots = robotarium.Robotarium(
     sim_in_real_time=True,
 )
 measured = drive_robots(robots, lane)
-np.save("{stem}_measured.npy", measured)
+np.save({f"{stem}_measured.npy"!r}, measured)
 (robots.debug if hasattr(robots, "debug") else robots.call_at_scripts_end)()
 """
 

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet import FolderError
+from jaxnet.api.writing import write_robotarium
 from jaxnet.cli import main
 from jaxnet.store import arena
 
@@ -55,7 +56,15 @@ TOGETHER = {
     "defence": {"kind": "trusted_trim", **SPARED},
     "formation": CIRCLE,
 }
+FILTERED = {
+    **attack("sinusoid"),
+    "initial": {"position": {"uniform": [-0.2, 0.2]}},
+    "filter": {"kind": "barrier", "form": "halves", "distance": 0.4},
+    "defence": {"kind": "w_msr", "F": 1},
+    "formation": CIRCLE,
+}
 ALONE = {
+    "filter": {"filter": {"kind": "barrier", "form": "halves", "speed": None, "power": 1}},
     "together, without a navigator": {
         "attack": {"kind": "own_path", "vehicles": {"random": 1}, "swing": [0.3, 0.2]},
         **loss("bernoulli", probability=0.4),
@@ -153,19 +162,22 @@ def furthest(poses, others):
     "keys",
     [
         pytest.param(TOGETHER, id="together"),
+        pytest.param(FILTERED, id="filtered"),
         *(pytest.param(keys, id=name, marks=pytest.mark.long) for name, keys in ALONE.items()),
     ],
 )
 def test_the_script_drives_robots_as_jaxnet_does(keys, simulator):
-    results = simulated(keys)
-    assert results.export("lane.py", form="robotarium", cell=0, sample=1).name == "lane.py"
+    results, sample = simulated(keys), 0 if keys is FILTERED else 1
+    write_robotarium(results, 0, sample, "lane.py")
     measured = runpy.run_path("lane.py")["measured"]
     poses = np.load("lane_poses.npy")
-    states = results.trajectories["states"].values[0, 1]
+    states = results.trajectories["states"].values[0, sample]
     assert furthest(poses, np.moveaxis(states, -1, 1)) < 1e-12
     assert measured.shape == poses.shape == (61, 3, 6)
     assert np.abs(poses[-1] - poses[0]).max() > 0.05  # something moves
     assert furthest(measured, poses) < 1e-9
+    if keys is FILTERED:  # two robots of six have no velocity that is safe
+        assert results.lanes["infeasible"][sample] == pytest.approx(1 / 3)
     np.testing.assert_array_equal(np.load("lane_measured.npy"), measured)
 
 
@@ -184,7 +196,7 @@ def test_robots_that_start_elsewhere_follow_the_law_from_there(simulator):
     known = np.moveaxis(moved, -1, 1)
     start = {"position": places.tolist(), "heading": [0.3] * 6}
     results = simulated({**keys, "initial": start})
-    results.export("lane.py", form="robotarium", cell=0, sample=0)
+    write_robotarium(results, 0, 0, "lane.py")
     simulator.start = known[0]
     measured = runpy.run_path("lane.py")["measured"]
     assert furthest(measured, known) < 1e-9
@@ -233,6 +245,7 @@ def test_the_script_is_plain_numpy(tmp_path):
         ({"defence": {"kind": "trusted_trim", "filter": 1.0}}, "defence.filter: null (got 1.0)"),
         ({"defence": {"kind": "w_msr", "noise": 0.1}}, "defence.noise: 0.0 (got 0.1)"),
         (loss("range", radius=1.0), "(got range)"),
+        ({"filter": "barrier"}, 'filter.form: "halves" (got "joint")'),
         ({"channel": {"missing": "hold"}}, 'channel.missing: "drop" (got "hold")'),
         ({"channel": {"delay": STEP}}, "channel.delay: 0.0 (got 0.033)"),
         ({"channel": {"noise": {"position": 0.1}}}, "channel.noise: none (got"),
@@ -258,11 +271,9 @@ def test_other_kinds_are_refused_by_name(keys, message):
 def test_what_the_arena_cannot_start_is_refused(tmp_path):
     results = simulated({"initial": {"position": [[0.1 * i, 1.02] for i in range(6)]}})
     with pytest.raises(FolderError, match=r"robot 1 starts at \(0, 1.02\) m, outside the arena"):
-        results.export(tmp_path / "lane.py", form="robotarium", cell=0, sample=0)
+        write_robotarium(results, 0, 0, tmp_path / "lane.py")
     with pytest.raises(FolderError, match=r"ends in \.py \(got lane\.txt\)"):
-        results.export("lane.txt", form="robotarium", cell=0, sample=0)
+        write_robotarium(results, 0, 0, "lane.txt")
     with pytest.raises(FolderError, match=r"cells 0 to 0 and samples 0 to 1 \(got cell 3"):
-        results.export("lane.py", form="robotarium", cell=3, sample=0)
-    with pytest.raises(FolderError, match="give the script's name, a cell and a sample"):
-        results.export("lane.py", form="robotarium")
+        write_robotarium(results, 3, 0, "lane.py")
     assert [*tmp_path.iterdir()] == []

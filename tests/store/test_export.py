@@ -66,7 +66,7 @@ def test_what_cannot_be_exported_is_said(results, monkeypatch, tmp_path):
         results.export(tmp_path / "large.mat")
     with pytest.raises(FolderError, match=r"ends in \.mat"):
         results.export("x.csv")
-    with pytest.raises(FolderError, match=r"^form: one of mat, csv, robotarium \(got 'xls'\)$"):
+    with pytest.raises(FolderError, match=r"^form: one of mat, csv \(got 'xls'\)$"):
         results.export(form="xls")
     bare = jaxnet.simulate({**KEYS, "sweep": {}}, progress=False)
     words = r"the study in memory has no trajectories.zarr: run it with save"
