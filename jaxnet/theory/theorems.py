@@ -62,7 +62,7 @@ THEOREMS = (
     START,
     Theorem("O1", "keeps moving", WITHIN, keeps_moving),
     Theorem("Sussmann and Yang 1991", "never global", (), never_global),
-    Theorem("O5", "unclipped", WITHIN, unclipped),
+    Theorem("O1", "unclipped", WITHIN, unclipped),
 )
 
 
