@@ -44,7 +44,7 @@ from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
 from jaxnet.kinds.graphs import Graph, shared_by_cells
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.metrics import AGREEMENT, DETECTION, FILTERING, SATURATION
+from jaxnet.kinds.metrics import AGREEMENT, DETECTION, FILTERING, SATURATION, STANDSTILL
 from jaxnet.kinds.refusals import suggestion
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
@@ -309,7 +309,8 @@ def without_leader(graph: Graph) -> Graph:
 
 def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
     """Add the metrics of agreement if a cell has no navigator, of alarms if one has a detector, of
-    saturation if one has limits, of a filter if one has one.
+    saturation if one has limits, of a filter if one has one, of standing if one has vehicles that
+    stop.
 
     If nobody leads in any cell, a search maximises the spread by default.
     """
@@ -326,6 +327,8 @@ def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
     names = [*(AGREEMENT if not all(leads) else ()), *(DETECTION if any(detects) else ())]
     names += SATURATION if any(limited) else ()
     names += FILTERING if any(of_kinds("filter", "present", False)) else ()
+    stops = [*of_kinds("vehicle", "standstill", ""), *swept.get("vehicle.standstill", [])]
+    names += STANDSTILL if "stop" in stops else ()
     measured = {metric.name for metric in study.metrics}
     more = [registry.find("metrics", name) for name in names if name not in measured]
     changed: dict[str, object] = {"metrics": [*study.metrics, *more]} if more else {}

@@ -273,7 +273,8 @@ def gain_faults(s: Scenario) -> Iterator[Fault]:
     if not eigenvalues.real.max() < 0:
         eigenvalues = eigenvalues.reshape(-1, eigenvalues.shape[-1])
         yield unstable(s, eigenvalues[eigenvalues.real.max(axis=1).argmax()])
-    coasts, lossless = s.defence.coasts(), s.channel.loss.perfect()
+    lossless = s.channel.loss.perfect()
+    coasts = s.defence.coasts() or s.vehicle.standstill == "stop"
     several = len(s.topology.turns()) > 1
     if s.own_gains is not None:
         yield from own_gain_faults(s, coasts or several or not lossless)
@@ -281,7 +282,8 @@ def gain_faults(s: Scenario) -> Iterator[Fault]:
         unsteady = coasts or several or not (lossless and s.sensing.exact())
         if unsteady or not s.attack.consistent():
             told = f"the {s.engine.kind} engine takes gains by axis only in one network, without"
-            told += " errors of sensors, losses, isolated: coast, and attacks of some orders alone"
+            told += " errors of sensors, losses, isolated: coast, standstill: stop, and attacks of"
+            told += " some orders alone"
             yield Fault(("gain", "engine"), told)
 
 
@@ -296,7 +298,8 @@ def own_gain_faults(s: Scenario, unsteady: bool) -> Iterator[Fault]:
         told = f"the {s.engine.kind} engine moves all vehicles by one flow, that of one gain:"
         yield Fault(("gain", "engine"), f"{told} give engine: nonlinear")
     if unsteady:
-        told = "gains of each vehicle need messages that all arrive, one network and isolated: fail"
+        told = "gains of each vehicle need messages that all arrive, one network, isolated: fail"
+        told += " and standstill: fail"
         yield Fault(("gain", "channel"), told)
     if s.defence.announcing():
         yield Fault(("gain", "defence.score"), "sources announce R of one gain: give another score")

@@ -38,6 +38,8 @@ from jaxnet.engine.following import Followed, Following, Scene
 from jaxnet.engine.gauss import Jerks, Window
 from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
 from jaxnet.engine.plan import Tolerances
+from jaxnet.engine.stages import stopping
+from jaxnet.engine.stages.stopping import Rest
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if, select, side_by_side
 from jaxnet.engine.tick import DecisionState
@@ -63,6 +65,7 @@ class CollocationState(NamedTuple):
     length: Instants  # [s] proposed for the next window
     steps: Int[Array, " lanes"]  # windows so far, kept and refused
     followed: Followed
+    rest: Rest | None  # None where vehicles do not stop
 
 
 class Task(NamedTuple):
@@ -77,8 +80,9 @@ class Task(NamedTuple):
     status: Code
 
 
-# Of lanes that tried a window: it, its end (now if it was refused), the next length, steps, status.
-Attempt = tuple[Window, Instants, Instants, Int[Array, " lanes"], Code]
+# Of lanes that tried a window: it, its end (now if it was refused), the next length, steps, status,
+# and the vehicles at rest.
+Attempt = tuple[Window, Instants, Instants, Int[Array, " lanes"], Code, Rest | None]
 
 
 class Collocation(Following[CollocationState]):
@@ -101,6 +105,7 @@ class Collocation(Following[CollocationState]):
             length=zero + FIRST,
             steps=jnp.zeros(zero.shape, int),
             followed=self.nothing_followed(),
+            rest=stopping.first_rest(lane),
         )
 
     def errors(self, state):
@@ -114,7 +119,7 @@ class Collocation(Following[CollocationState]):
         return state._replace(jets=plane.replaced(which, rest, state.jets))
 
     def pace(self, state, decided):
-        known = vehicles.pace_of_jets(self.lane, state.jets)
+        known = vehicles.pace_of_jets(self.lane, state.jets, state.signals.time)
         return super().pace(state, decided) if known is None else known
 
     def drive_now(self, state, decided):
@@ -183,10 +188,10 @@ class Collocation(Following[CollocationState]):
             found = self.attempt(jax.tree.map(lambda leaf: picked(leaf, few), task))
             return jax.tree.map(lambda every, theirs: put(every, few, theirs), known, found)
 
-        known = state.window, state.end, state.length, state.steps, status
+        known = state.window, state.end, state.length, state.steps, status, state.rest
         known = for_each(waiting & (jnp.cumsum(waiting) <= ready), width, some, known)
-        window, end, length, steps, status = known
-        state = state._replace(window=window, end=end, length=length, steps=steps)
+        window, end, length, steps, status, rest = known
+        state = state._replace(window=window, end=end, length=length, steps=steps, rest=rest)
 
         def move(state: CollocationState) -> CollocationState:
             target = jnp.where(moving, jnp.minimum(goal, state.end), time)
@@ -207,16 +212,25 @@ class Collocation(Following[CollocationState]):
         jerks, error, finite = self.solve(task, end - now)
         window = gauss.window_of(now, end - now, state.jets, jerks)
         fits = ~spent & (error < 1.0)
-        stood = stood_in(task.lane, window, end, fits, task.decided)
+        rest, new = state.rest, None
+        if rest is None:
+            stood = stood_in(task.lane, window, end, fits, task.decided)
+        else:
+            moves = ~stopping.at_rest(rest, task.decided.coasting.frozen(task.lane))
+            new = stopping.rest_in(task.lane, window, moves & fits[None])
+            stood = new.which.any(axis=0)
         kept = fits & ~(stood & (end > task.tick))
+        if rest is not None and new is not None:
+            rest = rest.plus(new._replace(which=new.which & kept[None]))
         length = stepper.next_step(window.length, error, gauss.STAGES)
         length = jnp.where(stood, window.length / 2, length)
         stuck = ~kept & (length <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(end, 1.0))
-        status = fail(task.status, Status.singular, stood & kept)
+        singular = stood & kept & (rest is None)
+        status = fail(task.status, Status.singular, singular)
         status = fail(status, Status.nonfinite, ~spent & stuck & ~finite)
         status = fail(status, Status.max_steps, spent | stuck)
         steps = state.steps + (~spent).astype(int)
-        return window, jnp.where(kept, end, now), length, steps, status
+        return window, jnp.where(kept, end, now), length, steps, status, rest
 
     def solve(self, task: Task, length: Instants) -> tuple[Jerks, Instants, Bool[Array, " few"]]:
         """The jerk at the nodes, the error over the tolerance, and whether all numbers are finite.
@@ -285,7 +299,7 @@ class Collocation(Following[CollocationState]):
         Return also by how much the states' jets, and the rates of lower jets, miss the jets.
         """
         lane, decided = task.lane, task.decided
-        frozen = decided.coasting.frozen(lane)
+        frozen = stopping.at_rest(task.state.rest, decided.coasting.frozen(lane))
         states = vehicles.states_of(lane, jets, now.time)
         own = plane.replaced(frozen, jets, vehicles.outputs(lane, states, now.time))
         own = decided.sensed.of(own)
@@ -313,17 +327,19 @@ def stood_in(
     highest = window.greatest_jerk()
     among = among & jnp.isfinite(highest).all(axis=0)
 
-    def on_line(jets: Jets, time: Instants) -> LaneFlags:
-        return standstill.straight(*standstill.lead(vehicle, (*jets, window.jerk_at(time)), apart))
+    bound = vehicles.highest_in_formation(lane, highest)
 
-    line = (
-        among
-        & on_line(window.jets_at(window.start), window.start)
-        & on_line(window.jets_at(end), end)
-    )
+    def jets_at(time: Instants) -> Jets:
+        jets = (*window.jets_at(time), window.jerk_at(time))
+        return vehicles.in_formation(lane, jets, time)
+
+    def on_line(time: Instants) -> LaneFlags:
+        return standstill.straight(*standstill.lead(vehicle, jets_at(time), apart))
+
+    line = among & on_line(window.start) & on_line(end)
 
     def pace(time: Instants) -> standstill.Pace:
-        return standstill.backwards(vehicle, window.jets_at(time), highest, apart)
+        return standstill.backwards(vehicle, jets_at(time)[:-1], bound, apart)
 
     def back(time: Instants, by: Instants) -> Instants:
         return time - by

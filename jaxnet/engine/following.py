@@ -185,7 +185,7 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
 
     def asked(self, state, decided):
         scene = Scene(self.lane, self.network, decided, state.signals)
-        return state.followed.inputs(scene, self.states(state))
+        return state.followed.inputs(scene, decided.coasting.at_rest(self.states(state)))
 
     def basis(self, state):
         return state.signals.time, state.signals.basis

@@ -17,12 +17,15 @@ from jaxtyping import Array, Int
 from jaxnet.engine import stepper, tick, vehicles
 from jaxnet.engine.demand import Signals, signals
 from jaxnet.engine.following import Followed, Following, Scene, follow_weights
-from jaxnet.engine.moment import Instants, Moment, PerAxis
+from jaxnet.engine.moment import Instants, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.status import Status, fail
+from jaxnet.engine.stages import stopping
+from jaxnet.engine.stages.stopping import Rest
+from jaxnet.engine.status import LEAST_MARGIN, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, select
 from jaxnet.engine.tick import DecisionState
 from jaxnet.engine.vehicles import States
+from jaxnet.kinds.vehicles import HEADING
 from jaxnet.model import plane
 from jaxnet.model.lane import Lane, Network
 from jaxnet.solvers.choice import factorised_at_once
@@ -37,6 +40,7 @@ class IntegrationState(NamedTuple):
     step: Instants  # [s] proposed for the next attempt
     steps: Int[Array, " lanes"]  # attempts so far, kept and refused
     followed: Followed
+    rest: Rest | None  # None where vehicles do not stop
 
 
 class Integration(Following[IntegrationState]):
@@ -51,6 +55,7 @@ class Integration(Following[IntegrationState]):
             step=zero + self.clock.interval,
             steps=jnp.zeros(zero.shape, int),
             followed=self.nothing_followed(),
+            rest=stopping.first_rest(lane),
         )
 
     def errors(self, state):
@@ -99,7 +104,8 @@ class Integration(Following[IntegrationState]):
         """Attempt one step of the lanes that have neither failed nor reached the horizon."""
         lane, clock, tolerances, time = self.lane, self.clock, self.numbers, state.signals.time
         rule = stepper.method(self.plan.options[0])
-        last, frozen = clock.outputs * clock.ticks, decided.coasting.frozen(lane)
+        last, rest = clock.outputs * clock.ticks, state.rest
+        frozen = stopping.at_rest(rest, decided.coasting.frozen(lane))
         slope = jnp.where(frozen[None], 0.0, state.slope)
         going = (status == Status.ok) & (ticks < last)
         goal = clock.at(ticks + 1)
@@ -107,14 +113,26 @@ class Integration(Following[IntegrationState]):
 
         def field(now: Signals, states: States) -> States:
             scene = Scene(lane, self.network, decided, now)
-            return vector_field(scene, state.followed, states, self.plan)
+            rates = vector_field(scene, state.followed, states, self.plan)
+            return rates if rest is None else jnp.where(frozen[None], 0.0, rates)
 
         known = rule, time, end, state.state, slope, tolerances
         trial = stepper.attempt(field, lambda time: signals(lane, time), *known)
         kept, steps = going & (trial.error < 1.0), state.steps + going.astype(int)
         proposed = stepper.next_step(end - time, trial.error, rule.order)
+        shortest = stepper.LEAST_RELATIVE_STEP * jnp.maximum(goal, 1.0)
+        if rest is not None:
+            lands, over, share = landing(lane, state.state, trial.state, ~frozen)
+            lands = lands | (over & (end - time <= shortest)[None])
+            over = (over & ~lands).any(axis=0)
+            kept = kept & ~over
+            proposed = jnp.where(over, jnp.minimum(proposed, share * (end - time)), proposed)
+            heading, place = trial.state[HEADING], trial.state[:2]
+            new = Rest(lands & kept[None], vehicles.standing(lane, place, heading))
+            rest = rest.plus(new)
+            trial = trial._replace(state=jnp.where(new.which[None], new.states, trial.state))
         states = jnp.where(kept[None, None], trial.state, state.state)
-        stuck = going & ~kept & (proposed <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(goal, 1.0))
+        stuck = going & ~kept & (proposed <= shortest)
         arrived = kept & (end == goal)
         if lane.singular:
             passed = vehicles.passed_singular(lane, states, decided.coasting.may_stop(lane))
@@ -127,8 +145,22 @@ class Integration(Following[IntegrationState]):
             signals=select(kept, trial.signals, state.signals),
             step=jnp.where(going, proposed, state.step),
             steps=steps,
+            rest=rest,
         )
         return state, fail(status, Status.max_steps, spent | stuck), arrived
+
+
+def landing(
+    lane: Lane, now: States, then: States, among: VehicleFlags
+) -> tuple[VehicleFlags, VehicleFlags, Instants]:
+    """Vehicles that come to rest at the end of a step, vehicles that do so within it, and a share
+    of the step, by the secant, in which the first of these comes to rest.
+    """
+    before, after = (vehicles.ahead(lane, states) for states in (now, then))
+    passes = among & (after < LEAST_MARGIN)
+    over = passes & (after <= -LEAST_MARGIN)
+    share = jnp.where(over, before / (before - after), 1.0)
+    return passes & ~over, over, share.min(axis=0)
 
 
 def vector_field(scene: Scene, followed: Followed, states: States, plan: Plan) -> States:

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import standstill
+from jaxnet.engine import standstill, vehicles
 from jaxnet.engine.demand import Signals, local_jerk
 from jaxnet.engine.moment import Instants, PerAxis
 from jaxnet.engine.propagation import Held, PropagationState
@@ -76,9 +76,11 @@ class Local(Held):
         lane, drive, jets, time, span = jax.tree.map(lambda leaf: picked(leaf, few), given)
         _, highest = after_span(lane, self.network, drive, jets, time, -span)
         nobody = jnp.zeros(highest.shape, bool)  # stops under this law
+        bound = vehicles.highest_in_formation(lane, highest)
 
         def pace(state: tuple[Jets, Instants]) -> standstill.Pace:
-            return standstill.backwards(lane.vehicle, state[0], highest, nobody)
+            own = vehicles.in_formation(lane, *state)
+            return standstill.backwards(lane.vehicle, own, bound, nobody)
 
         def go_back(state: tuple[Jets, Instants], step: Instants) -> tuple[Jets, Instants]:
             jets, time = state

@@ -23,8 +23,9 @@ from jaxnet.engine.metrics import Gathered, Observation, Series
 from jaxnet.engine.moment import Instants, LaneFlags, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
-from jaxnet.engine.stages import coasting
-from jaxnet.engine.stages.coasting import Stops
+from jaxnet.engine.stages import coasting, stopping
+from jaxnet.engine.stages.coasting import Rests, Stops
+from jaxnet.engine.stages.stopping import Rest
 from jaxnet.engine.status import (
     Code,
     Isolation,
@@ -82,7 +83,8 @@ class Motion(ABC, Generic[MotionState]):
         lane = self.lane
         noisy = lane.sensor is not None or lane.lossy or not lane.exact_words
         changing = lane.periods is not None
-        return self.plan.choosing or changing or noisy or not lane.law.solves()
+        stops = stopping.stops(lane)
+        return self.plan.choosing or changing or noisy or stops or not lane.law.solves()
 
     @abstractmethod
     def begin(self) -> MotionState:
@@ -143,6 +145,10 @@ class Motion(ABC, Generic[MotionState]):
         """Speed [m/s] and turn rate [rad/s], (m, lanes), right after these decisions."""
         return vehicles.pace_of(self.lane, self.states(state), self.inputs(state, decided))
 
+    def rest(self, state: Any) -> Rest | None:
+        """Vehicles that have come to rest until now; None where vehicles do not stop."""
+        return state.rest
+
     def steps(self, state: MotionState) -> Int[Array, " lanes"]:
         """The number of an integrator's steps so far; 0 without an integrator."""
         return jnp.zeros(self.lane.attack_scale.shape, int)
@@ -175,6 +181,7 @@ class Fleet(NamedTuple):
     windows: metrics.Windows
     saturated: AtTicks | None = None  # None where inputs have no limits
     halted: AtTicks | None = None  # by the filter; None where there is none
+    standing: AtTicks | None = None  # vehicles that have stopped; None where none can
 
 
 def begin(motion: Motion, ticks: Ticks) -> Fleet:
@@ -185,11 +192,12 @@ def begin(motion: Motion, ticks: Ticks) -> Fleet:
     lane, plan = motion.lane, motion.plan
     nobody = jnp.zeros(lane.weights.shape[1:], bool)
     zero = jnp.zeros(lane.attack_scale.shape, int)
-    status = fail(zero, Status.singular, is_singular(lane, lane.initial, nobody))
+    status = fail(zero, Status.singular, is_singular(lane, vehicles.first_states(lane), nobody))
     status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
+    decided = tick.before_first(lane, motion.network, plan)
     return Fleet(
         state=motion.begin(),
-        decided=tick.before_first(lane, motion.network, plan),
+        decided=decided,
         ticks=ticks,
         at_tick=jnp.ones(zero.shape, bool),
         switches=zero,
@@ -201,6 +209,7 @@ def begin(motion: Motion, ticks: Ticks) -> Fleet:
         windows=metrics.Windows(*[jnp.full(zero.shape, jnp.inf)] * 2),
         saturated=AtTicks(zero, zero) if lane.vehicle.limits else None,
         halted=AtTicks(zero, zero) if lane.filter is not None else None,
+        standing=AtTicks(zero, zero) if isinstance(decided.coasting, Rests) else None,
     )
 
 
@@ -220,8 +229,8 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     first = jnp.broadcast_to(fleet.ticks == 0, fleet.status.shape)
     here = fleet.at_tick & (fleet.status == Status.ok)
     kept = fleet.decided.coasting
-    if isinstance(kept, Stops):  # vehicles that have stopped until now are put at rest
-        kept = kept.at_tick(here)
+    if isinstance(kept, Rests):  # vehicles that have stopped until now are put at rest
+        kept = kept.at_tick(here, motion.rest(fleet.state))
         state = motion.placed(fleet.state, kept.standing & here[None], kept.states)
         fleet = fleet._replace(state=state, decided=replace(fleet.decided, coasting=kept))
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
@@ -251,16 +260,20 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     if saturated is not None or halted is not None:
         asked = motion.asked(state, decided)
         admitted = vehicles.admitted(lane, motion.states(state), asked, time)
-        stands = jnp.isnan(asked).any(axis=0)
+        stands = jnp.isnan(asked).any(axis=0) | decided.coasting.stopped(lane)
         if halted is not None:
             halted = halted.after(stands & here[None])
         if saturated is not None:
             saturated = saturated.after((asked != admitted).any(axis=0) & ~stands & here[None])
+    standing = fleet.standing
+    if standing is not None:
+        standing = standing.after(decided.coasting.stopped(lane) & here[None])
     return fleet._replace(
         state=state,
         decided=decided,
         saturated=saturated,
         halted=halted,
+        standing=standing,
         status=status,
         switches=fleet.switches + jnp.where(here & ~first, changed.sum(axis=0), 0),
         unheard=fleet.unheard + jnp.where(here, decided.coasting.kept(lane).sum(axis=0), 0),
@@ -334,6 +347,7 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
         alarms=decided.alarms.shares,
         saturated=until_now(fleet.saturated, fleet),
         halted=until_now(fleet.halted, fleet),
+        standing=until_now(fleet.standing, fleet),
     )
     return as_told(lane, time, basis, seen) if motion.plan.as_told else seen
 

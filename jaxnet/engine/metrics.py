@@ -57,6 +57,8 @@ class Observation(NamedTuple):
         ticks with any such vehicle, (2, lanes); None where vehicles have no limits.
     halted
         Those at which the filter had no velocity, (2, lanes); None where there is no filter.
+    standing
+        Those at which a vehicle stood that has stopped, (2, lanes); None where no vehicle stops.
     offset
         Offset of each vehicle in the formation [m], (2, m, lanes); None without a formation.
         Errors are those of y minus the offset.
@@ -90,6 +92,7 @@ class Observation(NamedTuple):
     alarms: Float[Array, "2 *lanes"] | None = None
     saturated: Float[Array, "2 *lanes"] | None = None
     halted: Float[Array, "2 *lanes"] | None = None
+    standing: Float[Array, "2 *lanes"] | None = None
     offset: Float[Array, "2 m *lanes"] | None = None
 
     @property

@@ -33,15 +33,17 @@ import jax.numpy as jnp
 from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Float
 
-from jaxnet.engine import flow, inner, response, standstill, vehicles
+from jaxnet.engine import flow, gauss, inner, response, standstill, vehicles
 from jaxnet.engine.demand import exchange, signals
 from jaxnet.engine.flow import Span, propagate, span_of
 from jaxnet.engine.inner import Inner
 from jaxnet.engine.loop import Batch, Motion, Ticks
-from jaxnet.engine.moment import Instants, LaneFlags
+from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
+from jaxnet.engine.stages import stopping
 from jaxnet.engine.stages.channel import degrees
-from jaxnet.engine.stages.coasting import coasts
+from jaxnet.engine.stages.coasting import keeps_drives
 from jaxnet.engine.stages.sensing import Sensed, first_sensed
+from jaxnet.engine.stages.stopping import Rest
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if
 from jaxnet.engine.tick import DecisionState
@@ -67,6 +69,7 @@ class PropagationState(NamedTuple):
     sensed: Sensed  # until the next tick
     inner: Inner | None  # what the outputs leave undetermined; None where they determine all states
     since: Instants  # of the last tick [s]
+    rest: Rest | None  # None where vehicles do not stop
 
 
 class Propagation(Motion[PropagationState]):
@@ -106,6 +109,7 @@ class Propagation(Motion[PropagationState]):
             sensed=Sensed(),
             inner=inner.inner_at_start(lane, self.clock.interval),
             since=time,
+            rest=stopping.first_rest(lane),
         )
 
     def basis(self, state):
@@ -126,7 +130,7 @@ class Propagation(Motion[PropagationState]):
         return vehicles.states_of(self.lane, self.outputs(state), state.time, within)
 
     def pace(self, state, decided):
-        known = vehicles.pace_of_jets(self.lane, self.outputs(state))
+        known = vehicles.pace_of_jets(self.lane, self.outputs(state), state.time)
         return super().pace(state, decided) if known is None else known
 
     def placed(self, state, which, states):
@@ -217,6 +221,9 @@ class Propagation(Motion[PropagationState]):
             within, stuck = inner.carried(self, state, decided, span, status == Status.ok)
             now, status = now._replace(inner=within), fail(status, Status.max_steps, stuck)
         everywhere = jnp.ones_like(now.straight)
+        if now.rest is not None:
+            rest = self.rested(state, now, decided, status == Status.ok)
+            return now._replace(rest=rest), status, everywhere
         if not self.lane.vehicle.singular:
             return now, status, everywhere
 
@@ -227,7 +234,8 @@ class Propagation(Motion[PropagationState]):
         def search(carry: tuple[Code, LaneFlags]) -> tuple[Code, LaneFlags]:
             status, straight = carry
             apart = decided.coasting.may_stop(self.lane)
-            lead = standstill.lead(self.lane.vehicle, self.all_jets(now, decided), apart)
+            jets = vehicles.in_formation(self.lane, self.all_jets(now, decided), now.time)
+            lead = standstill.lead(self.lane.vehicle, jets, apart)
             straight = straight & standstill.straight(*lead) & (status == Status.ok)
             return for_each(straight, FEW, some, status), straight
 
@@ -251,13 +259,48 @@ class Propagation(Motion[PropagationState]):
         apart, highest = decided.coasting.may_stop(some.lane), some.highest(now, decided)
 
         def pace(state: PropagationState) -> standstill.Pace:
-            own = some.outputs(state)
-            return standstill.backwards(some.lane.vehicle, own, highest(state), apart)
+            own = vehicles.in_formation(some.lane, some.outputs(state), state.time)
+            bound = vehicles.highest_in_formation(some.lane, highest(state))
+            return standstill.backwards(some.lane.vehicle, own, bound, apart)
 
         def back(state: PropagationState, step: Instants) -> PropagationState:
             return some.later(state, decided, -step, since)
 
         return standstill.stands(pace, back, now, self.clock.interval, some.longest)[0]
+
+    def rested(
+        self,
+        before: PropagationState,
+        now: PropagationState,
+        decided: DecisionState,
+        ok: LaneFlags,
+    ) -> Rest:
+        """Vehicles that have come to rest until now, in lanes that are ok."""
+        lane, interval, vehicle = self.lane, self.clock.interval, self.lane.vehicle
+        assert before.rest is not None
+        own, bound = self.outputs(now), self.highest(now, decided)(now)
+        nobody = jnp.zeros_like(before.rest.which)
+        room = standstill.safe(*standstill.backwards(vehicle, own, bound, nobody))
+        near = jnp.minimum(room, self.longest[None]) < interval
+        near = near & ok[None] & ~(before.rest.which | decided.coasting.frozen(lane))
+
+        def some(few: LaneIndices, rest: Rest) -> Rest:
+            given = self.batch.inputs, before, decided, near
+            inputs, begin, chosen, among = jax.tree.map(lambda leaf: picked(leaf, few), given)
+            part = type(self)(self.batch._replace(inputs=inputs))
+            span = jnp.broadcast_to(interval, begin.time.shape)
+
+            def highest(share: Float[Array, ""]) -> PerAxis:
+                there = part.later(begin, chosen, share * span, begin.time)
+                return part.all_jets(there, chosen)[-1]
+
+            jerks = jax.lax.map(highest, jnp.asarray(gauss.RULE.nodes))
+            window = gauss.window_of(begin.time, span, part.outputs(begin), jerks)
+            found = stopping.rest_in(part.lane, window, among)
+            return jax.tree.map(lambda every, new: put(every, few, new), rest, found)
+
+        nobody_new = before.rest._replace(which=nobody)
+        return before.rest.plus(for_each(near.any(axis=0), FEW, some, nobody_new))
 
 
 class Solved(Propagation):
@@ -268,7 +311,7 @@ class Solved(Propagation):
     """
 
     def __init__(self, batch: Batch):
-        lane, silent = batch.lane, batch.lane.lossy or coasts(batch.lane)
+        lane, silent = batch.lane, keeps_drives(batch.lane)
         self.powers = degrees(lane, batch.plan)
         if silent or lane.sensor is not None or not lane.exact_words:
             self.powers = max(1, self.powers)

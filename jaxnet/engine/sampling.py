@@ -20,8 +20,10 @@ from jaxnet.engine.following import Followed, Following, Scene
 from jaxnet.engine.integration import drive_along
 from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
 from jaxnet.engine.plan import Tolerances
-from jaxnet.engine.status import Status, fail
-from jaxnet.engine.subset import LaneIndices, for_each, put, select
+from jaxnet.engine.stages import stopping
+from jaxnet.engine.stages.stopping import Rest
+from jaxnet.engine.status import LEAST_MARGIN, Status, fail
+from jaxnet.engine.subset import LaneIndices, for_each, put, run_if, select
 from jaxnet.engine.vehicles import States
 from jaxnet.model import plane
 from jaxnet.solvers.choice import factorised_at_once
@@ -38,6 +40,7 @@ class SamplingState(NamedTuple):
     asked: PerAxis  # inputs that the law asks for until the next tick
     steps: Int[Array, " lanes"]  # of the motion over periods, refused ones included
     followed: Followed
+    rest: Rest | None  # None where vehicles do not stop
 
 
 class Sampling(Following[SamplingState]):
@@ -55,6 +58,7 @@ class Sampling(Following[SamplingState]):
             asked=jnp.zeros_like(lane.initial[:2]),
             steps=jnp.zeros(zero.shape, int),
             followed=self.nothing_followed(),
+            rest=stopping.first_rest(lane),
         )
 
     def errors(self, state):
@@ -99,19 +103,32 @@ class Sampling(Following[SamplingState]):
         end = jnp.broadcast_to(self.clock.at(jnp.asarray(ticks + 1)), begin.shape)
         frozen = decided.coasting.frozen(lane)
 
-        def rates(time: Instants, states: States) -> States:
-            moved = vehicles.rates(lane, states, state.asked, time)
-            return jnp.where(frozen[None], 0.0, moved)
+        def after(share: Any) -> tuple[States, Int[Array, " lanes"], LaneFlags]:
+            """The states after shares of the period, of each vehicle, 1 by default."""
 
-        if self.plan.options == ("euler",):
-            states = state.states + (end - begin)[None, None] * rates(begin, state.states)
-            steps, stuck = state.steps + ok.astype(int), jnp.zeros_like(ok)
-        else:
-            states, steps, stuck = solved(rates, begin, end, state.states, ok)
-            steps = state.steps + steps
+            def rates(time: Instants, states: States) -> States:
+                moved = vehicles.rates(lane, states, state.asked, time)
+                return jnp.where(frozen[None], 0.0, moved if share is None else share[None] * moved)
+
+            if self.plan.options == ("euler",):
+                moved = (end - begin)[None, None] * rates(begin, state.states)
+                return state.states + moved, ok.astype(int), jnp.zeros_like(ok)
+            return solved(rates, begin, end, state.states, ok)
+
+        states, steps, stuck = after(None)
+        steps, rest = state.steps + steps, state.rest
+        if rest is not None:
+            which = ok[None] & ~frozen & (vehicles.ahead(lane, states) < LEAST_MARGIN)
+
+            def stop(_: Rest) -> Rest:
+                given = lane, state.states, states, which
+                return stopping.rest_on_the_way(*given, lambda share: after(share)[0])
+
+            rest = rest.plus(run_if(which.any(), stop, rest._replace(which=which)))
         status = fail(status, Status.nonfinite, ok & ~jnp.isfinite(states).all(axis=(0, 1)))
         status = fail(status, Status.max_steps, stuck)
-        state = state._replace(states=states, signals=signals(lane, end), steps=steps)
+        now = signals(lane, end)
+        state = state._replace(states=states, signals=now, steps=steps, rest=rest)
         return state, status, jnp.ones_like(ok)
 
 

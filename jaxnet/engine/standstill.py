@@ -47,7 +47,15 @@ def seeming(apart: VehicleFlags, now: Plane, following: Plane) -> tuple[Plane, P
 def backwards(
     vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags
 ) -> Pace:
-    """The lead, its derivative back in time, and a bound on its second one, for the jets below r.
+    """`onwards` back in time."""
+    upto = vehicle.singular + 1
+    return onwards(vehicle, (*jets[:upto], *(-jet for jet in jets[upto:])), highest, apart)
+
+
+def onwards(
+    vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"], apart: VehicleFlags
+) -> Pace:
+    """The lead, its derivative, and a bound on its second one, for the jets below r.
 
     `highest` bounds the r-th derivative. Where the lead's derivative is the r-th one, it points to
     0 with that norm. The vehicles `apart` are not searched.
@@ -55,7 +63,7 @@ def backwards(
     now, following = vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1 :]
     if following:
         bound = jnp.where(apart, 0.0, highest)
-        return *seeming(apart, now, -following[0]), bound
+        return *seeming(apart, now, following[0]), bound
     back = -now * (highest / jnp.maximum(length(now), jnp.finfo(float).tiny))[None]
     return *seeming(apart, now, back), jnp.zeros_like(highest)
 

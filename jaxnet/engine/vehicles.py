@@ -127,15 +127,27 @@ def pace_of(lane: Lane, states: States, inputs: PerAxis) -> tuple[PerVehicle, Pe
     return lane.vehicle.pace(states, inputs)
 
 
-def pace_of_jets(lane: Lane, jets: Jets) -> tuple[PerVehicle, PerVehicle] | None:
-    """Speed and turn rate where the outputs' jets tell them, which no formation moves then."""
-    return plane.pace(jets) if lane.vehicle.jets_tell_pace else None
+def pace_of_jets(lane: Lane, jets: Jets, time: Instants) -> tuple[PerVehicle, PerVehicle] | None:
+    """Speed and turn rate where the outputs' jets tell them."""
+    return plane.pace(in_formation(lane, jets, time)) if lane.vehicle.jets_tell_pace else None
+
+
+def highest_in_formation(lane: Lane, highest: PerVehicle) -> PerVehicle:
+    """A bound on the norm of the outputs' r-th derivative, from that of what the law steers."""
+    if lane.formation is None:
+        return highest
+    return highest + lane.formation.greatest(len(lane.gain))
+
+
+def standing(lane: Lane, place: PerAxis, heading: PerVehicle) -> States:
+    """States of vehicles that stand at places with headings."""
+    return lane.vehicle.start(place, heading, jnp.zeros_like(heading))
 
 
 def ahead(lane: Lane, states: States) -> PerVehicle:
     """Distance from the singular set, negative where a vehicle has passed it since the start."""
     margin = lane.vehicle.margin
-    return margin(states) * jnp.sign(margin(lane.initial))
+    return margin(states) * jnp.sign(margin(first_states(lane)))
 
 
 def passed_singular(lane: Lane, states: States, apart: Which) -> Which:

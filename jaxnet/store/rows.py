@@ -92,7 +92,7 @@ class RowColumns(NamedTuple):
         columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
         for name in self.isolation:
             columns[name] = pa.array(outcome.cut_off[name], type=ISOLATION[name])
-        if self.isolation:  # times as multiples of the tick, rounded once
+        if "cut_off_at" in self.isolation:  # times as multiples of the tick, rounded once
             times, tick = outcome.cut_off["cut_off_at"].copy(), interval_of(scenario)
             known = np.isfinite(times)
             times[known] = multiples(tick, np.rint(times[known] / tick).astype(int).tolist())
@@ -104,8 +104,8 @@ def row_columns(study: Config, cells: Sequence[Cell]) -> RowColumns:
     """Columns of swept keys with their types, and columns on vehicles that decisions cut off.
 
     A study whose defences cannot cut a vehicle off has none of the latter. Where they can, the
-    columns tell who and since when; where such vehicles coast, also how many, for how long, and how
-    many stopped.
+    columns tell who and since when; where such vehicles coast, also how many and for how long.
+    Where vehicles may stop, a column tells how many did.
     """
     swept = {}
     for key, label in cells[0].labels.items():
@@ -117,6 +117,9 @@ def row_columns(study: Config, cells: Sequence[Cell]) -> RowColumns:
     isolation = list(ISOLATION) if any(defence.coasts() for defence in defences) else []
     if not isolation and any(defence.decides for defence in defences):
         isolation = ["cut_off", "cut_off_at"]
+    stops = any(cell.scenario.vehicle.standstill == "stop" for cell in cells)
+    if stops and "stopped" not in isolation:
+        isolation.append("stopped")
     return RowColumns(swept, isolation)
 
 

@@ -22,6 +22,7 @@ from jaxnet.theory.response import DECAYED
 
 FLOW_TIMES = 2**13  # at which flows are known
 HEADINGS = 64  # of a start that are tried
+MOST_SLACK = 0.05  # by which a flow may exceed its values at FLOW_TIMES
 
 
 class Start(NamedTuple):
@@ -60,17 +61,48 @@ def start_decay(case: Case) -> Start | None:
     return Start(float(sizes[0]), times, np.maximum.accumulate(now[::-1])[::-1])
 
 
-def flow_norms(gain: PlaneGains, step: float) -> Float[np.ndarray, "times r"]:
+class KeepsMoving(NamedTuple):
+    """The condition on a start under which no vehicle comes to rest, without attack."""
+
+    factors: Float[np.ndarray, " r"]  # max_t ‖Φ_1k(t)‖
+    slowest: float  # [m/s] the navigator's least speed
+    every_start: bool  # whether every start that may be drawn meets it
+
+
+def keeps_moving(case: Case) -> KeepsMoving | None:
+    """`Σ_k max_t ‖Φ_1k(t)‖ ‖E^(k)(0)‖ < min ‖ẏ_0‖`: then `‖ẏ‖ ≥ ‖ẏ_0‖ - ‖Ė‖ > 0`.
+
+    None for vehicles that are never singular at rest, for limits, where offsets move, and for gains
+    so unlike that FLOW_TIMES do not resolve the flow: between two times h apart it changes by
+    `e^(‖A_c‖ h / 2) - 1` of itself at most.
+    """
+    scenario, vehicle = case.scenario, case.scenario.vehicle
+    unknown = scenario.draws_gain or scenario.formation.moves or vehicle.limits
+    if vehicle.singular != 1 or unknown or not vehicle.flat:
+        return None
+    matrix = companion(case.gain)
+    step = DECAYED / -np.linalg.eigvals(matrix).real.max() / FLOW_TIMES
+    slack = np.expm1(np.linalg.norm(matrix, 2) * step / 2)
+    if slack > MOST_SLACK:
+        return None
+    factors = flow_norms(case.gain, step, 1).max(axis=0)
+    # Headings of starts are tried in steps, within the slack.
+    slowest, sizes = scenario.navigator.slowest(scenario.horizon)[0], start_sizes(scenario)
+    most = factors @ sizes + slack * np.sqrt((factors**2).sum()) * sizes.sum()
+    return KeepsMoving(factors, slowest, bool(most < slowest))
+
+
+def flow_norms(gain: PlaneGains, step: float, row: int = 0) -> Float[np.ndarray, "times r"]:
     """‖Φ_0k‖, from the k-th derivative at the start to the position, at multiples of a step [s].
 
-    Each pass doubles the times.
+    For another row: to that derivative. Each pass doubles the times.
     """
     matrix = companion(gain)
     flows, flow = np.eye(len(matrix))[None], expm(matrix * step)
     while len(flows) < FLOW_TIMES:
         flows, flow = np.concatenate([flows, flows @ flow]), flow @ flow
     axes = len(matrix) // len(gain)
-    blocks = flows[:, :axes].reshape(FLOW_TIMES, axes, len(gain), axes)
+    blocks = flows[:, row * axes : (row + 1) * axes].reshape(FLOW_TIMES, axes, len(gain), axes)
     return np.linalg.norm(blocks, 2, axis=(1, 3))
 
 

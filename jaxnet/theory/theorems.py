@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from jaxnet.config.scenario import MOTION, missing
 from jaxnet.theory import announced, certificate, delay, noise, rounds, safe, solution, tolerance
 from jaxnet.theory.case import Case
-from jaxnet.theory.start import start_decay
+from jaxnet.theory.clipping import never_global, unclipped
+from jaxnet.theory.start import keeps_moving, start_decay
 
 
 class Theorem(NamedTuple):
@@ -30,6 +31,8 @@ OF_ERRORS = ("solved", "one gain", "alike", *LIVE, "unrounded messages", "ticks"
 OF_DELAY = (*AS_ASKED, "one network", "every message", "no decisions", "steady delay", "small")
 MEAN_SQUARE = ("one gain", *AS_ASKED, "one network", "on time", "drops", "no decisions", "small")
 WHILE_REACHED = ("leader", "solved", *AS_ASKED, "one network", "on time", "drops")
+# Of vehicles that move as asked while they are not clipped, and do not stop
+WITHIN = ("one gain", *(each for each in AT_LAST if each != "flat"))
 IN_TURNS = ("leader", "small", "solved", *AS_ASKED)
 
 START = Theorem("O1", "start", AT_LAST, start_decay)
@@ -57,6 +60,9 @@ THEOREMS = (
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
     Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
     START,
+    Theorem("O1", "keeps moving", WITHIN, keeps_moving),
+    Theorem("Sussmann and Yang 1991", "never global", (), never_global),
+    Theorem("O1", "unclipped", WITHIN, unclipped),
 )
 
 

@@ -1,10 +1,14 @@
 """Vehicles that turn round on a line stand still between ticks: all engines, and closed form."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
+import jaxnet
 from jaxnet.engine import standstill
 from jaxnet.engine.status import Status
 from jaxnet.theory.solution import companion
@@ -139,3 +143,128 @@ def test_a_search_ends_where_squares_overflow():
     np.testing.assert_allclose(ahead, 1e-200, rtol=1e-8)
     ahead = standstill.safe(velocity, none, jnp.full((1, 1), 1e200))
     np.testing.assert_allclose(ahead, np.sqrt(2) * 1e-100, rtol=1e-8)
+
+
+# Behind a navigator at 1 m/s, with poles at -1, a vehicle that starts D ahead at 1 m/s has
+# E = D (1 + t + …) e^-t, so its speed is 1 - D t^(r-1) / (r-1)! e^-t.
+AHEAD = 5.0
+STOPPING = {
+    "vehicles": 3,
+    "topology": {"kind": "edges", "edges": [[1, 0, 1.0], [2, 0, 1.0], [3, 1, 1.0], [3, 0, 1.0]]},
+    "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
+    "attack": "none",
+    "defence": "none",
+    "horizon": 8.0,
+    "tail": 1.0,
+    "output_step": TICK,
+    "tick": TICK,
+    "save": {"trajectories": "all"},
+}
+ORDERS = {"unicycle": 2, "two_wheeled": 3, "car": 3}
+DOPRI5 = {"kind": "nonlinear", "solver": "dopri5", "rtol": 1e-10, "atol": 1e-12}
+
+
+def stopping(engine, vehicle, ahead=AHEAD, **keys):
+    """The row, and the states (times, 3, n), of a fleet whose vehicle 1 starts ahead."""
+    places = [[ahead, 0.0], [-5.0, 0.3], [-7.0, 0.2]]
+    start = {"position": places, "heading": [0.0] * 3, "speed": [1.0] * 3}
+    kind = {"kind": vehicle, "standstill": "stop", **keys}
+    given = {**STOPPING, "engine": engine, "vehicle": kind, "initial": start}
+    results = jaxnet.simulate(given, samples=1, progress=False)
+    return results.lanes.iloc[0], results.trajectories["states"].values[0, 0]
+
+
+def rest_of(order):
+    """Time and place at which vehicle 1 comes to rest, by closed form."""
+    terms = [1 / math.factorial(k) for k in range(order)]
+
+    def speed(time):
+        return 1 - AHEAD * terms[-1] * time ** (order - 1) * math.exp(-time)
+
+    time = brentq(speed, 0.0, order - 1.0, xtol=1e-15)
+    return time, time + AHEAD * np.polyval(terms[::-1], time) * math.exp(-time)
+
+
+def third_after(order, stands, place):
+    """The place of vehicle 3 at 8 s, which starts 7 m behind at 1 m/s.
+
+    It follows E = 0 until the tick from which it hears that vehicle 1 stands, then
+    `y = (y_0 + p) / 2`, with the flow of one gain.
+    """
+    matrix, since = companion(np.array([math.comb(order, k) for k in range(order)], float)), 8.0
+    error, told = np.zeros(order), stands * TICK
+    error[0] = -7.0
+    path = np.array([told, 1.0, 0.0][:order])
+    jets = path + expm(matrix * told) @ error
+    error = jets - (path + np.array([place, 0.0, 0.0][:order])) / 2
+    return (since + place) / 2 + (expm(matrix * (since - told)) @ error)[0]
+
+
+@pytest.mark.parametrize(
+    ("engine", "vehicle", "allowed"),
+    [
+        ("exact", "unicycle", 1e-13),
+        *[
+            pytest.param(engine, vehicle, allowed, marks=pytest.mark.long)
+            for engine, vehicle, allowed in [
+                ("exact", "two_wheeled", 1e-13),
+                ("nonlinear", "unicycle", 1e-7),
+                ("nonlinear", "car", 1e-7),
+                (DOPRI5, "unicycle", 1e-11),
+                (DOPRI5, "two_wheeled", 1e-10),
+            ]
+        ],
+    ],
+)
+def test_a_vehicle_that_comes_to_rest_stops_and_the_others_go_on(engine, vehicle, allowed):
+    """When and where it stops, and how long it stands; the numbers of a vehicle that does not hear
+    it are those of a fleet in which nobody stops; who hears it follows it from the next tick on.
+    """
+    row, states = stopping(engine, vehicle)
+    time, place = rest_of(ORDERS[vehicle])
+    stands = math.ceil(time / TICK)
+    assert row["status"] == "ok"
+    assert row["stopped"] == 1
+    assert row["standing"] == pytest.approx((81 - stands) / (3 * 81))
+    np.testing.assert_allclose(states[stands:, 0, :2] - [place, 0.0], 0.0, atol=allowed)
+    assert (states[stands:, 0] == states[-1, 0]).all()
+    assert not states[-1, 0, 3:].any()
+    assert (states[stands - 1, 0, 3] > 0) & (states[stands:, 1:, 3] > 0).all()
+    free, others = stopping(engine, vehicle, 0.5)
+    assert free["stopped"] == free["standing"] == 0
+    np.testing.assert_allclose(states[:, 1], others[:, 1], rtol=0, atol=allowed)
+    np.testing.assert_allclose(
+        states[-1, 2, 0], third_after(ORDERS[vehicle], stands, place), rtol=0, atol=allowed
+    )
+
+
+def plain_rest(order, euler, step=TICK):
+    """Place of rest of vehicle 1 with held inputs: a plain loop over ticks."""
+    gain = [math.comb(order, k) for k in range(order)]
+    jets, time = np.array([AHEAD, 1.0, 0.0][:order]), 0.0
+    while True:
+        error = jets - np.array([time, 1.0, 0.0][:order])
+        jerk, grid = -(np.array(gain) @ error), np.linspace(0.0, step, 200_001)
+        rates = np.append(jets[1:], jerk)
+        if euler:
+            moved = jets[:, None] + grid * rates[:, None]
+        else:
+            all_jets = np.append(jets, jerk)
+            moved = np.array(
+                [
+                    sum(all_jets[k + n] * grid**n / math.factorial(n) for n in range(order + 1 - k))
+                    for k in range(order)
+                ]
+            )
+        if (moved[1] <= 0).any():
+            return moved[0, np.argmax(moved[1] <= 0)]
+        jets, time = moved[:, -1], time + step
+
+
+@pytest.mark.parametrize(("vehicle", "move"), [("unicycle", "euler"), ("two_wheeled", "exact")])
+def test_a_held_input_brings_a_vehicle_to_rest_within_a_period(vehicle, move):
+    row, states = stopping({"kind": "sampled", "move": move}, vehicle)
+    place = plain_rest(ORDERS[vehicle], move == "euler")
+    assert (row["status"], row["stopped"]) == ("ok", 1)
+    np.testing.assert_allclose(states[-1, 0, 0], place, rtol=0, atol=2e-6)
+    assert not states[-1, 0, 1:].any()

@@ -44,6 +44,7 @@ class Engine(Kind):
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick
     samples: ClassVar[bool] = False  # whether every law is evaluated at ticks alone
     limits: ClassVar[bool] = False  # whether inputs of vehicles can be limited
+    stops: ClassVar[bool] = True  # whether vehicles can stop where they come to rest
 
     def presumes(self, scenario: ScenarioView) -> Presumed:
         """Return what the engine takes for granted of the vehicle.

@@ -71,6 +71,7 @@ class Stacked(Engine):
     chunk: ClassVar[int] = 16
     shard: ClassVar[int] = 16
     in_field: ClassVar[bool] = True
+    stops: ClassVar[bool] = False
 
     solver: Annotated[str, AfterValidator(known_solver)] = Field(
         default="Dopri5",
@@ -146,6 +147,9 @@ class ByDiffrax(Motion[StackedState]):
 
     def steps(self, state):
         return state.steps
+
+    def rest(self, state):
+        return None
 
     def hold(self, state, decided, at):
         """The state unchanged, and the lanes in which a vehicle is cut off and does not coast."""

@@ -3,11 +3,12 @@
 A vehicle that hears nobody keeps it. So does a group of vehicles that hear only each other: the law
 has no solution for such a group. If decisions alone cut a vehicle off from the navigator, its lane
 fails, or the vehicle coasts: it keeps its last drive too, and stops for good where it comes to rest
-(`stopping`).
+(`stopping`). With `vehicle.standstill: stop` every vehicle stops where it comes to rest. The law
+then has it keep the drive of a vehicle at rest.
 """
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,6 +19,7 @@ from jaxnet.engine.stages import stopping
 from jaxnet.engine.stages.channel import Reception
 from jaxnet.engine.stages.judging import Judged
 from jaxnet.engine.stages.sensing import Sensed
+from jaxnet.engine.stages.stopping import Rest, stops
 from jaxnet.engine.vehicles import States
 from jaxnet.model import control, xla
 from jaxnet.model.hearing import AxisWeights
@@ -90,7 +92,7 @@ class Unheard(Coasting):
 
     def next(self, now, judged, heard, sensed):
         hears = (heard.usable(judged.in_force(now.lane)) > 0).any(axis=1)
-        return Unheard((~hears).all(axis=0))
+        return replace(self, vehicles=(~hears).all(axis=0) | self.stopped(now.lane))
 
     def moving(self, weights):
         return jnp.where(self.vehicles[None, None], 0.0, weights)
@@ -111,10 +113,10 @@ class Coasts(Unheard):
         lane, hearing, off = now.lane, now.network.hearing, self.off
         if coasts(lane):
             off = cut_off(lane, now.network, judged, self)
-        keeps = off
+        keeps = off | self.stopped(lane)
         if heard.lossy:
             links = heard.usable(judged.in_force(lane)) > 0
-            alone = ~links.any(axis=1) | off[None]
+            alone = ~links.any(axis=1) | keeps[None]
             keeps = (alone | ~hearing.reached(links, alone)).any(axis=0)
         last = self.last_drive(now, sensed)
         kept = xla.materialised(lambda: jnp.where(keeps[None], last, 0.0))
@@ -137,20 +139,15 @@ class Coasts(Unheard):
         return jnp.where(self.vehicles[None], last, demand)
 
 
-class Stops(Coasts):
-    """Vehicles that are cut off keep their drive, and stop where they come to rest."""
+class Rests(Coasting):
+    """Vehicles that stop where they come to rest."""
 
     standing: VehicleFlags  # they stand still for good
-    soon: VehicleFlags  # they stop before the next tick
+    soon: VehicleFlags  # they stop before the next tick, as known before the motion
     states: States  # of rest, of both
 
-    def last_drive(self, now, sensed):
-        """The drive of a vehicle that has stopped is P of what it senses."""
-        still = control.feedback(now.lane.gain, sensed.of(now.own))
-        return jnp.where(self.standing[None], still, super().last_drive(now, sensed))
-
     def may_stop(self, lane):
-        return self.off
+        return jnp.ones_like(self.standing)
 
     def stopped(self, lane):
         return self.standing
@@ -160,6 +157,34 @@ class Stops(Coasts):
 
     def at_rest(self, states):
         return jnp.where(self.standing[None], self.states, states)
+
+    def at_tick(self, here: LaneFlags, found: Rest | None) -> Self:
+        """Vehicles that stand at a tick: those that were to stop, and those that motion found."""
+        soon, states = self.soon & here[None], self.states
+        if found is not None:
+            came = found.which & here[None] & ~(self.standing | self.soon)
+            soon, states = soon | came, jnp.where(came[None], found.states, states)
+        return replace(self, standing=self.standing | soon, soon=self.soon & ~soon, states=states)
+
+
+class Halts(Rests, Unheard):
+    """Vehicles that stop where they come to rest, under a law without a drive to keep."""
+
+    def changed(self, before, lanes):
+        assert isinstance(before, Halts)
+        return lanes | xla.in_any_row(self.vehicles != before.vehicles)
+
+
+class Stops(Rests, Coasts):
+    """Vehicles stop where they come to rest: all of them, or those that are cut off."""
+
+    def last_drive(self, now, sensed):
+        """The drive of a vehicle that has stopped is P of what it senses."""
+        still = control.feedback(now.lane.gain, sensed.of(now.own))
+        return jnp.where(self.standing[None], still, super().last_drive(now, sensed))
+
+    def may_stop(self, lane):
+        return super().may_stop(lane) if stops(lane) else self.off
 
     def held(self, demand, last):
         return jnp.where(self.standing[None], 0.0, super().held(demand, last))
@@ -190,24 +215,21 @@ class Stops(Coasts):
         states = jnp.where(soon[None], states, self.states)
         return replace(self, soon=jnp.where(here[None], soon, self.soon), states=states)
 
-    def at_tick(self, here: LaneFlags) -> "Stops":
-        soon = self.soon & here[None]
-        return replace(self, standing=self.standing | soon, soon=self.soon & ~soon)
-
 
 def first_coasting(lane: Lane) -> Coasting:
     """Vehicles that keep their drive before the first tick: nobody."""
-    if not (lane.lossy or coasts(lane)):
+    if not (lane.lossy or coasts(lane) or stops(lane)):
         return Coasting()
     nobody_yet = nobody(lane)
+    at_rest = nobody_yet, nobody_yet, jnp.zeros_like(lane.initial)
     if not lane.law.couples():
-        return Unheard(nobody_yet)
+        return Halts(nobody_yet, *at_rest) if stops(lane) else Unheard(nobody_yet)
     coasting = nobody_yet, jnp.zeros_like(lane.initial[:2]), nobody_yet
     # Coasting vehicles can come to rest where the law is singular.
     rests = lane.singular and lane.vehicle.singular == 1 and not lane.vehicle.internal
-    if not (coasts(lane) and rests):
+    if not (stops(lane) or (coasts(lane) and rests)):
         return Coasts(*coasting)
-    return Stops(*coasting, nobody_yet, nobody_yet, jnp.zeros_like(lane.initial))
+    return Stops(*coasting, *at_rest)
 
 
 def coasts(lane: Lane) -> bool:
@@ -215,10 +237,21 @@ def coasts(lane: Lane) -> bool:
     return lane.defence.coasts() and lane.law.couples()
 
 
+def keeps_drives(lane: Lane) -> bool:
+    """Whether a vehicle may keep its drive under a law that couples vehicles."""
+    return lane.lossy or coasts(lane) or stops(lane)
+
+
 def cut_off(lane: Lane, network: Network, judged: Judged, coasting: Coasting) -> VehicleFlags:
-    """Vehicles cut off by decisions without loss; a vehicle that has stopped passes on nothing."""
+    """Vehicles cut off by decisions without loss.
+
+    A vehicle that has stopped passes on nothing. Where nobody coasts, others follow it all the
+    same.
+    """
     weights = judged.in_force(lane)
     on_its_way = ~coasting.stopped(lane)[None]
     heard = (weights > 0) & on_its_way[:, None]
     alone = (weights == 0).all(axis=1) & on_its_way
+    if not coasts(lane):
+        alone = alone | ~on_its_way
     return ~network.hearing.reached(heard, alone).all(axis=0)

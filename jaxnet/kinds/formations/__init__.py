@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.shapes import AnyTimes, VehicleJets
+from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, VehicleJets
 
 
 class Formation(Kind):
@@ -48,11 +48,19 @@ class Formation(Kind):
         """
         raise KindError(f"{self.kind}: a formation gives jets(self, time, vehicles)")
 
+    def greatest(self, order: int) -> LaneNumbers:
+        """A bound on the norm of an offset's derivative of this order at any time [m, m/s, …]."""
+        raise KindError(f"{self.kind}: a formation that moves gives greatest(self, order)")
+
     def faults(self, scenario):
         vehicle, engine = scenario.vehicle, scenario.engine
-        if self.moves and vehicle.singular and not engine.samples:
-            message = f"cannot turn {vehicle.kind} vehicles: give engine: sampled"
+        unknown = type(self).greatest is Formation.greatest
+        if self.moves and unknown and vehicle.singular and not engine.samples:
+            message = f"cannot move {vehicle.kind} vehicles: give greatest, or engine: sampled"
             yield Fault(("formation", "engine"), f"the {engine.kind} engine {message}")
+        if self.moves and vehicle.singular and scenario.defence.coasts():
+            message = "a vehicle that coasts may stop, but not in a formation that moves: fail"
+            yield Fault(("defence.isolated", "formation"), message)
 
 
 class Still(Formation):
@@ -61,6 +69,9 @@ class Still(Formation):
     def places(self, vehicles: int) -> Sequence[Sequence[Any]]:
         """The offsets on both axes [m], each a list of numbers (lanes,), one for each vehicle."""
         raise KindError(f"{self.kind}: a formation that stands gives places(self, vehicles)")
+
+    def greatest(self, order):
+        return 0.0
 
     def jets(self, time, vehicles):
         xp, zero = time.__array_namespace__(), 0.0 * time

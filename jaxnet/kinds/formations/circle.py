@@ -18,6 +18,9 @@ class CircleFormation(Formation):
     def moves(self):
         return self.turn_rate != 0.0
 
+    def greatest(self, order):
+        return self.radius * abs(self.turn_rate) ** order
+
     def jets(self, time, vehicles):
         xp = time.__array_namespace__()
         first = (self.phase + self.turn_rate * time)[None]

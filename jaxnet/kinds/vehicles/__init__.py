@@ -8,10 +8,11 @@ array API, for NumPy and JAX.
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from jaxnet.kinds.fields import Positive, setting
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import (
     AnyNumbers,
     AxisMatrices,
@@ -71,8 +72,15 @@ class Vehicle(Kind):
         {}, "greatest absolute values of the vehicle's own inputs, by name: others are clipped"
     )
 
+    standstill: Literal["fail", "stop"] = setting(
+        "fail",
+        "if a vehicle comes to rest and its law is singular there: fail, its lane fails; stop, it"
+        " stands there for good, and the others go on",
+    )
+
     def breaks(self):
-        return broken(flat=not self.flat or bool(self.limits))
+        stops = self.standstill == "stop"
+        return broken(flat=not self.flat or bool(self.limits) or stops)
 
     def faults(self, scenario):
         if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
@@ -84,6 +92,23 @@ class Vehicle(Kind):
         if unknown := [name for name in self.limits if name not in allowed]:
             message = f"{self.kind} has limits of {', '.join(allowed)} (got {unknown[0]})"
             yield Fault(("vehicle.limits", "vehicle"), message)
+        if self.standstill == "stop" and (why := self.never_stops(scenario)):
+            yield Fault(("vehicle.standstill", "vehicle"), f"stop: {why}")
+
+    def never_stops(self, scenario: ScenarioView) -> str:
+        """Why vehicles cannot stop where they come to rest; "" if they can."""
+        law, engine, formation = scenario.law, scenario.engine, scenario.formation
+        if self.singular != 1 or self.internal or not law.singular_at_rest():
+            return f"{self.kind} under law: {law.kind} is not singular at rest"
+        if not engine.stops:
+            return f"the {engine.kind} engine cannot: give engine: exact, nonlinear or sampled"
+        if scenario.tick == 0:
+            return "others learn at ticks that a vehicle stands: give a tick"
+        if law.way() == "local" and not engine.samples:
+            return f"others learn at ticks that a vehicle stands: give {law.kind} hold: true"
+        if formation.moves:
+            return "no vehicle stands in a formation that turns"
+        return ""
 
     def start(
         self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers

@@ -16,11 +16,12 @@ from jaxnet.theory import integer
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
 from jaxnet.theory.certificate import HonestPaths
+from jaxnet.theory.clipping import Unclipped
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.theory.rounds import Stability
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.solution import Decay
-from jaxnet.theory.start import Start
+from jaxnet.theory.start import KeepsMoving, Start
 from jaxnet.theory.theorems import OF_LAWS, values
 from jaxnet.theory.tolerance import Agreement, VehiclesAlone
 
@@ -195,6 +196,8 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", ""),
         "start": told.get("start", ""),
+        "at rest": told.get("keeps moving", ""),
+        "limits": "; ".join(filter(None, map(told.get, ("never global", "unclipped")))),
     }
 
 
@@ -350,6 +353,28 @@ def start_words(found: Start, scenario: Scenario) -> str:
     return f"at most {found.distance:.4g} m from the navigator's; its effect is {', '.join(below)}"
 
 
+def moving_words(found: KeepsMoving, scenario: Scenario) -> str:
+    sizes = ("‖E‖", "‖Ė‖", "‖Ë‖")
+    each = [
+        size if factor == 1 else f"{factor:.4g} {size}"
+        for factor, size in zip(found.factors.round(9), sizes, strict=False)
+    ]
+    met = "every start meets it" if found.every_start else "starts may break it"
+    alone = found.slowest / found.factors[0]
+    return (
+        f"without attack no vehicle comes to rest if at its start {' + '.join(each)} <"
+        f" {found.slowest:.4g} m/s, so if ‖E‖ < {alone:.5g} m and it moves as the navigator; {met}"
+    )
+
+
+def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
+    met = "every start is there" if found.every_start else "starts may be outside"
+    return (
+        f"no input is clipped while x'Px ≤ {found.left:.4g}² / {found.ratio:.8g} ="
+        f" {found.level:.4g} on each axis, with x = (E, Ė, …) and A'P + PA = -1; {met}"
+    )
+
+
 # What a theorem's value says, by its quantity.
 PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": lambda norm, scenario: f"{norm:.4g}",
@@ -392,4 +417,10 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "ultimate error": ultimate_words,
     "decay": decay_words,
     "start": start_words,
+    "keeps moving": moving_words,
+    "never global": lambda is_so, scenario: (
+        "no saturated linear feedback stabilises three integrators globally (Sussmann and Yang"
+        " 1991), so far starts may not come back"
+    ),
+    "unclipped": within_limits_words,
 }

@@ -11,7 +11,7 @@ from jaxnet.statistics.curves import BOUND_NAMES, NO_SLOPE, Curve, Fit, curves, 
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVAL, whole_draws
 from jaxnet.statistics.intervals import below_greatest
-from jaxnet.statistics.limits import unchecked_words
+from jaxnet.statistics.limits import unchecked_words, unclipped_words
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
 from jaxnet.view.columns import without_rounding
@@ -145,4 +145,6 @@ def violations_text(results: Results) -> str:
     lines = lines or ["no lane is above its bound of theory"]
     if unchecked := unchecked_words(results.study.cells):
         lines.append(filled(f"no bound is known for {unchecked}"))
+    if unclipped := unclipped_words(results):
+        lines.append(filled(unclipped))
     return "\n".join(lines)

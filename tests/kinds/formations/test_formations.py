@@ -95,7 +95,14 @@ def test_errors_of_other_engines_are_those_without_a_formation(engine):
     "engine",
     ["exact", *[pytest.param(each, marks=pytest.mark.long) for each in ("nonlinear", "stacked")]],
 )
-@pytest.mark.parametrize("vehicle", ["double_integrator", {"kind": "look_ahead", "ahead": 2.0}])
+@pytest.mark.parametrize(
+    "vehicle",
+    [
+        "double_integrator",
+        {"kind": "look_ahead", "ahead": 2.0},
+        *[pytest.param(each, marks=pytest.mark.long) for each in ("unicycle", "two_wheeled")],
+    ],
+)
 def test_circle_that_turns(vehicle, engine):
     """The true outputs turn, the errors do not."""
     plain = simulated(vehicle=vehicle, engine=engine, defence="none")
@@ -150,7 +157,7 @@ def test_the_vector_field_starts_in_formation():
 
 def places_of(results, vehicle):
     states = results.trajectories["states"].values[0]
-    if vehicle == "double_integrator":
+    if isinstance(vehicle, str):
         return states[..., :2]
     heading = states[..., 2]
     return states[..., :2] + 2.0 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
@@ -237,7 +244,10 @@ def test_wrong_files_of_places_are_refused(tmp_path, content):
     ("keys", "message"),
     [
         ({"formation": {"kind": "offsets", "offsets": [[0.0, 0.0]]}}, "must be 12, one for each"),
-        ({"formation": TURNING}, "give engine: sampled"),
+        (
+            {"formation": TURNING, "defence": {"kind": "w_msr", "isolated": "coast"}},
+            "not in a formation that moves",
+        ),
         ({"formation": {"kind": "circle"}}, "radius"),
         ({"formation": "square"}, "must be one of circle, file, grid, line, none, offsets"),
     ],
