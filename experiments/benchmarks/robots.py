@@ -1,4 +1,4 @@
-"""Robots of the arena, sampled: lanes per second beside a plain NumPy loop, and what limits cost.
+"""Robots of the arena, sampled: lanes per second beside a plain NumPy loop; limits and filters.
 
 `python experiments/benchmarks/robots.py`: 12 robots on a ring, 300 steps of Euler's method. The
 loop advances one lane after the other, with all robots of a step in one array, as users do.
@@ -31,6 +31,15 @@ STUDY = {
     "initial": {"position": {"uniform": [-1.0, 1.0]}},
 }
 WITHOUT = {"kind": "look_ahead", "ahead": AHEAD}
+# Starts on a circle, whose robots meet, and places 1 m apart, to which they go from 2 m apart
+MEETING = {
+    "initial": {"position": [[0.9 * np.cos(a), 0.9 * np.sin(a)] for a in np.arange(12) * np.pi / 6]}
+}
+APART = {
+    "formation": {"kind": "circle", "radius": 2.0},
+    "gain": [0.05],
+    "initial": {"position": {"uniform": [-0.1, 0.1]}},
+}
 
 
 def moved_by_numpy(place: np.ndarray, heading: np.ndarray) -> np.ndarray:
@@ -49,9 +58,9 @@ def moved_by_numpy(place: np.ndarray, heading: np.ndarray) -> np.ndarray:
     return place + AHEAD * np.stack([np.cos(heading), np.sin(heading)])
 
 
-def seconds_of(vehicle: object, lanes: int, rounds: int) -> tuple[float, np.ndarray, batch.Job]:
+def seconds_of(lanes: int, rounds: int, **keys: object) -> tuple[float, np.ndarray, batch.Job]:
     """Least time to simulate lanes whose numbers are drawn, their spread, and their batch."""
-    (cell,) = jaxnet.load({**STUDY, "vehicle": vehicle}).cells
+    (cell,) = jaxnet.load({**STUDY, **keys}).cells
     drawn = job(cell.scenario, Keyed(0), range(lanes))
     found, least = batch.simulate(drawn), np.inf
     for _ in range(rounds):
@@ -67,8 +76,8 @@ def main() -> None:
     parser.add_argument("--by-loop", type=int, default=20, help="lanes of the loop")
     parser.add_argument("--rounds", type=int, default=3)
     asked = parser.parse_args()
-    free, _, _ = seconds_of(WITHOUT, asked.lanes, asked.rounds)
-    limited, spread, drawn = seconds_of("robotarium", asked.lanes, asked.rounds)
+    free, _, _ = seconds_of(asked.lanes, asked.rounds, vehicle=WITHOUT)
+    limited, spread, drawn = seconds_of(asked.lanes, asked.rounds, vehicle="robotarium")
     initial = np.asarray(drawn.inputs.lane.initial)
     begin = time.perf_counter()
     ends = [moved_by_numpy(lane[:2], lane[2]) for lane in initial[: asked.by_loop]]
@@ -80,6 +89,14 @@ def main() -> None:
     print(f"   {loop * asked.lanes / limited:.0f} times; spreads differ by {error:.1e} m")
     print(f"jaxnet, no limits    {asked.lanes / free:12,.0f} lanes/s", end="")
     print(f"   limits cost {limited / free:.2f} times")
+    few = asked.lanes // 10
+    for name, start in {"robots stay apart": APART, "robots meet": MEETING}.items():
+        plain, _, _ = seconds_of(few, asked.rounds, vehicle=WITHOUT, **start)
+        for form in ("halves", "joint"):
+            safety = {"kind": "barrier", "form": form}
+            least, _, _ = seconds_of(few, asked.rounds, vehicle=WITHOUT, filter=safety, **start)
+            print(f"filter {form:7s} {few / least:12,.0f} lanes/s   ", end="")
+            print(f"{least / plain:.2f} times, {name}")
 
 
 if __name__ == "__main__":

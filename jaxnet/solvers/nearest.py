@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float
 
 from jaxnet.lazy import jax, jnp
 from jaxnet.model.plane import dot, length
-from jaxnet.model.shapes import LoopIndex
 
 NEAR_ENOUGH = 1e-12  # distance [of x] beyond a constraint that counts as none
 NO_PART = 1e-18  # square of a unit vector's part that counts as none
@@ -39,37 +38,44 @@ def in_plane(
     lies on its line: there each constraint before it leaves a ray. Source: van den Berg, Guy, Lin,
     Manocha, Reciprocal n-body collision avoidance, 2011, as Seidel's linear programs.
     """
-    first, solvable = wanted, jnp.ones(wanted.shape[1:], bool)
+    first = wanted
     if most is not None:
         first = wanted * jnp.minimum(1.0, most / jnp.maximum(length(wanted), most))[None]
-    before = jnp.arange(limits.shape[0]).reshape(-1, *[1] * (limits.ndim - 1))
+    number = jnp.arange(len(limits)).reshape(-1, *[1] * (limits.ndim - 1))
 
-    def with_next(k: LoopIndex, carry: tuple[PlanePoints, Any]) -> tuple[PlanePoints, Any]:
-        point, solvable = carry
-        normal = jax.lax.dynamic_index_in_dim(normals, k, axis=1, keepdims=False)
-        limit = jax.lax.dynamic_index_in_dim(limits, k, keepdims=False)
+    def next_broken(point: PlanePoints, after: Any) -> tuple[Any, Any]:
+        """Number of the next constraint that a point breaks, and whether there is one."""
+        broken = (dot(normals, point[:, None]) > limits + NEAR_ENOUGH) & (number > after[None])
+        return broken.argmax(axis=0), broken.any(axis=0)
+
+    def under_way(carry: tuple[PlanePoints, Any, Any]) -> Any:
+        return carry[2].any()
+
+    def with_next(carry: tuple[PlanePoints, Any, Any]) -> tuple[PlanePoints, Any, Any]:
+        point, k, going = carry
+        normal = jnp.take_along_axis(normals, k[None, None], axis=1)[:, 0]
+        limit = jnp.take_along_axis(limits, k[None], axis=0)[0]
         foot, along = limit[None] * normal, jnp.stack([-normal[1], normal[0]])
         end = jnp.full_like(limit, jnp.inf)
         if most is not None:
             end = jnp.sqrt(jnp.maximum(most**2 - limit**2, 0.0))
         slope, left = dot(normals, along[:, None]), limits - dot(normals, foot[:, None])
-        crosses = slope**2 > NO_PART
-        place, counts = left / jnp.where(crosses, slope, 1.0), before < k
-        upper = jnp.where(counts & crosses & (slope > 0), place, jnp.inf).min(axis=0)
-        lower = jnp.where(counts & crosses & (slope < 0), place, -jnp.inf).max(axis=0)
+        before, crosses = number < k[None], slope**2 > NO_PART
+        place = left / jnp.where(crosses, slope, 1.0)
+        upper = jnp.where(before & crosses & (slope > 0), place, jnp.inf).min(axis=0)
+        lower = jnp.where(before & crosses & (slope < 0), place, -jnp.inf).max(axis=0)
         upper, lower = jnp.minimum(upper, end), jnp.maximum(lower, -end)
-        apart = (counts & ~crosses & (left < -NEAR_ENOUGH)).any(axis=0) | (
-            lower > upper + NEAR_ENOUGH
-        )
-        apart = apart | (normal == 0).all(axis=0)
+        apart = (before & ~crosses & (left < -NEAR_ENOUGH)).any(axis=0)
+        apart = apart | (lower > upper + NEAR_ENOUGH) | (normal == 0).all(axis=0)
         if most is not None:
             apart = apart | (abs(limit) > most)
         on_line = foot + jnp.clip(dot(along, wanted), lower, upper)[None] * along
-        broken = dot(normal, point) > limit + NEAR_ENOUGH
-        return jnp.where(broken[None], on_line, point), solvable & ~(broken & apart)
+        found = jnp.where(apart[None], jnp.nan, on_line)
+        point = jnp.where(going[None], found, point)
+        return point, *next_broken(point, k)
 
-    point, solvable = jax.lax.fori_loop(0, len(limits), with_next, (first, solvable))
-    return jnp.where(solvable[None], point, jnp.nan)
+    start = first, *next_broken(first, jnp.full(limits.shape[1:], -1))
+    return jax.lax.while_loop(under_way, with_next, start)[0]
 
 
 class Search(NamedTuple):
