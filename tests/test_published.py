@@ -153,3 +153,83 @@ def test_centerpoints_meet_where_coordinate_medians_do_not(simulated):
     assert lanes["spread"].max()["centerpoint"] < 1e-3
     assert lanes["outside"].max()["centerpoint"] < 1e-9
     assert lanes["spread"].min()["coordinate_median"] > 0.5
+
+
+# --- the Robotarium's examples -------------------------------------------------------------------
+
+STEP, LEFT = 0.033, np.pi / 2
+
+
+def ends_of(results):
+    """Poses of the first lane at the last output, (robots, 3), headings from -π to π."""
+    poses = results.trajectories["states"].values[0, 0, -1]
+    return np.concatenate([poses[:, :2], (poses[:, 2:] + np.pi) % (2 * np.pi) - np.pi], axis=1)
+
+
+def test_the_arena_s_robots_meet(simulated):
+    results = simulated("arena_consensus")
+    row, ends = results.lanes.iloc[0], ends_of(results)
+    assert ends[0] == pytest.approx([0.015646697, 0, -6e-9], abs=8e-10)
+    assert ends[1] == pytest.approx([0.108731764, 0.025408357, -2.610114648], abs=6e-10)
+    assert row["spread"] == pytest.approx(2.718254e-4, abs=6e-11)
+    counts = ["saturated_steps", "collisions", "outside_arena"]
+    assert row[counts].tolist() == [50, 47_713, 0]
+
+
+def test_the_arena_s_robots_form_a_hexagon(simulated):
+    results = simulated("arena_formation")
+    row, ends = results.lanes.iloc[0], ends_of(results)
+    assert ends[0] == pytest.approx([0.546192992, 0.032826782, -1.936904091], abs=6e-10)
+    assert ends[1] == pytest.approx([0.274380533, 0.450901176, 2.217697354], abs=6e-10)
+    assert row[["saturated_steps", "collisions", "outside_arena"]].tolist() == [8, 0, 0]
+
+
+def behind_a_leader(poses, leads, steps):
+    """Poses (3, 3) of followers after some steps of the arena, by a plain program.
+
+    `leads` gives the leader's place at a time. Followers hear each other, the first the leader.
+    """
+    poses = poses.copy()
+    for step in range(steps):
+        commands = []
+        for i, pose in enumerate(poses):
+            heard = [other[:2] for j, other in enumerate(poses) if j != i]
+            heard += [leads(step * STEP)] * (i == 0)
+            apart = [place - pose[:2] for place in heard]
+            q = 10 * np.sum([(each @ each - 0.2**2) * each for each in apart], axis=0)
+            q *= min(1.0, 0.15 / max(np.linalg.norm(q), 1e-30))
+            along = np.array([np.cos(pose[2]), np.sin(pose[2])])
+            ahead, aside = along @ q, along[0] * q[1] - along[1] * q[0]
+            v, turn = 0.8 * ahead, np.pi * np.arctan2(aside, ahead) / LEFT
+            wheels = np.clip((v + np.array([-0.055, 0.055]) * turn) / 0.016, -12.5, 12.5)
+            commands.append((0.016 * wheels.mean(), 0.016 * np.ptp(wheels) / 0.11 * np.sign(turn)))
+        for pose, (v, turn) in zip(poses, commands, strict=True):
+            pose += STEP * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), turn])
+    return poses
+
+
+def test_the_arena_s_robots_follow_a_leader(simulated):
+    """The leader is on a circle of 0.8 m about 0, at 0.1 m/s."""
+    results = simulated("arena_leader")
+    starts = results.trajectories["states"].values[0, 0, 0]
+    angle = lambda time: 0.125 * time - LEFT  # noqa: E731
+    leads = lambda time: 0.8 * np.array([np.cos(angle(time)), np.sin(angle(time))])  # noqa: E731
+    expected = behind_a_leader(starts, leads, 1500)
+    expected[:, 2] = (expected[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    ends = ends_of(results)
+    np.testing.assert_allclose(ends, expected, atol=1e-8)
+    assert np.linalg.norm(ends[0, :2] - leads(49.5)) < 0.6
+
+
+@pytest.mark.long
+def test_liars_among_the_arena_s_robots_are_outvoted_up_to_f(simulated):
+    """The spread of honest robots does not depend on the formation, in which starts are apart."""
+    found = simulated("arena_attacked", 16, **{"sweep.attack.magnitude": [0.4]}).lanes
+    assert (found["status"] == "ok").all()
+    outvoted = found.groupby(["defence", "attack.vehicles", "formation"])[["spread", "outside"]]
+    for (defence, liars, _), ends in outvoted.max().iterrows():
+        number, most = int(str(liars)[-2]), int(str(defence)[-2]) if "F=" in str(defence) else 0
+        assert (ends["spread"] < 1e-4) == (number <= most), (defence, liars)
+        assert (ends["outside"] < 0.1) == (number <= most), (defence, liars)
+    lies = found.pivot_table("collisions", ["defence", "attack.vehicles"], "formation", "median")
+    assert (lies["circle"] < lies["none"] / 20).all()
