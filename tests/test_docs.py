@@ -226,10 +226,13 @@ def test_the_tables_of_keys_are_current(keys):
 
 def test_the_examples_of_the_config_load(keys, tmp_path):
     """One for each family."""
+    needed = {  # by kinds of a family
+        "detector": "channel: {noise: {position: 0.1}}",
+        "filter": "vehicle: robotarium\nengine: sampled\nlaw: local\ngain: [1]",
+    }
     for family, example in keys["EXAMPLES"].items():
         path = tmp_path / f"{family}.yaml"
-        noise = "channel: {noise: {position: 0.1}}\n" if family == "detector" else ""
-        path.write_text(f"name: {family}\n{noise}{example}\n")
+        path.write_text(f"name: {family}\n{needed.get(family, '')}\n{example}\n")
         jaxnet.load(path)
 
 
