@@ -63,7 +63,7 @@ def test_the_constant_attack_costs_what_is_known_exactly(folder):
         assert worst["slope"].tolist() == pytest.approx([exact], abs=1e-4)
     envelope = fits[fits["quantile"] == 1.0]
     assert envelope[["low", "high"]].isna().all(axis=None)
-    assert "with 95 % confidence 68.8 % of all are" in text  # 0.05^(1/8)
+    assert "at least 68.8 % of all possible lanes" in text  # 0.05^(1/8)
 
 
 def test_the_report_makes_what_is_missing(folder, monkeypatch):

@@ -50,7 +50,7 @@ AGREEMENT_LEGEND = (
     " agreement."
 )
 SHARE_LEGEND = (
-    "Only A off, only B off: lanes that did not recover in A alone, in B alone; p: McNemar's exact"
+    "Only A off, only B off: lanes that failed to recover only in A, only in B; p: McNemar's exact"
     " test that both are equally likely."
 )
 
@@ -104,8 +104,8 @@ def comparison_text(found: Comparison) -> str:
     parts = [
         "\n".join(settings_lines(found)),
         "\n".join(lines),
-        named_lanes("recovered in B alone", changed[saved]),
-        named_lanes("recovered in A alone", changed[~saved]),
+        named_lanes("recovered only in B", changed[saved]),
+        named_lanes("recovered only in A", changed[~saved]),
         named_lanes("failed", found.failed),
     ]
     return "\n\n".join(filter(None, parts))

@@ -47,10 +47,10 @@ def search_notes(results: Results) -> list[str]:
     start = "one start" if asked.starts == 1 else f"{asked.starts:,} starts, their mean"
     return [
         f"found by the search: the worst choice from {start}, over {', '.join(asked.over)}; later:"
-        f" the same choice at {late_times(results)}, when what is transient has died away",
-        "worst random lane: of as many, each with a choice and a start of its own; from a worse"
-        " start it may lie above what was found",
-        "other starts: the choice that was found, from 10,000 further starts",
+        f" the same choice at {late_times(results)}, when transients have died away",
+        "worst random lane: the worst of as many random choices, each from one random start; it may"
+        " exceed what was found, from a worse start",
+        "other starts: the found choice from 10,000 further starts",
     ]
 
 

@@ -250,6 +250,6 @@ def test_no_bound_is_told():
     assert len(table) == 6 * 14
     assert table["slope"].isna().all()
     assert limits.unchecked_words(study.cells) == "cell 0: the defence may retain any neighbour"
-    assert "so no bound is told" in " ".join(check.check_text(study).split())
+    assert "so there is no bound" in " ".join(check.check_text(study).split())
     rows = pd.DataFrame({"cell": [0], "sample": [0], "status": ["ok"], "tail_max": [1e9]})
     assert limits.violations_table(systems.results_of(study, rows)).empty
