@@ -5,7 +5,7 @@ vehicles is of the mean error of each vehicle over the tail.
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.statistics.axes import by_hue, choose_axes, ordered_values, panels_of
-from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, decades
+from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR
 from jaxnet.statistics.groups import Group, scenes
 from jaxnet.statistics.recovery import threshold
 from jaxnet.store.results import Results
@@ -89,14 +89,6 @@ def whole_lanes(values: Float[np.ndarray, "lanes n"]) -> Float[np.ndarray, "ok n
 def variable_over_time(cells: Sequence[Cell]) -> str:
     """Array of `errors.zarr` that tells how these cells fare: the spread without a navigator."""
     return "spread" if is_leaderless(cells) else "tracking"
-
-
-def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
-    low = min(float(np.nanmin(each.low)) for each in found.values())
-    return decades(
-        max(LOG_FLOOR, low),
-        max(LOG_FLOOR, *(float(np.nanmax(each.greatest)) for each in found.values())),
-    )
 
 
 def vehicle_table(results: Results, cells: Sequence[Cell]) -> pd.DataFrame:

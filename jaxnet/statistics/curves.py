@@ -148,21 +148,12 @@ def canonical_value(value: Any) -> str:
         return str(value)
 
 
-def axis_ends(found: Sequence[Curve], metric: str) -> tuple[float, float]:
-    """Ends of a log axis for a metric [m]."""
-    low, high = [], [LOG_FLOOR]
-    for curve in found:
-        low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
-        bounds = (curve.sizes.max() * s for s in curve.limits(metric).values())
-        high += [*curve.spread(metric, "max")[0], *bounds]
-    most = max(filter(np.isfinite, high))
-    return decades(max(LOG_FLOOR, min(low, default=LOG_FLOOR)), most)
-
-
-def decades(low: float, high: float) -> tuple[float, float]:
-    """Powers of ten around a range, within the greatest range of an axis."""
-    low, high = np.clip([low, high], 1 / GREATEST_SHOWN, GREATEST_SHOWN)
-    first, last = np.floor(np.log10(low)), np.ceil(np.log10(high))
+def log_ends(*values: Any) -> tuple[float, float]:
+    """Powers of ten around all finite values, as a log axis shows them: its ends."""
+    known = np.concatenate([np.ravel(np.asarray(each, dtype=float)) for each in values])
+    shown = np.clip(known[np.isfinite(known)], LOG_FLOOR, GREATEST_SHOWN)
+    least, most = (shown.min(), shown.max()) if shown.size else (LOG_FLOOR, LOG_FLOOR)
+    first, last = np.floor(np.log10(least)), np.ceil(np.log10(most))
     return float(10.0**first), float(10.0 ** max(last, first + 1))
 
 

@@ -14,7 +14,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
 from jaxnet.kinds.metrics import DETECTION, Metric
 from jaxnet.model.wording import count
-from jaxnet.statistics.curves import LOG_FLOOR, decades
+from jaxnet.statistics.curves import LOG_FLOOR, log_ends
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
@@ -74,7 +74,7 @@ class Quantity(NamedTuple):
         known = self.values[VALUE_COLUMNS].to_numpy(dtype=float)
         known = known[np.isfinite(known)]
         if self.log:
-            return decades(max(LOG_FLOOR, known.min()), known.max())
+            return log_ends(known)
         if self.unit == "m" and np.abs(known).max() < LOG_FLOOR:  # rounding needs no own scale
             return 0.0, 1.0
         return min(0.0, float(known.min())), float(known.max())

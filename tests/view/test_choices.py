@@ -11,7 +11,8 @@ import xarray as xr
 
 import jaxnet
 from jaxnet.statistics.axes import choose_axes
-from jaxnet.statistics.bands import bands_span, error_bands
+from jaxnet.statistics.bands import error_bands
+from jaxnet.statistics.curves import log_ends
 from jaxnet.statistics.groups import evenly_over
 from jaxnet.store.folder import FolderError
 from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Panel, Scale, Trace
@@ -111,7 +112,7 @@ def test_a_start_at_zero_has_no_place_on_a_log_axis(results):
     bands = error_bands(stored, results.study.cells[:2])
     np.testing.assert_array_equal(bands[0].median, np.zeros(4))
     np.testing.assert_array_equal(bands[1].median, [np.nan, np.nan, 2.0, 0.0])
-    assert bands_span({1: bands[1]._replace(low=np.array([np.nan, np.nan, 2.0, 1.0]))})[0] == 1.0
+    assert log_ends([np.nan, np.nan, 2.0, 1.0], bands[1].greatest)[0] == 1.0
 
 
 def test_curves_that_coincide_are_parted_on_the_page_as_in_print():

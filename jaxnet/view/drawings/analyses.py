@@ -7,13 +7,12 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.explore.courses import Course
-from jaxnet.statistics.curves import LOG_FLOOR, MOST_PANELS
+from jaxnet.statistics.curves import MOST_PANELS, log_ends
 from jaxnet.statistics.groups import evenly
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 
-BEYOND = 0.7  # below the least value
 SEARCH, RANDOM, BOUND = (
     Look(style.BLUE, width=1.4),
     Look(style.RED, (5, 1.5)),
@@ -32,14 +31,6 @@ INDICES = {
 AXIS_MARGIN = 0.08
 
 
-def ends_around(values: Sequence[float] | np.ndarray) -> tuple[float, float]:
-    """Ends of a log axis just beyond these values."""
-    known = np.asarray(values, float)
-    known = np.maximum(LOG_FLOOR, known[np.isfinite(known)])
-    least, most = known.min(initial=np.inf), known.max(initial=LOG_FLOOR)
-    return BEYOND * min(float(least), float(most)), float(most) / BEYOND
-
-
 def course_drawing(found: Sequence[Course], there: int, words: str) -> Drawing:
     """The best value against the number of lanes: of each search and of random lanes."""
     best = np.concatenate([[*each.best, *each.random_best] for each in found])
@@ -55,7 +46,7 @@ def course_drawing(found: Sequence[Course], there: int, words: str) -> Drawing:
             known.append(each.bound)
             series.append(Trace("bound", BOUND, ends, np.full(2, each.bound), "level"))
         panels.append(Panel(each.cell.labels, [each.cell.number], series))
-    y = Scale(words, ends_around(known), log=True)
+    y = Scale(words, log_ends(known), log=True)
     x = Scale("lanes", log=True)
     return Drawing(panels, x, y, there=(there, "cells"), where="search.csv")
 
@@ -73,7 +64,7 @@ def worst_drawing(table: pd.DataFrame, cells: Sequence[Cell], words: str) -> Dra
         for (name, look), value in zip(marks.items(), values.T, strict=True)
     ]
     titles, common = distinct_titles([cell.labels for cell in shown])
-    x = Scale(words, ends_around(values), log=True)
+    x = Scale(words, log_ends(values), log=True)
     panel = Panel({}, [cell.number for cell in shown], series)
     y, total = Scale("", names=titles), (there, "cells")
     return Drawing([panel], x, y, [common], there=total, where="worst.csv")

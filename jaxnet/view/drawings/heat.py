@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import quantity, value_alone, value_name
 from jaxnet.model.wording import count, counted, number_text
-from jaxnet.statistics.curves import LOG_FLOOR, decades, failed_kinds
+from jaxnet.statistics.curves import failed_kinds, log_ends
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.statistics.recovery import confidence_told, share_name
 from jaxnet.statistics.tiles import (
@@ -59,8 +59,7 @@ def heat_drawing(results: Results, tiling: Tiling, metric: str) -> Drawing:
     )
     ends = (0.0, 100.0)
     if not is_share:
-        sizes = found[metric].dropna().clip(lower=LOG_FLOOR)
-        ends = decades(sizes.min(), sizes.max())
+        ends = log_ends(found[metric])
     colours = Scale(metric_label(metric, cells), ends, log=not is_share)
     notes = [*tile_notes(results, tiling.cells, metric)]
     notes += [SPREAD_WORDS] * (not is_share and is_leaderless(cells))

@@ -11,8 +11,8 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Recovery
 from jaxnet.config.naming import value_name
 from jaxnet.model.wording import count_between
-from jaxnet.statistics.bands import Band, bands_span
-from jaxnet.statistics.curves import magnitude_words
+from jaxnet.statistics.bands import Band
+from jaxnet.statistics.curves import log_ends, magnitude_words
 from jaxnet.statistics.groups import Group, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.statistics.recovery import share_definition, threshold
@@ -111,7 +111,8 @@ def bands_drawing(
     notes += [SPREAD_WORDS] * (variable == "spread")
     left_out = [(most, sizes, "sizes ā")]
     words = OVER_TIME_WORDS.get(variable, variable)
-    y = Scale(words, bands_span(bands) if bands else None, log=True)
+    ends = log_ends(*(end for each in bands.values() for end in (each.low, each.greatest)), [])
+    y = Scale(words, ends, log=True)
     total = there or len(groups), "groups"
     return Drawing(panels, Scale("t [s]"), y, notes, there=total, where="errors.zarr",
                    left_out=left_out)  # fmt: skip

@@ -1,8 +1,9 @@
 """The ultimate error δ̂(ā): quantiles of simulated lanes, bounds, and fitted lines."""
 
 from collections.abc import Sequence
+from typing import Any
 
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, axis_ends
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, log_ends
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.figures import style
 
@@ -28,8 +29,7 @@ ULTIMATE_WORDS = {"tail_max": "greatest tail error [m]", "tail_mean": "mean tail
 
 def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     """δ̂(ā): a panel a curve, with quantiles of its lanes, and bounds and fits as lines s·ā."""
-    ends = axis_ends(found, metric)
-    panels = []
+    shown, panels = list[Any](), []
     for curve in found:
         slopes = {
             BOUND_NAMES[name]: (slope, BOUND_LOOKS[name])
@@ -44,9 +44,11 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
             lines.append(Trace(name, look, curve.sizes, slope * curve.sizes, "slope"))
         labels, about = curve.group.labels, [*curve.group.attacked]
         series = [*lines, *lane_series(curve, metric)]
+        most = [limit * curve.sizes.max() for limit in curve.limits(metric).values()]
+        shown += [*curve.spread(metric, "q05", "max"), most]
         panels.append(Panel(labels, about, series, note=slope_note(curve, metric)))
     x = Scale("attack magnitude ā [m]", log=True)
-    y = Scale(ULTIMATE_WORDS[metric], ends, log=True)
+    y = Scale(ULTIMATE_WORDS[metric], log_ends(*shown), log=True)
     return Drawing(panels, x, y, [LINES_TOLD], there=(len(found), "groups"))
 
 

@@ -13,7 +13,7 @@ from jaxnet.config.naming import labels_title
 from jaxnet.config.scenario import situation_of
 from jaxnet.runs.replay import pictured
 from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
-from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, decades
+from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, log_ends
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.scene import LaneScene, scene_of
 from jaxnet.view.drawings.words import error_text
@@ -254,10 +254,10 @@ def errors_figure(scene: LaneScene, names: Sequence[str], centre: str) -> dict[s
         hover = f"{names[vehicle]}{' (attacked)' * lies}: %{{y:.3~g}} m<extra></extra>"
         drawn = {"type": "scatter", "mode": "lines", "name": LIAR if lies else "vehicle"}
         traces.append(drawn | {"x": [], "y": packed(errors), "line": line, "hovertemplate": hover})
-    known = off[np.isfinite(off) & (off > LOG_FLOOR)]
-    ends = decades(known.min(initial=np.inf), known.max()) if known.size else (LOG_FLOOR, 1.0)
     less = "" if scene.shape is None else " − δ<sub>i</sub>"
-    upwards = decades_axis(*ends) | {"title": {"text": f"‖y<sub>i</sub>{less} − {centre}‖ [m]"}}
+    upwards = decades_axis(*log_ends(off)) | {
+        "title": {"text": f"‖y<sub>i</sub>{less} − {centre}‖ [m]"}
+    }
     layout = {"xaxis": TIME_AXIS, "yaxis": upwards, "shapes": [CURSOR]}
     columns = [f"vehicle {n + 1}" for n in range(off.shape[1])]
     common = {"x": packed(scene.time), "names": columns, "floor": LOG_FLOOR}
