@@ -53,6 +53,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         **defence.describe(graph, at_once, trusted),
         "guarantee": f"{defence.kind}: {defence.promise()}",
         "cut off": told.get("cut off", ""),
+        "apart": told.get("apart", ""),
         **world_lines(scenario, told),
         **motion_lines(scenario, found, told),
     }
@@ -344,6 +345,7 @@ def start_words(found: Start, scenario: Scenario) -> str:
 PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": lambda norm, scenario: f"{norm:.4g}",
     "honest paths": path_words,
+    "apart": lambda least, scenario: f"who start {least:g} m apart or more stay so",
     "cut off": lambda lost, scenario: f"{ranges(lost)} may be, by whom they drop",
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"
