@@ -193,6 +193,8 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "solved": "the law is {one.law.kind} (theorems need the law solved at every instant)",
     "flat": "{one.vehicle.kind} may not move as the law asks",
     "unfiltered": "filter {one.filter.kind} may change what the law asks for",
+    "filtered": "there is no filter",
+    "true places": "attacked vehicles tell false places",
     "continuous": "the {one.engine.kind} engine holds inputs from tick to tick",
     "settled": "gains differ by vehicle, and weights may switch",
     "retained": "the defence may retain any neighbour",
@@ -235,6 +237,8 @@ def breaks(scenario: Scenario) -> set[str]:
         or attack.strategic
         or attack.replaces()
         or bool(attack.periods()),
+        "filtered": not scenario.filter.present,
+        "true places": attack.present,
         "no decisions": scenario.defence.decides,
         "drops": channel.missing != "drop",
         "steady delay": is_drawn(channel.delay),

@@ -8,7 +8,17 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from jaxnet.config.scenario import MOTION, missing
-from jaxnet.theory import announced, certificate, delay, noise, rounds, safe, solution, tolerance
+from jaxnet.theory import (
+    announced,
+    certificate,
+    delay,
+    noise,
+    rounds,
+    safe,
+    separation,
+    solution,
+    tolerance,
+)
 from jaxnet.theory.case import Case
 from jaxnet.theory.clipping import never_global, unclipped
 from jaxnet.theory.start import keeps_moving, start_decay
@@ -59,6 +69,7 @@ THEOREMS = (
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
     Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
+    Theorem("O18", "apart", ("flat", "filtered", "true places"), separation.kept),
     START,
     Theorem("O1", "keeps moving", WITHIN, keeps_moving),
     Theorem("Sussmann and Yang 1991", "never global", (), never_global),

@@ -46,6 +46,13 @@ class Filter(Kind):
         """The nearest velocity under all constraints [m/s]; not-a-number where there is none."""
         raise KindError(f"{self.kind}: a filter gives nearest(self, velocity, own, told)")
 
+    def keeps(self, period: float) -> float | None:
+        """Distance [m] that vehicles keep which start so far apart and tell their true places.
+
+        They hold velocities for a period [s], 0 in continuous time. None: nothing is proved.
+        """
+        return None
+
     def breaks(self):
         return broken(unfiltered=self.present)
 

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.fields import Positive, setting
+from jaxnet.kinds.fields import Positive, setting, value_range
 from jaxnet.kinds.filters import Filter
 from jaxnet.kinds.shapes import AnyNumbers, PlaneVectors
 from jaxnet.lazy import jnp
@@ -35,6 +35,17 @@ class Barrier(Filter):
     gain: Positive = setting(100.0, "[s⁻¹ m^(2 - 2p)], γ")
     power: Annotated[int, Field(ge=1, le=9)] = setting(3, "p; h^p keeps the sign of h")
     speed: Positive | None = setting(0.2, "[m/s], greatest speed; null: none")
+
+    def keeps(self, period):
+        """D, if no pair can pass the barrier within a period (theorems.md O18)."""
+        if period > 0:
+            if self.speed is None:
+                return None
+            most, way = value_range(self.distance)[1], 2 * period * value_range(self.speed)[1]
+            beyond = (most + way) ** 2 - most**2
+            if value_range(self.gain)[1] * period * beyond ** (self.power - 1) > 1:
+                return None
+        return value_range(self.distance)[0]
 
     def breached(self, velocity, own, told):
         gaps, others = self.gaps(own, told)

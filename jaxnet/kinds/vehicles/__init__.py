@@ -179,6 +179,11 @@ class Vehicle(Kind):
         """Whether the output's jets are enough for speed and turn rate, as of wheels at order 3."""
         return self.order > 2 and self.singular == 1
 
+    @property
+    def holds_velocity(self) -> bool:
+        """Whether a held input holds the output's velocity."""
+        return False
+
     def margin(self, state: VehicleState) -> VehicleNumbers:
         """The signed distance (m, lanes) from the singular set; ± the norm of `lead`."""
         return state[SPEED]
@@ -198,6 +203,10 @@ class Integrators(Vehicle):
     flat = True
     singular = 0
     limitable = ("input",)
+
+    @property
+    def holds_velocity(self):
+        return self.order == 1 and type(self).drift is Integrators.drift
 
     def within_limits(self, inputs):
         """The inputs, clipped on each axis."""

@@ -54,6 +54,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         **defence.describe(graph, at_once, trusted),
         "guarantee": told.get("agreement", defence.promise()),
         "cut off": told.get("cut off", ""),
+        "apart": told.get("apart", ""),
         **world_lines(scenario, told),
         **motion_lines(scenario, found, told),
     }
@@ -379,6 +380,7 @@ def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
 PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": lambda norm, scenario: f"{norm:.4g}",
     "honest paths": path_words,
+    "apart": lambda least, scenario: f"who start {least:g} m apart or more stay so",
     "cut off": lambda lost, scenario: f"{ranges(lost)} may be, if they drop the wrong sources",
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"

@@ -1,0 +1,68 @@
+"""The distance that filtered vehicles keep (O18): when `check` tells it; crowds that keep it."""
+
+import math
+
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.theory.case import Case
+from jaxnet.theory.theorems import values
+
+STEP = 0.033
+CROWD = {
+    "vehicles": 7,
+    "topology": {"kind": "circulant", "offsets": [1, -1]},
+    "navigator": "none",
+    "vehicle": "single_integrator",
+    "law": "local",
+    "gain": [1.0],
+    "attack": "none",
+    "defence": "none",
+    "engine": {"kind": "sampled", "move": "euler"},
+    "tick": STEP,
+    "output_step": STEP,
+    "horizon": 300 * STEP,
+    "tail": 0.0,
+    "metrics": ["min_separation"],
+}
+
+
+def told(**keys):
+    (cell,) = jaxnet.load({**CROWD, "filter": "barrier", **keys}).cells
+    return values(Case(cell.scenario)).get("apart")
+
+
+def test_check_tells_the_distance_where_it_is_proved():
+    assert told() == 0.15
+    assert told(engine={"kind": "nonlinear", "solver": "dopri5"}) == 0.15
+    assert told(vehicle="look_ahead", engine={"kind": "nonlinear", "solver": "dopri5"}) == 0.15
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"filter": "none"},
+        {"attack": {"kind": "bias", "vehicles": [1]}},
+        {"vehicle": "look_ahead"},
+        {"vehicle": {"kind": "single_integrator", "limits": {"input": 1.0}}},
+        {"filter": {"kind": "barrier", "speed": None}},
+        {"filter": {"kind": "barrier", "gain": 1.9e6}},
+    ],
+)
+def test_nothing_is_told_without_a_premise(keys):
+    assert told(**keys) is None
+
+
+@pytest.mark.parametrize("form", ["joint", "halves"])
+def test_a_crowd_keeps_its_distance_up_to_the_greatest_gain(form):
+    """All meet, with steps so long that a pair can almost pass the barrier in one of them."""
+    safety = {"kind": "barrier", "form": form, "gain": 1.7e6}
+    assert told(filter=safety) == 0.15
+    angle = 2 * np.pi * np.arange(7) / 7 + 0.1 * np.arange(7)
+    start = (0.6 * np.stack([np.cos(angle), np.sin(angle)], axis=1)).tolist()
+    keys = {"initial": {"position": start}, "filter": safety, "samples": 1}
+    row = jaxnet.simulate({**CROWD, **keys}, progress=False).lanes.iloc[0]
+    assert 0.15 - 1e-9 < row["min_separation"] < 0.16
+    assert row["infeasible"] == 0
+    assert math.isclose(1.7e6 * STEP * ((0.15 + 0.4 * STEP) ** 2 - 0.0225) ** 2, 0.96, rel_tol=0.01)
