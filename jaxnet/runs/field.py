@@ -29,6 +29,7 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
         f"{defence.kind} decides at ticks only": at_ticks,
         "attacked vehicles change at ticks": attack.periods(),
         f"{defence.kind} has isolated: coast": defence.coasts(),
+        f"{scenario.vehicle.kind} has standstill: stop": scenario.vehicle.standstill == "stop",
         f"{law.kind} is not the law solved at every instant": not law.solves(),
         f"the {scenario.engine.kind} engine holds inputs": scenario.engine.samples,
         "vehicles sense, and messages are lost, at ticks": not is_ideal(scenario),

@@ -268,3 +268,70 @@ def test_a_held_input_brings_a_vehicle_to_rest_within_a_period(vehicle, move):
     assert (row["status"], row["stopped"]) == ("ok", 1)
     np.testing.assert_allclose(states[-1, 0, 0], place, rtol=0, atol=2e-6)
     assert not states[-1, 0, 1:].any()
+
+
+@pytest.mark.long
+def test_limits_bring_vehicles_to_rest_on_any_course():
+    """The sampled engine finds the same stops, and nears the nonlinear one with order 1."""
+    keys = {
+        "vehicles": 6,
+        "topology": "star",
+        "attack": "none",
+        "defence": "none",
+        "horizon": 2.0,
+        "tail": 1.0,
+        "output_step": 0.1,
+        "seed": 3,
+        "initial": {"position": {"uniform": [-40.0, 40.0]}, "speed": {"uniform": [2.0, 10.0]}},
+        "vehicle": {
+            "kind": "unicycle",
+            "limits": {"turn_rate": 1.0, "acceleration": 20.0},
+            "standstill": "stop",
+        },
+        "save": {"trajectories": "all"},
+    }
+    runs = [("sampled", 0.004), ("sampled", 0.001), (DOPRI5, 0.1)]
+    given = (keys | {"engine": engine, "tick": tick} for engine, tick in runs)
+    *sampled, exact = (jaxnet.simulate(each, samples=4, progress=False) for each in given)
+    places = exact.trajectories["states"].values[0, ..., :2]
+    apart = []
+    for each in sampled:
+        assert each.lanes["stopped"].tolist() == exact.lanes["stopped"].tolist() == [3, 4, 3, 3]
+        apart.append(np.abs(each.trajectories["states"].values[0, ..., :2] - places).max())
+    assert math.log(apart[0] / apart[1], 4) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"channel": {"loss": {"kind": "bernoulli", "probability": 0.4}}},
+        {"law": "rounds"},
+        {"law": "local"},
+        {
+            "defence": {"kind": "w_msr", "F": 1, "isolated": "coast"},
+            "attack": {"kind": "bias", "magnitude": 3.0, "vehicles": [1], "direction": 0.0},
+        },
+    ],
+)
+def test_engines_agree_who_stops_under_losses_laws_and_defences(keys):
+    links = [[1, 0], [2, 0], [2, 1], [3, 1], [3, 2], [4, 3], [4, 0]]
+    given = STOPPING | {
+        "vehicles": 4,
+        "topology": {"kind": "edges", "edges": [[*link, 1.0] for link in links]},
+        "vehicle": {"kind": "unicycle", "standstill": "stop"},
+        "initial": {
+            "position": [[5.0, 0.0], [-5.0, 0.0], [6.0, 0.0], [2.0, 0.1]],
+            "heading": 0.0,
+            "speed": 1.0,
+        },
+    }
+    exact, gauss = (
+        jaxnet.simulate(given | keys | {"engine": engine}, samples=2, progress=False)
+        for engine in ("exact", "nonlinear")
+    )
+    assert (exact.lanes["stopped"] > 0).all()
+    for column in ("status", "stopped", "standing"):
+        assert exact.lanes[column].tolist() == gauss.lanes[column].tolist()
+    places = [each.trajectories["states"].values[0, ..., :2] for each in (exact, gauss)]
+    np.testing.assert_allclose(places[1], places[0], rtol=0, atol=1e-8)

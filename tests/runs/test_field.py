@@ -38,6 +38,7 @@ def test_the_field_is_of_the_lane_and_moves_as_its_vehicles_do():
         ({}, {"sample": -1}, "sample is a whole number"),
         ({"defence": "w_msr"}, {}, "w_msr decides at ticks only"),
         ({"defence": {"isolated": "coast"}}, {}, "trusted_trim has isolated: coast"),
+        ({"defence": "none", "vehicle": {"kind": "car", "standstill": "stop"}}, {}, "standstill"),
         ({"law": "rounds"}, {}, "rounds is not the law solved at every instant"),
         ({"sensing": {"position": 0.1}}, {}, "vehicles sense, and messages are lost, at ticks"),
     ],
