@@ -18,10 +18,11 @@ from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.view.drawings.scene import LaneScene
 
-RADIUS = 0.01  # of a robot, as a share of the scene
 ARROW_LENGTH = 0.07  # of the scene, that a heading is long
-GREY, RED, BLUE, LIGHT = (90, 90, 90), (213, 60, 40), (40, 110, 200), (190, 190, 190)
-LINK_COLOURS = {"links/believed": GREY, "links/attacked": RED, "links/dropped": BLUE}
+BIG, SMALL, THIN = -5.0, -3.0, -1.0  # radii; below 0 rerun takes them as points of the screen
+GREY, RED, BLUE = (90, 90, 90), (213, 60, 40), (40, 110, 200)
+LIGHT, SKY = (190, 190, 190), (150, 195, 240)
+LINK_COLOURS = {"links/believed": GREY, "links/attacked": RED, "links/dropped": SKY}
 
 
 def load_rerun() -> Any:
@@ -42,25 +43,25 @@ def entities(rerun: Any, scene: LaneScene, frame: int, size: float) -> Iterator[
     places = with_height(scene.places[frame])
     colours = [RED if one in scene.attacked else GREY for one in range(1, len(places))]
     names = [str(one) for one in range(1, len(places))]
-    look = {"colors": colours, "radii": RADIUS * size}
-    yield "robots", rerun.Points3D(places[1:], labels=names, **look)
+    yield "robots", rerun.Points3D(places[1:], labels=names, colors=colours, radii=BIG)
     if scene.heading is not None:
         angles = np.radians(scene.heading[frame])
         ahead = ARROW_LENGTH * size * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        arrows = {"origins": places[1:], "colors": colours, "radii": 0.2 * RADIUS * size}
+        arrows = {"origins": places[1:], "colors": colours, "radii": THIN}
         yield "robots/headings", rerun.Arrows3D(vectors=with_height(ahead), **arrows)
-    thin = 0.1 * RADIUS * size
     for (name, colour), ends in zip(LINK_COLOURS.items(), links_at(scene, frame), strict=True):
-        yield name, rerun.LineStrips3D(with_height(ends), colors=colour, radii=thin)
+        yield name, rerun.LineStrips3D(with_height(ends), colors=colour, radii=THIN)
     told = with_height(scene.told[frame])
     lies = np.stack([with_height(scene.truth[frame]), told], axis=1)
-    yield "told", rerun.Points3D(told, colors=RED, radii=0.6 * RADIUS * size)
-    yield "told/instead_of", rerun.LineStrips3D(lies, colors=RED, radii=thin)
+    yield "told", rerun.Points3D(told, colors=RED, radii=SMALL)
+    yield "told/instead_of", rerun.LineStrips3D(lies, colors=RED, radii=THIN)
     centre = "centre" if scene.leaderless else "navigator"
-    yield centre, rerun.Points3D(places[:1], labels=[centre], colors=BLUE, radii=RADIUS * size)
+    yield centre, rerun.Points3D(places[:1], labels=[centre], colors=BLUE, radii=BIG)
     if scene.shape is not None:
-        goal = with_height(scene.shape[frame])
-        yield "formation", rerun.Points3D(goal, colors=LIGHT, radii=0.8 * RADIUS * size)
+        yield (
+            "formation",
+            rerun.Points3D(with_height(scene.shape[frame]), colors=LIGHT, radii=SMALL),
+        )
 
 
 def show_lane(title: str, scene: LaneScene, save: UPath | None, told: Steps) -> UPath | None:
@@ -69,7 +70,7 @@ def show_lane(title: str, scene: LaneScene, save: UPath | None, told: Steps) -> 
     finite = np.flatnonzero(np.isfinite(scene.places).all(axis=(1, 2)))
     middle = with_height(np.nanmean(scene.places, axis=(0, 1)))
     size = max(1e-3, float(np.abs(with_height(scene.places) - middle)[finite].max(initial=0.0)))
-    above = {"position": middle + np.array([0.0, 0.0, 3 * size]), "look_target": middle}
+    above = {"position": middle + np.array([0.0, 0.0, 2 * size]), "look_target": middle}
     eye = rerun.blueprint.EyeControls3D(eye_up=(0.0, 1.0, 0.0), **above)
     seen = rerun.blueprint.Spatial3DView(origin="/", name=title, eye_controls=eye)
     blueprint = rerun.blueprint.Blueprint(seen, collapse_panels=True)
@@ -82,8 +83,8 @@ def show_lane(title: str, scene: LaneScene, save: UPath | None, told: Steps) -> 
             recording.save(made, default_blueprint=blueprint)
         recording.send_recording_name(title)
         paths = with_height(scene.places[finite].swapaxes(0, 1))
-        thin = {"colors": LIGHT, "radii": 0.05 * RADIUS * size}
-        recording.log("paths", rerun.LineStrips3D(paths[scene.leaderless :], **thin), static=True)
+        drawn = rerun.LineStrips3D(paths[scene.leaderless :], colors=LIGHT, radii=THIN)
+        recording.log("paths", drawn, static=True)
         for number, frame in enumerate(finite.tolist(), 1):
             recording.set_time("time", duration=float(scene.time[frame]))
             for name, entity in entities(rerun, scene, frame, size):
