@@ -532,11 +532,10 @@ def propagate(weights, navigator, attack, gain, initial, tick, ticks, trusted=No
         kept[n] = weights
         if trusted is not None:
             path = np.asarray(navigator(n * tick))[0]
-            sources = np.vstack([path, error[0] + path])
+            heard_by = np.vstack([path, error[0] + path]) + lies(n * tick)[0]
             for i in range(m):
-                heard = sources + lies(n * tick)[0, i]
                 rule = trusted[i], theta[i], dropped[i]
-                kept[n, i], dropped[i], gap = _trim(weights[i], heard, *rule)
+                kept[n, i], dropped[i], gap = _trim(weights[i], heard_by[i], *rule)
                 margin[n] = min(margin[n], gap)
         return np.stack([kept[n]] * 2), lies
 

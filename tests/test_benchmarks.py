@@ -42,7 +42,10 @@ def attacked():
     return job(cell.scenario, Keyed(0), [0])
 
 
-@pytest.mark.parametrize("name", PEERS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.long] * (name != "scipy dense")) for name in PEERS],
+)
 def test_a_peer_simulates_the_same_lane(name, attacked):
     """Within what its tolerances allow, 1e-5 m."""
     try:
@@ -53,6 +56,7 @@ def test_a_peer_simulates_the_same_lane(name, attacked):
     assert peers.greatest_error(attacked, positions) < 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", ["heyoka", "numba"])
 def test_a_compiled_peer_simulates_the_same_lanes(what):
     """Within what its tolerances allow, in a process of its own as in the race."""
@@ -63,6 +67,7 @@ def test_a_compiled_peer_simulates_the_same_lanes(what):
     assert found["error"] < 1e-5
 
 
+@pytest.mark.long
 def test_the_nonlinear_loop_by_hand_simulates_the_same_lanes():
     """Within what its tolerances allow, 1e-5 m, on the ring of the default study."""
     (cell,) = systems.study(attack="none", defence="none").cells

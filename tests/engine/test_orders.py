@@ -1,7 +1,5 @@
 """Vehicles of every order: engines against each other, and against plain programs of the fleet."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -72,9 +70,7 @@ def subsequence(own, received, weights, spared, F):
     return kept, np.dot(received[kept], weights[kept]) / weights[kept].sum() if kept else own
 
 
-@pytest.mark.parametrize(
-    ("share", "F", "navigator"), [(0.6, 1, "all"), (1.0, 1, "all"), (0.8, 2, [1, 6])]
-)
+@pytest.mark.parametrize(("share", "F", "navigator"), [(1.0, 1, "all"), (0.8, 2, [1, 6])])
 def test_single_integrators_step_by_their_weights(share, F, navigator):
     """Steps of W-MSR by a plain program, with k0 = share/tick and five liars.
 
@@ -116,29 +112,6 @@ def test_single_integrators_step_by_their_weights(share, F, navigator):
         np.testing.assert_allclose(states[n + 1], x, rtol=0, atol=1e-12 if F == 1 else 1e-9)
     assert len(states) == steps + 1
     assert (alone > 100) == (F == 2)
-
-
-@pytest.mark.long
-def test_sensor_errors_of_single_integrators_have_the_variance_of_their_flow():
-    """`Var E = s² (1 - e^{-h})² / (1 - e^{-2h})` at gain 1, inside 99 % of 48,000 numbers."""
-    tick, size = 0.5, 0.4
-    results = simulated(
-        vehicle="single_integrator",
-        topology="star",
-        attack="none",
-        defence="none",
-        sensing={"kind": "gaussian", "position": size},
-        samples=2000,
-        tick=tick,
-        output_step=20.0,
-        horizon=20.0,
-        tail=0.0,
-        initial={"position": 0.0},
-        navigator={"kind": "lissajous", "amplitude": [1e-9, 1e-9]},
-    )
-    last = results.trajectories["states"].isel(time=-1).values
-    expected = size**2 * (1 - math.exp(-tick)) ** 2 / (1 - math.exp(-2 * tick))
-    assert last.var() == pytest.approx(expected, rel=2.576 * math.sqrt(2 / last.size))
 
 
 def test_gains_follow_the_order():

@@ -159,6 +159,7 @@ CELLS = {
     "stacked": ("stacked", EXACT, 3, LOSS | NOISE, ERRS | W_MSR),
 }
 LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "nonlinear, local"}
+LONG |= {"three rounds, replaced", "stacked"}
 
 
 def cell(engine, law, order, channel, keys):

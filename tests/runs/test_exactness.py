@@ -35,6 +35,7 @@ def test_what_has_no_such_solution(keys, why):
         lanes_at_ticks(systems.study(**keys).cells[0].scenario, 0, [0])
 
 
+@pytest.mark.long
 def test_drawn_numbers_are_each_lane_s_own():
     """The nonlinear engine's gains and weights, drawn lane by lane, are those of the solution."""
     keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1, "gain": [{"uniform": [0.5, 1.5]}, 3, 3]}

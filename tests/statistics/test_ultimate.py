@@ -66,6 +66,7 @@ def test_the_constant_attack_costs_what_is_known_exactly(folder):
     assert "at least 68.8 % of all possible lanes" in text  # 0.05^(1/8)
 
 
+@pytest.mark.long
 def test_the_report_makes_what_is_missing(folder, monkeypatch):
     """The worst lane by the nonlinear engine; figures; a page that names the study."""
     drawn = every.draw_figures  # the other figures are alike, and tests/test_api.py has them drawn

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import jaxnet
-from tests import reference, systems
+from tests import systems
 
 CONSISTENT = 3.1034482758620690  # worst vehicle's static gain on the ring, SCIENCE O3
 
@@ -33,51 +32,6 @@ def test_orders_that_are_zero_do_nothing():
     attack = {"kind": "rotating", "frequency": {"choice": [0.0]}, "orders": [1, 3]}
     attack |= {"magnitude": 2.0}
     assert (worst_at_the_end(attack) < 1e-9).all()
-
-
-def test_a_lane_moves_as_an_independent_integration():
-    """Chirped acceleration, position, drawn gains: `R(E_i) = Σ w_ij (R(E_j) + R(a_j))`, SciPy."""
-    attack = {"kind": "chirp", "frequency": 0.9, "rate": 0.3, "magnitude": 3.0, "orders": [0, 2]}
-    gain = [{"uniform": [0.9, 1.1]}, 3, {"uniform": [3, 4]}]
-    keys = {"defence": "none", "horizon": 4.0, "tail": 1.0, "gain": gain}
-    study = systems.study(engine="exact", attack=attack, **keys)
-    one = systems.lanes(study, 2)
-    outcome = systems.simulate(one)
-    times = np.arange(41) * 0.1
-    for number in range(2):
-        lane = systems.lane(one, number)
-        known = integrated(lane, times)
-        path = np.stack([np.asarray(lane.navigator.jets(np.asarray(t)))[0] for t in times])
-        ours = outcome.series["state"][number, :, :, :2] - path[:, None]
-        assert np.abs(ours - known).max() <= 1e-7
-
-
-def integrated(lane, times):
-    """E of one lane: E‴ = q with `L q = Σ w R(a) - P(L E)`, the chirp's jets written out."""
-    k0, k1, k2 = np.asarray(lane.gain)
-    graph, m = lane.weights, len(lane.weights)
-    laplacian = np.eye(m) - graph[:, 1:]
-    vectors, kind = lane.vectors, lane.signal.signal
-
-    def disturbance(t):
-        angle = float(kind.frequency) * t + float(kind.rate) * t**2 / 2
-        rate, slope = float(kind.frequency) + float(kind.rate) * t, float(kind.rate)
-        wave = np.array([np.cos(angle), np.sin(angle)])
-        ahead = np.array([-np.sin(angle), np.cos(angle)])
-        felt = k0 * wave + k2 * (slope * ahead - rate**2 * wave)
-        mine = vectors @ felt  # (2, m)
-        added = np.where(lane.links[:, 1:], graph[:, 1:], 0.0)
-        return added @ mine.T
-
-    def field(t, flat):
-        error = flat.reshape(3, m, 2)
-        demand = disturbance(t) - laplacian @ (k0 * error[0] + k1 * error[1] + k2 * error[2])
-        return np.concatenate([error[1], error[2], np.linalg.solve(laplacian, demand)]).ravel()
-
-    navigator = np.asarray(lane.navigator.jets(np.asarray(0.0)))
-    start = reference.flat_jets(lane.initial.T) - navigator[:3, None]
-    found = solve_ivp(field, (0, times[-1]), start.ravel(), "DOP853", times, rtol=1e-12, atol=1e-10)
-    return found.y.reshape(3, m, 2, -1)[0].transpose(2, 0, 1)
 
 
 SPOOF = {"kind": "spoof", "magnitude": [15, 10, 5], "vehicles": [1, 3], "direction": 0.3}

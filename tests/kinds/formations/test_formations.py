@@ -55,23 +55,24 @@ def positions(results):
 
 
 @pytest.mark.parametrize(
-    ("kind", "vehicle"),
+    "vehicle",
     [
-        *[(kind, "single_integrator") for kind in PLACES],
+        "single_integrator",
         *[
-            pytest.param(kind, vehicle, marks=pytest.mark.long)
-            for kind in PLACES
-            for vehicle in ("two_wheeled", "double_integrator")
+            pytest.param(each, marks=pytest.mark.long)
+            for each in ("two_wheeled", "double_integrator")
         ],
     ],
 )
-def test_errors_are_those_without_a_formation_to_the_last_bit(kind, vehicle):
-    plain = simulated(vehicle=vehicle)
-    shaped = simulated(vehicle=vehicle, formation={"kind": kind, **PLACES[kind]})
-    for column in ("tail_mean", "tail_max", "peak_error", "tail_disagreement", "switches"):
-        assert (plain.lanes[column] == shaped.lanes[column]).all(), column
-    moved = positions(shaped) - positions(plain)
-    assert moved == pytest.approx(np.broadcast_to(offsets(kind).T, moved.shape), abs=1e-10)
+def test_errors_are_those_without_a_formation_to_the_last_bit(vehicle):
+    shapes = [{"kind": kind, **places} for kind, places in PLACES.items()]
+    results = simulated(vehicle=vehicle, sweep={"formation": ["none", *shapes]})
+    columns = ["tail_mean", "tail_max", "peak_error", "tail_disagreement", "switches"]
+    rows = results.lanes[columns].to_numpy().reshape(len(shapes) + 1, 3, -1)
+    np.testing.assert_array_equal(rows[1:], np.broadcast_to(rows[0], rows[1:].shape))
+    places = results.trajectories["states"].values[..., :2]
+    for kind, moved in zip(PLACES, places[1:] - places[0], strict=True):
+        assert moved == pytest.approx(np.broadcast_to(offsets(kind).T, moved.shape), abs=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -98,9 +99,11 @@ def test_errors_of_other_engines_are_those_without_a_formation(engine):
 @pytest.mark.parametrize(
     "vehicle",
     [
-        "double_integrator",
         {"kind": "look_ahead", "ahead": 2.0},
-        *[pytest.param(each, marks=pytest.mark.long) for each in ("unicycle", "two_wheeled")],
+        *[
+            pytest.param(each, marks=pytest.mark.long)
+            for each in ("double_integrator", "unicycle", "two_wheeled")
+        ],
     ],
 )
 def test_circle_that_turns(vehicle, engine):
@@ -114,7 +117,7 @@ def test_circle_that_turns(vehicle, engine):
     assert moved == pytest.approx(np.broadcast_to(offsets("", 2.0).T, moved.shape), abs=1e-5)
 
 
-@pytest.mark.parametrize("engine", ["nonlinear", "sampled"])
+@pytest.mark.parametrize("engine", ["sampled", pytest.param("nonlinear", marks=pytest.mark.long)])
 def test_the_linearised_law_leads_each_vehicle_to_its_place(engine):
     """It linearises about the navigator's path in each vehicle's place."""
     keys = {"vehicle": "unicycle", "law": "linearised", "engine": engine, "attack": "none"}
@@ -125,7 +128,7 @@ def test_the_linearised_law_leads_each_vehicle_to_its_place(engine):
     assert shaped["tail_mean"].to_numpy() == pytest.approx(plain, rel=1e-6)
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+@pytest.mark.parametrize("engine", ["exact", pytest.param("nonlinear", marks=pytest.mark.long)])
 def test_a_vehicle_that_stops_stands_in_its_place(engine):
     """Vehicles 3 and 4, cut off at once, come to rest where they are in the formation."""
     stops = {**test_stopping.KEYS, "engine": engine, "gain": test_stopping.GAINS[3][0]}
