@@ -80,6 +80,7 @@ OTHER = {  # another value of every key that has a row of its own
     "gain": [6, 11, 6],
     "law": "linearised",
     "formation": {"kind": "line", "spacing": 2.0},
+    "filter": {"kind": "barrier", "distance": 0.2},
     "attack": "bias",
     "defence": "w_msr",
     "sensing": {"velocity": 0.1},
@@ -98,7 +99,12 @@ OTHER = {  # another value of every key that has a row of its own
     "search": {"over": {"attack.frequency": [0.1, 1.0]}},
     "save": {"errors": True},
 }
+NEEDED = {  # beside these keys
+    "detector": {"sensing": {"position": 0.1}},
+    "filter": {"vehicle": "robotarium", "engine": "sampled", "law": "local", "gain": [1]},
+}
 SAID = {
+    "filter": ("filter", "barrier, distance = 0.2 m"),
     "initial.position": ("initial position", "uniform -5 to 5 m"),
     "gain": ("gain", "6, 11, 6"),
     "channel.missing": ("in place of lost messages", "hold"),
@@ -121,8 +127,7 @@ def test_every_key_of_the_schema_is_told_where_it_is_not_at_its_default():
     for key, value in OTHER.items():
         root, _, inside = key.partition(".")
         given = {root: {inside: value} if inside else value}
-        if key == "detector":
-            given["sensing"] = {"position": 0.1}
+        given |= NEEDED.get(key, {})
         told = rows(samples=16, **given)
         changed = {name: words for name, words in told.items() if plain.get(name) != words}
         assert changed, key
