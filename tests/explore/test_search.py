@@ -116,7 +116,7 @@ TRIMMED = {"kind": "rotating", "magnitude": 10.0}
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A search that nobody disturbed, of two cells."""
-    over = {"sweep": {"gain": [[1, 3, 3], [1.2, 3, 3]]}, "search": {"until": 40.0}}
+    over = {"sweep": {"gain": [[1, 3, 3], [1.2, 3, 3]]}, "search": {"until": 20.0}, "horizon": 10.0}
     given = study(OVER, budget=200, attack=TRIMMED, defence="trusted_trim", tick=0.1, **over)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst, "FRESH", 48)
@@ -130,7 +130,7 @@ def test_the_worst_is_a_study_of_its_own(whole):
         alone = jaxnet.simulate(results.path / "worst" / f"{cell}.yaml", progress=False)
         assert alone.lanes["tail_max"].mean() == row["found"]
         assert alone.study.cells[0].scenario.gain == given.cells[cell].scenario.gain
-        longer = jaxnet.load(results.path / "worst" / f"{cell}.yaml", {"horizon": 40.0})
+        longer = jaxnet.load(results.path / "worst" / f"{cell}.yaml", {"horizon": 20.0})
         again = jaxnet.simulate(longer, progress=False)
         assert again.lanes["tail_max"].mean() == row["late"]
         assert row["nonlinear"] == pytest.approx(row["found"], rel=0.01)
