@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import jaxnet
 from jaxnet.config.scenario import safe_in, situation_of
 from jaxnet.engine import batch
 from jaxnet.view.text import check
@@ -102,24 +101,6 @@ def test_a_false_third_derivative_alone(score, saves):
     )
     share, _ = unrecovered(study, 100)
     assert share == 0 if saves else share > 0.9
-
-
-@pytest.mark.long
-def test_trusted_sources_alone_are_exact():
-    """The ring, where all hear the navigator: an attack that defeats trimming moves no lane."""
-    study = jaxnet.load(
-        {
-            "name": "test",
-            "attack": {"kind": "spoof", "magnitude": 10.0},
-            "defence": "trusted_only",
-            "engine": "exact",
-            "horizon": 60.0,
-            "tail": 1.0,
-        }
-    )
-    assert safe(study).all()
-    _, outcome = unrecovered(study, 50)
-    assert outcome.metrics["tail_max"].max() < 1e-9
 
 
 @pytest.mark.long

@@ -98,6 +98,7 @@ def test_one_rule_alone_promises_anything(name):
         ({"kind": "trusted_trim", "score": "announced"}, True),
         ({"kind": "trust", "observation": "random"}, True),
         ({"kind": "ms_norm", "F": 4}, True),
+        ("trusted_only", True),
         ("trusted_trim", False),
         ("clipping", False),
     ],
