@@ -32,7 +32,7 @@ def factors(weights, frequency, delay):
 @pytest.mark.parametrize(
     ("graph", "vehicle", "tick", "known"),
     [
-        (Cyclic(), "two_wheeled", 0.1, (19.649121, 18.697850)),
+        (Cyclic(), "two_wheeled", 0.05, (19.649121, 18.697850)),
         (Path(), "two_wheeled", 0.1, (23.942441, None)),
         pytest.param(
             *(Star(), "planar_quadrotor", 0.005, (1.999967, 1.999867)), marks=pytest.mark.long
