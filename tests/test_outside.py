@@ -177,7 +177,13 @@ def test_two_modules_of_one_name_in_one_study_are_refused(tmp_path):
 LIBRARIES = ["zstandard", "bottleneck", "numexpr", "etils", "libtpu", "numcodecs", "cupy"]
 
 
-@pytest.mark.parametrize("words", [["-m", "jaxnet"], ["-c", "import jaxnet.cli as c; c.main()"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["-m", "jaxnet"],
+        pytest.param(["-c", "import jaxnet.cli as c; c.main()"], marks=pytest.mark.long),
+    ],
+)
 def test_files_beside_a_config_shadow_no_library(tmp_path, words):
     """Whatever libraries look for, nothing is run but what the config names."""
     folder = folder_with(tmp_path / "beside", 1.0)

@@ -76,7 +76,7 @@ def same(first, second):
     jax.tree.map(np.testing.assert_array_equal, first, second)
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+@pytest.mark.parametrize("engine", ["exact", pytest.param("nonlinear", marks=pytest.mark.long)])
 def test_another_process_takes_the_trace_and_finds_the_same_bits(folder, traces, engine):
     first = outcome(engine=engine)
     assert len(list(folder.iterdir())) == 1

@@ -7,7 +7,7 @@ from tests import systems
 from tests.reference import Hashed, navigator_at
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.2])
+@pytest.mark.parametrize("delay", [0.0, pytest.param(0.2, marks=pytest.mark.long)])
 def test_a_substituted_message_counts_with_the_weight_of_its_source(delay):
     loss = Hashed(of="link", factors=[5, 3, 2, 1], share=12)
     channel = {"loss": loss, "missing": "hold", "delay": delay}

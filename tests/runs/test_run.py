@@ -241,7 +241,11 @@ def test_chosen_trajectories(config, tmp_path):
         assert stored == layout.disk_bytes(given.config, given.cells, lanes=0)
 
 
-@pytest.mark.parametrize("choice", ["all", {"samples": [0, 1]}], ids=["all", "chosen"])
+@pytest.mark.parametrize(
+    "choice",
+    ["all", pytest.param({"samples": [0, 1]}, marks=pytest.mark.long)],
+    ids=["all", "chosen"],
+)
 def test_whom_vehicles_retain_is_told_of_cells_with_more_or_less_slots(tmp_path, choice):
     """By the formula of the documentation: of links of the graph alone, and of all on a star."""
     keys = {"horizon": 2.0, "tail": 1.0, "samples": 2, "save": {"trajectories": choice}}

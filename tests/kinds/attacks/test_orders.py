@@ -52,7 +52,9 @@ def constant_response(gain, rho, start, times):
     ("vehicle", "magnitude", "gain"),
     [
         ("double_integrator", [2, 0, 7], [2.0, 0.9]),
-        ("planar_quadrotor", [3, 1, 0, 0.5, 2], [1.0, 4.0, 6.0, 4.0]),
+        pytest.param(
+            *("planar_quadrotor", [3, 1, 0, 0.5, 2], [1.0, 4.0, 6.0, 4.0]), marks=pytest.mark.long
+        ),
     ],
 )
 def test_a_star_responds_to_a_constant_disturbance(vehicle, magnitude, gain):
