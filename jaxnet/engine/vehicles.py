@@ -136,7 +136,8 @@ def highest_in_formation(lane: Lane, highest: PerVehicle) -> PerVehicle:
     """A bound on the norm of the outputs' r-th derivative, from that of what the law steers."""
     if lane.formation is None:
         return highest
-    return highest + lane.formation.greatest(len(lane.gain))
+    most = lane.formation.greatest(len(lane.gain))
+    return highest + jnp.broadcast_to(most, highest.shape[1:])[None]
 
 
 def standing(lane: Lane, place: PerAxis, heading: PerVehicle) -> States:
