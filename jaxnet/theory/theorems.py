@@ -8,17 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from jaxnet.config.scenario import MOTION, missing
-from jaxnet.theory import (
-    announced,
-    certificate,
-    delay,
-    noise,
-    rounds,
-    safe,
-    separation,
-    solution,
-    tolerance,
-)
+from jaxnet.theory import announced, certificate, delay, noise, rounds, safe, solution, tolerance
 from jaxnet.theory.case import Case
 from jaxnet.theory.clipping import never_global, unclipped
 from jaxnet.theory.start import keeps_moving, start_decay
@@ -45,6 +35,11 @@ WHILE_REACHED = ("leader", "solved", *AS_ASKED, "one network", "on time", "drops
 WITHIN = ("one gain", *(each for each in AT_LAST if each != "flat"))
 IN_TURNS = ("leader", "small", "solved", *AS_ASKED)
 
+
+def kept_distance(case: Case) -> float | None:
+    return case.scenario.filter.keeps(case.scenario)
+
+
 START = Theorem("O1", "start", AT_LAST, start_decay)
 
 THEOREMS = (
@@ -69,7 +64,7 @@ THEOREMS = (
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
     Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
-    Theorem("O18", "apart", ("flat", "filtered", "true places"), separation.kept),
+    Theorem("O18", "apart", ("flat", "filtered", "true places"), kept_distance),
     START,
     Theorem("O1", "keeps moving", WITHIN, keeps_moving),
     Theorem("Sussmann and Yang 1991", "never global", (), never_global),

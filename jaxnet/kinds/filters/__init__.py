@@ -7,6 +7,7 @@ are of order 1; place and velocity are those of the output, such as the point ah
 from typing import ClassVar
 
 from jaxnet.kinds.kind import Fault, Kind, KindError, broken
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import VehicleMask, VehicleVectors
 from jaxnet.outside.families import add_family
 
@@ -46,10 +47,10 @@ class Filter(Kind):
         """The nearest velocity under all constraints [m/s]; not-a-number where there is none."""
         raise KindError(f"{self.kind}: a filter gives nearest(self, velocity, own, told)")
 
-    def keeps(self, period: float) -> float | None:
+    def keeps(self, scenario: ScenarioView) -> float | None:
         """Distance [m] that vehicles keep which start so far apart and tell their true places.
 
-        They hold velocities for a period [s], 0 in continuous time. None: nothing is proved.
+        None: nothing is proved.
         """
         return None
 

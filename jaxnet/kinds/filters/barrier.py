@@ -36,16 +36,16 @@ class Barrier(Filter):
     power: Annotated[int, Field(ge=1, le=9)] = setting(3, "p; h^p keeps the sign of h")
     speed: Positive | None = setting(0.2, "[m/s], greatest speed; null: none")
 
-    def keeps(self, period):
-        """D, if no pair can pass the barrier within a period (theorems.md O18)."""
-        if period > 0:
-            if self.speed is None:
-                return None
-            most, way = value_range(self.distance)[1], 2 * period * value_range(self.speed)[1]
-            beyond = (most + way) ** 2 - most**2
-            if value_range(self.gain)[1] * period * beyond ** (self.power - 1) > 1:
-                return None
-        return value_range(self.distance)[0]
+    def keeps(self, scenario):
+        """D, if no pair can pass the barrier while it holds its velocity (theorems.md O18)."""
+        (least, most), period = value_range(self.distance), scenario.tick
+        if not scenario.engine.samples:
+            return least
+        if self.speed is None or not scenario.vehicle.holds_velocity:
+            return None
+        beyond = (most + 2 * period * value_range(self.speed)[1]) ** 2 - most**2
+        passes = value_range(self.gain)[1] * period * beyond ** (self.power - 1) > 1
+        return None if passes else least
 
     def breached(self, velocity, own, told):
         gaps, others = self.gaps(own, told)
