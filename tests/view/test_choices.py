@@ -112,7 +112,8 @@ def test_a_start_at_zero_has_no_place_on_a_log_axis(results):
     bands = error_bands(stored, results.study.cells[:2])
     np.testing.assert_array_equal(bands[0].median, np.zeros(4))
     np.testing.assert_array_equal(bands[1].median, [np.nan, np.nan, 2.0, 0.0])
-    assert log_ends([np.nan, np.nan, 2.0, 1.0], bands[1].greatest)[0] == 1.0
+    assert log_ends([np.nan, np.nan, 2.0, 1.0]) == (1.0, 10.0)
+    assert log_ends(bands[1].greatest) == (1e-9, 10.0)
 
 
 def test_curves_that_coincide_are_parted_on_the_page_as_in_print():

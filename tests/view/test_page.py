@@ -788,7 +788,7 @@ def test_a_plot_hides_curves_and_is_kept(opened, folder, tmp_path):
         found[saved.value.suggested_filename] = file = tmp_path / saved.value.suggested_filename
         saved.value.save_as(file)
     given = pd.read_csv(found["test_star.csv"]).set_index("series")
-    stored, lanes = pd.read_csv(folder / "cells.csv")[1:3], given.loc["median, 5 to 95 %"]
+    stored, lanes = pd.read_csv(folder / "cells.csv")[1:3], given.loc["median, 5 to 95 % of lanes"]
     assert lanes["attack magnitude ā [m]"].tolist() == stored["attack.magnitude"].tolist()
     columns = {"greatest tail error [m]": "median", "low": "q05", "high": "q95"}
     for name, statistic in columns.items():

@@ -246,7 +246,8 @@ def metric_sentences(results: Results) -> list[str]:
         endless = len(of.values) - len(values)
         apart = f" {sentence_case(count(endless, 'cell'))} has no such median." * (endless == 1)
         apart = apart or f" {endless} cells have no such median." * (endless > 1)
-        return f"In the median lane, {escape(of.words.removesuffix(MEDIAN_WORDS))} {span}.{apart}"
+        stem = escape(of.words.removesuffix(MEDIAN_WORDS))
+        return f"The median over lanes of {stem} {span}.{apart}"
 
     return [told(each) for each in found if each.known.size]
 
