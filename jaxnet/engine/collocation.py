@@ -47,7 +47,6 @@ from jaxnet.engine.vehicles import States
 from jaxnet.model import plane
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
-from jaxnet.solvers.choice import factorised_at_once
 
 FIRST = 0.7  # [s] length of the first window that is tried
 PASSES = 10  # most evaluations at the nodes of a window
@@ -146,23 +145,14 @@ class Collocation(Following[CollocationState]):
 
         Where the law holds a jerk, vehicles exchange the jerk at every tick instead.
         """
-        lane = self.lane
 
         def states() -> States:
             return decided.coasting.at_rest(self.states(state))
 
-        def some(few: LaneIndices, carry: tuple[Followed, LaneFlags]) -> tuple[Followed, LaneFlags]:
-            followed, cut_off = carry
-            followed, _, connected = self.follow(state, followed, decided, few, states)
-            return followed, put(cut_off, few, ~connected)
-
         flagged = at.here if self.at_every_tick else at.anew
-        at_once = factorised_at_once(lane.initial.shape[1])
-        followed, cut_off = for_each(
-            flagged, at_once, some, (state.followed, jnp.zeros_like(at.here))
-        )
+        followed, cut_off = self.follow_anew(flagged, state, decided, states)
         now, length = state.signals.time, state.length
-        if lane.lossy:  # of a long window that ends at once, each tick would keep the error
+        if self.lane.lossy:  # of a long window that ends at once, each tick would keep the error
             used = jnp.maximum(now - state.window.start, self.clock.interval)
             length = jnp.where(flagged, jnp.minimum(length, 2 * used), length)
         end = jnp.where(flagged, now, state.end)

@@ -15,10 +15,10 @@ from jaxtyping import Array, Bool, Float
 from jaxnet.engine import tick, vehicles
 from jaxnet.engine.demand import Signals, coupled_demand, exchange, local_jerk
 from jaxnet.engine.loop import Motion
-from jaxnet.engine.moment import PerAxis
+from jaxnet.engine.moment import LaneFlags, PerAxis
 from jaxnet.engine.plan import CONNECTED
 from jaxnet.engine.stages.known import Known, KnownDrive
-from jaxnet.engine.subset import LaneIndices, picked, put
+from jaxnet.engine.subset import LaneIndices, for_each, picked, put
 from jaxnet.engine.tick import DecisionState, Drive, Strength
 from jaxnet.engine.vehicles import States
 from jaxnet.model import control, linearised, signal
@@ -26,6 +26,7 @@ from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Vectors
+from jaxnet.solvers.choice import factorised_at_once
 
 FollowingState = TypeVar("FollowingState", bound=Any)  # has the fields signals, followed and steps
 
@@ -182,6 +183,26 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
             new, connected = follow_weights(lane, self.network, chosen, self.guesses)
         whole = jax.tree.map(lambda every, theirs: put(every, few, theirs), followed, new)
         return whole, new, connected
+
+    def follow_anew(
+        self,
+        flagged: LaneFlags,
+        state: FollowingState,
+        decided: DecisionState,
+        states: Callable[[], States],
+    ) -> tuple[Followed, LaneFlags]:
+        """What lanes follow, anew in the flagged ones, and the lanes with a vehicle cut off."""
+
+        def some(few: LaneIndices, carry: tuple[Followed, LaneFlags]) -> tuple[Followed, LaneFlags]:
+            followed, cut_off = carry
+            followed, _, connected = self.follow(state, followed, decided, few, states)
+            return followed, put(cut_off, few, ~connected)
+
+        at_once = factorised_at_once(self.lane.initial.shape[1])
+        return for_each(flagged, at_once, some, (state.followed, jnp.zeros_like(flagged)))
+
+    def navigator(self, state):
+        return state.signals.navigator
 
     def asked(self, state, decided):
         scene = Scene(self.lane, self.network, decided, state.signals)

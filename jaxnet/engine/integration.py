@@ -17,6 +17,7 @@ from jaxtyping import Array, Int
 from jaxnet.engine import stepper, tick, vehicles
 from jaxnet.engine.demand import Signals, signals
 from jaxnet.engine.following import Followed, Following, Scene, follow_weights
+from jaxnet.engine.loop import InStates
 from jaxnet.engine.moment import Instants, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.stages import stopping
@@ -34,7 +35,7 @@ from jaxnet.solvers.choice import factorised_at_once
 class IntegrationState(NamedTuple):
     """State of the lanes under way."""
 
-    state: States
+    states: States
     slope: States  # the vector field at this state
     signals: Signals
     step: Instants  # [s] proposed for the next attempt
@@ -43,13 +44,13 @@ class IntegrationState(NamedTuple):
     rest: Rest | None  # None where vehicles do not stop
 
 
-class Integration(Following[IntegrationState]):
+class Integration(InStates, Following[IntegrationState]):
     """Motion of nonlinear vehicles under the law, by adaptive steps; `numbers` are tolerances."""
 
     def begin(self):
         lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
         return IntegrationState(
-            state=vehicles.first_states(lane),
+            states=vehicles.first_states(lane),
             slope=jnp.zeros_like(lane.initial),
             signals=signals(lane, zero),
             step=zero + self.clock.interval,
@@ -58,31 +59,21 @@ class Integration(Following[IntegrationState]):
             rest=stopping.first_rest(lane),
         )
 
-    def errors(self, state):
-        own = vehicles.outputs(self.lane, state.state, state.signals.time)
-        return plane.relative(own, state.signals.navigator)
-
-    def states(self, state):
-        return state.state
-
-    def placed(self, state, which, states):
-        return state._replace(state=jnp.where(which[None], states, state.state))
-
     def drive_now(self, state, decided):
         """`y‴ + P(ŷ)`, with y‴ of the vector field."""
-        return drive_along(self.lane, state.state, state.slope, state.signals.time, decided)
+        return drive_along(self.lane, state.states, state.slope, state.signals.time, decided)
 
     def hold(self, state, decided, at):
         """Factorise the Laplacian where a weight changed, and evaluate the vector field again.
 
         Where the law holds a jerk, vehicles exchange the jerk at every tick instead.
         """
-        given = self.lane, decided, self.numbers, state.signals, state.state, state.step, at.first
+        given = self.lane, decided, self.numbers, state.signals, state.states, state.step, at.first
 
         def some(few: LaneIndices, carry: Any) -> Any:
             followed, *others = carry
             followed, new, connected = self.follow(
-                state, followed, decided, few, lambda: state.state
+                state, followed, decided, few, lambda: state.states
             )
             part, chosen, tolerated, now, states, step, first = jax.tree.map(
                 lambda leaf: picked(leaf, few), given
@@ -116,13 +107,13 @@ class Integration(Following[IntegrationState]):
             rates = vector_field(scene, state.followed, states, self.plan)
             return rates if rest is None else jnp.where(frozen[None], 0.0, rates)
 
-        known = rule, time, end, state.state, slope, tolerances
+        known = rule, time, end, state.states, slope, tolerances
         trial = stepper.attempt(field, lambda time: signals(lane, time), *known)
         kept, steps = going & (trial.error < 1.0), state.steps + going.astype(int)
         proposed = stepper.next_step(end - time, trial.error, rule.order)
         shortest = stepper.LEAST_RELATIVE_STEP * jnp.maximum(goal, 1.0)
         if rest is not None:
-            lands, over, share = landing(lane, state.state, trial.state, ~frozen)
+            lands, over, share = landing(lane, state.states, trial.state, ~frozen)
             lands = lands | (over & (end - time <= shortest)[None])
             over = (over & ~lands).any(axis=0)
             kept = kept & ~over
@@ -131,7 +122,7 @@ class Integration(Following[IntegrationState]):
             new = Rest(lands & kept[None], vehicles.standing(lane, place, heading))
             rest = rest.plus(new)
             trial = trial._replace(state=jnp.where(new.which[None], new.states, trial.state))
-        states = jnp.where(kept[None, None], trial.state, state.state)
+        states = jnp.where(kept[None, None], trial.state, state.states)
         stuck = going & ~kept & (proposed <= shortest)
         arrived = kept & (end == goal)
         if lane.singular:
@@ -140,7 +131,7 @@ class Integration(Following[IntegrationState]):
         status = fail(status, Status.nonfinite, stuck & ~trial.finite)
         spent = going & (steps >= tolerances.max_steps) & (ticks + arrived.astype(int) < last)
         state = state._replace(
-            state=states,
+            states=states,
             slope=jnp.where(kept[None, None], trial.slope, slope),
             signals=select(kept, trial.signals, state.signals),
             step=jnp.where(going, proposed, state.step),

@@ -38,7 +38,7 @@ from jaxnet.engine.subset import run_if, select
 from jaxnet.engine.tick import DecisionState, Drive
 from jaxnet.engine.told import as_told, told_errors
 from jaxnet.engine.vehicles import PerVehicle, States
-from jaxnet.model import control, signal
+from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
@@ -110,6 +110,10 @@ class Motion(ABC, Generic[MotionState]):
     def drive_now(self, state: MotionState, decided: DecisionState) -> PerAxis:
         """The drive `z = y‴ + P(ŷ)` of each vehicle now [m/s³], where ŷ is what it senses."""
 
+    def navigator(self, state: MotionState) -> Float[Array, "derivatives 2 lanes"]:
+        """The navigator's path now."""
+        return self.lane.path(self.basis(state)[0])
+
     @abstractmethod
     def hold(
         self, state: MotionState, decided: DecisionState, at: Tick
@@ -154,6 +158,20 @@ class Motion(ABC, Generic[MotionState]):
         return jnp.zeros(self.lane.attack_scale.shape, int)
 
 
+class InStates(Motion[Any]):
+    """Motion of vehicles in their own states, which are the field `states`."""
+
+    def errors(self, state):
+        own = vehicles.outputs(self.lane, state.states, self.basis(state)[0])
+        return plane.relative(own, self.navigator(state))
+
+    def states(self, state):
+        return state.states
+
+    def placed(self, state, which, states):
+        return state._replace(states=jnp.where(which[None], states, state.states))
+
+
 class AtTicks(NamedTuple):
     """How often something happened to vehicles at ticks until now."""
 
@@ -179,9 +197,7 @@ class Fleet(NamedTuple):
     stood: LaneFlags  # lanes with a vehicle that was singular at an output time
     gathered: Gathered
     windows: metrics.Windows
-    saturated: AtTicks | None = None  # None where inputs have no limits
-    halted: AtTicks | None = None  # by the filter; None where there is none
-    standing: AtTicks | None = None  # vehicles that have stopped; None where none can
+    tallies: dict[str, AtTicks]  # of what can happen at all, by the metric that tells the share
 
 
 def begin(motion: Motion, ticks: Ticks) -> Fleet:
@@ -195,6 +211,11 @@ def begin(motion: Motion, ticks: Ticks) -> Fleet:
     status = fail(zero, Status.singular, is_singular(lane, vehicles.first_states(lane), nobody))
     status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
     decided = tick.before_first(lane, motion.network, plan)
+    may_happen = {
+        "saturated": bool(lane.vehicle.limits),
+        "infeasible": lane.filter is not None,
+        "standing": isinstance(decided.coasting, Rests),
+    }
     return Fleet(
         state=motion.begin(),
         decided=decided,
@@ -207,9 +228,7 @@ def begin(motion: Motion, ticks: Ticks) -> Fleet:
         stood=jnp.zeros(zero.shape, bool),
         gathered=metrics.nothing(plan.metrics, lane.initial.shape[1:]),
         windows=metrics.Windows(*[jnp.full(zero.shape, jnp.inf)] * 2),
-        saturated=AtTicks(zero, zero) if lane.vehicle.limits else None,
-        halted=AtTicks(zero, zero) if lane.filter is not None else None,
-        standing=AtTicks(zero, zero) if isinstance(decided.coasting, Rests) else None,
+        tallies={name: AtTicks(zero, zero) for name, may in may_happen.items() if may},
     )
 
 
@@ -256,29 +275,29 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     isolation = fleet.isolation
     if lane.law.couples() and plan.decides:
         isolation = isolation.after(isolated(motion, decided, here, cut_off), time)
-    saturated, halted = fleet.saturated, fleet.halted
-    if saturated is not None or halted is not None:
-        asked = motion.asked(state, decided)
-        admitted = vehicles.admitted(lane, motion.states(state), asked, time)
-        stands = jnp.isnan(asked).any(axis=0) | decided.coasting.stopped(lane)
-        if halted is not None:
-            halted = halted.after(stands & here[None])
-        if saturated is not None:
-            saturated = saturated.after((asked != admitted).any(axis=0) & ~stands & here[None])
-    standing = fleet.standing
-    if standing is not None:
-        standing = standing.after(decided.coasting.stopped(lane) & here[None])
     return fleet._replace(
         state=state,
         decided=decided,
-        saturated=saturated,
-        halted=halted,
-        standing=standing,
+        tallies=counted(fleet.tallies, motion, state, decided, here),
         status=status,
         switches=fleet.switches + jnp.where(here & ~first, changed.sum(axis=0), 0),
         unheard=fleet.unheard + jnp.where(here, decided.coasting.kept(lane).sum(axis=0), 0),
         isolation=isolation,
     )
+
+
+def counted(
+    tallies: dict[str, AtTicks], motion: Motion, state: Any, decided: DecisionState, here: LaneFlags
+) -> dict[str, AtTicks]:
+    """Tallies with what happens to vehicles right after these decisions, in the lanes at a tick."""
+    lane = motion.lane
+    happens = {"standing": decided.coasting.stopped(lane)}
+    if {*tallies} - {"standing"}:
+        asked, time = motion.asked(state, decided), motion.basis(state)[0]
+        admitted = vehicles.admitted(lane, motion.states(state), asked, time)
+        happens["infeasible"] = jnp.isnan(asked).any(axis=0) | happens["standing"]
+        happens["saturated"] = (asked != admitted).any(axis=0) & ~happens["infeasible"]
+    return {name: tally.after(happens[name] & here[None]) for name, tally in tallies.items()}
 
 
 def isolated(
@@ -345,17 +364,13 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
         next_time=jnp.where(ticks < clock.outputs * clock.ticks, later, jnp.inf),
         leads=lane.navigator.present,
         alarms=decided.alarms.shares,
-        saturated=until_now(fleet.saturated, fleet),
-        halted=until_now(fleet.halted, fleet),
-        standing=until_now(fleet.standing, fleet),
+        tallies={name: until_now(tally, fleet) for name, tally in fleet.tallies.items()},
     )
     return as_told(lane, time, basis, seen) if motion.plan.as_told else seen
 
 
-def until_now(tally: AtTicks | None, fleet: Fleet) -> Float[Array, "2 lanes"] | None:
+def until_now(tally: AtTicks, fleet: Fleet) -> Float[Array, "2 lanes"]:
     """The share of (vehicle, tick) pairs, and the number of ticks, of a tally."""
-    if tally is None:
-        return None
     pairs, ticks = tally
     vehicles = len(fleet.isolation.ever)
     return jnp.stack([pairs / (vehicles * (fleet.ticks + 1)), ticks.astype(float)])

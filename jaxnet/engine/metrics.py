@@ -1,6 +1,7 @@
 """Metrics of a lane, gathered at output times so that memory stays constant; saved series."""
 
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import jax
@@ -52,13 +53,11 @@ class Observation(NamedTuple):
     alarms
         Alarms over messages judged until now, of attacked and of honest links, (2, lanes); None
         without a detector.
-    saturated
-        Share of (vehicle, tick) pairs until now at which inputs were limited, and the number of
-        ticks with any such vehicle, (2, lanes); None where vehicles have no limits.
-    halted
-        Those at which the filter had no velocity, (2, lanes); None where there is no filter.
-    standing
-        Those at which a vehicle stood that has stopped, (2, lanes); None where no vehicle stops.
+    tallies
+        Share of (vehicle, tick) pairs until now at which something happened, and the number of
+        ticks with any such vehicle, (2, lanes), by the metric of this share: `saturated`, inputs
+        were limited; `infeasible`, the filter had no velocity; `standing`, a vehicle had stopped.
+        What cannot happen is not there.
     offset
         Offset of each vehicle in the formation [m], (2, m, lanes); None without a formation.
         Errors are those of y minus the offset.
@@ -90,9 +89,7 @@ class Observation(NamedTuple):
     next_time: Float[Array, "*lanes"]
     leads: bool = True
     alarms: Float[Array, "2 *lanes"] | None = None
-    saturated: Float[Array, "2 *lanes"] | None = None
-    halted: Float[Array, "2 *lanes"] | None = None
-    standing: Float[Array, "2 *lanes"] | None = None
+    tallies: Mapping[str, Float[Array, "2 *lanes"]] = MappingProxyType({})
     offset: Float[Array, "2 m *lanes"] | None = None
 
     @property

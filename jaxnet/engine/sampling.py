@@ -18,15 +18,14 @@ from jaxnet.engine import stepper, vehicles
 from jaxnet.engine.demand import Signals, signals
 from jaxnet.engine.following import Followed, Following, Scene
 from jaxnet.engine.integration import drive_along
+from jaxnet.engine.loop import InStates
 from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
 from jaxnet.engine.plan import Tolerances
 from jaxnet.engine.stages import stopping
 from jaxnet.engine.stages.stopping import Rest
 from jaxnet.engine.status import LEAST_MARGIN, Status, fail
-from jaxnet.engine.subset import LaneIndices, for_each, put, run_if, select
+from jaxnet.engine.subset import run_if, select
 from jaxnet.engine.vehicles import States
-from jaxnet.model import plane
-from jaxnet.solvers.choice import factorised_at_once
 
 MOST_TRIES = 1_000  # of a lane's motion over a period
 EXACT = 1e-13  # tolerance of a step, absolute and relative, of the exact motion over a period
@@ -43,7 +42,7 @@ class SamplingState(NamedTuple):
     rest: Rest | None  # None where vehicles do not stop
 
 
-class Sampling(Following[SamplingState]):
+class Sampling(InStates, Following[SamplingState]):
     """Motion of vehicles with held inputs, which is that of the option `move`."""
 
     @property
@@ -61,16 +60,6 @@ class Sampling(Following[SamplingState]):
             rest=stopping.first_rest(lane),
         )
 
-    def errors(self, state):
-        own = vehicles.outputs(self.lane, state.states, state.signals.time)
-        return plane.relative(own, state.signals.navigator)
-
-    def states(self, state):
-        return state.states
-
-    def placed(self, state, which, states):
-        return state._replace(states=jnp.where(which[None], states, state.states))
-
     def asked(self, state, decided):
         return state.asked
 
@@ -81,20 +70,10 @@ class Sampling(Following[SamplingState]):
 
     def hold(self, state, decided, at):
         """Take the law's inputs in all lanes; factorise the Laplacian where a weight changed."""
-        lane, now = self.lane, state.signals
-
-        def some(few: LaneIndices, carry: tuple[Followed, LaneFlags]) -> tuple[Followed, LaneFlags]:
-            followed, cut_off = carry
-            followed, _, connected = self.follow(
-                state, followed, decided, few, lambda: state.states
-            )
-            return followed, put(cut_off, few, ~connected)
-
-        flagged = at.here if lane.law.needs_ticks() else at.anew
-        at_once = factorised_at_once(lane.initial.shape[1])
-        carry = state.followed, jnp.zeros_like(at.here)
-        followed, cut_off = for_each(flagged, at_once, some, carry)
-        asked = followed.inputs(Scene(lane, self.network, decided, now), state.states)
+        flagged = at.here if self.lane.law.needs_ticks() else at.anew
+        followed, cut_off = self.follow_anew(flagged, state, decided, lambda: state.states)
+        scene = Scene(self.lane, self.network, decided, state.signals)
+        asked = followed.inputs(scene, state.states)
         return state._replace(asked=asked, followed=followed), cut_off
 
     def advance(self, state, decided, ticks, status):

@@ -8,7 +8,6 @@ from jaxnet.engine.methods import Engine
 class Exact(Engine):
     """The closed loop solved exactly from tick to tick."""
 
-    kind = "exact"
     chunk: ClassVar[int] = 256
     shard: ClassVar[int] = 4096
     accuracy: ClassVar[float] = 1e-8

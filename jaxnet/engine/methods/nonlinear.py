@@ -17,7 +17,6 @@ class Nonlinear(Engine):
     too.
     """
 
-    kind = "nonlinear"
     cached: ClassVar[int] = 1_200  # few, because the cache holds the slopes of all stages too
     queue: ClassVar[int] = 8
     in_field: ClassVar[bool] = True

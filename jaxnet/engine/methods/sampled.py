@@ -14,8 +14,6 @@ class Sampled(Engine):
     1 in the period.
     """
 
-    kind = "sampled"
-    chunk: ClassVar[int] = 64
     shard: ClassVar[int] = 1024
     linearises: ClassVar[bool] = True
     holds: ClassVar[bool] = True

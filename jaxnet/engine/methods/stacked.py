@@ -25,7 +25,7 @@ from pydantic import AfterValidator, Field
 from jaxnet.engine import loop, vehicles
 from jaxnet.engine.demand import signals
 from jaxnet.engine.integration import decided_in_field, drive_along
-from jaxnet.engine.loop import Motion
+from jaxnet.engine.loop import InStates
 from jaxnet.engine.methods import Engine
 from jaxnet.engine.moment import Instants, PerAxis
 from jaxnet.engine.plan import Plan, Tolerances
@@ -35,7 +35,7 @@ from jaxnet.engine.stages.sensing import Sensed
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.tick import Drive, Strength
 from jaxnet.kinds.fields import Number, Positive, Within
-from jaxnet.model import plane, signal
+from jaxnet.model import signal
 from jaxnet.model.control import Gain, is_matrix
 from jaxnet.model.lane import Lane, Network
 
@@ -67,7 +67,6 @@ def known_solver(name: str) -> str:
 class Stacked(Engine):
     """The nonlinear vehicles under the stacked law, stepped by diffrax."""
 
-    kind = "stacked"
     chunk: ClassVar[int] = 16
     shard: ClassVar[int] = 16
     in_field: ClassVar[bool] = True
@@ -102,7 +101,7 @@ class Stacked(Engine):
 class StackedState(NamedTuple):
     """State of lanes at a tick."""
 
-    state: Float[Array, "n m lanes"]
+    states: Float[Array, "n m lanes"]
     time: Instants
     steps: Int[Array, " lanes"]
 
@@ -125,25 +124,15 @@ def with_lane_axis(tree: Any) -> Any:
     return jax.tree.map(lambda leaf: leaf[..., None], tree)
 
 
-class ByDiffrax(Motion[StackedState]):
+class ByDiffrax(InStates):
     """Motion of lanes under the stacked law: diffrax solves each lane from tick to tick."""
 
     def begin(self):
         zero = jnp.zeros_like(self.lane.attack_scale)
         return StackedState(vehicles.first_states(self.lane), zero, jnp.zeros(zero.shape, int))
 
-    def errors(self, state):
-        own = vehicles.outputs(self.lane, state.state, state.time)
-        return plane.relative(own, self.lane.path(state.time))
-
     def basis(self, state):
         return state.time, self.lane.basis(state.time)
-
-    def states(self, state):
-        return state.state
-
-    def placed(self, state, which, states):
-        return state._replace(state=jnp.where(which[None], states, state.state))
 
     def steps(self, state):
         return state.steps
@@ -159,8 +148,8 @@ class ByDiffrax(Motion[StackedState]):
         """`y‴ + P(ŷ)`, with y‴ of the vector field."""
         field = functools.partial(lane_field, network=self.network, plan=self.plan)
         followed = FieldInputs(self.lane, self.drive(state, decided))
-        slope = jax.vmap(field, -1, -1)(state.time, state.state, followed)
-        return drive_along(self.lane, state.state, slope, state.time, decided)
+        slope = jax.vmap(field, -1, -1)(state.time, state.states, followed)
+        return drive_along(self.lane, state.states, slope, state.time, decided)
 
     def advance(self, state, decided, ticks, status):
         """The state at the next tick; a lane that has failed stays where it is."""
@@ -170,7 +159,7 @@ class ByDiffrax(Motion[StackedState]):
         solve = functools.partial(solution, network=self.network, plan=self.plan)
         followed = FieldInputs(self.lane, self.drive(state, decided))
         moved, steps, reason = jax.vmap(solve, -1, -1)(
-            followed, tolerances, state.time, end, state.state
+            followed, tolerances, state.time, end, state.states
         )
         steps, last = state.steps + steps, clock.outputs * clock.ticks
         status = jnp.where(ok, reason, status)

@@ -152,6 +152,11 @@ def of_fleet(seen: FleetView, number: float | LaneNumbers) -> VehicleNumbers:
     return xp.broadcast_to(xp.asarray(number), seen.error.shape[1:])
 
 
+def tallied(seen: FleetView, name: str, which: int) -> VehicleNumbers:
+    """What a tally says until now, (m, lanes): the share of vehicle-steps (0), or the steps (1)."""
+    return of_fleet(seen, seen.tallies[name][which] if name in seen.tallies else 0.0)
+
+
 def errors_of(seen: FleetView) -> VehicleNumbers:
     return seen.errors()
 

@@ -1,10 +1,9 @@
-from jaxnet.kinds.metrics import Metric
-from jaxnet.kinds.metrics.saturated import saturation
+from jaxnet.kinds.metrics import Metric, tallied
 
 SATURATED_STEPS = Metric(
     "saturated_steps",
     "",
-    lambda seen: saturation(seen, 1),
+    lambda seen: tallied(seen, "saturated", 1),
     time="last",
     words="steps in which the inputs of any vehicle were limited",
 )

@@ -1,9 +1,9 @@
-from jaxnet.kinds.metrics import Metric, of_fleet
+from jaxnet.kinds.metrics import Metric, tallied
 
 STANDING = Metric(
     "standing",
     "",
-    lambda seen: of_fleet(seen, 0.0 if seen.standing is None else seen.standing[0]),
+    lambda seen: tallied(seen, "standing", 0),
     time="last",
     words="share of vehicle-time in which a vehicle stood that had stopped",
 )
