@@ -104,6 +104,7 @@ class StackedState(NamedTuple):
     states: Float[Array, "n m lanes"]
     time: Instants
     steps: Int[Array, " lanes"]
+    rest: None = None  # vehicles do not stop
 
 
 class FieldInputs(NamedTuple):
@@ -136,9 +137,6 @@ class ByDiffrax(InStates):
 
     def steps(self, state):
         return state.steps
-
-    def rest(self, state):
-        return None
 
     def hold(self, state, decided, at):
         """The state unchanged, and the lanes in which a vehicle is cut off and does not coast."""
