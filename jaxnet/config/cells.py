@@ -44,7 +44,7 @@ from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import Record
 from jaxnet.kinds.graphs import Graph, shared_by_cells
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.metrics import AGREEMENT, DETECTION, FILTERING, SATURATION, STANDSTILL
+from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 from jaxnet.kinds.refusals import suggestion
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
@@ -325,10 +325,10 @@ def settle_metrics(study: Config, swept: Mapping[str, list[Plain]]) -> Config:
         *(key.startswith("vehicle.limits") for key in swept),
     ]
     names = [*(AGREEMENT if not all(leads) else ()), *(DETECTION if any(detects) else ())]
-    names += SATURATION if any(limited) else ()
-    names += FILTERING if any(of_kinds("filter", "present", False)) else ()
+    names += ["saturated"] * any(limited)
+    names += ["infeasible"] * any(of_kinds("filter", "present", False))
     stops = [*of_kinds("vehicle", "standstill", ""), *swept.get("vehicle.standstill", [])]
-    names += STANDSTILL if "stop" in stops else ()
+    names += ["standing"] * ("stop" in stops)
     measured = {metric.name for metric in study.metrics}
     more = [registry.find("metrics", name) for name in names if name not in measured]
     changed: dict[str, object] = {"metrics": [*study.metrics, *more]} if more else {}

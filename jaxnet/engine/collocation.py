@@ -127,7 +127,7 @@ class Collocation(Following[CollocationState]):
         return decided.sensed.drive(self.lane.gain, jerk, state.jets)
 
     def jerk(self, state, decided):
-        """Y‴ [m/s³] right after these decisions, by the law; the window ends where they change."""
+        """`y‴` [m/s³] after these decisions, by the law; the window ends where they change."""
         followed, now = state.followed, state.signals
         own = decided.sensed.of(state.jets)
         guess = followed.guess(self.lane, now, own)

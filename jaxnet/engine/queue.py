@@ -62,9 +62,7 @@ def work_off(
         state, record = work.advance(*carry)
         return carry[0]._replace(state=state), record
 
-    def until_some_end(
-        carry: tuple[Places, Scalar, LaneTree, LaneTree],
-    ) -> tuple[Places, Scalar, LaneTree, LaneTree]:
+    def until_some_end(carry: WorkCarry) -> WorkCarry:
         now, taken, left, record = carry
         now, taken = refill(now, taken)
         few = jnp.where(taken < count, places - max(1, places // SPARE), 0)

@@ -75,7 +75,8 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     """Compare two studies lane by lane; raises FolderError if no lanes can be paired."""
     both = first, second
     _ = first.cells, second.cells  # refuses an unfinished run
-    pairs, metrics = paired_cells(*both), compared_metrics(*both)
+    leaderless = all(is_leaderless(results.study.cells) for results in both)
+    pairs, metrics = paired_cells(*both), AGREEMENT if leaderless else SUMMARISED
     criteria = [results.study.config.recovery for results in both]
     each = [mark_unrecovered(join_lanes(both, pair, metrics), pair, criteria) for pair in pairs]
     lanes: Any = pd.concat(each, keys=range(len(pairs)))
@@ -103,12 +104,6 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         named(changed, ["sample", *sides]),
         named(~lanes["ok"], ["sample", "status_A", "status_B"]),
     )
-
-
-def compared_metrics(first: Results, second: Results) -> tuple[str, ...]:
-    """Metrics that are compared: tail errors, or those of agreement if neither has a navigator."""
-    alone = all(is_leaderless(results.study.cells) for results in (first, second))
-    return AGREEMENT if alone else SUMMARISED
 
 
 def paired_cells(first: Results, second: Results) -> list[CellPair]:

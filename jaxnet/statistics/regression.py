@@ -21,7 +21,7 @@ Shapes = Float[np.ndarray, " n"]
 
 
 def model_value(model: str, x: Magnitudes, parameters: Sequence[float]) -> Magnitudes:
-    """S x, b + s x, c x^p, or a constant."""
+    """`s x`, `b + s x`, `c x^p`, or a constant."""
     first, *more = parameters
     match model:
         case "power":
@@ -35,7 +35,7 @@ def model_value(model: str, x: Magnitudes, parameters: Sequence[float]) -> Magni
 
 @np.errstate(invalid="ignore")  # lanes at one magnitude alone
 def affine(x: Magnitudes, means: PerFit, weights: PerFit) -> Parameters:
-    """B and s of u = s + b/x by the normal equations."""
+    """`b` and `s` of u = s + b/x by the normal equations."""
     steps, total = x.min() / x, weights.sum(axis=1)
     centre, level = (weights @ steps) / total, (weights * means).sum(axis=1) / total
     apart = steps - centre[:, None]
@@ -46,7 +46,7 @@ def affine(x: Magnitudes, means: PerFit, weights: PerFit) -> Parameters:
 
 @np.errstate(all="ignore")  # of the greatest numbers, and of errors of 0
 def power(x: Magnitudes, means: PerFit, weights: PerFit) -> Parameters:
-    """C and p of u = c x^(p - 1): c is known for each p, the best p is looked for.
+    """`c` and `p` of u = c x^(p - 1): c is known for each p, the best p is looked for.
 
     It is looked for between the powers through pairs of magnitudes: on a grid by rank, then by
     golden section.

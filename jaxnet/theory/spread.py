@@ -45,7 +45,7 @@ class AttackGain(NamedTuple):
     shares: tuple[float, ...] | None = None  # of ā, the magnitudes of these orders; None: each is ā
 
     def disturbance(self, gain: LawGain) -> float:
-        """Β: the greatest ρ, per ā, of attacks on the falsified orders."""
+        """`β`: the greatest ρ, per ā, of attacks on the falsified orders."""
         return float(self.factors(gain).sum())
 
     def factors(self, gain: LawGain) -> Float[np.ndarray, " orders"]:
@@ -89,7 +89,7 @@ def disconnected_vehicles(retained: DropPolicy) -> Bool[np.ndarray, " m"]:
 
 
 def worst_gains(retained: DropPolicy, attacked: Links, carried: Links) -> Gains:
-    """Γ by policy iteration; infinite where some choice disconnects a vehicle.
+    """`γ` by policy iteration; infinite where some choice disconnects a vehicle.
 
     `carried` are the links that transmit the signal of their source. The gains hold for every
     sequence of allowed retained neighbours. Source: Howard's policy iteration (Puterman, Markov

@@ -12,9 +12,6 @@ from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError
 
 AGREEMENT = ("spread", "outside")  # metrics that rows have where there is no navigator
-SATURATION = ("saturated",)  # metrics that rows have where inputs have limits
-FILTERING = ("infeasible",)  # metrics that rows have where there is a filter
-STANDSTILL = ("standing",)  # metrics that rows have where vehicles stop
 DETECTION = ("alarms", "false_alarms")  # metrics that rows have where there is a detector
 
 Over = Literal["run", "tail"]

@@ -44,10 +44,11 @@ def asked_search(results: Results) -> SearchSettings:
 def search_notes(results: Results) -> list[str]:
     """What the columns of `worst_rows` are."""
     asked = asked_search(results)
+    late = " or ".join(f"{time:g} s" for time in sorted(set(results.worst["until"])))
     start = "one start" if asked.starts == 1 else f"{asked.starts:,} starts, their mean"
     return [
         f"found by the search: the worst choice from {start}, over {', '.join(asked.over)}; later:"
-        f" the same choice at {late_times(results)}, when transients have died away",
+        f" the same choice at {late}, when transients have died away",
         "worst random lane: the worst of as many random choices, each from one random start; it may"
         " exceed what was found, from a worse start",
         "other starts: the found choice from 10,000 further starts",
@@ -73,10 +74,6 @@ def limit_lines(results: Results) -> list[str]:
             f"no choice that was tried in {cells} fulfils it: search where more of them do"
         )
     return ["; ".join(lines)]
-
-
-def late_times(results: Results) -> str:
-    return " or ".join(f"{time:g} s" for time in sorted(set(results.worst["until"])))
 
 
 def maximised_text(results: Results) -> str:
