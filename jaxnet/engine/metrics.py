@@ -1,7 +1,6 @@
 """Metrics of a lane, gathered at output times so that memory stays constant; saved series."""
 
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import NamedTuple
 
 import jax
@@ -89,7 +88,7 @@ class Observation(NamedTuple):
     next_time: Float[Array, "*lanes"]
     leads: bool = True
     alarms: Float[Array, "2 *lanes"] | None = None
-    tallies: Mapping[str, Float[Array, "2 *lanes"]] = MappingProxyType({})
+    tallies: Mapping[str, Float[Array, "2 *lanes"]] = {}
     offset: Float[Array, "2 m *lanes"] | None = None
 
     @property
