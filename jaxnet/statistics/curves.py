@@ -12,7 +12,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
-from jaxnet.kinds.fields import Number, is_drawn
+from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import orders_in_words
 from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.groups import Group, attacked_groups, labels_without_magnitude
@@ -179,11 +179,6 @@ def failed_kinds(results: Results) -> dict[int, Counter[str]]:
         return {}
     found = results.by_cell("status", where=~rows.OK)
     return {number: Counter(map(str, failed["status"])) for number, failed in found}
-
-
-def configured_magnitude(cell: Cell) -> Number:
-    """ā as in the config; 0 without an attack."""
-    return cell.scenario.attack.amplitude()
 
 
 def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:

@@ -162,10 +162,6 @@ def disagreements_of(seen: FleetView) -> VehicleNumbers:
     return seen.disagreements()
 
 
-def absolute_speed(seen: FleetView) -> VehicleNumbers:
-    return abs(seen.speed)
-
-
 def absolute_turn_rate(seen: FleetView) -> VehicleNumbers:
     return abs(seen.turn_rate)
 
@@ -175,7 +171,7 @@ CONTRACT = (
     Metric("tail_max", "m", errors_of, "tail", "max", "max", "greatest error of any vehicle"),
     Metric("tail_disagreement", "m", disagreements_of, "tail", "mean", "mean", "mean disagreement"),
     Metric("peak_error", "m", errors_of, "run", "max", "max", "greatest error at any time"),
-    Metric("min_speed", "m/s", absolute_speed, "run", "min", "min", "least speed"),
+    Metric("min_speed", "m/s", lambda seen: abs(seen.speed), "run", "min", "min", "least speed"),
     Metric(
         "peak_turn_rate", "rad/s", absolute_turn_rate, "run", "max", "max", "greatest turn rate"
     ),

@@ -18,7 +18,6 @@ from jaxnet.kinds.kind import Kind
 from jaxnet.kinds.metrics import AGREEMENT, DETECTION, Metric
 from jaxnet.model.wording import count, orders_in_words
 from jaxnet.statistics.axes import ordered_values
-from jaxnet.statistics.curves import configured_magnitude
 
 MOST_ALTERNATIVES = 8
 LONGEST_VALUE = 80  # letters
@@ -154,7 +153,7 @@ def attacked_words(cell: Cell) -> str:
 
 def size_words(cell: Cell) -> str:
     """ā of a cell without its unit, or the magnitude of each order with its unit."""
-    amount, sizes = configured_magnitude(cell), cell.scenario.attack.by_order()
+    amount, sizes = cell.scenario.attack.amplitude(), cell.scenario.attack.by_order()
     if sizes is not None:
         return f"({orders_in_words(sizes)})"
     return plain_words(amount.model_dump()) if isinstance(amount, BaseModel) else f"{amount:.4g}"

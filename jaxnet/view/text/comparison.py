@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
-from jaxnet.statistics.quantities import stored_values
+from jaxnet.statistics.quantities import AGREEMENT_NOTES, stored_values
 from jaxnet.view.columns import Column, all_alike, key_column, plain_column
 from jaxnet.view.text.printer import columns_text, narrow_columns
 from jaxnet.view.text.tables import missing_lines
@@ -44,11 +44,7 @@ LEGEND = "All differences are B - A, of the same draws; [low, high]: 95 % interv
 ERROR_LEGEND = (
     "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median."
 )
-AGREEMENT_LEGEND = (
-    "spread: greatest distance of two vehicles that are not attacked, over the tail; outside:"
-    " greatest way of such a vehicle out of the hull of their starts; unrecovered: without"
-    " agreement."
-)
+AGREEMENT_LEGEND = "; ".join([*AGREEMENT_NOTES.values(), "unrecovered: without agreement."])
 SHARE_LEGEND = (
     "Only A off, only B off: lanes that failed to recover only in A, only in B; p: McNemar's exact"
     " test that both are equally likely."
