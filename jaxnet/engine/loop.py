@@ -278,7 +278,7 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     return fleet._replace(
         state=state,
         decided=decided,
-        tallies=counted(fleet.tallies, motion, state, decided, here),
+        tallies=tallies_after(fleet.tallies, motion, state, decided, here),
         status=status,
         switches=fleet.switches + jnp.where(here & ~first, changed.sum(axis=0), 0),
         unheard=fleet.unheard + jnp.where(here, decided.coasting.kept(lane).sum(axis=0), 0),
@@ -286,7 +286,7 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     )
 
 
-def counted(
+def tallies_after(
     tallies: dict[str, AtTicks], motion: Motion, state: Any, decided: DecisionState, here: LaneFlags
 ) -> dict[str, AtTicks]:
     """Tallies with what happens to vehicles right after these decisions, in the lanes at a tick."""
