@@ -236,15 +236,18 @@ def test_circle_of_constant_inputs():
 
 
 def test_a_slow_start_that_a_held_input_spoils_is_told_with_what_helps():
-    """A robot at 0.5 m/s turns at a rate proportional to 1/speed; limits keep all lanes."""
+    """A robot at 0.5 m/s turns at a rate proportional to 1/speed; with limits it comes to rest."""
     keys = {"vehicle": "two_wheeled", "initial": {"speed": 0.5}, "horizon": 5.0, "tail": 1.0}
     keys |= {"engine": {"kind": "sampled", "move": "euler"}, "vehicles": 6, "defence": "none"}
     failed = jaxnet.simulate(keys, 4, progress=False)
     assert (failed.lanes["status"] != "ok").all()
     told = " ".join(failures_text(failed).split())
-    assert "give vehicle.limits, a shorter tick, or a faster start (initial.speed)" in told
+    assert "give vehicle.standstill: stop, vehicle.limits, a shorter tick, or" in told
     limits = {"force_rate": 50.0, "angular_acceleration": 5.0}
-    keys |= {"vehicle": {"kind": "two_wheeled", "limits": limits}}
+    vehicle = {"kind": "two_wheeled", "limits": limits}
+    clipped = jaxnet.simulate({**keys, "vehicle": vehicle}, 4, progress=False)
+    assert set(clipped.lanes["status"]) <= {"ok", "singular"}
+    keys |= {"vehicle": vehicle | {"standstill": "stop"}}
     assert (jaxnet.simulate(keys, 4, progress=False).lanes["status"] == "ok").all()
 
 
@@ -290,7 +293,7 @@ def test_the_message_that_arrived_last_is_held(law, delay):
 
 
 def test_a_vehicle_that_passes_its_singular_set_within_a_period_fails():
-    """It brakes from 1 m/s behind a navigator that is 5 m back; `stop` stops it, `fail` fails."""
+    """It starts 5 m ahead of its navigator, at the same 1 m/s, and would go on backwards."""
     keys = {
         "vehicles": 1,
         "topology": "star",
