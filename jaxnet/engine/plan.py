@@ -30,6 +30,10 @@ class Plan(NamedTuple):
     rows: int = 0  # of these stacks: the clock's outputs and t = 0; 0 where nothing is saved
     chunk: int = 0  # lanes side by side
 
+    def at_ticks(self, law: Any) -> bool:
+        """Whether vehicles under a law hear messages at ticks alone."""
+        return self.engine.samples or law.needs_ticks()
+
     @property
     def choosing(self) -> bool:
         """Whether vehicles or attackers choose anything at ticks."""

@@ -25,6 +25,7 @@ from jaxnet.engine.stages import stopping
 from jaxnet.engine.stages.stopping import Rest
 from jaxnet.engine.status import LEAST_MARGIN, Status, fail
 from jaxnet.engine.subset import run_if, select
+from jaxnet.engine.tick import DecisionState
 from jaxnet.engine.vehicles import States
 
 MOST_TRIES = 1_000  # of a lane's motion over a period
@@ -37,6 +38,7 @@ class SamplingState(NamedTuple):
     states: States
     signals: Signals
     asked: PerAxis  # inputs that the law asks for until the next tick
+    drive: PerAxis  # z at the last tick, where the law is solved
     steps: Int[Array, " lanes"]  # of the motion over periods, refused ones included
     followed: Followed
     rest: Rest | None  # None where vehicles do not stop
@@ -55,6 +57,7 @@ class Sampling(InStates, Following[SamplingState]):
             states=vehicles.first_states(lane),
             signals=signals(lane, zero),
             asked=jnp.zeros_like(lane.initial[:2]),
+            drive=jnp.zeros_like(lane.initial[:2]),
             steps=jnp.zeros(zero.shape, int),
             followed=self.nothing_followed(),
             rest=stopping.first_rest(lane),
@@ -64,7 +67,12 @@ class Sampling(InStates, Following[SamplingState]):
         return state.asked
 
     def drive_now(self, state, decided):
-        """`y^(r) + P(ŷ)`, with y^(r) of the inputs that are held."""
+        """`y^(r) + P(ŷ)`, with y^(r) of the inputs that are held; of the tick, if solved."""
+        if self.lane.law.solves():
+            return state.drive
+        return self.drive_of(state, decided)
+
+    def drive_of(self, state: SamplingState, decided: DecisionState) -> PerAxis:
         rates = vehicles.rates(self.lane, state.states, state.asked, state.signals.time)
         return drive_along(self.lane, state.states, rates, state.signals.time, decided)
 
@@ -74,7 +82,8 @@ class Sampling(InStates, Following[SamplingState]):
         followed, cut_off = self.follow_anew(flagged, state, decided, lambda: state.states)
         scene = Scene(self.lane, self.network, decided, state.signals)
         asked = followed.inputs(scene, state.states)
-        return state._replace(asked=asked, followed=followed), cut_off
+        state = state._replace(asked=asked, followed=followed)
+        return state._replace(drive=self.drive_of(state, decided)), cut_off
 
     def advance(self, state, decided, ticks, status):
         """The state at the next tick; vehicles that have stopped stay where they are."""
@@ -106,6 +115,9 @@ class Sampling(InStates, Following[SamplingState]):
             rest = rest.plus(run_if(which.any(), stop, rest._replace(which=which)))
         status = fail(status, Status.nonfinite, ok & ~jnp.isfinite(states).all(axis=(0, 1)))
         status = fail(status, Status.max_steps, stuck)
+        if lane.singular:
+            passed = vehicles.passed_singular(lane, states, decided.coasting.may_stop(lane))
+            status = fail(status, Status.singular, passed.any(axis=0))
         now = signals(lane, end)
         state = state._replace(states=states, signals=now, steps=steps, rest=rest)
         return state, status, jnp.ones_like(ok)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jaxnet
+from jaxnet.kinds.losses import Loss
 from jaxnet.kinds.vehicles.robotarium import Robotarium
 from jaxnet.view.text.check import check_text
 from jaxnet.view.text.tables import failures_text
@@ -235,13 +236,74 @@ def test_circle_of_constant_inputs():
 
 
 def test_a_slow_start_that_a_held_input_spoils_is_told_with_what_helps():
-    """A robot at 0.5 m/s turns at a rate proportional to 1/speed; limits keep all lanes."""
+    """A robot at 0.5 m/s turns at a rate proportional to 1/speed; with limits it comes to rest."""
     keys = {"vehicle": "two_wheeled", "initial": {"speed": 0.5}, "horizon": 5.0, "tail": 1.0}
     keys |= {"engine": {"kind": "sampled", "move": "euler"}, "vehicles": 6, "defence": "none"}
     failed = jaxnet.simulate(keys, 4, progress=False)
     assert (failed.lanes["status"] != "ok").all()
     told = " ".join(failures_text(failed).split())
-    assert "give vehicle.limits, a shorter tick, or a faster start (initial.speed)" in told
+    assert "give vehicle.standstill: stop, vehicle.limits, a shorter tick, or" in told
     limits = {"force_rate": 50.0, "angular_acceleration": 5.0}
-    keys |= {"vehicle": {"kind": "two_wheeled", "limits": limits}}
+    vehicle = {"kind": "two_wheeled", "limits": limits}
+    clipped = jaxnet.simulate({**keys, "vehicle": vehicle}, 4, progress=False)
+    assert set(clipped.lanes["status"]) <= {"ok", "singular"}
+    keys |= {"vehicle": vehicle | {"standstill": "stop"}}
     assert (jaxnet.simulate(keys, 4, progress=False).lanes["status"] == "ok").all()
+
+
+class LostAfter(Loss):
+    """Every message after a time [s] is lost."""
+
+    after: float
+
+    def lost(self, messages, memory):
+        return messages.present & (messages.time > self.after)[None, None], memory
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+@pytest.mark.parametrize("law", ["exact", {"kind": "local", "hold": False}])
+def test_the_message_that_arrived_last_is_held(law, delay):
+    """A plain loop: a vehicle goes on with what the navigator said at t = 0, not between ticks."""
+    tick, gain = 0.1, 1.5
+    lost = (delay + 0.5) * tick
+    keys = {
+        "vehicles": 1,
+        "topology": "star",
+        "vehicle": "single_integrator",
+        "gain": [gain],
+        "law": law,
+        "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
+        "attack": "none",
+        "defence": "none",
+        "initial": {"position": [[2.0, 0.0]]},
+        "channel": {"loss": LostAfter(after=lost), "missing": "hold", "delay": delay * tick},
+        "engine": "sampled",
+        "tick": tick,
+        "output_step": tick,
+        "horizon": 5 * tick,
+        "tail": tick,
+        "save": {"trajectories": "all"},
+    }
+    place, places = 2.0, []
+    for number in range(6):
+        places.append(place)
+        place += tick * (1.0 - gain * place) * (number >= delay)
+    found = states_of(jaxnet.simulate(keys, progress=False))[:, 0, 0]
+    assert found == pytest.approx(places, abs=1e-12)
+
+
+def test_a_vehicle_that_passes_its_singular_set_within_a_period_fails():
+    """It starts 5 m ahead of its navigator, at the same 1 m/s, and would go on backwards."""
+    keys = {
+        "vehicles": 1,
+        "topology": "star",
+        "vehicle": "unicycle",
+        "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
+        "attack": "none",
+        "defence": "none",
+        "initial": {"position": [[5.0, 0.0]], "heading": 0.0, "speed": 1.0},
+        "engine": "sampled",
+        "horizon": 2.0,
+        "tail": 1.0,
+    }
+    assert jaxnet.simulate(keys, progress=False).lanes["status"].to_list() == ["singular"]

@@ -34,6 +34,7 @@ MISSING = {"drop": lambda order: 0, "hold": lambda order: 1, "extrapolate": lamb
 class Speakers(NamedTuple):
     """What vehicles and attackers say in a tick, for messages that are heard at its end."""
 
+    time: Instants  # [s]
     signals: Jets
     sensed: Sensed
     links: LinkErrors
@@ -119,7 +120,7 @@ class Lossy(Reception):
             continued = jnp.pad(ended, [(0, len(fresh) - 1), *[(0, 0)] * 4])
         else:
             new, speakers = self.arrived, spoke
-            if now.lane.law.needs_ticks():
+            if now.plan.at_ticks(now.lane.law) and not holds_drives(now):
                 new, speakers = arrived | (now.time <= 0)[None, None], speaking
             fresh, continued = spoken(now, spoke, speakers), self.substitutes.about(ended).terms
         return replace(there, substitutes=Polynomial(jnp.where(new[None, None], fresh, continued)))
@@ -181,7 +182,7 @@ def first_reception(now: Moment, late: OnTime) -> Reception:
 def degrees(lane: Lane, plan: Plan) -> int:
     """Coefficients of the messages that are known before a tick, 0 without such messages."""
     if lane.delay is not None:
-        return late_degrees(lane)
+        return late_degrees(lane, plan)
     return MISSING[plan.missing](len(lane.gain)) if lane.lossy else 0
 
 
@@ -199,6 +200,11 @@ def held_derivative(now: Moment, sensed: Sensed) -> PerAxis:
     return now.last - control.feedback(now.lane.gain, sensed.of(now.own))
 
 
+def holds_drives(now: Moment) -> bool:
+    """Whether a listener holds drives, which are known once the law is solved."""
+    return now.plan.missing == "hold" and now.lane.law.solves()
+
+
 def spoken(now: Moment, spoke: Speakers, speakers: Speakers) -> LinkDrives:
     """Messages on all links now, as their listeners hold or continue them.
 
@@ -207,8 +213,8 @@ def spoken(now: Moment, spoke: Speakers, speakers: Speakers) -> LinkDrives:
     """
     lane, gain, order, hearing = now.lane, now.lane.gain, now.order, now.network.hearing
     links, holds = speakers.links, now.plan.missing == "hold"
-    if holds and lane.law.solves():
-        path = control.driven(gain, now.navigator)
+    if holds_drives(now):
+        path = control.driven(gain, lane.path(spoke.time))
         sources = jnp.concatenate([path[:, None], now.last], axis=1)
         fresh = hearing.received(sources, control.driven(gain, speakers.signals))
         return links.of_message(gain, fresh)[None]

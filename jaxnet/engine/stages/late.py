@@ -266,7 +266,7 @@ def first_late(lane: Lane, plan: Plan) -> OnTime:
     """Messages before the first tick: all is 0."""
     if lane.delay is None:
         return OnTime()
-    d, r, degrees = plan.late, len(lane.gain), late_degrees(lane)
+    d, r, degrees = plan.late, len(lane.gain), late_degrees(lane, plan)
     (slots, m, lanes), changing = lane.weights.shape, plan.strategic or lane.periods is not None
     alike = lane.law.couples() and (plan.extrapolate == "none" or lane.delay.alike)
 
@@ -303,9 +303,9 @@ def ages(past: Past) -> Int[Array, "d 1 1 1"]:
     return jnp.arange(depth(past), 0, -1)[:, None, None, None]
 
 
-def late_degrees(lane: Lane) -> int:
-    """Coefficients of a message: one where a law holds a derivative between ticks."""
-    return 1 if lane.law.needs_ticks() else DEGREES
+def late_degrees(lane: Lane, plan: Plan) -> int:
+    """Coefficients of a message: one where vehicles hear messages at ticks alone."""
+    return 1 if plan.at_ticks(lane.law) else DEGREES
 
 
 def message_gains(
@@ -331,7 +331,7 @@ def known_parts(now: Moment, orders: int) -> tuple[Array, Array]:
 
     Of one order, these are R of them.
     """
-    lane, held = now.lane, now.lane.law.needs_ticks()
+    lane, held = now.lane, now.plan.at_ticks(now.lane.law)
     points = np.zeros(1) if held else polynomial.chebyshev_points(DEGREES)
     instants = now.time[None] + jnp.asarray(points)[:, None] * lane.interval[None]
 
@@ -366,6 +366,7 @@ def motion_told(
     # A loop, as XLA would compute a term again in each later one: 1.5 times, 12 vehicles.
     begin = (*series[1:], further(tuple(first), drive.terms[0])[1])
     series = [*series, begin[-1], *jax.lax.scan(further, begin, drive.terms[1:])[1]]
-    told = [scaled(jnp.stack(series[k : k + DEGREES]), 1 / powers[k]) for k in range(order + 1)]
+    degrees = len(drive.terms)
+    told = [scaled(jnp.stack(series[k : k + degrees]), 1 / powers[k]) for k in range(order + 1)]
     begin = (*sensed.of(tuple(each[0] for each in told[:order])), told[order][0])
     return tuple(each.at[0].set(start) for each, start in zip(told, begin, strict=True))

@@ -45,10 +45,11 @@ FAILURE_REASONS = {
     "diverged": "an error over 1e100 m",
     "unmeasured": "a metric of the study is infinite or undefined (extending.md: undefined)",
 }
-HELD_TOO_LONG = ["max_steps", "nonfinite", "diverged"]  # statuses of a digital controller
+HELD_TOO_LONG = ["singular", "max_steps", "nonfinite", "diverged"]  # of a digital controller
 ON_SAMPLED = (
     "engine: sampled: vehicles hold inputs for a tick, and a slow vehicle's are great (as 1/speed):"
-    " give vehicle.limits, a shorter tick, or a faster start (initial.speed)"
+    " give vehicle.standstill: stop, vehicle.limits, a shorter tick, or a faster start"
+    " (initial.speed)"
 )
 
 
