@@ -48,6 +48,8 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "gaussian of sensing": "[O13](theorems.md#o13-sensor-errors)",
     "gaussian of noise": "[O15](theorems.md#o15-substituted-messages)",
     "chi_squared": "[O17](theorems.md#o17-alarms)",
+    "barrier": "[a filter against collisions](robots.md#a-filter-against-collisions)",
+    "sampled": "[a digital controller](robots.md#a-digital-controller)",
     "consistent": "[B1](guarantees.md#assumptions-b1-to-c3)",
 }
 EXAMPLES = {

@@ -325,8 +325,8 @@ class Attack(AnyAttack):
 
     magnitude: NotNegativeByOrder = setting(
         5.0,
-        "[m, m/s, m/s², m/s³], ā, bound on the signal and its three derivatives; or "
-        "a list, one for each order, if each order is falsified on its own",
+        "[m, m/s, m/s², m/s³], ā, bound on the signal and its derivatives up to the vehicle's "
+        "order; or a list, one for each order, if each order is falsified on its own",
     )
     vehicles: Annotated[list[int] | DrawnVehicles | ChangingVehicles, OneOf()] = setting(
         USUAL_TARGETS,

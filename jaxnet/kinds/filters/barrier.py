@@ -20,7 +20,7 @@ LEAST = 1e-300  # [m]
 
 
 class Barrier(Filter):
-    """A control barrier: `ḣ ≥ -γ h^p` for each pair, h = ‖Δ‖² - D², Δ from one to the other.
+    """A control barrier: `ḣ ≥ -γ h^p` for each pair, h = ‖Δ‖² - D², Δ = y_i - y_j.
 
     `joint`: one quadratic program of all vehicles, `-2Δ·(u_i - u_j) ≤ γ h^p`, knows what all
     transmit of their places; a speed is within an octagon in the disc. `halves`: each vehicle has a

@@ -29,8 +29,8 @@ class Collisions(StepCount):
     """Pairs of robots that touch, counted in each step from output to output.
 
     The centre of each robot is moved forward along its heading. Two robots touch if these points
-    are no further apart than `distance`. A pair that touches for ten steps counts ten. The arena's
-    public simulator counts so, with these defaults.
+    are no further apart than `distance`. The arena's public simulator counts so, with
+    these defaults.
     """
 
     distance: float = setting(0.135, "[m], from centre to centre", ge=0)
