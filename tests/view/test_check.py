@@ -109,7 +109,7 @@ FACTS = [
     (
         PLAIN | {"tick": 0.02, "channel": {"delay": 0.04, "extrapolate": "jerk"}},
         "delay",
-        "unstable: the delay must be below 0.0363729 s",
+        "UNSTABLE: the delay must be below 0.0363729 s",
     ),
     # attacked vehicles that each lane draws: a majority bears one liar, some listener hears two
     (
@@ -304,6 +304,16 @@ def test_hundreds_of_cells_fit_a_screen():
     assert text.count("holds: an honest path") == 1
     numbers = [cell.number for each in check.networks(given.cells) for cell in each.cells]
     assert sorted(numbers) == [*range(240)]
+
+
+def test_unstable_cells_are_told_at_the_top():
+    """A held law multiplies errors by 1 - k h of a single integrator: unstable from k h = 2 on."""
+    keys = PLAIN | {"vehicle": "single_integrator", "law": "local", "topology": "star"}
+    study = systems.study(tick=0.1, sweep={"gain": [[5.0], [19.9], [20.1], [50.0]]}, **keys)
+    head = check.check_text(study).split("\n\n")[0]
+    assert head.endswith("\nWARNING: unstable, deviations grow, in cells 2, 3: see law")
+    assert "WARNING" not in check.check_text(study, 1)
+    assert "WARNING: unstable, deviations grow, in cell 3: see law" in check.check_text(study, 3)
 
 
 def test_products_of_values_make_up_any_set_of_combinations():

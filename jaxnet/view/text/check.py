@@ -19,7 +19,7 @@ from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.horizon import ending
 from jaxnet.store import layout
-from jaxnet.view.text.facts import Facts, facts
+from jaxnet.view.text.facts import UNSTABLE, Facts, facts
 from jaxnet.view.text.printer import table_text
 from jaxnet.view.text.width import cut_text, terminal_width
 
@@ -56,7 +56,7 @@ def check_text(study: Study, number: int | None = None) -> str:
     """The whole report; of one cell if `number` is given."""
     cells = study.cells if number is None else [study.cells[number]]
     found = networks(cells)
-    parts = [study_head(study)]
+    parts = ["\n".join([study_head(study), *unstable_words(found)])]
     if number is None or len(found) > 1:
         parts.append(wrap_lines(swept_text(study)))
     parts.append(wrap_lines(amplitude_note(study.cells) + amplitude_advice(study)))
@@ -123,6 +123,20 @@ def study_head(study: Study) -> str:
         f" {settled.engine.kind} engine, no faults\n"
         f"about {decimal(round(memory))} of memory; at most {decimal(disk)} on disk"
     )
+
+
+def unstable_words(found: Sequence[AlikeCells]) -> list[str]:
+    """A warning for each fact that tells of an unstable law, with its cells."""
+    where: dict[str, list[int]] = {}
+    for each in found:
+        for name, line in each.facts.items():
+            if UNSTABLE in line:
+                where.setdefault(name, []).extend(cell.number for cell in each.cells)
+    words = "WARNING: unstable, deviations grow, in"
+    return [
+        wrap_lines(f"{words} {cells_named(sorted(numbers))}: see {name}")
+        for name, numbers in where.items()
+    ]
 
 
 def amplitude_advice(study: Study) -> str:

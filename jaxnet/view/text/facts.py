@@ -34,6 +34,8 @@ OF_NETWORKS, OF_SENSORS, OF_NOISE = ("reach", "nominal"), ("sensors leave",), ("
 OF_LOSSES = ("in mean square", "while reached")
 OF_DELAYS = ("lag", "follows lines", "greatest delay", "growth when late")
 
+UNSTABLE = "UNSTABLE"
+
 Facts = dict[str, str]
 
 
@@ -260,7 +262,7 @@ def vehicles_named(numbers: Sequence[int], scenario: Scenario) -> str:
 
 
 def stable(is_stable: bool) -> str:
-    return "stable" if is_stable else "UNSTABLE"
+    return "stable" if is_stable else UNSTABLE
 
 
 def rms_words(each: np.ndarray, scenario: Scenario) -> str:
@@ -270,7 +272,7 @@ def rms_words(each: np.ndarray, scenario: Scenario) -> str:
 
 def greatest_delay_words(margin: float, scenario: Scenario) -> str:
     state = "a necessary condition of stability holds"
-    state = "unstable" if margin < scenario.channel.delay else state
+    state = UNSTABLE if margin < scenario.channel.delay else state
     return f"; {state}: the delay must be below {margin:.6g} s"
 
 
