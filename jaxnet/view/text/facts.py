@@ -22,7 +22,7 @@ from jaxnet.theory.rounds import Stability
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.solution import Decay
 from jaxnet.theory.start import KeepsMoving, Start
-from jaxnet.theory.theorems import OF_LAWS, values
+from jaxnet.theory.theorems import OF_LAWS, OF_SEPARATION, values
 from jaxnet.theory.tolerance import Agreement, VehiclesAlone
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
@@ -56,7 +56,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         **defence.describe(graph, at_once, trusted),
         "guarantee": told.get("agreement", defence.promise()),
         "cut off": told.get("cut off", ""),
-        "apart": told.get("apart", ""),
+        "apart": told.get("apart", why_not_apart(scenario)),
         **world_lines(scenario, told),
         **motion_lines(scenario, found, told),
     }
@@ -165,6 +165,18 @@ def world_lines(scenario: Scenario, told: Facts) -> Facts:
         where = "on each axis, on every link and in every order transmitted"
         found["rounding"] += f"; they act like an attack of at most {size} {where}"
     return found
+
+
+def why_not_apart(scenario: Scenario) -> str:
+    """What keeps a filter from a proved distance; "" without a filter."""
+    if not scenario.filter.present:
+        return ""
+    unproved = (
+        f"filter {scenario.filter.kind} proves no distance for {scenario.vehicle.kind} at this"
+        " tick, gain and speed"
+    )
+    why = [premise_words(scenario, each) for each in missing(scenario, OF_SEPARATION)]
+    return f"nothing is proved; {'; '.join(why or [unproved])}"
 
 
 def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Facts:
@@ -382,7 +394,7 @@ def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
 PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": lambda norm, scenario: f"{norm:.4g}",
     "honest paths": path_words,
-    "apart": lambda least, scenario: f"who start {least:g} m apart or more stay so",
+    "apart": lambda least, scenario: f"steered points that start {least:g} m apart or more stay so",
     "cut off": lambda lost, scenario: f"{ranges(lost)} may be, if they drop the wrong sources",
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"
