@@ -119,6 +119,9 @@ FACTS = [
     ),
     (of_drawn(2, defence=ANNOUNCED), "safe", "not known in every lane for 1-8"),
     (of_drawn(2, defence=ANNOUNCED), "trimming", "or a trusted one, at 1-8"),
+    (of_drawn(2, defence="w_msr"), "defence", "F = 1, but a vehicle may hear 2 attacked sources;"),
+    (of_drawn(2, defence={"kind": "w_msr", "F": 2}), "defence", "W-MSR, F = 2; it may drop"),
+    (of_drawn(1, defence="w_msr"), "defence", "W-MSR, F = 1; it may drop"),
     (of_drawn(7, vehicles=24), "safe", "more than 1,000 sets of vehicles may be drawn"),
     (of_drawn(7, vehicles=24), "attack", "on 7 drawn for each lane"),
     (
