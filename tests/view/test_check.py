@@ -305,6 +305,7 @@ def test_hundreds_of_cells_fit_a_screen():
     assert len(lines) < 70
     assert "topology.seed: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, … 39 (40 values)" in text
     assert text.count("holds: an honest path") == 1
+    assert "a trusted one, at" in one_line(text)  # the end of a line of 160 letters
     numbers = [cell.number for each in check.networks(given.cells) for cell in each.cells]
     assert sorted(numbers) == [*range(240)]
 
