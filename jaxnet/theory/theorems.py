@@ -34,6 +34,7 @@ WHILE_REACHED = ("leader", "solved", *AS_ASKED, "one network", "on time", "drops
 # Of vehicles that move as asked while they are not clipped, and do not stop
 WITHIN = ("one gain", *(each for each in AT_LAST if each != "flat"))
 IN_TURNS = ("leader", "small", "solved", *AS_ASKED)
+OF_SEPARATION = ("flat", "filtered", "true places")
 
 
 def kept_distance(case: Case) -> float | None:
@@ -64,7 +65,7 @@ THEOREMS = (
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),
     Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
-    Theorem("O18", "apart", ("flat", "filtered", "true places"), kept_distance),
+    Theorem("O18", "apart", OF_SEPARATION, kept_distance),
     START,
     Theorem("O1", "keeps moving", WITHIN, keeps_moving),
     Theorem("Sussmann and Yang 1991", "never global", (), never_global),

@@ -109,7 +109,7 @@ FACTS = [
     (
         PLAIN | {"tick": 0.02, "channel": {"delay": 0.04, "extrapolate": "jerk"}},
         "delay",
-        "unstable: the delay must be below 0.0363729 s",
+        "UNSTABLE: the delay must be below 0.0363729 s",
     ),
     # attacked vehicles that each lane draws: a majority bears one liar, some listener hears two
     (
@@ -119,6 +119,9 @@ FACTS = [
     ),
     (of_drawn(2, defence=ANNOUNCED), "safe", "not known in every lane for 1-8"),
     (of_drawn(2, defence=ANNOUNCED), "trimming", "or a trusted one, at 1-8"),
+    (of_drawn(2, defence="w_msr"), "defence", "F = 1, but a vehicle may hear 2 attacked sources;"),
+    (of_drawn(2, defence={"kind": "w_msr", "F": 2}), "defence", "W-MSR, F = 2; it may drop"),
+    (of_drawn(1, defence="w_msr"), "defence", "W-MSR, F = 1; it may drop"),
     (of_drawn(7, vehicles=24), "safe", "more than 1,000 sets of vehicles may be drawn"),
     (of_drawn(7, vehicles=24), "attack", "on 7 drawn for each lane"),
     (
@@ -302,8 +305,19 @@ def test_hundreds_of_cells_fit_a_screen():
     assert len(lines) < 70
     assert "topology.seed: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, … 39 (40 values)" in text
     assert text.count("holds: an honest path") == 1
+    assert "a trusted one, at" in one_line(text)  # the end of a line of 160 letters
     numbers = [cell.number for each in check.networks(given.cells) for cell in each.cells]
     assert sorted(numbers) == [*range(240)]
+
+
+def test_unstable_cells_are_told_at_the_top():
+    """A held law multiplies errors by 1 - k h of a single integrator: unstable from k h = 2 on."""
+    keys = PLAIN | {"vehicle": "single_integrator", "law": "local", "topology": "star"}
+    study = systems.study(tick=0.1, sweep={"gain": [[5.0], [19.9], [20.1], [50.0]]}, **keys)
+    head = check.check_text(study).split("\n\n")[0]
+    assert head.endswith("\nWARNING: unstable, deviations grow, in cells 2, 3: see law")
+    assert "WARNING" not in check.check_text(study, 1)
+    assert "WARNING: unstable, deviations grow, in cell 3: see law" in check.check_text(study, 3)
 
 
 def test_products_of_values_make_up_any_set_of_combinations():

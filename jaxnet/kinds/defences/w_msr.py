@@ -50,5 +50,7 @@ class WMSR(Sparing):
         return self.F
 
     def describe(self, graph, attacked, trusted):
-        told = "it may drop any source, so there is no bound"
-        return {"defence": f"W-MSR, F = {self.F}; {told}"}
+        most = int((attacked & ~self.spares(trusted)).sum(axis=1).max())
+        told = f", but a vehicle may hear {most} attacked sources" * (most > self.F)
+        told += "; it may drop any source, so there is no bound"
+        return {"defence": f"W-MSR, F = {self.F}{told}"}

@@ -19,16 +19,14 @@ from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.horizon import ending
 from jaxnet.store import layout
-from jaxnet.view.text.facts import Facts, facts
+from jaxnet.view.text.facts import UNSTABLE, Facts, facts
 from jaxnet.view.text.printer import table_text
-from jaxnet.view.text.width import cut_text, terminal_width
+from jaxnet.view.text.width import terminal_width
 
 MOST_NETWORKS = 20  # with searches over sets of vehicles
 MOST_NAMED_VALUES = 12  # values of a swept key that are named one by one
 MOST_DISTINCT = 3  # of a fact that are told one by one; of more, the ranges of their numbers
 MOST_TABLE_ROWS = 8  # of the table of a fact
-MOST_FULL_CELLS = 20  # of a study whose facts are told in full
-MOST_LETTERS = 110  # of a fact of a larger study
 MOST_ALIKE = 40  # letters with which two rows of a table may begin
 MOST_KEY_LETTERS = 24  # of a key's column
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
@@ -56,7 +54,7 @@ def check_text(study: Study, number: int | None = None) -> str:
     """The whole report; of one cell if `number` is given."""
     cells = study.cells if number is None else [study.cells[number]]
     found = networks(cells)
-    parts = [study_head(study)]
+    parts = ["\n".join([study_head(study), *unstable_words(found)])]
     if number is None or len(found) > 1:
         parts.append(wrap_lines(swept_text(study)))
     parts.append(wrap_lines(amplitude_note(study.cells) + amplitude_advice(study)))
@@ -125,6 +123,20 @@ def study_head(study: Study) -> str:
     )
 
 
+def unstable_words(found: Sequence[AlikeCells]) -> list[str]:
+    """A warning for each fact that tells of an unstable law, with its cells."""
+    where: dict[str, list[int]] = {}
+    for each in found:
+        for name, line in each.facts.items():
+            if UNSTABLE in line:
+                where.setdefault(name, []).extend(cell.number for cell in each.cells)
+    words = "WARNING: unstable, deviations grow, in"
+    return [
+        wrap_lines(f"{words} {cells_named(sorted(numbers))}: see {name}")
+        for name, numbers in where.items()
+    ]
+
+
 def amplitude_advice(study: Study) -> str:
     """The key that compares errors with the amplitude in force, where τ ā is more than that."""
     asked = study.config.recovery
@@ -153,7 +165,7 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
     told = wrap_lines(f"time: {lines[0]}")
     if len(set(lines)) > 1:
         labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell in cells]
-        told = factor_table("time", labels, lines, None)
+        told = factor_table("time", labels, lines)
     if early:
         words = "WARNING: the tail begins before the effect of the start ends, in"
         enough = f"horizon: {needed:g} is enough for the start; a defence may need longer"
@@ -199,21 +211,18 @@ def differing(found: Sequence[AlikeCells]) -> list[str]:
     names = dict.fromkeys(name for network in found for name in network.facts)
     by_cell = [(cell, network.facts) for network in found for cell in network.cells]
     labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell, _ in by_cell]
-    most = MOST_LETTERS if len(by_cell) > MOST_FULL_CELLS else None
     common, tables = {}, []
     for name in names:
         lines = [known.get(name, "") for _, known in by_cell]
         if len(set(lines)) == 1:
             common[name] = lines[0]
         else:
-            tables.append(factor_table(name, labels, lines, most))
-    told = "\n".join(tables)
-    cut = ["… what is cut short, --cell N tells in full"] if "…\n" in told else []
-    return [wrap_lines(titled("in all cells", common)) if common else "", told, *cut]
+            tables.append(factor_table(name, labels, lines))
+    return [wrap_lines(titled("in all cells", common)) if common else "", "\n".join(tables)]
 
 
-def factor_table(name: str, labels: CellLabels, lines: Sequence[str], most: int | None) -> str:
-    """A fact by the fewest keys that decide it, a line no longer than `most` letters."""
+def factor_table(name: str, labels: CellLabels, lines: Sequence[str]) -> str:
+    """A fact by the fewest keys that decide it."""
     if len(set(lines)) > MOST_DISTINCT:
         lines = with_ranges(lines)
     keys = deciding_keys(labels, lines)
@@ -228,7 +237,6 @@ def factor_table(name: str, labels: CellLabels, lines: Sequence[str], most: int 
     rows, before = [], ""
     for box, line in boxes[:MOST_TABLE_ROWS]:
         told = "as above" if line == before else beside(before, line)
-        told = told if most is None else cut_text(told, most)
         values = map(values_text, box, every)
         rows.append([*(fill(each, MOST_KEY_LETTERS) for each in values), told])
         before = line

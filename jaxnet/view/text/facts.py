@@ -22,7 +22,7 @@ from jaxnet.theory.rounds import Stability
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.solution import Decay
 from jaxnet.theory.start import KeepsMoving, Start
-from jaxnet.theory.theorems import OF_LAWS, values
+from jaxnet.theory.theorems import OF_LAWS, OF_SEPARATION, values
 from jaxnet.theory.tolerance import Agreement, VehiclesAlone
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
@@ -33,6 +33,8 @@ ONE_LIVE_NETWORK = {"one network", "on time", "every message"}
 OF_NETWORKS, OF_SENSORS, OF_NOISE = ("reach", "nominal"), ("sensors leave",), ("messages leave",)
 OF_LOSSES = ("in mean square", "while reached")
 OF_DELAYS = ("lag", "follows lines", "greatest delay", "growth when late")
+
+UNSTABLE = "UNSTABLE"
 
 Facts = dict[str, str]
 
@@ -54,7 +56,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         **defence.describe(graph, at_once, trusted),
         "guarantee": told.get("agreement", defence.promise()),
         "cut off": told.get("cut off", ""),
-        "apart": told.get("apart", ""),
+        "apart": told.get("apart", why_not_apart(scenario)),
         **world_lines(scenario, told),
         **motion_lines(scenario, found, told),
     }
@@ -165,6 +167,18 @@ def world_lines(scenario: Scenario, told: Facts) -> Facts:
     return found
 
 
+def why_not_apart(scenario: Scenario) -> str:
+    """What keeps a filter from a proved distance; "" without a filter."""
+    if not scenario.filter.present:
+        return ""
+    unproved = (
+        f"filter {scenario.filter.kind} proves no distance for {scenario.vehicle.kind} at this"
+        " tick, gain and speed"
+    )
+    why = [premise_words(scenario, each) for each in missing(scenario, OF_SEPARATION)]
+    return f"nothing is proved; {'; '.join(why or [unproved])}"
+
+
 def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Facts:
     """Stability of the law, safe vehicles with what they presume, draws, and decay."""
     law, broken = told.get("stability", ""), missing(scenario, OF_LAWS)
@@ -260,7 +274,7 @@ def vehicles_named(numbers: Sequence[int], scenario: Scenario) -> str:
 
 
 def stable(is_stable: bool) -> str:
-    return "stable" if is_stable else "UNSTABLE"
+    return "stable" if is_stable else UNSTABLE
 
 
 def rms_words(each: np.ndarray, scenario: Scenario) -> str:
@@ -270,7 +284,7 @@ def rms_words(each: np.ndarray, scenario: Scenario) -> str:
 
 def greatest_delay_words(margin: float, scenario: Scenario) -> str:
     state = "a necessary condition of stability holds"
-    state = "unstable" if margin < scenario.channel.delay else state
+    state = UNSTABLE if margin < scenario.channel.delay else state
     return f"; {state}: the delay must be below {margin:.6g} s"
 
 
@@ -380,7 +394,7 @@ def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
 PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": lambda norm, scenario: f"{norm:.4g}",
     "honest paths": path_words,
-    "apart": lambda least, scenario: f"who start {least:g} m apart or more stay so",
+    "apart": lambda least, scenario: f"steered points that start {least:g} m apart or more stay so",
     "cut off": lambda lost, scenario: f"{ranges(lost)} may be, if they drop the wrong sources",
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"

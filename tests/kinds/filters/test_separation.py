@@ -8,6 +8,7 @@ import pytest
 import jaxnet
 from jaxnet.theory.case import Case
 from jaxnet.theory.theorems import values
+from jaxnet.view.text.facts import facts
 
 STEP = 0.033
 CROWD = {
@@ -33,6 +34,12 @@ def told(**keys):
     return values(Case(cell.scenario)).get("apart")
 
 
+def line(**keys):
+    """What `check` says."""
+    (cell,) = jaxnet.load({**CROWD, "filter": "barrier", **keys}).cells
+    return facts(cell.scenario).get("apart", "")
+
+
 def test_check_tells_the_distance_where_it_is_proved():
     assert told() == 0.15
     assert told(engine={"kind": "nonlinear", "solver": "dopri5"}) == 0.15
@@ -40,18 +47,27 @@ def test_check_tells_the_distance_where_it_is_proved():
 
 
 @pytest.mark.parametrize(
-    "keys",
+    ("keys", "why"),
     [
-        {"filter": "none"},
-        {"attack": {"kind": "bias", "vehicles": [1]}},
-        {"vehicle": "look_ahead"},
-        {"vehicle": {"kind": "single_integrator", "limits": {"input": 1.0}}},
-        {"filter": {"kind": "barrier", "speed": None}},
-        {"filter": {"kind": "barrier", "gain": 1.9e6}},
+        ({"attack": {"kind": "bias", "vehicles": [1]}}, "attacked vehicles tell false places"),
+        ({"vehicle": "look_ahead"}, "filter barrier proves no distance for look_ahead at this"),
+        (
+            {"vehicle": {"kind": "single_integrator", "limits": {"input": 1.0}}},
+            "single_integrator may not move as the law asks",
+        ),
+        ({"filter": {"kind": "barrier", "speed": None}}, "at this tick, gain and speed"),
+        ({"filter": {"kind": "barrier", "gain": 1.9e6}}, "at this tick, gain and speed"),
     ],
 )
-def test_nothing_is_told_without_a_premise(keys):
+def test_a_missing_premise_is_told_in_place_of_a_distance(keys, why):
     assert told(**keys) is None
+    assert line(**keys).startswith("nothing is proved; ")
+    assert why in line(**keys)
+
+
+def test_nothing_is_said_without_a_filter():
+    assert line(filter="none") == ""
+    assert line() == "steered points that start 0.15 m apart or more stay so"
 
 
 @pytest.mark.parametrize("form", ["joint", "halves"])
