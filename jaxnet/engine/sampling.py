@@ -83,7 +83,9 @@ class Sampling(InStates, Following[SamplingState]):
         scene = Scene(self.lane, self.network, decided, state.signals)
         asked = followed.inputs(scene, state.states)
         state = state._replace(asked=asked, followed=followed)
-        return state._replace(drive=self.drive_of(state, decided)), cut_off
+        if self.lane.law.solves():
+            state = state._replace(drive=self.drive_of(state, decided))
+        return state, cut_off
 
     def advance(self, state, decided, ticks, status):
         """The state at the next tick; vehicles that have stopped stay where they are."""
