@@ -2,9 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any
 
-import jax
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -20,6 +18,7 @@ from jaxnet.kinds.vehicles import HEADING
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
+from jaxnet.runs.shards import Program, program_of
 from jaxnet.statistics import recovery
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.arrays import Variables, lane_in, open_store
@@ -49,14 +48,14 @@ def replay_each(
 ) -> Iterator[tuple[UPath, Shard, Outcome]]:
     """Replay lanes, by cell, sample and engine; those of one program and network side by side."""
     results.need_code()
-    cells, alike = results.study.cells, dict[Any, list[tuple[str, Variables, Shard, Job]]]()
+    cells, alike = results.study.cells, dict[Program, list[tuple[str, Variables, Shard, Job]]]()
     for cell, sample, engine in wanted:
         chosen, store = with_engine(cells[cell], engine), store_of(results, cell, sample, engine)
         variables = layout.error_variables([chosen]) | layout.trajectory_variables([chosen])
         source = source_of(results.study.config, cells[cell].scenario)
         one = job(chosen.scenario, source, [sample], layout.series_of(variables))
         shard = Shard(0, chosen, range(sample, sample + 1))
-        alike.setdefault(common(one), []).append((store, variables, shard, one))
+        alike.setdefault(program_of(one), []).append((store, variables, shard, one))
     machine = batch.Machine(chunk=results.manifest.get("chunk"))
     for together in alike.values():
         _, network, clock, plan = together[0][-1]
@@ -67,15 +66,6 @@ def replay_each(
             for name, content in arrays.lane_files(variables, *place, outcome.series).items():
                 results.folder.put(f"{store}/{name}", content)
             yield results.folder.path / store, shard, outcome
-
-
-def common(one: Job) -> Any:
-    """What lanes have in common that can run side by side: program, network, shapes of numbers."""
-    numbers, structure = jax.tree.flatten(one.inputs)
-    shared, network = jax.tree.flatten((one.network, one.clock))
-    same = [(np.shape(leaf), np.asarray(leaf).tobytes()) for leaf in shared]
-    shapes = [(np.shape(leaf), np.result_type(leaf)) for leaf in numbers]
-    return one.plan, structure, network, *same, *shapes
 
 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:

@@ -19,13 +19,11 @@ import pandas as pd
 from jaxnet.config import keys
 from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.keys import Config
-from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
-from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model.wording import count
 from jaxnet.runs import shards
 from jaxnet.runs.shards import Assignment
-from jaxnet.runs.tally import Done, Tally
+from jaxnet.runs.tally import LAST_PHASE, Done, Tally
 from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import DERIVED, Folder, FolderError, TakenError
@@ -99,7 +97,7 @@ class Run:
             self.begin(samples)
             simulated += self.simulate(new, tally)
             looks = self.looks_ahead([ahead[1:] for ahead in looks], samples, tally)
-        return self.finish(samples, simulated)
+        return self.finish(samples, simulated, tally)
 
     def need_room(self, lanes: int) -> None:
         """Raise FolderError if lanes do not fit the disk; each row file counts as a full shard."""
@@ -213,12 +211,13 @@ class Run:
             warnings.warn(f"{self.folder.path}: {removed}", stacklevel=2)
         self.folder.remove(*taken, "cells.csv")
 
-    def finish(self, samples: Sequence[int], simulated: int) -> bool:
+    def finish(self, samples: Sequence[int], simulated: int, tally: Tally) -> bool:
         """Write chosen trajectories and tables of all rows; return whether any were missing."""
         missing = simulated > 0 or not self.folder.manifest["finished"]
         every = layout.shards_of(self.cells, samples, self.work.size)
         if not isinstance(self.study.save.trajectories, str):
-            missing = self.store_chosen(every, missing) or missing
+            missing = self.store_chosen(every, missing, tally) or missing
+            tally.phase = LAST_PHASE
         table = summary.summarise(self.folder, every, self.cells, self.study, samples)
         self.folder.put("cells.csv", functools.partial(write_table, table))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
@@ -234,7 +233,7 @@ class Run:
         )
         return missing
 
-    def store_chosen(self, every: Sequence[Shard], anew: bool) -> bool:
+    def store_chosen(self, every: Sequence[Shard], anew: bool, tally: Tally) -> bool:
         """Simulate the chosen lanes again, and write their trajectories into a new store.
 
         Unless `anew`, a store that holds just these lanes stays. Returns whether it was written.
@@ -242,11 +241,12 @@ class Run:
         path, variables = self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells)
         metric = judged_metric(self.cells)
         lanes = rows.scan_cells(self.folder, every, ("sample", "status", metric))
-        chosen = [
-            (self.cells[number], sample)
+        parts = [
+            (self.cells[number], samples)
             for number, each in lanes
-            for sample in chosen_samples(self.study.save, each, metric)
+            if (samples := chosen_samples(self.study.save, each, metric))
         ]
+        chosen = [(cell, sample) for cell, samples in parts for sample in samples]
         wanted = [(cell.number, sample) for cell, sample in chosen]
         if not anew and arrays.holds_lanes(path, variables, wanted):
             return False
@@ -256,15 +256,14 @@ class Run:
         self.folder.remove(CHOSEN_STORE)
         with self.folder.naming(CHOSEN_STORE):
             store = arrays.create_lanes(arrays.store_at(path), variables, self.cells, chosen)
-        first = 0
-        for cell, lanes in itertools.groupby(chosen, lambda lane: lane[0]):
-            samples = [sample for _, sample in lanes]
-            source = source_of(self.study, cell.scenario)
-            one = job(cell.scenario, source, samples, layout.series_of(variables))
-            series = batch.simulate(one, self.machine).series
+        first = [0, *itertools.accumulate(len(samples) for _, samples in parts)]
+        series = layout.series_of(variables)
+        outcomes = shards.simulate_outcomes(self.study, parts, series, self.machine)
+        for done in range(len(parts)):
+            tally.phase = f"trajectories, cell {done + 1} of {len(parts)}"
+            place, outcome = next(outcomes)
             with self.folder.naming(CHOSEN_STORE):
-                arrays.write_lanes(store, first, cell, variables, series)
-            first += len(samples)
+                arrays.write_lanes(store, first[place], parts[place][0], variables, outcome.series)
         with self.folder.naming(CHOSEN_STORE):
             arrays.seal(store, path, variables, len(chosen))
         return True

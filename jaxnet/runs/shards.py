@@ -104,7 +104,10 @@ def simulate_shards(
     stores = open_stores(work) if work.filled is not None else {}
     unwritten = deque[Future[Done]]()
     with ThreadPoolExecutor(1) as writer:
-        for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
+        parts = [(shard.cell, shard.samples) for shard in shards]
+        outcomes = simulate_outcomes(work.config, parts, work.series, machine, load_done)
+        for number, outcome in outcomes:
+            shard = shards[number]
             states = shard.cell.scenario.vehicle.states
             values = arrays.series_values(work.variables, outcome.series, states)
             checksums = {}
@@ -135,34 +138,43 @@ def write_shard(
 
 
 def simulate_outcomes(
-    work: Assignment, shards: Sequence[Shard], machine: Machine, load_done: Callable[[int], None]
-) -> Iterator[tuple[Shard, Outcome]]:
-    """Yield each shard and its outcome; shards that fit one program follow each other."""
-    some = {shard.cell.number: shard for shard in shards}  # one of each cell
-    sources = {cell: source_of(work.config, some[cell].cell.scenario) for cell in some}
+    config: Config,
+    parts: Sequence[tuple[Cell, Sequence[int]]],
+    series: tuple[str, ...],
+    machine: Machine,
+    load_done: Callable[[int], None] = lambda lanes: None,
+) -> Iterator[tuple[int, Outcome]]:
+    """Yield the place in `parts` and the outcome of each part, samples of one cell.
 
-    def drawn(shard: Shard, samples: Sequence[int]) -> Job:
-        return job(shard.cell.scenario, sources[shard.cell.number], samples, work.series)
+    Parts that fit one program follow each other and fill its loads together: a load costs the same
+    for one lane as for all that it holds.
+    """
+    some = {cell.number: place for place, (cell, _) in enumerate(parts)}  # a part of each cell
+    sources = {cell: source_of(config, parts[some[cell]][0].scenario) for cell in some}
+
+    def drawn(place: int, samples: Sequence[int]) -> Job:
+        cell = parts[place][0]
+        return job(cell.scenario, sources[cell.number], samples, series)
 
     jobs, held = dict[Program, Job](), dict[int, Inputs]()
     programs, size = dict[int, Program](), 0
-    for number, shard in some.items():
-        one = drawn(shard, shard.samples if size < MOST_HELD else [0])
+    for number, place in some.items():
+        one = drawn(place, parts[place][1] if size < MOST_HELD else [0])
         programs[number] = program_of(one)
         jobs.setdefault(programs[number], one)
         if size < MOST_HELD:
-            held[shard.number] = one.inputs
+            held[place] = one.inputs
             size += sum(leaf.nbytes for leaf in jax.tree.leaves(one.inputs))
-    kinds: dict[Program, list[Shard]] = {}
-    for shard in shards:
-        kinds.setdefault(programs[shard.cell.number], []).append(shard)
+    kinds: dict[Program, list[int]] = {}
+    for place, (cell, _) in enumerate(parts):
+        kinds.setdefault(programs[cell.number], []).append(place)
 
-    def inputs(shard: Shard) -> Inputs:
-        return held.pop(shard.number, None) or drawn(shard, shard.samples).inputs
+    def inputs(place: int) -> Inputs:
+        return held.pop(place, None) or drawn(place, parts[place][1]).inputs
 
     for program, alike in kinds.items():
         one = jobs.pop(program)
-        lanes = sum(len(shard.samples) for shard in alike)
+        lanes = sum(len(parts[place][1]) for place in alike)
         shared = one.network, one.clock, one.plan
         ends = batch.simulate_each(map(inputs, alike), lanes, *shared, machine, load_done)
         yield from zip(alike, ends, strict=True)

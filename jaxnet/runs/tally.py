@@ -12,6 +12,8 @@ from jaxnet.config.keys import Recovery
 from jaxnet.engine import programs
 from jaxnet.statistics.recovery import RecoveryCounts, attacked_mask, threshold
 
+LAST_PHASE = "writing results"  # the phase after all simulation
+
 
 class Sums(NamedTuple):
     """Numbers of lanes, and the sum of the judged metric [m] of ok lanes."""
@@ -43,13 +45,16 @@ def sums_of(cell: Cell, rows: pa.Table | pd.DataFrame, asked: Recovery | None) -
 
 
 class Tally:
-    """Counts of lanes by cell. A lane of an unfinished shard counts as done, in no other sum."""
+    """Counts of lanes by cell. A lane of an unfinished shard counts as done, in no other sum.
+
+    `phase` says what the run does once all lanes are done; progress reads it whenever it is shown.
+    """
 
     def __init__(self, cells: Sequence[Cell], total: int, recovery: bool):
         self.cells, self.total, self.recovery = cells, total, recovery
         self.shards: dict[int, Sums] = {}
         self.sums = np.zeros((len(cells), len(Sums._fields)))
-        self.under_way = 0
+        self.under_way, self.phase = 0, LAST_PHASE
         self.aim, self.last_look = total, ""  # lanes until the next look, and what the last one saw
 
     @property

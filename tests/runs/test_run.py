@@ -14,12 +14,15 @@ import pandas as pd
 import pytest
 import xarray as xr
 import yaml
+from upath import UPath
 
 import jaxnet
 from jaxnet.config.scenario import situation_of
-from jaxnet.engine import batch
+from jaxnet.engine import batch, programs
 from jaxnet.model.graph import dense
 from jaxnet.runs.replay import replay, replay_each
+from jaxnet.runs.run import Run
+from jaxnet.runs.tally import Tally
 from jaxnet.statistics import intervals
 from jaxnet.store import layout
 from jaxnet.store.admission import admit
@@ -27,6 +30,7 @@ from jaxnet.store.arrays import lane_in
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Results
 from jaxnet.view.figures import panels
+from jaxnet.view.text import progress
 from jaxnet.view.text.tables import lane_text
 from tests import systems
 
@@ -239,6 +243,28 @@ def test_chosen_trajectories(config, tmp_path):
         assert {variable.encoding["chunks"][0] for variable in part.data_vars.values()} == {1}
         stored = sum(variable.nbytes for variable in part.data_vars.values())
         assert stored == layout.disk_bytes(given.config, given.cells, lanes=0)
+
+
+def test_chosen_lanes_of_all_cells_cost_no_more_loads_than_the_run(monkeypatch, tmp_path):
+    """One load a program, whatever the number of cells; and what the run does is told meanwhile."""
+    loads, told, seen = [], [], list[Tally]()
+    advance = programs.advance_load
+
+    def counted(plan, arguments, device):
+        loads.append("state" in plan.save)
+        told.append(progress.Speed().words(seen[-1]))
+        return advance(plan, arguments, device)
+
+    monkeypatch.setattr(programs, "advance_load", counted)
+    few = {"samples": 2, "horizon": 1.0, "tail": 0.5, "save": {"trajectories": {"worst": 1}}}
+    swept = {"sweep": {"topology": ["star", "cyclic"], "attack.magnitude": [1, 2, 3]}}
+    given = systems.study(engine="exact", **few, **swept)
+    folder = Folder(UPath(tmp_path))
+    with folder.writing():
+        Run(given.config, given.cells, folder, seen.append, systems.FEW).whole()
+    assert loads.count(True) == 2 <= loads.count(False) == 4
+    assert told[-2:] == ["trajectories, cell 1 of 6", "trajectories, cell 4 of 6"]
+    assert progress.Speed().words(seen[-1]) == "writing results"
 
 
 @pytest.mark.parametrize(

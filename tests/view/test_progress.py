@@ -46,6 +46,8 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
         assert " lanes/s  2 failed  0:00:" in line_of("50/100 lanes")
         tally.record([Done(1, 0, Sums(50, 50, 0, 0.0))])
         assert line_of("writing") == "writing results"
+        tally.phase = "trajectories, cell 12 of 40"
+        assert line_of("trajectories") == "trajectories, cell 12 of 40"
     capsys.readouterr()
     time.sleep(0.15)
     assert not capsys.readouterr().err

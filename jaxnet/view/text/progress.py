@@ -59,7 +59,7 @@ def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
         if not now:
             return "preparing"
         if now[0].done >= now[0].aim:
-            return "writing results"
+            return now[0].phase
         done, aim, failed = now[0].done, now[0].aim, now[0].failed
         words = f"{done}/{aim} lanes", speed.words(now[0]), f"{failed} failed"
         return "  ".join([*words, f"{speed.left(aim - done)} left"])
@@ -175,7 +175,9 @@ class Speed:
             self.rate = (done - self.start[1]) / (now - self.start[0])
 
     def words(self, tally: "Tally") -> str:
-        """The speed, or the present stage if no lane is done."""
+        """The speed, the present stage if no lane is done, or what follows if all are."""
+        if tally.done >= tally.aim:
+            return tally.phase
         if tally.compiling:
             return "compiling"
         return f"{number_text(self.rate)} lanes/s" if self.rate else "first lanes under way"
