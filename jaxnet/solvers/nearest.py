@@ -72,7 +72,8 @@ def in_plane(
         on_line = foot + jnp.clip(dot(along, wanted), lower, upper)[None] * along
         found = jnp.where(apart[None], jnp.nan, on_line)
         point = jnp.where(going[None], found, point)
-        return point, *next_broken(point, k)
+        k, more = next_broken(point, k)
+        return point, k, going & more  # a solved problem waits for its neighbours
 
     start = first, *next_broken(first, jnp.full(limits.shape[1:], -1))
     return jax.lax.while_loop(under_way, with_next, start)[0]
