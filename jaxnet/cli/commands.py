@@ -16,7 +16,7 @@ from jaxnet.runs import cache
 from jaxnet.version import __version__
 
 errors = LazyModule("jaxnet.cli.errors")
-refusals = LazyModule("jaxnet.kinds.refusals")
+near_names = LazyModule("jaxnet.kinds.refusals")
 
 C = TypeVar("C", bound=Callable[..., object])
 SECTIONS: dict[str, list[click.Command]] = {
@@ -33,7 +33,7 @@ class NearChoice(click.Choice):
 
     def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
         told = super().get_invalid_choice_message(value, ctx)
-        return told + refusals.suggestion(value, [*self.choices], fallback=False)
+        return told + near_names.suggestion(value, [*self.choices], fallback=False)
 
 
 class Sections(click.Group):

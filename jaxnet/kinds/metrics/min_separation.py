@@ -16,6 +16,6 @@ MIN_SEPARATION = Metric(
     nearest,
     time="min",
     vehicles="min",
-    words="least distance of two steered points, those ahead of look_ahead and robotarium",
+    words="least distance of two steered points",
     undefined="infinite",
 )
