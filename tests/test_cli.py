@@ -136,6 +136,12 @@ def test_the_summary_is_shown_in_other_formats(swept):
     assert jaxnet_does("show", swept, "--format", "html").exit_code == 2
 
 
+def test_a_figure_of_a_near_name_is_asked_for():
+    told = jaxnet_does("figure", "anywhere", "curv").stderr
+    assert told.rstrip().endswith("(did you mean 'curve'?)")
+    assert "did you mean" not in jaxnet_does("figure", "anywhere", "xyzzy").stderr
+
+
 def test_a_key_is_put_across(swept):
     """In every format; what is written elsewhere than to a terminal has all rows."""
     key = next(iter(jaxnet.open(swept).study.cells[0].labels))

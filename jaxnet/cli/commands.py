@@ -16,6 +16,7 @@ from jaxnet.runs import cache
 from jaxnet.version import __version__
 
 errors = LazyModule("jaxnet.cli.errors")
+near_names = LazyModule("jaxnet.kinds.refusals")
 
 C = TypeVar("C", bound=Callable[..., object])
 SECTIONS: dict[str, list[click.Command]] = {
@@ -25,6 +26,14 @@ SECTIONS: dict[str, list[click.Command]] = {
     "Further": [],
 }
 A_STUDY, ITS_RESULTS, ONE_LANE, FURTHER = SECTIONS
+
+
+class NearChoice(click.Choice):
+    """A choice of many names; a refusal asks whether a near one was meant."""
+
+    def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
+        told = super().get_invalid_choice_message(value, ctx)
+        return told + near_names.suggestion(value, [*self.choices], fallback=False)
 
 
 class Sections(click.Group):

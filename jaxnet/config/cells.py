@@ -98,6 +98,9 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         ranges.write_distributions(document)
     config, wrong, problems = validated(Config, document.data, document.place)
     problems += document.problems
+    if "sweep" in wrong:
+        listed, bad = right_sweep(document)
+        config, wrong = config.model_copy(update={"sweep": listed}), wrong | bad
     sweep = Sweep({key: swept_values(each) for key, each in config.sweep.items()})
     values = {key: column.values for key, column in sweep.columns.items()}
     given = given_keys(document, judges)
@@ -117,18 +120,19 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         Key(key, names.get(key)): each for key, each in sweep.columns.items() if known.has(key)
     }
     cells: tuple[Cell, ...] = ()
-    tried, unknown = [], {*wrong, *Scenario.model_fields}
+    nothing = [], {*wrong, *Scenario.model_fields}
+    tried, unknown = nothing
     if math.prod(sweep.sizes) <= MOST_SWEPT_CELLS:
         start = settled.model_copy(update={"topology": config.topology})  # cells settle their own
         span = SweptCells(document, start, wrong, sweep.sizes, spanned, given)
         cells, found = span.cells({*problems})
         problems += found
-        if not refused and "sweep" not in wrong:
-            tried, unknown = span.tried, wrong | span.unknown
+        tried, unknown = span.tried, wrong | span.unknown
     if judges:
-        found = [*faults.study_faults(settled, tried, unknown)]
+        whole = (tried, unknown) if not refused and "sweep" not in wrong else nothing
+        found = [*faults.study_faults(settled, *whole)]
         if unknown.isdisjoint(Scenario.model_fields):
-            written = [key for key in values if is_written(document, split_key(key))]
+            written = [key for key in spanned if is_written(document, split_key(key))]
             found += faults.replaced_faults(settled, written, tried)
         problems += [located(fault, document.place) for fault in found]
     if problems:
@@ -148,6 +152,23 @@ def validated(
     wrong = {str(keys[0]) for keys, _ in found}
     right = {key: each for key, each in data.items() if isinstance(key, str) and key not in wrong}
     return model.model_validate(dict.fromkeys(wrong & {"name"}, "study") | right), wrong, told
+
+
+def right_sweep(document: Document) -> tuple[dict[str, Any], set[str]]:
+    """Return the swept keys with right values and their values, and the keys with wrong ones.
+
+    Keys inside wrong ones are left out.
+    """
+    listed, bad = dict[str, Any](), set[str]()
+    for key, value in swept_in(document).items():
+        made, wrong, _ = validated(Config, {"name": "study", "sweep": {key: value}}, str)
+        listed |= made.sweep
+        bad |= {*keys_in(key)} if wrong else set()
+
+    def stands(written: str) -> bool:
+        return not any(f"{key}.".startswith(f"{w}.") for key in keys_in(written) for w in bad)
+
+    return {key: each for key, each in listed.items() if stands(key)}, bad
 
 
 @functools.cache

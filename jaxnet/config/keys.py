@@ -290,7 +290,9 @@ class Scenario(Record):
     vehicle: Annotated[Vehicle, KindOf("vehicle")] = Field(
         default=TwoWheeled(), description="the robot"
     )
-    initial: Initial = Field(default=Initial(), description="where the vehicles start")
+    initial: Initial = Field(
+        default=Initial(), description="where the vehicles start, before a formation moves them"
+    )
     gain: Gains = Field(
         default=[1.0, 3.0, 3.0],
         description="k0, k1, … of the law for ε, ε̇, …, as many as the vehicle's order; by "

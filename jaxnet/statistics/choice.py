@@ -1,6 +1,6 @@
 """Selection of a study's cells by the values of their swept keys."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -16,7 +16,7 @@ from jaxnet.config.naming import (
     value_alone,
     value_name,
 )
-from jaxnet.kinds.refusals import value_text
+from jaxnet.kinds.refusals import suggestion, value_text
 from jaxnet.statistics.curves import canonical_value
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.store.folder import FolderError
@@ -38,14 +38,15 @@ def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
         for value in as_list(wanted):
             labels = matching_labels(cells, key, value)
             if not labels:
-                there = ", ".join(plain_spaces(value_alone(key, each)) for each in swept[key])
-                raise FolderError(f"where: {key} has no value {value} (it has {there})")
+                there = ", ".join(names_of(key, each) for each in swept[key])
+                near = suggestion(str(value), [*map(str, swept[key])], fallback=False)
+                raise FolderError(f"where: {key} has no value {value} (it has {there}){near}")
             chosen |= labels
         found = [cell for cell in found if cell.labels[key] in chosen]
     return found
 
 
-def swept_key(argument: str, name: str, swept: Iterable[str]) -> str:
+def swept_key(argument: str, name: str, swept: Collection[str]) -> str:
     """Return the swept key of a name: the key, or its title in tables, with or without the unit.
 
     Raises FolderError, which names the argument and all swept keys.
@@ -54,7 +55,14 @@ def swept_key(argument: str, name: str, swept: Iterable[str]) -> str:
         if name in (key, key_name(key), quantity(key), quantity(key).partition(" [")[0]):
             return key
     known = "; ".join(swept) or "no keys"
-    raise FolderError(f"{argument}: {name} is not swept (swept are {known})")
+    near = suggestion(name, [*swept], fallback=False)
+    raise FolderError(f"{argument}: {name} is not swept (swept are {known}){near}")
+
+
+def names_of(key: str, label: Label) -> str:
+    """A value as a table shows it, after its name in the config where that differs."""
+    alone = plain_spaces(value_alone(key, label))
+    return f"{label} ('{alone}')" if isinstance(label, str) and alone != label else alone
 
 
 def as_list(values: object) -> list[object]:

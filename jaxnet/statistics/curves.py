@@ -85,15 +85,19 @@ class Curve(NamedTuple):
         return found
 
     def fit(self, metric: str, quantile: float | None = None) -> Fit | None:
-        """Slope s and its ends by least squares or at a quantile; None where there is no slope."""
+        """Slope s and its ends by least squares or at a quantile; None where there is no slope.
+
+        Errors that are not proportional to ā have none.
+        """
         found = self.fits.get((metric, quantile))
-        return None if found is None or np.isnan(found[0]) else found
+        return None if found is None or np.isnan(found[0]) or self.is_bent(metric) else found
 
     def is_flat(self, metric: str) -> bool:
-        return (metric, None) in self.fits and self.fit(metric) is None
+        found = self.fits.get((metric, None))
+        return found is not None and bool(np.isnan(found[0]))
 
     def is_bent(self, metric: str) -> bool:
-        """Whether errors are not proportional to ā, so that no slope of means tells of them."""
+        """Whether errors are not proportional to ā, so that no slope tells of them."""
         power = self.exponents.get(metric)
         return power is not None and abs(power[0] - 1.0) > NOT_PROPORTIONAL
 

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
 from jaxnet.kinds.metrics import DETECTION, Metric
+from jaxnet.kinds.refusals import suggestion
 from jaxnet.model.wording import count
 from jaxnet.statistics.curves import LOG_FLOOR, log_ends
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
@@ -175,7 +176,9 @@ def metric_and_statistic(study: Config, name: str) -> tuple[Metric, str]:
     stem, _, statistic = name.rpartition("_")
     if stem in metrics and statistic in LANE_STATISTICS:
         return metrics[stem], statistic
+    more = [f"{metric}_{statistic}" for metric in metrics for statistic in LANE_STATISTICS]
+    near = suggestion(name, [*known_quantities(study), *more], fallback=False)
     raise FolderError(
         f"y: must be one of {', '.join(known_quantities(study))}, or a metric with _median, _mean,"
-        f" _q05, _q95 or _max (got {name})"
+        f" _q05, _q95 or _max (got {name}){near}"
     )

@@ -267,9 +267,13 @@ def test_a_fit_is_told_in_words(fit, words):
     [(1.0, "error = 2.2 ā"), (0.9, "error = 2.2 ā"), (0.3, "not proportional to ā")],
 )
 def test_no_slope_is_told_where_the_error_is_not_proportional(power, words):
-    fits, ends = {("tail_mean", None): (2.2, math.nan, math.nan)}, (math.nan, math.nan)
+    """Nor a multiple of ā below which a share of the lanes is."""
+    slope, ends = (2.2, math.nan, math.nan), (math.nan, math.nan)
+    fits = {("tail_mean", quantile): slope for quantile in (None, 0.5, 0.95, 1.0)}
     curve = Curve(Group({}, ()), pd.DataFrame(), {}, fits, {"tail_mean": (power, *ends)})
     assert slopes.law_text(curve, "tail_mean") == words
+    told = {curve.fit("tail_mean", quantile) for _, quantile in fits}
+    assert told == ({None} if "not" in words else {slope})
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():

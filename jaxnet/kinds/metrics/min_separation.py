@@ -4,7 +4,7 @@ from jaxnet.kinds.shapes import VehicleNumbers
 
 
 def nearest(seen: FleetView) -> VehicleNumbers:
-    """Distance [m] of each vehicle to the nearest other, (m, lanes); infinite for a single one."""
+    """Distance [m] of each steered point to the nearest, (m, lanes); infinite for a single one."""
     xp, apart = seen.error.__array_namespace__(), seen.apart()
     itself = xp.eye(apart.shape[0], dtype=bool)[:, :, None]
     return xp.where(itself, xp.inf, apart).min(axis=0)
@@ -16,6 +16,6 @@ MIN_SEPARATION = Metric(
     nearest,
     time="min",
     vehicles="min",
-    words="least distance of two vehicles",
+    words="least distance of two steered points",
     undefined="infinite",
 )

@@ -37,7 +37,7 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
         }
         for name, (quantile, look) in FITS.items():
             fitted = curve.fit(metric, quantile)
-            if fitted and not (quantile is None and curve.is_bent(metric)):
+            if fitted:
                 slopes[name] = fitted[0], look
         lines = []
         for name, (slope, look) in slopes.items():
@@ -58,7 +58,7 @@ def slope_note(curve: Curve, metric: str) -> str:
     if len(curve.cells) == 1:
         return "one ā alone: error / ā is no fit"
     bent = curve.is_bent(metric)
-    return "errors are not proportional to ā: no line is fitted to their means" if bent else ""
+    return "errors are not proportional to ā: no line is fitted" if bent else ""
 
 
 def lane_series(curve: Curve, metric: str) -> list[Trace]:

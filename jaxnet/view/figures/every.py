@@ -13,6 +13,7 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.naming import label_notes
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
+from jaxnet.kinds.refusals import suggestion
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import band_groups, error_bands, variable_over_time, vehicle_table
 from jaxnet.statistics.choice import Where, as_list, select_cells
@@ -325,7 +326,8 @@ def draw_figure(
 ) -> Figure:
     """Draw the figure of this name; `chosen` are arguments of its method, None if not given."""
     if name not in FIGURE_NAMES:
-        raise FolderError(f"name: one of {', '.join(FIGURE_NAMES)} (got {name})")
+        near = suggestion(name, [*FIGURE_NAMES], fallback=False)
+        raise FolderError(f"name: one of {', '.join(FIGURE_NAMES)} (got {name}){near}")
     if name not in SENSITIVITY:
         _ = results.cells  # refuses an unfinished run
     given = {key: value for key, value in chosen.items() if value is not None}

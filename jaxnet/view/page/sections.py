@@ -200,7 +200,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     """Errors per ā by group: worst found, fitted, and bounded."""
     rows = []
     for curve in found:
-        fitted = (not curve.is_bent("tail_max") and curve.fit("tail_max")) or (np.nan,) * 3
+        fitted = curve.fit("tail_max") or (np.nan,) * 3
         row = {"worst found": curve.worst}
         row |= dict(zip(("fit of the means", "low", "high"), fitted, strict=True))
         row["95 % of lanes below"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
