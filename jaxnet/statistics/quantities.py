@@ -33,7 +33,8 @@ LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
 SPREAD_WORDS = "spread: greatest distance of two vehicles that are not attacked"
 AGREEMENT_NOTES = {
     "spread": f"{SPREAD_WORDS}, over the tail",
-    "outside": "outside: greatest way of such a vehicle out of the convex hull of their starts",
+    "outside": "outside: greatest way of a vehicle that is not attacked out of the convex hull of"
+    " the starts of all these",
 }
 FORMATION_NOTE = "errors, spread and outside leave out the vehicles' places in the formation"
 VALUE_COLUMNS = ["value", "low", "high"]

@@ -277,15 +277,16 @@ def metric_sentences(results: Results) -> list[str]:
         def words(end: float, cell: int) -> str:
             low, high = of.values.loc[cell, ["low", "high"]]
             ends = f"{error_text(low, scale)} to {error_text(high, scale)}{unit}"
-            sure = f" ({100 * of.confidence:g} % interval {ends})" * bool(np.isfinite(low + high))
+            has_interval = np.isfinite(low + high) and low < high
+            sure = f" ({100 * of.confidence:g} % interval {ends})" * bool(has_interval)
             return f"<b>{error_text(end, scale)}{unit}</b>{sure}"
 
         span = span_words(results, values, words)
         endless = len(of.values) - len(values)
         apart = f" {sentence_case(count(endless, 'cell'))} has no such median." * (endless == 1)
         apart = apart or f" {endless} cells have no such median." * (endless > 1)
-        stem = escape(of.words.removesuffix(MEDIAN_WORDS))
-        return f"The median over lanes of {stem} {span}.{apart}"
+        stem = escape(sentence_case(of.words.removesuffix(MEDIAN_WORDS)))
+        return f"{stem}: the median over lanes {span}.{apart}"
 
     return [told(each) for each in found if each.known.size]
 
@@ -369,7 +370,7 @@ def certainty_sentence(results: Results) -> str:
     scale, ends = float(curves.cell_magnitudes(results)[place]), ("mean", "low", "high")
     mean, low, high = (error_text(float(row[f"{metric}_{end}"]), scale) for end in ends)
     known = metric != "spread" and not np.isnan(row["tail_mean_high"])
-    if len(means) == 1 and not known:
+    if metric == "spread" or (len(means) == 1 and not known):  # the extremes tell it
         return samples
     sure = 100 * confidence_told(results.study.config.samples)
     interval = f" ({sure:g} % interval {low} to {high} m)" if known else ""
