@@ -20,13 +20,14 @@ from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves
 from jaxnet.store.results import Results
 from jaxnet.view import page
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import findings, sections, trajectories
 from jaxnet.view.page.comparison import comparison_page
-from jaxnet.view.page.plots import plotted
+from jaxnet.view.page.plots import axis, plotted
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
@@ -215,6 +216,23 @@ def test_findings(tmp_path, errors, given, sentence):
     found = "\n".join(told(tmp_path, errors, **given))
     assert sentence in found
     assert "nan" not in found
+
+
+def test_ticks_stand_at_the_swept_values():
+    """As in the PNG; decades where there is no room for them."""
+    values = [0.05, 0.2, 1.0, 5.0]
+    for ticks, log, texts in (
+        (values, True, ["0.05", "0.2", "1", "5"]),
+        ([1.0, 2.0, 3.0], False, ["1", "2", "3"]),
+        ([1.0, 1.01, 1.02, 100.0], True, None),
+    ):
+        x, y = Scale("x", log=log, ticks=ticks), Scale("y")
+        line = Trace("", Look(), np.array(ticks), np.array(ticks))
+        found = axis(Drawing([Panel({}, [], [line])], x, y), "x")
+        if texts is None:
+            assert found["ticktext"][:2] != ["1", "1.01"]
+        else:
+            assert (found["tickvals"], found["ticktext"]) == (ticks, texts)
 
 
 def test_rounding_is_shown_as_such(folder, tmp_path):
