@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
-from jaxnet.kinds.metrics import DETECTION, Metric
+from jaxnet.kinds.metrics import Metric
 from jaxnet.model.wording import count
 from jaxnet.statistics.curves import LOG_FLOOR, log_ends
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
@@ -94,14 +94,10 @@ class Quantity(NamedTuple):
 
 
 def asked_quantity(study: Config) -> str:
-    """The quantity that a study asks for: a recovery, its first own metric, or the mean tail error.
-
-    Shares of alarms, which every study with a detector has, are not asked for.
-    """
+    """The quantity by which a study judges lanes: recovery, else the spread or mean tail error."""
     if study.recovery is not None:
         return "unrecovered"
-    own = (metric.name for metric in study.metrics if metric.name not in DETECTION)
-    return next(own, "tail_mean")
+    return "spread" if study.leaderless else "tail_mean"
 
 
 def known_quantities(study: Config) -> list[str]:
