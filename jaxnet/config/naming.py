@@ -241,8 +241,8 @@ def plain_words(value: object) -> str:
         words = {str(key).replace("_", " "): each for key, each in value.items()}
         return ", ".join(f"{key} {plain_words(inner)}" for key, inner in words.items())
     if isinstance(value, list):
-        inner = ", ".join(map(plain_words, value))
-        return f"({inner})" if any(isinstance(each, list) for each in value) else inner
+        words = {True: "({})", False: "{}"}
+        return ", ".join(words[isinstance(each, list)].format(plain_words(each)) for each in value)
     return format_value(value)
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
-from jaxnet.kinds.metrics import DETECTION, Metric
+from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.refusals import suggestion
 from jaxnet.model.wording import count
 from jaxnet.statistics.curves import LOG_FLOOR, log_ends
@@ -34,7 +34,8 @@ LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
 SPREAD_WORDS = "spread: greatest distance of two vehicles that are not attacked"
 AGREEMENT_NOTES = {
     "spread": f"{SPREAD_WORDS}, over the tail",
-    "outside": "outside: greatest way of such a vehicle out of the convex hull of their starts",
+    "outside": "outside: greatest way of a vehicle that is not attacked out of the convex hull of"
+    " the starts of all these",
 }
 FORMATION_NOTE = "errors, spread and outside leave out the vehicles' places in the formation"
 VALUE_COLUMNS = ["value", "low", "high"]
@@ -94,14 +95,10 @@ class Quantity(NamedTuple):
 
 
 def asked_quantity(study: Config) -> str:
-    """The quantity that a study asks for: a recovery, its first own metric, or the mean tail error.
-
-    Shares of alarms, which every study with a detector has, are not asked for.
-    """
+    """The quantity by which a study judges lanes: recovery, else the spread or mean tail error."""
     if study.recovery is not None:
         return "unrecovered"
-    own = (metric.name for metric in study.metrics if metric.name not in DETECTION)
-    return next(own, "tail_mean")
+    return "spread" if study.leaderless else "tail_mean"
 
 
 def known_quantities(study: Config) -> list[str]:

@@ -10,7 +10,7 @@ from jaxtyping import Int
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.model.wording import count_between, counted, number_text
+from jaxnet.model.wording import RESULT_DIGITS, count_between, counted, number_text
 from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
 from jaxnet.statistics.curves import LOG_FLOOR, SHARE_COLUMNS, cell_magnitudes, failed_kinds
@@ -19,7 +19,7 @@ from jaxnet.statistics.recovery import confidence_told, share_definition
 from jaxnet.store.results import Results
 
 NO_CELL = -1
-LEAST_TILE_ERROR = 0.1  # whose three digits a tile has room for
+LEAST_TILE_ERROR = 0.01  # that a tile has room for without its power of ten
 
 
 class Tiling(NamedTuple):
@@ -109,7 +109,7 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
 
 
 def tile_text(metric: str, value: float) -> str:
-    """A value as in tables, only all lanes are 100 %; of small errors, which are long, the decade.
+    """A value as in tables, only all lanes are 100 %, and small errors are powers of ten.
 
     What is rounding is 0.
     """
@@ -117,4 +117,4 @@ def tile_text(metric: str, value: float) -> str:
         return number_text(value, whole=100.0)
     if value >= LEAST_TILE_ERROR:
         return number_text(value)
-    return "0" if value < LOG_FLOOR else f"{value:.0e}".replace("e-0", "e-")
+    return "0" if value < LOG_FLOOR else f"{value:.{RESULT_DIGITS - 1}e}".replace("e-0", "e-")

@@ -301,8 +301,9 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
         end, of, scale = name.removeprefix(f"{metric.name}_"), metric.column_unit, 1.0
         entries["size"] = rows["size"] if of == "m" else 0.0
         which = ", worst" if end == "max" else f", {end.replace('_', ' ')}"
-        title = "worst" if name == "tail_max_max" else f"{metric.name.replace('_', ' ')}{which}"
-        symbol = LATEX_SYMBOLS.get(metric.name, metric.name.translate(LATEX_ESCAPES))
+        words = metric.name.replace("_", " ")
+        title = "worst" if name == "tail_max_max" else f"{words}{which}"
+        symbol = LATEX_SYMBOLS.get(metric.name, words.translate(LATEX_ESCAPES))
         symbol += which * (name != "tail_max_max")
         if end == statistic and len(LANE_STATISTICS[statistic].columns) > 1:
             names = [f"{metric.name}_{each}" for each in LANE_STATISTICS[statistic].columns]

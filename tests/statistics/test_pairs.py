@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 import jaxnet
 from jaxnet.config.keys import Recovery
@@ -85,7 +86,7 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
     told = comparison.comparison_text(found)
     assert "defence.kind: none in A, trusted_trim in B" in told
     words = " ".join(told.split())
-    assert "(n < 28 + 25 G², G: skewness): cells 0, 1. Alike: the lanes of cells 2, 3 have" in words
+    assert "fewer than 28 lanes: cells 0, 1. Alike: the lanes, 10 at least, have one" in words
     assert all(len(line) <= 80 for line in told.splitlines() if "not compared" not in line)
     assert f"recovered only in B: {found.changed['unrecovered_A'].astype(bool).sum()} lanes" in told
     assert "defence.kind" in page.comparison_page(found)
@@ -105,7 +106,8 @@ def test_a_study_differs_from_itself_by_nothing(without):
     assert "they are the same study" in told
     measured = [each for each in comparison.comparison_columns(found) if "[m]" in each.title]
     assert {text for each in measured[1:] for text in each.texts()} == {"0 (alike)"}
-    assert "Alike: the lanes of cells 0-3 have one value (12 lanes at least); with 95 %" in told
+    assert "the lanes, 12 at least, have one value of " in told
+    assert "(cells 0-3); with 95 %" in told
 
 
 def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
@@ -163,3 +165,26 @@ def test_lanes_without_recovery_have_no_sides(without):
     lanes = pairs.join_lanes((without, without), pair, METRICS)
     judged = pairs.mark_unrecovered(lanes, pair, [None, Recovery(tau=0.3)])
     assert pd.isna(pairs.comparison_row(judged, METRICS, without.study.config)["p"])
+
+
+def test_cells_are_compared_lane_by_lane_and_all_at_once():
+    """Signs counted by hand: 10 of 10, 9 of 10 and ties; Holm's levels are 0.05/3, 0.05/2, 0.05."""
+    base = np.arange(1.0, 11.0)
+    nine = base + np.where(np.arange(10) < 9, 0.5, -0.5)
+    lanes = {0: base, 1: base + 1e-12, 2: base + 0.1, 3: nine}
+    values = {cell: pd.Series(each, range(10)) for cell, each in lanes.items()}
+    assert pairs.worse_cells(values, [[0, 1]]) == (set(), 0)  # rounding
+    assert pairs.worse_cells(values, [[0, 3]]) == ({(3, 0)}, 1)  # p = 22/1024 < 0.05
+    # two comparisons of lanes that do not differ cost nothing; two that do take it over 0.05/3
+    assert pairs.worse_cells(values, [[0, 3], [0, 1], [0, 1]]) == ({(3, 0)}, 1)
+    values[4] = pd.Series(base + np.tile([0.5, -0.5], 5), range(10))
+    assert pairs.worse_cells(values, [[0, 3], [0, 4], [0, 4]]) == (set(), 3)
+    assert pairs.worse_cells(values, [[0, 2], [0, 2], [0, 3]]) == ({(2, 0), (3, 0)}, 3)  # 0.05/1
+    short = values | {2: values[2].iloc[:5]}  # five pairs: p = 2/32
+    assert pairs.worse_cells(short, [[0, 2]]) == (set(), 0)
+
+
+@pytest.mark.parametrize(("up", "down"), [(0, 0), (3, 3), (9, 1), (0, 12)])
+def test_the_sign_test_is_the_binomial_one(up, down):
+    wanted = stats.binomtest(up, up + down).pvalue if up + down else 1.0
+    assert pairs.sign_test(up, down) == pytest.approx(wanted)

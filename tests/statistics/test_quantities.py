@@ -65,10 +65,14 @@ def test_shares_are_in_percent_and_what_has_none_is_blank(results):
 
 
 def test_what_the_study_asks_for_is_drawn_and_other_names_are_refused(results):
-    """A share where it asks for recovery, its own metric, else the error over the tail."""
+    """A share where it asks for recovery, else the error over the tail, or the spread."""
     config = results.study.config
     assert asked_quantity(config) == "unrecovered"
     assert asked_quantity(jaxnet.load({"recovery": None}).config) == "tail_mean"
+    own = {"metrics": ["min_separation"]}
+    assert asked_quantity(jaxnet.load(own).config) == "tail_mean"
+    alone = {"navigator": "none", "law": "local"}
+    assert asked_quantity(jaxnet.load(own | alone).config) == "spread"
     with pytest.raises(
         FolderError, match=r"y: must be one of unrecovered, failed, tail_mean, .* \(got speed\)"
     ):

@@ -136,7 +136,7 @@ def test_curves_that_coincide_are_parted_on_the_page_as_in_print():
 @mpl.rc_context(style.PRINT_STYLE)
 def test_ticks_are_values_or_round_numbers():
     """None is without its number."""
-    assert value_ticks([100, 101, 102, 200, 1000], False, 1.0) == []
+    assert value_ticks(Scale("", ticks=[100, 101, 102, 200, 1000]), 1.0) == []
     cells = study_cells(**{"attack.frequency": [1.0, 1.01, 1.02, 2.0, 4.0]})
     drawn = printed(swept_drawing(numbered(cells), choose_axes(cells), cells), 3.5)
     drawn.draw_without_rendering()

@@ -145,10 +145,10 @@ def test_a_share_reads_the_same_everywhere(value, words):
 
 @pytest.mark.parametrize(
     ("value", "words"),
-    [(3.14159, "3.14"), (0.114, "0.114"), (7.2e-4, "7e-4"), (1e-12, "0")],
+    [(3.14159, "3.14"), (0.114, "0.114"), (0.01234, "0.0123"), (7.234e-4, "7.23e-4"), (1e-12, "0")],
 )
 def test_a_tile_has_room_for_small_errors(value, words):
-    """As their decade; below 1e-9 of ā they are rounding."""
+    """With three digits and the power of ten; below 1e-9 of ā they are rounding."""
     assert tiles.tile_text("worst", value) == words
 
 

@@ -177,7 +177,7 @@ def test_ticks_stand_at_the_values_where_they_are_few():
 @mpl.rc_context(style.PRINT_STYLE)
 def test_labels_of_ticks_have_the_digits_that_fit(values, log, room, texts):
     """Where two digits are too many, there are none, and ticks are round numbers."""
-    assert value_ticks(values, log, room) == texts
+    assert value_ticks(Scale("", log=log, ticks=values), room) == texts
 
 
 def test_the_note_says_what_a_point_is():

@@ -20,13 +20,14 @@ from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves
 from jaxnet.store.results import Results
 from jaxnet.view import page
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import findings, sections, trajectories
 from jaxnet.view.page.comparison import comparison_page
-from jaxnet.view.page.plots import plotted
+from jaxnet.view.page.plots import axis, plotted
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
@@ -119,12 +120,19 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
     table = {"ok": np.where(np.isnan(errors), 0, 3), "tail_mean_mean": errors}
     table |= {"tail_max_max": 2 * errors, "tail_mean_low": 0.5 * errors}
     table |= {"tail_mean_high": 1.5 * errors, **dict(cells)}
+
+    def by_cell(*_columns, where, cells=None):
+        if cells is None:
+            return rows.groupby("cell")
+        alike = {"sample": range(12), made.cells[0].scenario.judged: 1.0}
+        return ((cell, pd.DataFrame(alike) * [1, errors[cell]]) for cell in sorted(cells))
+
     lanes = {"ok": 3 * len(errors) - len(failed), "failed": len(failed), "total": 3 * len(errors)}
     vars(results).update(
         study=made,
         cells=pd.DataFrame(table),
         manifest={"samples": 3, "lanes": lanes},
-        by_cell=lambda *columns, where: rows.groupby("cell"),
+        by_cell=by_cell,
     )
     if bounds is not None:
         slopes = [[name, "worst", slope] for name, slope in bounds.items()]
@@ -141,8 +149,7 @@ def test_the_page_begins_with_what_was_found(html):
         "All 18 lanes came to their end; none failed.",
         "from 25 % (95 % interval 15 to 25 %) with star, ā\xa0=\xa01\xa0m (cell 1)",
         " to 100 % (95 % interval 90 to 100 %) with ",
-        "The share of lanes that did not recover is 25 to 50 % with star, ",
-        "of 2 settings of the other keys",
+        "By topology it is 25 to 50 % with star, ",
         "1 lane above its bound: see below.",
     ):
         assert words in text
@@ -163,25 +170,30 @@ ALIKE = {key: [1.0, 1.0, 1.0] for key in curves.SHARE_COLUMNS}
 WIDE = {"unrecovered": [0.1, 0.2, 0.3], "unrecovered_low": 0.0, "unrecovered_high": 0.5}
 MANY, FOUR = [9.0, 2.0, 5.0], [4.0, 20.0, 1.0, 20.0]
 JUDGED = DEFENCES | {"cells": SHARES, "recovery": {"tau": 0.1}}
+FALLING = SEVERAL | {"cells": {"falling": [0.0, 1.0, 0.0]}}
+BETTER = "of paired lanes, at 5 % by Holm over 1 comparison): W-MSR in 2, no\xa0defence in 1 of 2"
 UNATTACKED, ROUNDED = {"attack": "none"}, LOST | {"failed": ()}
 TOLD = [
     (MANY, SIZES, "from <b>0.5 ā</b> with ā\xa0=\xa010\xa0m (cell 2) to <b>2 ā</b> with"),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
     (MANY, SIZES, "The greatest mean error over the tail is 9 m (95 % interval 4.5 to 13.5 m), in"),
-    (FOUR, DEFENCES, "over the tail is <b>1 to 2 ā</b> with W-MSR, <b>2 to 4 ā</b> with no\xa0def"),
-    (FOUR, DEFENCES, "; best: W-MSR in 2, no\xa0defence in 1 of 2 settings of the other keys."),
+    (FOUR, DEFENCES, "By defence it is <b>1 to 2 ā</b> with W-MSR, <b>2 to 4 ā</b> with no\xa0def"),
+    (FOUR, DEFENCES, f"; not found worse than another (sign test {BETTER}"),
+    (MANY, FALLING, "from <b>0.5 ā</b> with "),
+    (MANY, FALLING, " Left out: cell 1, whose error still falls."),
     (
         FOUR,
         JUDGED,
-        "lanes that did not recover is <b>50 to 75 %</b> with no\xa0defence, <b>100 %</b>",
+        "By defence it is <b>50 to 75 %</b> with no\xa0defence, <b>100 %</b> with W-MSR; no diff",
     ),
     (
         FOUR,
-        JUDGED,
-        "best or not clearly worse: no\xa0defence in 2 of 2 settings of the other keys.",
+        JUDGED | {"recovery": {"tau": 2.0}},
+        f"not found worse than another (McNemar's exact test {BETTER}",
     ),
     (MANY, SEVERAL | {"cells": ALIKE, "recovery": {"tau": 0.1}}, "W-MSR, "),
-    (MANY, SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.1}}, "; intervals overlap."),
+    (MANY, SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.1}}, "; no difference is found."),
+    (MANY, SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.7}}, "W-MSR in 1, centerpoint in 1 of"),
     ([20.0], ALONE, "The mean error over the tail is <b>2 ā</b> over all lanes."),
     ([20.0], ALONE, "No share unrecovered: no attacked lane came to its end."),
     (
@@ -204,6 +216,23 @@ def test_findings(tmp_path, errors, given, sentence):
     found = "\n".join(told(tmp_path, errors, **given))
     assert sentence in found
     assert "nan" not in found
+
+
+def test_ticks_stand_at_the_swept_values():
+    """As in the PNG; decades where there is no room for them."""
+    values = [0.05, 0.2, 1.0, 5.0]
+    for ticks, log, texts in (
+        (values, True, ["0.05", "0.2", "1", "5"]),
+        ([1.0, 2.0, 3.0], False, ["1", "2", "3"]),
+        ([1.0, 1.01, 1.02, 100.0], True, None),
+    ):
+        x, y = Scale("x", log=log, ticks=ticks), Scale("y")
+        line = Trace("", Look(), np.array(ticks), np.array(ticks))
+        found = axis(Drawing([Panel({}, [], [line])], x, y), "x")
+        if texts is None:
+            assert found["ticktext"][:2] != ["1", "1.01"]
+        else:
+            assert (found["tickvals"], found["ticktext"]) == (ticks, texts)
 
 
 def test_rounding_is_shown_as_such(folder, tmp_path):

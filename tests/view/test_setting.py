@@ -65,6 +65,8 @@ TOLD = [
      "what vehicle 2 hears of the navigator"),
     ({"attack": {"kind": "own_path"}}, "magnitude ā", None),  # a path has sizes of its own
     ({"attack": {"kind": "own_path"}, "recovery": {"tau": 0.1}}, "magnitude ā", "5 m"),
+    ({"vehicles": 2, "topology": "path", "initial": {"position": [[0, 1], [2.5, -1]]}},
+     "initial position", "(0, 1), (2.5, -1) m"),
     ({"attack": CHANGING}, "magnitude ā", "(3 m, 0.5 m/s)"),
     ({"attack": CHANGING}, "attacked signals", "what attacked vehicles (nobody until 2 s, then 4)"
      " transmit (derivatives falsified each on its own)"),

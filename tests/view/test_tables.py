@@ -63,7 +63,11 @@ def test_the_headline_is_the_median_with_its_interval():
     assert [each.texts()[0] for each in shown[2:4]] == ["0.123 [0.123, 0.123]", "0.123"]
     notes = tables.summary_notes(results, shown)
     assert notes[0] == "[low, high] of tail mean, median: 95 % intervals of order statistics"
-    assert "(n < 28 + 25 G², G: skewness): cells 0, 1" in notes[1]
+    assert notes[1] == "mean without interval: fewer than 28 lanes: cells 0, 1"
+    results.cells["ok"] = [28, 27]
+    notes = tables.summary_notes(results, shown)
+    assert notes[1] == "mean without interval: fewer than 28 lanes: cell 1"
+    assert notes[2].endswith("(n < 28 + 25 G², G: skewness): cell 0")
     results.cells.loc[1, ["tail_mean_low", "tail_mean_high"]] = 1.0, 1.2
     shown = columns.summary_columns(results, ["tail_mean_mean"])
     assert shown[-1].texts() == ["0.123 [-]", "1.12 [1, 1.2]"]
@@ -76,13 +80,28 @@ def test_lanes_that_agree_are_told_so():
     shown = columns.summary_columns(results, ["tail_mean"])
     assert shown[-1].texts() == ["0.123 [0.123, 0.123]", "1.12 (alike)"]
     (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
-    assert "cell 1" in note
+    assert "5 at least, have one value of tail mean, median (cell 1);" in note
     assert "at most 45.1 % of all differ" in note
     rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
     results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
     shown = columns.summary_columns(results, ["tail_mean", "tail_mean_mean"])
     assert [each.texts() for each in shown[-2:]] == [["0 (alike)"] * 2] * 2
     assert not any("[low, high]" in each for each in tables.summary_notes(results, shown))
+
+
+def test_notes_are_of_the_metrics_that_are_shown():
+    """A metric whose name begins as another's brings none of its notes; titles have its words."""
+    keys = {"navigator": "none", "law": "local", "metrics": ["outside_arena"], "attack": "none"}
+    made = systems.study(**keys)
+    table = {f"outside_arena_{end}": [1.0] for end in COLUMNS_OF_METRIC} | {"ok": [5]}
+    results = Results(UPath("here"))
+    vars(results).update(study=made, cells=pd.DataFrame(table | {"outside_max": [1.0]}))
+    shown = columns.summary_columns(results, ["outside_arena"])
+    assert shown[-1].latex == "outside arena, median"
+    assert not any("outside: " in each for each in tables.summary_notes(results, shown))
+    shown = columns.summary_columns(results, ["outside_max"])
+    (note,) = [each for each in tables.summary_notes(results, shown) if "outside: " in each]
+    assert "a vehicle that is not attacked" in note
 
 
 def test_what_is_the_same_in_all_cells_is_one_line():

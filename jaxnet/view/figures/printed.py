@@ -292,22 +292,25 @@ def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:
         axis.set_major_locator(MaxNLocator(4 if low == 0 else 6))
     elif scale.whole:
         axis.set_major_locator(MaxNLocator(integer=True))
-    if 0 < len(scale.ticks) <= MOST_VALUE_TICKS and numeric(scale.ticks):
-        if texts := value_ticks(scale.ticks, scale.log, room):
-            axis.set_ticks(scale.ticks, texts)
-            axis.set_minor_locator(NullLocator())
-    elif letter == "x" and not scale.log and len(scale.ticks):
+    if texts := value_ticks(scale, room):
+        axis.set_ticks(scale.ticks, texts)
+        axis.set_minor_locator(NullLocator())
+    elif letter == "x" and not scale.log and len(scale.ticks) > MOST_VALUE_TICKS:
         axis.set_major_locator(MaxNLocator(max(2, min(8, int(room / ROOM_OF_TICK)))))
 
 
-def value_ticks(values: Sequence[int | float], log: bool, room: float) -> list[str]:
-    """Labels of ticks at these values on an axis of this room [in], none over another.
+def value_ticks(scale: Scale, room: float) -> list[str]:
+    """Labels of ticks at the swept values of an axis of this room [in], none over another.
 
-    Labels have as many digits as there is room for. Where two are too many, there are no labels.
+    Labels have as many digits as there is room for. Where two are too many, or there are many
+    values, there are no labels.
     """
+    values = scale.ticks
+    if not 0 < len(values) <= MOST_VALUE_TICKS or not numeric(values):
+        return []
     size = FontProperties(size=mpl.rcParams["xtick.labelsize"]).get_size_in_points() / 72
     size /= multiples.type_scale("font.size")
-    given = np.log(values) if log else np.asarray(values, float)
+    given = np.log(values) if scale.log else np.asarray(values, float)
     places = 0.9 * room * (given - given.min()) / (np.ptp(given) or 1.0)
     for digits in DIGITS_OF_TICKS:
         texts = []

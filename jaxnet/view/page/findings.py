@@ -9,16 +9,19 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
+from jaxnet.config.keys import Sequential
 from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_name
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
-from jaxnet.model.wording import count, count_between, counted, number_text
+from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.limits import unchecked_words
+from jaxnet.statistics.pairs import worse_cells
 from jaxnet.statistics.quantities import Quantity, quantity_of
-from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name
+from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name, threshold
 from jaxnet.statistics.summary import LANE_STATISTICS
+from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.words import error_text
@@ -53,7 +56,6 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
         unrecovered_sentence(results),
         extremes_sentence(results),
         outside_sentence(results) if alone else "",
-        *kinds_sentences(results),
         *metric_sentences(results),
         search_sentence(results),
         failed,
@@ -71,6 +73,16 @@ def errors_per_size(results: Results) -> tuple[pd.Series, str]:
     if np.isnan(known).all() or metric == "spread":
         return errors.dropna(), "m"
     return (errors / known).dropna(), "ā"
+
+
+def settled(results: Results, values: pd.Series) -> tuple[pd.Series, str]:
+    """The values of cells whose errors do not fall any more, if there are any, and a sentence."""
+    falls: Any = results.cells.reindex(columns=["falling"])["falling"]
+    left: Any = values[falls[values.index] != 1]
+    if left.empty or len(left) == len(values):
+        return values, ""
+    named = cells_named(sorted({*values.index} - {*left.index}))
+    return left, f" Left out: {named}, whose {judged_word(results)} still falls."
 
 
 def where_words(results: Results, numbers: Sequence[int]) -> str:
@@ -123,12 +135,14 @@ def extremes_sentence(results: Results) -> str:
     )
     left = count(asked - len(errors), "attacked cell" if per_size else "cell")
     without = f" {left} without a lane that ended." if len(errors) < asked else ""
+    errors, falling = settled(results, errors)
+    compared = "" if compares_shares(results) else kinds_words(results, errors, unit)
     if not per_size:
         errors = errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2)
     span = span_words(results, errors, lambda end, _: f"<b>{error_text(end)} {unit}</b>")
     offsets = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation," * offsets
-    return f"The mean {word} over the tail{less} {span}.{without}"
+    return f"The mean {word} over the tail{less} {span}.{compared}{without}{falling}"
 
 
 def outside_sentence(results: Results) -> str:
@@ -148,58 +162,80 @@ def outside_sentence(results: Results) -> str:
     )
 
 
-def kinds_sentences(results: Results) -> list[str]:
-    """Compare the values of each swept kind, setting by setting of the other swept keys.
-
-    Cells are compared by the share unrecovered with its interval where shares differ, else by the
-    mean tail error as it is printed.
-    """
-    compared, unit = 100 * curves.unrecovered_shares(results).astype(float), "%"
-    compared.columns = ["value", "low", "high"]
-    what = share_words(results)
-    if results.study.config.recovery is None or len({*compared["value"]}) < 2:
-        errors, unit = errors_per_size(results)
-        shown = errors.map(lambda error: float(number_text(error)))
-        compared = pd.DataFrame({"value": errors, "low": shown, "high": shown})
-        what = f"The mean {judged_word(results)} over the tail"
-    labels = [results.study.cells[n].labels for n in compared.index]
-    swept = pd.DataFrame(labels, compared.index, list(results.study.cells[0].labels)).map(str)
+def kinds_words(results: Results, values: pd.Series, unit: str) -> str:
+    """Sentences that compare the values of each swept kind; "" with fewer than three cells."""
+    if len(values) < 3:  # whose two ends the sentence before has
+        return ""
+    labels = [results.study.cells[n].labels for n in values.index]
+    swept = pd.DataFrame(labels, values.index, list(results.study.cells[0].labels)).map(str)
     kinds = [str(key) for key in swept if is_kind(key) and len({*swept[key]}) > 1]
-    if len(compared) < 3:  # whose two ends other sentences have
-        return []
-    return [f"{what} {compared_words(key, compared, swept, unit)}." for key in kinds]
+    return "".join(f" {compared_words(results, key, values, swept, unit)}." for key in kinds)
 
 
-def compared_words(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str) -> str:
-    """The range of each value of a swept kind, and in how many settings none is clearly better.
-
-    A setting is a combination of the other swept keys. A value is as good as the best unless its
-    interval begins beyond the end of the best one's. Of attacks the most harmful one is the best.
-    """
-    others = [swept[other] for other in swept if other != key]
-    settings = compared.groupby(others if others else np.zeros(len(compared)))
-    good: Any = compared["low"] <= settings["high"].transform("min")
-    if harms := key.startswith("attack"):
-        good = compared["high"] >= settings["low"].transform("max")
-    rows = []
-    for label, numbers in compared.groupby(swept[key], sort=False).groups.items():
-        some: Any = compared.loc[numbers, "value"]
+def compared_words(
+    results: Results, key: str, values: pd.Series, swept: pd.DataFrame, unit: str
+) -> str:
+    """The range of each value of a swept kind, and which values are not found worse."""
+    parts: list[tuple[str, str]] = []
+    of_labels: Any = [values[swept[key] == label] for label in dict.fromkeys(swept[key])]
+    for some in sorted(of_labels, key=lambda some: some.mean()):
+        label = swept[key][some.index[0]]
         ends = dict.fromkeys(map(error_text, (some.min(), some.max())))
-        told = f"<b>{' to '.join(ends)} {unit}</b>"
-        rows.append((some.mean(), escape(value_name(key, label)), told, int(good[numbers].sum())))
-    rows.sort(key=lambda row: row[0])
-    if len({told for _, _, told, _ in rows}) == 1:
-        return f"is {rows[0][2]} whatever the {escape(key_name(key))}"
-    parts = [f"{told} with {name}" for _, name, told, _ in rows[:MOST_COMPARED]]
-    parts += [count(len(rows) - len(parts), "other")] * (len(rows) > len(parts))
-    if all(good):
-        return f"is {', '.join(parts)}; {'intervals overlap' if unit == '%' else 'some are equal'}"
-    best = sorted([(name, n) for _, name, _, n in rows if n], key=lambda each: -each[1])
-    numbers = ", ".join(name + f" in {n}" * bool(others) for name, n in best[:MOST_COMPARED])
-    among = f" of {count(settings.ngroups, 'setting')} of the other keys" if others else ""
-    what = "most harmful" if harms else "best"
-    alike = " or not clearly worse" * (unit == "%")
-    return f"is {', '.join(parts)}; {what}{alike}: {numbers}{among}"
+        parts.append((f"<b>{' to '.join(ends)} {unit}</b>", escape(value_name(key, label))))
+    if len({told for told, _ in parts}) == 1:
+        return f"It is {parts[0][0]} whatever the {escape(key_name(key))}"
+    told = [f"{told} with {name}" for told, name in parts[:MOST_COMPARED]]
+    told += [count(len(parts) - len(told), "other")] * (len(parts) > len(told))
+    tested = tested_words(results, key, swept, unit)
+    return f"By {escape(key_name(key))} it is {', '.join(told)}{tested}"
+
+
+def tested_words(results: Results, key: str, swept: pd.DataFrame, unit: str) -> str:
+    """In how many settings each value of a swept kind is not found worse than another.
+
+    A setting is a combination of the other swept keys. Lanes of a setting are compared in pairs of
+    the same draw. Of attacks the most harmful one is the best. There is no test of lanes that are
+    not independent, and of a number of lanes that depends on them.
+    """
+    study = results.study.config
+    others, groups = swept.drop(columns=key), dict[Any, list[int]]()
+    for cell, labels in zip(swept.index.tolist(), others.to_numpy().tolist(), strict=True):
+        groups.setdefault(tuple(labels), []).append(cell)
+    settings = [cells for cells in groups.values() if len(cells) > 1]
+    if study.draws != "random" or isinstance(study.samples, Sequential) or not settings:
+        return ""
+    worse, tests = worse_cells(judged_lanes(results, swept.index, unit), settings)
+    name = "McNemar's exact test" if unit == "%" else "sign test"
+    test = f"{name} of paired lanes, at 5 % by Holm over {count(tests, 'comparison')}"
+    if not worse:
+        return "; no difference is found" + f" ({test})" * bool(tests)
+    harms = key.startswith("attack")
+    beaten = {pair[harms] for pair in worse}
+    good = Counter(str(swept[key][n]) for cells in settings for n in cells if n not in beaten)
+    best = [f"{escape(value_name(key, each))} in {n}" for each, n in good.most_common()]
+    than = "less harmful" if harms else "worse"
+    among = f" of {count(len(settings), 'setting')}{' of the other keys' * bool(others.size)}"
+    return f"; not found {than} than another ({test}): {', '.join(best[:MOST_COMPARED])}{among}"
+
+
+def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
+    """Errors of lanes that ended, by sample, or with "%" whether they are over the threshold."""
+    found, cells = {}, results.study.cells
+    metric, sizes = judged_metric(cells), curves.cell_magnitudes(results)
+    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells={*numbers}):
+        errors: Any = lanes.set_index("sample")[metric]
+        if unit == "%":
+            found[cell] = errors > threshold(cells[cell], results.study.config.recovery)
+        else:
+            errors = errors / (sizes[cell] if unit == "ā" else 1.0)
+            found[cell] = errors.where(errors.abs() >= ROUNDING_ERROR, 0.0)
+    return found
+
+
+def compares_shares(results: Results) -> bool:
+    """Whether kinds are compared by the share unrecovered, not by the mean error."""
+    shares = {*curves.unrecovered_shares(results)["unrecovered"]}
+    return results.study.config.recovery is not None and len(shares) > 1
 
 
 def share_words(results: Results) -> str:
@@ -210,7 +246,8 @@ def share_words(results: Results) -> str:
 
 def unrecovered_sentence(results: Results) -> str:
     """The least and the greatest share of lanes unrecovered, if the study asks for it."""
-    found, asked = curves.unrecovered_shares(results), results.study.config.recovery
+    found: Any = curves.unrecovered_shares(results)
+    asked = results.study.config.recovery
     cells, confidence = results.study.cells, confidence_told(results.study.config.samples)
     if asked is None and found.empty:
         return ""
@@ -221,9 +258,10 @@ def unrecovered_sentence(results: Results) -> str:
         told, low, high = (number_text(100 * end, whole=100.0) for end in found.loc[cell])
         return f"<b>{told} %</b> ({100 * confidence:g} % interval {low} to {high} %)"
 
-    share: Any = found["unrecovered"]
+    share, falling = settled(results, found["unrecovered"].astype(float))
+    compared = kinds_words(results, 100 * share, "%") if compares_shares(results) else ""
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
-    return f"{share_words(results)}{above} {span_words(results, share, words)}."
+    return f"{share_words(results)}{above} {span_words(results, share, words)}.{compared}{falling}"
 
 
 def metric_sentences(results: Results) -> list[str]:
@@ -239,15 +277,16 @@ def metric_sentences(results: Results) -> list[str]:
         def words(end: float, cell: int) -> str:
             low, high = of.values.loc[cell, ["low", "high"]]
             ends = f"{error_text(low, scale)} to {error_text(high, scale)}{unit}"
-            sure = f" ({100 * of.confidence:g} % interval {ends})" * bool(np.isfinite(low + high))
+            has_interval = np.isfinite(low + high) and low < high
+            sure = f" ({100 * of.confidence:g} % interval {ends})" * bool(has_interval)
             return f"<b>{error_text(end, scale)}{unit}</b>{sure}"
 
         span = span_words(results, values, words)
         endless = len(of.values) - len(values)
         apart = f" {sentence_case(count(endless, 'cell'))} has no such median." * (endless == 1)
         apart = apart or f" {endless} cells have no such median." * (endless > 1)
-        stem = escape(of.words.removesuffix(MEDIAN_WORDS))
-        return f"The median over lanes of {stem} {span}.{apart}"
+        stem = escape(sentence_case(of.words.removesuffix(MEDIAN_WORDS)))
+        return f"{stem}: the median over lanes {span}.{apart}"
 
     return [told(each) for each in found if each.known.size]
 
@@ -331,7 +370,7 @@ def certainty_sentence(results: Results) -> str:
     scale, ends = float(curves.cell_magnitudes(results)[place]), ("mean", "low", "high")
     mean, low, high = (error_text(float(row[f"{metric}_{end}"]), scale) for end in ends)
     known = metric != "spread" and not np.isnan(row["tail_mean_high"])
-    if len(means) == 1 and not known:
+    if metric == "spread" or (len(means) == 1 and not known):  # the extremes tell it
         return samples
     sure = 100 * confidence_told(results.study.config.samples)
     interval = f" ({sure:g} % interval {low} to {high} m)" if known else ""

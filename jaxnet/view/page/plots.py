@@ -27,6 +27,7 @@ from jaxnet.view.drawings.heat import colour_norm, palette
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.figures import style
 from jaxnet.view.figures.multiples import panel_columns
+from jaxnet.view.figures.printed import value_ticks
 from jaxnet.view.figures.topology import topology_figure
 from jaxnet.view.page.elements import Plot, notes_html, packed, plain, plots_html
 
@@ -55,6 +56,7 @@ LONE_HEIGHT = 340  # [px] of the only panel
 LETTERS, ACROSS = 26, 40  # of a line of a name on an axis, and of the title along x
 LOG_ROOM = 1.25  # at the ends of a log axis
 MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
+ROOM_OF_TICKS = 2.0  # [in] of an axis with ticks at swept values
 MOST_COLUMNS = 24  # of all maps in a row
 MOST_INTERVALS = 400  # tiles that have room for theirs
 LINE, LEAST_ROW, ROW_OF_SERIES, FRAME = 36, 26, 13, 34  # [px] of a panel of named rows
@@ -216,7 +218,9 @@ def axis(drawing: Drawing, letter: str) -> dict[str, Any]:
     if scale.names:
         return names_axis(scale.names, falling=letter == "y")
     letters = LETTERS if letter == "y" else ACROSS
-    title = {"title": {"text": on_lines(scale.title, letters)}}
+    title: dict[str, Any] = {"title": {"text": on_lines(scale.title, letters)}}
+    if texts := value_ticks(scale, ROOM_OF_TICKS):
+        title |= {"tickvals": [*scale.ticks], "ticktext": texts}
     low, high = scale.ends or reach_of(drawing, letter)
     if scale.log:
         room = LOG_ROOM if letter == "x" else 1.0

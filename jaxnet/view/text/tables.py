@@ -11,15 +11,16 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
 from jaxnet.config.naming import label_notes
 from jaxnet.config.sweep import is_joint
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
 from jaxnet.model.wording import cells_named, count, count_between, number_text
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.intervals import NO_MEAN_INTERVAL, below_greatest
+from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES, FORMATION_NOTE
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.summary import LANE_SHARES, UNSETTLED_NOTE, hull_note
+from jaxnet.statistics.summary import COLUMNS_OF_METRIC, LANE_SHARES, UNSETTLED_NOTE, hull_note
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -109,6 +110,11 @@ def asked_columns(
 def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """What the columns leave open: which intervals they have, and what the greatest lane says."""
     config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
+    metrics = {
+        each.name
+        for each in config.measured()
+        if names & {f"{each.name}_{end}" for end in COLUMNS_OF_METRIC}
+    }
     independent, lanes = config.draws == "random", results.cells.loc[:, "ok"]
     alone = {key: each for key, each in config.sweep.items() if not is_joint(key)}
     notes = [*interval_lines(config, shown), *missing_lines(shown, lanes, independent)]
@@ -116,10 +122,10 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     if "unrecovered" in names and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
     if is_leaderless(cells):
-        told = {name.split("_")[0] for name in names}
-        notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in told]
+        notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in metrics]
         notes += [hull_note(config, cells)] if "in_hull" in names else []
-    notes += [FORMATION_NOTE] * any(cell.scenario.formation.present for cell in cells)
+    if metrics & {*AGREEMENT, *(each.name for each in CONTRACT)}:
+        notes += [FORMATION_NOTE] * any(cell.scenario.formation.present for cell in cells)
     notes += [UNSETTLED_NOTE] * ("unsettled" in names)
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
@@ -157,18 +163,28 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
 
 def missing_lines(shown: Sequence[Column], lanes: pd.Series, independent: bool) -> list[str]:
     """Notes on cells whose `lanes` all agree, and on those whose mean has no interval."""
-    alike, without = set[int](), set[int]()
+    alike, without = dict[tuple[int, ...], list[str]](), set[int]()
     for each in shown:
         entries: Any = each.entries
         if "alike" in entries:
-            alike |= {*entries.index[entries["alike"]]}
+            same = tuple(sorted(entries.index[entries["alike"]]))
+            alike.setdefault(same, []).append(each.title.partition(" [")[0])
             if not each.name.removesuffix(" [m]").endswith("median"):
                 none = entries["value"].notna() & entries["low"].isna()
                 without |= {*entries.index[none & ~entries["alike"]]}
-    notes = [f"{NO_MEAN_INTERVAL}: {cells_named(sorted(without))}"] * bool(without)
+    many = lanes.to_dict()
+    few = {cell for cell in without if many[cell] < LEAST_LANES}
+    reasons = {f"fewer than {LEAST_LANES} lanes": few, TOO_SKEWED: without - few}
+    notes = [
+        f"mean without interval: {why}: {cells_named(sorted(some))}"
+        for why, some in reasons.items()
+        if some
+    ]
+    alike.pop((), None)
     if alike and independent:
-        named, fewest = cells_named(sorted(alike)), int(lanes[sorted(alike)].min())
-        words = f"alike: the lanes of {named} have one value ({count(fewest, 'lane')} at least)"
+        told = (f"{' and '.join(mine)} ({cells_named(some)})" for some, mine in alike.items())
+        fewest = min(int(many[cell]) for some in alike for cell in some)
+        words = f"alike: the lanes, {fewest} at least, have one value of {'; of '.join(told)}"
         notes.append(f"{words}; with 95 % confidence at most {share_beyond(fewest)} of all differ")
     return notes
 
