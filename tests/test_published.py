@@ -79,6 +79,7 @@ def ends_apart(heard, liar, steps):
     return np.ptp(np.delete(x, liar))
 
 
+@pytest.mark.long
 def test_a_laman_network_splits_as_published_and_a_triangular_one_does_not(simulated):
     """Saldaña et al., 2016, Fig. 6: 52.5376 and 62.9368 are the ends that the published program
     gives.
@@ -141,6 +142,7 @@ def test_percolated_followers_reach_the_leaders_and_others_do_not(simulated):
     assert ends[1][:, 3:9].max(axis=1).min() > 1.0
 
 
+@pytest.mark.long
 def test_centerpoints_meet_where_coordinate_medians_do_not(simulated):
     """Shabbir et al., 2020, with ten robots in place of 28; each hears two liars among seven."""
     starts = [[-0.5, -0.3]] * 3 + [[0.3, 0.5]] * 3 + [[-1.4, -1.2]] * 2 + [[1.2, 1.4]] * 2

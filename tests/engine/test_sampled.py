@@ -146,7 +146,7 @@ def ends(engine, tick, **keys):
 @pytest.mark.parametrize(
     ("keys", "move"),
     [
-        pytest.param({"vehicle": "unicycle"}, "euler", id="unicycle"),
+        pytest.param({"vehicle": "unicycle"}, "euler", id="unicycle", marks=pytest.mark.long),
         pytest.param(
             {"vehicle": "double_integrator", "law": {"kind": "local", "hold": False}},
             "exact",
@@ -260,7 +260,7 @@ class LostAfter(Loss):
         return messages.present & (messages.time > self.after)[None, None], memory
 
 
-@pytest.mark.parametrize("delay", [0, 1])
+@pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.long), 1])
 @pytest.mark.parametrize("law", ["exact", {"kind": "local", "hold": False}])
 def test_the_message_that_arrived_last_is_held(law, delay):
     """A plain loop: a vehicle goes on with what the navigator said at t = 0, not between ticks."""

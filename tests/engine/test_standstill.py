@@ -60,7 +60,11 @@ def known():
 
 @pytest.mark.parametrize(
     ("vehicle", "engine"),
-    [("two_wheeled", "exact"), ("two_wheeled", "stacked"), ("car", "nonlinear")],
+    [
+        ("two_wheeled", "exact"),
+        pytest.param("two_wheeled", "stacked", marks=pytest.mark.long),
+        pytest.param("car", "nonlinear", marks=pytest.mark.long),
+    ],
 )
 def test_who_turns_round_on_a_line_is_singular(engine, vehicle, known):
     """As the closed form says, lane by lane, whether or not a tick is near the turn."""
@@ -261,7 +265,10 @@ def plain_rest(order, euler, step=TICK):
         jets, time = moved[:, -1], time + step
 
 
-@pytest.mark.parametrize(("vehicle", "move"), [("unicycle", "euler"), ("two_wheeled", "exact")])
+@pytest.mark.parametrize(
+    ("vehicle", "move"),
+    [("unicycle", "euler"), pytest.param("two_wheeled", "exact", marks=pytest.mark.long)],
+)
 def test_a_held_input_brings_a_vehicle_to_rest_within_a_period(vehicle, move):
     row, states = stopping({"kind": "sampled", "move": move}, vehicle)
     place = plain_rest(ORDERS[vehicle], move == "euler")

@@ -103,8 +103,13 @@ class Known:
     [
         ("exact", "two_wheeled", 3),
         ("nonlinear", "two_wheeled", 3),
-        ({"kind": "nonlinear", "solver": "dopri5", "rtol": 1e-9}, "car", 3),
-        ({"kind": "stacked", "rtol": 1e-9}, "unicycle", 2),
+        pytest.param(
+            {"kind": "nonlinear", "solver": "dopri5", "rtol": 1e-9},
+            "car",
+            3,
+            marks=pytest.mark.long,
+        ),
+        pytest.param({"kind": "stacked", "rtol": 1e-9}, "unicycle", 2, marks=pytest.mark.long),
     ],
 )
 def test_a_vehicle_cut_off_stops_where_it_stands_still(engine, vehicle, order):

@@ -245,6 +245,7 @@ def test_chosen_trajectories(config, tmp_path):
         assert stored == layout.disk_bytes(given.config, given.cells, lanes=0)
 
 
+@pytest.mark.long
 def test_chosen_lanes_of_all_cells_cost_no_more_loads_than_the_run(monkeypatch, tmp_path):
     """One load a program, whatever the number of cells; and what the run does is told meanwhile."""
     loads, told, seen = [], [], list[Tally]()

@@ -172,7 +172,11 @@ def swapping(**keys):
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
-        ({"gain": 1.0, "power": 1}, math.sqrt(0.0225 + 0.9775 * math.exp(-5))),
+        pytest.param(
+            {"gain": 1.0, "power": 1},
+            math.sqrt(0.0225 + 0.9775 * math.exp(-5)),
+            marks=pytest.mark.long,
+        ),
         ({}, math.sqrt(0.0225 + 0.9775 / math.sqrt(1 + 200 * 0.9775**2 * 5))),
     ],
 )
@@ -210,7 +214,7 @@ def test_robots_of_the_arena_keep_the_distance_of_the_points_ahead():
     assert least["none"] < 0.1 < 0.15 <= least["barrier"] < 0.16
 
 
-@pytest.mark.parametrize("form", ["joint", "halves"])
+@pytest.mark.parametrize("form", [pytest.param("joint", marks=pytest.mark.long), "halves"])
 def test_a_filter_that_has_nothing_to_do_changes_no_bit(form):
     loose = {"kind": "barrier", "form": form, "distance": 1e-3, "gain": 1e9, "speed": None}
     keys = {"formation": {"kind": "line", "spacing": 2.0}, "gain": [1.0], "vehicles": 4}

@@ -128,7 +128,8 @@ def test_the_linearised_law_leads_each_vehicle_to_its_place(engine):
     assert shaped["tail_mean"].to_numpy() == pytest.approx(plain, rel=1e-6)
 
 
-@pytest.mark.parametrize("engine", ["exact", pytest.param("nonlinear", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
 def test_a_vehicle_that_stops_stands_in_its_place(engine):
     """Vehicles 3 and 4, cut off at once, come to rest where they are in the formation."""
     stops = {**test_stopping.KEYS, "engine": engine, "gain": test_stopping.GAINS[3][0]}

@@ -46,11 +46,19 @@ EULER = {
     "keys",
     [
         pytest.param({"defence": {"kind": "w_msr", "F": 1}, **ORDER_2}, id="w_msr"),
-        pytest.param({"channel": {"loss": {"kind": "bernoulli", "probability": 0.3}}}, id="loss"),
         pytest.param(
-            {"channel": {"noise": {"position": 0.5}}, "sensing": {"position": 0.2}}, id="noise"
+            {"channel": {"loss": {"kind": "bernoulli", "probability": 0.3}}},
+            id="loss",
+            marks=pytest.mark.long,
         ),
-        pytest.param({"topology": UNNORMALISED, "defence": "none"}, id="strength"),
+        pytest.param(
+            {"channel": {"noise": {"position": 0.5}}, "sensing": {"position": 0.2}},
+            id="noise",
+            marks=pytest.mark.long,
+        ),
+        pytest.param(
+            {"topology": UNNORMALISED, "defence": "none"}, id="strength", marks=pytest.mark.long
+        ),
         pytest.param(EULER, id="sampled"),
         pytest.param({"engine": "nonlinear", **ORDER_2}, id="nonlinear", marks=pytest.mark.long),
     ],
