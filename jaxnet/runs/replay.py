@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Bool, Float
 from upath import UPath
 
 from jaxnet.config.cells import Cell, judged_metric
@@ -14,7 +14,6 @@ from jaxnet.config.scenario import situation_of
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Outcome
 from jaxnet.kinds import registry
-from jaxnet.kinds.vehicles import HEADING
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
@@ -112,29 +111,20 @@ def pictured(
     if vehicle.limits:
         beyond = (1 + AT_LIMIT) * inputs
         saturated = (vehicle.within_limits(beyond) != beyond).any(axis=0)
-    keys = {each.name: each.keys for each in results.study.config.metrics}
-    if "collisions" in keys:
-        colliding = touching(states, **keys["collisions"])
+    metrics = {each.name: each for each in results.study.config.metrics}
+    if "collisions" in metrics:
+        touch: Any = metrics["collisions"].of
+        pairs = touch.pairs(states)
+        colliding = (pairs | pairs.swapaxes(0, 1)).any(axis=1)
     both = {"output": output, "offset": offset}
     lane = lane.assign({name: (("axis", "vehicle", "time"), each) for name, each in both.items()})
     each = {"saturated": saturated, "colliding": colliding}
     lane = lane.assign({name: (("vehicle", "time"), flags) for name, flags in each.items()})
-    lane.attrs["arena"] = keys.get("outside_arena")
+    lane.attrs["arena"] = metrics["outside_arena"].keys if "outside_arena" in metrics else None
     if not scenario.topology.differs():
         return lane, situation_of(scenario).graph
     sources, weights = one.network.hearing.sources, numbers.weights[0]
     return lane, hearing.graph_of(np.asarray(sources), np.asarray(weights))
-
-
-def touching(
-    states: Float[np.ndarray, "n m times"], distance: float, forward: float
-) -> Bool[np.ndarray, "m times"]:
-    """Whether each vehicle's centre, moved forward [m], is within a distance of another's."""
-    centre = states[:2]
-    if forward:
-        centre = centre + forward * np.stack([np.cos(states[HEADING]), np.sin(states[HEADING])])
-    apart = np.hypot(*(centre[:, :, None] - centre[:, None]))
-    return ((apart <= distance) & ~np.eye(len(apart), dtype=bool)[:, :, None]).any(axis=0)
 
 
 def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:

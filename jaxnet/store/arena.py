@@ -254,15 +254,15 @@ def lost_messages(one: Job, lane: Lane, steps: int) -> np.ndarray:
     """The messages that the lane's channel loses at each tick, (steps, slots, m)."""
     present = lane.weights > 0
 
-    def words(time: Any) -> Messages:
+    def messages(time: Any) -> Messages:
         nowhere = jnp.zeros(present.shape)
         return Messages(time, one.network.hearing.sources, present, nowhere, lane.interval)
 
     def tick(memory: Any, number: Any) -> tuple[Any, Any]:
-        lost, memory = lane.loss.lost(words(one.clock.at(number)[None]), memory)
+        lost, memory = lane.loss.lost(messages(one.clock.at(number)[None]), memory)
         return memory, lost[..., 0]
 
-    first = lane.loss.start(words(jnp.zeros(1)))
+    first = lane.loss.start(messages(jnp.zeros(1)))
     return np.asarray(jax.lax.scan(tick, first, jnp.arange(steps))[1])
 
 

@@ -180,6 +180,10 @@ BY_SIZE = TRUSTED | {"sweep": {"attack.magnitude": [0.1, 1, 10, 100]}}
             "time: the effect of the start is below 0.001 m after 17.9 s; the",
         ),
         (TRUSTED, "the tail begins at 25 s"),
+        (
+            TRUSTED | {"defence": "trusted_trim"},
+            "s, or later where the defence decides wrongly; the",
+        ),
         (TRUSTED | {"attack": "none"}, "the effect of the start is below 0.283 m after 11.4 s"),
         (BY_SIZE, "start is below 0.001 … 1 m after 9.91 … 17.9 s; the tail begins at 25 s"),
         (

@@ -194,7 +194,7 @@ TOLD = [
     (MANY, SEVERAL | {"cells": ALIKE, "recovery": {"tau": 0.1}}, "W-MSR, "),
     (MANY, SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.1}}, "; no difference is found."),
     (MANY, SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.7}}, "W-MSR in 1, centerpoint in 1 of"),
-    ([20.0], ALONE, "The mean error over the tail is <b>2 ā</b> over all lanes."),
+    ([20.0], ALONE, "The mean error over the tail and over lanes is <b>2 ā</b> over all lanes."),
     ([20.0], ALONE, "No share unrecovered: no attacked lane came to its end."),
     (
         [20.0],

@@ -2,7 +2,7 @@ from jaxnet.kinds.fields import setting
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.metrics import Metric, MetricKeys, of_fleet
 from jaxnet.kinds.protocols import FleetView
-from jaxnet.kinds.shapes import LaneNumbers
+from jaxnet.kinds.shapes import AnyMask, LaneNumbers, VehicleState
 from jaxnet.kinds.vehicles import HEADING
 from jaxnet.model.circle import circle
 from jaxnet.model.plane import length
@@ -39,13 +39,17 @@ class Collisions(StepCount):
     def words(self):
         return f"pairs of robots within {self.distance:g} m, summed over steps"
 
-    def counted(self, seen):
-        xp, centre = seen.error.__array_namespace__(), seen.state[:2]
+    def pairs(self, states: VehicleState) -> AnyMask:
+        """Whether one vehicle touches another of a greater number, (m, m, lanes)."""
+        xp, centre = states.__array_namespace__(), states[:2]
         if self.forward:
-            centre = centre + self.forward * xp.stack([*circle(seen.state[HEADING])])
+            centre = centre + self.forward * xp.stack([*circle(states[HEADING])])
         near = length(centre[:, :, None] - centre[:, None]) <= self.distance
         number = xp.arange(near.shape[0])
-        return (near & (number[:, None] < number[None])[:, :, None]).sum(axis=(0, 1)).astype(float)
+        return near & (number[:, None] < number[None])[:, :, None]
+
+    def counted(self, seen):
+        return self.pairs(seen.state).sum(axis=(0, 1)).astype(float)
 
     def faults(self, scenario):
         yield from super().faults(scenario)

@@ -142,7 +142,7 @@ def extremes_sentence(results: Results) -> str:
     span = span_words(results, errors, lambda end, _: f"<b>{error_text(end)} {unit}</b>")
     offsets = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation," * offsets
-    return f"The mean {word} over the tail{less} {span}.{compared}{without}{falling}"
+    return f"The mean {word} over the tail and over lanes{less} {span}.{compared}{without}{falling}"
 
 
 def outside_sentence(results: Results) -> str:

@@ -11,7 +11,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
-from jaxnet.config.scenario import for_any_signal
+from jaxnet.config.scenario import for_any_signal, situation_of
 from jaxnet.config.study import Study
 from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.kinds.attacks import Attack
@@ -158,7 +158,10 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
             lines.append(f"it is not known when the effect of the start ends: {found}")
             continue
         when = f"the effect of the start is below {found.length:.3g} m after {found.after:.3g} s"
-        lines.append(f"{when}; the tail begins at {found.begins:g} s")
+        retained = situation_of(cell.scenario).retained
+        changes = retained is None or retained.fixed is None
+        later = ", or later where the defence decides wrongly" * changes
+        lines.append(f"{when}{later}; the tail begins at {found.begins:g} s")
         if found.after > found.begins:
             early.append(cell.number)
             needed = max(needed, found.horizon)
