@@ -202,7 +202,7 @@ TOLD = [
         "bound of theory, static, is <b>2 times</b> the worst error found: 8 ā against 4 ā",
     ),
     ([20.0], ALONE, "Each cell has 3 lanes."),
-    ([1e-12], UNATTACKED, "error over the tail and over lanes is <b>0 (rounding) m</b> over all lanes."),
+    ([1e-12], UNATTACKED, "tail and over lanes is <b>0 (rounding) m</b> over all lanes."),
     ([1e-12], UNATTACKED, "no cell has an attack of a fixed magnitude"),
     ([np.nan], LOST, "No lane came to its end: there is no error."),
     ([np.nan], LOST, "<b>3 lanes of 3 failed</b>: 2 singular, 1 stuck, over all lanes."),

@@ -31,7 +31,7 @@ from jaxnet.view.figures.topology import topology_name
 MOST_APART = 100  # vehicles whose paths can be told from each other; those of more are a density
 MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
-PANELS_LEGEND_HEIGHT = 0.35  # [in]
+LEGEND_AND_NOTES = 0.75  # [in], above and below all panels
 ERRORS_WIDTH = 1.35  # of a panel of errors, in panels of trajectories
 ROW_LETTERS = 25  # that a line along a row's height takes
 TITLE_LETTERS = 15.5  # of a line across the page, per inch
@@ -73,11 +73,11 @@ def panels_figure(
     panels = planes + errors
     columns = 2 if narrow else panels
     lines = -(-panels // columns)
-    fitting = int((style.GREATEST_HEIGHT - PANELS_LEGEND_HEIGHT) / (ROW_HEIGHT * lines))
+    fitting = int((style.GREATEST_HEIGHT - LEGEND_AND_NOTES) / (ROW_HEIGHT * lines))
     labels = [labels_of_row(row) for row in whole]
     places = evenly_over(labels, min(MOST_A_SIDE, max(1, fitting)))
     rows = [evenly(whole[place], MOST_A_SIDE) for place in places]
-    drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + PANELS_LEGEND_HEIGHT))
+    drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + LEGEND_AND_NOTES))
     widths = [1.0] * columns if narrow else [1.0] * planes + [ERRORS_WIDTH] * errors
     grid = GridSpec(lines * len(rows), columns, figure=drawn, width_ratios=widths)
     paths = results.trajectories if trajectories else None
