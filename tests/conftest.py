@@ -55,7 +55,10 @@ def checked(function=None, *, typechecker):
         return functools.partial(checked, typechecker=typechecker)
     if inspect.isclass(function) or inspect.isgeneratorfunction(function):
         return with_shapes(function, typechecker=typechecker)
-    parts = [part for note in function.__annotations__.values() for part in parts_of(note)]
+    notes = function.__annotations__  # beartype knows Self only where it decorates the class
+    for name in [name for name, note in notes.items() if typing.Self in parts_of(note)]:
+        del notes[name]
+    parts = [part for note in notes.values() for part in parts_of(note)]
     if any(isinstance(part, str | typing.ForwardRef) for part in parts):
         return with_shapes(function, typechecker=typechecker)
     arrays = any(getattr(part, "__module__", "").startswith("jaxtyping") for part in parts)
@@ -94,7 +97,7 @@ def few_side_by_side():
         for engine, lanes in {"exact": 16, "nonlinear": 8}.items():
             patch.setattr(registry.find("engine", engine), "chunk", lanes)
         if "JAXNET_CHECK_SHAPES" in os.environ:  # shapes are checked in tracing
-            patch.setattr("jaxnet.engine.programs.trace_file", lambda described: None)
+            patch.setattr("jaxnet.engine.programs.description_of", lambda *given: None)
         yield
 
 

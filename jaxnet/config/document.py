@@ -230,7 +230,7 @@ def reason_of(error: yaml.MarkedYAMLError, text: str) -> str:
     return f"{reason} (got {here.split()[0]})" if here.strip() else reason
 
 
-def parse_scalar(kind: str, text: str) -> bool | int | float | None:
+def parse_scalar(kind: str, text: str) -> str | bool | int | float | None:
     """Return the value of a scalar whose text fits the pattern of its type."""
     if kind in ("null", "str", "bool"):
         return {"null": None, "str": text, "bool": text.lower() == "true"}[kind]

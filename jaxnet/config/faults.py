@@ -368,7 +368,7 @@ def message_faults(s: Scenario) -> Iterator[Fault]:
 
 def delay_faults(s: Scenario) -> Iterator[Fault]:
     delay, tick, channel = s.channel.delay, s.tick, s.channel
-    told_motion = s.law.tells_motion(channel.extrapolate != "none")
+    told_motion = s.law.tells_motion(channel.extrapolate != "none") and not s.engine.samples
     if tick == 0:
         yield Fault(("channel.delay", "tick"), "messages are delayed by whole ticks: give a tick")
     elif is_drawn(delay):

@@ -260,7 +260,7 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     if before.coasting.drives or before.heard.lossy:
         now = now._replace(last=last_drive(fleet, motion, now, first))
     decided = tick.decide(now, before)
-    if isinstance(decided.coasting, Stops):
+    if isinstance(decided.coasting, Stops) and not plan.engine.samples:
         until_now = before.sensed.jerk(lane.gain, now.last, now.own)
         given = lane, motion.clock.interval, until_now, now.own, decided.sensed, here, time
         decided = replace(decided, coasting=decided.coasting.will_stop(*given))

@@ -22,6 +22,7 @@ from jaxnet.engine.loop import InStates
 from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
 from jaxnet.engine.plan import Tolerances
 from jaxnet.engine.stages import stopping
+from jaxnet.engine.stages.coasting import Rests, first_coasting
 from jaxnet.engine.stages.stopping import Rest
 from jaxnet.engine.status import LEAST_MARGIN, Status, fail
 from jaxnet.engine.subset import run_if, select
@@ -60,7 +61,7 @@ class Sampling(InStates, Following[SamplingState]):
             drive=jnp.zeros_like(lane.initial[:2]),
             steps=jnp.zeros(zero.shape, int),
             followed=self.nothing_followed(),
-            rest=stopping.first_rest(lane),
+            rest=stopping.first_rest(lane, isinstance(first_coasting(lane), Rests)),
         )
 
     def asked(self, state, decided):
@@ -91,7 +92,7 @@ class Sampling(InStates, Following[SamplingState]):
         """The state at the next tick; vehicles that have stopped stay where they are."""
         lane, begin, ok = self.lane, state.signals.time, status == Status.ok
         end = jnp.broadcast_to(self.clock.at(jnp.asarray(ticks + 1)), begin.shape)
-        frozen = decided.coasting.frozen(lane)
+        frozen, may_stop = decided.coasting.frozen(lane), decided.coasting.may_stop(lane)
 
         def after(share: Any) -> tuple[States, Int[Array, " lanes"], LaneFlags]:
             """The states after shares of the period, of each vehicle, 1 by default."""
@@ -108,7 +109,8 @@ class Sampling(InStates, Following[SamplingState]):
         states, steps, stuck = after(None)
         steps, rest = state.steps + steps, state.rest
         if rest is not None:
-            which = ok[None] & ~frozen & (vehicles.ahead(lane, states) < LEAST_MARGIN)
+            which = ok[None] & may_stop & ~frozen
+            which = which & (vehicles.ahead(lane, states) < LEAST_MARGIN)
 
             def stop(_: Rest) -> Rest:
                 given = lane, state.states, states, which
@@ -118,7 +120,7 @@ class Sampling(InStates, Following[SamplingState]):
         status = fail(status, Status.nonfinite, ok & ~jnp.isfinite(states).all(axis=(0, 1)))
         status = fail(status, Status.max_steps, stuck)
         if lane.singular:
-            passed = vehicles.passed_singular(lane, states, decided.coasting.may_stop(lane))
+            passed = vehicles.passed_singular(lane, states, may_stop)
             status = fail(status, Status.singular, passed.any(axis=0))
         now = signals(lane, end)
         state = state._replace(states=states, signals=now, steps=steps, rest=rest)

@@ -296,6 +296,9 @@ else:
     ]
 
 
+Ranged = PerVehicle | NumberOfEach | EachOrder  # what has a least and a greatest value
+
+
 def is_drawn(number: object) -> bool:
     return type(number) in (Uniform, Normal, DiscreteChoice)  # pydantic's isinstance is slow
 
@@ -311,7 +314,7 @@ def zip_by_vehicle(*numbers: object) -> Iterator[tuple[Number, ...]]:
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
-def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
+def value_range(number: Ranged) -> tuple[float, float]:
     """The least and the greatest value of a number or distribution."""
     match number:
         case Uniform(uniform=[low, high]):
@@ -354,7 +357,7 @@ class Within:
     def __init__(self, **limits: float):
         self.limits = limits
 
-    def check(self, number: PerVehicle | EachOrder) -> PerVehicle | EachOrder:
+    def check(self, number: Ranged) -> Ranged:
         for name, limit in self.limits.items():
             bound, holds, words, _ = LIMITS[name]
             if not holds(value_range(number)[bound], limit):

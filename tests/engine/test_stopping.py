@@ -132,6 +132,37 @@ def test_a_vehicle_cut_off_stops_where_it_stands_still(engine, vehicle, order):
         assert all(np.isfinite(value).all() for value in outcome.metrics.values())
 
 
+@pytest.mark.parametrize("move", ["euler", pytest.param("exact", marks=pytest.mark.long)])
+def test_with_held_inputs_a_vehicle_cut_off_stops_on_its_way(move):
+    """A plain loop along its course: `v̇ = -k1 (v - v(0)) - k0 s`, held over a tick."""
+    (k0, k1), heading, speed = GAINS[2][0], 0.7, 1.5
+    keys = KEYS | {
+        "vehicles": 2,
+        "vehicle": "unicycle",
+        "gain": [k0, k1],
+        "engine": {"kind": "sampled", "move": move},
+        "topology": {"kind": "edges", "edges": [[1, 2, 1.0], [2, 0, 1.0]]},
+        "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
+        "initial": {"position": [[3.0, 4.0], [0.0, 0.0]], "heading": [heading, 0.0]},
+        "defence": {"kind": f"{LastDrops.__module__}:LastDrops", "isolated": "coast"},
+    }
+    keys["initial"]["speed"] = [speed, 1.0]
+    outcome = systems.simulate(systems.lanes(systems.study(**keys), 1))
+    way, now, ways, span = 0.0, speed, [0.0], TICK
+    while now > 0:
+        rate = -k1 * (now - speed) - k0 * way
+        span = min(TICK, now / max(-rate, 1e-9))
+        way += span * now + (move == "exact") * span**2 / 2 * rate
+        now = now + span * rate if span == TICK else 0.0
+        ways.append(way)
+    ways += [way] * (TICKS + 1 - len(ways))
+    assert outcome.status.tolist() == [Status.ok]
+    assert 0.01 < span < TICK - 0.01
+    places = outcome.series["state"][0, :, 0, :2]
+    along = np.outer(ways, [np.cos(heading), np.sin(heading)])
+    np.testing.assert_allclose(places - places[0], along, rtol=0, atol=1e-9)
+
+
 @pytest.mark.long
 def test_a_vehicle_that_has_stopped_stays_and_passes_nothing_on():
     """Vehicle 3 stops, hears the fleet again and stays; 4 hears it alone, is cut off and stops too.

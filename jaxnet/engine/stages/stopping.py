@@ -4,7 +4,8 @@ A vehicle that coasts moves by `y^(r) + P(y + n) = z` until the next tick, with 
 the errors n of its sensor. Under a law that holds the r-th derivative, P is 0. The derivatives of y
 obey a linear equation without a constant, so `standstill.stands` finds the first instant at which
 the vehicle stands still (`rest_within_tick`). The motion of any vehicle is searched as a polynomial
-(`rest_in`).
+(`rest_in`). With held inputs a vehicle comes to rest where its speed changes sign
+(`rest_on_the_way`), also one that coasts.
 
 The vehicle stops at that instant. Until the next tick its listeners hear what the law asked of it,
 or z. From the next tick on the vehicle tells its place at rest. It never restarts, because the law
@@ -52,9 +53,12 @@ def stops(lane: Lane) -> bool:
     return lane.vehicle.standstill == "stop"
 
 
-def first_rest(lane: Lane) -> Rest | None:
-    """Vehicles at rest at t = 0: none; None where only vehicles that are cut off may stop."""
-    if not stops(lane):
+def first_rest(lane: Lane, coasting: bool = False) -> Rest | None:
+    """Vehicles at rest at t = 0: none; None where only vehicles that are cut off may stop.
+
+    `coasting` says that the motion finds their rest too, not `rest_within_tick`.
+    """
+    if not (stops(lane) or coasting):
         return None
     return Rest(jnp.zeros(lane.initial.shape[1:], bool), jnp.zeros_like(lane.initial))
 
