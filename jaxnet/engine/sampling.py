@@ -68,9 +68,13 @@ class Sampling(InStates, Following[SamplingState]):
         return state.asked
 
     def drive_now(self, state, decided):
-        """`y^(r) + P(ŷ)`, with y^(r) of the inputs that are held; of the tick, if solved."""
-        if self.lane.law.solves():
+        """`y^(r) + P(ŷ)`: of the tick, if the law is solved; with y^(r) = q, if the law holds q."""
+        lane, time = self.lane, state.signals.time
+        if lane.law.solves():
             return state.drive
+        if lane.law.needs_ticks():
+            own = vehicles.outputs(lane, state.states, time)
+            return decided.sensed.drive(lane.gain, state.followed.held, own)
         return self.drive_of(state, decided)
 
     def drive_of(self, state: SamplingState, decided: DecisionState) -> PerAxis:

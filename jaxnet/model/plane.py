@@ -26,7 +26,7 @@ def length(vectors: Numbers) -> Numbers:
     return squares.__array_namespace__().sqrt(squares)
 
 
-def plus(jets: OrderedJets, others: OrderedJets) -> tuple[PlaneArray, ...]:
+def plus(jets: OrderedJets, others: OrderedJets) -> tuple[Numbers, ...]:
     """The sum of two signals, with the derivatives that both have."""
     return tuple(jet + other for jet, other in zip(jets, others, strict=False))
 

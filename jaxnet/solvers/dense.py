@@ -26,6 +26,7 @@ FLEET_PARTS = (2, 3, 4)
 
 InverseColumns = Float[Array, "m axes m lanes"]
 TableRows = Float[Array, "rows columns axes lanes"]
+OtherRows = Float[Array, "others columns axes lanes"]
 
 
 @jax.tree_util.register_dataclass
@@ -73,7 +74,7 @@ class Dense(Solver[InverseColumns]):
         rows = jnp.concatenate([own, given, table[:, n : n + 1]], axis=1)
 
         def plus(
-            rows: TableRows, links: Any, first: Any, others: TableRows, there: int
+            rows: TableRows, links: Any, first: Any, others: OtherRows, there: int
         ) -> TableRows:
             """Add to rows those of their sources, which begin at a place, by weight."""
 

@@ -1,5 +1,6 @@
 """Programs are traced once, for all processes that run the same code."""
 
+import os
 import re
 
 import jax
@@ -10,6 +11,10 @@ import jaxnet
 from jaxnet.engine import batch, programs
 from jaxnet.lanes.uniforms import bits
 from tests import systems
+
+pytestmark = pytest.mark.skipif(
+    "JAXNET_CHECK_SHAPES" in os.environ, reason="shapes are checked in tracing: no trace is kept"
+)
 
 SHORT = {"horizon": 1.0, "tail": 0.5}
 OWN = """

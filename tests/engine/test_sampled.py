@@ -292,23 +292,24 @@ def test_the_message_that_arrived_last_is_held(law, delay):
     assert found == pytest.approx(places, abs=1e-12)
 
 
-@pytest.mark.parametrize("law", [{"kind": "local", "hold": False}, "exact"])
+@pytest.mark.parametrize("law", [{"kind": "local", "hold": False}, "exact", "rounds"])
 def test_delayed_motions_are_continued_over_ticks_of_any_length(law):
     """A plain loop: vehicle 1 hears a navigator at 1 m/s, 2 hears 1, one tick (0.5 s) late.
 
-    The tick is the law's fastest time constant, by which a power series would err.
+    The tick is the law's fastest time constant, by which a power series would err. Vehicles tell
+    the q that the law asks for, not what their limits leave of it; by exchanges, the q until now.
     """
-    tick, (k0, k1), number = 0.5, (4.0, 4.0), 6
+    tick, (k0, k1), number, most = 0.5, (4.0, 4.0), 6, 0.5
     keys = {
         "vehicles": 2,
         "topology": "path",
-        "vehicle": "double_integrator",
+        "vehicle": {"kind": "double_integrator", "limits": {"input": most}},
         "gain": [k0, k1],
         "law": law,
         "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
         "attack": "none",
         "defence": "none",
-        "initial": {"position": [[0.3, 0.0], [-0.2, 0.0]], "heading": 0.0, "speed": 0.7},
+        "initial": {"position": [[-0.8, 0.0], [0.6, 0.0]], "heading": 0.0, "speed": 0.7},
         "channel": {"delay": tick, "extrapolate": "jets"},
         "engine": "sampled",
         "tick": tick,
@@ -317,18 +318,20 @@ def test_delayed_motions_are_continued_over_ticks_of_any_length(law):
         "tail": tick,
         "save": {"trajectories": "all"},
     }
-    jets, told = np.array([[0.3, 0.7], [-0.2, 0.7]]), np.zeros(2)  # place and speed of each
-    path, heard = [], None
+    jets, rates = np.array([[-0.8, 0.7], [0.6, 0.7]]), np.zeros(2)  # place and speed of each
+    path, heard, clipped = [], None, False
     for n in range(number + 1):
         path.append(jets)
-        rates = np.zeros(2)
+        until_now, rates = rates, np.zeros(2)
         if heard is not None:
-            late = np.array([[(n - 1) * tick, 1.0], heard[0]]) @ [[1.0, 0.0], [tick, 1.0]]
-            highest = told[:1] if law == "exact" else np.zeros(1)
-            rates = np.append(0.0, highest) + (late - jets) @ [k0, k1]
-        heard, told = jets, rates
-        moved = jets[:, 0] + tick * jets[:, 1] + tick**2 / 2 * rates
-        jets = np.stack([moved, jets[:, 1] + tick * rates], axis=1)
+            late = np.array([[(n - 1) * tick, 1.0], heard[0][0]]) @ [[1.0, 0.0], [tick, 1.0]]
+            rates = np.append(0.0, heard[1][0]) + (late - jets) @ [k0, k1]
+        heard = jets, {"exact": rates, "rounds": until_now}.get(str(law), np.zeros(2))
+        moves = np.clip(rates, -most, most)
+        clipped = clipped or moves[0] != rates[0]
+        places = jets[:, 0] + tick * jets[:, 1] + tick**2 / 2 * moves
+        jets = np.stack([places, jets[:, 1] + tick * moves], axis=1)
+    assert clipped
     found = states_of(jaxnet.simulate(keys, progress=False))
     assert found[:, :, 0] == pytest.approx(np.array(path)[:, :, 0], abs=1e-12)
     assert found[:, :, 2] == pytest.approx(np.array(path)[:, :, 1], abs=1e-12)

@@ -15,7 +15,13 @@ from jaxtyping import Array
 
 from jaxnet.engine.moment import Instants, LaneFlags, LinkFlags, Moment, PerAxis, tell
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.stages.known import Drives, KnownDrive, LinkDrives, plus_messages
+from jaxnet.engine.stages.known import (
+    Drives,
+    KnownDrive,
+    LinkDrives,
+    LongerDrives,
+    plus_messages,
+)
 from jaxnet.engine.stages.late import Late, OnTime, late_degrees
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.stages.sensing import Sensed
@@ -151,7 +157,7 @@ class Lossy(Reception):
         share = weights.sum(axis=1) + constant.share
         return replace(constant, drive=Polynomial(drive), share=share, time=self.time)
 
-    def delayed(self, now: Moment, late: Late, weights: AxisWeights, drive: Drives) -> Drives:
+    def delayed(self, now: Moment, late: Late, weights: AxisWeights, drive: Drives) -> LongerDrives:
         """A drive plus the delayed messages that act until the next tick, by weight."""
         if self.substitutes is None:
             return late.heard(now, weights, drive)

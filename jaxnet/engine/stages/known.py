@@ -19,6 +19,7 @@ from jaxnet.model.shapes import LoopIndex
 RowShare = Float[Array, "axes m *lanes"]
 Drives = Float[Array, "degrees 2 m lanes"]
 LinkDrives = Float[Array, "degrees 2 slots m lanes"]
+LongerDrives = Float[Array, "more 2 m lanes"]
 Demand = Float[Array, "2 m *lanes"]
 AnyInstants = Float[Array, "*lanes"]
 Silent = Bool[Array, "axes m lanes"]
@@ -78,11 +79,13 @@ class KnownDrive(Known):
         return jnp.stack([each * by[None, None] for each, by in zip(terms, factors, strict=True)])
 
 
-def padded(drive: Drives, degrees: int) -> Drives:
+def padded(drive: Drives, degrees: int) -> LongerDrives:
     return jnp.pad(drive, [(0, degrees - len(drive)), *[(0, 0)] * 3])
 
 
-def plus_messages(drive: Drives, weights: AxisWeights, messages: LinkDrives) -> Drives:
+def plus_messages(
+    drive: Drives, weights: AxisWeights, messages: Float[Array, "more 2 slots m lanes"]
+) -> LongerDrives:
     """A drive plus messages by weight."""
 
     def in_slot(slot: LoopIndex) -> Drives:

@@ -25,7 +25,14 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.moment import Instants, LinkFlags, Moment, PerAxis, Received, tell
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.stages.known import Drives, KnownDrive, LinkDrives, padded, plus_messages
+from jaxnet.engine.stages.known import (
+    Drives,
+    KnownDrive,
+    LinkDrives,
+    LongerDrives,
+    padded,
+    plus_messages,
+)
 from jaxnet.engine.stages.links import rounding_errors
 from jaxnet.engine.stages.sensing import Sensed
 from jaxnet.model import chance, control, plane, polynomial, signal, xla
@@ -203,7 +210,7 @@ class Late(OnTime):
             messages = messages.at[0].add(sum(errors))
         return messages
 
-    def heard(self, now: Moment, weights: AxisWeights, start: Drives) -> Drives:
+    def heard(self, now: Moment, weights: AxisWeights, start: Drives) -> LongerDrives:
         """A drive plus the messages that arrive at a tick, by weight."""
         arrival, hearing, past = self.arrival(now), now.network.hearing, self.past
         if arrival.entry is not None or past.rounding or past.messages.sources.shape[1] > 1:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, VehicleJets
+from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, StackedJets
 
 
 class Formation(Kind):
@@ -32,7 +32,7 @@ class Formation(Kind):
         """Whether offsets change in time."""
         return False
 
-    def jets(self, time: AnyTimes, vehicles: int) -> VehicleJets:
+    def jets(self, time: AnyTimes, vehicles: int) -> StackedJets:
         """The offset [m] of each vehicle and its first three derivatives.
 
         Parameters

@@ -310,9 +310,9 @@ class Unweighted(Graph):
         return links._replace(weights=np.ascontiguousarray(weights.T))
 
     def weighted(
-        self, links: Digraph, number: float | np.ndarray, sources: SlotSourceTable
-    ) -> Float[np.ndarray, "*samples slots m"]:
-        """The weights by slot, for a navigator's weight () or (samples, 1).
+        self, links: Digraph, number: float | np.ndarray, sources: Int[np.ndarray, "table m"]
+    ) -> Float[np.ndarray, "*samples table m"]:
+        """The weights by slot of a table, for a navigator's weight () or (samples, 1).
 
         A vehicle that hears no neighbour hears the navigator alone.
         """

@@ -131,7 +131,9 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes.append(amplitude_note(cells))
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
         many = lanes[lanes > 0].astype(int)
-        words = f"with 95 % confidence at most {share_beyond(many.min())} of all lanes are worse"
+        words = (
+            f"with 95 % confidence at most {share_beyond(int(many.min()))} of all lanes are worse"
+        )
         notes.append(
             f"worst: the greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}"
         )
