@@ -240,6 +240,16 @@ def test_without_a_velocity_vehicles_stand_still(form, share):
     assert (moved[2, 0] > 0.1) == (form == "halves")
 
 
+@pytest.mark.parametrize("form", ["joint", "halves"])
+@pytest.mark.parametrize("apart", [0.0, 1e-200])
+def test_no_velocity_parts_robots_that_coincide(form, apart):
+    """`0 ≤ -γ D⁶` has no solution; by halves the robot that is far off moves as it asks."""
+    places = np.array([[0.3, 0.3 + apart, 9.0], [apart, 0.0, 0.0]])
+    found = nearest(np.full((2, 3), 0.1), places, form=form)
+    assert np.isnan(found[:, :2]).all()
+    assert np.isnan(found[:, 2]).all() if form == "joint" else (found[:, 2] == 0.1).all()
+
+
 def test_a_filter_knows_what_others_transmit():
     """Under constant lies `joint` keeps the distances that are told, to 1 mm in 300 steps."""
     keys = {"vehicles": 3, "topology": {"kind": "circulant", "offsets": [1, -1]}, "gain": [1.0]}
