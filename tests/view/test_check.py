@@ -41,9 +41,9 @@ def of_drawn(number, **keys):
 
 FACTS = [
     # networks: norms are those of the paper; a path loses all behind its attacked vehicles
-    ({"topology": "star"}, "‖L⁻¹‖₂", "1: with all sources retained, a steady"),
-    ({"topology": "cyclic"}, "‖L⁻¹‖₂", "10: with all sources retained, a steady"),
-    ({"topology": "path"}, "‖L⁻¹‖₂", "7.963: with"),
+    ({"topology": "star"}, "‖L⁻¹‖₂", "1: the most by which the fleet"),
+    ({"topology": "cyclic"}, "‖L⁻¹‖₂", "10: the most by which the fleet"),
+    ({"topology": "path"}, "‖L⁻¹‖₂", "7.963: the"),
     ({"topology": "star"}, "attack", "rotating on 2, 5, 8, 11 in what they hear of the navigator"),
     ({"topology": "cyclic"}, "attack", "in what they transmit, 8 links"),
     ({"topology": "star"}, "Assumption 1", "no honest path from the navigator to 2, 5, 8, 11;"),
@@ -182,7 +182,7 @@ BY_SIZE = TRUSTED | {"sweep": {"attack.magnitude": [0.1, 1, 10, 100]}}
         (TRUSTED, "the tail begins at 25 s"),
         (
             TRUSTED | {"defence": "trusted_trim"},
-            "time: unknown for trusted_trim under attack; without attack the effect of the start is",
+            "time: unknown under attack, as the defence decides; without attack the effect of",
         ),
         (TRUSTED | {"attack": "none"}, "the effect of the start is below 0.283 m after 11.4 s"),
         (BY_SIZE, "start is below 0.001 … 1 m after 9.91 … 17.9 s; the tail begins at 25 s"),

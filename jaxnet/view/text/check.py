@@ -161,7 +161,7 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
         when = f"the effect of the start is below {found.length:.3g} m after {found.after:.3g} s"
         retained = situation_of(cell.scenario).retained
         if cell.scenario.attack.present and (retained is None or retained.fixed is None):
-            when = f"unknown for {cell.scenario.defence.kind} under attack; without attack {when}"
+            when = f"unknown under attack, as the defence decides; without attack {when}"
         lines.append(f"{when}; the tail begins at {found.begins:g} s")
         if found.after > found.begins:
             early.append(cell.number)

@@ -253,8 +253,8 @@ def norm_words(norm: float, scenario: Scenario) -> str:
     if not np.isfinite(norm):
         return f"{norm}: the navigator does not reach every vehicle"
     return (
-        f"{norm:.4g}: with all sources retained, a steady attack moves the fleet by at most this"
-        " factor times what it adds to weighted means (in ‖·‖₂)"
+        f"{norm:.4g}: the most by which the fleet amplifies a steady attack's part of weighted"
+        " means, while all sources are retained"
     )
 
 
