@@ -107,7 +107,7 @@ def test_the_summary_has_the_numbers_of_cells_csv(folder, html):
     np.testing.assert_array_equal(shown[:, 1:], stored[columns])
     low, high = 100 * stored.loc[1, ["unrecovered_low", "unrecovered_high"]]
     assert f"<small>[{low:.3g}, {high:.3g}]</small>" in text
-    assert "All cells: ok 3, failed 0." in text
+    assert "Each cell: lanes ok 3, lanes failed 0." in text
 
 
 def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str]:
