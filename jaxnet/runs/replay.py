@@ -157,7 +157,7 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
     metric = judged_metric(results.study.cells)
     lanes = results.by_cell("cell", "sample", metric, where=rows.OK)
     nothing = pd.DataFrame({"cell": [], "sample": []}, dtype=int).assign(**{metric: 0.0})
-    found = (each.nlargest(number, metric) for _, each in lanes)
+    found = (recovery.worst_first(each, metric).head(number) for _, each in lanes)
     return pd.concat([nothing, *found], ignore_index=True)
 
 

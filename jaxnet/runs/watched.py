@@ -11,6 +11,7 @@ from upath import UPath
 
 from jaxnet.config.cells import judged_metric
 from jaxnet.runs.replay import replay_each, store_of, worst_of
+from jaxnet.statistics.recovery import worst_first
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import layout, rows
 from jaxnet.store.arrays import lane_in, lanes_in, open_store
@@ -43,9 +44,9 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
     found: dict[tuple[int, int], str] = {}
     metric, chosen = judged_metric(results.study.cells), ended[spread].tolist()
     for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=chosen):
-        samples = lanes.sort_values(metric, kind="stable")["sample"].tolist()
-        found[cell, samples[-1]] = "worst of its cell"
-        found.setdefault((cell, samples[(len(samples) - 1) // 2]), "median of its cell")
+        samples = worst_first(lanes, metric)["sample"].tolist()
+        found[cell, samples[0]] = "worst of its cell"
+        found.setdefault((cell, samples[len(samples) // 2]), "median of its cell")
     return found
 
 

@@ -4,7 +4,7 @@ The same seed and sample give the same draw. So the difference of two lanes of a
 difference of their studies, and its mean varies far less than the means themselves. The share
 unrecovered changes only by the lanes that are unrecovered in one study alone. If both directions
 were equally likely, the number in one direction would be binomial with p = 1/2: McNemar's exact
-test. `worse_cells` tests the signs of other differences likewise. Intervals are those of
+test. `compared_cells` tests the signs of other differences likewise. Intervals are those of
 `intervals`; that of the share leaves out 0 exactly where McNemar's p is below 0.05.
 """
 
@@ -226,24 +226,39 @@ def sign_test(up: int, down: int) -> float:
     return float(min(1.0, 2 * special.bdtr(min(up, down), up + down, 0.5))) if up + down else 1.0
 
 
-def worse_cells(
+class CellsCompared(NamedTuple):
+    """A test of whose paired lanes have the greater values.
+
+    Attributes
+    ----------
+    better, worse
+        Numbers of the cells; more lanes of `worse` have the greater value.
+    lanes
+        Number of paired lanes.
+    p
+        Exact p of the signs. It is Holm's adjusted one, unless the lanes cannot tell.
+    can_tell
+        Whether at least six lanes differ, so that p could be below 0.05.
+    """
+
+    better: int
+    worse: int
+    lanes: int
+    p: float
+    can_tell: bool
+
+    @property
+    def found(self) -> bool:
+        return self.can_tell and self.p <= 1 - CONFIDENCE
+
+
+def compared_cells(
     values: Mapping[int, pd.Series], settings: Sequence[Sequence[int]]
-) -> tuple[set[tuple[int, int]], int]:
+) -> list[CellsCompared]:
     """Compare the cells of each setting, every one with every other, by the signs of paired lanes.
 
-    Parameters
-    ----------
-    values
-        Numbers of a cell's lanes, by sample.
-    settings
-        The cells that are compared with each other.
-
-    Returns
-    -------
-    tuple[set[tuple[int, int]], int]
-        Pairs of cells, of which the first has the greater values, and the number of comparisons.
-        Those of fewer than six lanes that differ cannot tell and do not count. At most 5 % of
-        studies have any wrong pair (Holm, 1979).
+    `values` are numbers of a cell's lanes, by sample. At most 5 % of studies have any wrong finding
+    (Holm, 1979). Tests that cannot tell do not count (Tarone, 1990).
     """
     tests = []
     for cells in settings:
@@ -252,14 +267,15 @@ def worse_cells(
             apart = lanes[:, a] - lanes[:, b]
             least = ROUNDING_SPREAD * np.abs(lanes[:, a])
             up, down = int((apart > least).sum()), int((apart < -least).sum())
-            pair = (cells[a], cells[b]) if up > down else (cells[b], cells[a])
-            if sign_test(0, up + down) <= 1 - CONFIDENCE:  # else it cannot tell (Tarone, 1990)
-                tests.append((sign_test(up, down), pair))
-    tests.sort()
-    left = len(tests) - np.arange(len(tests))
-    passed = np.array([p for p, _ in tests]) * left <= 1 - CONFIDENCE
-    found = int(np.logical_and.accumulate(passed).sum())
-    return {pair for _, pair in tests[:found]}, len(tests)
+            better, worse = (cells[b], cells[a]) if up > down else (cells[a], cells[b])
+            tells = sign_test(0, up + down) <= 1 - CONFIDENCE
+            many = int(np.isfinite(apart).sum())
+            tests.append(CellsCompared(better, worse, many, sign_test(up, down), tells))
+    tests.sort(key=lambda each: (not each.can_tell, each.p))
+    told = sum(each.can_tell for each in tests)
+    adjusted = np.maximum.accumulate([(told - n) * tests[n].p for n in range(told)]).tolist()
+    found = (t._replace(p=min(1.0, p)) for t, p in zip(tests, adjusted, strict=False))
+    return [*found, *tests[told:]]
 
 
 def cell_labels(pair: CellPair) -> dict[str, Any]:

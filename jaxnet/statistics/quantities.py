@@ -37,6 +37,10 @@ AGREEMENT_NOTES = {
     "outside": "outside: greatest way of a vehicle that is not attacked out of the convex hull of"
     " the starts of all these",
 }
+ERROR_NOTES = {
+    "tail_mean": "tail mean: a lane's error, the mean over vehicles and the tail",
+    "tail_max": "tail max: the greatest error of any vehicle at any time of the tail of a lane",
+}
 FORMATION_NOTE = "errors, spread and outside leave out the vehicles' places in the formation"
 VALUE_COLUMNS = ["value", "low", "high"]
 

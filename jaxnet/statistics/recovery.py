@@ -12,7 +12,7 @@ lanes costs a part of the error and adds little information.
 
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,9 +25,10 @@ from jaxnet.config.naming import NO_BREAK
 from jaxnet.config.study import Study
 from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.groups import labels_without_magnitude
-from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
+from jaxnet.statistics.intervals import CONFIDENCE, ROUNDING_SPREAD, clopper_pearson
 
 FIRST_LOOK = 256  # samples of a cell
+LEAST_APART = 1e-9  # [m], or of ā; lanes that differ by less are equally bad
 
 
 class RecoveryCounts(NamedTuple):
@@ -131,6 +132,16 @@ def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
     return np.array([attack_size(cell) > 0 for cell in cells])
 
 
+def worst_first(lanes: pd.DataFrame, by: str) -> pd.DataFrame:
+    """Lanes with the greatest values first; of lanes that differ by rounding the lowest sample."""
+    ordered: Any = lanes.sort_values(by, ascending=False, kind="stable")
+    values = ordered[by].to_numpy(float)
+    apart = np.fmax(ROUNDING_SPREAD * np.abs(values[:-1]), LEAST_APART)
+    rank = np.cumsum(np.concatenate([[0], values[:-1] - values[1:] > apart])[: len(values)])
+    place = np.lexsort((ordered["sample"], rank))
+    return ordered.iloc[place]
+
+
 def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
     """Cell and sample of the ok lanes with the greatest judged metric per ā.
 
@@ -142,7 +153,7 @@ def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[
     lanes = rows[["cell", "sample"]].assign(
         ratio=rows[judged_metric(cells)] / sizes[rows["cell"]], group=groups[rows["cell"]]
     )
-    lanes = lanes.dropna().sort_values("ratio", ascending=False, kind="stable")
+    lanes = worst_first(lanes.dropna(), "ratio")
     lanes["place"] = lanes.groupby("group").cumcount()
     chosen = lanes.sort_values("place", kind="stable").head(number)
     return list(zip(chosen["cell"].tolist(), chosen["sample"].tolist(), strict=True))

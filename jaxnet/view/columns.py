@@ -36,7 +36,7 @@ from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import digits_text
 
-COUNTS = ("ok", "failed", "lanes")
+COUNTS = {"ok": "lanes ok", "failed": "lanes failed", "lanes": "lanes"}  # with their titles
 ERROR_COLUMNS = ("tail_mean_median", "tail_mean_mean", "tail_mean_q95", "tail_max_max")
 AGREEMENT_COLUMNS = (
     *("spread_median", "spread_mean", "spread_q95", "spread_max"),
@@ -289,7 +289,7 @@ def key_column(key: str, labels: Sequence[Any]) -> Column:
 def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequence[Cell]) -> Column:
     """A column of `cells.csv` with its interval, if it has one; `rows` have the `size` too."""
     if name in COUNTS:
-        return plain_column(name, rows[name].tolist())
+        return plain_column(name, rows[name].tolist(), COUNTS[name])
     stem = name.removesuffix("_low").removesuffix("_high")
     names, entries = [name], stored_values(rows, [name])
     if stem in LANE_SHARES:
@@ -302,9 +302,8 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
         entries["size"] = rows["size"] if of == "m" else 0.0
         which = ", worst" if end == "max" else f", {end.replace('_', ' ')}"
         words = metric.name.replace("_", " ")
-        title = "worst" if name == "tail_max_max" else f"{words}{which}"
-        symbol = LATEX_SYMBOLS.get(metric.name, words.translate(LATEX_ESCAPES))
-        symbol += which * (name != "tail_max_max")
+        title = f"{words}{which}"
+        symbol = LATEX_SYMBOLS.get(metric.name, words.translate(LATEX_ESCAPES)) + which
         if end == statistic and len(LANE_STATISTICS[statistic].columns) > 1:
             names = [f"{metric.name}_{each}" for each in LANE_STATISTICS[statistic].columns]
             mean, most = (rows.loc[:, f"{metric.name}_{each}"] for each in ("mean", "max"))
@@ -341,7 +340,7 @@ def split_constant(columns: Sequence[Column]) -> tuple[list[Column], str]:
         stays = each.across or each.name in ("cell", first) or len({*each.texts()}) > 1
         (kept if stays else constant).append(each)
     told = ", ".join(f"{each.title} {each.texts()[0]}" for each in constant)
-    return kept, f"all cells: {told}" if told else ""
+    return kept, f"each cell: {told}" if told else ""
 
 
 def as_frame(columns: Sequence[Column]) -> pd.DataFrame:

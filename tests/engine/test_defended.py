@@ -63,7 +63,7 @@ def test_two_who_trust_each_other_know_nothing():
     assert safe(study).tolist() == [False, False, True, True]
     text = check.check_text(study)
     assert "safe          3, 4 untouched; not known for 1, 2" in text
-    assert "for 1, 2 by an attack on 4 alone; for 3, 4 by no attack on 3" in text
+    assert "for 1, 2 if 4 is attacked; for 3, 4 not yet with 3 more attacked" in text
 
 
 def test_what_is_announced_saves_them():

@@ -167,21 +167,32 @@ def test_lanes_without_recovery_have_no_sides(without):
     assert pd.isna(pairs.comparison_row(judged, METRICS, without.study.config)["p"])
 
 
+def worse_pairs(values, settings) -> tuple[set[tuple[int, int]], int]:
+    """Pairs of cells of which the first is found worse, and the number of tests that can tell."""
+    found = pairs.compared_cells(values, settings)
+    return {(t.worse, t.better) for t in found if t.found}, sum(t.can_tell for t in found)
+
+
 def test_cells_are_compared_lane_by_lane_and_all_at_once():
     """Signs counted by hand: 10 of 10, 9 of 10 and ties; Holm's levels are 0.05/3, 0.05/2, 0.05."""
     base = np.arange(1.0, 11.0)
     nine = base + np.where(np.arange(10) < 9, 0.5, -0.5)
     lanes = {0: base, 1: base + 1e-12, 2: base + 0.1, 3: nine}
     values = {cell: pd.Series(each, range(10)) for cell, each in lanes.items()}
-    assert pairs.worse_cells(values, [[0, 1]]) == (set(), 0)  # rounding
-    assert pairs.worse_cells(values, [[0, 3]]) == ({(3, 0)}, 1)  # p = 22/1024 < 0.05
+    assert worse_pairs(values, [[0, 1]]) == (set(), 0)  # rounding
+    assert worse_pairs(values, [[0, 3]]) == ({(3, 0)}, 1)  # p = 22/1024 < 0.05
     # two comparisons of lanes that do not differ cost nothing; two that do take it over 0.05/3
-    assert pairs.worse_cells(values, [[0, 3], [0, 1], [0, 1]]) == ({(3, 0)}, 1)
+    assert worse_pairs(values, [[0, 3], [0, 1], [0, 1]]) == ({(3, 0)}, 1)
     values[4] = pd.Series(base + np.tile([0.5, -0.5], 5), range(10))
-    assert pairs.worse_cells(values, [[0, 3], [0, 4], [0, 4]]) == (set(), 3)
-    assert pairs.worse_cells(values, [[0, 2], [0, 2], [0, 3]]) == ({(2, 0), (3, 0)}, 3)  # 0.05/1
+    assert worse_pairs(values, [[0, 3], [0, 4], [0, 4]]) == (set(), 3)
+    assert worse_pairs(values, [[0, 2], [0, 2], [0, 3]]) == ({(2, 0), (3, 0)}, 3)  # 0.05/1
     short = values | {2: values[2].iloc[:5]}  # five pairs: p = 2/32
-    assert pairs.worse_cells(short, [[0, 2]]) == (set(), 0)
+    assert worse_pairs(short, [[0, 2]]) == (set(), 0)
+    told = pairs.compared_cells(values, [[0, 2], [0, 3]])
+    assert [each.p for each in told] == pytest.approx(
+        [2 * 2 / 1024, 22 / 1024]
+    )  # Holm: twice, once
+    assert {each.lanes for each in told} == {10}
 
 
 @pytest.mark.parametrize(("up", "down"), [(0, 0), (3, 3), (9, 1), (0, 12)])

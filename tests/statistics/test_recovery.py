@@ -81,6 +81,16 @@ def test_the_worst_lanes_are_of_all_groups():
     assert recovery.worst_lanes(rows, cells, 9) == [(1, 0), (3, 0), (0, 1), (2, 0), (0, 0), (1, 1)]
 
 
+def test_of_equal_lanes_the_lowest_sample_is_the_worst():
+    """Rounding does not choose: 2e-16 more is not worse; 1e-3 is."""
+    errors = [0.1, 1.0, np.nextafter(1.0, 2.0), 0.999]
+    lanes = pd.DataFrame({"sample": [0, 1, 2, 3], "error": errors})
+    assert recovery.worst_first(lanes, "error")["sample"].tolist() == [1, 2, 3, 0]
+    zeros = lanes.assign(error=[0.0, 1e-13, 3e-12, 0.0])
+    assert recovery.worst_first(zeros, "error")["sample"].tolist() == [0, 1, 2, 3]
+    assert recovery.worst_first(lanes.iloc[:0], "error").empty
+
+
 @pytest.fixture
 def small_shards(monkeypatch):
     """Shards of 60 lanes and looks from 50 on, so that some end within a shard."""

@@ -101,6 +101,8 @@ def test_bands_tell_series_and_hue(results):
     assert any(np.allclose(line, median, rtol=1e-6) for line in lines)
     with pytest.raises(FolderError, match=r"y: must be one of disagreement, tracking \(got z\)"):
         results.figure("bands", y="z")
+    with pytest.raises(FolderError, match=r"\(did you mean 'tracking'\?\)"):
+        results.figure("bands", y="trackin")
     alone = results.figure("bands", {"attack.magnitude": 5})
     assert "ā" not in "".join(text.get_text() for text in alone.legends[0].get_texts())
 

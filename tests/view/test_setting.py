@@ -19,6 +19,8 @@ def test_a_plain_study_is_told_by_names():
         "vehicles": "12, two-wheeled",
         "topology": "cyclic",
         "navigator": "Lissajous curve",
+        "initial position": "uniform -200 to 200 m",
+        "gain": "1, 3, 3",
         "attack": "rotating",
         "attacked signals": "what vehicles 2, 5, 8, 11 transmit",
         "magnitude ā": "5 m",
@@ -57,6 +59,9 @@ TOLD = [
     ({"channel": LOSS}, "lost messages", "Bernoulli, probability = 0.2"),
     ({"channel": LOSS, "sweep": SWEPT_LOSS}, "lost messages", "Bernoulli"),
     ({"channel": LOSS, "sweep": SWEPT_LOSS}, "loss probability", "0, 0.2"),
+    ({"attack": "bias"}, "attack", "bias, direction = 0 rad"),
+    ({"formation": {"kind": "line", "spacing": 2.0}}, "initial position",
+     "uniform -200 to 200 m, and the place in the formation added"),
     ({"attack": "none"}, "attack", "none"),  # told even where there is none
     ({"defence": "none"}, "defence", "none"),
     ({"attack": "none"}, "magnitude ā", None),

@@ -108,7 +108,7 @@ def test_what_is_the_same_in_all_cells_is_one_line():
     """Numbers of lanes, and a key that `where` leaves one value."""
     results = results_of({"attack.magnitude": [1, 2], "tick": [0.05, 0.1]}, True, 4)
     text = tables.summary_text(results, where={"tick": 0.1})
-    assert "all cells: tick [s] 0.1, ok 5, failed 0" in text
+    assert "each cell: tick [s] 0.1, lanes ok 5, lanes failed 0" in text
     assert "tick" not in text.splitlines()[0]
 
 
@@ -165,10 +165,10 @@ def test_a_table_for_a_paper():
     )
     assert text.splitlines() == [
         r"% \usepackage{booktabs}",
-        "% all cells: ok 5",
+        "% each cell: lanes ok 5",
         r"\begin{tabular}{rlrr}",
         r"\toprule",
-        r"$\bar a$ [m] & defence & $\tilde e$, median [m] & $\hat\delta$ [m] \\",
+        r"$\bar a$ [m] & defence & $\tilde e$, median [m] & $\hat\delta$, worst [m] \\",
         r"\midrule",
         r"1 & no~defence & 0.123 [0.123, 0.123] & 1.12 \\",
         r" & W-MSR & 1.12 [1.12, 1.12] & 2.12 \\",

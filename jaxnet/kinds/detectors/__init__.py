@@ -23,6 +23,20 @@ class JudgedWords(NamedTuple):
     interval: LaneNumbers  # time from tick to tick [s]
 
 
+class Rule(NamedTuple):
+    """The test of a link: an alarm if S is over the limit.
+
+    S is the sum of the squared residuals of the last `window` ticks. With a drift S becomes
+    `max(0, S + z - drift)` at each tick, and 0 after an alarm; z is the squared residual, or if not
+    `squared` the residual along a direction.
+    """
+
+    limit: float
+    window: int = 1
+    drift: float | None = None
+    squared: bool = True
+
+
 class Detector(Kind):
     """A test of messages. A subclass gives `alarms`, and `start` if it has a memory.
 
@@ -33,6 +47,10 @@ class Detector(Kind):
 
     def start(self, words: JudgedWords) -> Memory:
         """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
+        return None
+
+    def rule(self, orders: int) -> Rule | None:
+        """The test of a link with so many orders with errors; by default None, which is unknown."""
         return None
 
     def alarms(self, words: JudgedWords, memory: Any) -> tuple[SlotMask, Memory]:

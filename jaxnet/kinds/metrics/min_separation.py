@@ -16,6 +16,6 @@ MIN_SEPARATION = Metric(
     nearest,
     time="min",
     vehicles="min",
-    words="least distance of two steered points",
+    words="least distance of any two steered points, liars included, in the whole run",
     undefined="infinite",
 )

@@ -225,7 +225,9 @@ class Plots:
         need_store(self.results, "errors")
         stored, name = self.results.errors, y or variable_over_time(cells)
         if name not in stored:
-            raise FolderError(f"y: must be one of {', '.join(map(str, stored))} (got {name})")
+            known = [*map(str, stored)]
+            near = suggestion(name, known, fallback=False)
+            raise FolderError(f"y: must be one of {', '.join(known)} (got {name}){near}")
         there = band_groups(cells, hue)
         places = evenly_over([group.labels for group in there], MOST_PANELS)
         groups = [there[place] for place in places]

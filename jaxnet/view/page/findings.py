@@ -1,5 +1,7 @@
 """Findings about a results folder, in sentences."""
 
+import functools
+import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
 from html import escape
@@ -10,17 +12,24 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.keys import Sequential
-from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_name
+from jaxnet.config.naming import MAGNITUDE, NO_BREAK, is_kind, key_name, labels_title, value_name
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
+from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.statistics.limits import unchecked_words
-from jaxnet.statistics.pairs import worse_cells
-from jaxnet.statistics.quantities import Quantity, quantity_of
-from jaxnet.statistics.recovery import confidence_told, criterion_words, share_name, threshold
-from jaxnet.statistics.summary import LANE_STATISTICS
+from jaxnet.statistics.pairs import CellsCompared, compared_cells
+from jaxnet.statistics.quantities import VALUE_COLUMNS, Quantity, quantity_of, stored_values
+from jaxnet.statistics.recovery import (
+    attacked_mask,
+    confidence_told,
+    criterion_words,
+    share_name,
+    threshold,
+)
+from jaxnet.statistics.summary import LANE_STATISTICS, share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
@@ -30,6 +39,10 @@ from jaxnet.view.text import worst
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MEDIAN_WORDS = f", {LANE_STATISTICS['median'].words}"
+MEDIAN_LANE = {  # by `judged_word`
+    "error": "In the median lane of a cell the error, a mean over vehicles and the tail,",
+    "spread": "In the median lane of a cell the greatest spread over the tail",
+}
 MOST_COMPARED, MOST_TOLD = 8, 3  # values of a swept key in one sentence, and of a few cells
 
 
@@ -50,7 +63,7 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
         there = curves.failed_kinds(results)
         kinds = escape(counted(sum(there.values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
-        failed += f", {where_words(results, sorted(there))}."
+        failed += f", {where_words(results, sorted(there))}".rstrip(", ") + "."
     sentences = [
         f"<b>{sentence_case(falling)}</b>." if falling else "",
         unrecovered_sentence(results),
@@ -60,22 +73,23 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
         search_sentence(results),
         failed,
         "" if alone else bounds_sentence(results, found, fit),
-        certainty_sentence(results),
+        f"Each cell has {count_between(results.samples, 'lane')}.",
     ]
     return [each for each in sentences if each]
 
 
-def errors_per_size(results: Results) -> tuple[pd.Series, str]:
-    """Mean tail errors by cell and unit: per ā, or in metres without ā; spreads if leaderless."""
+def errors_per_size(results: Results) -> tuple[pd.DataFrame, str]:
+    """Median errors of cells with intervals, and their unit: per ā, or in metres without ā."""
     metric = judged_metric(results.study.cells)
-    errors: Any = pd.Series(results.cells[f"{metric}_mean"].to_numpy(dtype=float))
+    names = [f"{metric}_{name}" for name in LANE_STATISTICS["median"].columns]
+    errors = stored_values(results.cells.reset_index(drop=True), names)
     known = curves.cell_magnitudes(results)
-    if np.isnan(known).all() or metric == "spread":
-        return errors.dropna(), "m"
-    return (errors / known).dropna(), "ā"
+    per_size = metric != "spread" and not np.isnan(known).all()
+    found: Any = errors.div(known, axis="index") if per_size else errors
+    return found.dropna(subset="value"), "ā" if per_size else "m"
 
 
-def settled(results: Results, values: pd.Series) -> tuple[pd.Series, str]:
+def settled(results: Results, values: pd.DataFrame) -> tuple[pd.DataFrame, str]:
     """The values of cells whose errors do not fall any more, if there are any, and a sentence."""
     falls: Any = results.cells.reindex(columns=["falling"])["falling"]
     left: Any = values[falls[values.index] != 1]
@@ -85,18 +99,20 @@ def settled(results: Results, values: pd.Series) -> tuple[pd.Series, str]:
     return left, f" Left out: {named}, whose {judged_word(results)} still falls."
 
 
-def where_words(results: Results, numbers: Sequence[int]) -> str:
-    """The swept values that cells have, and no other cells; else those of the first cell."""
-    cells = results.study.cells
-    labels, many = cells[numbers[0]].labels, len(numbers)
+def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] = ()) -> str:
+    """The swept values that some of the cells `among` have alone; else those of the first cell."""
+    cells = [results.study.cells[n] for n in among or range(len(results.study.cells))]
+    labels, many = results.study.cells[numbers[0]].labels, len(numbers)
     if not labels:
-        return "over all lanes"
-    if many == len(cells):
-        return "in every cell"
+        return ""
+    if many == len(cells) > 1:
+        attacked = len(cells) < len(results.study.cells)
+        return f"in {f'all {many}' if attacked else 'every'} cell{'s' * attacked}"
     first = f"{escape(labels_title(labels))} (cell {numbers[0]})"
     if many == 1:
         return f"with {first}"
-    mine, there = swept_values_of([cells[n] for n in numbers]), swept_values_of(cells)
+    mine = swept_values_of([results.study.cells[n] for n in numbers])
+    there = swept_values_of(cells)
     alike = [cell for cell in cells if all(cell.labels[key] in mine[key] for key in mine)]
     told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
     if len(alike) > many or max(map(len, told.values())) > MOST_TOLD:
@@ -105,17 +121,31 @@ def where_words(results: Results, numbers: Sequence[int]) -> str:
     return f"with {escape(', '.join(words))} ({many} cells)"
 
 
-def span_words(results: Results, values: pd.Series, words: Callable[[float, int], str]) -> str:
-    """What a value is: the least and the greatest, each with its cells; one if they read alike."""
-    ends = {}
-    for end in (values.min(), values.max()):
-        numbers = [int(cell) for cell in values.index[values == end]]
-        ends.setdefault(words(end, numbers[0]), numbers)
-    if len(ends) == 1:
-        everywhere = [int(cell) for cell in values.index]
-        ends = dict.fromkeys(ends, everywhere)
-    told = [f"{words} {where_words(results, numbers)}" for words, numbers in ends.items()]
-    return f"ranges from {' to '.join(told)}" if len(told) > 1 else f"is {told[0]}"
+def span_words(
+    results: Results,
+    values: pd.DataFrame,
+    told: Callable[[float], str],
+    unit: str,
+    sure: float = CONFIDENCE,
+) -> str:
+    """The least and the greatest value, each with its interval and cells; one if they read alike.
+
+    `values` have the columns value, low and high; `told` is the text of a number.
+    """
+    texts: Any = values["value"].map(told)
+    parts = {}
+    for place in (values["value"].idxmin(), values["value"].idxmax()):
+        alike: Any = values[texts == texts[place]]
+        ends = [dict.fromkeys(map(told, alike[end].dropna())) for end in ("low", "high")]
+        interval = ""
+        if all(ends) and {*ends[0], *ends[1]} != {texts[place]}:
+            within = "s within" * (max(map(len, ends)) > 1)
+            low, high = told(alike["low"].min()), told(alike["high"].max())
+            interval = f" ({100 * sure:g} % interval{within} {low} to {high}{unit})"
+        where = where_words(results, alike.index.tolist(), values.index.tolist())
+        parts[texts[place]] = f"<b>{texts[place]}{unit}</b>{interval} {where}".rstrip()
+    span = " to ".join(parts.values())
+    return f"ranges from {span}" if len(parts) > 1 else f"is {span}"
 
 
 def judged_word(results: Results) -> str:
@@ -124,7 +154,7 @@ def judged_word(results: Results) -> str:
 
 
 def extremes_sentence(results: Results) -> str:
-    """The cells with the least and the greatest error."""
+    """The cells with the least and the greatest error of the median lane."""
     errors, unit = errors_per_size(results)
     word, per_size = judged_word(results), unit == "ā"
     if errors.empty:
@@ -137,12 +167,10 @@ def extremes_sentence(results: Results) -> str:
     without = f" {left} without a lane that ended." if len(errors) < asked else ""
     errors, falling = settled(results, errors)
     compared = "" if compares_shares(results) else kinds_words(results, errors, unit)
-    if not per_size:
-        errors = errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2)
-    span = span_words(results, errors, lambda end, _: f"<b>{error_text(end)} {unit}</b>")
+    span = span_words(results, errors, error_text, f" {unit}")
     offsets = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation," * offsets
-    return f"The mean {word} over the tail and over lanes{less} {span}.{compared}{without}{falling}"
+    return f"{MEDIAN_LANE[word]}{less} {span}.{compared}{without}{falling}"
 
 
 def outside_sentence(results: Results) -> str:
@@ -154,68 +182,136 @@ def outside_sentence(results: Results) -> str:
     if left.empty:
         return f"No {whom} left the convex hull of their starts, in any lane."
     where = where_words(results, ways.index[ways == ways.max()].tolist())
-    stayed = count(len(ways) - len(left), "cell")
-    inside = f"; in {stayed} none left it" if len(left) < len(ways) else ""
+    longest = max(cell.scenario.horizon for cell in results.study.cells)
     return (
-        f"The greatest way of a {whom} out of the convex hull of their starts is"
-        f" <b>{error_text(ways.max())} m</b> {where}{inside}."
+        f"{' '.join(filter(None, ['In some lane', where]))} a {whom} was"
+        f" <b>{error_text(ways.max())} m</b> outside the convex hull of their starts within the"
+        f" {longest:g} s of the run. This is no limit: a longer run may take it farther."
+        f"{hull_words(results)}"
     )
 
 
-def kinds_words(results: Results, values: pd.Series, unit: str) -> str:
-    """Sentences that compare the values of each swept kind; "" with fewer than three cells."""
-    if len(values) < 3:  # whose two ends the sentence before has
-        return ""
+def hull_words(results: Results) -> str:
+    """The shares of lanes in the hull: without an attack, and with one."""
+    shares = 100 * stored_values(results.cells.reset_index(drop=True), share_names("in_hull"))
+    shares, attacked = shares.dropna(subset="value"), attacked_mask(results.study.cells)
+    words = []
+    for is_attacked, when in ((False, "without attack"), (True, "with an attack")):
+        some: Any = shares[attacked[shares.index] == is_attacked]
+        what = "it" if words else "the share of lanes in which all these vehicles stay inside"
+        if len(some):
+            words.append(f"{when} {what} {span_words(results, some, percent_text, ' %')}")
+    return f" {sentence_case('; '.join(words))}." if words else ""
+
+
+def kinds_words(results: Results, estimates: pd.DataFrame, unit: str) -> str:
+    """Sentences that compare the values of each swept kind; "" if none has two."""
+    values: Any = estimates["value"]
     labels = [results.study.cells[n].labels for n in values.index]
     swept = pd.DataFrame(labels, values.index, list(results.study.cells[0].labels)).map(str)
     kinds = [str(key) for key in swept if is_kind(key) and len({*swept[key]}) > 1]
-    return "".join(f" {compared_words(results, key, values, swept, unit)}." for key in kinds)
+    sentences = (compared_words(results, key, values, swept, unit) for key in kinds)
+    return "".join(f" {each}." for each in sentences if each)
 
 
 def compared_words(
     results: Results, key: str, values: pd.Series, swept: pd.DataFrame, unit: str
 ) -> str:
-    """The range of each value of a swept kind, and which values are not found worse."""
-    parts: list[tuple[str, str]] = []
-    of_labels: Any = [values[swept[key] == label] for label in dict.fromkeys(swept[key])]
-    for some in sorted(of_labels, key=lambda some: some.mean()):
-        label = swept[key][some.index[0]]
+    """The range of each value of a swept kind, and which values are found better than which."""
+    of_labels: Any = {label: values[swept[key] == label] for label in dict.fromkeys(swept[key])}
+    parts: dict[str, str] = {}
+    for label, some in sorted(of_labels.items(), key=lambda each: each[1].mean()):
         ends = dict.fromkeys(map(error_text, (some.min(), some.max())))
-        parts.append((f"<b>{' to '.join(ends)} {unit}</b>", escape(value_name(key, label))))
-    if len({told for told, _ in parts}) == 1:
-        return f"It is {parts[0][0]} whatever the {escape(key_name(key))}"
-    told = [f"{told} with {name}" for told, name in parts[:MOST_COMPARED]]
+        parts[str(label)] = f"<b>{' to '.join(ends)} {unit}</b>"
+    tested, texts = tested_words(results, key, [*parts], swept, unit), [*parts.values()]
+    if len({*texts}) == 1:
+        tested = f": {tested}" * bool(tested)
+        return f"It is {texts[0]} whatever the {escape(key_name(key))}{tested}"
+    if len(parts) == 2 and not any(
+        " to " in told for told in texts
+    ):  # the sentence before has them
+        return sentence_case(tested)
+    names = (escape(value_name(key, label)) for label in parts)
+    told = [f"{told} with {name}" for told, name in zip(texts, names, strict=True)][:MOST_COMPARED]
     told += [count(len(parts) - len(told), "other")] * (len(parts) > len(told))
-    tested = tested_words(results, key, swept, unit)
+    tested = f". {sentence_case(tested)}" * bool(tested)
     return f"By {escape(key_name(key))} it is {', '.join(told)}{tested}"
 
 
-def tested_words(results: Results, key: str, swept: pd.DataFrame, unit: str) -> str:
-    """In how many settings each value of a swept kind is not found worse than another.
+def tested_words(
+    results: Results, key: str, labels: Sequence[str], swept: pd.DataFrame, unit: str
+) -> str:
+    """Which values of a swept kind are better than which, in which settings, with p.
 
-    A setting is a combination of the other swept keys. Lanes of a setting are compared in pairs of
-    the same draw. Of attacks the most harmful one is the best. There is no test of lanes that are
-    not independent, and of a number of lanes that depends on them.
+    `labels` are the values, the best first. A setting is a combination of the other swept keys.
+    Lanes of a setting are compared in pairs of the same draw. All pairs of up to three values are
+    told, of more those with the first. There is no test of lanes that are not independent, and of a
+    number of lanes that depends on them.
     """
-    study = results.study.config
+    study, column = results.study.config, list(swept).index(key)
+    label_of = {cell: str(swept.iat[at, column]) for at, cell in enumerate(swept.index.tolist())}
     others, groups = swept.drop(columns=key), dict[Any, list[int]]()
-    for cell, labels in zip(swept.index.tolist(), others.to_numpy().tolist(), strict=True):
-        groups.setdefault(tuple(labels), []).append(cell)
+    for cell, rest in zip(swept.index.tolist(), others.to_numpy().tolist(), strict=True):
+        groups.setdefault(tuple(rest), []).append(cell)
     settings = [cells for cells in groups.values() if len(cells) > 1]
     if study.draws != "random" or isinstance(study.samples, Sequential) or not settings:
         return ""
-    worse, tests = worse_cells(judged_lanes(results, swept.index, unit), settings)
-    name = "McNemar's exact test" if unit == "%" else "sign test"
-    test = f"{name} of paired lanes, at 5 % by Holm over {count(tests, 'comparison')}"
-    if not worse:
-        return "; no difference is found" + f" ({test})" * bool(tests)
-    harms = key.startswith("attack")
-    beaten = {pair[harms] for pair in worse}
-    good = Counter(str(swept[key][n]) for cells in settings for n in cells if n not in beaten)
-    best = [f"{escape(value_name(key, each))} in {n}" for each, n in good.most_common()]
-    than = "less harmful" if harms else "worse"
-    among = f" of {count(len(settings), 'setting')}{' of the other keys' * bool(others.size)}"
-    return f"; not found {than} than another ({test}): {', '.join(best[:MOST_COMPARED])}{among}"
+    tests = compared_cells(judged_lanes(results, swept.index, unit), settings)
+    of_pairs: dict[tuple[str, str], list[CellsCompared]] = {}
+    for test in tests:
+        pair = sorted((label_of[test.better], label_of[test.worse]), key=labels.index)
+        of_pairs.setdefault((pair[0], pair[1]), []).append(test)
+    every = len(labels) <= MOST_TOLD
+    pairs = [pair for pair in itertools.combinations(labels, 2) if pair in of_pairs]
+    pairs = [pair for pair in pairs if every or pair[0] == labels[0]][:MOST_COMPARED]
+    more = "lanes more often have the smaller spread" if is_leaderless(results.study.cells) else ""
+    more = more or "lanes more often have the smaller error"
+    if unit == "%":
+        more = f"more lanes {'agree' if is_leaderless(results.study.cells) else 'recover'}"
+    told = []
+    for pair in pairs:
+        names = [escape(value_name(key, each)) for each in pair]
+        for good, bad in ((0, 1), (1, 0)):
+            some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
+            words = f"{more} with {names[good]} than with {names[bad]}"
+            told += settings_told(results, words, some, of_pairs[pair], others)
+        some = [test for test in of_pairs[pair] if not test.found]
+        words = f"no difference is found between {names[0]} and {names[1]}"
+        told += settings_told(results, words, some, of_pairs[pair], others)
+    name = "McNemar's exact test" if unit == "%" else "the sign test"
+    holm = sum(test.can_tell for test in tests)
+    adjusted = f", adjusted by Holm for {count(holm, 'test')}" * (holm > 1)
+    return f"{'; '.join(told)}. P values are of {name} on paired lanes{adjusted}"
+
+
+def settings_told(
+    results: Results,
+    words: str,
+    some: Sequence[CellsCompared],
+    every: Sequence[CellsCompared],
+    others: pd.DataFrame,
+) -> list[str]:
+    """The words with the settings of some tests, their p and number of lanes; [] of none."""
+    if not some:
+        return []
+    ends = [min(test.p for test in some), max(test.p for test in some)]
+    sign = "=" if f"{ends[0]:.2g}" == f"{ends[1]:.2g}" else "≤" if some[0].found else "≥"
+    p = f"p {sign} {ends[sign == '≤']:.2g}"
+    lanes = count_between([test.lanes for test in some], "pair")
+    cells = results.study.cells
+    names = [name for name in others if len({*others[name]}) > 1]
+    where = f" in {len(some)} of {len(every)} settings of the other keys"
+    if len(every) == 1:
+        where = ""
+    elif len(names) == 1:
+        key = str(names[0])
+        values = (value_name(key, cells[test.better].labels[key]) for test in sorted(some))
+        where = f" {'with' if is_kind(key) else 'at'} {' or '.join(map(escape, values))}"
+        if len(some) == len(every):
+            where = f" at every {'ā' if key == MAGNITUDE else escape(key_name(key))}"
+    elif len(some) == len(every):
+        where = f" in all {len(every)} settings of the other keys"
+    return [f"{words}{where} ({p}, {lanes}{' each' * (len(some) > 1)})"]
 
 
 def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
@@ -233,9 +329,13 @@ def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd
 
 
 def compares_shares(results: Results) -> bool:
-    """Whether kinds are compared by the share unrecovered, not by the mean error."""
+    """Whether kinds are compared by the share unrecovered, not by the error."""
     shares = {*curves.unrecovered_shares(results)["unrecovered"]}
     return results.study.config.recovery is not None and len(shares) > 1
+
+
+def percent_text(share: float) -> str:
+    return number_text(share, whole=100.0)
 
 
 def share_words(results: Results) -> str:
@@ -253,15 +353,12 @@ def unrecovered_sentence(results: Results) -> str:
         return ""
     if found.empty:
         return f"No share {share_name(cells)}: no attacked lane came to its end."
-
-    def words(share: float, cell: int) -> str:
-        told, low, high = (number_text(100 * end, whole=100.0) for end in found.loc[cell])
-        return f"<b>{told} %</b> ({100 * confidence:g} % interval {low} to {high} %)"
-
-    share, falling = settled(results, found["unrecovered"].astype(float))
-    compared = kinds_words(results, 100 * share, "%") if compares_shares(results) else ""
+    known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
+    share, falling = settled(results, known)
+    compared = kinds_words(results, share, "%") if compares_shares(results) else ""
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
-    return f"{share_words(results)}{above} {span_words(results, share, words)}.{compared}{falling}"
+    span = span_words(results, share, percent_text, " %", confidence)
+    return f"{share_words(results)}{above} {span}.{compared}{falling}"
 
 
 def metric_sentences(results: Results) -> list[str]:
@@ -271,17 +368,10 @@ def metric_sentences(results: Results) -> list[str]:
     found = [quantity_of(results, results.study.cells, name) for name in asked]
 
     def told(of: Quantity) -> str:
-        values: Any = of.values["value"].dropna()
+        values: Any = of.values.dropna(subset="value")
         unit, scale = f" {of.unit}".rstrip(), float(of.unit == "m")
-
-        def words(end: float, cell: int) -> str:
-            low, high = of.values.loc[cell, ["low", "high"]]
-            ends = f"{error_text(low, scale)} to {error_text(high, scale)}{unit}"
-            has_interval = np.isfinite(low + high) and low < high
-            sure = f" ({100 * of.confidence:g} % interval {ends})" * bool(has_interval)
-            return f"<b>{error_text(end, scale)}{unit}</b>{sure}"
-
-        span = span_words(results, values, words)
+        number = functools.partial(error_text, scale=scale)
+        span = span_words(results, values, number, unit, of.confidence)
         endless = len(of.values) - len(values)
         apart = f" {sentence_case(count(endless, 'cell'))} has no such median." * (endless == 1)
         apart = apart or f" {endless} cells have no such median." * (endless > 1)
@@ -302,7 +392,8 @@ def search_sentence(results: Results) -> str:
         return ""
     unit = " ā" if worst.is_per_size(results) else ""
     found, random = rows[worst.LENGTHS["found"]], rows[worst.LENGTHS["random"]].max()
-    span = span_words(results, found, lambda end, _: f"<b>{error_text(end)}{unit}</b>")
+    found = found.to_frame("value").assign(low=np.nan, high=np.nan)
+    span = span_words(results, found, error_text, unit)
     lanes = count(int(rows[worst.SEARCH_LANES].max()), "lane")
     return (
         f"By search the {escape(worst.metric_words(results))} {span}, in {lanes} of a cell at most;"
@@ -355,25 +446,3 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         if unchecked := unchecked_words(results.study.cells):
             words.append(f"No bound is known for {escape(unchecked)}.")
     return " ".join(words)
-
-
-def certainty_sentence(results: Results) -> str:
-    """The number of lanes of a cell, and the interval of the greatest mean."""
-    samples = f"Each cell has {count_between(results.samples, 'lane')}."
-    metric = judged_metric(results.study.cells)
-    # in metres: the greatest per ā is another
-    means: Any = results.cells[f"{metric}_mean"].dropna()
-    if means.empty:
-        return samples
-    place = int(means.idxmax())
-    row: Any = results.cells.iloc[place]
-    scale, ends = float(curves.cell_magnitudes(results)[place]), ("mean", "low", "high")
-    mean, low, high = (error_text(float(row[f"{metric}_{end}"]), scale) for end in ends)
-    known = metric != "spread" and not np.isnan(row["tail_mean_high"])
-    if metric == "spread" or (len(means) == 1 and not known):  # the extremes tell it
-        return samples
-    sure = 100 * confidence_told(results.study.config.samples)
-    interval = f" ({sure:g} % interval {low} to {high} m)" if known else ""
-    where = f", in cell {place}" if len(means) > 1 else ""
-    what = f"{'greatest ' * (len(means) > 1)}mean {judged_word(results)} over the tail"
-    return f"{samples} The {what} is {mean} m{interval}{where}."

@@ -77,7 +77,8 @@ TOO_LARGE = (
 )
 CHOICE_OF_LANES = (
     f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most,"
-    " spread evenly over the study, and the worst lanes of the study if it asks for recovery."
+    " spread evenly over the study, and the worst lanes of the study if it asks for recovery. The"
+    " worst lane has the greatest {}; of equal lanes it is the one of the lowest sample."
 )
 
 
@@ -302,7 +303,8 @@ def lanes_section(results: Results) -> Section | None:
             again = f"{escape(again)} --cell C --sample S"
         note = (
             f"{count(len(found), 'lane')} of the {many:,} whose trajectories are stored. Any other:"
-            f" <code>{again}</code>, then <code>{report}</code>. {CHOICE_OF_LANES}"
+            f" <code>{again}</code>, then <code>{report}</code>."
+            f" {CHOICE_OF_LANES.format(tables.CRITERIA[judged_metric(results.study.cells)])}"
         )
         body = paragraph(note) + trajectories.lanes_html(found)
     elif many:

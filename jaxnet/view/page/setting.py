@@ -23,8 +23,9 @@ MOST_ALTERNATIVES = 8
 LONGEST_VALUE = 80  # letters
 # Keys of kinds that other rows or the figure of the networks tell.
 TOLD_ELSEWHERE = {"kind", "label", "edges", "content", "names", "vehicles", "links", "magnitude"}
-SYMBOLS = {"theta": "ϑ", "F": "F", "tau": "τ"}  # keys that are told even at their defaults
-ALWAYS_TOLD = ("navigator", "topology", "attack", "defence")
+# Keys that are told even at their defaults, of kinds and of cells.
+SYMBOLS = {"theta": "ϑ", "F": "F", "tau": "τ", "direction": "direction"}
+ALWAYS_TOLD = ("navigator", "topology", "attack", "defence", "gain", "initial.position")
 # Keys that share a row with others, or stand elsewhere on the page.
 OWN_ROWS = ("vehicles", "vehicle", "attack.magnitude", "horizon", "tail", "tick", "engine")
 OWN_ROWS += ("name", "seed", "samples", "sweep", "labels")
@@ -46,7 +47,9 @@ def setting_rows(study: Study) -> dict[str, str]:
         if is_kind(key):
             if key in ALWAYS_TOLD or any(map(field_differs, [field] * len(values), values)):
                 rows[key_name(key)] = kinds(key)
-        elif key not in cells[0].labels and any(field_differs(field, each) for each in values):
+        elif key not in cells[0].labels and (
+            key in ALWAYS_TOLD or any(field_differs(field, each) for each in values)
+        ):
             found = dict.fromkeys(value_words(field, each) for each in values)
             if words := alternatives(list(filter(None, found))):
                 rows[key_name(key)] = words
@@ -57,6 +60,9 @@ def setting_rows(study: Study) -> dict[str, str]:
             if study.config.recovery is not None or any(s.attack.bounded for s in scenarios):
                 orders = any(cell.scenario.attack.by_order() for cell in cells)
                 rows["magnitude ā"] = among(size_words) + ("" if orders else " m")
+    if any(cell.scenario.formation.present for cell in cells):
+        start = key_name("initial.position")
+        rows[start] = f"{rows.get(start, '')}, and the place in the formation added".lstrip(", ")
     for key in cells[0].labels:
         if key not in OWN_ROWS and not is_kind(key):
             values = [value_alone(key, value) for value in ordered_values(cells, key)]

@@ -192,7 +192,7 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
     step, axis = time[1] - time[0], "{}\u0304" if leaderless else "{}<sub>0</sub>"
     mean = " from the mean" if leaderless else ""
     thinned = f", some of {len(outputs)} output times" if len(time) < len(outputs) else ""
-    retained = "" if decides else " Nobody trims here: every source is retained at all times."
+    retained = "" if decides else " Nobody trims here: a vehicle uses every message that it gets."
     return {
         "cells": [one.cell],
         "label": lane_label(results, one, cell),

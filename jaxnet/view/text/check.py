@@ -33,7 +33,8 @@ PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 MEASURED = re.compile(  # measured, no vehicle's number
-    r"(?<![\w.(])(?:\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+|\d+(?= (?:s|m|ā|rounds?|links?)\b)|^\d+$)"
+    r"(?<![\w.(])(?:\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+"
+    r"|\d+(?= (?:s|m|ā|rounds?|links?)\b)|^\d+(?=$|:))"
 )
 
 
@@ -159,9 +160,9 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
             continue
         when = f"the effect of the start is below {found.length:.3g} m after {found.after:.3g} s"
         retained = situation_of(cell.scenario).retained
-        changes = retained is None or retained.fixed is None
-        later = ", or later where the defence decides wrongly" * changes
-        lines.append(f"{when}{later}; the tail begins at {found.begins:g} s")
+        if cell.scenario.attack.present and (retained is None or retained.fixed is None):
+            when = f"unknown under attack, as the defence decides; without attack {when}"
+        lines.append(f"{when}; the tail begins at {found.begins:g} s")
         if found.after > found.begins:
             early.append(cell.number)
             needed = max(needed, found.horizon)
@@ -171,7 +172,7 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
         told = factor_table("time", labels, lines)
     if early:
         words = "WARNING: the tail begins before the effect of the start ends, in"
-        enough = f"horizon: {needed:g} is enough for the start; a defence may need longer"
+        enough = f"horizon: {needed:g} is enough for the start"
         told += "\n" + wrap_lines(f"{words} {cells_named(early)}: {enough}")
     return told
 
@@ -219,7 +220,7 @@ def differing(found: Sequence[AlikeCells]) -> list[str]:
         lines = [known.get(name, "") for _, known in by_cell]
         if len(set(lines)) == 1:
             common[name] = lines[0]
-        else:
+        elif any(line not in ("", one.get(name)) for line, one in zip(lines, labels, strict=True)):
             tables.append(factor_table(name, labels, lines))
     return [wrap_lines(titled("in all cells", common)) if common else "", "\n".join(tables)]
 

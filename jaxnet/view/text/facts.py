@@ -206,10 +206,11 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "law": law,
         "safe": safe,
         **announced,
-        "proof fails": told.get("proof ends", ""),
+        "proof ends": told.get("proof ends", ""),
         "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
-        "decay": told.get("decay", ""),
+        "decay": told.get("decay", "")
+        + ("; times of `start` are sharper" * ({"decay", "start"} <= {*told})),
         "start": told.get("start", ""),
         "at rest": told.get("keeps moving", ""),
         "limits": "; ".join(filter(None, map(told.get, ("never global", "unclipped")))),
@@ -246,6 +247,15 @@ def agreement_words(found: Agreement, scenario: Scenario) -> str:
 
 def at_least(found: RobustnessBracket) -> str:
     return f"{'' if found.known else 'at least '}F = {found.low}"
+
+
+def norm_words(norm: float, scenario: Scenario) -> str:
+    if not np.isfinite(norm):
+        return f"{norm}: the navigator does not reach every vehicle"
+    return (
+        f"{norm:.4g}: the most by which the fleet amplifies a steady attack's part of weighted"
+        " means, while all sources are retained"
+    )
 
 
 def path_words(found: HonestPaths, scenario: Scenario) -> str:
@@ -336,20 +346,24 @@ def ultimate_words(found: Ultimate, scenario: Scenario) -> str:
 
 
 def margin_words(found: Margin, scenario: Scenario) -> str:
-    """The attacked sets, and the numbers of further attackers, that leave no proof."""
+    """The attacked sets that leave no proof, and how many more vehicles may be attacked."""
     by: dict[str, list[int]] = {}
     for number, sets in enumerate(found.sets, 1):
         if any(sets):
-            names = [
-                ranges(each) if len(each) < 2 else f"{{{', '.join(map(str, each))}}}"
-                for each in sets
-            ]
-            by.setdefault(" or ".join(names), []).append(number)
-    words = [f"for {ranges(those)} by an attack on {sets} alone" for sets, those in by.items()]
+            by.setdefault(set_words(sets), []).append(number)
+    words = [f"for {ranges(those)} if {sets} attacked" for sets, those in by.items()]
     for more in np.unique(found.further[found.further > 0]).tolist():
-        far = f"no attack on {MOST_TRIED}" if more > MOST_TRIED else f"an attack on {more}"
-        words.append(f"for {flagged(found.further == more)} by {far} more")
+        far = f"not yet with {MOST_TRIED}" if more > MOST_TRIED else f"with {more}"
+        words.append(f"for {flagged(found.further == more)} {far} more attacked")
     return "; ".join([*words[:MOST_NAMED_SETS], *["…"] * (len(words) > MOST_NAMED_SETS)])
+
+
+def set_words(sets: Sequence[tuple[int, ...]]) -> str:
+    """Alternative sets of vehicles, with the verb."""
+    if len(sets) > 1 and all(len(each) == 1 for each in sets):
+        return f"any one of {ranges(sorted(each[0] for each in sets))} is"
+    names = [ranges(each) if len(each) < 2 else f"{{{', '.join(map(str, each))}}}" for each in sets]
+    return f"{' or '.join(names)} {'is' if len(sets[-1]) < 2 else 'are'}"
 
 
 def decay_words(found: Decay, scenario: Scenario) -> str:
@@ -364,8 +378,9 @@ def decay_words(found: Decay, scenario: Scenario) -> str:
 
 
 def start_words(found: Start, scenario: Scenario) -> str:
-    below = (f"below {length:g} m after {found.after(length):.3g} s" for length in (1.0, 1e-3))
-    return f"at most {found.distance:.4g} m from the navigator's; its effect is {', '.join(below)}"
+    below = (f"{length:g} m after {found.after(length):.3g} s" for length in (1.0, 1e-3))
+    told = f"vehicles start at most {found.distance:.4g} m from the navigator"
+    return f"{told}; without attack they are within {', '.join(below)}"
 
 
 def moving_words(found: KeepsMoving, scenario: Scenario) -> str:
@@ -392,7 +407,7 @@ def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
 
 # What a theorem's value says, by its quantity.
 PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
-    "inverse norm": lambda norm, scenario: f"{norm:.4g}",
+    "inverse norm": norm_words,
     "honest paths": path_words,
     "apart": lambda least, scenario: f"steered points that start {least:g} m apart or more stay so",
     "cut off": lambda lost, scenario: f"{ranges(lost)} may be, if they drop the wrong sources",

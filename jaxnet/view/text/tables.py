@@ -18,7 +18,7 @@ from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
-from jaxnet.statistics.quantities import AGREEMENT_NOTES, FORMATION_NOTE
+from jaxnet.statistics.quantities import AGREEMENT_NOTES, ERROR_NOTES, FORMATION_NOTE
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import COLUMNS_OF_METRIC, LANE_SHARES, UNSETTLED_NOTE, hull_note
 from jaxnet.store.folder import FolderError
@@ -38,6 +38,10 @@ from jaxnet.view.text.width import (
 )
 
 MOST_FAILURES = 20
+CRITERIA = {  # by which the worst lane is chosen
+    "tail_mean": "mean error over vehicles and the tail (tail mean)",
+    "spread": "spread over the tail",
+}
 FAILURE_REASONS = {
     "disconnected": "a vehicle retained no source through which the navigator reaches it",
     "singular": "a vehicle stood still, where the law is singular",
@@ -121,6 +125,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     notes += label_notes(alone, [cell.labels for cell in cells])
     if "unrecovered" in names and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
+    notes += [words for metric, words in ERROR_NOTES.items() if metric in metrics]
     if is_leaderless(cells):
         notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in metrics]
         notes += [hull_note(config, cells)] if "in_hull" in names else []
