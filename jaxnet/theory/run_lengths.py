@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from jaxnet.kinds.detectors import Rule
+from jaxnet.lazy import stats
 
 NODES = 24  # of a panel
 MOST_PANELS = 40  # of a CUSUM's range
@@ -51,7 +51,7 @@ def mean_run(rule: Rule, orders: int, lie: float = 0.0, links: int = 1) -> Run |
     degrees = 2 * orders
     if rule.drift is None:
         chance = float(law(degrees * rule.window, rule.window * lie**2).sf(rule.limit))
-        first = -math.expm1(links * math.log1p(-chance))
+        first = -math.expm1(links * math.log1p(-chance)) if chance < 1 else 1.0
         return Run(1 / first, rule.window / first)
     kernel = cusum(
         law(degrees, lie**2) if rule.squared else stats.norm(lie), rule.drift, rule.limit
