@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import expm
 
-from jaxnet.kinds.detectors import Rule
+from jaxnet.kinds.detectors import AlarmRule
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.kinds.ticks import JET_ORDERS
 from jaxnet.model import graph
@@ -15,7 +15,7 @@ from jaxnet.model.axis import companion
 from jaxnet.model.graph import Links
 from jaxnet.theory.case import Case
 from jaxnet.theory.response import DECAYED, LawGain
-from jaxnet.theory.run_lengths import Run, Unseen, mean_run, unseen
+from jaxnet.theory.run_lengths import MeanRun, Unseen, mean_run, unseen
 
 MOST_TICKS = 100_000  # in which a law forgets a held drive
 
@@ -28,23 +28,23 @@ def deviations(case: Case) -> list[float]:
     return [math.hypot(*(each.get(order, 0.0) for each in sizes)) for order in orders]
 
 
-def tested(case: Case) -> tuple[Rule | None, int]:
+def tested(case: Case) -> tuple[AlarmRule | None, int]:
     """The rule of a link from a vehicle, and the number of orders with errors."""
     orders = sum(size > 0 for size in deviations(case))
     return (case.scenario.detector.rule(orders) if orders else None), orders
 
 
-class Runs(NamedTuple):
+class AlarmRuns(NamedTuple):
     """Mean runs to the first alarm, in ticks."""
 
-    link: Run  # a false one about a link
+    link: MeanRun  # a false one about a link
     number: int  # of honest links, or of honest vehicles if all who hear one share its errors
     of: str  # link or vehicle
-    fleet: Run | None  # a false one about any of these; None where their errors depend
-    lie: Run | None  # one about a steady lie of ā in positions
+    fleet: MeanRun | None  # a false one about any of these; None where their errors depend
+    lie: MeanRun | None  # one about a steady lie of ā in positions
 
 
-def runs(case: Case) -> Runs | None:
+def alarm_runs(case: Case) -> AlarmRuns | None:
     """Runs of independent normal residuals; None for a detector of which no run is known."""
     scenario, (rule, orders) = case.scenario, tested(case)
     link = rule and mean_run(rule, orders)
@@ -56,7 +56,7 @@ def runs(case: Case) -> Runs | None:
         lie = mean_run(rule, orders, given / position)
     number, of = independent(case)
     fleet = mean_run(rule, orders, links=number) if number else None
-    return Runs(link, number, of, fleet, lie)
+    return AlarmRuns(link, number, of, fleet, lie)
 
 
 def independent(case: Case) -> tuple[int, str]:

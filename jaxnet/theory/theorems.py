@@ -66,7 +66,7 @@ THEOREMS = (
     Theorem("O9", "led", ("leader",), tolerance.led),
     Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors),
     Theorem("O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages),
-    Theorem("O19", "runs", OF_ALARMS, alarms.runs),
+    Theorem("O19", "runs", OF_ALARMS, alarms.alarm_runs),
     Theorem("O19", "unseen lie", OF_ALARMS, alarms.unseen_lie),
     Theorem("O19", "unseen effect", OF_LIES, alarms.unseen_effect),
     Theorem("O12", "stability", OF_LAWS, rounds.stability),

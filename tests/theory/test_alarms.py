@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxnet.kinds.detectors import Detector, Rule
+from jaxnet.kinds.detectors import AlarmRule, Detector
 from jaxnet.theory import alarms, bounds, spread
 from jaxnet.theory.case import Case
 from jaxnet.theory.theorems import values
@@ -26,7 +26,7 @@ class Page(Detector):
     """A CUSUM of which the test gives nothing but the rule."""
 
     def rule(self, orders):
-        return Rule(8.0, drift=4.0)
+        return AlarmRule(8.0, drift=4.0)
 
 
 def case_of(**keys):
@@ -176,4 +176,4 @@ def test_no_unseen_lie_moves_a_vehicle_by_more(detector, vehicle, gain):
 def test_the_rule_of_chi_squared():
     """Two degrees for each order."""
     rule = case_of().scenario.detector.rule(3)
-    assert rule == Rule(pytest.approx(stats.chi2.isf(0.01, 6)))
+    assert rule == AlarmRule(pytest.approx(stats.chi2.isf(0.01, 6)))

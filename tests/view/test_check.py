@@ -126,7 +126,7 @@ FACTS = [
     (
         TESTED,
         "alarms",
-        "links after 6.7321 ticks (0.33661 s); one about a steady lie of ā after 4.9",
+        "links after 6.7321 ticks (0.3366 s); one about a steady lie of ā after 4.9",
     ),
     (TESTED, "unseen", "messages that are 0.3035 m off at each tick raise no alarm; in phase they"),
     (TESTED | {"defence": "w_msr"}, "unseen", "raise no alarm"),

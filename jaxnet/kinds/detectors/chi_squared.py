@@ -1,6 +1,6 @@
 from typing import Annotated
 
-from jaxnet.kinds.detectors import Detector, Rule
+from jaxnet.kinds.detectors import AlarmRule, Detector
 from jaxnet.kinds.fields import Number, Within, setting
 from jaxnet.lazy import jnp, stats
 
@@ -20,7 +20,7 @@ class ChiSquared(Detector):
     )
 
     def rule(self, orders):
-        return Rule(float(stats.chi2.isf(self.false_alarms, 2 * orders)))
+        return AlarmRule(float(stats.chi2.isf(self.false_alarms, 2 * orders)))
 
     def alarms(self, words, memory):
         """The messages whose p-value is below `false_alarms`, with 2n degrees for n orders.

@@ -13,14 +13,14 @@ from jaxnet.model.graph import unreachable
 from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, orders_in_words, plural_s, ranges
 from jaxnet.theory import integer
-from jaxnet.theory.alarms import Runs, UnseenEffect, UnseenLie
+from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
 from jaxnet.theory.certificate import HonestPaths
 from jaxnet.theory.clipping import Unclipped
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.theory.rounds import Stability
-from jaxnet.theory.run_lengths import Run
+from jaxnet.theory.run_lengths import MeanRun
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.solution import Decay
 from jaxnet.theory.start import KeepsMoving, Start
@@ -318,7 +318,7 @@ def stability_words(found: Stability, scenario: Scenario) -> str:
     return line + "; this holds while all sources are retained" * found.while_retained
 
 
-def runs_words(found: Runs, scenario: Scenario) -> str:
+def runs_words(found: AlarmRuns, scenario: Scenario) -> str:
     line = f"a false one about a link comes after {ticks_of(found.link, scenario)} in the mean"
     if found.fleet is not None:
         fleet = f"any of {count(found.number, f'honest {found.of}')}"
@@ -328,7 +328,7 @@ def runs_words(found: Runs, scenario: Scenario) -> str:
     return line
 
 
-def ticks_of(run: Run, scenario: Scenario) -> str:
+def ticks_of(run: MeanRun, scenario: Scenario) -> str:
     """A mean run in ticks and seconds, or its two ends."""
     ends = [run.least] if run.least == run.most else [*run]
     ticks, seconds = (
