@@ -1,8 +1,8 @@
 """Modules that Python imports at the first use of a name from them: a command starts at once.
 
-`jax` and `jnp` stand here for all rooms that are loaded without JAX, and `sparse` and `special` of
-SciPy. A type checker reads the plain import under `TYPE_CHECKING`, which stands beside each
-stand-in.
+`jax` and `jnp` stand here for all rooms that are loaded without JAX, and `sparse`, `special` and
+`stats` of SciPy. A type checker reads the plain import under `TYPE_CHECKING`, which stands beside
+each stand-in.
 """
 
 from importlib import import_module
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     import jax.numpy as jnp
     from scipy import sparse as sparse
     from scipy import special as special
+    from scipy import stats as stats
 else:
     jax, jnp = LazyModule("jax"), LazyModule("jax.numpy")
     sparse, special = LazyModule("scipy.sparse"), LazyModule("scipy.special")
+    stats = LazyModule("scipy.stats")

@@ -182,6 +182,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "exact sensors": "sensing errs (theorems need exact sensors)",
     "exact messages": "channel.noise or quantisation is on (theorems need exact messages)",
     "unrounded messages": "channel.quantisation is on",
+    "white": "errors are drawn, correlated in time, or have outliers",
     "every message": "channel.loss is on (theorems need every message)",
     "on time": "channel.delay is on (theorems need messages on time)",
     "one network": "networks take turns (theorems need one network)",
@@ -230,6 +231,7 @@ def breaks(scenario: Scenario) -> set[str]:
     own = {
         "exact messages": channel.rounded,
         "unrounded messages": channel.rounded,
+        "white": None in (scenario.sensing.white(), channel.noise.white()),
         "on time": channel.late,
         "alike": scenario.draws_gain,
         "one gain": scenario.gain_matrices is not None,

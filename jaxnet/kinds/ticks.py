@@ -114,6 +114,13 @@ class ErrorsAtTicks(DrawsAtTicks):
         """Variance s² of P of the errors, and their correlation time [s], or None if unknown."""
         return None
 
+    def white(self) -> dict[str, float] | None:
+        """Standard deviations by order of errors that are normal and independent at each tick.
+
+        None where errors are not so, or their deviations are drawn.
+        """
+        return {} if self.exact() else None
+
     def tells_deviations(self) -> bool:
         """Whether `deviations` is known, which detectors need."""
         return False
@@ -161,6 +168,9 @@ class NormalErrors(ErrorsAtTicks):
         factors = dict(zip(JET_ORDERS, gain, strict=False)) | {HIGHEST: 1.0}
         squares = [(factors.get(order, 0.0) * size) ** 2 for order, size in self.sizes().items()]
         return sum(squares) * (1 + self.outliers * (self.outlier_factor**2 - 1)), self.correlation
+
+    def white(self):
+        return None if self.drawn_keys() or self.correlation or self.outliers else self.sizes()
 
     def tells_deviations(self):
         return True

@@ -9,25 +9,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
-from jaxnet.kinds.detectors import Rule
+from jaxnet.kinds.detectors import AlarmRule
+from jaxnet.lazy import stats
 
-NODES = 24  # of a panel
-MOST_PANELS = 40  # of a CUSUM's range
+GAUSS_NODES = 24  # of a panel
+MOST_PIECES = 40  # of a CUSUM's range
 SETTLED = 1e-12  # relative change of the rate at which runs end
 
 Kernel = Float[np.ndarray, "states states"]
 
 
-class Run(NamedTuple):
+class MeanRun(NamedTuple):
     """Mean number of ticks to the first alarm, between two ends, which are equal if it is known."""
 
     least: float
     most: float
 
 
-def mean_run(rule: Rule, orders: int, lie: float = 0.0, links: int = 1) -> Run | None:
+def mean_run(rule: AlarmRule, orders: int, lie: float = 0.0, links: int = 1) -> MeanRun | None:
     """Mean run to the first alarm about any of some links with independent errors.
 
     Parameters
@@ -51,15 +51,15 @@ def mean_run(rule: Rule, orders: int, lie: float = 0.0, links: int = 1) -> Run |
     degrees = 2 * orders
     if rule.drift is None:
         chance = float(law(degrees * rule.window, rule.window * lie**2).sf(rule.limit))
-        first = -math.expm1(links * math.log1p(-chance))
-        return Run(1 / first, rule.window / first)
+        first = -math.expm1(links * math.log1p(-chance)) if chance < 1 else 1.0
+        return MeanRun(1 / first, rule.window / first)
     kernel = cusum(
         law(degrees, lie**2) if rule.squared else stats.norm(lie), rule.drift, rule.limit
     )
     if kernel is None:
         return None
     mean = mean_first(kernel, links)
-    return Run(mean, mean)
+    return MeanRun(mean, mean)
 
 
 def law(degrees: int, lie: float) -> Any:
@@ -78,9 +78,9 @@ def cusum(law: Any, drift: float, limit: float) -> Kernel | None:
     least = law.support()[0]
     width = drift if np.isfinite(least) else 1.0
     panels = math.ceil(limit / width - SETTLED)
-    if panels > MOST_PANELS:
+    if panels > MOST_PIECES:
         return None
-    place, share = np.polynomial.legendre.leggauss(NODES)
+    place, share = np.polynomial.legendre.leggauss(GAUSS_NODES)
     edges = np.minimum(width * np.arange(panels + 1), limit)[:, None]
     low, high = edges[:-1], edges[1:]
     nodes = low + (high - low) * (place + 1) / 2
@@ -88,8 +88,8 @@ def cusum(law: Any, drift: float, limit: float) -> Kernel | None:
     first = np.clip(states - drift + least, low, high)
     points = first + (high - first) * (place + 1) / 2
     density = (high - first) / 2 * share * law.pdf(points + drift - states)
-    basis = np.polynomial.legendre.legvander(2 * (points - low) / (high - low) - 1, NODES - 1)
-    values = basis @ np.linalg.inv(np.polynomial.legendre.legvander(place, NODES - 1))
+    basis = np.polynomial.legendre.legvander(2 * (points - low) / (high - low) - 1, GAUSS_NODES - 1)
+    values = basis @ np.linalg.inv(np.polynomial.legendre.legvander(place, GAUSS_NODES - 1))
     moved = np.einsum("spq,spqn->spn", density, values).reshape(len(states), -1)
     return np.column_stack([law.cdf(drift - states[:, 0, 0]), moved])
 
@@ -119,7 +119,7 @@ class Unseen(NamedTuple):
     burst: float
 
 
-def unseen(rule: Rule) -> Unseen | None:
+def unseen(rule: AlarmRule) -> Unseen | None:
     """The lies that a rule does not see; None if it bounds none, as along one direction."""
     if not rule.squared:
         return None

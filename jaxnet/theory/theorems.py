@@ -8,7 +8,17 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from jaxnet.config.scenario import MOTION, missing
-from jaxnet.theory import announced, certificate, delay, noise, rounds, safe, solution, tolerance
+from jaxnet.theory import (
+    alarms,
+    announced,
+    certificate,
+    delay,
+    noise,
+    rounds,
+    safe,
+    solution,
+    tolerance,
+)
 from jaxnet.theory.case import Case
 from jaxnet.theory.clipping import never_global, unclipped
 from jaxnet.theory.start import keeps_moving, start_decay
@@ -34,6 +44,8 @@ WHILE_REACHED = ("leader", "solved", *AS_ASKED, "one network", "on time", "drops
 # Of vehicles that move as asked while they are not clipped, and do not stop
 WITHIN = ("one gain", *(each for each in AT_LAST if each != "flat"))
 IN_TURNS = ("leader", "small", "solved", *AS_ASKED)
+OF_ALARMS = ("white", "unrounded messages", "every message", "on time", "ticks")
+OF_LIES = (*OF_ERRORS, "leader", "white", "one identity", "by law", "no decisions", "small")
 OF_SEPARATION = ("flat", "filtered", "true places")
 
 
@@ -54,6 +66,9 @@ THEOREMS = (
     Theorem("O9", "led", ("leader",), tolerance.led),
     Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors),
     Theorem("O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages),
+    Theorem("O19", "runs", OF_ALARMS, alarms.alarm_runs),
+    Theorem("O19", "unseen lie", OF_ALARMS, alarms.unseen_lie),
+    Theorem("O19", "unseen effect", OF_LIES, alarms.unseen_effect),
     Theorem("O12", "stability", OF_LAWS, rounds.stability),
     Theorem("O12", "in mean square", MEAN_SQUARE, rounds.in_mean_square),
     Theorem("O1", "while reached", WHILE_REACHED, rounds.reached_at_ticks),

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxnet.kinds.detectors import Rule
+from jaxnet.kinds.detectors import AlarmRule
 from jaxnet.theory.run_lengths import mean_first, mean_run, unseen
 
 MANY = 10_000  # links that are simulated at once
-PAGE4, PAGE5 = (Rule(limit, drift=0.5, squared=False) for limit in (4.0, 5.0))
+PAGE4, PAGE5 = (AlarmRule(limit, drift=0.5, squared=False) for limit in (4.0, 5.0))
 
 
 def simulated(rule, lie=0.0, of=MANY, orders=1):
@@ -44,9 +44,9 @@ def interval(runs):
         (PAGE5, 0.5, 38.0096, 4),
         (PAGE5, 1.0, 10.3760, 4),
         (PAGE5, 2.0, 4.0089, 4),
-        (Rule(8.0, drift=4.0), 0.0, 245.0234, 4),
-        (Rule(10.0, drift=4.0), 0.0, 551.100, 3),
-        (Rule(10.0, drift=3.0), 0.0, 186.070, 3),
+        (AlarmRule(8.0, drift=4.0), 0.0, 245.0234, 4),
+        (AlarmRule(10.0, drift=4.0), 0.0, 551.100, 3),
+        (AlarmRule(10.0, drift=3.0), 0.0, 186.070, 3),
     ],
 )
 def test_runs_of_a_cusum_are_those_published(rule, lie, known, digits):
@@ -61,11 +61,11 @@ def test_runs_of_a_cusum_are_those_published(rule, lie, known, digits):
     [
         (PAGE4, 0.0, 1),
         (PAGE5, 1.0, 1),
-        (Rule(8.0, drift=4.0), 0.0, 1),
-        (Rule(10.0, drift=3.0), 2.0, 1),
-        (Rule(9.0, drift=7.0), 0.7, 2),
-        (Rule(6.0), 0.0, 1),
-        (Rule(9.210340), 2.0, 1),
+        (AlarmRule(8.0, drift=4.0), 0.0, 1),
+        (AlarmRule(10.0, drift=3.0), 2.0, 1),
+        (AlarmRule(9.0, drift=7.0), 0.7, 2),
+        (AlarmRule(6.0), 0.0, 1),
+        (AlarmRule(9.210340), 2.0, 1),
     ],
 )
 def test_runs_are_those_of_a_plain_simulation(rule, lie, orders):
@@ -80,19 +80,19 @@ def test_runs_are_those_of_a_plain_simulation(rule, lie, orders):
 )
 def test_runs_of_a_window_have_two_ends(window, known):
     """At 1 %: from 100 to 100 n ticks, and a plain simulation is between them."""
-    run = mean_run(Rule(known, window), 1)
+    run = mean_run(AlarmRule(known, window), 1)
     assert (run.least, run.most) == pytest.approx((100.0, 100.0 * window), rel=1e-6)
     if window > 1:
-        low, high = interval(simulated(Rule(known, window), of=2000))
+        low, high = interval(simulated(AlarmRule(known, window), of=2000))
         assert run.least < low < high < run.most
 
 
 def test_a_lie_counts_in_each_tick_of_a_window():
-    run = mean_run(Rule(13.276704, 2), 1, 2.0)
+    run = mean_run(AlarmRule(13.276704, 2), 1, 2.0)
     assert run.least == pytest.approx(1 / stats.ncx2.sf(13.276704, 4, 8.0), rel=1e-9)
 
 
-@pytest.mark.parametrize("rule", [PAGE4, Rule(8.0, drift=4.0), Rule(9.210340)])
+@pytest.mark.parametrize("rule", [PAGE4, AlarmRule(8.0, drift=4.0), AlarmRule(9.210340)])
 def test_the_first_alarm_of_a_fleet_is_that_of_its_fastest_link(rule):
     """Of ten independent links, inside intervals of 99 %; of one it is the run of a link."""
     first = simulated(rule, of=MANY).reshape(-1, 10).min(axis=1)
@@ -109,7 +109,7 @@ def test_the_sum_over_ticks_is_the_solution_of_the_equations():
 
 
 def test_no_run_of_a_cusum_with_too_long_a_range():
-    assert mean_run(Rule(1000.0, drift=3.0), 1) is None
+    assert mean_run(AlarmRule(1000.0, drift=3.0), 1) is None
 
 
 def alarms(rule, squares):
@@ -124,7 +124,7 @@ def alarms(rule, squares):
 
 
 BOUNDED = pytest.mark.parametrize(
-    "rule", [Rule(9.210340), Rule(23.209251, 5), Rule(8.0, drift=4.0)]
+    "rule", [AlarmRule(9.210340), AlarmRule(23.209251, 5), AlarmRule(8.0, drift=4.0)]
 )
 
 

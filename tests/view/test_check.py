@@ -34,6 +34,16 @@ WHOLE_TICKS = {"loss": {"kind": "bernoulli", "probability": 0.5, "of": "all"}}
 TOLERATES = "enough for W-MSR with F-local attackers up to F = 1, F-total up to F = 3"
 
 
+TESTED = {
+    "vehicles": 6,
+    "engine": "exact",
+    "defence": "none",
+    "channel": {"noise": {"position": 0.1}},
+    "detector": "chi_squared",
+    "attack": {"kind": "bias", "magnitude": 0.2, "vehicles": [1]},
+}
+
+
 def of_drawn(number, **keys):
     attack = {"kind": "rotating", "vehicles": {"random": number}}
     return LATTICE | {"attack": attack, "defence": "none"} | keys
@@ -111,6 +121,15 @@ FACTS = [
         "delay",
         "UNSTABLE: the delay must be below 0.0363729 s",
     ),
+    # alarms: 1 / 0.01, 1 / (1 - 0.99¹⁶), 1 / 0.203948, √9.210340 σ; s = 0.5363 / 0.3035
+    (TESTED, "alarms", "a link comes after 100 ticks (5 s) in the mean, about any of 16 honest"),
+    (
+        TESTED,
+        "alarms",
+        "links after 6.7321 ticks (0.3366 s); one about a steady lie of ā after 4.9",
+    ),
+    (TESTED, "unseen", "messages that are 0.3035 m off at each tick raise no alarm; in phase they"),
+    (TESTED | {"defence": "w_msr"}, "unseen", "raise no alarm"),
     # attacked vehicles that each lane draws: a majority bears one liar, some listener hears two
     (
         of_drawn(1, defence=ANNOUNCED),
@@ -247,6 +266,16 @@ def test_a_frequency_tells_networks_apart_where_vehicles_announce():
     sweep = {"attack.frequency": [0.1, 5.0]}
     for defence, groups in (("trusted_trim", 1), (ANNOUNCED, 2)):
         assert len(check.networks(systems.study(defence=defence, sweep=sweep).cells)) == groups
+
+
+def test_a_detector_and_a_magnitude_tell_networks_apart():
+    """Where there is a detector; no other fact depends on a magnitude."""
+    sweep = {"attack.magnitude": [0.1, 0.2], "detector.false_alarms": [0.01, 0.001]}
+    found = check.networks(systems.study(**TESTED, sweep=sweep).cells)
+    assert len({each.facts["alarms"] for each in found}) == 4
+    without = TESTED | {"detector": "none"}
+    sweep = {"attack.magnitude": [0.1, 0.2]}
+    assert len(check.networks(systems.study(**without, sweep=sweep).cells)) == 1
 
 
 def test_a_draw_has_the_weakest_of_its_reasons():

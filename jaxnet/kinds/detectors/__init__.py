@@ -23,7 +23,7 @@ class JudgedWords(NamedTuple):
     interval: LaneNumbers  # time from tick to tick [s]
 
 
-class Rule(NamedTuple):
+class AlarmRule(NamedTuple):
     """The test of a link: an alarm if S is over the limit.
 
     S is the sum of the squared residuals of the last `window` ticks. With a drift S becomes
@@ -49,7 +49,7 @@ class Detector(Kind):
         """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
         return None
 
-    def rule(self, orders: int) -> Rule | None:
+    def rule(self, orders: int) -> AlarmRule | None:
         """The test of a link with so many orders with errors; by default None, which is unknown."""
         return None
 

@@ -1,8 +1,8 @@
 from typing import Annotated
 
-from jaxnet.kinds.detectors import Detector
+from jaxnet.kinds.detectors import AlarmRule, Detector
 from jaxnet.kinds.fields import Number, Within, setting
-from jaxnet.lazy import jnp
+from jaxnet.lazy import jnp, stats
 
 
 class ChiSquared(Detector):
@@ -18,6 +18,9 @@ class ChiSquared(Detector):
     false_alarms: Annotated[Number, Within(gt=0.0, lt=1.0)] = setting(
         0.01, "probability of an alarm about an honest message with normal errors"
     )
+
+    def rule(self, orders):
+        return AlarmRule(float(stats.chi2.isf(self.false_alarms, 2 * orders)))
 
     def alarms(self, words, memory):
         """The messages whose p-value is below `false_alarms`, with 2n degrees for n orders.

@@ -92,6 +92,7 @@ def facts_key(scenario: Scenario) -> Hashable:
     """A key that is equal for cells with equal facts; cells hold the objects of their kinds."""
     attack, announcing = scenario.attack, scenario.defence.announcing()
     signal = (attack.fastest(), attack.harmonic()) if announcing else ()
+    signal += (repr(attack.amplitude()),) if scenario.detector.present else ()
     return network_key(scenario), signal
 
 
@@ -104,7 +105,7 @@ def network_key(scenario: Scenario) -> Hashable:
     told += attack.by_order(), attack.falsified(), attack.periods(), attack.identities()
     told += attack.bounded, attack.consistent(), attack.strategic, attack.as_told()
     shared = scenario.topology, scenario.navigator, scenario.defence, scenario.law, scenario.vehicle
-    ids = (*map(id, shared), id(scenario.channel), id(scenario.sensing))
+    ids = (*map(id, shared), id(scenario.channel), id(scenario.sensing), id(scenario.detector))
     times = scenario.tick, scenario.horizon, scenario.tail
     return ids, scenario.vehicles, repr(told), repr(scenario.gain), times
 

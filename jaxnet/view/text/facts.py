@@ -13,12 +13,14 @@ from jaxnet.model.graph import unreachable
 from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, orders_in_words, plural_s, ranges
 from jaxnet.theory import integer
+from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
 from jaxnet.theory.certificate import HonestPaths
 from jaxnet.theory.clipping import Unclipped
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.theory.rounds import Stability
+from jaxnet.theory.run_lengths import MeanRun
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.solution import Decay
 from jaxnet.theory.start import KeepsMoving, Start
@@ -57,6 +59,8 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         "guarantee": told.get("agreement", defence.promise()),
         "cut off": told.get("cut off", ""),
         "apart": told.get("apart", why_not_apart(scenario)),
+        "alarms": told.get("runs", ""),
+        "unseen": told.get("unseen lie", "") + told.get("unseen effect", ""),
         **world_lines(scenario, told),
         **motion_lines(scenario, found, told),
     }
@@ -314,6 +318,39 @@ def stability_words(found: Stability, scenario: Scenario) -> str:
     return line + "; this holds while all sources are retained" * found.while_retained
 
 
+def runs_words(found: AlarmRuns, scenario: Scenario) -> str:
+    line = f"a false one about a link comes after {ticks_of(found.link, scenario)} in the mean"
+    if found.fleet is not None:
+        fleet = f"any of {count(found.number, f'honest {found.of}')}"
+        line += f", about {fleet} after {ticks_of(found.fleet, scenario)}"
+    if found.lie is not None:
+        line += f"; one about a steady lie of ā after {ticks_of(found.lie, scenario)}"
+    return line
+
+
+def ticks_of(run: MeanRun, scenario: Scenario) -> str:
+    """A mean run in ticks and seconds, or its two ends."""
+    ends = [run.least] if run.least == run.most else [*run]
+    ticks, seconds = (
+        " to ".join(f"{end * each:.5g}" for end in ends) for each in (1.0, scenario.tick)
+    )
+    return f"{ticks} ticks ({seconds} s)"
+
+
+def unseen_words(found: UnseenLie, scenario: Scenario) -> str:
+    line = f"messages that are {found.steady:.4g} m off at each tick raise no alarm"
+    if found.first > found.steady:
+        line += f", nor does one of {found.first:.4g} m before"
+    return line
+
+
+def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:
+    line = f"; in phase they move a vehicle by {found.steady:.4g} m beside what errors do"
+    if np.isfinite(found.most):
+        line += f"; no lie about positions that raises none moves one by over {found.most:.4g} m"
+    return line
+
+
 def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
     """The safe vehicles, each with the strongest reason, or the weakest of all draws."""
     words, left = [], np.ones(scenario.vehicles, bool)
@@ -443,6 +480,9 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "growth when late": lambda growth, scenario: (
         f"; {stable(growth < 1)}, deviations times {growth:.6f} at each tick of {scenario.tick:g} s"
     ),
+    "runs": runs_words,
+    "unseen lie": unseen_words,
+    "unseen effect": unseen_effect_words,
     "safe": safe_words,
     "proof ends": margin_words,
     "ultimate error": ultimate_words,
