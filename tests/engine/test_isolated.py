@@ -63,7 +63,6 @@ def results():
     coasts = {"kind": "w_msr", "isolated": "coast", "label": "coasts"}
     defences = [{"kind": "none"}, {"kind": "w_msr"}, coasts]
     keys = {"engine": "exact", "seed": 6, "samples": 2, "sweep": {"defence": defences}}
-    keys["save"] = {"trajectories": "all"}
     return jaxnet.simulate({**keys, **ATTACKED, **KEYS, **NEAR}, progress=False)
 
 

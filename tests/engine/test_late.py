@@ -33,10 +33,13 @@ def factors(weights, frequency, delay):
     ("graph", "vehicle", "tick", "known"),
     [
         (Cyclic(), "two_wheeled", 0.05, (19.649121, 18.697850)),
-        (Path(), "two_wheeled", 0.1, (23.942441, None)),
-        pytest.param(
-            *(Star(), "planar_quadrotor", 0.005, (1.999967, 1.999867)), marks=pytest.mark.long
-        ),
+        *[
+            pytest.param(*given, marks=pytest.mark.long)
+            for given in [
+                (Path(), "two_wheeled", 0.1, (23.942441, None)),
+                (Star(), "planar_quadrotor", 0.005, (1.999967, 1.999867)),
+            ]
+        ],
     ],
 )
 def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, known):

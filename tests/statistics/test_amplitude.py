@@ -20,7 +20,9 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.long] * (n == "slow")) for n in KINDS]
+)
 def test_lanes_show_the_amplitude(name):
     """Over 20 s at 0.1 s the greatest signal of any vehicle is within 1 % of it, never over."""
     keys = {"engine": "exact", "horizon": 20.0, "tail": 1.0, "defence": "none", "vehicles": 4}

@@ -24,7 +24,10 @@ KEYS = {
     "topology": "star",
     "attack": {"vehicles": [2]},
     "sweep": {
-        "attack": ["none", {"kind": "rotating", "vehicles": [2], "label": "turns"}],
+        "attack": [
+            {"kind": "bias", "vehicles": [2]},
+            {"kind": "rotating", "vehicles": [2], "label": "turns"},
+        ],
         "gain": [[1, 3, 3], [2, 3, 3]],
     },
 }
@@ -49,13 +52,13 @@ def test_the_numbers_are_the_same(results, tmp_path):
     assert held["lanes"]["status"].tolist() == results.lanes["status"].tolist()
     medians = "tail_mean_median"
     np.testing.assert_array_equal(held["cells"][medians], results.cells[medians])
-    assert held["swept"]["attack"].tolist() == ["none", "none", "turns", "turns"]
+    assert held["swept"]["attack"].tolist() == ["bias", "bias", "turns", "turns"]
     np.testing.assert_array_equal(held["errors"]["tracking"], results.errors["tracking"])
     for name in ("states", "navigator", "attack", "kept", "source"):
         known = results.trajectories[name]
         np.testing.assert_array_equal(held["trajectories"][name], known.squeeze())
         assert held["trajectories"]["dims"][name].tolist() == [*known.dims]
-    assert held["trajectories"]["attack_name"].tolist() == ["none", "none", "turns", "turns"]
+    assert held["trajectories"]["attack_name"].tolist() == ["bias", "bias", "turns", "turns"]
     assert io.loadmat(results.export(tmp_path / "mine.mat"))["__header__"]
 
 

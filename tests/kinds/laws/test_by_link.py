@@ -45,7 +45,9 @@ EULER = {
 @pytest.mark.parametrize(
     "keys",
     [
-        pytest.param({"defence": {"kind": "w_msr", "F": 1}, **ORDER_2}, id="w_msr"),
+        pytest.param(
+            {"defence": {"kind": "w_msr", "F": 1}, **ORDER_2}, id="w_msr", marks=pytest.mark.long
+        ),
         pytest.param(
             {"channel": {"loss": {"kind": "bernoulli", "probability": 0.3}}},
             id="loss",

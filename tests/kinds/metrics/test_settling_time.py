@@ -46,8 +46,6 @@ def decayed(lane, time):
     ("keys", "over", "limit"),
     [
         ({"below": 0.1}, "mean", 0.1),
-        ({"below": 0.1, "of": "greatest"}, "max", 0.1),
-        ({"fraction": 0.01}, "mean", None),
         ({"fraction": 0.01, "of": "greatest"}, "max", None),
     ],
 )
@@ -78,10 +76,9 @@ def test_a_lane_that_leaves_again_counts_by_its_last_crossing_or_never():
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("keys", [{"below": 1e-6}, {"fraction": 0.5}, {}])
-def test_a_fleet_that_starts_on_the_path_has_settled_at_0_s(keys):
+def test_a_fleet_that_starts_on_the_path_has_settled_at_0_s():
     """What is left there is rounding, of the start too."""
-    lanes = KEYS | {"initial": ON_THE_PATH, "metrics": [asked(**keys)], "engine": "exact"}
+    lanes = KEYS | {"initial": ON_THE_PATH, "metrics": [asked(fraction=0.5)], "engine": "exact"}
     found = jaxnet.simulate(lanes, 2, progress=False)
     assert found.lanes["settling_time"].tolist() == [0.0, 0.0]
     assert found.cells["unsettled"].tolist() == [0.0]

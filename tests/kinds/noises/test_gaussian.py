@@ -31,7 +31,11 @@ def covariance(topology, of):
 
 
 @pytest.mark.parametrize(
-    ("topology", "of", "correlation"), [("cyclic", "link", 0.0), ("path", "transmitter", 1.0)]
+    ("topology", "of", "correlation"),
+    [
+        pytest.param("cyclic", "link", 0.0, marks=pytest.mark.long),  # also in test_chi_squared.py
+        ("path", "transmitter", 1.0),
+    ],
 )
 def test_words_with_errors_drive_the_fleet_as_the_theory_says(topology, of, correlation):
     """Sum of squares over vehicles, and of each vehicle, inside 99 % intervals."""
