@@ -56,7 +56,9 @@ def test_panels(results):
     for axes in planes:  # 12 vehicles with path, start and end, and the navigator
         assert len(axes.lines) == 37
         points = np.concatenate([line.get_xydata() for line in axes.lines])
-        assert np.abs(points).max() <= axes.get_xlim()[1]
+        box = np.array([axes.get_xlim(), axes.get_ylim()]).T
+        assert ((box[0] <= points) & (points <= box[1])).all()
+        assert (points.max(axis=0) - points.min(axis=0) > 0.4 * (box[1] - box[0])).any()
     told = figure.get_supxlabel().replace("\n", " ")
     assert "paths: sample 0 of each cell" in told
     assert "lines: median of the lanes, bands: 5 to 95 % of lanes; ẽ: mean error" in told

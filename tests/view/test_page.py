@@ -180,6 +180,11 @@ TOLD = [
         "In the median lane of a cell the error, a mean over vehicles and the tail, ranges from"
         " <b>0.5 ā</b> (95 % interval 0.25 to 0.75 ā) with ā\xa0=\xa010\xa0m (cell 2) to <b>2",
     ),
+    (
+        [1.0, 2.0],
+        {"sweep": {"defence": ["none"], "attack.magnitude": [1, 10]}},
+        "from <b>0.2 ā</b> (95 % interval 0.1 to 0.3 ā) with ā\xa0=\xa010\xa0m (cell 1) to <b>1 ā",
+    ),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
     (FOUR, DEFENCES, "By defence it is <b>1 to 2 ā</b> with W-MSR, <b>2 to 4 ā</b> with no\xa0def"),
     (

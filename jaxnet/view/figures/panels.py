@@ -86,15 +86,7 @@ def panels_figure(
         number: None if lane is None else pictured(results, number, int(lane["sample"]), lane)[0]
         for number, lane in lanes.items()
     }
-    points = [
-        np.abs(lane[name].values[..., :2])
-        for lane in lanes.values()
-        if lane is not None
-        for name in ("states", "navigator")
-    ]
-    arenas = [lane.attrs["arena"] for lane in lanes.values() if lane is not None]
-    points += [np.array([*each.values()]) for each in arenas if each]
-    reach = 1.04 * float(max(map(np.nanmax, points), default=1.0))
+    box = box_of([lane for lane in lanes.values() if lane is not None])
     letters, above = iter(map(chr, range(ord("a"), ord("z")))), dict[int, str]()
     for number, row in enumerate(rows):
         spots = [grid[lines * number + n // columns, n % columns] for n in range(panels)]
@@ -106,7 +98,7 @@ def panels_figure(
             new = multiples.escape_dollars(name) if above.get(place) != name else ""
             panel.set_title(f"{titles[place]} {new}".rstrip(), pad=3)
             above[place] = name
-            draw_plane(panel, cell, lanes[cell.number], reach)
+            draw_plane(panel, cell, lanes[cell.number], box)
             if cell is row[0]:
                 panel.set_ylabel(f"{textwrap.fill(row_caption(cell), ROW_LETTERS)}\ny [m]")
             elif spot.colspan.start == 0:
@@ -172,9 +164,28 @@ def row_caption(cell: Cell) -> str:
     return multiples.escape_dollars(", ".join(words))
 
 
-def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None, reach: float) -> None:
-    """Draw the paths of one lane from -reach to reach [m]; many vehicles are drawn as a density."""
-    panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x [m]")
+def box_of(lanes: Sequence[xr.Dataset]) -> list[tuple[float, float]]:
+    """Ends of x and y [m] around all paths and arenas; no side is under half the other."""
+    points = [
+        lane[name].values[..., :2].reshape(-1, 2)
+        for lane in lanes
+        for name in ("states", "navigator")
+    ]
+    corners = ([arena["x"], arena["y"]] for lane in lanes if (arena := lane.attrs["arena"]))
+    points += [np.array([corner, np.negative(corner)]) for corner in corners]
+    every = np.concatenate([*points, np.zeros((1, 2))] if points else [[[-1.0] * 2, [1.0] * 2]])
+    low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
+    most = float((high - low).max()) or 1.0
+    half = (0.54 * np.fmax(high - low, most / 2)).tolist()
+    middle = ((low + high) / 2).tolist()
+    return [(at - side, at + side) for at, side in zip(middle, half, strict=True)]
+
+
+def draw_plane(
+    panel: Axes, cell: Cell, lane: xr.Dataset | None, box: Sequence[tuple[float, float]]
+) -> None:
+    """Draw the paths of one lane within a box [m]; many vehicles are drawn as a density."""
+    panel.set(xlim=box[0], ylim=box[1], aspect="equal", xlabel="x [m]")
     panel.locator_params(nbins=4)
     if lane is None:
         panel.text(0.5, 0.5, "no lane stored", transform=panel.transAxes, ha="center")

@@ -108,15 +108,18 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     if many == len(cells) > 1:
         attacked = len(cells) < len(results.study.cells)
         return f"in {f'all {many}' if attacked else 'every'} cell{'s' * attacked}"
-    first = f"{escape(labels_title(labels))} (cell {numbers[0]})"
+    varied = (
+        key for key, values in swept_values_of(results.study.cells).items() if len(values) > 1
+    )
+    first = escape(labels_title({key: labels[key] for key in varied}) or labels_title(labels))
     if many == 1:
-        return f"with {first}"
+        return f"with {first} (cell {numbers[0]})"
     mine = swept_values_of([results.study.cells[n] for n in numbers])
     there = swept_values_of(cells)
     alike = [cell for cell in cells if all(cell.labels[key] in mine[key] for key in mine)]
     told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
     if len(alike) > many or max(map(len, told.values())) > MOST_TOLD:
-        return f"in {many} cells, such as {first}"
+        return f"in {many} cells (such as cell {numbers[0]}: {first})"
     words = (" or ".join(value_name(key, each) for each in told[key]) for key in told)
     return f"with {escape(', '.join(words))} ({many} cells)"
 
