@@ -312,8 +312,13 @@ class Fleet:
         if n == 0 and self.channel["missing"] != "drop" and self.channel["delay"] == 0:
             self.know_the_start(jets)
         arrived = {link: self.arrival(n, *link) for link in links}
-        self.judge(jets + self.noise, arrived)
         known, live = self.hear(n, {link: b for link, b in arrived.items() if weights[link] > 0})
+        if self.defence["kind"] == "vote":
+            if self.law == "exact":  # R alone counts
+                told = np.concatenate([np.zeros_like(jets), before[:, None]], axis=1)
+            self.vote(t, weights, told, known, live)
+        else:
+            self.judge(jets + self.noise, arrived)
         shares = np.zeros((self.m, self.m + 1, 2))
         for link in [*known, *live]:
             shares[link] = weights[link] * self.believed[link]
@@ -370,6 +375,29 @@ class Fleet:
             self.believed[i, list(came)] = True
             for j, axis in self.dropped(own[i, 0], dict(zip(came, told, strict=True))):
                 self.believed[i, j, axis] = False
+
+    def vote(self, time, weights, told, known, live):
+        """Whom vehicles believe, by R of what links carry at a tick, of jets that vehicles tell."""
+        values = {link: each[0] for link, each in known.items()}
+        for i, j in live:
+            jets = self.carried(np.array([time]), i, j, told[None, j - 1])[0]
+            values[i, j] = self.value(jets + self.rounding[-1][i, j] + self.errors[i, j])
+        for i in range(self.m):
+            heard = {j: values.get((i, j)) for j in range(self.m + 1) if weights[i, j] > 0}
+            self.believed[i] = False
+            self.believed[i, voted(heard, self.earlier[i], *self.trusts(i))] = True
+
+    @functools.cached_property
+    def earlier(self):
+        """Sources before each vehicle in its order."""
+        heard = [{j for a, j in self.links if a == i} for i in range(self.m)]
+        return earlier(heard, *zip(*map(self.trusts, range(self.m)), strict=True))
+
+    def trusts(self, i):
+        """Sources that a vehicle trusts, and its ϑ."""
+        given = self.defence["trusted"]
+        trusted = set() if given == "none" else {0, *given.get(i + 1, [])}
+        return trusted, self.defence["theta"].get(i + 1, 0)
 
     def dropped(self, own, told):
         """Sources that a vehicle drops, with the axes."""
@@ -473,6 +501,32 @@ class Fleet:
             values = np.linalg.solve(matrix, (drive - own @ fed_back[:, :, x]).ravel())
             solved[:, :, x] = values.reshape(m, count)
         return solved
+
+
+def earlier(heard, trusted, theta):
+    """Sources before each vehicle in the order of a vote; all, for one without a place in it."""
+    place, before, found = {0}, None, [set(range(len(heard) + 1)) for _ in heard]
+    while place != before:
+        before = set(place)
+        for i in {i for i in range(len(heard)) if i + 1 not in before}:
+            mine = heard[i] & trusted[i]
+            if mine <= before if mine else len(heard[i] & before) > 2 * theta[i]:
+                found[i] = before
+                place.add(i + 1)
+    return found
+
+
+def voted(heard, earlier, trusted, theta):
+    """The sources that a vehicle believes, of those it hears with their values, or None."""
+    panel, mine = [j for j in heard if j in earlier], [j for j in heard if j in trusted]
+    if mine or len(panel) < 2 * theta + 1:
+        return mine or list(heard)
+    there = [j for j in panel if heard[j] is not None]
+    if len(there) < 2 * theta + 1:
+        return [j for j in panel if j not in there]
+    middle = np.median([heard[j] for j in there], axis=0)
+    far = {j: max(np.linalg.norm(heard[j] - middle), 1e-9) for j in there}
+    return sorted(there, key=far.get)[: theta + 1]
 
 
 def reached(heard, sources):

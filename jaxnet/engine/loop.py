@@ -257,7 +257,7 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     if plan.as_told:
         errors = told_errors(lane, basis, errors)
     now = Moment(lane, network, plan, errors, basis, time, jnp.zeros_like(errors[0]))
-    if before.coasting.drives or before.heard.lossy:
+    if before.coasting.drives or before.heard.lossy or lane.defence.hears_messages():
         now = now._replace(last=last_drive(fleet, motion, now, first))
     decided = tick.decide(now, before)
     if isinstance(decided.coasting, Stops) and not plan.engine.samples:

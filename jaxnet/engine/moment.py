@@ -33,7 +33,8 @@ class Moment(NamedTuple):
     errors: Jets
     basis: Basis
     time: Instants
-    last: PerAxis  # drive of each vehicle until now, where vehicles may keep it; else 0
+    last: PerAxis  # drive of each vehicle until now, where it may be kept or heard; else 0
+    told: PerAxis | None = None  # R of what each vehicle tells, where a defence hears it
 
     @property
     def order(self) -> int:

@@ -27,6 +27,7 @@ from jaxnet.engine.stages.channel import (
     Lossy,
     Reception,
     Speakers,
+    drives_told,
     first_reception,
     held_derivative,
 )
@@ -233,7 +234,8 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     """State before the first tick: every vehicle retains every source, every message arrived."""
     time, zero = jnp.zeros_like(lane.attack_scale), jnp.zeros_like(lane.initial[:2])
     errors = (zero,) * len(lane.gain)
-    now = Moment(lane, network, plan, errors, lane.basis(time), time, zero)
+    told = zero if lane.defence.hears_messages() else None
+    now = Moment(lane, network, plan, errors, lane.basis(time), time, zero, told)
     late = first_late(lane, plan)
     state = DecisionState(
         instead=lane.instead(time) | ({"vectors": lane.vectors} if plan.strategic else {}),
@@ -257,6 +259,8 @@ def decide(now: Moment, before: DecisionState) -> DecisionState:
     lane = now.lane
     state = replace(before, sensed=before.sensed.next(now), instead=lane.instead(now.time))
     now = now._replace(lane=state.of(lane))
+    if lane.defence.hears_messages():
+        now = now._replace(told=drives_told(now, before.sensed, state.sensed))
     if now.plan.strategic:
         vectors, plot = lane.signal.aim(sight(now, state), state.plot)
         vectors = bounded(vectors, now.lane)

@@ -130,9 +130,12 @@ def channel(r, law, h, pick, some):
 EXACT, ROUNDS, HELD, LOCAL = LAWS[1:]
 LOSS = {"loss": Hashed(of="link", factors=[3, 7, 11, 5], share=9)}
 NOISE = {"noise": Humming(size=0.3, pace=4.0, orders="all")}
+LOWER_NOISE = {"noise": Humming(size=0.3, pace=4.0, orders="lower")}
 ERRS = {"sensing": Swinging(size=0.2, pace=3.0)}
 W_MSR = {"defence": {"kind": "w_msr", "F": 1, "isolated": "coast"}}
 TRIM = {"defence": {"kind": "trusted_trim", "theta": 1, "isolated": "coast"}}
+VOTE = {"defence": {"kind": "vote", "theta": {4: 1}, "trusted": "none", "isolated": "coast"}}
+TWO_VOTE = {"defence": VOTE["defence"] | {"theta": {3: 1, 4: 1}}}
 TURNS = {"every": 0.4}
 LATE = {"missing": "drop", "delay": 0.2}
 BY_MESSAGE = {"delay": {"uniform": [0.1, 0.3]}, "delay_of": "message", "missing": "hold"}
@@ -153,6 +156,20 @@ CELLS = {
     "local, continued": ("exact", LOCAL, 2, LOSS | {"missing": "extrapolate"}, ERRS),
     "local, late": ("exact", LOCAL, 3, LATE | {"extrapolate": "jets"}, {}),
     "networks that take turns": ("exact", EXACT, 3, {"quantisation": 0.2}, TURNS | W_MSR),
+    "vote": ("exact", EXACT, 3, NOISE, VOTE | ERRS),
+    "vote, lost": ("exact", EXACT, 2, LOSS, VOTE | ERRS),
+    "vote, lost and held": ("exact", EXACT, 1, LOSS | NOISE | {"missing": "hold"}, VOTE | ERRS),
+    "vote, continued": ("exact", EXACT, 3, LOSS | {"missing": "extrapolate"}, TWO_VOTE),
+    "vote, late": ("exact", EXACT, 3, LATE | LOSS | {"extrapolate": "jerk"}, VOTE),
+    "vote, late by message": ("exact", EXACT, 3, BY_MESSAGE | LOSS, VOTE | ERRS),
+    "vote, rounds": ("exact", ROUNDS, 3, NOISE, VOTE | ERRS),
+    "vote, three rounds": ("exact", THREE_ROUNDS, 2, {"quantisation": 0.2}, TWO_VOTE),
+    "vote, local and held": ("exact", HELD, 1, LOWER_NOISE | LOSS, VOTE | ERRS),
+    "vote, local": ("exact", LOCAL, 2, {"quantisation": 0.2}, TWO_VOTE | {"threat": "replaces"}),
+    "vote, local, late": ("exact", LOCAL, 3, LATE | {"extrapolate": "jets"}, VOTE),
+    "vote, in turn": ("exact", EXACT, 3, {}, TURNS | VOTE),
+    "vote, nonlinear": ("nonlinear", EXACT, 3, LOSS, VOTE | ERRS),
+    "vote, stacked": ("stacked", EXACT, 3, {}, TWO_VOTE),
     "nonlinear, lost": ("nonlinear", EXACT, 3, LOSS, ERRS),
     "nonlinear, late": ("nonlinear", EXACT, 4, LATE | NOISE, W_MSR),
     "nonlinear, local": ("nonlinear", LOCAL, 2, LOSS | {"missing": "hold"}, ERRS),
@@ -160,6 +177,7 @@ CELLS = {
 }
 LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "nonlinear, local"}
 LONG |= {"three rounds, replaced", "stacked"}
+LONG |= {each for each in CELLS if each.startswith("vote")} - {"vote, lost", "vote, local and held"}
 
 
 def cell(engine, law, order, channel, keys):

@@ -13,7 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxnet.engine.moment import Instants, LaneFlags, LinkFlags, Moment, PerAxis, tell
+from jaxnet.engine.moment import Instants, LaneFlags, LinkFlags, Moment, PerAxis, PerLink, tell
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.stages.known import (
     Drives,
@@ -87,6 +87,10 @@ class Reception(eqx.Module):
     def changed(self, before: "Reception", lanes: LaneFlags) -> LaneFlags:
         """Lanes, with some, in which what is heard changed."""
         return lanes
+
+    def at_tick(self, live: PerLink, path: Array) -> PerLink:
+        """R of the messages that count at a tick, of those that links carry, relative to `path`."""
+        return live
 
 
 class Lossy(Reception):
@@ -171,6 +175,12 @@ class Lossy(Reception):
         moved = (self.substitutes.terms != before.substitutes.terms) & ~self.arrived[None, None]
         return lanes | xla.in_any_row(moved)
 
+    def at_tick(self, live, path):
+        if self.substitutes is not None:
+            live = jnp.where(self.arrived[None], live, self.substitutes.terms[0] - path)
+        links = self.usable_links
+        return live if links is None else jnp.where(links[None], live, jnp.nan)
+
 
 def first_reception(now: Moment, late: OnTime) -> Reception:
     """Messages before the first tick: all arrived."""
@@ -236,6 +246,35 @@ def spoken(now: Moment, spoke: Speakers, speakers: Speakers) -> LinkDrives:
     nothing = [jnp.zeros_like(highest)] * len(jets)
     rates = [control.driven(gain, [*jets[k:], *nothing]) for k in range(1 if holds else len(jets))]
     return polynomial.taylor(rates, lane.interval).terms
+
+
+def drives_told(now: Moment, spoke: Sensed, sensed: Sensed) -> PerAxis:
+    """R of what vehicles tell at a tick: their drive until now, or P under a local law [m/s³]."""
+    if now.lane.law.solves():
+        return now.last
+    told = control.feedback(now.lane.gain, sensed.of(now.own))
+    return told + held_derivative(now, spoke) if now.lane.law.couples() else told
+
+
+def messages_now(now: Moment, late: OnTime, links: LinkErrors, heard: Reception) -> PerLink | None:
+    """R of what each link carries at a tick [m/s³], relative to R of the navigator's path.
+
+    It is not-a-number where there is no message, and None where no defence asks. Under a local law
+    the highest derivative comes from the navigator alone.
+    """
+    if now.told is None:
+        return None
+    lane, gain, hearing = now.lane, now.lane.gain, now.network.hearing
+    path = control.driven(gain, now.navigator)[:, None, None]
+    if isinstance(late, Late):
+        live = late.messages(now)[0] - path
+    else:
+        sent = jnp.concatenate([jnp.zeros_like(now.told[:, :1]), now.told - path[:, 0]], axis=1)
+        live = hearing.received(sent, control.feedback(gain, now.signals))
+        highest = hearing.added(now.signals[now.order])
+        tells = lane.law.couples() | (hearing.sources == 0)[None, ..., None]
+        live = live + jnp.where(tells, highest, 0.0)
+    return heard.at_tick(links.of_message(gain, live), path)
 
 
 def with_sum_one(weights: Array, axis: int) -> Array:

@@ -5,8 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxnet.engine.moment import LaneFlags, LinkFlags, Moment, VehicleFlags, tell
-from jaxnet.engine.stages.channel import Reception, with_sum_one
+from jaxnet.engine.moment import LaneFlags, LinkFlags, Moment, PerLink, VehicleFlags, tell
+from jaxnet.engine.stages.channel import Reception, messages_now, with_sum_one
 from jaxnet.engine.stages.late import OnTime
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.stages.sensing import Sensed
@@ -62,7 +62,8 @@ class Decided(Judged):
             each = zip(received, own, strict=False)
             received = tuple(jnp.where(arrived[None], jet, mine[:, None]) for jet, mine in each)
             weights = with_sum_one(jnp.where(arrived, weights, 0.0), axis=0)
-        around = surroundings(now, self.memory, weights, arrived)
+        messages = messages_now(now, late, links, heard)
+        around = surroundings(now, self.memory, weights, arrived, messages)
         observed = lane.defence.observed(received, now.time)
         decision, memory = lane.defence.decide(own, observed, self.decision, self.memory, around)
         usable = jnp.broadcast_to(lane.weights > 0, decision.shape)  # other slots never count
@@ -70,7 +71,7 @@ class Decided(Judged):
             decision = decision | ~usable
         else:
             decision = jnp.where(usable, decision, 0.0)
-        if arrived is not None:
+        if arrived is not None and messages is None:
             decision = jnp.where(arrived, decision, self.decision)
         return Decided(decision, memory)
 
@@ -110,7 +111,8 @@ def first_judged(now: Moment) -> Judged:
     lane, defence, errors = now.lane, now.lane.defence, now.errors
     memory = defence.start(surroundings(now, None, lane.weights, None, announces=False))
     everybody = jnp.ones(lane.weights.shape, bool)
-    around = surroundings(now, memory, lane.weights, None)
+    messages = messages_now(now, OnTime(), LinkErrors(), Reception())
+    around = surroundings(now, memory, lane.weights, None, messages)
     carried = now.carried(tell(errors))
     shape = jax.eval_shape(lambda: defence.decide(errors, carried, everybody, memory, around))[0]
     allowed = lane.weights.shape, (2, *lane.weights.shape)
@@ -129,6 +131,7 @@ def surroundings(
     memory: Memory,
     weights: Float[Array, "slots m lanes"],
     arrived: LinkFlags | None,
+    messages: PerLink | None = None,
     announces: bool = True,
 ) -> Neighbourhood:
     """Inputs of a defence besides the received jets; `weights` are of messages that arrived."""
@@ -152,4 +155,5 @@ def surroundings(
         attacked,
         arrived,
         lane.weights > 0,
+        messages,
     )

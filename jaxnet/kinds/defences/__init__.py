@@ -47,6 +47,9 @@ class Neighbourhood(NamedTuple):
       `weights` are then those of the arrived messages, 0 in other slots
     - `linked` (slots, m, lanes): the slots with a source in the network in force, whether or not
       its message arrived
+    - `messages` (2, slots, m, lanes): R of what each slot carries, minus R of the navigator's path
+      [m/s³]; not-a-number where no message is there. None for a defence that does not ask by
+      `hears_messages`
 
     Examples
     --------
@@ -73,6 +76,7 @@ class Neighbourhood(NamedTuple):
     attacked: Any = None
     arrived: Any = None
     linked: Any = None
+    messages: Any = None
 
 
 class AnyDefence(DrawsAtTicks):
@@ -134,6 +138,10 @@ class AnyDefence(DrawsAtTicks):
 
     def announcing(self) -> bool:
         """Whether vehicles announce `R(y) - R(y_0)`, and sources are judged by announcements."""
+        return False
+
+    def hears_messages(self) -> bool:
+        """Whether it judges R of the messages at a tick. It then decides on missing ones too."""
         return False
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:

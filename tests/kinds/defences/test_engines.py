@@ -45,8 +45,8 @@ RULES = [
     WMSR.filled({"F": 1, "drop_trusted": False}),
     TrustedOnly.filled({"trusted": {}}),
 ]
-# The latter in both engines: tests/engine/test_reference.py
-REMEMBERING = {"trust", "trusted_trim"}
+# The latter two in both engines: tests/engine/test_reference.py
+REMEMBERING = {"trust", "trusted_trim", "vote"}
 
 
 @pytest.mark.long
@@ -87,8 +87,8 @@ def safe(study):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_one_rule_alone_promises_anything(name):
-    assert safe(lying(name)) == [name == "trusted_only"] * 6
+def test_rules_that_believe_a_trusted_navigator_alone_promise_anything(name):
+    assert safe(lying(name)) == [name in ("trusted_only", "vote")] * 6
 
 
 @pytest.mark.long
