@@ -78,6 +78,9 @@ def examples(name):
 
 
 HEAVY = {"jaxnet.Results", "jaxnet.search", "jaxnet.rare", "jaxnet.sensitivity"}
+# What these tell is used by the examples of Metric, Attack and Defence.
+HEAVY |= {"jaxnet.engine.metrics.Observation", "jaxnet.engine.tick.Seen"}
+HEAVY |= {"jaxnet.kinds.defences.Neighbourhood"}
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,7 @@ def test_a_laman_network_splits_as_published_and_a_triangular_one_does_not(simul
     assert (drawn["outside"] < 1e-9).all()
 
 
+@pytest.mark.long  # the union's network in tests/engine/test_leaderless.py
 def test_a_robust_union_agrees_whichever_two_lie(simulated):
     """Ten agents: with the union not (3, 3)-robust some pairs of liars part the others."""
     robust, other = (pairs(links(each), 10) for each in swept("jia_union", "topology"))
@@ -111,6 +112,7 @@ def test_a_robust_union_agrees_whichever_two_lie(simulated):
     assert (results.lanes["outside"] < 1e-9).all()
 
 
+@pytest.mark.long  # complete networks: tests/theory/test_agreement.py
 def test_half_of_a_complete_network_may_lie_if_f_says_so(simulated):
     """LeBlanc et al., 2013, with 7 agents in place of 101 for the test's sake; 3 lie."""
     few = {"vehicles": 7, "initial.position": [{"uniform": [0, 50]}] * 7}

@@ -176,7 +176,7 @@ CELLS = {
     "stacked": ("stacked", EXACT, 3, LOSS | NOISE, ERRS | W_MSR),
 }
 LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "nonlinear, local"}
-LONG |= {"three rounds, replaced", "stacked"}
+LONG |= {"three rounds, replaced", "stacked", "lost and dropped"}
 LONG |= {each for each in CELLS if each.startswith("vote")} - {"vote, lost", "vote, local and held"}
 
 

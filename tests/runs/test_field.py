@@ -11,6 +11,7 @@ from experiments import one_lane
 RING = {"vehicles": 4, "attack": {"vehicles": [2]}}
 
 
+@pytest.mark.long  # a field integrated by Diffrax: tests/engine/test_stacked.py
 def test_the_example_ends_where_the_exact_solution_does():
     """Diffrax's own stepping of the twelve vehicles, to a micrometre."""
     assert one_lane.distance() < 1e-6

@@ -30,7 +30,11 @@ PROVED = [
         marks=pytest.mark.long,
     ),
     ({"attack": "none"}, "0 attacked"),
-    ({"attack": LIARS | {"threat": "replaces", "moves": "as_told"}}, "(2, 2)"),
+    pytest.param(
+        {"attack": LIARS | {"threat": "replaces", "moves": "as_told"}},
+        "(2, 2)",
+        marks=pytest.mark.long,  # short: tests/kinds/attacks/test_moves.py
+    ),
 ]
 # Two liars with F = 1 that no vehicle hears both: a ring in which each vehicle hears six others
 SPARSE = {"kind": "circulant", "offsets": [-3, -2, -1, 1, 2, 3]}

@@ -298,5 +298,5 @@ def test_check_has_no_traceback_whatever_keys_a_defence_has():
     given = [{**ANNOUNCED, **a, **b, "label": str(n)} for n, (a, b) in pairs]
     cells = jaxnet.load({"name": "all", **RING, "attack": BIAS, "sweep": {"defence": given}}).cells
     assert sum(len(each.cells) for each in check.networks(cells)) == len(cells) > 50
-    for cell in cells[::5]:
+    for cell in cells[::10]:
         assert "  safe " in check.certificates([cell])[0]

@@ -220,7 +220,9 @@ def test_a_filter_that_has_nothing_to_do_changes_no_bit(form):
         assert (plain.lanes[column] == filtered.lanes[column]).all(), column
 
 
-@pytest.mark.parametrize(("form", "share"), [("joint", 1.0), ("halves", 2 / 3)])
+@pytest.mark.parametrize(
+    ("form", "share"), [pytest.param("joint", 1.0, marks=pytest.mark.long), ("halves", 2 / 3)]
+)
 def test_without_a_velocity_vehicles_stand_still(form, share):
     """Two far too near for their speed; the third, far off, moves if each solves for itself."""
     keys = {

@@ -70,7 +70,7 @@ def test_nothing_is_said_without_a_filter():
     assert line() == "steered points that start 0.15 m apart or more stay so"
 
 
-@pytest.mark.parametrize("form", ["joint", "halves"])
+@pytest.mark.parametrize("form", ["joint", pytest.param("halves", marks=pytest.mark.long)])
 def test_a_crowd_keeps_its_distance_up_to_the_greatest_gain(form):
     """All meet, with steps so long that a pair can almost pass the barrier in one of them."""
     safety = {"kind": "barrier", "form": form, "gain": 1.7e6}
