@@ -18,7 +18,6 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.store.results import Results
 
 FEW = batch.Machine(devices=1, chunk=4)
-ROWS = 601  # output times that there is room for
 # Saved wherever something is, for each choice is a program to be compiled; inputs take a tenth of
 # it.
 EVERYTHING = tuple(name for name in SERIES if name != "inputs")
@@ -91,17 +90,8 @@ def of_slots(kept: np.ndarray, sources: np.ndarray) -> np.ndarray:
 def simulated(job: Job) -> Outcome:
     """Outcome of a job; up to 24 lanes run four side by side, for most of a wide chunk would be
     filling.
-
-    These have room for more output times than there are, so that horizons share a program.
     """
-    if job.size > 24:
-        return batch.simulate(job)
-    rows = job.plan.rows
-    roomy = job._replace(plan=job.plan._replace(rows=max(ROWS, rows) if rows else 0))
-    outcome = batch.simulate(roomy, FEW)
-    return outcome._replace(
-        series={name: values[:, :rows] for name, values in outcome.series.items()}
-    )
+    return batch.simulate(job) if job.size > 24 else batch.simulate(job, FEW)
 
 
 class OneLane(NamedTuple):

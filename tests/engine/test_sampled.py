@@ -52,33 +52,28 @@ def points(states, ahead=0.05):
 
 
 def test_consensus_of_the_arena():
+    """After 100 steps; where it ends, and its collisions: tests/test_published.py."""
     results = ring()
     states, row = states_of(results), results.lanes.iloc[0]
     assert states[100, 0] == pytest.approx([0.411336738, 0, 0], abs=6e-10)
     assert states[100, 1] == pytest.approx([0.451326470, 0.226286340, -2.613441755], abs=6e-10)
-    assert states[1000, 0] == pytest.approx([0.015646697, 0, -6e-9], abs=8e-10)
-    assert states[1000, 1] == pytest.approx([0.108731764, 0.025408357, -2.610114648], abs=6e-10)
-    assert row["saturated_steps"] == 50
     assert row["saturated"] * ROBOTS * 1001 == pytest.approx(427)
     end = points(states[1000])
     assert end.mean(axis=0) == pytest.approx([0.065513238, 0], abs=6e-10)
 
 
-@pytest.mark.parametrize(("steps", "collisions"), [(100, 0), (300, 2_523), (1000, 47_713)])
+@pytest.mark.parametrize(("steps", "collisions"), [(100, 0), (300, 2_523)])
 def test_collisions_of_the_arena(steps, collisions):
     """Each pair counts in each step; the pose after the last move does not."""
     metrics = ["collisions", "outside_arena", "spread"]
     row = ring(horizon=steps * STEP, tail=0.0, metrics=metrics, save={}).lanes.iloc[0]
     assert row["collisions"] == collisions
     assert row["outside_arena"] == 0
-    if steps == 1000:
-        assert row["spread"] == pytest.approx(2.718254e-4, abs=6e-11)
 
 
-@pytest.mark.parametrize(("limit", "mean"), [(12.5, 0.065513238), (1e6, 0.048045590)])
-def test_wheels_that_are_clipped_move_the_consensus(limit, mean):
-    results = ring(vehicle={"kind": "robotarium", "limits": {"wheel_rate": limit}})
-    assert points(states_of(results)[-1])[:, 0].mean() == pytest.approx(mean, abs=6e-10)
+def test_without_a_limit_the_wheels_move_the_consensus_elsewhere():
+    results = ring(vehicle={"kind": "robotarium", "limits": {"wheel_rate": 1e6}})
+    assert points(states_of(results)[-1])[:, 0].mean() == pytest.approx(0.048045590, abs=6e-10)
 
 
 def test_clipped_wheels_change_the_curvature():
@@ -245,8 +240,6 @@ def test_a_slow_start_that_a_held_input_spoils_is_told_with_what_helps():
     assert "give vehicle.standstill: stop, vehicle.limits, a shorter tick, or" in told
     limits = {"force_rate": 50.0, "angular_acceleration": 5.0}
     vehicle = {"kind": "two_wheeled", "limits": limits}
-    clipped = jaxnet.simulate({**keys, "vehicle": vehicle}, 4, progress=False)
-    assert set(clipped.lanes["status"]) <= {"ok", "singular"}
     keys |= {"vehicle": vehicle | {"standstill": "stop"}}
     assert (jaxnet.simulate(keys, 4, progress=False).lanes["status"] == "ok").all()
 
@@ -261,7 +254,9 @@ class LostAfter(Loss):
 
 
 @pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.long), 1])
-@pytest.mark.parametrize("law", ["exact", {"kind": "local", "hold": False}])
+@pytest.mark.parametrize(
+    "law", [pytest.param("exact", marks=pytest.mark.long), {"kind": "local", "hold": False}]
+)
 def test_the_message_that_arrived_last_is_held(law, delay):
     """A plain loop: a vehicle goes on with what the navigator said at t = 0, not between ticks."""
     tick, gain = 0.1, 1.5

@@ -120,7 +120,7 @@ def test_a_study_without_an_attack_has_no_fit(tmp_path):
     refused = CliRunner().invoke(main, ["fit", str(tmp_path / "out")])
     assert refused.exit_code == 2
     assert "no cell has an attack with ā > 0" in refused.output
-    assert "report.html" in invoke("report", tmp_path / "out")
+    assert "report.html" in invoke("report", tmp_path / "out", "--no-replay")
 
 
 def test_magnitudes_that_no_axis_has_room_for_are_said(tmp_path):
@@ -133,5 +133,5 @@ def test_magnitudes_that_no_axis_has_room_for_are_said(tmp_path):
     assert words in " ".join(invoke("fit", results.path).split())
     with pytest.raises(FolderError, match=re.escape(words)):
         every.Plots(results).ultimate()
-    assert "report.html" in invoke("report", results.path)
+    assert "report.html" in invoke("report", results.path, "--no-replay")
     assert "δ̂(ā) is not drawn" in (results.path / "report.html").read_text()
