@@ -62,7 +62,7 @@ def test_the_step_limit_is_a_limit(solver):
         assert (outcome.status[0], outcome.steps[0]) == (status, limit)
 
 
-@pytest.mark.parametrize("engine", [pytest.param("nonlinear", marks=pytest.mark.long), "exact"])
+@pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_a_lane_is_the_same_alone_and_among_others(engine):
     """Whatever the number of lanes, its place among them, and how many cores share the work."""
     given = systems.study(engine=engine, **SHORTEST)
