@@ -135,21 +135,21 @@ def drives(network, rng, drift, ticks=50):
 
 
 def depths(network):
-    """How many links each vehicle is from the navigator, at most."""
+    """How many votes stand between the navigator and each vehicle, at most."""
     far = np.zeros(13, int)
     for i, (_, sources, _) in enumerate(network, 1):
-        far[i] = 1 + far[sources].max()
+        far[i] = far[sources].max() + (len(sources) > 1)
     return far
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_vote_on_what_drives_needs_no_announcement(seed):
-    """Theorem 7: `‖R(E_i)‖ ≤ κ_d Λ h` with κ_1 = 0 and κ_{d+1} = (3 + 2√2) κ_d + 1; 0 if Λ = 0."""
+    """Theorem 7: `‖R(E_i)‖ ≤ κ_d Λ h` with κ_0 = 0 and κ_{d+1} = (3 + 2√2) κ_d + 1; 0 if Λ = 0."""
     rng = np.random.default_rng(seed)
     network = led(rng, lambda theta: theta)
     assert (drives(network, rng, 0.0) == 0.0).all()
     off = np.linalg.norm(drives(network, rng, 0.1), axis=-1).max(axis=0)
-    allowed = [0.0, 0.0]
+    allowed = [0.0]
     while len(allowed) <= depths(network).max():
         allowed.append((3 + 2 * np.sqrt(2)) * allowed[-1] + 1)
     assert (off <= 0.1 * np.array(allowed)[depths(network)] + 1e-12).all()

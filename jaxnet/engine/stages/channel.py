@@ -269,11 +269,14 @@ def messages_now(now: Moment, late: OnTime, links: LinkErrors, heard: Reception)
     if isinstance(late, Late):
         live = late.messages(now)[0] - path
     else:
-        sent = jnp.concatenate([jnp.zeros_like(now.told[:, :1]), now.told - path[:, 0]], axis=1)
-        live = hearing.received(sent, control.feedback(gain, now.signals))
-        highest = hearing.added(now.signals[now.order])
-        tells = lane.law.couples() | (hearing.sources == 0)[None, ..., None]
-        live = live + jnp.where(tells, highest, 0.0)
+        highest, added = now.navigator[now.order], hearing.added(now.signals[now.order])
+        if lane.law.couples():
+            highest = jnp.zeros_like(highest)
+        else:
+            leads = (hearing.sources == 0)[None, ..., None]
+            added = jnp.where(leads, added + highest[:, None, None], 0.0)
+        sent = jnp.concatenate([-highest[:, None], now.told - path[:, 0]], axis=1)
+        live = hearing.received(sent, control.feedback(gain, now.signals)) + added
     return heard.at_tick(links.of_message(gain, live), path)
 
 

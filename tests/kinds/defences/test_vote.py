@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import expm
 
 from jaxnet.config.scenario import safe_in, situation_of
-from jaxnet.kinds.defences import Neighbourhood
+from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.defences.vote import Vote
 from jaxnet.model.graph import Digraph
 from jaxnet.view.text.facts import facts
@@ -52,12 +52,12 @@ def study(edges, theta, **keys):
     return systems.study(**given | {"defence": {"kind": "vote", "theta": theta}} | keys)
 
 
-def marched(one, theta):
+def marched(one, theta, attack):
     """Positions at the ticks (ticks + 1, m, 2), R(E) before and after each, and depths.
 
     Between ticks `E = G + e^(A t) (E - G)`, with `G = (I - W)⁻¹ d` of the believed links.
     """
-    lane, path, attack = systems.lane(one, 0), navigator_at(one, 0), attack_on_links(one, 0)
+    lane, path, added = systems.lane(one, 0), navigator_at(one, 0), attack_on_links(one, 0)
     r, m = len(lane.gain), len(lane.weights)
     gain, flow = np.append(lane.gain, 1.0), expm(companion(lane.gain) * TICK)
     heard = [set(np.flatnonzero(row > 0).tolist()) for row in lane.weights]
@@ -67,15 +67,26 @@ def marched(one, theta):
     errors = start - path(0.0)[:r, None]
     drive = np.einsum("k,kix->ix", lane.gain, errors) - path(0.0)[r]
     found, drives = [errors[0] + path(0.0)[0]], []
+    carried = ~lane.links if attack.get("threat") == "replaces" else np.ones((m, m + 1), bool)
+
+    def carrying(time):
+        """Jets that attacks add; a constant in some orders alone acts as R of it over k0."""
+        jets = added(time)[: r + 1]
+        if attack["kind"] == "spoof":
+            jets[0], jets[1:] = np.einsum("k,kijx->ijx", gain, jets) / gain[0], 0.0
+        return jets
+
     for n in range(TICKS):
-        now, then = attack(n * TICK), attack((n + 1) * TICK)
-        told = np.vstack([np.zeros((1, 2)), drive]) + np.einsum("k,kijx->ijx", gain, now[: r + 1])
+        now, then = carrying(n * TICK), carrying((n + 1) * TICK)
+        told = np.vstack([np.zeros((1, 2)), drive]) * carried[..., None]
+        told = told + np.einsum("k,kijx->ijx", gain, now)
         for i, sources in enumerate(heard):
             mine = voted({j: told[i, j] for j in sources}, before[i], given[0][i], given[1][i])
             believed[i] = 0.0
             believed[i, mine] = lane.weights[i, mine] / lane.weights[i, mine].sum()
-        ends = [np.einsum("ij,kijx->kix", believed, jets[: r + 1]) for jets in (now, then)]
-        ends = [np.linalg.solve(np.eye(m) - believed[:, 1:], jets) for jets in ends]
+        own = np.eye(m) - (believed * carried)[:, 1:]
+        ends = [np.einsum("ij,kijx->kix", believed, jets) for jets in (now, then)]
+        ends = [np.linalg.solve(own, jets) for jets in ends]
         errors = ends[1][:r] + np.einsum("kl,lix->kix", flow, errors - ends[0][:r])
         drives += [np.einsum("k,kix->ix", gain, jets) for jets in ends]
         drive = drives[-1]
@@ -124,7 +135,7 @@ def test_a_fleet_moves_as_a_plain_program_and_stays_within_theorem_7(seed, order
     one = systems.lanes(study(edges, theta, order=order, attack=attack), 1)
     outcome = systems.simulate(one)
     assert outcome.status.tolist() == [0]
-    found, drives, depth = marched(one, theta)
+    found, drives, depth = marched(one, theta, attack)
     ours = outcome.series["state"][0][..., :2]
     assert np.abs(ours - found).max() <= 1e-12 * np.abs(found).max()
     allowed = (GROWTH**depth - 1) / (GROWTH - 1) * (1.01 * rate(one, order) * TICK + 1e-9)
@@ -238,3 +249,26 @@ def test_what_is_proved_under_loss_holds():
     worst = np.linalg.norm(errors[:, 60:], axis=-1).max(axis=(0, 1))
     assert (worst <= np.array(allowed)[[0, 0, 0, 1, 2, 3]]).all()
     assert worst.min() > 0.05 * allowed[0]
+
+
+class Quiet(Defence):
+    """Believe trusted sources, and those whose R is the navigator's to 1 m/s³."""
+
+    def hears_messages(self):
+        return True
+
+    def decide(self, own, received, last, memory, around):
+        """The length of R of each message."""
+        return around.trusted[:, :, None] | (jnp.hypot(*around.messages) < 1.0), memory
+
+
+def test_a_rule_from_outside_hears_messages():
+    """R of a constant lie of 10 m is 10 m/s³ at k0 = 1; without the lie it is 0."""
+    keys = LASTING | {"vehicles": 4, "horizon": 30.0, "engine": "exact"}
+    attack = {"kind": "bias", "vehicles": [2], "magnitude": 10.0}
+    outcome = systems.simulate(
+        systems.lanes(systems.study(defence=Quiet(), attack=attack, **keys), 2)
+    )
+    heard = outcome.series["kept"][:, 1:]
+    assert (heard[:, :, [0, 2], 2] == 0.0).all()
+    assert (heard[:, :, [0, 2], 4] > 0.0).all()
