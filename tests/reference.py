@@ -172,6 +172,8 @@ class Fleet:
         self.words, self.last, self.newest, self.kept = {}, {}, {}, {}  # by link; by vehicle
         self.believed = np.ones((self.m, self.m + 1, 2), bool)
         self.noise, self.fails_at = np.zeros((self.m, self.r, 2)), None
+        self.detector = keys.get("detector", {"cuts": "never"})
+        self.alarms, self.places, self.until = 0, [], {}  # places by tick; ends of cuts by link
 
     def weights_of(self, topology):
         """Normalised weights of a list of edges."""
@@ -181,9 +183,29 @@ class Fleet:
         return weights / weights.sum(axis=1, keepdims=True)
 
     def network(self, n):
-        """Weights of the network in force at a tick."""
+        """Weights of the network in force at a tick, without links that alarms have cut."""
         ticks = round(self.keys["topology"].get("every", 1e6) / self.h)
-        return self.networks[n // ticks % len(self.networks)]
+        weights = self.networks[n // ticks % len(self.networks)].copy()
+        for link, until in self.until.items():
+            if until > n * self.h + 1e-9:
+                weights[link] = 0.0
+        return weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+
+    def cut(self, n, arrived):
+        """Messages without those that a distance test cuts; it may cut their links too."""
+        given, left = self.detector, dict(arrived)
+        if given["cuts"] == "never":
+            return left
+        for (i, j), b in arrived.items():
+            if b is None:
+                continue
+            told = (self.at_tick[b][i, j] + self.rounding[b][i, j] + self.errors[i, j])[0]
+            if np.linalg.norm(told - self.places[b][j]) > given["threshold"]:
+                left[i, j], self.alarms = None, self.alarms + 1
+                back = [(j - 1, i + 1)] if j > 0 and given["cuts"] == "both_ways" else []
+                for link in [(i, j), *back] if given["cuts"] != "message" else []:
+                    self.until[link] = n * self.h + (given.get("return_after") or math.inf)
+        return left
 
     def navigator(self, time):
         """Jets of the path."""
@@ -281,7 +303,6 @@ class Fleet:
         lost = isinstance(loss, Hashed) and is_lost(loss, n, i, j)
         if not came or lost or self.network(n)[i, j] == 0:
             return None
-        self.newest[i, j] = came[-1]
         return came[-1]
 
     def start(self):
@@ -304,7 +325,7 @@ class Fleet:
 
     def tick(self, n, jets, top):
         """Jets and highest derivatives at the end of a tick, of those at its begin."""
-        t, weights, links = n * self.h, self.network(n), self.links
+        t, links = n * self.h, self.links
         before = np.einsum("k,ikx->ix", self.k[:-1], jets + self.noise) + top
         self.noise = self.sensed_errors(n)
         told = np.concatenate([jets + self.noise, top[:, None]], axis=1)
@@ -314,7 +335,11 @@ class Fleet:
         self.errors = {link: self.word_errors(n, *link) for link in links}
         if n == 0 and self.channel["missing"] != "drop" and self.channel["delay"] == 0:
             self.know_the_start(jets)
-        arrived = {link: self.arrival(n, *link) for link in links}
+        self.places.append(np.concatenate([self.navigator(t + np.zeros(1))[0, :1], jets[:, 0]]))
+        arrived = self.cut(n, {link: self.arrival(n, *link) for link in links})
+        weights = self.network(n)
+        arrived = {link: b if weights[link] > 0 else None for link, b in arrived.items()}
+        self.newest |= {link: b for link, b in arrived.items() if b is not None}
         known, live = self.hear(n, {link: b for link, b in arrived.items() if weights[link] > 0})
         if self.defence["kind"] == "vote":
             if self.law == "exact":  # R alone counts

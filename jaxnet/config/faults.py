@@ -221,8 +221,6 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     yield from message_faults(scenario)
     if scenario.channel.late:
         yield from delay_faults(scenario)
-    if scenario.detector.present:
-        yield from detector_faults(scenario)
 
 
 def kind_faults(key: str, kind: Kind | Metric, scenario: Scenario) -> list[Fault]:
@@ -277,7 +275,7 @@ def gain_faults(s: Scenario) -> Iterator[Fault]:
     if not eigenvalues.real.max() < 0:
         eigenvalues = eigenvalues.reshape(-1, eigenvalues.shape[-1])
         yield unstable(s, eigenvalues[eigenvalues.real.max(axis=1).argmax()])
-    lossless = s.channel.loss.perfect()
+    lossless = s.channel.loss.perfect() and not s.detector.acts
     coasts = s.defence.coasts() or s.vehicle.standstill == "stop"
     several = len(s.topology.turns()) > 1
     if s.own_gains is not None:
@@ -405,22 +403,3 @@ def fastest_motion(s: Scenario) -> float:
     factors = [greatest_strength(s.model_copy(update={"topology": each})) for each in turns]
     greatest = [] if s.gain_matrices is not None else [value_range(each)[1] for each in s.gain]
     return max([1.0, *factors]) * float(np.abs(np.roots([1.0, *greatest[::-1]])).max(initial=0.0))
-
-
-def detector_faults(s: Scenario) -> Iterator[Fault]:
-    """Yield faults: no message errs, sizes are unknown, or messages are delayed or rounded."""
-    noises = {"channel.noise": s.channel.noise, "sensing": s.sensing}
-    noisy = {key: noise for key, noise in noises.items() if not noise.exact()}
-    if not noisy:
-        told = "no message has errors, so every other message is false:"
-        told += " give channel: {noise: {position: …}}"
-        yield Fault(("detector", "channel.noise"), told)
-    for key, noise in noisy.items():
-        if not noise.tells_deviations():
-            told = f"{noise.kind} tells no standard deviations of its errors"
-            yield Fault(("detector", key), told)
-    if s.channel.late:
-        yield Fault(("detector", "channel.delay"), "delayed messages are not tested: give delay: 0")
-    if s.channel.rounded:
-        told = "rounded messages are not tested: leave it out"
-        yield Fault(("detector", "channel.quantisation"), told)

@@ -24,7 +24,7 @@ def rules(s: Scenario) -> Iterator[tuple[str, bool, str]]:
     late, announces = s.channel.late, s.defence.announcing()
     yield "channel.extrapolate", not late, "no message is delayed: give channel.delay"
     yield "channel.delay_of", not is_drawn(s.channel.delay), "no delay is drawn"
-    lossless = s.channel.loss.perfect() and not late
+    lossless = s.channel.loss.perfect() and not (late or s.detector.acts)
     yield "channel.missing", lossless, "no message is lost: give channel.loss"
     for at, errors in {"channel.noise": s.channel.noise, "sensing": s.sensing}.items():
         exact = not any(getattr(errors, order, 0) for order in (*JET_ORDERS, HIGHEST))
@@ -33,6 +33,8 @@ def rules(s: Scenario) -> Iterator[tuple[str, bool, str]]:
             yield f"{at}.{key}", exact, why
     for key in ("attack.announces", "defence.first_announcement"):
         yield key, not announces, "no vehicle announces under this defence: give score: announced"
+    cut = "no alarm cuts a link: give detector.cuts: link or both_ways"
+    yield "detector.return_after", not s.detector.cuts_links, cut
     why = "under a local law no vehicle has a drive to keep"
     yield "defence.isolated", not s.law.couples(), why
     for key in ("topology.navigator", "topology.navigator_weight"):

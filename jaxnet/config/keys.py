@@ -19,7 +19,7 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.attacks.rotating import Rotating
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
-from jaxnet.kinds.detectors import Detector
+from jaxnet.kinds.detectors import AnyDetector
 from jaxnet.kinds.detectors.none import NoDetector
 from jaxnet.kinds.fields import (
     MARK,
@@ -67,6 +67,7 @@ INNER_KINDS = {  # families of deeper keys
     "attack.announces": "announcement",
     "channel.loss": "loss",
     "channel.noise": "noise",
+    "detector.predicts": "observer",
 }
 
 
@@ -321,8 +322,8 @@ class Scenario(Record):
         description="errors of a vehicle that measures its own motion",
     )
     channel: Channel = Field(default=Channel(), description="loss, noise and delay of messages")
-    detector: Annotated[Detector, KindOf("detector")] = Field(
-        default=NoDetector(), description="which messages raise an alarm; an alarm has no effect"
+    detector: Annotated[AnyDetector, KindOf("detector")] = Field(
+        default=NoDetector(), description="which messages raise an alarm, and what an alarm does"
     )
     engine: Annotated[Engine, KindOf("engine")] = Field(
         default=Nonlinear(), description="how lanes are computed"

@@ -256,6 +256,7 @@ def breaks(scenario: Scenario) -> set[str]:
         scenario.sensing,
         channel.loss,
         channel.noise,
+        scenario.detector,
     )
     return {name for name, broken in own.items() if broken}.union(*(k.breaks() for k in kinds))
 

@@ -9,6 +9,7 @@ from jaxnet.config.document import Plain
 from jaxnet.config.keys import KINDS, Channel, Config, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import Attack
+from jaxnet.kinds.detectors import Detector
 
 JsonSchema = dict[str, Any]
 
@@ -44,6 +45,7 @@ def config_schema() -> JsonSchema:
 # Families by the kind that stands where none is named.
 DEFAULT_KINDS = {family: Scenario.model_fields[family].default.reference() for family in KINDS}
 DEFAULT_KINDS["announcement"] = Attack.model_fields["announces"].default.reference()
+DEFAULT_KINDS["observer"] = Detector.model_fields["predicts"].default.reference()
 DEFAULT_KINDS |= {key: Channel.model_fields[key].default.reference() for key in ("loss", "noise")}
 
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class

@@ -84,7 +84,8 @@ class Motion(ABC, Generic[MotionState]):
         noisy = lane.sensor is not None or lane.lossy or not lane.exact_words
         changing = lane.periods is not None
         stops = stopping.stops(lane)
-        return self.plan.choosing or changing or noisy or stops or not lane.law.solves()
+        tests = lane.detector is not None
+        return self.plan.choosing or changing or noisy or stops or tests or not lane.law.solves()
 
     @abstractmethod
     def begin(self) -> MotionState:
@@ -273,7 +274,7 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     if not lockstep:
         status = within_bounds(status, jnp.abs(now.errors[0]).max(axis=0))
     isolation = fleet.isolation
-    if lane.law.couples() and plan.decides:
+    if lane.law.couples() and (plan.decides or lane.alarms_cut):
         isolation = isolation.after(isolated(motion, decided, here, cut_off), time)
     return fleet._replace(
         state=state,
@@ -364,6 +365,7 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
         next_time=jnp.where(ticks < clock.outputs * clock.ticks, later, jnp.inf),
         leads=lane.navigator.present,
         alarms=decided.alarms.shares,
+        links=decided.alarms.links(decided.of(lane), network.hearing, time),
         tallies={name: until_now(tally, fleet) for name, tally in fleet.tallies.items()},
     )
     return as_told(lane, time, basis, seen) if motion.plan.as_told else seen

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.plan import Clock
+from jaxnet.engine.stages.detection import TestedLinks
 from jaxnet.kinds import contract
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.metrics import CONTRACT, Metric
@@ -52,6 +53,9 @@ class Observation(NamedTuple):
     alarms
         Alarms over messages judged until now, of attacked and of honest links, (2, lanes); None
         without a detector.
+    links
+        Attacked and honest links, first alarms about them, and which are cut (`TestedLinks`);
+        None without a detector.
     tallies
         Share of (vehicle, tick) pairs until now at which something happened, and the number of
         ticks with any such vehicle, (2, lanes), by the metric of this share: `saturated`, inputs
@@ -88,6 +92,7 @@ class Observation(NamedTuple):
     next_time: Float[Array, "*lanes"]
     leads: bool = True
     alarms: Float[Array, "2 *lanes"] | None = None
+    links: TestedLinks | None = None
     tallies: Mapping[str, Float[Array, "2 *lanes"]] = {}
     offset: Float[Array, "2 m *lanes"] | None = None
 

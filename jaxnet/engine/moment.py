@@ -10,9 +10,10 @@ from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine.plan import Plan
 from jaxnet.model import plane, signal
+from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
-from jaxnet.model.signal import Basis
+from jaxnet.model.signal import Basis, Vectors
 
 Instants = Float[Array, " lanes"]
 LaneFlags = Bool[Array, " lanes"]
@@ -54,8 +55,7 @@ class Moment(NamedTuple):
         return signal.jets(self.lane.vectors, self.basis)
 
     def attacked_links(self) -> LinkFlags:
-        sizes = jnp.abs(self.lane.vectors).sum(axis=2)
-        return (self.network.hearing.added(sizes) != 0).any(axis=0)
+        return attacked_links(self.network.hearing, self.lane.vectors)
 
     def carried(self, sent: Sent) -> Received:
         """Jets on each link, with the attacks' jets on attacked links."""
@@ -66,3 +66,8 @@ class Moment(NamedTuple):
 def tell(errors: Jets) -> Sent:
     """Jets that the navigator and the vehicles send. The navigator's come first and are 0."""
     return tuple(jnp.concatenate([jnp.zeros_like(jet[:, :1]), jet], axis=1) for jet in errors)
+
+
+def attacked_links(hearing: Hearing, vectors: Vectors) -> LinkFlags:
+    """Links that carry a signal with these vectors."""
+    return (hearing.added(jnp.abs(vectors).sum(axis=2)) != 0).any(axis=0)

@@ -408,7 +408,7 @@ class Held(Propagation):
         now = barrier(signals(lane, state.time))
         jerk = exchange(lane, network, decided, state.jets, now, state.response[0])
         cut_off = run_if(
-            at.first.any() | self.plan.decides,
+            at.first.any() | (self.plan.decides or lane.alarms_cut),
             lambda _: decided.disconnected(lane, network),
             jnp.zeros_like(at.here),
         )

@@ -1,9 +1,10 @@
-"""A tick, the same in every engine: sense → tell → attack → channel → judge → drive.
+"""A tick, the same in every engine: sense → tell → attack → channel → alarms → judge → drive.
 
     sense    a vehicle senses its own jets, with errors that stay the same until the next tick
     tell     a vehicle sends the jets that it senses; a defence may announce more
     attack   strategic attackers choose their vectors; attacked links carry false jets
-    channel  messages are delayed, lost, or get errors; a lost one may be replaced
+    channel  messages are delayed, lost, or get errors; others stand in for lost and cut ones
+    alarms   messages are tested; an alarm may cut a message, or a link
     judge    a vehicle decides which sources to retain, by jets with the noise of its defence
     drive    weights, the attacks' vectors, errors and kept drives, until the next tick
 
@@ -233,18 +234,20 @@ class DecisionState(eqx.Module):
 def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     """State before the first tick: every vehicle retains every source, every message arrived."""
     time, zero = jnp.zeros_like(lane.attack_scale), jnp.zeros_like(lane.initial[:2])
+    alarms = detection.first_alarms(lane, network.hearing)
     errors = (zero,) * len(lane.gain)
     told = zero if lane.defence.hears_messages() else None
     now = Moment(lane, network, plan, errors, lane.basis(time), time, zero, told)
     late = first_late(lane, plan)
+    given = lane.instead(time) | ({"vectors": lane.vectors} if plan.strategic else {})
     state = DecisionState(
-        instead=lane.instead(time) | ({"vectors": lane.vectors} if plan.strategic else {}),
+        instead=alarms.instead(lane, given, time),
         plot=None,
         sensed=first_sensed(lane),
         links=first_link_errors(lane),
         late=late,
         heard=first_reception(now, late),
-        alarms=detection.first_alarms(lane, network.hearing),
+        alarms=alarms,
         judged=judging.first_judged(now),
         coasting=first_coasting(lane),
     )
@@ -257,7 +260,9 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
 
 def decide(now: Moment, before: DecisionState) -> DecisionState:
     lane = now.lane
-    state = replace(before, sensed=before.sensed.next(now), instead=lane.instead(now.time))
+    given = lane.instead(now.time)
+    instead = before.alarms.instead(lane, given, now.time)
+    state = replace(before, sensed=before.sensed.next(now), instead=instead)
     now = now._replace(lane=state.of(lane))
     if lane.defence.hears_messages():
         now = now._replace(told=drives_told(now, before.sensed, state.sensed))
@@ -265,18 +270,24 @@ def decide(now: Moment, before: DecisionState) -> DecisionState:
         vectors, plot = lane.signal.aim(sight(now, state), state.plot)
         vectors = bounded(vectors, now.lane)
         now = now._replace(lane=now.lane._replace(vectors=vectors))
-        state = replace(state, instead={**state.instead, "vectors": vectors}, plot=plot)
+        given = given | {"vectors": vectors}
+        state = replace(state, plot=plot)
     links, then = before.links.next(now, state.sensed), now._replace(lane=before.of(lane))
     if now.plan.engine.samples:  # nothing that is said after a tick is heard
         time = jnp.maximum(now.time - lane.interval, 0.0)
         then = then._replace(time=time, basis=lane.basis(time))
     spoke = Speakers(then.time, then.signals, before.sensed, before.links)
     speaking = Speakers(now.time, now.signals, state.sensed, links)
-    heard = before.heard.next(now, before.late, spoke, speaking)
-    alarms = before.alarms.next(now, state.sensed, links, heard)
+    came = before.heard.arriving(now, before.late)
+    whole = lane._replace(**given)
+    alarms = before.alarms.next(now, state.sensed, links, before.late, came, whole)
+    state = replace(state, instead=alarms.instead(lane, given, now.time), alarms=alarms)
+    now = now._replace(lane=state.of(lane))
+    came = came.without(alarms.cut_messages)
+    heard = before.heard.next(now, before.late, spoke, speaking, came)
     judged = before.judged.next(now, state.sensed, before.late, links, heard)
     kept = before.coasting.next(now, judged, heard, state.sensed)
-    state = replace(state, links=links, heard=heard, alarms=alarms, judged=judged, coasting=kept)
+    state = replace(state, links=links, heard=heard, judged=judged, coasting=kept)
     return replace(state, late=send(now, before, state))
 
 
@@ -297,7 +308,7 @@ def send(now: Moment, before: DecisionState, state: DecisionState) -> OnTime:
             now, known.drive, state.sensed, lambda demand: strength.times(follows * demand)
         )
     lost = jnp.zeros_like(lane.weights, bool)
-    if lane.loss is not None and state.heard.arrivals is not None:
+    if (lane.loss is not None or lane.alarms_cut) and state.heard.arrivals is not None:
         lost = state.late.arrival(now).came & ~state.heard.arrivals
     return state.late.send(now, state.sensed, lost, known, told)
 

@@ -67,8 +67,14 @@ class Lane(NamedTuple):
 
     @property
     def lossy(self) -> bool:
-        """Whether a source may be unheard at a tick: by loss, lateness or networks in turn."""
-        return self.loss is not None or self.turns is not None or self.delay is not None
+        """Whether a source may be unheard at a tick: lost, late, in another network, cut off."""
+        channel = self.loss is not None or self.turns is not None or self.delay is not None
+        return channel or self.alarms_cut
+
+    @property
+    def alarms_cut(self) -> bool:
+        """Whether an alarm cuts a message or a link."""
+        return self.detector is not None and self.detector.acts
 
     @property
     def exact_words(self) -> bool:
@@ -103,6 +109,19 @@ class Lane(NamedTuple):
             found["vectors"] = xp.where(attacked[None, :, None], self.vectors, 0.0)
             if self.periods.weights is not None:
                 found["weights"] = of_number(self.periods.weights, number)
+        return found
+
+    def without(self, cut: Flags, given: dict[str, Any]) -> dict[str, Any]:
+        """What stands in place of fields of the lane if these links are cut, (slots, m, lanes).
+
+        `given` stands in their place otherwise. Rows are those of a network without the links.
+        """
+        xp, lane = cut.__array_namespace__(), self._replace(**given)
+        kept = xp.where(cut, 0.0, lane.weights)
+        share = xp.where(cut.any(axis=0), kept.sum(axis=0), 1.0)
+        found = given | {"weights": kept / xp.where(share > 0, share, 1.0)[None]}
+        if lane.strength is not None:
+            found["strength"] = lane.strength.within(share)
         return found
 
     def basis(self, time: Numbers) -> Basis:

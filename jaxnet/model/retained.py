@@ -97,6 +97,11 @@ class WithOwnWeight(NamedTuple):
         total = retained + self.own[None]
         return retained / total.__array_namespace__().where(total > 0, total, 1.0)
 
+    def within(self, share: Numbers) -> "WithOwnWeight":
+        """Strength of the rows of a network with this share of the weights, (m, lanes)."""
+        xp = share.__array_namespace__()
+        return WithOwnWeight(self.own / xp.where(share > 0, share, 1.0))
+
 
 class WeightsAsTheyAre(NamedTuple):
     """Strength of rows whose weights are not normalised."""
@@ -105,6 +110,10 @@ class WeightsAsTheyAre(NamedTuple):
 
     def of(self, retained: RowShares) -> RowShares:
         return self.total[None] * retained
+
+    def within(self, share: Numbers) -> "WeightsAsTheyAre":
+        """Strength of the rows of a network with this share of the weights, (m, lanes)."""
+        return WeightsAsTheyAre(self.total * share)
 
 
 RowStrength = WithOwnWeight | WeightsAsTheyAre

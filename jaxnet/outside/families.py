@@ -33,7 +33,8 @@ FAMILIES = {
     "sensing": Family("jaxnet.kinds.sensors", "Sensor", "jaxnet.sensors"),
     "loss": Family("jaxnet.kinds.losses", "Loss", "jaxnet.losses"),
     "noise": Family("jaxnet.kinds.noises", "ChannelNoise", "jaxnet.noises"),
-    "detector": Family("jaxnet.kinds.detectors", "Detector", "jaxnet.detectors"),
+    "detector": Family("jaxnet.kinds.detectors", "AnyDetector", "jaxnet.detectors"),
+    "observer": Family("jaxnet.kinds.observers", "Observer", "jaxnet.observers"),
     "metrics": Family("jaxnet.kinds.metrics", "Metric", "jaxnet.metrics"),
 }
 

@@ -95,8 +95,9 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
 
 
 def drops_messages(scenario: keys.Scenario) -> bool:
-    """Whether links may be out of force: a defence decides, or the channel loses messages."""
-    return scenario.defence.decides or not scenario.channel.loss.perfect()
+    """Whether links may be out of force: by a defence, by losses, or by alarms."""
+    lossless = scenario.channel.loss.perfect() and not scenario.detector.acts
+    return scenario.defence.decides or not lossless
 
 
 class Shard(NamedTuple):

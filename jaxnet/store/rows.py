@@ -103,9 +103,9 @@ class RowColumns(NamedTuple):
 def row_columns(study: Config, cells: Sequence[Cell]) -> RowColumns:
     """Columns of swept keys with their types, and columns on vehicles that decisions cut off.
 
-    A study whose defences cannot cut a vehicle off has none of the latter. Where they can, the
-    columns tell who and since when; where such vehicles coast, also how many and for how long.
-    Where vehicles may stop, a column tells how many did.
+    A study whose defences and alarms cannot cut a vehicle off has none of the latter. Where they
+    can, the columns tell who and since when; where such vehicles coast, also how many and for how
+    long. Where vehicles may stop, a column tells how many did.
     """
     swept = {}
     for key, label in cells[0].labels.items():
@@ -113,9 +113,9 @@ def row_columns(study: Config, cells: Sequence[Cell]) -> RowColumns:
         whole = bool(listed) and all(isinstance(value, int) for value in listed)
         number = pa.int64() if whole else pa.float64()
         swept[key] = pa.string() if isinstance(label, str) else number
-    defences = [cell.scenario.defence for cell in cells if cell.scenario.law.couples()]
-    isolation = list(ISOLATION) if any(defence.coasts() for defence in defences) else []
-    if not isolation and any(defence.decides for defence in defences):
+    coupled = [cell.scenario for cell in cells if cell.scenario.law.couples()]
+    isolation = list(ISOLATION) if any(one.defence.coasts() for one in coupled) else []
+    if not isolation and any(one.defence.decides or one.detector.cuts_links for one in coupled):
         isolation = ["cut_off", "cut_off_at"]
     stops = any(cell.scenario.vehicle.standstill == "stop" for cell in cells)
     if stops and "stopped" not in isolation:

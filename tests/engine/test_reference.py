@@ -225,6 +225,7 @@ def agree(keys, engine, h):
         assert apart[:, 0].max() <= 1e-5
     else:
         assert apart.max() <= (1e-7 if h == H else 1e-12)
+    return fleet
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,19 @@ class Speakers(NamedTuple):
     links: LinkErrors
 
 
+class Arrivals(NamedTuple):
+    """Messages that the channel lets through at a tick, and the memory of the loss."""
+
+    links: LinkFlags | None  # None where all arrive
+    memory: Memory
+
+    def without(self, cut: LinkFlags | None) -> "Arrivals":
+        """The messages but those that an alarm cuts."""
+        if self.links is None or cut is None:
+            return self
+        return self._replace(links=self.links & ~cut)
+
+
 class Reception(eqx.Module):
     """Messages of a tick: all arrive, live."""
 
@@ -61,8 +74,19 @@ class Reception(eqx.Module):
         """Messages that arrived, as a defence is told: None where all do."""
         return None
 
-    def next(self, now: Moment, late: OnTime, spoke: Speakers, speaking: Speakers) -> "Reception":
-        """Messages of a tick, with the substitutes that act from then on.
+    def arriving(self, now: Moment, late: OnTime) -> Arrivals:
+        """Messages that arrive at a tick."""
+        return Arrivals(None, None)
+
+    def next(
+        self,
+        now: Moment,
+        late: OnTime,
+        spoke: Speakers,
+        speaking: Speakers,
+        came: Arrivals,
+    ) -> "Reception":
+        """Messages of a tick that `came`, with the substitutes that act from then on.
 
         In the tick before, vehicles `spoke` so; from now on they are `speaking`.
         """
@@ -112,12 +136,16 @@ class Lossy(Reception):
     def arrivals(self):
         return self.arrived
 
-    def next(self, now, late, spoke, speaking):
-        messages, memory = messages_of(now, late), None
-        arrived = messages.present
-        if now.lane.loss is not None:
-            lost, memory = now.lane.loss.lost(messages, self.memory)
-            arrived = xla.materialised(lambda: messages.present & ~lost)
+    def arriving(self, now, late):
+        messages = messages_of(now, late)
+        if now.lane.loss is None:
+            return Arrivals(messages.present, None)
+        lost, memory = now.lane.loss.lost(messages, self.memory)
+        return Arrivals(xla.materialised(lambda: messages.present & ~lost), memory)
+
+    def next(self, now, late, spoke, speaking, came):
+        arrived, memory = came
+        assert arrived is not None
         heard = None if self.heard is None else self.heard | arrived
         there = replace(self, arrived=arrived, memory=memory, time=now.time, heard=heard)
         if self.substitutes is None:

@@ -23,7 +23,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine.moment import Instants, LinkFlags, Moment, PerAxis, Received, tell
+from jaxnet.engine.moment import (
+    Instants,
+    LinkFlags,
+    Moment,
+    PerAxis,
+    Received,
+    attacked_links,
+    tell,
+)
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.stages.known import (
     Drives,
@@ -71,7 +79,8 @@ class Past(NamedTuple):
     """
 
     messages: Said
-    jets: Said | None  # which listeners judge, of degree 1; None where nobody judges
+    jets: Said | None  # which listeners judge or test, of degree 1; None where nobody does
+    true: Float[Array, "*d orders 2 sources lanes"] | None  # jets; None: sensors do not err
     vectors: Float[Array, "*d 2 signals B lanes"] | None  # of attacks; None: always the lane's
     rounding: tuple[Float[Array, "*d 2 slots m lanes"], ...]  # errors of jets, if any
     ticks: Int[Array, "*d slots m lanes"] | None  # delays of messages; None if those of links
@@ -159,6 +168,14 @@ class OnTime(eqx.Module):
         """Jets that listeners judge by; `live` are those of this tick."""
         return live
 
+    def errors(self, now: Moment, live: Received) -> Received:
+        """What attacks, sensors and rounding add to messages; `live` is what they add now."""
+        return live
+
+    def attacked(self, now: Moment) -> LinkFlags:
+        """Links on which the message that arrives is attacked."""
+        return now.attacked_links()
+
 
 class Late(OnTime):
     """Messages that arrive some ticks later."""
@@ -185,6 +202,24 @@ class Late(OnTime):
         each = zip(arrival.of(self.past, on_links), now.navigator, strict=False)
         jets = tuple(jet - path[:, None, None] for jet, path in each)
         return plane.plus(jets, self.rounding(arrival)) if self.past.rounding else jets
+
+    def errors(self, now, live):
+        arrival, lane, hearing = self.arrival(now), now.lane, now.network.hearing
+
+        def on_links(sent: Past) -> Array:
+            assert sent.jets is not None
+            true = sent.jets.sources[:, 0] if sent.true is None else sent.true
+            told = sent.jets.on(hearing, sent.vectors_of(lane))[:, 0]
+            return told - jax.vmap(hearing.sent)(true)
+
+        errors = tuple(arrival.of(self.past, on_links))
+        return plane.plus(errors, self.rounding(arrival)) if self.past.rounding else errors
+
+    def attacked(self, now):
+        if self.past.vectors is None:
+            return now.attacked_links()
+        hearing = now.network.hearing
+        return self.arrival(now).of(self.past, lambda sent: attacked_links(hearing, sent.vectors))
 
     def rounding(self, arrival: Arrival) -> Received:
         each = range(len(self.past.rounding))
@@ -248,13 +283,13 @@ class Late(OnTime):
             delay = lane.delay.time if lane.delay.alike else None
             gains = message_gains(lane.gain, delay, now.plan.extrapolate)
             messages = Said(*(control.feedback(gains, each)[None] for each in messages))
-        if now.plan.decides:
-            relative = tell(sensed.of(now.errors))
-            each = [jet + at[:, None] for jet, at in zip(relative, now.navigator, strict=False)]
-            jets = Said(jnp.stack(each)[:, None], now.basis[: now.order, None])
+        if past.jets is not None:
+            told_jets = absolute(now, sensed.of(now.errors))
+            jets = Said(told_jets[:, None], now.basis[: now.order, None])
         latest = Past(
             messages,
             jets,
+            absolute(now, now.errors) if past.true is not None else None,
             lane.vectors if past.vectors is not None else None,
             rounding_errors(now, sensed) if past.rounding else (),
             lane.delay.draw(now.time, lane.weights.shape[:2]),
@@ -283,10 +318,11 @@ def first_late(lane: Lane, plan: Plan) -> OnTime:
     def said(*orders: int) -> Said:
         return Said(nothing(d, *orders, 2, 1 + m), nothing(d, *orders, lane.vectors.shape[2]))
 
-    drawn = lane.delay.draw(jnp.zeros(lanes), (slots, m))
+    drawn, tests = lane.delay.draw(jnp.zeros(lanes), (slots, m)), lane.detector is not None
     past = Past(
         messages=said(1 if alike else r + 1, degrees),
-        jets=said(r, 1) if plan.decides else None,
+        jets=said(r, 1) if plan.decides or tests else None,
+        true=nothing(d, r, 2, 1 + m) if tests and lane.sensor is not None else None,
         vectors=nothing(d, *lane.vectors.shape[:3]) if changing else None,
         rounding=() if lane.steps is None else (nothing(d, 2, slots, m),) * max(3, r),
         ticks=None if drawn is None else jnp.full((d, slots, m, lanes), NOT_ARRIVING, int),
@@ -294,6 +330,12 @@ def first_late(lane: Lane, plan: Plan) -> OnTime:
     # `tick.before_first` gives the drive its shape
     known = KnownDrive(Polynomial(nothing(degrees, 2, m)), nothing(1, m), lane.interval, nothing())
     return Late(past, nothing(degrees, 2), known)
+
+
+def absolute(now: Moment, errors: Jets) -> Float[Array, "orders 2 sources lanes"]:
+    """Jets of navigator and vehicles, relative to nobody, from those relative to the navigator."""
+    each = zip(tell(errors), now.navigator, strict=False)
+    return jnp.stack([jet + path[:, None] for jet, path in each])
 
 
 def oldest(past: Past) -> Past:

@@ -1,26 +1,40 @@
-"""Detectors: which messages raise an alarm at a tick (theorems.md O17)."""
+"""Detectors: which messages raise an alarm at a tick, and what an alarm does (theorems.md O17)."""
 
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 from jaxtyping import Float, Int
 
-from jaxnet.kinds.kind import Kind, KindError
-from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotSources
+from jaxnet.kinds.fields import Positive, setting
+from jaxnet.kinds.kind import Fault, Kind, KindError, broken
+from jaxnet.kinds.losses import unheard_faults
+from jaxnet.kinds.observers import Observer
+from jaxnet.kinds.observers.truth import Truth
+from jaxnet.kinds.registry import KindOf
+from jaxnet.kinds.shapes import (
+    LaneNumbers,
+    LaneTimes,
+    Memory,
+    SlotMask,
+    SlotSources,
+    SlotVectors,
+)
 
 
 class JudgedWords(NamedTuple):
     """The messages that arrive at a tick against their predictions, by slot.
 
-    `residuals` are received minus predicted jets, position first, each divided by the standard
-    deviation of its error; 0 in an order without errors. A listener has a slot for each source.
+    `residuals` are received minus predicted jets, position first, whitened by their covariance: of
+    independent orders each is divided by the standard deviation of its error. It is 0 in an order
+    without errors. A listener has a slot for each source.
     """
 
     time: LaneTimes  # of the tick [s]
     sources: SlotSources  # number of the source, 0 is the navigator
     residuals: Float[Any, "orders 2 slots m *lanes"]
     orders: Int[Any, "slots m *lanes"]  # number of orders with errors
-    judged: SlotMask  # whether a message arrived, and has errors
+    judged: SlotMask  # whether a message arrived that can be tested
     interval: LaneNumbers  # time from tick to tick [s]
+    apart: SlotVectors  # received minus predicted position [m]
 
 
 class AlarmRule(NamedTuple):
@@ -37,20 +51,62 @@ class AlarmRule(NamedTuple):
     squared: bool = True
 
 
-class Detector(Kind):
+class AnyDetector(Kind):
+    """Base class of all detectors; the class attributes are those of nobody who tests messages."""
+
+    if TYPE_CHECKING:
+        predicts: Any
+        cuts: Any
+        return_after: Any
+
+    present: ClassVar[bool] = False
+    whitens: ClassVar[bool] = True  # whether it needs the covariance of residuals
+
+    @property
+    def acts(self) -> bool:
+        """Whether an alarm changes what is heard."""
+        return self.cuts != "never"
+
+    @property
+    def cuts_links(self) -> bool:
+        """Whether an alarm takes a link out of the network."""
+        return self.cuts in ("link", "both_ways")
+
+    @property
+    def needs_variances(self) -> bool:
+        """Whether the variance of the errors of messages has to be known."""
+        return self.whitens or self.predicts.needs_variances
+
+    def rule(self, orders: int) -> AlarmRule | None:
+        """The test of a link with so many orders with errors; by default None, which is unknown."""
+        return None
+
+    def breaks(self):
+        return broken(every_message=self.acts, one_network=self.cuts_links)
+
+
+class Detector(AnyDetector):
     """A test of messages. A subclass gives `alarms`, and `start` if it has a memory.
 
-    An alarm has no effect on the fleet. Rows have the share of messages that raised one.
+    On a link that an alarm cuts, a memory starts anew: its leaves of shape (…, slots, m, lanes).
     """
 
     present: ClassVar[bool] = True
 
+    predicts: Annotated[Observer, KindOf("observer")] = setting(
+        Truth(), "what messages are compared with"
+    )
+    cuts: Literal["never", "message", "link", "both_ways"] = setting(
+        "never",
+        "what an alarm does from its tick on: never, nothing; message, the message counts as lost; "
+        "link, the listener ignores the source; both_ways, the source ignores the listener too",
+    )
+    return_after: Positive | None = setting(
+        None, "[s], after which a cut link returns; null: it never does"
+    )
+
     def start(self, words: JudgedWords) -> Memory:
         """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
-        return None
-
-    def rule(self, orders: int) -> AlarmRule | None:
-        """The test of a link with so many orders with errors; by default None, which is unknown."""
         return None
 
     def alarms(self, words: JudgedWords, memory: Any) -> tuple[SlotMask, Memory]:
@@ -70,3 +126,25 @@ class Detector(Kind):
             not judged do not count.
         """
         raise KindError(f"{self.kind}: a detector gives alarms(self, words, memory)")
+
+    def faults(self, scenario):
+        """Faults of errors that nobody knows, of no ticks, and of alarms that cut."""
+        yield from self.predicts.faults(scenario)
+        channel, known = scenario.channel, self.predicts.tells_covariance
+        noises = {"channel.noise": channel.noise, "sensing": scenario.sensing}
+        noisy = {key: noise for key, noise in noises.items() if not noise.exact()}
+        if scenario.tick == 0 and not self.acts:
+            yield Fault(("detector", "tick"), "messages are tested at ticks: give a tick")
+        if self.whitens and not known:
+            told = f"{self.predicts.kind} tells no covariance: give kind: distance"
+            yield Fault(("detector.predicts", "detector"), told)
+        if self.needs_variances and not (noisy or channel.rounded):
+            told = "no message has errors, so every other message is false:"
+            told += " give channel: {noise: {position: …}}"
+            yield Fault(("detector", "channel.noise"), told)
+        for key, noise in noisy.items():
+            if self.needs_variances and not noise.tells_deviations():
+                told = f"{noise.kind} tells no standard deviations of its errors"
+                yield Fault(("detector", key), told)
+        if self.acts:
+            yield from unheard_faults("detector.cuts", scenario)

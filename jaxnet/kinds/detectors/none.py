@@ -1,7 +1,10 @@
-from jaxnet.kinds.detectors import Detector
+from pydantic import ConfigDict
+
+from jaxnet.kinds.detectors import AnyDetector
 
 
-class NoDetector(Detector):
+class NoDetector(AnyDetector):
     """Nobody tests messages."""
 
-    present = False
+    model_config = ConfigDict(ignored_types=(object,))  # class attributes are no keys
+    predicts, cuts, return_after = None, "never", None

@@ -1,8 +1,10 @@
 """Losses: which messages a channel loses at a tick."""
 
+from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
 
 from jaxnet.kinds.kind import Fault, KindError, broken
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotNumbers, SlotSources
 from jaxnet.kinds.ticks import DrawsAtTicks
 
@@ -62,13 +64,18 @@ class Loss(DrawsAtTicks):
         return broken(every_message=not self.perfect())
 
     def faults(self, scenario):
-        if self.perfect():
-            return
-        if scenario.tick == 0:
-            yield Fault(("channel.loss", "tick"), "messages are lost at ticks: give a tick")
-        if scenario.defence.announcing():
-            message = "a defence by announcements needs every message: give loss: none"
-            yield Fault(("channel.loss", "defence"), f"{message}, or another defence")
-        if not scenario.law.takes_any_message():
-            message = f"under {scenario.law.kind} a vehicle has no drive to keep: give loss: none"
-            yield Fault(("channel.loss", "law"), message)
+        if not self.perfect():
+            yield from unheard_faults("channel.loss", scenario)
+
+
+def unheard_faults(key: str, scenario: ScenarioView) -> Iterator[Fault]:
+    """Faults of a key by which messages that were sent may not be heard."""
+    if scenario.tick == 0:
+        yield Fault((key, "tick"), "messages are lost at ticks: give a tick")
+    instead = "give detector.cuts: never" if key == "detector.cuts" else "give loss: none"
+    if scenario.defence.announcing():
+        message = f"a defence by announcements needs every message: {instead}"
+        yield Fault((key, "defence"), f"{message}, or another defence")
+    if not scenario.law.takes_any_message():
+        message = f"under {scenario.law.kind} a vehicle has no drive to keep: {instead}"
+        yield Fault((key, "law"), message)

@@ -94,7 +94,7 @@ def test_p_values_are_those_of_chi_squared():
         residuals[: vehicle + 1, :, 0, vehicle, 0] = size[vehicle]
     known = np.array([stats.chi2.sf(2 * (v + 1) * size[v] ** 2, 2 * (v + 1)) for v in range(4)])
     given = orders[..., 0], jnp.asarray(residuals), orders, judged
-    words = JudgedWords(np.zeros(1), *given, np.ones(1))
+    words = JudgedWords(np.zeros(1), *given, np.ones(1), residuals[0])
     for factor, expected in ((1.000001, True), (0.999999, False)):
         for vehicle in range(4):
             share = jnp.asarray(known[vehicle : vehicle + 1] * factor)
@@ -137,12 +137,12 @@ def test_a_link_is_attacked_only_while_it_is():
     ("keys", "words"),
     [
         ({"channel": {}}, "no message has errors"),
-        ({"channel": KEYS["channel"] | {"delay": 0.1}}, "delayed"),
+        ({"detector": {"kind": "distance"}, "tick": 0.0, "channel": {}}, "give a tick"),
         ({"detector": {"kind": "chi_squared", "false_alarms": 0.0}}, "greater than 0"),
         ({"detector": {"kind": "chi_squared", "false_alarms": 1.0}}, "less than 1"),
     ],
 )
 def test_what_is_refused(keys, words):
-    """Messages without errors need no test; delayed messages are not judged."""
+    """Messages without errors need no test; messages are tested at ticks."""
     with pytest.raises(ConfigError, match=words):
         systems.study(**KEYS | keys)

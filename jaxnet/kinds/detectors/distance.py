@@ -1,0 +1,18 @@
+from jaxnet.kinds.detectors import Detector
+from jaxnet.kinds.fields import Positive, setting
+from jaxnet.model.plane import length
+
+
+class Distance(Detector):
+    """A message raises an alarm if its position is farther than a length from the predicted one.
+
+    The errors of messages need not be known.
+    """
+
+    words = "distance test"
+    whitens = False
+
+    threshold: Positive = setting(1.0, "[m], the greatest distance without an alarm")
+
+    def alarms(self, words, memory):
+        return length(words.apart) > self.threshold[None, None], memory

@@ -1,0 +1,101 @@
+"""Observers: what a listener expects of the messages that it hears (docs/detectors.md).
+
+At each tick an observer compares the messages that arrive with what it expected. Then it learns
+from those that detectors left. Jets are absolute: nobody is subtracted from them.
+"""
+
+from typing import Any, ClassVar, NamedTuple
+
+from jaxtyping import Float
+
+from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.shapes import (
+    LaneNumbers,
+    LaneTimes,
+    Memory,
+    SlotMask,
+    SlotNumbers,
+    SlotSources,
+    StackedJets,
+)
+
+ByOrder = Float[Any, "orders slots m *lanes"]
+LinkJets = Float[Any, "orders 2 slots m *lanes"]  # [m, m/s, …]
+
+
+class HeardWords(NamedTuple):
+    """The messages of a tick, by slot. A listener has a slot for each source.
+
+    Attributes
+    ----------
+    time, interval
+        Time of the tick, and from tick to tick [s], (lanes,).
+    sources
+        Numbers of the sources, (slots, m); 0 is the navigator.
+    weights
+        Weights of the network in force, (slots, m, lanes); 0 on a link that an alarm has cut.
+    arrived
+        Whether a message arrives. `advance` is not told of those that an alarm has cut.
+    received
+        Jets in each message, below the vehicles' order. A delayed message has those of the tick at
+        which it was sent.
+    errors
+        `received` minus the true jets of the source at that tick.
+    variances
+        Variance of the errors on an axis, by order; 0 in an order without errors, and where neither
+        observer nor detector needs it.
+    own
+        Jets of the listeners at this tick, as they sense them, (orders, 2, m, lanes).
+    """
+
+    time: LaneTimes
+    interval: LaneNumbers
+    sources: SlotSources
+    weights: SlotNumbers
+    arrived: SlotMask
+    received: LinkJets
+    errors: LinkJets
+    variances: ByOrder
+    own: StackedJets
+
+
+class Compared(NamedTuple):
+    """Messages against their predictions.
+
+    Attributes
+    ----------
+    residuals
+        Received minus predicted jets.
+    covariance
+        Covariance of a residual on an axis, (orders, orders, slots, m, lanes); or its variances,
+        (orders, slots, m, lanes), where orders are independent. None: unknown.
+    known
+        Messages for which there is a prediction.
+    """
+
+    residuals: LinkJets
+    covariance: Float[Any, "..."] | None
+    known: SlotMask
+
+
+class Observer(Kind):
+    """A prediction of messages. A subclass gives `compared`, and `start` and `advance` for a
+    memory.
+
+    On a link that an alarm cuts, a memory starts anew: its leaves of shape (…, slots, m, lanes).
+    """
+
+    tells_covariance: ClassVar[bool] = True  # whether that of its residuals is known
+    needs_variances: ClassVar[bool] = False  # whether it needs those of messages
+
+    def start(self, heard: HeardWords) -> Memory:
+        """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
+        return None
+
+    def compared(self, heard: HeardWords, memory: Any) -> Compared:
+        """The messages of a tick against what was expected, with the memory of the last tick."""
+        raise KindError(f"{self.kind}: an observer gives compared(self, heard, memory)")
+
+    def advance(self, heard: HeardWords, memory: Any) -> Memory:
+        """The memory after a tick, without the messages that an alarm has cut."""
+        return memory
