@@ -240,6 +240,8 @@ REFERENCES = {
     "ChangingVehicles": "[{at: […], sets: […]}](#other-vehicles-from-given-times-on)",
     "EachOrder": "[one for each order](#a-magnitude-for-each-order)",
     **dict.fromkeys(("Apiece", "Shared", "Listed"), EACH),
+    "Anchoring": "{scale: c, rate: γ}",
+    "Observed": "{honest: α, liar: α}",
     "NearestSources": "{nearest: n}",
     "Samples": "{samples: […]}",
     "ShareOfLinks": "{share: s, seed: n}",

@@ -71,7 +71,8 @@ def greatest_strength(scenario: Scenario) -> float:
     """Greatest factor of a row of the graph in a local law (`Graph.strength`)."""
     rows = scenario_graph(scenario).weights.T[None]
     strength = scenario.topology.strength(rows, scenario.navigator.present)
-    return 1.0 if strength is None else float(strength.of(np.ones((1, *rows.shape[::2]))).max())
+    most = 1.0 if strength is None else float(strength.of(np.ones((1, *rows.shape[::2]))).max())
+    return max(1.0, most) if scenario.defence.anchors() else most
 
 
 def links_of(scenario: Scenario) -> Digraph:
@@ -202,6 +203,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "consistent": "attacked links announce {announced}, not what they carry",
     "added path": "the attack adds no given path with its derivatives",
     "no decisions": "the defence decides",
+    "unheld": "the defence holds vehicles to their starts",
     "drops": "channel.missing is not drop",
     "steady delay": "channel.delay is drawn",
     "ticks": "there are no ticks",
@@ -242,6 +244,7 @@ def breaks(scenario: Scenario) -> set[str]:
         "filtered": not scenario.filter.present,
         "true places": attack.present,
         "no decisions": scenario.defence.decides,
+        "unheld": scenario.defence.anchors(),
         "drops": channel.missing != "drop",
         "steady delay": is_drawn(channel.delay),
         "ticks": scenario.tick == 0,

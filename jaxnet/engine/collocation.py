@@ -138,7 +138,7 @@ class Collocation(Following[CollocationState]):
         """Whether the jerk of vehicles changes at every tick."""
         lane = self.lane
         changing = lane.sensor is not None or not lane.exact_words or lane.delay is not None
-        return lane.law.needs_ticks() or changing
+        return lane.law.needs_ticks() or changing or lane.defence.anchors()
 
     def hold(self, state, decided, at):
         """Factorise the Laplacian where a weight changed, and end the window there.

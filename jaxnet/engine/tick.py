@@ -23,7 +23,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.moment import Instants, LaneFlags, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.stages import coasting, detection, judging
+from jaxnet.engine.stages import anchoring, coasting, detection, judging
+from jaxnet.engine.stages.anchoring import Anchor, Pull
 from jaxnet.engine.stages.channel import (
     Lossy,
     Reception,
@@ -145,6 +146,7 @@ class DecisionState(eqx.Module):
     alarms: detection.Alarms
     judged: judging.Judged
     coasting: Coasting
+    anchor: Anchor
 
     def of(self, lane: Lane) -> Lane:
         """The lane with what is in force until the next tick."""
@@ -171,8 +173,18 @@ class DecisionState(eqx.Module):
             weights, known = jnp.zeros_like(weights), self.late.known
         else:
             known = self.live_known(lane, weights)
-        strength = self.row_strength(lane)
+        weights, known, strength = self.held(lane, weights, known)
         return Drive(weights, lane.vectors, self.sensed, self.coasting, strength, known)
+
+    def held(
+        self, lane: Lane, weights: AxisWeights, known: Known
+    ) -> tuple[AxisWeights, Known, Strength]:
+        """Weights, known drives and strengths, of vehicles that may be held to their starts."""
+        strength = self.row_strength(lane)
+        if not self.anchor.present:
+            return weights, known, strength
+        pull = self.anchor.held(lane, Pull(weights, known, strength.rows(weights)))
+        return pull.weights, pull.known, Strength(pull.strength)
 
     def row_strength(self, lane: Lane) -> Strength:
         if lane.strength is None:
@@ -226,6 +238,7 @@ class DecisionState(eqx.Module):
         if self.links.present or self.late.present:
             lanes = jnp.ones_like(lanes)
         lanes = self.coasting.changed(before.coasting, lanes)
+        lanes = self.anchor.changed(before.anchor, lanes)
         for now, then in zip(*map(jax.tree.leaves, (self.instead, before.instead)), strict=True):
             lanes = lanes | xla.in_any_row(now != then)
         return lanes, vehicles
@@ -250,6 +263,7 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         alarms=alarms,
         judged=judging.first_judged(now),
         coasting=first_coasting(lane),
+        anchor=anchoring.first_anchor(lane),
     )
     if isinstance(late, Late):
         state = replace(state, late=replace(late, known=state.late_known(now)))
@@ -262,7 +276,8 @@ def decide(now: Moment, before: DecisionState) -> DecisionState:
     lane = now.lane
     given = lane.instead(now.time)
     instead = before.alarms.instead(lane, given, now.time)
-    state = replace(before, sensed=before.sensed.next(now), instead=instead)
+    sensed, anchor = before.sensed.next(now), before.anchor.next(now)
+    state = replace(before, sensed=sensed, anchor=anchor, instead=instead)
     now = now._replace(lane=state.of(lane))
     if lane.defence.hears_messages():
         now = now._replace(told=drives_told(now, before.sensed, state.sensed))
@@ -301,11 +316,13 @@ def send(now: Moment, before: DecisionState, state: DecisionState) -> OnTime:
         held = held_derivative(now, before.sensed) if law.couples() else jnp.zeros_like(now.last)
         told = tuple(jet[None] for jet in (*state.sensed.of(now.own), held))
     elif law.tells_motion(now.plan.extrapolate != "none"):
-        strength, follows = state.row_strength(lane), 1.0
+        _, held, strength = state.held(lane, jnp.zeros_like(state.weights(lane)), known)
+        assert isinstance(held, KnownDrive)
+        follows = 1.0
         if not law.couples():
-            follows = (known.share > 0).astype(float)
+            follows = (held.share > 0).astype(float)
         told = motion_told(
-            now, known.drive, state.sensed, lambda demand: strength.times(follows * demand)
+            now, held.drive, state.sensed, lambda demand: strength.times(follows * demand)
         )
     lost = jnp.zeros_like(lane.weights, bool)
     if (lane.loss is not None or lane.alarms_cut) and state.heard.arrivals is not None:

@@ -342,6 +342,13 @@ def median(number: Number) -> float:
     return number
 
 
+def mean(number: Number) -> float:
+    match number:
+        case DiscreteChoice(choice=values):
+            return statistics.fmean(values)
+    return median(number)
+
+
 # For each limit: index of the bound to compare, comparison, words, keyword of the JSON schema.
 LIMITS = {
     "gt": (0, operator.gt, "greater than", "exclusiveMinimum"),

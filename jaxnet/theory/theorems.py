@@ -13,6 +13,7 @@ from jaxnet.theory import (
     announced,
     certificate,
     delay,
+    misjudged,
     noise,
     rounds,
     safe,
@@ -36,7 +37,7 @@ class Theorem(NamedTuple):
 AT_LAST = ("leader", *MOTION)
 AS_ASKED = ("flat", "unfiltered", "continuous")
 LIVE = (*AS_ASKED, "one network", "every message", "on time")
-OF_LAWS = ("one gain", *LIVE, "small")
+OF_LAWS = ("one gain", *LIVE, "unheld", "small")
 OF_ERRORS = ("solved", "one gain", "alike", *LIVE, "unrounded messages", "ticks")
 OF_DELAY = (*AS_ASKED, "one network", "every message", "no decisions", "steady delay", "small")
 MEAN_SQUARE = ("one gain", *AS_ASKED, "one network", "on time", "drops", "no decisions", "small")
@@ -76,6 +77,7 @@ THEOREMS = (
     Theorem("O16", "follows lines", (*OF_DELAY, "solved"), delay.follows_lines),
     Theorem("O16", "greatest delay", (*OF_DELAY, "solved", "one gain"), delay.greatest_delay),
     Theorem("O16", "growth when late", (*OF_DELAY, "one gain"), delay.growth_when_late),
+    Theorem("Yemini et al. 2022", "misjudged", (), misjudged.misjudged),
     Theorem("O11", "safe", AT_LAST, safe.safe_vehicles),
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),

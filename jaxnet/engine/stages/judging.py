@@ -64,7 +64,7 @@ class Decided(Judged):
             weights = with_sum_one(jnp.where(arrived, weights, 0.0), axis=0)
         messages = messages_now(now, late, links, heard)
         around = surroundings(now, self.memory, weights, arrived, messages)
-        observed = lane.defence.observed(received, now.time)
+        observed = lane.defence.judges_by(received, now.time)
         decision, memory = lane.defence.decide(own, observed, self.decision, self.memory, around)
         usable = jnp.broadcast_to(lane.weights > 0, decision.shape)  # other slots never count
         if decision.dtype == bool:

@@ -2,16 +2,19 @@
 knows of itself.
 """
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.fields import NotNegative, OneOf, Record, setting
+from jaxnet.kinds.fields import NotNegative, OneNumber, OneOf, Record, setting
 from jaxnet.kinds.kind import Fault, KindError, unknown_vehicles
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import (
     AnyMask,
     Decision,
+    LaneNumbers,
     LaneTimes,
     Memory,
     SlotJets,
@@ -89,7 +92,16 @@ class AnyDefence(DrawsAtTicks):
 
     decides: ClassVar[bool] = False
     claims: ClassVar[frozenset[str]] = frozenset(
-        {"guarantee", "promise", "retained", "may_drop", "safe", "describe", "tolerates"}
+        {
+            "guarantee",
+            "promise",
+            "retained",
+            "may_drop",
+            "safe",
+            "describe",
+            "tolerates",
+            "observes",
+        }
     )
     guarantee: ClassVar[str] = "none is known"
 
@@ -108,6 +120,25 @@ class AnyDefence(DrawsAtTicks):
     def coasts(self) -> bool:
         """Whether vehicles that decisions cut off from the navigator keep their last drive."""
         return self.isolated == "coast"
+
+    def anchoring(self, time: LaneTimes) -> LaneNumbers | None:
+        """The share λ, 0 to 1, by which vehicles are held to their own starts from a tick on.
+
+        None, the default, means never. Only a local law knows it. `time` (lanes,) is in s.
+        """
+        return None
+
+    def anchors(self) -> bool:
+        """Whether `anchoring` gives a share."""
+        return False
+
+    def observes(self) -> tuple[OneNumber, OneNumber, float] | None:
+        """What an observation α of an honest source is, that of a liar, and when motion begins [s].
+
+        An observation is the probability of 1, else of 0, or a distribution of numbers from 0 to 1.
+        None, the default, if vehicles do not sum independent observations.
+        """
+        return None
 
     def draws(self):
         return self.noise is not None and self.noise != 0
@@ -144,7 +175,7 @@ class AnyDefence(DrawsAtTicks):
         """Whether it judges R of the messages at a tick. It then decides on missing ones too."""
         return False
 
-    def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
+    def judges_by(self, received: SlotJets, time: LaneTimes) -> SlotJets:
         """Received jets with the noise of the decision; the law uses the jets without it."""
         return received if self.noise is None else self.noisy(received, self.noise, time)
 
@@ -310,6 +341,20 @@ class Defence(AnyDefence):
         elif self.coasts() and scenario.tick == 0:
             message = "coast: a vehicle keeps its drive from tick to tick: give a tick, or fail"
             yield Fault(("defence.isolated", "tick"), message)
+        if self.anchors():
+            yield from anchor_faults(scenario)
+
+
+def anchor_faults(scenario: ScenarioView) -> Iterator[Fault]:
+    """What cannot be held to its start."""
+    law, vehicle, held = scenario.law, scenario.vehicle, "vehicles that are held to their starts"
+    if law.couples() or law.by_link:
+        yield Fault(("defence", "law"), f"{held} need law: local")
+    elif vehicle.singular:
+        message = f"{held} may come to rest, where {vehicle.kind} is singular"
+        yield Fault(("defence", "vehicle"), message)
+    elif scenario.formation.moves:
+        yield Fault(("defence", "formation"), f"{held} need a formation that stands")
 
 
 class Sparing(Defence):

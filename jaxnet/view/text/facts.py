@@ -19,6 +19,7 @@ from jaxnet.theory.case import Case
 from jaxnet.theory.certificate import HonestPaths
 from jaxnet.theory.clipping import Unclipped
 from jaxnet.theory.integer import RobustnessBracket
+from jaxnet.theory.misjudged import Misjudged
 from jaxnet.theory.rounds import Stability
 from jaxnet.theory.run_lengths import MeanRun
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
@@ -57,6 +58,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         "Assumption 1": told.get("honest paths", ""),
         **defence.describe(graph, at_once, trusted),
         "guarantee": told.get("agreement", defence.promise()),
+        "misjudged": told.get("misjudged", ""),
         "cut off": told.get("cut off", ""),
         "apart": told.get("apart", why_not_apart(scenario)),
         "alarms": told.get("runs", ""),
@@ -442,11 +444,27 @@ def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
     )
 
 
+def misjudged_words(found: list[Misjudged], scenario: Scenario) -> str:
+    """Probabilities after numbers of observations, exact where known, and their bounds."""
+    told = "probabilities that an honest source is dropped, and a liar kept:"
+    for number, each in enumerate(found):
+        known = "at most {:.4g}, {:.4g}".format(*each.bounds)
+        if np.isfinite(each.dropped):
+            known = f"{chances(each.dropped, each.kept)} ({known})"
+        told += f"{';' * (number > 0)} {known} after {each.after}" + " observation" * (number == 0)
+    return told
+
+
+def chances(*each: float) -> str:
+    return ", ".join("below 1e-12" if one < 1e-12 else f"{one:.4g}" for one in each)
+
+
 # What a theorem's value says, by its quantity.
 PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": norm_words,
     "honest paths": path_words,
     "apart": lambda least, scenario: f"steered points that start {least:g} m apart or more stay so",
+    "misjudged": misjudged_words,
     "cut off": lambda lost, scenario: f"{ranges(lost)} may be, if they drop the wrong sources",
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"

@@ -46,7 +46,7 @@ RULES = [
     TrustedOnly.filled({"trusted": {}}),
 ]
 # The latter two in both engines: tests/engine/test_reference.py
-REMEMBERING = {"trust", "trusted_trim", "vote"}
+REMEMBERING = {"reputation", "trust", "trusted_trim", "vote"}
 
 
 @pytest.mark.long

@@ -182,6 +182,7 @@ def test_random_trust_errs_as_often_as_coins_do():
     attacked[2:] = True
     chance = np.random.default_rng(0).random(lanes)
     keys = {"observation": "random", "drop_trusted": False, "accuracy": np.full(lanes, accuracy)}
+    keys |= {"observed": None}
     rule = Trust.filled(keys | {"key": jnp.asarray(chance)})
     weights = jnp.ones((4, 1, lanes))
     nobody, truth = jnp.zeros((4, 1), bool), jnp.asarray(attacked)
