@@ -162,6 +162,9 @@ class Fleet:
         self.attack, self.defence, self.law = keys["attack"], keys["defence"], keys["law"]["kind"]
         self.holds = self.law == "rounds" or keys["law"].get("hold", False)
         self.r, self.m, self.k = len(keys["gain"]), keys["vehicles"], np.append(keys["gain"], 1.0)
+        self.damping = np.zeros(self.r)  # gains of own derivatives, compared with nobody's
+        if keys["law"].get("damping") == "absolute":
+            self.damping[1:], self.k[1:] = self.k[1:-1], 0.0
         topology = keys["topology"]
         self.networks = [self.weights_of(each) for each in topology.get("networks", [topology])]
         self.links = [(int(i), int(j)) for i, j in np.argwhere(sum(self.networks) > 0)]
@@ -241,7 +244,7 @@ class Fleet:
                 jets = self.navigator(time) + self.signal(time, i, j)
             else:
                 jets = jets + self.signal(time, i, j)
-        if self.law == "local" and j > 0:
+        if self.law == "local" and (j > 0 or self.k[-1] == 0):
             jets = jets * (np.arange(self.r + 1) < self.r)[:, None]
         return jets
 
@@ -466,8 +469,12 @@ class Fleet:
     def solved(self, n, free, shares, known, live, top):
         """Highest derivatives at the nodes, (m, nodes, 2), where `top` was held until now."""
         m, count = self.m, DEGREE + 1
-        fed_back = np.einsum("k,ickx->icx", self.k[:-1], free + self.noise[:, None])
-        flow = sum(self.k[k] * self.integrals[self.r - k] for k in range(self.r))
+
+        def of_gain(gain):
+            felt = np.einsum("k,ickx->icx", gain, free + self.noise[:, None])
+            return felt, sum(gain[k] * self.integrals[self.r - k] for k in range(self.r))
+
+        (fed_back, flow), (damped, own_flow) = map(of_gain, (self.k[:-1], self.damping))
         right, graph = np.zeros((m, count, 2)), np.zeros((m, m, 2))
         for (i, j), values in known.items():
             right[i] += shares[i, j] * values
@@ -486,7 +493,7 @@ class Fleet:
                     if j > 0 and not self.is_replaced(i, j):
                         right[i] += shares[i, j] * (new[j - 1] - before[j - 1])
                 top, demand = new, right - fed_back
-            solved += (demand * hears[:, None])[:, :1]
+            solved += (demand * hears[:, None] - damped)[:, :1]
             for i, kept in self.kept.items():
                 solved[i] = kept
             return solved
@@ -497,8 +504,9 @@ class Fleet:
             drive = right[:, :, x]
             if self.law == "exact":
                 drive = np.linalg.solve(np.eye(m) - graph[:, :, x], drive)
-            matrix = np.eye(m * count) + np.kron(own, flow)
-            values = np.linalg.solve(matrix, (drive - own @ fed_back[:, :, x]).ravel())
+            matrix = np.eye(m * count) + np.kron(own, flow) + np.kron(np.eye(m), own_flow)
+            right_side = drive - own @ fed_back[:, :, x] - damped[:, :, x]
+            values = np.linalg.solve(matrix, right_side.ravel())
             solved[:, :, x] = values.reshape(m, count)
         return solved
 

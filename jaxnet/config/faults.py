@@ -208,6 +208,10 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
         if isinstance(each, EachPosition | EachVehicle) and len(each.root) != scenario.vehicles:
             told = f"must be {scenario.vehicles} {nouns}, one for each vehicle"
             yield Fault((f"initial.{key}", "vehicles"), f"{told} (got {len(each.root)})")
+    speed, vehicle = scenario.initial.speed, scenario.vehicle
+    if vehicle.singular == 1 and value_range(speed)[0] == 0:
+        told = f"must be greater than 0, for {vehicle.kind} is singular at rest"
+        yield Fault(("initial.speed", "vehicle"), f"{told} (got {shorten_value(speed)})")
     kinds = {key: getattr(scenario, key) for key in KINDS}
     kinds |= {f"channel.{key}": getattr(scenario.channel, key) for key in ("loss", "noise")}
     for key, kind in kinds.items():

@@ -27,9 +27,9 @@ from jaxnet.kinds.fields import (
     Gains,
     NotNegative,
     NotNegativeByOrder,
+    NotNegativeOfEach,
     NumberOfEach,
     Positions,
-    PositiveOfEach,
     Record,
     Uniform,
     VehicleGains,
@@ -82,7 +82,7 @@ class Initial(Record):
         default=Uniform(uniform=[-PI, PI]),
         description="[rad], from the first axis, or a list with the heading of each vehicle",
     )
-    speed: PositiveOfEach = Field(
+    speed: NotNegativeOfEach = Field(
         default=Uniform(uniform=[0.2, 0.4]),
         description="[m/s], forwards, or a list with the speed of each vehicle",
     )

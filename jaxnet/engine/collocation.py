@@ -234,7 +234,7 @@ class Collocation(Following[CollocationState]):
         known = jax.vmap(lambda time: signals(lane, time))(state.signals.time[None] + times)
         now = jax.tree.map(lambda leaf: leaf[: gauss.STAGES], known)
         coasted = gauss.coasted(state.jets, times[: gauss.STAGES])
-        inverse = gauss.linear(lane.law.own_gain(lane.gain), length)
+        inverse = gauss.linear(lane.law.own_gain(lane.own_gain), length)
         at_start = tuple(jnp.abs(jet) for jet in state.jets)
 
         def over_tolerance(change: Sequence[PerAxis], size: Jets) -> Instants:

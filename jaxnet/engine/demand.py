@@ -45,9 +45,10 @@ def local_jerk(lane: Lane, network: Network, drive: Drive, own: Jets, now: Signa
     """The r-th derivative that the local law asks for; `own` are the jets that vehicles sense."""
     attack, hearing = signal.jets(drive.vectors, now.basis), network.hearing
     silent = drive.known.silent((drive.weights == 0).all(axis=1))
-    demand = control.local_demand(own, now.navigator, attack, hearing, drive.weights, lane.gain)
-    demand = drive.known.plus(jnp.where(silent, 0.0, demand), now.time)
-    return drive.strength.times(demand)
+    heeded = lane.law.heeds_highest(hearing.sources)
+    given = own, now.navigator, attack, hearing, drive.weights, lane.gain, heeded
+    demand = drive.known.plus(jnp.where(silent, 0.0, control.local_demand(*given)), now.time)
+    return control.damped(drive.strength.times(demand), lane.damping, own)
 
 
 def demand_by_link(

@@ -95,10 +95,13 @@ def after_span(
     """The jets a span later, and a bound on the norm of y^(r) on the way.
 
     `span` may be negative, or 0. `jets` are those of the outputs at `time`. A row of the law's
-    matrix sums to `2 s Σ k` at most in absolute value, which bounds the rates.
+    matrix sums to `2 s Σ k` at most in absolute value, plus the gains of damping, which bounds the
+    rates.
     """
     strength = drive.strength.greatest(lane)
     rate = jnp.maximum(1.0, 2 * strength * control.norms(lane.gain).sum(axis=0))
+    if lane.damping is not None:
+        rate = rate + control.norms(lane.damping).sum(axis=0)
     needed = jnp.ceil(jnp.abs(span) * rate / LONGEST)
     pieces = jnp.maximum(1, jnp.where(jnp.isfinite(needed), needed, 1.0).max().astype(int))
     piece = span / pieces.astype(float)
@@ -119,8 +122,9 @@ def by_series(
     span = jnp.where(stays, 1.0, span)
     order, forcing = len(jets), forcing_of(lane, time, span)
     powers = [span**k for k in range(order + 1)]
-    gain = jnp.stack([lane.gain[k] * powers[order - k] for k in range(order)])
-    lane = lane._replace(gain=gain)
+    lane = lane._replace(gain=control.in_ticks(lane.gain, powers))
+    if lane.damping is not None:
+        lane = lane._replace(damping=control.in_ticks(lane.damping, powers))
     still = tuple(jnp.zeros_like(jet) for jet in jets)
     noise = in_ticks(drive.sensed.of(still), powers)
     added = drive.known.derivatives(time, span, order, jets[0])

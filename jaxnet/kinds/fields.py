@@ -384,7 +384,7 @@ class Each:
 Positive = Annotated[Number, Within(gt=0.0)]
 NotNegative = Annotated[Number, Within(ge=0.0)]
 NotNegativeByOrder = Annotated[Magnitudes, Within(ge=0.0)]
-PositiveOfEach = Annotated[NumberOfEach, Within(gt=0.0)]
+NotNegativeOfEach = Annotated[NumberOfEach, Within(ge=0.0)]
 PositivePerVehicle = Annotated[PerVehicle, Within(gt=0.0)]
 Probability = Annotated[Number, Within(ge=0.0, le=1.0)]
 Angle = Annotated[PerVehicle, Each(), Field(description="[rad]")]

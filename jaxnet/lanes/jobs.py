@@ -82,6 +82,7 @@ def lanes_of(scenario: Scenario, draw: Draw, sources: np.ndarray, gain: Any) -> 
     topology, attack, own = scenario.topology, scenario.attack, scenario.own_gains
     loss, noise, detector = scenario.channel.loss, scenario.channel.noise, scenario.detector
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
+    gain, damping = scenario.law.parts(gain)
     formation, safety = scenario.formation, scenario.filter
     prove_presumed(scenario, vehicle)
     navigator = scenario.navigator.drawn(draw, "navigator")
@@ -119,6 +120,7 @@ def lanes_of(scenario: Scenario, draw: Draw, sources: np.ndarray, gain: Any) -> 
         steps=steps_of(scenario, draw),
         detector=tree(detector.drawn(draw, "detector")) if detector.present else None,
         formation=tree(formation.drawn(draw, "formation")) if formation.present else None,
+        damping=damping,
         filter=tree(safety.drawn(draw, "filter")) if safety.present else None,
     )
 

@@ -15,7 +15,7 @@ unknowns.
 """
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxnet.model.hearing import AxisWeights, Hearing
 from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
@@ -74,6 +74,11 @@ def drive_vectors(gain: Gain, vectors: Vectors) -> Float[Array, "2 _ driving *la
     return vectors
 
 
+def in_ticks(gain: Gain, powers: list[Float[Array, " lanes"]]) -> Gain:
+    """Gains with time counted in ticks; `powers` are those of a tick [s], up to the order."""
+    return jnp.stack([each * powers[len(gain) - k] for k, each in enumerate(gain)])
+
+
 def norms(gain: Gain) -> Float[Array, "r *lanes"]:
     """The absolute gains; of matrices, their Frobenius norms."""
     return (gain**2).sum(axis=(1, 2)) ** 0.5 if is_matrix(gain) else abs(gain)
@@ -100,16 +105,22 @@ def local_demand(
     hearing: Hearing,
     weights: AxisWeights,
     gain: Gain,
+    heeded: Bool[Array, "slots m"],
 ) -> Float[Array, "2 m *lanes"]:
     """`q = a0 ⊗ y_0^(r) - P(ε)`, for which no neighbour tells its r-th derivative.
 
-    The navigator tells its r-th derivative to those who hear it. `own`, `navigator` and `signals`
-    are the jets of the vehicles (2, m, lanes), the navigator (2, lanes) and the attacks (2,
-    signals, lanes).
+    The navigator tells its r-th derivative to those who hear it, on `heeded` links. `own`,
+    `navigator` and `signals` are the jets of the vehicles (2, m, lanes), the navigator (2, lanes)
+    and the attacks (2, signals, lanes).
     """
     path, attack, order = feedback(gain, navigator), feedback(gain, signals), len(gain)
     nothing = jnp.zeros_like(own[0])
     highest = jnp.concatenate([navigator[order][:, None], nothing], axis=1)
-    ahead = jnp.where((hearing.sources == 0)[None, ..., None], weights, 0.0)
+    ahead = jnp.where(heeded[None, ..., None], weights, 0.0)
     below = demand(own, path, attack, hearing, weights, gain)
     return below + hearing.mean(ahead, highest, signals[order])
+
+
+def damped(demand: PlaneArray, damping: Gain | None, own: OrderedJets) -> PlaneArray:
+    """A demand less the damping of a vehicle's own derivatives, if there is any."""
+    return demand if damping is None else demand - feedback(damping, own)

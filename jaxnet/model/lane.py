@@ -63,6 +63,7 @@ class Lane(NamedTuple):
     detector: Any = None  # None where nobody tests messages
     formation: Any = None  # None where all vehicles go to one place
     filter: Any = None  # None where vehicles move as the law asks
+    damping: Gain | None = None  # gains of own derivatives, compared with nobody's; None: 0
 
     @property
     def lossy(self) -> bool:
@@ -72,6 +73,11 @@ class Lane(NamedTuple):
     @property
     def exact_words(self) -> bool:
         return self.noise is None and self.steps is None
+
+    @property
+    def own_gain(self) -> Gain:
+        """The gains of a vehicle's own jets: those of differences from others, and of damping."""
+        return self.gain if self.damping is None else self.gain + self.damping
 
     @property
     def singular(self) -> bool:

@@ -36,5 +36,11 @@ class Case:
         return dense(self.situation.graph)
 
     @cached_property
+    def parts(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, " r"]]:
+        """The gains of differences from neighbours, and those of own derivatives."""
+        compared, damping = self.scenario.law.parts(self.gain[None])
+        return compared[0], np.zeros_like(self.gain) if damping is None else damping[0]
+
+    @cached_property
     def gain(self) -> Float[np.ndarray, " r"]:
         return np.array([median(each) for each in self.scenario.gain])

@@ -87,7 +87,8 @@ def growth_when_late(case: Case) -> float | None:
     if not law.couples() and scenario.topology.strength(rows, leads) is not None:
         return None
     along, tick = deviating(case, case.weights), scenario.tick
-    message = message_factors(case.gain, channel.delay, channel.extrapolate, not law.couples())
+    told = case.parts[0]
+    message = message_factors(told, channel.delay, channel.extrapolate, not law.couples())
     ticks = round(channel.delay / tick)
     return late_growth(along, case.gain, message, tick, ticks) if len(along) else None
 

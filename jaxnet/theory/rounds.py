@@ -33,23 +33,37 @@ def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:
     return np.unique(np.real(found) + 1j * np.abs(np.imag(found)))
 
 
-def growth(mu: LoopFactor, gain: LawGain, tick: float, pull: LoopFactor | None = None) -> float:
+def growth(
+    mu: LoopFactor,
+    gain: LawGain,
+    tick: float,
+    pull: LoopFactor | None = None,
+    damping: LawGain | float = 0.0,
+) -> float:
     """Factor of the slowest motion at each tick, the greatest over all μ: stable below 1.
 
     With s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps its precision
     for short ticks.
     """
-    return float(np.abs(1 + tick * np.linalg.eigvals(loop_rates(mu, gain, tick, pull))).max())
+    rates = loop_rates(mu, gain, tick, pull, damping)
+    return float(np.abs(1 + tick * np.linalg.eigvals(rates)).max())
 
 
-def loop_rates(mu: LoopFactor, gain: LawGain, tick: float, pull: LoopFactor | None = None) -> Loops:
+def loop_rates(
+    mu: LoopFactor,
+    gain: LawGain,
+    tick: float,
+    pull: LoopFactor | None = None,
+    damping: LawGain | float = 0.0,
+) -> Loops:
     """`(M - 1)/h` for each μ, with M the matrix of (E, Ė, …, q) from one tick to the next.
 
-    The tick's new q is `μ q - pull P(E)`. The default pull is 1 - μ.
+    The tick's new q is `μ q - pull P(E) - D(E)`. The default pull is 1 - μ. D has the gains
+    `damping`.
     """
     mu, r = np.atleast_1d(np.asarray(mu, complex)), len(gain)
     integrators, entry = held_rates(r, tick)
-    wanted = -np.multiply.outer(1 - mu if pull is None else pull, gain)
+    wanted = -np.multiply.outer(1 - mu if pull is None else pull, gain) - damping
     rates = np.zeros((len(wanted), r + 1, r + 1), complex)
     rates[:, :r, :r] = integrators + entry[:, None] * wanted[:, None]
     rates[:, :r, r] = entry * mu[:, None]
@@ -95,13 +109,14 @@ def bisected(holds: Callable[[float], bool]) -> float:
     return low
 
 
-def local_rate(eigenvalues: np.ndarray, gain: LawGain) -> float:
+def local_rate(eigenvalues: np.ndarray, gain: LawGain, damping: LawGain | float = 0.0) -> float:
     """Rate of the slowest motion under the local law at every instant [1/s]: stable below 0.
 
-    Along an eigenvector of A with eigenvalue λ the rates are the roots of `s^r + (1 - λ) P(s)`.
+    Along an eigenvector of A with eigenvalue λ the rates are the roots of `s^r + (1 - λ) P(s) +
+    D(s)`. D has the gains `damping`.
     """
-    pulls = (1 - eigenvalues)[:, None] * gain[::-1]
-    return max(float(np.roots([1.0, *each]).real.max()) for each in pulls)
+    pulls = np.multiply.outer(1 - eigenvalues, gain) + damping
+    return max(float(np.roots([1.0, *each[::-1]]).real.max()) for each in pulls)
 
 
 def least_rounds(weights: Weights, gain: LawGain, tick: float) -> tuple[int, int] | None:
@@ -148,7 +163,7 @@ def stability(case: Case) -> Stability | None:
     """Stability of the fleet's law, of which the strict rows are those of honest sources."""
     scenario, (graph, attacked, _, kept) = case.scenario, case.situation
     law, attack = scenario.law, scenario.attack
-    gain, tick = case.gain, scenario.tick
+    (gain, damping), tick = case.parts, scenario.tick
     if law.solves():
         return None
     fixed = None if kept is None else kept.fixed
@@ -164,8 +179,12 @@ def stability(case: Case) -> Stability | None:
     iterates, while_retained = law.iterates(), fixed is None
     least = least_rounds(weights, gain, tick) if iterates else None
     if not law.needs_ticks():
-        return Stability(local_rate(along, gain), None, iterates, least, False, while_retained)
-    grown = growth(0 * along, gain, tick, 1 - along) if left is None else growth(left, gain, tick)
+        rate = local_rate(along, gain, damping)
+        return Stability(rate, None, iterates, least, False, while_retained)
+    if left is None:
+        grown = growth(0 * along, gain, tick, 1 - along, damping)
+    else:
+        grown = growth(left, gain, tick)
     return Stability(grown, tick, iterates, least, elsewhere, while_retained)
 
 

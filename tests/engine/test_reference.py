@@ -139,6 +139,7 @@ TWO_VOTE = {"defence": VOTE["defence"] | {"theta": {3: 1, 4: 1}}}
 TURNS = {"every": 0.4}
 LATE = {"missing": "drop", "delay": 0.2}
 BY_MESSAGE = {"delay": {"uniform": [0.1, 0.3]}, "delay_of": "message", "missing": "hold"}
+DAMPED, DAMPED_HELD = ({**each, "damping": "absolute"} for each in (LOCAL, HELD))
 THREE_ROUNDS = {"kind": "rounds", "rounds": 3}
 
 # engine, law, order of the vehicles, channel, other keys
@@ -155,6 +156,12 @@ CELLS = {
     "local and held, late": ("exact", HELD, 1, LATE | LOSS, W_MSR),
     "local, continued": ("exact", LOCAL, 2, LOSS | {"missing": "extrapolate"}, ERRS),
     "local, late": ("exact", LOCAL, 3, LATE | {"extrapolate": "jets"}, {}),
+    "damped": ("exact", DAMPED, 3, LOSS | {"missing": "extrapolate"}, ERRS),
+    "damped and held, late": ("exact", DAMPED_HELD, 2, LATE | LOSS | LOWER_NOISE, ERRS | W_MSR),
+    "damped, late": ("exact", DAMPED, 3, LATE | {"extrapolate": "jets"}, ERRS),
+    "damped, held messages": ("exact", DAMPED_HELD, 4, LOSS | {"missing": "hold"}, W_MSR),
+    "nonlinear, damped": ("nonlinear", DAMPED, 2, LOSS | {"missing": "hold"}, ERRS),
+    "stacked, damped": ("stacked", DAMPED, 3, LOSS, ERRS),
     "networks that take turns": ("exact", EXACT, 3, {"quantisation": 0.2}, TURNS | W_MSR),
     "vote": ("exact", EXACT, 3, NOISE, VOTE | ERRS),
     "vote, lost": ("exact", EXACT, 2, LOSS, VOTE | ERRS),
@@ -176,7 +183,8 @@ CELLS = {
     "stacked": ("stacked", EXACT, 3, LOSS | NOISE, ERRS | W_MSR),
 }
 LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "nonlinear, local"}
-LONG |= {"three rounds, replaced", "stacked"}
+LONG |= {"three rounds, replaced", "stacked", "damped, late", "damped, held messages"}
+LONG |= {"nonlinear, damped", "stacked, damped"}
 LONG |= {each for each in CELLS if each.startswith("vote")} - {"vote, lost", "vote, local and held"}
 
 

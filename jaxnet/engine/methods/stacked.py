@@ -35,7 +35,7 @@ from jaxnet.engine.stages.sensing import Sensed
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.tick import Drive, Strength
 from jaxnet.kinds.fields import Number, Positive, Within
-from jaxnet.model import signal
+from jaxnet.model import control, signal
 from jaxnet.model.control import Gain, is_matrix
 from jaxnet.model.lane import Lane, Network
 
@@ -255,7 +255,8 @@ def lane_field(
     direct = weights
     if not lane.law.couples():  # only the navigator tells its r-th derivative
         graph = jnp.zeros_like(graph)
-        direct = jnp.where((hearing.sources == 0)[None, ..., None], weights, 0.0)
+        heeded = lane.law.heeds_highest(hearing.sources)
+        direct = jnp.where(heeded[None, ..., None], weights, 0.0)
         silent = (weights == 0).all(axis=1) & (drive.known.row_share(weights) == 0)
         error = jnp.where(silent[None], 0.0, error)
     highest = drive.known.plus(received(direct, jnp.zeros_like(own[0]), order), now)
@@ -267,7 +268,7 @@ def lane_field(
         vehicles.drift(lane, there, now),
         decoupling,
         graph,
-        strength * highest,
+        control.damped(strength * highest, lane.damping, own),
         strength[None] * error,
     )
     inputs = stacked_inputs(*(each[..., 0] for each in (*given, lane.gain)))

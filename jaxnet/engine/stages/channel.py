@@ -241,7 +241,7 @@ def spoken(now: Moment, spoke: Speakers, speakers: Speakers) -> LinkDrives:
     sent = (jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=True))
     received = tuple(map(hearing.received, sent, speakers.signals))
     highest = links.of_highest(received[order], order)
-    leads = (hearing.sources == 0)[None, ..., None]
+    leads = lane.law.heeds_highest(hearing.sources)[None, ..., None]
     jets = *links.of(received[:order]), jnp.where(leads | tells, highest, 0.0)
     nothing = [jnp.zeros_like(highest)] * len(jets)
     rates = [control.driven(gain, [*jets[k:], *nothing]) for k in range(1 if holds else len(jets))]

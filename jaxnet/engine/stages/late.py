@@ -200,7 +200,7 @@ class Late(OnTime):
             self.past, lambda sent: sent.messages.on(hearing, sent.vectors_of(lane))
         )
         if not lane.law.couples():  # the highest derivative is told by the navigator alone
-            leads = (hearing.sources == 0)[..., None]
+            leads = lane.law.heeds_highest(hearing.sources)[..., None]
             orders = [*orders[:-1], jnp.where(leads, orders[-1], 0.0)]
         messages = orders[0]
         if len(orders) > 1:
@@ -356,18 +356,21 @@ def known_parts(now: Moment, orders: int) -> tuple[Array, Array]:
 def motion_told(
     now: Moment, drive: Polynomial, sensed: Sensed, strength: Callable[[PerAxis], PerAxis]
 ) -> tuple[Drives, ...]:
-    """y, ẏ, …, y^(r) from now on, by the power series of `y^(r) = s (z - P(y + n))`.
+    """y, ẏ, …, y^(r) from now on, by the power series of `y^(r) = s (z - P(y + n)) - D(y + n)`.
 
-    `strength` multiplies by s. In the series, time is counted in ticks.
+    `strength` multiplies by s, and D is the damping. In the series, time is counted in ticks.
     """
-    gain, order, interval = now.lane.gain, now.order, now.lane.interval
+    lane, order, interval = now.lane, now.order, now.lane.interval
     powers = [interval**k for k in range(order + 1)]
     series = [scaled(jet, powers[k]) for k, jet in enumerate(now.own)]
     first = [scaled(jet, powers[k]) for k, jet in enumerate(sensed.of(now.own))]
-    gain = jnp.stack([each * powers[order - k] for k, each in enumerate(gain)])
+    gain, damping = control.in_ticks(lane.gain, powers), lane.damping
+    if damping is not None:
+        damping = control.in_ticks(damping, powers)
 
     def further(own: Jets, term: PerAxis) -> tuple[Jets, PerAxis]:
         new = strength(scaled(term, powers[order]) - control.feedback(gain, own))
+        new = control.damped(new, damping, own)
         return (*own[1:], new), new
 
     # A loop, as XLA would compute a term again in each later one: 1.5 times, 12 vehicles.

@@ -11,6 +11,7 @@ from jaxnet.kinds.shapes import (
     LaneGains,
     LaneTimes,
     SlotJets,
+    SlotLinks,
     SlotSources,
     VehicleVectors,
 )
@@ -87,6 +88,14 @@ class Law(Kind):
         keep their drive. It does not depend on the strength of a row of weights.
         """
         return not self.local
+
+    def heeds_highest(self, sources: SlotSources) -> SlotLinks:
+        """The slots whose source tells a highest derivative that a local law heeds."""
+        return sources == 0
+
+    def parts(self, gain: Any) -> tuple[Any, Any]:
+        """The gains of differences from neighbours, and those of own derivatives, or None."""
+        return gain, None
 
     def takes_any_message(self) -> bool:
         """Whether messages may be lost, delayed or err."""
