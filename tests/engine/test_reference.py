@@ -185,7 +185,7 @@ CELLS = {
 LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "nonlinear, local"}
 LONG |= {"three rounds, replaced", "stacked", "lost and dropped"}
 LONG |= {each for each in CELLS if each.startswith("vote")} - {"vote, lost", "vote, local and held"}
-LONG |= {"three rounds, replaced", "stacked", "damped, late", "damped, held messages"}
+LONG |= {"damped, late", "damped, held messages"}
 LONG |= {"nonlinear, damped", "stacked, damped"}
 
 
