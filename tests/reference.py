@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.linalg import expm
+from scipy.stats import chi2
 
 from jaxnet.engine.stages.late import DrawnDelay
 from jaxnet.kinds.losses import Loss
@@ -80,6 +81,14 @@ class Swinging(Sensor):
     size: Any
     pace: Any
 
+    def tells_deviations(self):
+        """As if errors were normal."""
+        return True
+
+    def deviations(self):
+        """Of three orders."""
+        return [self.size] * 3
+
     def errors(self, time, vehicles):
         """Three orders."""
         vehicle, axis = jnp.arange(float(vehicles))[None, :, None], jnp.arange(2.0)[:, None, None]
@@ -94,6 +103,14 @@ class Humming(ChannelNoise):
     size: Any
     pace: Any
     orders: str
+
+    def tells_deviations(self):
+        """As if errors were normal."""
+        return True
+
+    def deviations(self):
+        """Of three orders."""
+        return [self.size] * 3
 
     def errs_in_highest(self):
         """Errors of all orders, or of the lower ones."""
@@ -173,7 +190,8 @@ class Fleet:
         self.believed = np.ones((self.m, self.m + 1, 2), bool)
         self.noise, self.fails_at = np.zeros((self.m, self.r, 2)), None
         self.detector = keys.get("detector", {"cuts": "never"})
-        self.alarms, self.places, self.until = 0, [], {}  # places by tick; ends of cuts by link
+        self.alarms, self.true, self.until = 0, [], {}  # jets by tick; ends of cuts by link
+        self.filters, self.sums = {}, {}  # by link
 
     def weights_of(self, topology):
         """Normalised weights of a list of edges."""
@@ -192,20 +210,71 @@ class Fleet:
         return weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
 
     def cut(self, n, arrived):
-        """Messages without those that a distance test cuts; it may cut their links too."""
+        """Messages without those that an alarm cuts; it may cut their links too."""
         given, left = self.detector, dict(arrived)
-        if given["cuts"] == "never":
-            return left
-        for (i, j), b in arrived.items():
+        for (i, j), b in arrived.items() if given["cuts"] != "never" else ():
+            predicted, spread = self.predicted(i, j, b)
             if b is None:
                 continue
-            told = (self.at_tick[b][i, j] + self.rounding[b][i, j] + self.errors[i, j])[0]
-            if np.linalg.norm(told - self.places[b][j]) > given["threshold"]:
-                left[i, j], self.alarms = None, self.alarms + 1
-                back = [(j - 1, i + 1)] if j > 0 and given["cuts"] == "both_ways" else []
-                for link in [(i, j), *back] if given["cuts"] != "message" else []:
-                    self.until[link] = n * self.h + (given.get("return_after") or math.inf)
+            told = self.at_tick[b][i, j] + self.rounding[b][i, j] + self.errors[i, j]
+            told = told[: self.r]
+            if predicted is None or not self.alarm((i, j), told - predicted, spread):
+                self.learn((i, j), told, predicted, spread)
+                continue
+            left[i, j], self.alarms = None, self.alarms + 1
+            back = [(j - 1, i + 1)] if j > 0 and given["cuts"] == "both_ways" else []
+            for link in [(i, j), *back] if given["cuts"] != "message" else []:
+                self.until[link] = n * self.h + (given.get("return_after") or math.inf)
+        for link, until in self.until.items():
+            if until > n * self.h + 1e-9:
+                self.filters.pop(link, None)
+                self.sums.pop(link, None)
         return left
+
+    def variance(self, j):
+        """Variances of messages, by order."""
+        total = np.zeros(self.r) + np.array(self.channel["quantisation"]) ** 2 / 12
+        for errors in (self.channel["noise"], self.keys["sensing"] if j > 0 else None):
+            total[:3] += getattr(errors, "size", 0.0) ** 2
+        return total
+
+    def predicted(self, i, j, b):
+        """Jets that a listener expects, None if it knows none, and covariance of the residual."""
+        if self.detector.get("predicts") is None:
+            return None if b is None else self.true[b][j], np.diag(self.variance(j))
+        if (i, j) not in self.filters:
+            return None, None
+        jets, spread = self.filters[i, j]
+        moved, push = expm(self.h * np.diag(np.ones(self.r - 1), 1)), np.zeros((self.r, 1))
+        push[:, 0] = [self.h**k / math.factorial(k) for k in range(self.r, 0, -1)]
+        push = self.detector["predicts"]["unknown"] * push
+        spread = moved @ spread @ moved.T + push @ push.T
+        self.filters[i, j] = moved @ jets, spread
+        return moved @ jets, spread + np.diag(self.variance(j))
+
+    def learn(self, link, told, predicted, spread):
+        """A filter's update with a message."""
+        if self.detector.get("predicts") is None:
+            return
+        if predicted is None:
+            self.filters[link] = told, np.diag(self.variance(link[1]))
+            return
+        jets, before = self.filters[link]
+        gain = before @ np.linalg.inv(spread)
+        self.filters[link] = jets + gain @ (told - predicted), before - gain @ before
+
+    def alarm(self, link, residual, spread):
+        """Whether a residual raises an alarm."""
+        given = self.detector
+        if given["kind"] == "distance":
+            return np.linalg.norm(residual[0]) > given["threshold"]
+        z = np.einsum("kx,kl,lx", residual, np.linalg.inv(spread), residual)
+        if given["kind"] == "cusum":
+            total = max(0.0, self.sums.get(link, 0.0) + z - given["drift"])
+            self.sums[link] = 0.0 if total > given["threshold"] else total
+            return total > given["threshold"]
+        last = self.sums[link] = [*self.sums.get(link, []), z][-given["window"] :]
+        return chi2.sf(sum(last), 2 * len(last) * self.r) < given["false_alarms"]
 
     def navigator(self, time):
         """Jets of the path."""
@@ -335,7 +404,7 @@ class Fleet:
         self.errors = {link: self.word_errors(n, *link) for link in links}
         if n == 0 and self.channel["missing"] != "drop" and self.channel["delay"] == 0:
             self.know_the_start(jets)
-        self.places.append(np.concatenate([self.navigator(t + np.zeros(1))[0, :1], jets[:, 0]]))
+        self.true.append([self.navigator(t + np.zeros(1))[0, : self.r], *jets])
         arrived = self.cut(n, {link: self.arrival(n, *link) for link in links})
         weights = self.network(n)
         arrived = {link: b if weights[link] > 0 else None for link, b in arrived.items()}

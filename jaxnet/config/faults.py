@@ -16,7 +16,7 @@ from jaxnet.config.keys import (
 from jaxnet.config.scenario import greatest_strength
 from jaxnet.kinds.fields import EachOrder, EachPosition, EachVehicle, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.metrics import DETECTION, Metric
+from jaxnet.kinds.metrics import WITH_DETECTOR, Metric
 from jaxnet.kinds.refusals import shorten_value
 from jaxnet.model import axis
 from jaxnet.outside import blame
@@ -121,7 +121,7 @@ def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     if odd := [*odd, *(name for name in own if not name.isidentifier())]:
         told = f"a metric's name must be a column's own (got {', '.join(odd)})"
         yield Fault(("metrics",), told)
-    shares = [name for name in own if name in DETECTION]
+    shares = [name for name in own if name in WITH_DETECTOR]
     if shares and not any(cell.detector.present for cell in cells):
         told = f"no message is judged without a detector (got {', '.join(shares)})"
         yield Fault(("metrics",), told)

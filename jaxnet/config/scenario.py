@@ -185,6 +185,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "unrounded messages": "channel.quantisation is on",
     "white": "errors are drawn, correlated in time, or have outliers",
     "every message": "channel.loss is on (theorems need every message)",
+    "uncut": "alarms cut messages or links (theorems need every message)",
     "on time": "channel.delay is on (theorems need messages on time)",
     "one network": "networks take turns (theorems need one network)",
     "alike": "networks, weights or gains are drawn for each lane",
@@ -209,7 +210,8 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "ticks": "there are no ticks",
     "small": "there are more than {most:,} vehicles",
 }
-EVERY_MESSAGE = ("exact sensors", "exact messages", "every message", "on time", "one network")
+EVERY_MESSAGE = ("exact sensors", "exact messages", "every message", "uncut", "on time")
+EVERY_MESSAGE += ("one network",)
 # At last (theorems.md O1)
 MOTION = (*EVERY_MESSAGE, "solved", "flat", "unfiltered", "continuous", "settled")
 BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)

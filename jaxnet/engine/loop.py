@@ -365,7 +365,7 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
         next_time=jnp.where(ticks < clock.outputs * clock.ticks, later, jnp.inf),
         leads=lane.navigator.present,
         alarms=decided.alarms.shares,
-        links=decided.alarms.links(decided.of(lane), network.hearing, time),
+        links=decided.alarms.links(lane._replace(vectors=drive.vectors), network.hearing, time),
         tallies={name: until_now(tally, fleet) for name, tally in fleet.tallies.items()},
     )
     return as_told(lane, time, basis, seen) if motion.plan.as_told else seen

@@ -35,7 +35,7 @@ class Theorem(NamedTuple):
 
 
 AT_LAST = ("leader", *MOTION)
-AS_ASKED = ("flat", "unfiltered", "continuous")
+AS_ASKED = ("flat", "unfiltered", "uncut", "continuous")
 LIVE = (*AS_ASKED, "one network", "every message", "on time")
 OF_LAWS = ("one gain", *LIVE, "unheld", "small")
 OF_ERRORS = ("solved", "one gain", "alike", *LIVE, "unrounded messages", "ticks")

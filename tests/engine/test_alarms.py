@@ -46,7 +46,17 @@ CELLS = {
     "nonlinear": ("nonlinear", EXACT, 3, LOSS | NOISE, SOON | ERRS | W_MSR),
     "sampled": ({"kind": "sampled"}, HELD, 1, LOSS | OF_JETS, SOON | ERRS),
 }
-SHORT = {"messages that are also lost", "both ways, for ever", "sampled"}
+KALMAN = {"predicts": {"kind": "kalman", "unknown": 3.0}, "return_after": 0.4}
+SUM = {"kind": "cusum", "drift": 4.5, "threshold": 4.0}
+WINDOW = {"kind": "chi_squared", "false_alarms": 0.3, "window": 4}
+WITH_MEMORY = {
+    "window": ("exact", EXACT, 3, LOSS | NOISE, WINDOW | {"cuts": "message"}, ERRS),
+    "sum": ("nonlinear", LOCAL, 2, LOSS | OF_JETS, SUM | {"cuts": "link", "return_after": 0.4}, {}),
+    "filter": ("exact", EXACT, 2, LOSS | NOISE, SUM | KALMAN | {"cuts": "both_ways"}, ERRS | W_MSR),
+    "filter, late": ("exact", ROUNDS, 3, LATE | NOISE, WINDOW | KALMAN | {"cuts": "link"}, TRIM),
+}
+CELLS |= {name: (*c[:4], {"detector": c[4]} | c[5]) for name, c in WITH_MEMORY.items()}
+SHORT = {"filter", "messages that are also lost", "both ways, for ever", "sampled"}
 
 
 @pytest.mark.parametrize(

@@ -40,12 +40,15 @@ class TestedLinks(NamedTuple):
         Links of the network in force with and without an attack, (slots, m, lanes).
     cut
         Links that an alarm has cut, (slots, m, lanes); None where alarms cut none.
+    isolated
+        Time [s] of the first tick at which all attacked links were cut, (lanes,); infinite before.
     """
 
     first: Float[Array, "2 slots m *lanes"]
     attacked: Bool[Array, "slots m *lanes"]
     honest: Bool[Array, "slots m *lanes"]
     cut: Bool[Array, "slots m *lanes"] | None
+    isolated: Float[Array, "*lanes"]
 
 
 class Alarms(eqx.Module):
@@ -90,6 +93,7 @@ class Detection(Alarms):
     first: Float[Array, "2 slots m lanes"]  # as in `TestedLinks`
     memory: Memory  # of the detector
     observed: Memory  # of its observer
+    isolated: Instants  # as in `TestedLinks`
     cut: LinkFlags | None  # messages of this tick that are not heard; None where alarms cut none
     until: Float[Array, "slots m lanes"] | None  # [s] to which links are cut; None: no link ever is
 
@@ -129,6 +133,10 @@ class Detection(Alarms):
         if until is not None:
             cut, first = is_cut(until, now.time), first_memories(lane, heard)
             memories = jax.tree.map(lambda new, old: anew(cut, new, old), first, memories)
+            attacked = (whole.weights > 0) & now.attacked_links()
+            isolated = attacked.any(axis=(0, 1)) & ~(attacked & ~cut).any(axis=(0, 1))
+            since = jnp.where(isolated, now.time, jnp.inf)
+            found = replace(found, isolated=jnp.minimum(self.isolated, since))
         return replace(found, memory=memories[0], observed=memories[1])
 
     @property
@@ -143,7 +151,7 @@ class Detection(Alarms):
         whole = lane._replace(**lane.instead(time))
         linked, attacked = whole.weights > 0, attacked_links(hearing, lane.vectors)
         cut = None if self.until is None else is_cut(self.until, time)
-        return TestedLinks(self.first, linked & attacked, linked & ~attacked, cut)
+        return TestedLinks(self.first, linked & attacked, linked & ~attacked, cut, self.isolated)
 
     @property
     def shares(self):
@@ -161,6 +169,7 @@ def first_alarms(lane: Lane, hearing: Hearing) -> Alarms:
         first=jnp.full((2, *lane.weights.shape), jnp.nan),
         memory=memory,
         observed=observed,
+        isolated=jnp.full_like(lane.attack_scale, jnp.inf),
         cut=jnp.zeros(lane.weights.shape, bool) if detector.acts else None,
         until=never if detector.cuts_links else None,
     )

@@ -82,7 +82,7 @@ class AnyDetector(Kind):
         return None
 
     def breaks(self):
-        return broken(every_message=self.acts, one_network=self.cuts_links)
+        return broken(uncut=self.acts)
 
 
 class Detector(AnyDetector):

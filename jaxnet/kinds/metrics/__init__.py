@@ -13,6 +13,8 @@ from jaxnet.outside.modules import KindError
 
 AGREEMENT = ("spread", "outside")  # metrics that rows have where there is no navigator
 DETECTION = ("alarms", "false_alarms")  # metrics that rows have where there is a detector
+# Metrics that need a detector
+WITH_DETECTOR = (*DETECTION, "first_alarm", "isolation_time", "run_length", "wrongly_cut")
 
 Over = Literal["run", "tail"]
 Reduction = Literal["mean", "max", "min"]

@@ -1,0 +1,103 @@
+"""Times of alarms, links cut wrongly and run lengths, where a detector from outside alarms."""
+
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.config.document import ConfigError
+from jaxnet.kinds.detectors import Detector
+from tests import systems
+
+EDGES = [[i, i - 1, 1.0] for i in range(1, 5)] + [[i, i + 1, 1.0] for i in range(1, 4)]
+
+
+class Planned(Detector):
+    """Alarms about given links from given times [s] on: [listener, source, time]."""
+
+    whitens = False
+    plan: list[list[float]]
+
+    def alarms(self, words, memory):
+        listeners = np.arange(1, 1 + words.sources.shape[1])[None]
+        found = words.judged & False
+        for listener, source, time in self.plan:
+            there = (listeners == int(listener)) & (words.sources == int(source))
+            late = words.time > time - 1e-9
+            found = found | (there[..., None] & late[None, None])
+        return found, memory
+
+
+def measured(metric, **keys):
+    study = {
+        "engine": "exact",
+        "vehicles": 4,
+        "topology": {"kind": "edges", "edges": EDGES},
+        "law": "local",
+        "vehicle": "single_integrator",
+        "defence": "none",
+        "attack": {"kind": "bias", "magnitude": 1.0, "vehicles": [2]},
+        "detector": Planned(plan=[[1, 2, 0.4], [3, 2, 1.15], [2, 1, 0.75]], cuts="link"),
+        "tick": 0.05,
+        "output_step": 0.5,
+        "horizon": 2.0,
+        "tail": 1.0,
+        "metrics": [metric],
+    }
+    study = systems.study(**{**study, **keys})
+    outcome = systems.simulate(systems.lanes(study, 2, save=()))
+    name = metric if isinstance(metric, str) else metric["kind"]
+    assert (outcome.status == 0).all()
+    assert (outcome.metrics[name] == outcome.metrics[name][0]).all()
+    return outcome.metrics[name][0]
+
+
+def first(**keys):
+    return {"kind": "first_alarm", **keys}
+
+
+@pytest.mark.parametrize(
+    ("metric", "known"),
+    [
+        (first(), 0.4),
+        (first(which="last"), 1.15),
+        (first(of="honest"), 0.75),
+        (first(of="honest", which="last"), np.inf),
+        (first(listener=3, source=2), 1.15),
+        (first(of="honest", listener=4, source=3), np.inf),
+        ("isolation_time", 1.15),
+        # of 5 honest links; the tail begins at 1 s
+        ("wrongly_cut", 1 / 5),
+        # Until the alarm 15 messages on one link, itself among them 16; 41 on four links
+        ({"kind": "run_length"}, 16 + 4 * 41),
+        ({"kind": "run_length", "of": "attacked"}, (9 + 24) / 2),
+    ],
+)
+def test_what_is_measured_is_what_was_planned(metric, known):
+    """Vehicle 2 lies to 1 and 3. A link that is cut is not tested any more."""
+    assert measured(metric) == pytest.approx(known)
+
+
+def test_a_link_that_returns_raises_alarms_again():
+    """It is cut at 0.4, 0.9, 1.4 and 1.9 s for half a second: all along."""
+    cut = Planned(plan=[[1, 2, 0.4]], cuts="link", return_after=0.5)
+    assert measured({"kind": "run_length", "of": "attacked"}, detector=cut) == (8 + 4 + 41) / 4
+    both = Planned(plan=[[2, 1, 0.4]], cuts="both_ways")
+    assert measured("wrongly_cut", detector=both) == 1 / 5  # and an attacked one
+    assert measured("isolation_time", detector=both) == np.inf
+
+
+def test_a_study_without_detector_has_no_alarms_to_time():
+    with pytest.raises(ConfigError, match="no message is judged without a detector"):
+        systems.study(metrics=["first_alarm"])
+    with pytest.raises(ConfigError, match="give listener and source"):
+        systems.study(metrics=[first(listener=1)])
+    keys = {"vehicles": 4, "detector": {"kind": "distance"}}
+    with pytest.raises(ConfigError, match="there are 4 vehicles"):
+        systems.study(metrics=[first(listener=5, source=1)], **keys)
+    sweep = {"engine": "exact", "sweep": {"detector": ["none", "distance"]}}
+    rows = jaxnet.simulate(
+        {**sweep, "horizon": 1.0, "tail": 0.5, "metrics": ["first_alarm", "wrongly_cut"]}, 1
+    ).lanes
+    assert np.isinf(rows["first_alarm"][0])
+    assert rows["first_alarm"][1] == 0.0
+    assert rows["status"].tolist() == ["ok", "ok"]
