@@ -361,8 +361,8 @@ def unseen_words(found: UnseenLie, scenario: Scenario) -> str:
 
 
 def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:
-    line = "; while alarms cut nothing" * scenario.detector.acts
-    line += f"; in phase they move a vehicle by {found.steady:.4g} m beside what errors do"
+    when = ", while alarms cut nothing" * scenario.detector.acts
+    line = f"; in phase they move a vehicle by {found.steady:.4g} m beside what errors do{when}"
     if np.isfinite(found.most):
         line += f"; no lie about positions that raises none moves one by over {found.most:.4g} m"
     return line
