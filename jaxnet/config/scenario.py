@@ -207,6 +207,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "unheld": "the defence holds vehicles to their starts",
     "drops": "channel.missing is not drop",
     "steady delay": "channel.delay is drawn",
+    "foretold": "messages are compared with what {one.detector.predicts.kind} expects",
     "ticks": "there are no ticks",
     "small": "there are more than {most:,} vehicles",
 }
@@ -249,6 +250,7 @@ def breaks(scenario: Scenario) -> set[str]:
         "unheld": scenario.defence.anchors(),
         "drops": channel.missing != "drop",
         "steady delay": is_drawn(channel.delay),
+        "foretold": not scenario.detector.foretells(),
         "ticks": scenario.tick == 0,
         "small": scenario.vehicles > MOST_INVERTED,
     }

@@ -30,8 +30,8 @@ def deviations(case: Case) -> list[float]:
 
 def tested(case: Case) -> tuple[AlarmRule | None, int]:
     """The rule of a link from a vehicle, and the number of orders with errors."""
-    orders = sum(size > 0 for size in deviations(case))
-    return (case.scenario.detector.rule(orders) if orders else None), orders
+    detector, orders = case.scenario.detector, sum(size > 0 for size in deviations(case))
+    return (detector.rule(orders) if orders and not detector.drawn_keys() else None), orders
 
 
 class AlarmRuns(NamedTuple):
@@ -42,6 +42,7 @@ class AlarmRuns(NamedTuple):
     of: str  # link or vehicle
     fleet: MeanRun | None  # a false one about any of these; None where their errors depend
     lie: MeanRun | None  # one about a steady lie of ā in positions
+    along: bool  # whether that lie is along the direction of the test
 
 
 def alarm_runs(case: Case) -> AlarmRuns | None:
@@ -56,7 +57,7 @@ def alarm_runs(case: Case) -> AlarmRuns | None:
         lie = mean_run(rule, orders, given / position)
     number, of = independent(case)
     fleet = mean_run(rule, orders, links=number) if number else None
-    return AlarmRuns(link, number, of, fleet, lie)
+    return AlarmRuns(link, number, of, fleet, lie, not rule.squared)
 
 
 def independent(case: Case) -> tuple[int, str]:

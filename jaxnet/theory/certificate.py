@@ -4,12 +4,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Int
 
 from jaxnet.config.scenario import MOST_INVERTED
 from jaxnet.kinds.kind import vehicle_numbers
+from jaxnet.lazy import sparse
 from jaxnet.model import graph, safety
-from jaxnet.model.graph import Digraph
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.theory.case import Case
+
+MOST_CUT = 20  # sets of attacked links of which wrong cuts are counted
 
 
 def inverse_norm_of(case: Case) -> float | None:
@@ -45,6 +49,52 @@ def droppable(case: Case) -> list[int] | None:
     network, _, trusted, _ = case.situation
     drops = case.scenario.defence.may_drop(network, trusted)
     return vehicle_numbers(~safety.stay_joined(drops, np.ones(network.vehicles, bool))) or None
+
+
+class Isolation(NamedTuple):
+    """Reach of what is left where alarms have cut all attacked links."""
+
+    lost: list[int] | None  # vehicles, from 1, cut off in some lane; None for too many drawn sets
+    wrong: int  # least number of further links whose cut parts another vehicle; 0 if not computed
+    whom: list[int]  # the vehicles that so few can part
+
+
+def isolation(case: Case) -> Isolation | None:
+    """Reach without all attacked links, and the wrong cuts that it bears (Menger's theorem)."""
+    detector, network = case.scenario.detector, case.situation.graph
+    if not detector.cuts_links:
+        return None
+    if case.draws is None:
+        return Isolation(None, 0, [])
+    left = [network.only(network.heard & ~links) for links in case.draws]
+    if detector.cuts == "both_ways":
+        left = [without_answers(network, links) for links in case.draws]
+    lost = sorted(set().union(*map(graph.unreachable, left)))
+    if len(left) > MOST_CUT:
+        return Isolation(lost, 0, [])
+    cuts = np.min([least_cuts(each) for each in left], axis=0)
+    wrong = cuts[cuts > 0].min(initial=network.heard.sum())
+    return Isolation(lost, int(wrong), vehicle_numbers(cuts == wrong))
+
+
+def without_answers(network: Digraph, cut: Links) -> Digraph:
+    """The network without some links, and without those from the listeners to the sources."""
+    listeners = np.broadcast_to(np.arange(1, network.vehicles + 1)[:, None], cut.shape)
+    back = {*zip(network.sources[cut].tolist(), listeners[cut].tolist(), strict=True)}
+    ends = zip(listeners.ravel().tolist(), network.sources.ravel().tolist(), strict=True)
+    answers = np.array([pair in back for pair in ends]).reshape(cut.shape)
+    return network.only(network.heard & ~cut & ~answers)
+
+
+def least_cuts(network: Digraph) -> Int[np.ndarray, " m"]:
+    """The least number of links whose loss parts each vehicle from the navigator; 0 if it is."""
+    from scipy.sparse.csgraph import maximum_flow  # the import is slow
+
+    listeners, slots = network.edges()
+    ends = network.sources[listeners, slots], listeners + 1
+    size = network.vehicles + 1
+    links = sparse.csr_array((np.ones(len(listeners), np.int32), ends), shape=(size, size))
+    return np.array([maximum_flow(links, 0, i).flow_value for i in range(1, size)])
 
 
 class JointReach(NamedTuple):

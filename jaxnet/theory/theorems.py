@@ -45,8 +45,11 @@ WHILE_REACHED = ("leader", "solved", *AS_ASKED, "one network", "on time", "drops
 # Of vehicles that move as asked while they are not clipped, and do not stop
 WITHIN = ("one gain", *(each for each in AT_LAST if each != "flat"))
 IN_TURNS = ("leader", "small", "solved", *AS_ASKED)
-OF_ALARMS = ("white", "unrounded messages", "every message", "on time", "ticks")
-OF_LIES = (*OF_ERRORS, "leader", "white", "one identity", "by law", "no decisions", "small")
+# Until an alarm cuts something
+OF_ALARMS = ("white", "unrounded messages", "every message", "on time", "foretold", "ticks")
+OF_CUTS = ("leader", "one network", "no decisions", "small")
+OF_LIES = (*OF_ALARMS, *OF_CUTS, "flat", "unfiltered", "continuous", "solved", "one gain", "alike")
+OF_LIES += ("one identity", "by law")
 OF_SEPARATION = ("flat", "filtered", "true places")
 
 
@@ -70,6 +73,7 @@ THEOREMS = (
     Theorem("O19", "runs", OF_ALARMS, alarms.alarm_runs),
     Theorem("O19", "unseen lie", OF_ALARMS, alarms.unseen_lie),
     Theorem("O19", "unseen effect", OF_LIES, alarms.unseen_effect),
+    Theorem("Menger 1927", "isolation", OF_CUTS, certificate.isolation),
     Theorem("O12", "stability", OF_LAWS, rounds.stability),
     Theorem("O12", "in mean square", MEAN_SQUARE, rounds.in_mean_square),
     Theorem("O1", "while reached", WHILE_REACHED, rounds.reached_at_ticks),

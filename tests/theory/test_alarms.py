@@ -72,6 +72,7 @@ def test_residuals_of_links_depend_if_they_share_an_error(keys, number, of):
         {"channel": {"noise": {"position": SIGMA, "correlation": 1.0}}},
         {"channel": {"noise": {"position": SIGMA, "outliers": 0.1}}},
         {"channel": {"noise": {"position": {"uniform": [0.1, 0.2]}}}},
+        {"detector": {"kind": "chi_squared", "false_alarms": {"uniform": [0.01, 0.1]}}},
         {
             "channel": KEYS["channel"]
             | {"loss": {"kind": "bernoulli", "probability": 0.1}, "missing": "drop"}

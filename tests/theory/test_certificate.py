@@ -1,5 +1,7 @@
 """What a network promises: known norms, the paper's scenarios, networks in turn, and margins."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -115,3 +117,69 @@ def test_nothing_is_told_of_own_gains_where_weights_may_switch():
     )
     assert trimmed is None
     assert len(open_to_all.norms) == 6
+
+
+def drawn_network(random):
+    """Five vehicles, each link with probability 0.4."""
+    pairs = [(i, j) for i in range(1, 6) for j in range(6) if i != j and random.random() < 0.4]
+    return graph.weighted(5, [(*pair, 1.0) for pair in pairs] or [(1, 0, 1.0)])
+
+
+def test_the_least_wrong_cuts_are_those_of_all_subsets():
+    """Of drawn networks: no fewer links part a vehicle, and some so few do."""
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        network = drawn_network(random)
+        rows, slots = network.edges()
+        parted = np.full(5, len(rows) + 1)
+        for size in range(4):
+            for some in combinations(range(len(rows)), size):
+                kept = network.heard.copy()
+                kept[rows[[*some]], slots[[*some]]] = False
+                gone = np.isinf(graph.hops(network.only(kept)))
+                parted = np.where(gone, np.minimum(parted, size), parted)
+        found = certificate.least_cuts(network)
+        few = np.minimum(parted, found) < 4
+        np.testing.assert_array_equal(found[few], parted[few])
+
+
+def test_a_cut_both_ways_takes_the_answer_too():
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        network = drawn_network(random)
+        cut = network.heard & (random.random(network.heard.shape) < 0.3)
+        gone = {*network.only(cut).pairs()}
+        gone |= {(source - 1, listener + 1) for listener, source in gone if source}
+        left = {*network.pairs()} - gone
+        assert {*certificate.without_answers(network, cut).pairs()} == left
+
+
+CUTTING = {
+    "engine": "exact",
+    "defence": "none",
+    "channel": {"noise": {"position": 0.1}},
+    "detector": {"kind": "chi_squared", "cuts": "link"},
+}
+
+
+@pytest.mark.parametrize(
+    ("keys", "known"),
+    [
+        # 3 hears 1 alone of the vehicles on the path from the navigator: 2 is behind it
+        ({"topology": "path", "vehicles": 3, "attack": {"vehicles": [2]}}, ([3], 1, [1, 2])),
+        # on the ring each hears the navigator and two: three links part it, one less beside a liar
+        ({"vehicles": 6, "attack": {"vehicles": [1]}}, ([], 2, [2, 6])),
+        ({"vehicles": 6, "attack": "none"}, ([], 3, [1, 2, 3, 4, 5, 6])),
+        ({"vehicles": 6, "attack": {"vehicles": {"random": 1}}}, ([], 2, [1, 2, 3, 4, 5, 6])),
+        ({"vehicles": 24, "attack": {"vehicles": {"random": 7}}}, (None, 0, [])),
+    ],
+)
+def test_who_is_left_where_all_attacked_links_are_cut(keys, known):
+    assert certificate.isolation(case_of(**CUTTING | keys)) == known
+
+
+def test_a_liar_that_is_cut_both_ways_hears_the_navigator_alone():
+    detector = CUTTING["detector"] | {"cuts": "both_ways"}
+    keys = CUTTING | {"detector": detector, "vehicles": 6, "attack": {"vehicles": [1]}}
+    assert certificate.isolation(case_of(**keys)) == ([], 1, [1])
+    assert certificate.isolation(case_of(**keys | {"detector": "chi_squared"})) is None

@@ -81,6 +81,10 @@ class AnyDetector(Kind):
         """The test of a link with so many orders with errors; by default None, which is unknown."""
         return None
 
+    def foretells(self) -> bool:
+        """Whether messages are compared with the truth, as of nobody who tests none."""
+        return not self.present or self.predicts.exact
+
     def breaks(self):
         return broken(uncut=self.acts)
 

@@ -85,6 +85,7 @@ class Observer(Kind):
     On a link that an alarm cuts, a memory starts anew: its leaves of shape (…, slots, m, lanes).
     """
 
+    exact: ClassVar[bool] = False  # whether it expects the truth
     tells_covariance: ClassVar[bool] = True  # whether that of its residuals is known
     needs_variances: ClassVar[bool] = False  # whether it needs those of messages
 

@@ -5,6 +5,7 @@ class Truth(Observer):
     """The true jets of the source when it sent the message: the best that a listener could know."""
 
     words = "the truth"
+    exact = True
 
     def compared(self, heard, memory):
         return Compared(heard.errors, heard.variances, heard.arrived)

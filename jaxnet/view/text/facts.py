@@ -16,7 +16,7 @@ from jaxnet.theory import integer
 from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
-from jaxnet.theory.certificate import HonestPaths
+from jaxnet.theory.certificate import HonestPaths, Isolation
 from jaxnet.theory.clipping import Unclipped
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.theory.misjudged import Misjudged
@@ -62,6 +62,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         "cut off": told.get("cut off", ""),
         "apart": told.get("apart", why_not_apart(scenario)),
         "alarms": told.get("runs", ""),
+        "isolation": told.get("isolation", ""),
         "unseen": told.get("unseen lie", "") + told.get("unseen effect", ""),
         **world_lines(scenario, told),
         **motion_lines(scenario, found, told),
@@ -326,7 +327,8 @@ def runs_words(found: AlarmRuns, scenario: Scenario) -> str:
         fleet = f"any of {count(found.number, f'honest {found.of}')}"
         line += f", about {fleet} after {ticks_of(found.fleet, scenario)}"
     if found.lie is not None:
-        line += f"; one about a steady lie of ā after {ticks_of(found.lie, scenario)}"
+        where = " along the direction" * found.along
+        line += f"; one about a steady lie of ā{where} after {ticks_of(found.lie, scenario)}"
     return line
 
 
@@ -339,6 +341,18 @@ def ticks_of(run: MeanRun, scenario: Scenario) -> str:
     return f"{ticks} ticks ({seconds} s)"
 
 
+def isolation_words(found: Isolation, scenario: Scenario) -> str:
+    if found.lost is None:
+        return f"not known: {NOT_TRIED}"
+    kept = [i for i in range(1, scenario.vehicles + 1) if i not in found.lost]
+    line = "if alarms cut all attacked links and no other, the navigator reaches"
+    line += f" {vehicles_named(kept, scenario)}"
+    if found.wrong:
+        line += f"; {count(found.wrong, 'wrong cut')} can part {ranges(found.whom)}, and no fewer"
+        line += " part anybody else"
+    return line
+
+
 def unseen_words(found: UnseenLie, scenario: Scenario) -> str:
     line = f"messages that are {found.steady:.4g} m off at each tick raise no alarm"
     if found.first > found.steady:
@@ -347,7 +361,8 @@ def unseen_words(found: UnseenLie, scenario: Scenario) -> str:
 
 
 def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:
-    line = f"; in phase they move a vehicle by {found.steady:.4g} m beside what errors do"
+    when = ", while alarms cut nothing" * scenario.detector.acts
+    line = f"; in phase they move a vehicle by {found.steady:.4g} m beside what errors do{when}"
     if np.isfinite(found.most):
         line += f"; no lie about positions that raises none moves one by over {found.most:.4g} m"
     return line
@@ -499,6 +514,7 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
         f"; {stable(growth < 1)}, deviations times {growth:.6f} at each tick of {scenario.tick:g} s"
     ),
     "runs": runs_words,
+    "isolation": isolation_words,
     "unseen lie": unseen_words,
     "unseen effect": unseen_effect_words,
     "safe": safe_words,
