@@ -50,5 +50,5 @@ def test_noise_is_of_the_size_it_says_and_of_nobody_else():
     apart = np.corrcoef(rows) - np.eye(len(rows))
     assert np.abs(apart).max() < 5 / np.sqrt(LANES)
     few = WMSR.filled({"F": 1, **NOISY, "noise": NOISY["noise"][5:9], "key": KEY[5:9]})
-    alone = jax.jit(few.observed)(jax.tree.map(lambda jet: jet[..., 5:9], jets), jnp.full(4, 0.1))
+    alone = jax.jit(few.judges_by)(jax.tree.map(lambda jet: jet[..., 5:9], jets), jnp.full(4, 0.1))
     np.testing.assert_array_equal(np.stack(alone), now[..., 5:9])
