@@ -90,5 +90,5 @@ def test_announcements_are_overheard_with_noise_but_the_navigators():
     overheard = np.asarray(jax.jit(drawn.overheard)(told, sources, jnp.array([0.5])))
     assert (overheard[:, 0] == 0).all()
     assert overheard[:, 1:].std() == pytest.approx(2.0, rel=0.03)
-    seen = np.asarray(jax.jit(drawn.observed)((told,), jnp.array([0.5]))[0])
+    seen = np.asarray(jax.jit(drawn.judges_by)((told,), jnp.array([0.5]))[0])
     assert abs(np.corrcoef(seen[:, 1:].ravel(), overheard[:, 1:].ravel())[0, 1]) < 0.05

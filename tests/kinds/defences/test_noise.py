@@ -20,7 +20,7 @@ def dropped(rule, places):
     trusted = jnp.arange(len(places))[:, None] == 0
     position = jnp.stack([jnp.asarray(places)[:, None, None] * weights, 0 * weights])
     time = jnp.full(LANES, 0.1)
-    seen = jax.jit(rule.observed)((position,) * 3, time)
+    seen = jax.jit(rule.judges_by)((position,) * 3, time)
     own = (jnp.zeros((2, 1, LANES)),) * 3
     around = Neighbourhood(None, weights, trusted, jnp.ones((3, LANES)), time, ())
     decision, _ = rule.decide(own, seen, jnp.ones(weights.shape, bool), rule.start(around), around)
@@ -43,12 +43,12 @@ def test_w_msr_drops_the_wrong_one_by_the_normal_law(apart):
 def test_noise_is_of_the_size_it_says_and_of_nobody_else():
     """Normal, of each order, axis, source, tick and lane its own; the same in whatever company."""
     rule, jets = WMSR.filled({"F": 1, **NOISY}), (jnp.zeros((2, 2, 3, LANES)),) * 3
-    observed = jax.jit(rule.observed)
+    observed = jax.jit(rule.judges_by)
     now, later = (np.stack(observed(jets, jnp.full(LANES, time))) for time in (0.1, 0.2))
     rows = np.concatenate([each.reshape(-1, LANES) for each in (now, later)])
     assert stats.kstest(rows.ravel()[::7] / NOISE, "norm").pvalue > 1e-3
     apart = np.corrcoef(rows) - np.eye(len(rows))
     assert np.abs(apart).max() < 5 / np.sqrt(LANES)
     few = WMSR.filled({"F": 1, **NOISY, "noise": NOISY["noise"][5:9], "key": KEY[5:9]})
-    alone = jax.jit(few.observed)(jax.tree.map(lambda jet: jet[..., 5:9], jets), jnp.full(4, 0.1))
+    alone = jax.jit(few.judges_by)(jax.tree.map(lambda jet: jet[..., 5:9], jets), jnp.full(4, 0.1))
     np.testing.assert_array_equal(np.stack(alone), now[..., 5:9])
