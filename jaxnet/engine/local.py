@@ -124,9 +124,9 @@ def by_series(
     span = jnp.where(stays, 1.0, span)
     order, forcing = len(jets), forcing_of(lane, time, span)
     powers = [span**k for k in range(order + 1)]
-    lane = lane._replace(gain=control.in_ticks(lane.gain, powers))
+    lane = lane._replace(gain=control.gain_in_ticks(lane.gain, powers))
     if lane.damping is not None:
-        lane = lane._replace(damping=control.in_ticks(lane.damping, powers))
+        lane = lane._replace(damping=control.gain_in_ticks(lane.damping, powers))
     still = tuple(jnp.zeros_like(jet) for jet in jets)
     noise = in_ticks(drive.sensed.of(still), powers)
     added = drive.known.derivatives(time, span, order, jets[0])

@@ -130,7 +130,12 @@ class Lane(NamedTuple):
 
     def inputs(self, time: Numbers) -> Float[Any, "functions ..."] | None:
         """Functions at times [s] that attacked vehicles take as inputs; None where they obey."""
-        return self.signal.signal.basis(time)[0] if isinstance(self.signal, OfInputs) else None
+        return self.signal.signal.basis(time)[0] if self.misuses else None
+
+    @property
+    def misuses(self) -> bool:
+        """Whether attacked vehicles put the signal in place of their inputs."""
+        return isinstance(self.signal, OfInputs)
 
     def offsets(self, time: Numbers) -> Float[Array, "derivatives 2 m ..."]:
         """The formation's offsets at times [s] with derivatives, up to the order at least."""
