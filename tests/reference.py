@@ -286,7 +286,7 @@ class Fleet:
     def is_attacked(self, i, j):
         """Whether a link is attacked."""
         given = self.attack
-        if given["kind"] == "none":
+        if given["kind"] == "none" or given.get("moves") == "input":
             return False
         if given["links"] == "navigator":
             return j == 0 and i + 1 in given["vehicles"]
@@ -322,8 +322,16 @@ class Fleet:
 
     def falsified(self):
         """1 for orders that carry the signal, (orders, 1)."""
-        orders = self.attack.get("orders", range(self.r + 1))
+        misused = [0] if self.attack.get("moves") == "input" else range(self.r + 1)
+        orders = self.attack.get("orders", misused)
         return np.array([[float(k in orders)] for k in range(self.r + 1)])
+
+    def inputs(self, n):
+        """Inputs at the nodes, (nodes, 2), of the vehicles that misuse theirs."""
+        if self.attack.get("moves") != "input":
+            return {}
+        times = n * self.h + self.nodes * (not self.holds)
+        return {i - 1: self.signal(times, 0, i)[:, 0] for i in self.attack["vehicles"]}
 
     def carried(self, time, i, j, own):
         """Jets that a link carries, with `own` those that its source tells."""
@@ -579,6 +587,8 @@ class Fleet:
             if j > 0 and not self.is_replaced(i, j):
                 graph[i, j - 1] = shares[i, j]
         hears, solved = shares.any(axis=1), np.zeros((m, count, 2))
+        taken = self.inputs(n)
+        obeys = np.array([i not in taken for i in range(m)], float)
         if self.holds:
             demand = right - fed_back
             for _ in range(self.keys["law"].get("rounds", 1) - 1):  # each hears the last round's
@@ -588,17 +598,19 @@ class Fleet:
                         right[i] += shares[i, j] * (new[j - 1] - before[j - 1])
                 top, demand = new, right - fed_back
             solved += (demand * hears[:, None] - damped)[:, :1]
-            for i, kept in self.kept.items():
-                solved[i] = kept
+            for i, values in [*self.kept.items(), *taken.items()]:
+                solved[i] = values
             return solved
         for i, kept in self.kept.items():
             right[i], graph[i], hears[i] = kept, 0.0, True
+        for i, values in taken.items():
+            right[i], graph[i], hears[i], damped[i] = values, 0.0, False, 0.0
         for x in range(2):
             own = np.diag(hears[:, x].astype(float)) - graph[:, :, x] * (self.law == "local")
             drive = right[:, :, x]
             if self.law == "exact":
                 drive = np.linalg.solve(np.eye(m) - graph[:, :, x], drive)
-            matrix = np.eye(m * count) + np.kron(own, flow) + np.kron(np.eye(m), own_flow)
+            matrix = np.eye(m * count) + np.kron(own, flow) + np.kron(np.diag(obeys), own_flow)
             right_side = drive - own @ fed_back[:, :, x] - damped[:, :, x]
             values = np.linalg.solve(matrix, right_side.ravel())
             solved[:, :, x] = values.reshape(m, count)

@@ -7,6 +7,7 @@ import pytest
 
 import jaxnet
 from jaxnet.theory.robustness import pairs, percolated_nodes
+from tests import rescue
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "configs" / "published"
@@ -237,3 +238,25 @@ def test_liars_among_the_arena_s_robots_are_outvoted_up_to_f(simulated):
         assert (ends["outside"] < 0.1) == (number <= most), (defence, liars)
     lies = found.pivot_table("collisions", ["defence", "attack.vehicles"], "formation", "median")
     assert (lies["circle"] < lies["none"] / 20).all()
+
+
+def test_liars_who_misuse_their_inputs_are_cut_off_as_published():
+    """Bahrami and Jafarnejadsani, experiment 1: detection times, ends, and each step.
+
+    A step that differs by one alarm is 1e-4 m off and more.
+    """
+    honest = [i for i in range(rescue.AGENTS) if i not in rescue.LIARS]
+    places, alarms = rescue.run(10.0, honest)
+    published = [5.65945374, 5.40606368, 5.45636368, 5.41601277, 5.53259439, 5.44578597]
+    assert places[-1, honest] == pytest.approx(published, abs=6e-9)
+    fast = [(2.47, 0, 5), (2.47, 1, 5), (2.93, 6, 5), (2.93, 7, 5)]
+    assert alarms == [*fast, *((3.85, i, 4) for i in (1, 2, 6, 7)), (4.39, 0, 4)]
+    study = jaxnet.load(FOLDER / "rescue.yaml")
+    networks = study.config.topology.model_dump()["networks"]
+    for network, edges in zip(networks, (rescue.FIRST, rescue.SECOND), strict=True):
+        listed = {(i - 1, j - 1) for i, j, _ in network["edges"]}
+        assert listed == {*edges, *((j, i) for i, j in edges)}
+    undetected = jaxnet.load(FOLDER / "rescue.yaml", {"detector": "none"})
+    for each, plain in ((study, places), (undetected, rescue.run(10.0)[0])):
+        found = jaxnet.simulate(each, progress=False).trajectories["states"].values[0, 0]
+        assert found[..., 0] == pytest.approx(plain, abs=1e-12)

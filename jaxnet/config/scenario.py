@@ -192,7 +192,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "one gain": "gains differ by axis or vehicle, or couple the axes",
     "bounded": "ā does not bound the attack",
     "one identity": "attacked vehicles have several identities",
-    "by law": "attacked vehicles move as they tell",
+    "by law": "attacked vehicles do not obey the law",
     "solved": "the law is {one.law.kind} (theorems need the law solved at every instant)",
     "flat": "{one.vehicle.kind} may not move as the law asks",
     "unfiltered": "filter {one.filter.kind} may change what the law asks for",

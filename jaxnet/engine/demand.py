@@ -5,14 +5,14 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxnet.engine.moment import Instants, PerAxis
+from jaxnet.engine.moment import Instants, PerAxis, VehicleFlags
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.tick import DecisionState, Drive
 from jaxnet.kinds.laws import LinksInForce
 from jaxnet.model import control, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
-from jaxnet.model.signal import Basis
+from jaxnet.model.signal import Basis, Vectors
 
 
 class Signals(NamedTuple):
@@ -26,12 +26,25 @@ class Signals(NamedTuple):
     basis: Basis
     path: Float[Array, "2 lanes"]  # R(y_0)
     drive: Float[Array, "functions lanes"]  # R(β), see `control.drive_functions`
+    inputs: Float[Array, "functions lanes"] | None  # of vehicles that misuse theirs; None: nobody
 
 
 def signals(lane: Lane, time: Instants) -> Signals:
     navigator, basis = lane.path(time), lane.basis(time)
     path, drive = control.driven(lane.gain, navigator), control.drive_functions(lane.gain, basis)
-    return Signals(time, navigator, basis, path, drive)
+    return Signals(time, navigator, basis, path, drive, lane.inputs(time))
+
+
+def obeyed(demand: PerAxis, vectors: Vectors, now: Signals) -> PerAxis:
+    """A demand, or the attack's signal where an attacked vehicle misuses its input."""
+    if now.inputs is None:
+        return demand
+    return jnp.where(misusing(vectors), signal.combined(vectors, now.inputs), demand)
+
+
+def misusing(vectors: Vectors) -> VehicleFlags:
+    """Vehicles with a signal, where attacked vehicles misuse their inputs."""
+    return (vectors != 0).any(axis=(0, 2))
 
 
 def coupled_demand(lane: Lane, network: Network, drive: Drive, own: Jets, now: Signals) -> PerAxis:
@@ -48,7 +61,8 @@ def local_jerk(lane: Lane, network: Network, drive: Drive, own: Jets, now: Signa
     heeded = lane.law.heeds_highest(hearing.sources)
     given = own, now.navigator, attack, hearing, drive.weights, lane.gain, heeded
     demand = drive.known.plus(jnp.where(silent, 0.0, control.local_demand(*given)), now.time)
-    return control.damped(drive.strength.times(demand), lane.damping, own)
+    demand = control.damped(drive.strength.times(demand), lane.damping, own)
+    return obeyed(demand, drive.vectors, now)
 
 
 def demand_by_link(
@@ -87,4 +101,4 @@ def exchange(
         sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)
         return network.hearing.mean(weights, sources, jnp.zeros_like(drive.vectors[:, :, 0]))
 
-    return lane.law.exchange(last, demand, heard)
+    return obeyed(lane.law.exchange(last, demand, heard), drive.vectors, now)

@@ -13,6 +13,7 @@ long series cancel.
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -52,7 +53,8 @@ class Local(Held):
         """`y^(r) + P(ŷ)`, with y^(r) of the law."""
         lane, drive = self.lane, decided.drive(self.lane)
         own, navigator = decided.sensed.of(state.jets), self.navigator(state)
-        now = signals_alone(state.time, navigator, state.basis)
+        inputs = self.lane.inputs(state.time)
+        now = signals_alone(state.time, navigator, state.basis, inputs)
         demand = local_jerk(lane, self.network, drive, own, now)
         return demand + control.feedback(lane.gain, own)
 
@@ -122,9 +124,9 @@ def by_series(
     span = jnp.where(stays, 1.0, span)
     order, forcing = len(jets), forcing_of(lane, time, span)
     powers = [span**k for k in range(order + 1)]
-    lane = lane._replace(gain=control.in_ticks(lane.gain, powers))
+    lane = lane._replace(gain=control.gain_in_ticks(lane.gain, powers))
     if lane.damping is not None:
-        lane = lane._replace(damping=control.in_ticks(lane.damping, powers))
+        lane = lane._replace(damping=control.gain_in_ticks(lane.damping, powers))
     still = tuple(jnp.zeros_like(jet) for jet in jets)
     noise = in_ticks(drive.sensed.of(still), powers)
     added = drive.known.derivatives(time, span, order, jets[0])
@@ -138,13 +140,13 @@ def by_series(
         def of_order(leaf: Array) -> Array:
             return jnp.where(here, jax.lax.dynamic_index_in_dim(leaf, n, keepdims=False), 0.0)
 
-        navigator, basis = map(of_order, forcing)
+        navigator, basis, inputs = jax.tree.map(of_order, forcing)
         own = tuple(a + jnp.where(n == 0, b, 0.0) for a, b in zip(window, noise, strict=True))
         known = drive.known
         if isinstance(known, KnownDrive):
             constant = jnp.where(n < len(added), jax.lax.dynamic_index_in_dim(added, n), 0.0)
             known = dataclasses.replace(known, drive=Polynomial(constant))
-        now = signals_alone(time, navigator, basis)
+        now = signals_alone(time, navigator, basis, inputs)
         return local_jerk(lane, network, drive._replace(known=known), own, now)
 
     def add(carry: tuple) -> tuple:
@@ -179,23 +181,30 @@ def signals_alone(
     time: Instants,
     navigator: Float[Array, "derivatives 2 lanes"],
     basis: Float[Array, "derivatives functions lanes"],
+    inputs: Float[Array, "functions lanes"] | None,
 ) -> Signals:
     """Signals of an instant, without R, which the local law does not need."""
-    return Signals(time, navigator, basis, navigator[0], basis[0])
+    return Signals(time, navigator, basis, navigator[0], basis[0], inputs)
 
 
-def forcing_of(
-    lane: Lane, time: Instants, span: Instants
-) -> tuple[Float[Array, "derivatives jets 2 lanes"], Float[Array, "derivatives jets B lanes"]]:
-    """Derivatives, at the start of a tick, of polynomials through the navigator's jets and the
-    attacks' functions.
+class Forcing(NamedTuple):
+    """Derivatives, at the start of a tick, of polynomials through functions of time.
 
     Time is counted in ticks: the derivative of order k + n is times the power k + n of the tick.
     """
+
+    path: Float[Array, "derivatives jets 2 lanes"]  # of the navigator's jets
+    basis: Float[Array, "derivatives jets B lanes"]  # of the attacks' functions
+    inputs: Float[Array, "derivatives B lanes"] | None  # of those that liars take as inputs
+
+
+def forcing_of(lane: Lane, time: Instants, span: Instants) -> Forcing:
     points = jnp.asarray(polynomial.chebyshev_points(COEFFICIENTS))
     times = time[None] + points[:, None] * span[None]
     path, basis = (jax.vmap(one)(times) for one in (lane.path, lane.basis))
+    inputs = jax.vmap(lane.inputs)(times)
     powers = jnp.stack([span**k for k in range(path.shape[1])])[None, :, None]
-    return polynomial.interpolated(path * powers).terms, polynomial.interpolated(
-        basis * powers
-    ).terms
+    if inputs is not None:
+        inputs = polynomial.interpolated(inputs * powers[:, len(lane.gain)]).terms
+    path, basis = (polynomial.interpolated(each * powers).terms for each in (path, basis))
+    return Forcing(path, basis, inputs)

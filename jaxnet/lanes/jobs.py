@@ -25,7 +25,7 @@ from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network, Periods, Turns
 from jaxnet.model.retained import RowStrength, WithOwnWeight
-from jaxnet.model.signal import ORDERS, Apart, Falsified
+from jaxnet.model.signal import ORDERS, Apart, Falsified, OfInputs
 from jaxnet.solvers.choice import choose_solver
 
 if TYPE_CHECKING:
@@ -325,6 +325,8 @@ def attack_of(
     else:
         signal, vectors, scale, sizes = shared_basis(scenario, draw, navigator, start)
         vectors = vectors * chosen[None, :, None]
+    if attack.misuses():
+        signal = OfInputs(signal)
     path = sizes_up_to(scenario.vehicle.order, scenario.navigator, 0.0, scenario.horizon)[:, None]
     return signal, vectors, scale, np.stack([np.broadcast_to(path, sizes.shape), sizes])
 

@@ -74,7 +74,7 @@ def drive_vectors(gain: Gain, vectors: Vectors) -> Float[Array, "2 _ driving *la
     return vectors
 
 
-def in_ticks(gain: Gain, powers: list[Float[Array, " lanes"]]) -> Gain:
+def gain_in_ticks(gain: Gain, powers: list[Float[Array, " lanes"]]) -> Gain:
     """Gains with time counted in ticks; `powers` are those of a tick [s], up to the order."""
     return jnp.stack([each * powers[len(gain) - k] for k, each in enumerate(gain)])
 

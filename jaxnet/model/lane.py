@@ -8,7 +8,7 @@ from jaxnet.model.control import Gain
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.retained import RowStrength
 from jaxnet.model.shapes import Flags, Numbers
-from jaxnet.model.signal import Basis, up_to
+from jaxnet.model.signal import Basis, OfInputs, up_to
 
 
 class Turns(NamedTuple):
@@ -127,6 +127,15 @@ class Lane(NamedTuple):
     def basis(self, time: Numbers) -> Basis:
         """The attacks' functions at times [s] and their derivatives, at least up to the order."""
         return up_to(len(self.gain), self.signal.basis, time)
+
+    def inputs(self, time: Numbers) -> Float[Any, "functions ..."] | None:
+        """Functions at times [s] that attacked vehicles take as inputs; None where they obey."""
+        return self.signal.signal.basis(time)[0] if self.misuses else None
+
+    @property
+    def misuses(self) -> bool:
+        """Whether attacked vehicles put the signal in place of their inputs."""
+        return isinstance(self.signal, OfInputs)
 
     def offsets(self, time: Numbers) -> Float[Array, "derivatives 2 m ..."]:
         """The formation's offsets at times [s] with derivatives, up to the order at least."""

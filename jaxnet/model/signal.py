@@ -46,6 +46,15 @@ class Falsified(NamedTuple):
         return self.orders[:, None] * up_to(len(self.orders) - 1, self.signal.basis, time)
 
 
+class OfInputs(NamedTuple):
+    """A signal that attacked vehicles take as their input. No link carries it."""
+
+    signal: Any  # has a method `basis`
+
+    def basis(self, time: Numbers) -> Basis:
+        return 0.0 * self.signal.basis(time)
+
+
 class Apart(NamedTuple):
     """A signal with separate functions for each of n vehicles.
 

@@ -14,7 +14,7 @@ import shutil
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import yaml
 from upath import UPath
@@ -133,7 +133,7 @@ class Folder:
     def write_study(self, config: Config) -> None:
         self.put("study.yaml", config_text(config, "study.yaml").encode())
 
-    def put(self, name: str, content: bytes | Callable[[io.BufferedIOBase], object]) -> UPath:
+    def put(self, name: str, content: bytes | Callable[[Any], object]) -> UPath:
         """Write a file, which gets its name once it is whole and on the disk.
 
         `content` may be a function that writes into the open file. Raises TakenError if another
@@ -141,7 +141,7 @@ class Folder:
         """
         final = self.path / name
 
-        def write(file: io.BufferedIOBase) -> None:
+        def write(file: Any) -> None:
             content(file) if callable(content) else file.write(content)
 
         with self.naming(name):
@@ -154,7 +154,7 @@ class Folder:
                 final.fs.pipe_file(final.path, held.getvalue())
         return final
 
-    def put_on_disk(self, final: Path, write: Callable[[io.BufferedIOBase], None]) -> None:
+    def put_on_disk(self, final: Path, write: Callable[[Any], None]) -> None:
         if not final.parent.resolve().is_relative_to(Path(str(self.path)).resolve()):
             told = f"is a link out of {self.path}, and nothing is written through it"
             raise FolderError(f"{final.parent} {told}")

@@ -164,7 +164,7 @@ def stability(case: Case) -> Stability | None:
     scenario, (graph, attacked, _, kept) = case.scenario, case.situation
     law, attack = scenario.law, scenario.attack
     (gain, damping), tick = case.parts, scenario.tick
-    if law.solves():
+    if law.solves() or attack.misuses():
         return None
     fixed = None if kept is None else kept.fixed
     elsewhere = attack.replaces() and (bool(attack.periods()) or not attack.targets())

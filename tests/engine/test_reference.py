@@ -136,6 +136,7 @@ W_MSR = {"defence": {"kind": "w_msr", "F": 1, "isolated": "coast"}}
 TRIM = {"defence": {"kind": "trusted_trim", "theta": 1, "isolated": "coast"}}
 VOTE = {"defence": {"kind": "vote", "theta": {4: 1}, "trusted": "none", "isolated": "coast"}}
 TWO_VOTE = {"defence": VOTE["defence"] | {"theta": {3: 1, 4: 1}}}
+INPUT = {"moves": "input"}
 TURNS = {"every": 0.4}
 LATE = {"missing": "drop", "delay": 0.2}
 BY_MESSAGE = {"delay": {"uniform": [0.1, 0.3]}, "delay_of": "message", "missing": "hold"}
@@ -162,6 +163,10 @@ CELLS = {
     "damped, held messages": ("exact", DAMPED_HELD, 4, LOSS | {"missing": "hold"}, W_MSR),
     "nonlinear, damped": ("nonlinear", DAMPED, 2, LOSS | {"missing": "hold"}, ERRS),
     "stacked, damped": ("stacked", DAMPED, 3, LOSS, ERRS),
+    "misused": ("exact", DAMPED, 2, LOSS | {"missing": "extrapolate"}, ERRS | INPUT),
+    "misused, held and late": ("exact", HELD, 2, LATE | LOSS | LOWER_NOISE, ERRS | W_MSR | INPUT),
+    "nonlinear, misused": ("nonlinear", LOCAL, 3, LOSS, ERRS | INPUT),
+    "stacked, misused": ("stacked", DAMPED, 2, LOSS, ERRS | INPUT),
     "networks that take turns": ("exact", EXACT, 3, {"quantisation": 0.2}, TURNS | W_MSR),
     "vote": ("exact", EXACT, 3, NOISE, VOTE | ERRS),
     "vote, lost": ("exact", EXACT, 2, LOSS, VOTE | ERRS),
@@ -186,6 +191,7 @@ LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "no
 LONG |= {"three rounds, replaced", "stacked", "lost and dropped"}
 LONG |= {each for each in CELLS if each.startswith("vote")} - {"vote, lost", "vote, local and held"}
 LONG |= {"damped, late", "damped, held messages"}
+LONG |= {"misused, held and late", "nonlinear, misused", "stacked, misused"}
 LONG |= {"nonlinear, damped", "stacked, damped"}
 
 
@@ -196,6 +202,7 @@ def cell(engine, law, order, channel, keys):
     keys, attacked = dict(keys), {"kind": "rotating", "vehicles": [2, 3], "links": "neighbour"}
     attacked |= {"magnitude": 5.0, "frequency": [1.1, 0.7], "phase": [0.3, 2.0]}
     attacked["threat"] = keys.pop("threat", "adds")
+    attacked["moves"] = keys.pop("moves", "by_law")
     ring = [[i, i - 1, 1.0] for i in range(1, 5)] + [[i, i % 4 + 1, 0.7] for i in range(1, 5)]
     topology = {"kind": "edges", "edges": [*ring, [2, 0, 0.4], [3, 0, 0.5], [4, 0, 0.3]]}
     if "every" in keys:

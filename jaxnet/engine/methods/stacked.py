@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float, Int
 from pydantic import AfterValidator, Field
 
 from jaxnet.engine import loop, vehicles
-from jaxnet.engine.demand import signals
+from jaxnet.engine.demand import misusing, signals
 from jaxnet.engine.integration import decided_in_field, drive_along
 from jaxnet.engine.loop import InStates
 from jaxnet.engine.methods import Engine
@@ -271,6 +271,10 @@ def lane_field(
         control.damped(strength * highest, lane.damping, own),
         strength[None] * error,
     )
+    if (taken := lane.inputs(now)) is not None:
+        obeys = ~misusing(drive.vectors)
+        asked = signal.combined(drive.vectors, taken)
+        given = (*given[:3], jnp.where(obeys, given[3], asked), jnp.where(obeys, given[4], 0.0))
     inputs = stacked_inputs(*(each[..., 0] for each in (*given, lane.gain)))
     rates = vehicles.rates(lane, there, inputs[..., None], now)
     return jnp.where(frozen[None], 0.0, rates)[..., 0]

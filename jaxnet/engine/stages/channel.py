@@ -301,7 +301,7 @@ def messages_now(now: Moment, late: OnTime, links: LinkErrors, heard: Reception)
         if lane.law.couples():
             highest = jnp.zeros_like(highest)
         else:
-            leads = (hearing.sources == 0)[None, ..., None]
+            leads = lane.law.heeds_highest(hearing.sources)[None, ..., None]
             added = jnp.where(leads, added + highest[:, None, None], 0.0)
         sent = jnp.concatenate([-highest[:, None], now.told - path[:, 0]], axis=1)
         live = hearing.received(sent, control.feedback(gain, now.signals)) + added

@@ -100,7 +100,11 @@ class Detection(Alarms):
     def next(self, now, sensed, links, late, came, whole):
         lane, detector = now.lane, now.lane.detector
         heard = heard_at(now, sensed, links, late, came)
-        words = judged_words(lane, heard, detector.predicts.compared(heard, self.observed))
+        compared = detector.predicts.compared(heard, self.observed)
+        if lane.misuses:  # liars monitor nobody
+            obeys = (lane.vectors == 0).all(axis=(0, 2))
+            compared = compared._replace(known=compared.known & obeys[None])
+        words = judged_words(lane, heard, compared)
         alarms, memory = detector.alarms(words, self.memory)
         attacked = late.attacked(now)
         each = jnp.stack([attacked & words.judged, ~attacked & words.judged])

@@ -406,9 +406,9 @@ def motion_told(
     powers = [interval**k for k in range(order + 1)]
     series = [scaled(jet, powers[k]) for k, jet in enumerate(now.own)]
     first = [scaled(jet, powers[k]) for k, jet in enumerate(sensed.of(now.own))]
-    gain, damping = control.in_ticks(lane.gain, powers), lane.damping
+    gain, damping = control.gain_in_ticks(lane.gain, powers), lane.damping
     if damping is not None:
-        damping = control.in_ticks(damping, powers)
+        damping = control.gain_in_ticks(damping, powers)
 
     def further(own: Jets, term: PerAxis) -> tuple[Jets, PerAxis]:
         new = strength(scaled(term, powers[order]) - control.feedback(gain, own))

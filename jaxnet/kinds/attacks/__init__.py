@@ -198,9 +198,13 @@ class AnyAttack(Kind):
         """Whether attacked vehicles move as they tell, and not by the law."""
         return self.moves == "as_told"
 
+    def misuses(self) -> bool:
+        """Whether attacked vehicles tell the truth, and take the signal as their input."""
+        return self.moves == "input"
+
     def falsified(self) -> tuple[int, ...]:
         """Orders, of 0 to 3, of the derivatives that carry the signal; the others are true."""
-        return tuple(sorted(set(self.orders)))
+        return () if self.misuses() else tuple(sorted(set(self.orders)))
 
     def announcement(self) -> Announcement:
         """How attacked links announce, if the defence makes vehicles announce."""
@@ -278,7 +282,9 @@ class AnyAttack(Kind):
 
     def breaks(self):
         return broken(
-            bounded=not self.bounded, one_identity=self.identities() > 1, by_law=self.as_told()
+            bounded=not self.bounded,
+            one_identity=self.identities() > 1,
+            by_law=self.moves != "by_law",
         )
 
     def describe(self) -> str:
@@ -287,6 +293,8 @@ class AnyAttack(Kind):
 
     def caveat(self) -> str:
         """How it differs from the paper's, a path with its derivatives within ā; "" if not."""
+        if self.misuses():
+            return "a misused input, no false message"
         if not self.bounded:
             return "not bounded by ā"
         return "" if self.consistent() else "derivatives falsified each on its own"
@@ -344,10 +352,11 @@ class Attack(AnyAttack):
         "adds: an attacked link carries its source's message plus the signal; replaces: the "
         "navigator's path plus the signal, whatever the message",
     )
-    moves: Literal["by_law", "as_told"] = setting(
+    moves: Literal["by_law", "as_told", "input"] = setting(
         "by_law",
         "by_law: an attacked vehicle obeys the law, whatever it transmits; as_told: it is where it "
-        "says it is, which needs threat: replaces",
+        "says it is, which needs threat: replaces; input: it tells the truth, and its r-th "
+        "derivative is the signal in m/s^r",
     )
     orders: Annotated[list[Literal[0, 1, 2, 3]], Len(1)] = setting(
         [*ORDERS],
@@ -421,7 +430,7 @@ class Attack(AnyAttack):
     # --- Keys that exclude each other -------------------------------------------------------------
 
     def faults(self, scenario):
-        targets, vehicle, orders = self.targets(), scenario.vehicle, self.falsified()
+        targets, vehicle, orders = self.targets(), scenario.vehicle, tuple(sorted({*self.orders}))
         yield from unknown_vehicles("attack.vehicles", targets, scenario.vehicles, first=1)
         sets = self.vehicles.sets if isinstance(self.vehicles, ChangingVehicles) else [targets]
         if twice := [each for each in sets if len(set(each)) < len(each)]:
@@ -453,6 +462,8 @@ class Attack(AnyAttack):
             yield Fault(("attack", "vehicle"), f"{message} {vehicle.order}")
         if self.as_told():
             yield from self.moving_faults(scenario)
+        if self.misuses():
+            yield from self.input_faults(scenario)
         if self.by_order() is not None:
             yield from self.magnitude_faults(self.magnitude.root, vehicle.order)
         yield from self.number_faults()
@@ -488,6 +499,23 @@ class Attack(AnyAttack):
         if vehicle.singular or vehicle.internal:
             message = f"a path does not always tell the state of {vehicle.kind}"
             yield Fault((key, "vehicle"), f"{message}, only that of integrators")
+
+    def input_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Faults of vehicles that misuse their inputs."""
+        key, law, late = "attack.moves", scenario.law, scenario.channel.late
+        graph = scenario.topology.linked(scenario.vehicles)
+        of_navigator = (self.attacked_links(graph) & (graph.sources == 0)).any()
+        if of_navigator or self.by_link() or self.sybils or self.strategic or self.replaces():
+            told = "input needs links: neighbour, threat: adds, listeners: same, no sybils, and a"
+            yield Fault((key, "attack"), f"{told} signal that is known beforehand")
+        if self.orders != [*ORDERS] or self.by_order() is not None:
+            yield Fault((key, "attack"), "an input is one signal: give one magnitude, all orders")
+        if law.couples():
+            told = f"under {law.kind} neighbours need the q of one another: give law: local"
+            yield Fault((key, "law"), told)
+        elif late and law.tells_motion(scenario.channel.extrapolate != "none"):
+            told = "delayed messages are of motions by the law: give law.hold: true, or no delay"
+            yield Fault((key, "law", "channel.delay"), told)
 
     def magnitude_faults(self, sizes: list[float], order: int) -> Iterator[Fault]:
         """Faults of a list of magnitudes, for vehicles of an order."""
@@ -692,6 +720,8 @@ def magnitude_shares(attack: AnyAttack, order: int) -> tuple[float, ...] | None:
 
 def heard_orders(attack: AnyAttack, order: int) -> list[int]:
     """The falsified orders that vehicles of an order hear. A list of magnitudes may end earlier."""
+    if attack.misuses():
+        return [0]
     falsified, sizes = attack.falsified(), attack.by_order()
     most = order if sizes is None else min(order, len(sizes) - 1)
     return [each for each in range(most + 1) if each in falsified or falsified == ORDERS]

@@ -75,7 +75,8 @@ class Filter(Kind):
         if not (exact and channel.loss.perfect()) or channel.late or channel.rounded:
             message = "needs exact sensors, and messages that arrive at once without errors"
             yield Fault(("filter", "channel", "sensing"), f"{self.kind} {message}")
-        if attack.by_link() or attack.identities() > 1 or attack.replaces() or attack.as_told():
+        obeyed = attack.moves == "by_law" and not attack.replaces()
+        if attack.by_link() or attack.identities() > 1 or not obeyed:
             message = "needs one place of each vehicle, told to all, that differs from the true one"
             keys = ("filter", "attack")
             yield Fault(keys, f"{self.kind} {message} by the attack's signal alone")

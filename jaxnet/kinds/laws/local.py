@@ -68,3 +68,6 @@ class LocalLaw(Law):
         if self.absolute and scenario.vehicle.order == 1:
             told = f"absolute damps derivatives below the order: {scenario.vehicle.kind} has none"
             yield Fault(("law.damping", "vehicle"), told)
+        if self.absolute and scenario.defence.hears_messages():
+            told = f"{scenario.defence.kind} compares all derivatives: give damping: relative"
+            yield Fault(("law.damping", "defence"), told)

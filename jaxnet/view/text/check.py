@@ -103,7 +103,7 @@ def network_key(scenario: Scenario) -> Hashable:
     known = {*Attack.model_fields} - SIGNAL
     told = attack.describe(), attack.whom(), attack.model_dump_json(include=known)
     told += attack.by_order(), attack.falsified(), attack.periods(), attack.identities()
-    told += attack.bounded, attack.consistent(), attack.strategic, attack.as_told()
+    told += attack.bounded, attack.consistent(), attack.strategic, attack.moves
     shared = scenario.topology, scenario.navigator, scenario.defence, scenario.law, scenario.vehicle
     ids = (*map(id, shared), id(scenario.channel), id(scenario.sensing), id(scenario.detector))
     times = scenario.tick, scenario.horizon, scenario.tail

@@ -118,7 +118,8 @@ def attack_line(case: Case) -> str:
     if not attacked.any():
         return f"{line}, heard by nobody"
     of_navigator = (graph.sources[attacked] == 0).any()
-    line += " in what they hear of the navigator" if of_navigator else " in what they transmit"
+    where = " in what they hear of the navigator" if of_navigator else " in what they transmit"
+    line += " in place of their inputs" if attack.misuses() else where
     line += ", in place of what is sent" * attack.replaces()
     line += ", and they move as they tell" * attack.as_told()
     line += f", {count(int(attacked.sum()), 'link')}"
@@ -128,7 +129,7 @@ def attack_line(case: Case) -> str:
         line += " of all that may be drawn"
     if not attack.bounded:
         line += "; not bounded by ā, so no bound says anything"
-    elif not attack.consistent():
+    elif not (attack.consistent() or attack.misuses()):
         sizes = attack.by_order() or [1.0] * len(ORDER_NAMES)
         orders = [order for order in attack.falsified() if sum(sizes[order : order + 1])]
         which = ", ".join(ORDER_NAMES[order] for order in orders)
