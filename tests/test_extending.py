@@ -23,6 +23,7 @@ from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.detectors import JudgedWords
 from jaxnet.kinds.losses import Messages
 from jaxnet.kinds.noises import ChannelNoise
+from jaxnet.kinds.observers import HeardWords
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.outside import provenance
@@ -440,7 +441,7 @@ def test_every_contract_can_be_read():
     ]
     read = [contract.hints_of(each) for each in methods if inspect.isfunction(each)]
     assert sum("return" in hints for hints in read) > 100
-    assert all(map(contract.hints_of, (Seen, Messages, JudgedWords, Neighbourhood)))
+    assert all(map(contract.hints_of, (Seen, Messages, JudgedWords, HeardWords, Neighbourhood)))
 
 
 def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
@@ -481,6 +482,18 @@ def test_a_strangers_detector_counts_alarms(folder, monkeypatch):
     # Pairs overlap: the variance of their share is p² (1 - p²) + 2 (p³ - p⁴) over their number.
     assert abs(share - 1 / 16) <= 2.576 * np.sqrt((15 / 256 + 2 * (1 / 64 - 1 / 256)) / pairs)
     assert lanes["alarms"].isna().all()
+
+
+def test_a_strangers_detector_cuts_links(folder, monkeypatch):
+    """Every pair of words alarms, so that all links are cut at the second tick, for 3 ticks."""
+    monkeypatch.syspath_prepend(folder)
+    cuts = {"kind": "my_detectors:Twice", "threshold": 1e-9, "cuts": "link", "return_after": 0.15}
+    keys = {"engine": "exact", "law": "local", "vehicles": 4, "attack": "none", "defence": "none"}
+    keys |= {"horizon": 0.4, "tail": 0.4, "output_step": 0.05, "metrics": ["wrongly_cut"]}
+    keys |= {"channel": {"noise": {"position": 0.1}}, "detector": cuts}
+    lanes = jaxnet.simulate(keys, samples=2).lanes
+    assert lanes["wrongly_cut"].tolist() == pytest.approx([6 / 9] * 2)  # of ticks 0 to 8: 1-3, 5-7
+    assert lanes["false_alarms"].tolist() == pytest.approx([2 / 5] * 2)  # 1 and 5 of 0, 1, 4, 5, 8
 
 
 @pytest.mark.long

@@ -64,7 +64,7 @@ EXAMPLES = {
     "law": "law: {kind: rounds, rounds: 2}",
     "sensing": "sensing: {position: 0.1, correlation: 1, outliers: 0.01}",
     "detector": "detector: {kind: chi_squared, false_alarms: 0.001, cuts: message}",
-    "observer": "detector: {kind: cusum, predicts: {kind: kalman, unknown: 0.5}}",
+    "observer": "detector: {kind: distance, predicts: truth}",
     "engine": "engine: {kind: nonlinear, solver: dopri8, rtol: 1e-9}",
     "announcement": "attack: {announces: {kind: free, size: 2}}",
     "loss": "channel: {loss: {kind: gilbert_elliott, fail: 0.02, recover: 0.2}}",

@@ -1,12 +1,13 @@
 """The filter of a link: its gain at rest, its residuals, and what it does not know."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
 from jaxnet.config.document import ConfigError
-from jaxnet.kinds.observers import HeardWords
+from jaxnet.kinds.observers import Compared, HeardWords, Observer
 from jaxnet.kinds.observers.kalman import Kalman
 from jaxnet.model.whitening import whitened
 from tests import systems
@@ -106,6 +107,38 @@ def test_a_slow_lie_drags_the_filter_along():
     assert share(**slow, **true) > 0.1
     sudden = {"kind": "bias", "magnitude": 60.0, "vehicles": {"at": [5.0], "sets": [[2]]}}
     assert share(attack=sudden) > 0.0
+
+
+class Still(Observer):
+    """A source is where it was at its last message; nobody knows by how much it errs."""
+
+    tells_covariance = False
+
+    def start(self, heard):
+        return heard.received, jnp.zeros_like(heard.arrived)
+
+    def compared(self, heard, memory):
+        last, known = memory
+        return Compared(heard.received - last, None, heard.arrived & known)
+
+    def advance(self, heard, memory):
+        kept = [
+            jnp.where(heard.arrived[None], new, old)
+            for new, old in zip(heard.received, memory[0], strict=True)
+        ]
+        return jnp.stack(kept), heard.arrived | memory[1]
+
+
+def test_an_observer_from_outside_is_one_class():
+    """All sources move; the first message of a link is not tested, nor the first after a cut."""
+    cuts = {"cuts": "link", "return_after": 0.15}
+    still = {"kind": "distance", "threshold": 1e-9, "predicts": Still(), **cuts}
+    keys = {"channel": {}, "attack": "none", "law": "local", "metrics": ["run_length"]}
+    study = systems.study(**KEYS | keys | {"detector": still, "horizon": 0.4, "tail": 0.1})
+    found = systems.simulate(systems.lanes(study, 2, save=())).metrics
+    assert found["false_alarms"].tolist() == [1.0, 1.0]
+    with pytest.raises(ConfigError, match="Still tells no covariance"):
+        systems.study(**KEYS | {"detector": {"kind": "chi_squared", "predicts": Still()}})
 
 
 @pytest.mark.parametrize(
