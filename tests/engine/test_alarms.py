@@ -34,11 +34,11 @@ SOON = cutting("link", return_after=0.3)
 
 # engine, law, order of the vehicles, channel, other keys
 CELLS = {
-    "never": ("exact", EXACT, 3, NOISE, cutting("never")),
     "messages that are also lost": ("exact", EXACT, 3, LOSS | NOISE, cutting("message") | ERRS),
     "messages, the last held": ("exact", EXACT, 2, NOISE | {"missing": "hold"}, cutting("message")),
     "links that return": ("exact", EXACT, 3, LOSS | NOISE | {"missing": "hold"}, SOON | W_MSR),
     "both ways, for ever": ("exact", EXACT, 3, {}, cutting("both_ways", 4.0) | W_MSR),
+    "links, until a vehicle is cut off": ("exact", EXACT, 2, NOISE, cutting("link")),
     "late": ("exact", EXACT, 3, LATE | NOISE, cutting("message") | ERRS | W_MSR),
     "late by message": ("exact", EXACT, 3, BY_MESSAGE | NOISE | LOSS, SOON | ERRS | W_MSR),
     "local": ("exact", LOCAL, 2, OF_JETS, cutting("both_ways", return_after=0.3) | ERRS),
@@ -64,7 +64,9 @@ SHORT = {"filter", "messages that are also lost", "both ways, for ever", "sample
 )
 def test_alarms_act_as_in_the_plain_fleet(name):
     """Places to 1e-7 m; in the exact engine all jets."""
-    assert agree(cell(*CELLS[name]), CELLS[name][0], H).alarms > 1
+    fleet = agree(cell(*CELLS[name]), CELLS[name][0], H)
+    assert fleet.alarms > 1
+    assert (fleet.fails_at is not None) == ("cut off" in name)
 
 
 RING = {

@@ -252,6 +252,8 @@ def cut_off(lane: Lane, network: Network, judged: Judged, coasting: Coasting) ->
     on_its_way = ~coasting.stopped(lane)[None]
     heard = (weights > 0) & on_its_way[:, None]
     alone = (weights == 0).all(axis=1) & on_its_way
+    if lane.turns is None and lane.alarms_cut:  # then alarms alone leave a vehicle without links
+        alone = jnp.zeros_like(alone)
     if not coasts(lane):
         alone = alone | ~on_its_way
     return ~network.hearing.reached(heard, alone).all(axis=0)

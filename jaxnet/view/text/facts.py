@@ -156,7 +156,6 @@ def world_lines(scenario: Scenario, told: Facts) -> Facts:
         "networks": (turns > 1, f"{count(turns, 'network')} take turns; {union}", OF_NETWORKS),
         "sensing": (not sensing.exact(), f"{sensing.kind}: vehicles sense with errors", OF_SENSORS),
         "channel": (not loss.perfect(), f"loss {loss.kind}: messages are lost", OF_LOSSES),
-        "alarms": (scenario.detector.acts, "alarms cut messages or links", ()),
         "noise": (not noise.exact(), f"{noise.kind}: messages arrive with errors", OF_NOISE),
         "rounding": (channel.rounded, "numbers in messages are rounded", ()),
         "delay": (channel.late, f"messages are {late} late", OF_DELAYS),
