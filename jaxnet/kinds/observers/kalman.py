@@ -13,7 +13,7 @@ from jaxnet.model.polynomial import scaled
 Covariances = Float[Any, "orders orders slots m *lanes"]
 
 
-class Expected(NamedTuple):
+class LinkEstimate(NamedTuple):
     """What listeners expect of a source: jets, their covariance on an axis, and if they know it."""
 
     jets: LinkJets
@@ -38,9 +38,9 @@ class Kalman(Observer):
     def start(self, heard):
         jets = jnp.zeros_like(heard.received)
         nothing = jnp.zeros((len(jets), *heard.variances.shape))
-        return Expected(jets, nothing, jnp.zeros_like(heard.arrived))
+        return LinkEstimate(jets, nothing, jnp.zeros_like(heard.arrived))
 
-    def later(self, estimate: Expected, interval: LaneNumbers) -> Expected:
+    def later(self, estimate: LinkEstimate, interval: LaneNumbers) -> LinkEstimate:
         """The estimate after a tick without a message."""
         order = len(estimate.jets)
         powers = [interval**0]
@@ -55,7 +55,7 @@ class Kalman(Observer):
         covariance = moved(moved(estimate.covariance).swapaxes(0, 1))
         pushed = self.unknown[None] * jnp.stack(powers[:0:-1])
         covariance = covariance + (pushed[:, None] * pushed[None])[:, :, None, None]
-        return Expected(moved(estimate.jets), covariance, estimate.known)
+        return LinkEstimate(moved(estimate.jets), covariance, estimate.known)
 
     def compared(self, heard, memory):
         there = self.later(memory, heard.interval)
@@ -67,7 +67,7 @@ class Kalman(Observer):
         factor = whitening.cholesky(of_residuals(there, heard))
         white = whitening.from_factor(factor, heard.received - there.jets)
         spread = whitening.from_factor(factor, there.covariance)
-        learnt = Expected(
+        learnt = LinkEstimate(
             there.jets
             + sum(one[:, None] * by[None] for one, by in zip(spread, white, strict=True)),
             there.covariance - sum(one[:, None] * one[None] for one in spread),
@@ -95,6 +95,6 @@ def diagonal(variances: Any) -> Covariances:
     return jnp.stack([jnp.stack([variances[i] if i == j else nothing for j in each]) for i in each])
 
 
-def of_residuals(estimate: Expected, heard: HeardWords) -> Covariances:
+def of_residuals(estimate: LinkEstimate, heard: HeardWords) -> Covariances:
     """Covariance of what arrives minus what was expected."""
     return estimate.covariance + diagonal(heard.variances)
