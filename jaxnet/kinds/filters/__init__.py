@@ -72,9 +72,10 @@ class Filter(Kind):
             message = f"{self.kind} filters velocities, and {scenario.law.kind} asks for none"
             yield Fault(("filter", "law"), message)
         exact = scenario.sensing.exact() and channel.noise.exact()
-        if not (exact and channel.loss.perfect()) or channel.late or channel.rounded:
+        heard = channel.loss.perfect() and not scenario.detector.acts
+        if not (exact and heard) or channel.late or channel.rounded:
             message = "needs exact sensors, and messages that arrive at once without errors"
-            yield Fault(("filter", "channel", "sensing"), f"{self.kind} {message}")
+            yield Fault(("filter", "channel", "sensing", "detector.cuts"), f"{self.kind} {message}")
         obeyed = attack.moves == "by_law" and not attack.replaces()
         if attack.by_link() or attack.identities() > 1 or not obeyed:
             message = "needs one place of each vehicle, told to all, that differs from the true one"
