@@ -51,7 +51,7 @@ def droppable(case: Case) -> list[int] | None:
     return vehicle_numbers(~safety.stay_joined(drops, np.ones(network.vehicles, bool))) or None
 
 
-class Isolation(NamedTuple):
+class CutReach(NamedTuple):
     """Reach of what is left where alarms have cut all attacked links."""
 
     lost: list[int] | None  # vehicles, from 1, cut off in some lane; None for too many drawn sets
@@ -59,22 +59,22 @@ class Isolation(NamedTuple):
     whom: list[int]  # the vehicles that so few can part
 
 
-def isolation(case: Case) -> Isolation | None:
+def isolation(case: Case) -> CutReach | None:
     """Reach without all attacked links, and the wrong cuts that it bears (Menger's theorem)."""
     detector, network = case.scenario.detector, case.situation.graph
     if not detector.cuts_links:
         return None
     if case.draws is None:
-        return Isolation(None, 0, [])
+        return CutReach(None, 0, [])
     left = [network.only(network.heard & ~links) for links in case.draws]
     if detector.cuts == "both_ways":
         left = [without_answers(network, links) for links in case.draws]
     lost = sorted(set().union(*map(graph.unreachable, left)))
     if len(left) > MOST_CUT:
-        return Isolation(lost, 0, [])
+        return CutReach(lost, 0, [])
     cuts = np.min([least_cuts(each) for each in left], axis=0)
     wrong = cuts[cuts > 0].min(initial=network.heard.sum())
-    return Isolation(lost, int(wrong), vehicle_numbers(cuts == wrong))
+    return CutReach(lost, int(wrong), vehicle_numbers(cuts == wrong))
 
 
 def without_answers(network: Digraph, cut: Links) -> Digraph:

@@ -44,6 +44,9 @@ class Known(ChannelNoise):
 
 
 CHI = {"kind": "chi_squared", "false_alarms": 0.01}
+PAGE = {"kind": "cusum", "drift": 4.0, "threshold": 8.0}
+WINDOW = CHI | {"window": 5}
+TICKS = 101
 
 
 def searched(detector, most_alarms):
@@ -61,13 +64,20 @@ def searched(detector, most_alarms):
     return trials.best, box.number(place, trials.point[0]) / SIGMA
 
 
-@pytest.mark.parametrize(("detector", "size"), [(CHI, 3.034854)])
+@pytest.mark.parametrize(
+    ("detector", "size"),
+    [(CHI, 3.034854), (WINDOW, np.sqrt(23.209251 / 5)), (PAGE, np.sqrt(4 + 8 / TICKS))],
+)
 def test_the_greatest_lie_without_alarm_is_found(detector, size):
-    """A steady one of a liar that knows the errors: to 1 %, and the effect that theory tells."""
+    """A steady one of a liar that knows the errors: to 1 %, and the effect that theory tells.
+
+    In so few ticks a CUSUM allows its threshold beside its drift.
+    """
     effect, found = searched(detector, 0.0)
     exact = systems.study(**KEYS, channel={"noise": {"position": SIGMA}}, detector=detector)
     told = values(Case(exact.cells[0].scenario))["unseen effect"]
-    assert effect == pytest.approx(told.steady, rel=0.01)
+    assert effect <= told.most
+    assert effect == pytest.approx(told.steady, rel=0.01 if detector is not PAGE else 0.02)
     assert found == pytest.approx(size, rel=0.01)
 
 

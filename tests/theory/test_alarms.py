@@ -22,11 +22,7 @@ KEYS = {
 }
 
 
-class Page(Detector):
-    """A CUSUM of which the test gives nothing but the rule."""
-
-    def rule(self, orders):
-        return AlarmRule(8.0, drift=4.0)
+PAGE = {"kind": "cusum", "drift": 4.0, "threshold": 8.0}
 
 
 def case_of(**keys):
@@ -45,7 +41,7 @@ def test_runs_of_a_cell():
     assert found.link.most == pytest.approx(100)
     assert found.fleet.most == pytest.approx(1 / (1 - 0.99**16))
     assert found.lie.most == pytest.approx(1 / 0.203948, rel=1e-5)
-    of_page = told("runs", detector=Page())
+    of_page = told("runs", detector=PAGE)
     assert of_page.link.most == pytest.approx(245.0234, abs=5e-5)
 
 
@@ -73,6 +69,7 @@ def test_residuals_of_links_depend_if_they_share_an_error(keys, number, of):
         {"channel": {"noise": {"position": SIGMA, "outliers": 0.1}}},
         {"channel": {"noise": {"position": {"uniform": [0.1, 0.2]}}}},
         {"detector": {"kind": "chi_squared", "false_alarms": {"uniform": [0.01, 0.1]}}},
+        {"detector": {"kind": "chi_squared", "predicts": "kalman"}},
         {
             "channel": KEYS["channel"]
             | {"loss": {"kind": "bernoulli", "probability": 0.1}, "missing": "drop"}
@@ -95,7 +92,7 @@ def test_of_a_detector_without_a_rule_nothing_is_told():
 
 def test_the_greatest_lie_that_is_not_seen():
     """√9.210340 σ by χ² at 1 %, at each tick; by the CUSUM 2 σ after one of √12 σ."""
-    of_chi, of_page = told("unseen lie"), told("unseen lie", detector=Page())
+    of_chi, of_page = told("unseen lie"), told("unseen lie", detector=PAGE)
     assert of_chi == pytest.approx([3.034854 * SIGMA] * 2, rel=1e-6)
     assert of_page == pytest.approx([np.sqrt(12) * SIGMA, 2 * SIGMA])
     sensed = told("unseen lie", sensing={"position": 2 * SIGMA})
@@ -106,7 +103,7 @@ def test_a_steady_lie_moves_as_the_static_bound_says():
     """Which a study without errors has; of drawn vehicles the worst set counts."""
     exact = case_of(channel={}, detector="none").scenario
     static = bounds.static(spread.scenario_gain(exact)).worst
-    assert told("unseen effect", detector=Page()).steady == pytest.approx(static * 2 * SIGMA)
+    assert told("unseen effect", detector=PAGE).steady == pytest.approx(static * 2 * SIGMA)
     each = [
         told("unseen effect", attack={"kind": "bias", "vehicles": [one, other]}).steady
         for one in range(1, 7)
@@ -139,7 +136,7 @@ def test_the_effect_of_a_held_lie():
     assert alarms.held_effect(np.array([1e-6]), 0.05) is None
 
 
-@pytest.mark.parametrize("detector", [KEYS["detector"], Page()])
+@pytest.mark.parametrize("detector", [KEYS["detector"], PAGE])
 @pytest.mark.parametrize(
     ("vehicle", "gain"), [("single_integrator", [2.0]), ("double_integrator", [4.0, 0.8])]
 )

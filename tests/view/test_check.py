@@ -44,6 +44,11 @@ TESTED = {
 }
 
 
+CUTTING = TESTED | {"detector": {"kind": "cusum", "drift": 4, "threshold": 8, "cuts": "link"}}
+ONE_WAY = {"kind": "cusum", "drift": 0.5, "threshold": 5, "direction": [1, 0]}
+ALONG = TESTED | {"detector": ONE_WAY}
+
+
 def of_drawn(number, **keys):
     attack = {"kind": "rotating", "vehicles": {"random": number}}
     return LATTICE | {"attack": attack, "defence": "none"} | keys
@@ -130,6 +135,16 @@ FACTS = [
     ),
     (TESTED, "unseen", "messages that are 0.3035 m off at each tick raise no alarm; in phase they"),
     (TESTED | {"defence": "w_msr"}, "unseen", "raise no alarm"),
+    (CUTTING, "alarms", "a false one about a link comes after 245.02 ticks (12.251 s) in the mean"),
+    (
+        CUTTING,
+        "unseen",
+        "0.2 m off at each tick raise no alarm, nor does one of 0.3464 m before; in",
+    ),
+    (CUTTING, "unseen", "while alarms cut nothing; no lie about positions that raises none moves"),
+    (CUTTING, "isolation", "reaches every vehicle; 2 wrong cuts can part 2, 6, and no fewer"),
+    (ALONG, "alarms", "ticks (46.544 s) in the mean, about any of 16 honest links after"),
+    (ALONG, "alarms", "a steady lie of ā along the direction after 4.0089 ticks"),
     # attacked vehicles that each lane draws: a majority bears one liar, some listener hears two
     (
         of_drawn(1, defence=ANNOUNCED),

@@ -16,7 +16,7 @@ from jaxnet.theory import integer
 from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
-from jaxnet.theory.certificate import HonestPaths, Isolation
+from jaxnet.theory.certificate import CutReach, HonestPaths
 from jaxnet.theory.clipping import Unclipped
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.theory.misjudged import Misjudged
@@ -342,7 +342,7 @@ def ticks_of(run: MeanRun, scenario: Scenario) -> str:
     return f"{ticks} ticks ({seconds} s)"
 
 
-def isolation_words(found: Isolation, scenario: Scenario) -> str:
+def isolation_words(found: CutReach, scenario: Scenario) -> str:
     if found.lost is None:
         return f"not known: {NOT_TRIED}"
     kept = [i for i in range(1, scenario.vehicles + 1) if i not in found.lost]
