@@ -186,6 +186,7 @@ class Fleet:
         self.networks = [self.weights_of(each) for each in topology.get("networks", [topology])]
         self.links = [(int(i), int(j)) for i, j in np.argwhere(sum(self.networks) > 0)]
         self.at_tick, self.sent, self.rounding = [], [], []  # by tick, then by link
+        self.own: list[np.ndarray] = []  # jets that vehicles sense of themselves, by tick
         self.words, self.last, self.newest, self.kept = {}, {}, {}, {}  # by link; by vehicle
         self.believed = np.ones((self.m, self.m + 1, 2), bool)
         self.noise, self.fails_at = np.zeros((self.m, self.r, 2)), None
@@ -435,6 +436,7 @@ class Fleet:
         orders = [self.integrals[self.r - k] for k in range(self.r)]
         moved = free + np.stack([np.einsum("cd,idx->icx", n, highest) for n in orders], axis=2)
         own = np.concatenate([moved + self.noise[:, None], highest[:, :, None]], axis=2)
+        self.own.append(told[:, None] if self.holds else own)
         self.sent.append({(i, j): self.carried(t + self.nodes, i, j, own[j - 1]) for i, j in links})
         for link in live:
             self.last[link] = n + 1, self.heard(n, n, link)[-1]
@@ -448,6 +450,8 @@ class Fleet:
     def heard(self, n, b, link):
         """Jets that a listener hears from tick n on, of the message of tick b."""
         jets = self.at_tick[b][link][None] if self.holds else self.sent[b][link]
+        if self.channel.get("own_delay"):
+            jets = jets - self.own[b][link[0]] * (np.arange(self.r + 1) < self.r)[:, None]
         jets = jets + self.rounding[b][link]
         if self.channel["extrapolate"] != "none":
             some = self.r + (self.channel["extrapolate"] == "jerk")
@@ -576,7 +580,8 @@ class Fleet:
             felt = np.einsum("k,ickx->icx", gain, free + self.noise[:, None])
             return felt, sum(gain[k] * self.integrals[self.r - k] for k in range(self.r))
 
-        (fed_back, flow), (damped, own_flow) = map(of_gain, (self.k[:-1], self.damping))
+        felt = self.k[:-1] * (not self.channel.get("own_delay"))
+        (fed_back, flow), (damped, own_flow) = map(of_gain, (felt, self.damping))
         right, graph = np.zeros((m, count, 2)), np.zeros((m, m, 2))
         for (i, j), values in known.items():
             right[i] += shares[i, j] * values

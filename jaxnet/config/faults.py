@@ -385,6 +385,9 @@ def delay_faults(s: Scenario) -> Iterator[Fault]:
         told = f"delayed motions need ticks of at most {MOST_RATE:g} of the law's fastest time"
         told += " constant"
         yield Fault(("channel.extrapolate", "tick", "law"), told)
+    if channel.own_delay and (s.law.couples() or s.defence.anchors()):
+        told = "own_delay needs law: local, and no anchor"
+        yield Fault(("channel.own_delay", "law", "defence"), told)
     if channel.missing == "extrapolate":
         told = "a lost message is dropped or held where messages are delayed: give drop or hold"
         yield Fault(("channel.missing", "channel.delay"), told)

@@ -23,6 +23,7 @@ def rules(s: Scenario) -> Iterator[tuple[str, bool, str]]:
     """Yield a key, whether it changes nothing in a cell, and why."""
     late, announces = s.channel.late, s.defence.announcing()
     yield "channel.extrapolate", not late, "no message is delayed: give channel.delay"
+    yield "channel.own_delay", not late, "no message is delayed: give channel.delay"
     yield "channel.delay_of", not is_drawn(s.channel.delay), "no delay is drawn"
     lossless = s.channel.loss.perfect() and not (late or s.detector.acts)
     yield "channel.missing", lossless, "no message is lost: give channel.loss"

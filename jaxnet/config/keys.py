@@ -124,6 +124,12 @@ class Channel(Record):
         description="whether a delay is drawn for each link of a lane, or for each message; the "
         "newest message counts",
     )
+    own_delay: bool = Field(
+        default=False,
+        title="delay of one's own motion",
+        description="whether a vehicle compares a delayed message with its own motion when it was "
+        "sent, not with that of now",
+    )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
         default="none",
         title="correction of delayed messages",

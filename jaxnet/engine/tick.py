@@ -215,7 +215,8 @@ class DecisionState(eqx.Module):
         constant = self.constant_drive(now.lane, weights)
         drive = self.heard.delayed(now, self.late, weights, constant.drive.terms)
         share = weights.sum(axis=1) + constant.share
-        return replace(constant, drive=Polynomial(drive), share=share, time=now.time)
+        found = replace(constant, drive=Polynomial(drive), share=share, time=now.time)
+        return replace(found, relative=now.plan.own_delay)
 
     def disconnected(self, lane: Lane, network: Network) -> LaneFlags:
         """Lanes that fail because decisions alone cut a vehicle off from the navigator.
@@ -319,6 +320,8 @@ def send(now: Moment, before: DecisionState, state: DecisionState) -> OnTime:
         _, held, strength = state.held(lane, jnp.zeros_like(state.weights(lane)), known)
         assert isinstance(held, KnownDrive)
         follows = 1.0
+        if held.relative:
+            now = now._replace(lane=lane._replace(gain=0.0 * lane.gain))
         if not law.couples():
             follows = (held.share > 0).astype(float)
         told = motion_told(

@@ -18,7 +18,7 @@ TICK_ROUNDING = 1e-9  # [s] by which a tick may miss the time of something that 
 JET_ORDERS = ("position", "velocity", "acceleration")
 HIGHEST = "jerk"
 
-Together = Literal["link", "transmitter", "all"]
+Together = Literal["link", "pair", "transmitter", "all"]
 
 
 class DrawsAtTicks(Kind):
@@ -74,10 +74,12 @@ class DrawsAtTicks(Kind):
 
 
 class DrawsTogether(DrawsAtTicks):
-    """A kind that draws one number for each link, for each transmitter, or for all links."""
+    """A kind that draws one number for each link, pair or transmitter, or for all links."""
 
     of: Together = setting(
-        "link", "what has draws of its own: each link, each transmitter, or all links together"
+        "link",
+        "what has draws of its own: each link, each pair of vehicles in both directions, each "
+        "transmitter, or all links together",
     )
 
     def random_by_slot(
@@ -93,11 +95,16 @@ class DrawsTogether(DrawsAtTicks):
         `sources` (slots, m) are the numbers of the sources.
         """
         slots, m = sources.shape
-        shape = {"link": (slots, m), "transmitter": (m + 1,), "all": (1,)}[self.of]
-        drawn = self.random(time, purpose, distribution, (*axes, *shape))
         if self.of == "link":
-            return drawn
-        number = sources if self.of == "transmitter" else jnp.zeros_like(sources)
+            return self.random(time, purpose, distribution, (*axes, slots, m))
+        number, many = sources, m + 1
+        if self.of == "all":
+            number, many = jnp.zeros_like(sources), 1
+        elif self.of == "pair":
+            listeners = jnp.arange(1, m + 1)[None]
+            ends = jnp.minimum(sources, listeners), jnp.maximum(sources, listeners)
+            number, many = ends[0] * many + ends[1], many**2
+        drawn = self.random(time, purpose, distribution, (*axes, many))
         return jnp.take(drawn, number, axis=len(axes))
 
 

@@ -61,6 +61,7 @@ def job(
         consistent=scenario.attack.consistent(),
         missing=scenario.channel.missing,
         late=late_ticks(scenario),
+        own_delay=scenario.channel.own_delay and scenario.channel.late,
         extrapolate=scenario.channel.extrapolate if scenario.channel.late else "none",
         as_told=scenario.attack.as_told(),
         in_field=scenario.defence.decides and scenario.tick == 0,

@@ -9,7 +9,7 @@ from jaxnet.model import graph
 from jaxnet.model.graph import Weights
 from jaxnet.theory.case import Case
 from jaxnet.theory.response import LawGain
-from jaxnet.theory.rounds import deviating, held_rates
+from jaxnet.theory.rounds import deviating, followed_weights, held_rates, local_rate
 
 MOST_DELAY = 1e3  # [s] up to which a margin is sought
 
@@ -82,15 +82,54 @@ def growth_when_late(case: Case) -> float | None:
     law, channel = scenario.law, scenario.channel
     rows, leads = case.situation.graph.weights.T[None], scenario.navigator.present
     known = channel.late and law.needs_ticks() and (law.gives_demand() or law.iterates())
-    if not known or scenario.attack.replaces():
+    if not known or scenario.attack.replaces() or scenario.attack.misuses():
         return None
-    if not law.couples() and scenario.topology.strength(rows, leads) is not None:
+    (told, felt), weights = case.parts, case.weights
+    if channel.own_delay:
+        weights = followed_weights(case, None, weights)
+    elif not law.couples() and scenario.topology.strength(rows, leads) is not None:
         return None
-    along, tick = deviating(case, case.weights), scenario.tick
-    told = case.parts[0]
+    else:
+        felt = case.gain
+    along, tick = deviating(case, weights), scenario.tick
     message = message_factors(told, channel.delay, channel.extrapolate, not law.couples())
     ticks = round(channel.delay / tick)
-    return late_growth(along, case.gain, message, tick, ticks) if len(along) else None
+    if not len(along):
+        return None
+    return late_growth(along - channel.own_delay, felt, message, tick, ticks)
+
+
+def common_margin(case: Case) -> float | None:
+    """Delay [s] below which a fleet is stable whose vehicles delay their own motion alike.
+
+    None where messages are extrapolated, or own motion is that of now.
+    """
+    channel, attack = case.scenario.channel, case.scenario.attack
+    if not (channel.late and channel.own_delay) or channel.extrapolate != "none":
+        return None
+    along = deviating(case, followed_weights(case, None, case.weights))
+    if attack.replaces() or attack.misuses() or not len(along):
+        return None
+    if local_rate(along, *case.parts) >= 0:
+        return 0.0
+    pulls = np.concatenate([1 - along, np.conj(1 - along)])
+    return min(first_crossing(pull, *case.parts) for pull in pulls)
+
+
+def first_crossing(pull: complex, gain: LawGain, damping: LawGain) -> float:
+    """Least delay τ [s] at which `s^r + D(s) + pull P(s) e^(-sτ)` has a root iω, ω > 0.
+
+    P and D have the gains `gain` and `damping`. Order 1: `(π/2 + arg pull) / (k0 |pull|)` (Olfati-
+    Saber and Murray, Consensus problems in networks of agents with switching topology and
+    time-delays, 2004).
+    """
+    along_axis = 1j ** np.arange(len(gain), -1, -1)  # of ω in place of s
+    own, others = np.array([1.0, *damping[::-1]]) * along_axis, pull * gain[::-1] * along_axis[1:]
+    sizes = np.polymul(own, own.conj()), np.polymul(others, others.conj())
+    roots = np.roots(np.polysub(*sizes).real)
+    rates = roots[(abs(roots.imag) < 1e-9 * abs(roots)) & (roots.real > 0)].real
+    turns = -np.angle(-np.polyval(own, rates) / np.polyval(others, rates)) % (2 * np.pi)
+    return float((turns / rates).min(initial=np.inf))
 
 
 def late_growth(
@@ -102,9 +141,10 @@ def late_growth(
 ) -> float:
     """Factor of the slowest motion at each tick where messages are `late` ticks late, at least 1.
 
-    `message` are the factors of E, Ė, … and of the held q in a message. Along an eigenvector of A
-    with eigenvalue λ, `q = λ w(t - d h) - P(E)`, where w is the message. One exchange has the
-    characteristic polynomial of theorems.md, O16.
+    `gain` has the factors of P, and `message` those of E, Ė, … and of the held q in a message.
+    Along an eigenvector of A with eigenvalue λ, `q = λ w(t - d h) - P(E)`, where w is the message.
+    Where own motion is late too, P is the damping alone, and λ - 1 stands for λ. One exchange has
+    the characteristic polynomial of theorems.md, O16.
     """
     r = len(gain)
     integrators, entry = held_rates(r, tick)

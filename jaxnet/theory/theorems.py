@@ -82,6 +82,7 @@ THEOREMS = (
     Theorem("O16", "greatest delay", (*OF_DELAY, "solved", "one gain"), delay.greatest_delay),
     Theorem("O16", "growth when late", (*OF_DELAY, "one gain"), delay.growth_when_late),
     Theorem("Yemini et al. 2022", "misjudged", (), misjudged.misjudged),
+    Theorem("Olfati-Saber 2004", "common margin", (*OF_DELAY, "one gain"), delay.common_margin),
     Theorem("O11", "safe", AT_LAST, safe.safe_vehicles),
     Theorem("O11", "proof ends", AT_LAST, safe.proof_ends),
     Theorem("theorem 3", "ultimate error", (*AT_LAST, "consistent"), announced.ultimate),

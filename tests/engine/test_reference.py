@@ -137,6 +137,7 @@ TRIM = {"defence": {"kind": "trusted_trim", "theta": 1, "isolated": "coast"}}
 VOTE = {"defence": {"kind": "vote", "theta": {4: 1}, "trusted": "none", "isolated": "coast"}}
 TWO_VOTE = {"defence": VOTE["defence"] | {"theta": {3: 1, 4: 1}}}
 INPUT = {"moves": "input"}
+OWN_DELAY = {"own_delay": True}
 TURNS = {"every": 0.4}
 LATE = {"missing": "drop", "delay": 0.2}
 BY_MESSAGE = {"delay": {"uniform": [0.1, 0.3]}, "delay_of": "message", "missing": "hold"}
@@ -167,6 +168,10 @@ CELLS = {
     "misused, held and late": ("exact", HELD, 2, LATE | LOSS | LOWER_NOISE, ERRS | W_MSR | INPUT),
     "nonlinear, misused": ("nonlinear", LOCAL, 3, LOSS, ERRS | INPUT),
     "stacked, misused": ("stacked", DAMPED, 2, LOSS, ERRS | INPUT),
+    "own delay, held": ("exact", HELD, 1, LATE | LOSS | LOWER_NOISE | OWN_DELAY, ERRS | W_MSR),
+    "own delay": ("exact", DAMPED, 3, LATE | {"extrapolate": "jets"} | OWN_DELAY, ERRS),
+    "own delay by message": ("exact", LOCAL, 2, BY_MESSAGE | LOSS | OWN_DELAY, ERRS),
+    "nonlinear, own delay": ("nonlinear", LOCAL, 2, LATE | OWN_DELAY, ERRS),
     "networks that take turns": ("exact", EXACT, 3, {"quantisation": 0.2}, TURNS | W_MSR),
     "vote": ("exact", EXACT, 3, NOISE, VOTE | ERRS),
     "vote, lost": ("exact", EXACT, 2, LOSS, VOTE | ERRS),
@@ -192,6 +197,7 @@ LONG |= {"three rounds, replaced", "stacked", "lost and dropped"}
 LONG |= {each for each in CELLS if each.startswith("vote")} - {"vote, lost", "vote, local and held"}
 LONG |= {"damped, late", "damped, held messages"}
 LONG |= {"misused, held and late", "nonlinear, misused", "stacked, misused"}
+LONG |= {"own delay", "own delay by message", "nonlinear, own delay"}
 LONG |= {"nonlinear, damped", "stacked, damped"}
 
 

@@ -257,7 +257,7 @@ def lane_field(
         graph = jnp.zeros_like(graph)
         heeded = lane.law.heeds_highest(hearing.sources)
         direct = jnp.where(heeded[None, ..., None], weights, 0.0)
-        silent = (weights == 0).all(axis=1) & (drive.known.row_share(weights) == 0)
+        silent = drive.known.silent((weights == 0).all(axis=1))
         error = jnp.where(silent[None], 0.0, error)
     highest = drive.known.plus(received(direct, jnp.zeros_like(own[0]), order), now)
     if lane.gain_apart is not None:

@@ -33,7 +33,7 @@ class Known(eqx.Module):
         return demand
 
     def silent(self, silent: Silent) -> Silent:
-        """The rows, of some, that no known message reaches."""
+        """The rows, of some, that no known message reaches; all, where own jets are in messages."""
         return silent
 
     def row_share(self, weights: AxisWeights) -> RowShare:
@@ -56,6 +56,7 @@ class KnownDrive(Known):
     share: RowShare  # of the weights of a row whose messages are not live
     interval: Instants  # from tick to tick [s]
     time: Instants  # of the tick [s]
+    relative: bool = eqx.field(static=True, default=False)  # whether own jets are in messages
 
     def plus(self, demand, time):
         if len(self.drive.terms) == 1:
@@ -63,7 +64,7 @@ class KnownDrive(Known):
         return demand + self.drive.at((time - self.time) / self.interval)
 
     def silent(self, silent):
-        return silent & (self.share == 0)
+        return jnp.ones_like(silent) if self.relative else silent & (self.share == 0)
 
     def row_share(self, weights):
         return self.share

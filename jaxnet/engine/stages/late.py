@@ -231,9 +231,13 @@ class Late(OnTime):
         ticks = None if arrival.entry is None else depth(self.past) - arrival.entry
         delay = lane.delay.seconds(ticks, lane.interval)
         gains = message_gains(lane.gain, delay, now.plan.extrapolate)
-        orders = arrival.of(
-            self.past, lambda sent: sent.messages.on(hearing, sent.vectors_of(lane))
-        )
+
+        def on_links(sent: Past) -> Array:
+            carried = sent.messages.on(hearing, sent.vectors_of(lane))
+            own = sent.messages.sources[:-1, :, :, None, 1:]
+            return carried.at[:-1].add(-own) if now.plan.own_delay else carried
+
+        orders = arrival.of(self.past, on_links)
         if not lane.law.couples():  # the highest derivative is told by the navigator alone
             leads = lane.law.heeds_highest(hearing.sources)[..., None]
             orders = [*orders[:-1], jnp.where(leads, orders[-1], 0.0)]

@@ -11,7 +11,7 @@ from jaxnet.lazy import jnp
 MOST_OBSERVED = 100  # each holds a copy of the fleet's links
 
 
-class Expected(NamedTuple):
+class ExpectedAround(NamedTuple):
     """What vehicles expect. The observed vehicles of all listeners are one axis, m · m."""
 
     around: AnyMask  # whether a listener observes a vehicle, (m · m, lanes)
@@ -39,13 +39,15 @@ class NeighbourhoodObserver(Observer):
     def start(self, heard):
         slots, m, lanes = heard.weights.shape
         nobody, nothing = jnp.zeros((m * m, lanes), bool), jnp.zeros((2, 2, m * m, lanes))
-        return Expected(nobody, nothing, jnp.zeros((2, slots, m, lanes)), heard.arrived & False)
+        return ExpectedAround(
+            nobody, nothing, jnp.zeros((2, slots, m, lanes)), heard.arrived & False
+        )
 
-    def compared(self, heard, memory: Expected):
+    def compared(self, heard, memory: ExpectedAround):
         residuals = jnp.zeros_like(heard.received).at[0].set(memory.residuals)
         return Compared(residuals, None, memory.known)
 
-    def advance(self, heard, memory: Expected):
+    def advance(self, heard, memory: ExpectedAround):
         m, lanes = heard.weights.shape[1:]
         known = heard.arrived & (heard.weights > 0)
         near, told = by_pair(heard, known)
@@ -69,7 +71,7 @@ class NeighbourhoodObserver(Observer):
         state = jnp.stack([x + step * v, v + step * rate]) * around[None, None]
         expected = state[0][:, jnp.arange(m)[None], heard.sources - 1]
         flat = around.reshape(m * m, lanes) > 0, state.reshape(2, 2, m * m, lanes)
-        return Expected(*flat, heard.received[0] - expected, known)
+        return ExpectedAround(*flat, heard.received[0] - expected, known)
 
     def faults(self, scenario):
         yield from super().faults(scenario)

@@ -35,7 +35,7 @@ NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, and a
 ONE_LIVE_NETWORK = {"one network", "on time", "every message", "uncut"}
 OF_NETWORKS, OF_SENSORS, OF_NOISE = ("reach", "nominal"), ("sensors leave",), ("messages leave",)
 OF_LOSSES = ("in mean square", "while reached")
-OF_DELAYS = ("lag", "follows lines", "greatest delay", "growth when late")
+OF_DELAYS = ("lag", "follows lines", "greatest delay", "growth when late", "common margin")
 
 UNSTABLE = "UNSTABLE"
 
@@ -306,6 +306,12 @@ def greatest_delay_words(margin: float, scenario: Scenario) -> str:
     return f"; {state}: the delay must be below {margin:.6g} s"
 
 
+def common_margin_words(margin: float, scenario: Scenario) -> str:
+    if scenario.law.needs_ticks():
+        return f"; with short ticks the delay must be below {margin:.6g} s"
+    return f"; {stable(scenario.channel.delay < margin)}: the delay must be below {margin:.6g} s"
+
+
 def stability_words(found: Stability, scenario: Scenario) -> str:
     line = f"{stable(found.stable)}, deviations "
     if found.tick is None:
@@ -514,6 +520,7 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "growth when late": lambda growth, scenario: (
         f"; {stable(growth < 1)}, deviations times {growth:.6f} at each tick of {scenario.tick:g} s"
     ),
+    "common margin": common_margin_words,
     "runs": runs_words,
     "isolation": isolation_words,
     "unseen lie": unseen_words,

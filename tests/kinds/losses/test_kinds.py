@@ -72,19 +72,24 @@ def test_bursts_are_as_long_and_as_frequent_as_the_chain_says(fail, recover):
 
 @pytest.mark.parametrize("kind", ["bernoulli", "gilbert_elliott", "jamming"])
 def test_words_are_lost_together(kind):
-    """Those of a transmitter, or all; other transmitters, and links, are independent."""
+    """Those of a transmitter, of both directions of a link, or all; others are independent."""
     keys = {
         "bernoulli": {"probability": 0.4},
         "gilbert_elliott": {"fail": 0.3, "recover": 0.5},
         "jamming": {"starts": 3.0, "spacing": 0.2, "seconds": 2.0, "ratio": 1.5},
     }[kind]
-    every = ("link", "transmitter", "all")
+    every = ("link", "pair", "transmitter", "all")
     lost = {of: lost_words({"kind": kind, "of": of, **keys}, 300) for of in every}
     one, other = lost["all"][:, :1, :1], lost["all"][:, 2:3, 4:5]
     assert (one == other).all()
     assert one.any()
     assert (lost["transmitter"][:, 0, 2] == lost["transmitter"][:, 3, 2]).all()
+    there = np.moveaxis(lost["pair"][:, :, 1:], 2, 1)  # by source and listener
+    assert (there == lost["pair"][:, :, 1:])[:, ~np.eye(5, dtype=bool)].all()
     for first, second in [
+        (lost["pair"][:, 0, 2], lost["pair"][:, 0, 3]),
+        (lost["pair"][:, 2, 0], lost["pair"][:, 2, 1]),
+        (lost["link"][:, 0, 2], lost["link"][:, 1, 1]),
         (lost["transmitter"][:, 0, 2], lost["transmitter"][:, 0, 3]),
         (lost["link"][:, 0, 2], lost["link"][:, 3, 2]),
         (lost["all"][:, 0, 2, 0], lost["all"][:, 0, 2, 1]),
