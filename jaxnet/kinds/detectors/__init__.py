@@ -55,9 +55,9 @@ class AnyDetector(Kind):
     """Base class of all detectors; the class attributes are those of nobody who tests messages."""
 
     if TYPE_CHECKING:
-        predicts: Any
-        cuts: Any
-        return_after: Any
+        predicts: Any = None
+        cuts: Any = None
+        return_after: Any = None
 
     present: ClassVar[bool] = False
     whitens: ClassVar[bool] = True  # whether it needs the covariance of residuals
