@@ -235,9 +235,9 @@ class DecisionState(eqx.Module):
     def changes(self, before: "DecisionState", lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
         """Lanes in which anything changed, and vehicles whose retained sources did."""
         lanes, vehicles = self.judged.changed(before.judged, lane)
-        lanes = self.heard.changed(before.heard, lanes)
         if self.links.present or self.late.present:
-            lanes = jnp.ones_like(lanes)
+            return jnp.ones_like(lanes), vehicles
+        lanes = self.heard.changed(before.heard, lanes)
         lanes = self.coasting.changed(before.coasting, lanes)
         lanes = self.anchor.changed(before.anchor, lanes)
         for now, then in zip(*map(jax.tree.leaves, (self.instead, before.instead)), strict=True):

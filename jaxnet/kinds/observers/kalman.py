@@ -14,11 +14,11 @@ Covariances = Float[Any, "orders orders slots m *lanes"]
 
 
 class LinkEstimate(NamedTuple):
-    """What listeners expect of a source: jets, their covariance on an axis, and if they know it."""
+    """What listeners expect at the next tick: jets, with their covariance on an axis."""
 
     jets: LinkJets
     covariance: Covariances
-    known: Bool[Any, "slots m *lanes"]
+    known: Bool[Any, "slots m *lanes"]  # whether any message has arrived
 
 
 class Kalman(Observer):
@@ -58,19 +58,21 @@ class Kalman(Observer):
         return LinkEstimate(moved(estimate.jets), covariance, estimate.known)
 
     def compared(self, heard, memory):
-        there = self.later(memory, heard.interval)
-        residuals, covariance = heard.received - there.jets, of_residuals(there, heard)
-        return Compared(residuals, covariance, heard.arrived & memory.known)
+        residuals = heard.received - memory.jets
+        return Compared(residuals, of_residuals(memory, heard), heard.arrived & memory.known)
 
     def advance(self, heard, memory):
-        there = self.later(memory, heard.interval)
-        factor = whitening.cholesky(of_residuals(there, heard))
-        white = whitening.from_factor(factor, heard.received - there.jets)
-        spread = whitening.from_factor(factor, there.covariance)
+        residuals = heard.received - memory.jets
+
+        def whitened() -> tuple[Any, Any]:
+            factor = whitening.cholesky(of_residuals(memory, heard))
+            return tuple(whitening.from_factor(factor, x) for x in (residuals, memory.covariance))
+
+        white, spread = whitened()
+        pairs = zip(spread, white, strict=True)
         learnt = LinkEstimate(
-            there.jets
-            + sum(one[:, None] * by[None] for one, by in zip(spread, white, strict=True)),
-            there.covariance - sum(one[:, None] * one[None] for one in spread),
+            memory.jets + sum(one[:, None] * by[None] for one, by in pairs),
+            memory.covariance - sum(one[:, None] * one[None] for one in spread),
             memory.known | heard.arrived,
         )
         begun = learnt._replace(jets=heard.received, covariance=diagonal(heard.variances))
@@ -80,7 +82,8 @@ class Kalman(Observer):
             fresh = jnp.where(memory.known[lift], known, new)
             return jnp.where(heard.arrived[lift], fresh, kept)
 
-        return jax.tree.map(chosen, begun, learnt, there)
+        now = jax.tree.map(chosen, begun, learnt, memory)
+        return self.later(now, heard.interval)
 
     def faults(self, scenario):
         channel = scenario.channel
