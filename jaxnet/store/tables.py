@@ -59,7 +59,7 @@ def read_table(
         number = is_numeric_dtype(found[name]) or name in TEXTS.split()
         if types is None and len(found) and not number:
             raise FolderError(f"{path} {fault} ({name} holds text)")
-    return with_texts(found, bare_text)
+    return with_texts(found.copy(), bare_text)  # as one block: a column more is cheap
 
 
 def with_texts(table: pd.DataFrame, change: Callable[[str], str]) -> pd.DataFrame:

@@ -60,7 +60,8 @@ def agreement(case: Case) -> Agreement | None:
     attack, links = scenario.attack, case.situation.attacked
     total = attack.number()
     each = int(np.minimum(links.sum(axis=1), total).max())
-    liars = f"{total} attacked, at most {each} of them heard by one vehicle, and F = {F}"
+    drawn = ", whichever are drawn" if total and not attack.targets() else ""
+    liars = f"{total} attacked{drawn}, at most {each} of them heard by one vehicle, and F = {F}"
     robust = alone(case)
     if robust is None:
         return Agreement(False, f"{liars}: the robustness of the vehicles was not examined")
@@ -87,8 +88,7 @@ def broken_step(case: Case) -> str:
         return "tick times gain, times the strength of a row of weights, is not below 1"
     if case.situation.trusted.any() or defence.draws():
         return "the defence trusts vehicles, or has noise"
-    attack = scenario.attack
-    if attack.present and (attack.by_link() or attack.splits()):
+    if scenario.attack.present and scenario.attack.by_link():
         return "an attacked vehicle does not send all listeners the same"
     return ""
 

@@ -8,6 +8,7 @@ from jaxnet.view.text.facts import facts
 from tests import systems
 
 LIARS = {"kind": "sinusoid", "magnitude": 50.0, "frequency": 0.7, "vehicles": [2]}
+OWN_PATH = {"kind": "own_path", "vehicles": {"random": 1}, "moves": "as_told"}
 ALL = {"vehicle": "single_integrator", "law": "local", "gain": [1.0], "navigator": "none"}
 ALL |= {"engine": "exact", "vehicles": 7, "topology": "complete", "defence": "w_msr"}
 ALL |= {"attack": LIARS}
@@ -58,7 +59,16 @@ def test_all_premises_hold_and_lanes_agree_inside_the_range(keys, words):
 
 def test_as_many_liars_as_are_drawn_count():
     told = guarantee(attack=LIARS | {"vehicles": {"random": 2}}, defence=F2)
-    assert "2 attacked, at most 2 of them heard by one vehicle, and F = 2" in told
+    assert "2 attacked, whichever are drawn, at most 2 of them heard by one vehicle" in told
+
+
+def test_liars_that_replace_what_they_send_may_be_drawn():
+    """Proved for any of them, and so it is in each lane, whichever vehicle lies there."""
+    keys = ALL | {"attack": OWN_PATH, "horizon": 60.0, "tail": 1.0, "samples": 10}
+    assert guarantee(**keys).startswith(AGREE)
+    found = jaxnet.simulate(keys, progress=False)
+    assert found.lanes["outside"].max() < 1e-8
+    assert found.lanes["spread"].max() < 1.0  # from some 300 m
 
 
 @pytest.mark.parametrize(

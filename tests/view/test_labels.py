@@ -3,6 +3,7 @@
 import io
 import re
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -97,6 +98,13 @@ def test_a_table_reads_back_as_it_was(texts):
     assert csv_text(table).startswith("'=title,number\n")
     assert not re.search(r'^"?[=+\-@]', csv_text(table), re.MULTILINE)
     assert ",-1.5" in csv_text(table)
+
+
+def test_a_column_more_on_a_wide_table_warns_of_nothing():
+    """pandas warns of more than 100 blocks; tests make an error of a warning."""
+    file, wide = UPath("memory://labels/wide.csv"), pd.DataFrame(np.ones((2, 130))).add_prefix("c")
+    file.write_text(csv_text(wide))
+    assert read_table(file).assign(more=1.0).shape == (2, 131)
 
 
 def test_what_is_no_formula_is_drawn_as_text(results):
