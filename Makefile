@@ -21,10 +21,9 @@ test: check
 test-all: check
 	JAXNET_CHECK_SHAPES=1 $(BIN)/pytest
 
-# The site, in site/; first the tables of docs/config.md and docs/solvers.md, which are made from the code.
+# The site, in site/; first the tables of docs/config.md, which are made from the code.
 docs: .venv/ready
 	$(BIN)/python docs/site/keys.py
-	$(BIN)/python docs/site/solvers.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # Wheel, sdist, site and checksums in dist/, if versions and dates agree and all tests pass. No upload.

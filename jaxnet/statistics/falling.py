@@ -1,4 +1,4 @@
-"""Which cells' errors still fall when the run ends, so that they are not ultimate (results.md).
+"""Which cells' errors still fall when the run ends, so that they are not ultimate (validation.md).
 
 Rows tell of each lane by which share the mean error in the last half of its tail is below the least
 in any window of that length before it (`tail_fall`; without a navigator the spread). Only lanes

@@ -14,7 +14,7 @@ from jaxnet.theory.spread import AttackGain, Gains, scenario_gain
 def between_ticks(
     reach: AttackGain, gain: LawGain, fastest: float, tick: float, one_frequency: bool
 ) -> Gains:
-    """`‖h‖₁ γ_i Λ h` of theorem 3 (docs/guarantees.md), per ā, for each vehicle.
+    """`‖H‖₁ γ_i Λ h` of theorem 3 (docs/guarantees.md), per ā, for each vehicle.
 
     Λ is the greatest rate of R(a) within a tick. `fastest` is the highest angular frequency Ω of
     the signal [rad/s] and `tick` is h [s]. With k3 = 1, `Λ ≤ Σ_k k_k ‖a^(k+1)‖` over the falsified

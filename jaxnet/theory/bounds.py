@@ -12,7 +12,7 @@ only some of the received derivatives, β has only their terms.
 - lyapunov_printed: no case in general, for it is false (see `lyapunov`).
 
 `static ≤ harmonic ≤ peak_gain ≤` lyapunov_corrected, lyapunov_best and star_norm, always:
-‖h‖₁ ≥ 1/k0, k0 ≤ η ≤ β, and a sound bound on an axis covers the ρ that attains ‖h‖₁.
+‖H‖₁ ≥ 1/k0, k0 ≤ η ≤ β, and a sound bound on an axis covers the ρ that attains ‖H‖₁.
 """
 
 from collections.abc import Callable
@@ -52,15 +52,15 @@ def static(reach: AttackGain) -> Bound:
 
 
 def peak_gain(reach: AttackGain, gain: LawGain) -> Bound:
-    """`β ‖h‖₁ γ_i`, for any ρ within its bound.
+    """`β ‖H‖₁ γ_i`, for any ρ within its bound.
 
-    Source: ‖h * ρ‖_∞ ≤ ‖h‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
+    Source: ‖Hρ‖_∞ ≤ ‖H‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
     """
     return by_two_norm(response.impulse_norm(gain) * reach.disturbance(gain) * reach.gains)
 
 
 def harmonic(reach: AttackGain, gain: LawGain) -> Bound:
-    """`η ‖h‖₁ γ_i`: `peak_gain` for attacks of one frequency, with η in place of β.
+    """`η ‖H‖₁ γ_i`: `peak_gain` for attacks of one frequency, with η in place of β.
 
     η is the greatest ‖R(a)‖ of such an attack (`response.harmonic_norm`). At every instant
     `‖R(E_i)‖ ≤ γ_i max ‖R(a)‖`, for every choice of retained neighbours (O2b).

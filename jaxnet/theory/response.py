@@ -1,4 +1,4 @@
-"""Response of one axis to a bounded disturbance: ‖h‖₁, exactly, and the star norm above it.
+"""Response of one axis to a bounded disturbance: ‖H‖₁, exactly, and the star norm above it.
 
 The axis is `ẋ = A_c x + B ρ` with B = [0, …, 0, 1]' and the position error as output. Its impulse
 response is h, with the transfer function `1 / (s^r + … + k1 s + k0)` for a vehicle of order r.
@@ -20,7 +20,7 @@ BISECTIONS = 26  # between two times; ∫|h| errs by the square of what is left
 
 
 def impulse_norm(gain: LawGain) -> float:
-    """`‖h‖₁ = ∫|h| dt` [s^r] of a stable gain: the greatest output for a ρ of size 1.
+    """`‖H‖₁ = ∫|h| dt` [s^r], h the impulse response: the greatest output for a ρ of size 1.
 
     Where all poles are real, h is positive, and the norm is ∫h = 1/k0. Otherwise the state (x, ∫h)
     goes from time to time by the matrix exponential. Where h changes its sign, bisection finds the

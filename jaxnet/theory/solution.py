@@ -64,7 +64,7 @@ class Decay(NamedTuple):
 
     factor: float
     rate: float  # [1/s]
-    norms: list[float]  # ‖h_i‖₁ of the vehicles that have gains of their own
+    norms: list[float]  # ‖H_i‖₁ of the vehicles that have gains of their own
     joined: bool  # whether dropped links cut nobody off
 
 

@@ -207,7 +207,7 @@ def test_the_transient_is_that_of_the_drawn_start(channel):
 
 
 def peak_gain(gain):
-    """`β ‖h‖₁`, by summing |h| over small steps."""
+    """`β ‖H‖₁`, by summing |h| over small steps."""
     flow, state, total = expm(reference.companion(gain) * 1e-3), np.array([0.0, 0.0, 1.0]), 0.0
     for _ in range(40_000):
         total += abs(state[0]) * 1e-3

@@ -66,7 +66,7 @@ def test_what_blurs_announcements_ends_the_proof(keys):
 
 
 def test_a_tolerance_of_rounding_leaves_its_own_bound():
-    """`‖h‖₁ γ (2M + δ)` with `M = δ/ω` of one hop, ω = 0.1/0.55, γ = 2.475 (corollary 1)."""
+    """`‖H‖₁ γ (2M + δ)` with `M = δ/ω` of one hop, ω = 0.1/0.55, γ = 2.475 (corollary 1)."""
     assert "= 0 ā + 2.97e-08 m" in told(attack=BIAS, defence=ANNOUNCED)
     assert "= 0 ā;" in told(attack=BIAS, defence=ANNOUNCED | {"tolerance": 0})
 

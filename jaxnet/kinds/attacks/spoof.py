@@ -8,7 +8,7 @@ class Spoof(Attack):
     """A constant offset along a direction of each vehicle in each of the `orders`.
 
     The received derivatives are then not those of the received path. With all orders no other
-    disturbance of this size drives the fleet farther: the attack attains the peak gain where ‖h‖₁ =
+    disturbance of this size drives the fleet farther: the attack attains the peak gain where ‖H‖₁ =
     1/k0 (theorems.md O5).
     """
 

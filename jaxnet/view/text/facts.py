@@ -403,7 +403,7 @@ def ultimate_words(found: Ultimate, scenario: Scenario) -> str:
         )
         told += rest
     premise = "as long as no vehicle stands still and nobody is cut off, outside the set either"
-    return f"‖E‖ ends within ‖h‖₁ γ Λ h{told}; {premise}"
+    return f"‖E‖ ends within ‖H‖₁ γ Λ h{told}; {premise}"
 
 
 def margin_words(found: Margin, scenario: Scenario) -> str:
@@ -432,7 +432,7 @@ def decay_words(found: Decay, scenario: Scenario) -> str:
     line = f"‖η(t)‖ ≤ {found.factor:.3g} exp(-{found.rate:.3g} t) ‖η(0)‖ (Lemma 1)"
     if found.norms:
         least, most = min(found.norms), max(found.norms)
-        line += f"; ‖h_i‖₁ of the vehicles from {least:.3g} to {most:.3g}"
+        line += f"; ‖H_i‖₁ of the vehicles from {least:.3g} to {most:.3g}"
     else:
         line += ", η = (E, Ė, …)" + ", while nobody is cut off" * (not found.joined)
     return line

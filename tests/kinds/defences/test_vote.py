@@ -228,7 +228,7 @@ def test_noise_in_what_is_judged_has_liars_believed():
 
 
 def test_what_is_proved_under_loss_holds():
-    """Corollary 3: all messages are jammed 10 ticks in a row. ‖h‖₁ = 1 at gain (1, 3, 3)."""
+    """Corollary 3: all messages are jammed 10 ticks in a row. ‖H‖₁ = 1 at gain (1, 3, 3)."""
     jammed = {"channel": {"loss": {"kind": "jamming", "period": 2.0, "length": 0.5}}}
     attack = {"kind": "bias", "vehicles": [2], "magnitude": 10.0}
     given = study(LED, THETA, **LASTING | {"horizon": 60.0, "tail": 30.0}, **jammed, attack=attack)
