@@ -21,7 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.model.wording import cells_named, count
 from jaxnet.store.results import Results
 
@@ -53,9 +53,10 @@ def falling_words(results: Results, cells: Sequence[Cell]) -> str:
     if "falling" not in results.cells:
         return ""
     falling = results.cells["falling"].to_numpy()
+    errors = "spreads" if is_leaderless(cells) else "errors"
     told = {
-        "errors still fall when the run ends": [c for c in cells if falling[c.number] == 1],
-        "errors may still fall, with too few lanes to tell": [
+        f"{errors} still fall when the run ends": [c for c in cells if falling[c.number] == 1],
+        f"{errors} may still fall, with too few lanes to tell": [
             c for c in cells if np.isnan(falling[c.number])
         ],
     }

@@ -101,7 +101,7 @@ def test_a_table_reads_back_as_it_was(texts):
 
 
 def test_a_column_more_on_a_wide_table_warns_of_nothing():
-    """pandas warns of more than 100 blocks; tests make an error of a warning."""
+    """Pandas warns of more than 100 blocks; tests make an error of a warning."""
     file, wide = UPath("memory://labels/wide.csv"), pd.DataFrame(np.ones((2, 130))).add_prefix("c")
     file.write_text(csv_text(wide))
     assert read_table(file).assign(more=1.0).shape == (2, 131)

@@ -111,7 +111,7 @@ NEEDED = {  # beside these keys
     "filter": {"vehicle": "robotarium", "engine": "sampled", "law": "local", "gain": [1]},
 }
 SAID = {
-    "filter": ("filter", "barrier, distance = 0.2 m"),
+    "filter": ("filter", "barrier, form = joint, distance = 0.2 m"),
     "initial.position": ("initial position", "uniform -5 to 5 m"),
     "gain": ("gain", "6, 11, 6"),
     "channel.missing": ("in place of lost messages", "hold"),

@@ -28,7 +28,7 @@ from jaxnet.kinds.ticks import DrawsAtTicks
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
 from jaxnet.model.retained import DropPolicy, any_untrusted
-from jaxnet.model.safety import Safe
+from jaxnet.model.safety import Safe, Vehicles
 
 
 class Neighbourhood(NamedTuple):
@@ -99,6 +99,7 @@ class AnyDefence(DrawsAtTicks):
             "may_drop",
             "safe",
             "describe",
+            "outnumbered",
             "tolerates",
             "observes",
         }
@@ -108,6 +109,10 @@ class AnyDefence(DrawsAtTicks):
     def promise(self) -> str:
         """The guarantee of the defence with its keys, in words; by default `guarantee`."""
         return self.guarantee
+
+    def outnumbered(self, graph: Digraph, attacked: Links, trusted: Links) -> Vehicles:
+        """Vehicles (m,) that hear more attacked sources than the defence is set for."""
+        return np.zeros(graph.vehicles, bool)
 
     def tolerates(self) -> int | None:
         """The F of W-MSR's theorems on agreement (theorems.md O9); None for other defences."""

@@ -239,9 +239,14 @@ class TrustedTrim(Sparing):
         most = steps / (1 - factor) + steps - 1
         return [*reasons, Safe(why, inside, True, (2 * most + 1) * delta)]
 
+    def outnumbered(self, graph, attacked, trusted):
+        """Protected vehicles with more than ϑ attacked sources, or an attacked trusted one."""
+        more = attacked.sum(axis=1) > by_listener(self.theta, graph.vehicles)
+        return self.protected(graph, trusted) & (more | (attacked & trusted).any(axis=1))
+
     def describe(self, graph, attacked, trusted):
         theta, meets = by_listener(self.theta, graph.vehicles), self.protected(graph, trusted)
-        outnumbered = meets & ((attacked.sum(axis=1) > theta) | (attacked & trusted).any(axis=1))
+        outnumbered = self.outnumbered(graph, attacked, trusted)
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
         asked = "|N_i| > ϑ" if self.announcing() else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
         line = f"ϑ = {values}, {asked}: "

@@ -49,6 +49,9 @@ class WMSR(Sparing):
     def tolerates(self):
         return self.F
 
+    def outnumbered(self, graph, attacked, trusted):
+        return (attacked & ~self.spares(trusted)).sum(axis=1) > self.F
+
     def describe(self, graph, attacked, trusted):
         most = int((attacked & ~self.spares(trusted)).sum(axis=1).max())
         told = f", but a vehicle may hear {most} attacked sources" * (most > self.F)

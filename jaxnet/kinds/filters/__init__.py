@@ -47,6 +47,10 @@ class Filter(Kind):
         """The nearest velocity under all constraints [m/s]; not-a-number where there is none."""
         raise KindError(f"{self.kind}: a filter gives nearest(self, velocity, own, told)")
 
+    def asks(self) -> float | None:
+        """Distance [m] that vehicles should keep, whether or not it is proved; None of none."""
+        return None
+
     def keeps(self, scenario: ScenarioView) -> float | None:
         """Distance [m] that vehicles keep which start so far apart and tell their true places.
 

@@ -36,6 +36,9 @@ class Barrier(Filter):
     power: Annotated[int, Field(ge=1, le=9)] = setting(3, "p; h^p keeps the sign of h")
     speed: Positive | None = setting(0.2, "[m/s], greatest speed; null: none")
 
+    def asks(self):
+        return value_range(self.distance)[1]
+
     def keeps(self, scenario):
         """D, if no pair can pass the barrier while it holds its velocity (theorems.md O18)."""
         (least, most), period = value_range(self.distance), scenario.tick

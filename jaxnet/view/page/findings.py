@@ -12,16 +12,18 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.keys import Sequential
-from jaxnet.config.naming import MAGNITUDE, NO_BREAK, is_kind, key_name, labels_title, value_name
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
-from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
+from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_name
+from jaxnet.kinds.kind import vehicle_numbers
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, Metric
+from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
+from jaxnet.model.wording import count, count_between, counted, number_text, ranges
 from jaxnet.statistics import curves
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.pairs import CellsCompared, compared_cells
-from jaxnet.statistics.quantities import VALUE_COLUMNS, Quantity, quantity_of, stored_values
+from jaxnet.statistics.quantities import VALUE_COLUMNS, quantity_of, stored_values
 from jaxnet.statistics.recovery import (
     attacked_mask,
     confidence_told,
@@ -29,13 +31,14 @@ from jaxnet.statistics.recovery import (
     share_name,
     threshold,
 )
-from jaxnet.statistics.summary import LANE_STATISTICS, share_names
+from jaxnet.statistics.summary import LANE_STATISTICS
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.words import error_text
-from jaxnet.view.page.elements import Section, sentence_case
+from jaxnet.view.page.elements import Section, notes_html, sentence_case
 from jaxnet.view.text import worst
+from jaxnet.view.text.facts import attacked_at_once
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MEDIAN_WORDS = f", {LANE_STATISTICS['median'].words}"
@@ -43,14 +46,18 @@ MEDIAN_LANE = {  # by `judged_word`
     "error": "In the median lane of a cell the error, a mean over vehicles and the tail,",
     "spread": "In the median lane of a cell the greatest spread over the tail",
 }
+BASELINE = " without an attack"
+MOVED = 10  # times as far as without an attack
+NEGLIGIBLE = 1e-3  # of the greatest value
 MOST_COMPARED, MOST_TOLD = 8, 3  # values of a swept key in one sentence, and of a few cells
 
 
 def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
     sentences = finding_sentences(results, found, fit)
     told = [each.replace(" %", f"{NO_BREAK}%") for each in sentences]
+    notes = notes_html([p_words(results)] * any("(p " in each for each in told))
     return Section(
-        "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>"
+        "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>{notes}"
     )
 
 
@@ -58,24 +65,45 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
     """Each finding as HTML; `fit` is the command that computes the bounds."""
     alone = is_leaderless(results.study.cells)
     lanes, falling = results.manifest["lanes"], falling_words(results, results.study.cells)
-    failed = f"All {count(lanes['total'], 'lane')} came to their end; none failed."
+    failed = ""
     if lanes["failed"]:
         there = curves.failed_kinds(results)
         kinds = escape(counted(sum(there.values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
         failed += f", {where_words(results, sorted(there))}".rstrip(", ") + "."
+    separated = separation_sentence(results)
     sentences = [
         f"<b>{sentence_case(falling)}</b>." if falling else "",
+        outnumbered_sentence(results),
+        outside_sentence(results) if alone else "",
         unrecovered_sentence(results),
         extremes_sentence(results),
-        outside_sentence(results) if alone else "",
-        *metric_sentences(results),
+        separated,
+        metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         search_sentence(results),
         failed,
         "" if alone else bounds_sentence(results, found, fit),
-        f"Each cell has {count_between(results.samples, 'lane')}.",
     ]
     return [each for each in sentences if each]
+
+
+def outnumbered_sentence(results: Results) -> str:
+    """Where vehicles hear more attacked sources than their defence is set for."""
+    found: dict[str, list[int]] = {}
+    most = 0
+    for cell in results.study.cells:
+        graph, attacked, trusted = attacked_at_once(cell.scenario)
+        which = cell.scenario.defence.outnumbered(graph, attacked, trusted)
+        if which.any():
+            found.setdefault(ranges(vehicle_numbers(which)), []).append(cell.number)
+            most = max(most, int(attacked[which].sum(axis=1).max()))
+    if not found:
+        return ""
+    whom = (f"{who} {where_words(results, cells)}".rstrip() for who, cells in found.items())
+    return (
+        f"<b>Outside the defence's assumptions: vehicles {'; '.join(whom)} hear up to"
+        f" {count(most, 'attacked source')}, more than it is set for</b>."
+    )
 
 
 def errors_per_size(results: Results) -> tuple[pd.DataFrame, str]:
@@ -89,18 +117,27 @@ def errors_per_size(results: Results) -> tuple[pd.DataFrame, str]:
     return found.dropna(subset="value"), "ā" if per_size else "m"
 
 
-def settled(results: Results, values: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+def settled(
+    results: Results, values: pd.DataFrame, told: Callable[[float], str], unit: str
+) -> tuple[pd.DataFrame, str]:
     """The values of cells whose errors do not fall any more, if there are any, and a sentence."""
     falls: Any = results.cells.reindex(columns=["falling"])["falling"]
-    left: Any = values[falls[values.index] != 1]
-    if left.empty or len(left) == len(values):
+    is_left: Any = falls[values.index] != 1
+    if is_left.all() or not is_left.any():
         return values, ""
-    named = cells_named(sorted({*values.index} - {*left.index}))
-    return left, f" Left out: {named}, whose {judged_word(results)} still falls."
+    left: Any = values[is_left]
+    others: Any = values[~is_left]
+    ends = dict.fromkeys(map(told, (others["value"].min(), others["value"].max())))
+    where = where_words(results, others.index.tolist())
+    now = f"it is {' to '.join(ends)}{unit} at the end of the run, which is no limit"
+    return (
+        left,
+        f" {sentence_case(where)} the {judged_word(results)} still falls: {now}.",
+    )
 
 
 def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] = ()) -> str:
-    """The swept values that some of the cells `among` have alone; else those of the first cell."""
+    """The swept values that some of the cells `among` have alone; else the number of cells."""
     cells = [results.study.cells[n] for n in among or range(len(results.study.cells))]
     labels, many = results.study.cells[numbers[0]].labels, len(numbers)
     if not labels:
@@ -119,7 +156,7 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     alike = [cell for cell in cells if all(cell.labels[key] in mine[key] for key in mine)]
     told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
     if len(alike) > many or max(map(len, told.values())) > MOST_TOLD:
-        return f"in {many} cells (such as cell {numbers[0]}: {first})"
+        return f"in {many} cells"
     words = (" or ".join(value_name(key, each) for each in told[key]) for key in told)
     return f"with {escape(', '.join(words))} ({many} cells)"
 
@@ -129,15 +166,17 @@ def span_words(
     values: pd.DataFrame,
     told: Callable[[float], str],
     unit: str,
+    among: Sequence[int],
     sure: float = CONFIDENCE,
 ) -> str:
     """The least and the greatest value, each with its interval and cells; one if they read alike.
 
-    `values` have the columns value, low and high; `told` is the text of a number.
+    `values` have the columns value, low and high; `told` is the text of a number. Where the least
+    are negligible beside the greatest, one number above them stands for them.
     """
     texts: Any = values["value"].map(told)
-    parts = {}
-    for place in (values["value"].idxmin(), values["value"].idxmax()):
+
+    def part(place: Any) -> str:
         alike: Any = values[texts == texts[place]]
         ends = [dict.fromkeys(map(told, alike[end].dropna())) for end in ("low", "high")]
         interval = ""
@@ -145,10 +184,27 @@ def span_words(
             within = "s within" * (max(map(len, ends)) > 1)
             low, high = told(alike["low"].min()), told(alike["high"].max())
             interval = f" ({100 * sure:g} % interval{within} {low} to {high}{unit})"
-        where = where_words(results, alike.index.tolist(), values.index.tolist())
-        parts[texts[place]] = f"<b>{texts[place]}{unit}</b>{interval} {where}".rstrip()
-    span = " to ".join(parts.values())
-    return f"ranges from {span}" if len(parts) > 1 else f"is {span}"
+        where = where_words(results, alike.index.tolist(), among)
+        return f"<b>{texts[place]}{unit}</b>{interval} {where}".rstrip()
+
+    least, most = values["value"].idxmin(), values["value"].idxmax()
+    if texts[least] == texts[most]:
+        return f"is {part(most)}"
+    above: Any = values["high"].fillna(values["value"])
+    small: Any = above[above < NEGLIGIBLE * values["value"].max()]
+    if small.empty or unit.strip() not in ("m", "ā"):
+        return f"ranges from {part(least)} to {part(most)}"
+    where = where_words(results, small.index.tolist(), among)
+    return (
+        f"is at most <b>{above_text(float(small.max()))}{unit}</b> {where}, and up to {part(most)}"
+    )
+
+
+def above_text(value: float) -> str:
+    """A number of one digit that is not below a value, nor below rounding."""
+    least = max(float(value), ROUNDING_ERROR)
+    digit = 10.0 ** np.floor(np.log10(least))
+    return number_text(digit * np.ceil(round(least / digit, 9)))
 
 
 def judged_word(results: Results) -> str:
@@ -168,43 +224,59 @@ def extremes_sentence(results: Results) -> str:
     )
     left = count(asked - len(errors), "attacked cell" if per_size else "cell")
     without = f" {left} without a lane that ended." if len(errors) < asked else ""
-    errors, falling = settled(results, errors)
+    among = errors.index.tolist()
+    errors, falling = settled(results, errors, error_text, f" {unit}")
     compared = "" if compares_shares(results) else kinds_words(results, errors, unit)
-    span = span_words(results, errors, error_text, f" {unit}")
+    span = span_words(results, errors, error_text, f" {unit}", among)
     offsets = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation," * offsets
+    limits = [threshold(cell, results.study.config.recovery) for cell in results.study.cells]
+    if not per_size and errors["value"].max() < NEGLIGIBLE * np.nanmin([*limits, np.inf]):
+        span, compared = (
+            f"is at most <b>{above_text(float(errors['value'].to_numpy().max()))} m</b>",
+            "",
+        )
     return f"{MEDIAN_LANE[word]}{less} {span}.{compared}{without}{falling}"
 
 
 def outside_sentence(results: Results) -> str:
-    """How far vehicles left the hull of their starts, in a study without a navigator."""
-    ways: Any = pd.Series(results.cells["outside_max"].to_numpy(dtype=float)).dropna()
-    left, whom = ways[ways >= ROUNDING_ERROR], "vehicle that is not attacked"
+    """How far liars move honest vehicles out of the hull of their starts, without a navigator."""
+    cells, attacked = results.study.cells, attacked_mask(results.study.cells)
+    ways: Any = results.cells[["outside_median", "outside_max"]].reset_index(drop=True).dropna()
     if ways.empty:
         return ""
-    if left.empty:
-        return f"No {whom} left the convex hull of their starts, in any lane."
-    where = where_words(results, ways.index[ways == ways.max()].tolist())
-    longest = max(cell.scenario.horizon for cell in results.study.cells)
-    return (
-        f"{' '.join(filter(None, ['In some lane', where]))} a {whom} was"
-        f" <b>{error_text(ways.max())} m</b> outside the convex hull of their starts within the"
-        f" {longest:g} s of the run. This is no limit: a longer run may take it farther."
-        f"{hull_words(results)}"
+    if ways.to_numpy().max() < ROUNDING_ERROR:
+        return "No honest vehicle left the convex hull of the honest starts, in any lane."
+    groups: dict[str, list[int]] = {}
+    for place in sorted(ways.index, key=lambda place: not attacked[place]):
+        name = escape(value_name("defence", cells[place].labels.get("defence", "")))
+        when = f" with {name}" * ("defence" in cells[place].labels)
+        groups.setdefault(when if attacked[place] else BASELINE, []).append(place)
+    greatest = {when: ways.loc[each].max() for when, each in groups.items()}
+    usual = (
+        greatest[BASELINE].iloc[0] if BASELINE in greatest else np.inf
+    )  # nothing to compare with
+    moved = [
+        place
+        for place in ways.index[attacked[ways.index]]
+        if ways["outside_median"][place] > max(MOVED * usual, cells[place].scenario.engine.accuracy)
+    ]
+    shares: Any = curves.unrecovered_shares(results)["unrecovered"].reindex(moved)
+    words = "Honest vehicles leave the convex hull of their starts"
+    if moved:
+        words = "Liars move honest vehicles out of the convex hull of their starts"
+        if (shares < 0.5).all():
+            words = "Honest vehicles agree, but on a place that liars move out of the hull"
+        words = f"<b>{words}</b>"
+    told = (
+        f"{number_text(max(median, ROUNDING_ERROR))} m{when} (worst lane {number_text(worst)} m)"
+        for when, (median, worst) in greatest.items()
     )
-
-
-def hull_words(results: Results) -> str:
-    """The shares of lanes in the hull: without an attack, and with one."""
-    shares = 100 * stored_values(results.cells.reset_index(drop=True), share_names("in_hull"))
-    shares, attacked = shares.dropna(subset="value"), attacked_mask(results.study.cells)
-    words = []
-    for is_attacked, when in ((False, "without attack"), (True, "with an attack")):
-        some: Any = shares[attacked[shares.index] == is_attacked]
-        what = "it" if words else "the share of lanes in which all these vehicles stay inside"
-        if len(some):
-            words.append(f"{when} {what} {span_words(results, some, percent_text, ' %')}")
-    return f" {sentence_case('; '.join(words))}." if words else ""
+    longest = max(cell.scenario.horizon for cell in cells)
+    return (
+        f"{words}: in the median lane of a cell by up to {', '.join(told)}, within {longest:g} s."
+        " A longer run may take them farther."
+    )
 
 
 def kinds_words(results: Results, estimates: pd.DataFrame, unit: str) -> str:
@@ -213,8 +285,8 @@ def kinds_words(results: Results, estimates: pd.DataFrame, unit: str) -> str:
     labels = [results.study.cells[n].labels for n in values.index]
     swept = pd.DataFrame(labels, values.index, list(results.study.cells[0].labels)).map(str)
     kinds = [str(key) for key in swept if is_kind(key) and len({*swept[key]}) > 1]
-    sentences = (compared_words(results, key, values, swept, unit) for key in kinds)
-    return "".join(f" {each}." for each in sentences if each)
+    found = [compared_words(results, key, values, swept, unit) for key in kinds]
+    return "".join(f" {sentence_case(each)}." for each in found if each)
 
 
 def compared_words(
@@ -228,17 +300,15 @@ def compared_words(
         parts[str(label)] = f"<b>{' to '.join(ends)} {unit}</b>"
     tested, texts = tested_words(results, key, [*parts], swept, unit), [*parts.values()]
     if len({*texts}) == 1:
-        tested = f": {tested}" * bool(tested)
-        return f"It is {texts[0]} whatever the {escape(key_name(key))}{tested}"
-    if len(parts) == 2 and not any(
-        " to " in told for told in texts
-    ):  # the sentence before has them
-        return sentence_case(tested)
+        tested = f": {tested}" * ("(p " in tested)
+        return f"{texts[0]} whatever the {escape(key_name(key))}{tested}"
+    if unit != "%" and len(parts) == 2 and " to " not in "".join(texts):  # told in the span
+        return tested
     names = (escape(value_name(key, label)) for label in parts)
     told = [f"{told} with {name}" for told, name in zip(texts, names, strict=True)][:MOST_COMPARED]
     told += [count(len(parts) - len(told), "other")] * (len(parts) > len(told))
     tested = f". {sentence_case(tested)}" * bool(tested)
-    return f"By {escape(key_name(key))} it is {', '.join(told)}{tested}"
+    return f"by {escape(key_name(key))} {', '.join(told)}{tested}"
 
 
 def tested_words(
@@ -247,9 +317,9 @@ def tested_words(
     """Which values of a swept kind are better than which, in which settings, with p.
 
     `labels` are the values, the best first. A setting is a combination of the other swept keys.
-    Lanes of a setting are compared in pairs of the same draw. All pairs of up to three values are
-    told, of more those with the first. There is no test of lanes that are not independent, and of a
-    number of lanes that depends on them.
+    Lanes of a setting are compared in pairs of the same draw. Only differences that are found are
+    told: of all pairs of up to three values, of more those with the first. There is no test of
+    lanes that are not independent, and of a number of lanes that depends on them.
     """
     study, column = results.study.config, list(swept).index(key)
     label_of = {cell: str(swept.iat[at, column]) for at, cell in enumerate(swept.index.tolist())}
@@ -278,13 +348,18 @@ def tested_words(
             some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
             words = f"{more} with {names[good]} than with {names[bad]}"
             told += settings_told(results, words, some, of_pairs[pair], others)
-        some = [test for test in of_pairs[pair] if not test.found]
-        words = f"no difference is found between {names[0]} and {names[1]}"
-        told += settings_told(results, words, some, of_pairs[pair], others)
-    name = "McNemar's exact test" if unit == "%" else "the sign test"
-    holm = sum(test.can_tell for test in tests)
-    adjusted = f", adjusted by Holm for {count(holm, 'test')}" * (holm > 1)
-    return f"{'; '.join(told)}. P values are of {name} on paired lanes{adjusted}"
+    lanes = count_between([test.lanes for test in tests], "pair")
+    none = f"no difference is found with {lanes} in a setting; a small one would not show"
+    return "; ".join(told) or none
+
+
+def p_words(results: Results) -> str:
+    """What the p values of findings are."""
+    name = "McNemar's exact test" if compares_shares(results) else "the exact sign test"
+    return (
+        f"p: {name} on paired lanes, adjusted by Holm over the comparisons of a key in which enough"
+        " lanes differ"
+    )
 
 
 def settings_told(
@@ -297,24 +372,17 @@ def settings_told(
     """The words with the settings of some tests, their p and number of lanes; [] of none."""
     if not some:
         return []
-    ends = [min(test.p for test in some), max(test.p for test in some)]
-    sign = "=" if f"{ends[0]:.2g}" == f"{ends[1]:.2g}" else "≤" if some[0].found else "≥"
-    p = f"p {sign} {ends[sign == '≤']:.2g}"
+    p = f"p {'=' if len(some) == 1 else '≤'} {max(test.p for test in some):.2g}"
     lanes = count_between([test.lanes for test in some], "pair")
     cells = results.study.cells
     names = [name for name in others if len({*others[name]}) > 1]
-    where = f" in {len(some)} of {len(every)} settings of the other keys"
-    if len(every) == 1:
-        where = ""
-    elif len(names) == 1:
-        key = str(names[0])
-        values = (value_name(key, cells[test.better].labels[key]) for test in sorted(some))
-        where = f" {'with' if is_kind(key) else 'at'} {' or '.join(map(escape, values))}"
-        if len(some) == len(every):
-            where = f" at every {'ā' if key == MAGNITUDE else escape(key_name(key))}"
-    elif len(some) == len(every):
-        where = f" in all {len(every)} settings of the other keys"
-    return [f"{words}{where} ({p}, {lanes}{' each' * (len(some) > 1)})"]
+    where, named = f" in {len(some)} of {len(every)} settings of the other keys", ""
+    if len(some) == len(every):
+        where = f" in all {len(every)} settings of the other keys" * bool(names)
+    elif len(some) <= MOST_TOLD:
+        settings = ({key: cells[test.better].labels[key] for key in names} for test in sorted(some))
+        where, named = "", "; ".join(escape(labels_title(each)) for each in settings) + ": "
+    return [f"{words}{where} ({named}{p}, {lanes}{' each' * (len(some) > 1)})"]
 
 
 def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
@@ -357,31 +425,55 @@ def unrecovered_sentence(results: Results) -> str:
     if found.empty:
         return f"No share {share_name(cells)}: no attacked lane came to its end."
     known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
-    share, falling = settled(results, known)
+    share, falling = settled(results, known, percent_text, " %")
     compared = kinds_words(results, share, "%") if compares_shares(results) else ""
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
-    span = span_words(results, share, percent_text, " %", confidence)
-    return f"{share_words(results)}{above} {span}.{compared}{falling}"
+    span = span_words(results, share, percent_text, " %", known.index.tolist(), confidence)
+    told = f":{compared}".replace(": By", ": by") if compared else f" {span}."
+    return f"{share_words(results)}{above}{told}{falling}"
 
 
-def metric_sentences(results: Results) -> list[str]:
-    """The least and the greatest median of each metric of the study's own, and of alarms."""
-    own = (each.name for each in results.study.config.measured()[len(CONTRACT) :])
-    asked = [name for name in own if name not in AGREEMENT]
-    found = [quantity_of(results, results.study.cells, name) for name in asked]
+def separation_sentence(results: Results) -> str:
+    """How many lanes have a pair nearer than the distance that a filter of the study asks for."""
+    cells, name = results.study.cells, MIN_SEPARATION.name
+    limits = [each for cell in cells if (each := cell.scenario.filter.asks()) is not None]
+    if name not in {each.name for each in results.study.config.metrics} or not limits:
+        return ""
+    limit, least = max(limits), dict[str, list[np.ndarray]]()
+    for number, lanes in results.by_cell(name, where=rows.OK):
+        label = cells[number].labels.get("filter")
+        by = "" if label is None else f" with {escape(value_name('filter', label))}"
+        least.setdefault(by, []).append(lanes[name].to_numpy(dtype=float))
+    told = []
+    for by, each in least.items():
+        found = np.concatenate(each)
+        many = f"<b>{np.count_nonzero(found < limit)}</b> of {len(found)}"
+        told.append(f"{many}{by} (least distance {error_text(found.min())} m)")
+    return f"Lanes with a pair nearer than D = {limit:g} m: {', '.join(told)}."
 
-    def told(of: Quantity) -> str:
-        values: Any = of.values.dropna(subset="value")
-        unit, scale = f" {of.unit}".rstrip(), float(of.unit == "m")
-        number = functools.partial(error_text, scale=scale)
-        span = span_words(results, values, number, unit, of.confidence)
-        endless = len(of.values) - len(values)
-        apart = f" {sentence_case(count(endless, 'cell'))} has no such median." * (endless == 1)
-        apart = apart or f" {endless} cells have no such median." * (endless > 1)
-        stem = escape(sentence_case(of.words.removesuffix(MEDIAN_WORDS)))
-        return f"{stem}: the median over lanes {span}.{apart}"
 
-    return [told(each) for each in found if each.known.size]
+def metrics_list(results: Results, without: str) -> str:
+    """Medians, and the greatest lane, of each metric of the study's own, and of alarms."""
+    own = results.study.config.measured()[len(CONTRACT) :]
+    asked = [each for each in own if each.name not in {*AGREEMENT, without}]
+
+    def told(metric: Metric) -> str:
+        of = quantity_of(results, results.study.cells, metric.name)
+        values: Any = of.values["value"].dropna()
+        number = functools.partial(error_text, scale=float(of.unit == "m"))
+        ends = dict.fromkeys(map(number, (values.min(), values.max())))
+        unit, endless = f" {of.unit}".rstrip(), len(of.values) - len(values)
+        apart = f"; {count(endless, 'cell')} without a finite one" * bool(endless)
+        greatest = float(results.cells[f"{metric.name}_max"].to_numpy().max())
+        most = f", greatest lane {number(greatest)}{unit}" * (metric.time != "min")
+        stem = escape(of.words.removesuffix(MEDIAN_WORDS))
+        return f"<li>{stem}: <b>{' to '.join(ends)}{unit}</b>{most}{apart}</li>"
+
+    known = [
+        each for each in asked if quantity_of(results, results.study.cells, each.name).known.size
+    ]
+    items = "".join(map(told, known))
+    return f"In the median lanes of cells:<ul>{items}</ul>" if items else ""
 
 
 def search_sentence(results: Results) -> str:
@@ -396,7 +488,7 @@ def search_sentence(results: Results) -> str:
     unit = " ā" if worst.is_per_size(results) else ""
     found, random = rows[worst.LENGTHS["found"]], rows[worst.LENGTHS["random"]].max()
     found = found.to_frame("value").assign(low=np.nan, high=np.nan)
-    span = span_words(results, found, error_text, unit)
+    span = span_words(results, found, error_text, unit, found.index.tolist())
     lanes = count(int(rows[worst.SEARCH_LANES].max()), "lane")
     return (
         f"By search the {escape(worst.metric_words(results))} {span}, in {lanes} of a cell at most;"
@@ -411,41 +503,32 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         return f"Bounds of theory: {none}."
     if not results.file("bounds.csv").exists():
         return f"Bounds are not fitted yet: <code>{fit}</code>"
-    lasting = [curve for curve in found if curve.worst >= ROUNDING_ERROR]
-    tightest = []
-    for curve in lasting:
-        limits = curve.limits("tail_max")
-        sound = [(slope, name) for name, slope in limits.items() if name != UNSOUND_BOUND]
-        if sound:
-            slope, name = min(sound, key=lambda each: each[0])
-            tightest.append((slope / curve.worst, name, slope, curve))
-    none = [curve for ratio, *_, curve in tightest if ratio == 0]
-    tightest = [each for each in tightest if each[0] > 0]
-    words = []
-    if tightest:
-        ratio, name, slope, curve = min(tightest, key=lambda each: each[0])
-        where = f" with {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
-        after = "; the bound holds once the transient is over" if ratio < 1 else ""
-        words.append(
-            f"The tightest bound of theory, {curves.BOUND_NAMES[name]}, is"
-            f" <b>{number_text(ratio)} times</b> the worst error found: {number_text(slope)} ā"
-            f" against {number_text(curve.worst)} ā{where}{after}."
-        )
-    if of_rounding := sum(curve.worst < ROUNDING_ERROR for curve in found):
-        words.append(f"In {count(of_rounding, 'group')} of cells the worst error is 0 (rounding).")
-    if none:
-        worst = number_text(max(curve.worst for curve in none))
-        where = f"in {count(len(none), 'group')} of cells"
-        if len(none) == 1 and none[0].group.labels:
-            where = f"with {escape(labels_title(none[0].group.labels))}"
-        words.append(f"By theory no error lasts {where}; the worst found there is {worst} ā.")
-    if silent := len(lasting) - len(tightest) - len(none):
-        groups = f" to {silent} of {count(len(found), 'group')} of cells"
-        words.append(f"No bound of theory applies{groups * (silent < len(found))}.")
-    if (tightest or of_rounding) and results.file("violations.csv").exists():
+    told = [bound_words(curve) for curve in found[:MOST_COMPARED]]
+    told += [count(len(found) - len(told), "other group")] * (len(found) > len(told))
+    words = [f"Worst error of a vehicle, beside its least bound: {'; '.join(told)}."]
+    if any(any(sound_limits(curve)) for curve in found) and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
-        told = f'<b>{count(many, "lane")}</b> above its bound: see <a href="#violations">below</a>.'
-        words.append(told if many else "No lane is above its bound.")
-        if unchecked := unchecked_words(results.study.cells):
-            words.append(f"No bound is known for {escape(unchecked)}.")
+        above = (
+            f'<b>{count(many, "lane")}</b> above its bound: see <a href="#violations">below</a>.'
+        )
+        words.append(above if many else "No lane is above its bound.")
+    if unchecked := unchecked_words(results.study.cells):
+        words.append(f"No bound is known for {escape(unchecked)}.")
     return " ".join(words)
+
+
+def sound_limits(curve: curves.Curve) -> list[tuple[float, str]]:
+    """Bounds on the greatest error per ā that hold, the least first, with their names."""
+    limits = curve.limits("tail_max").items()
+    return sorted((slope, name) for name, slope in limits if name != UNSOUND_BOUND)
+
+
+def bound_words(curve: curves.Curve) -> str:
+    """The worst error of a group of cells, and its least bound."""
+    where = f" with {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
+    bound = "no bound"
+    if limits := sound_limits(curve):
+        slope, name = limits[0]
+        bound = f"{curves.BOUND_NAMES[name]} {number_text(slope)} ā"
+        bound += ", once the transient is over" * (slope < curve.worst)
+    return f"<b>{error_text(curve.worst, 1.0)} ā</b>{where} ({bound})"

@@ -6,10 +6,16 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.keys import Scenario
-from jaxnet.config.scenario import MOST_DRAWN_SETS, MOTION, missing, premise_words
+from jaxnet.config.scenario import (
+    MOST_DRAWN_SETS,
+    MOTION,
+    missing,
+    premise_words,
+    situation_of,
+)
 from jaxnet.kinds.fields import EachOrder, is_drawn, value_range
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.model.graph import unreachable
+from jaxnet.model.graph import Digraph, Links, unreachable
 from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, orders_in_words, plural_s, ranges
 from jaxnet.theory import integer
@@ -47,16 +53,12 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
     case = Case(scenario, seconds)
     found = values(case)
     told = {name: PHRASES[name](value, scenario) for name, value in found.items()}
-    graph, attacked, trusted, _ = case.situation
     attack, defence = scenario.attack, scenario.defence
-    at_once = attacked  # of each listener's links as many as one lane attacks
-    if not attack.targets():
-        at_once = attacked & (attacked.cumsum(axis=1) <= attack.number())
     lines = {
         **network_lines(case, told),
         "attack": attack_line(case) if attack.present else "none",
         "Assumption 1": told.get("honest paths", ""),
-        **defence.describe(graph, at_once, trusted),
+        **defence.describe(*attacked_at_once(scenario)),
         "guarantee": told.get("agreement", defence.promise()),
         "misjudged": told.get("misjudged", ""),
         "cut off": told.get("cut off", ""),
@@ -68,6 +70,14 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         **motion_lines(scenario, found, told),
     }
     return {name: line for name, line in lines.items() if line}
+
+
+def attacked_at_once(scenario: Scenario) -> tuple[Digraph, Links, Links]:
+    """The graph, as many attacked links of each listener as one lane has, and trusted links."""
+    graph, attacked, trusted, _ = situation_of(scenario)
+    if not scenario.attack.targets():
+        attacked = attacked & (attacked.cumsum(axis=1) <= scenario.attack.number())
+    return graph, attacked, trusted
 
 
 def network_lines(case: Case, told: Facts) -> Facts:
