@@ -14,8 +14,8 @@ from jaxnet.kinds.kind import Kind
 
 PAGE = Path(__file__).parents[1] / "config.md"
 MARK = "<!-- From here on written by docs/site/keys.py -->\n"
-HEAD = "key | takes (default) | meaning\n---|---|---\n"
-SHARED_HEAD = "key | of | takes (default) | meaning\n---|---|---|---\n"
+HEAD = "key | takes | meaning\n---|---|---\n"
+SHARED_HEAD = "key | of | takes | meaning\n---|---|---|---\n"
 LIMITS = {
     "exclusiveMinimum": "> {}",
     "minimum": "≥ {}",
