@@ -101,3 +101,43 @@ def test_a_study_without_detector_has_no_alarms_to_time():
     assert np.isinf(rows["first_alarm"][0])
     assert rows["first_alarm"][1] == 0.0
     assert rows["status"].tolist() == ["ok", "ok"]
+
+
+RATE, TICKS = 0.005, 41
+
+
+def falsely_alarmed(topology, samples):
+    """Rows of honest vehicles with errors of links, at the last of so many ticks."""
+    study = {
+        "engine": "exact",
+        "vehicles": 6,
+        "topology": topology,
+        "vehicle": "single_integrator",
+        "gain": [1.0],
+        "defence": "none",
+        "attack": "none",
+        "channel": {"noise": {"position": 0.1}},
+        "detector": {"kind": "chi_squared", "false_alarms": RATE, "cuts": "link"},
+        "tick": 0.05,
+        "output_step": 0.5,
+        "horizon": 2.0,
+        "tail": 0.0,
+        "metrics": ["wrongly_cut"],
+    }
+    return jaxnet.simulate(study, samples).lanes
+
+
+def test_links_are_cut_wrongly_at_the_rate_of_false_alarms():
+    """Tests of a link are independent: after n ticks it is cut with probability 1 - (1 - α)^n."""
+    rows, share = falsely_alarmed("complete", 100), 1 - (1 - RATE) ** TICKS
+    assert (rows["status"] == "ok").all()
+    error = np.sqrt(share * (1 - share) / (100 * 36))
+    assert abs(rows["wrongly_cut"].mean() - share) < 4 * error
+
+
+def test_a_fleet_falls_apart_at_the_rate_of_false_alarms():
+    """On a star each vehicle has one source, so the first alarm of any ends the lane."""
+    rows, share = falsely_alarmed("star", 200), 1 - (1 - RATE) ** (6 * TICKS)
+    apart = (rows["status"] == "disconnected").mean()
+    assert abs(apart - share) < 4 * np.sqrt(share * (1 - share) / 200)
+    assert ((rows["status"] == "ok") | (rows["status"] == "disconnected")).all()
