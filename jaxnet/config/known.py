@@ -79,6 +79,8 @@ def explain(error: ErrorDetails, data: Plain) -> str:
         hint = f": {{random: {given}}} draws {given} in each lane, [{given}] is vehicle {given}"
     elif at[:2] == ("attack", "vehicles") and isinstance(given, dict) and [*given] == ["random"]:
         hint = ": sweep: {attack.vehicles: [{random: 1}, {random: 2}]} sweeps such numbers"
+    elif at == ("recovery",) and type(given) in (int, float):
+        hint = f": give {{tau: {given}}}"
     return value_message(error) + hint
 
 
@@ -128,6 +130,7 @@ class KnownKeys:
         root, *inside = key.split(".")
         models = self.models.get(root, [])
         anything = any(each.model_config.get("extra") == "allow" for each in models)
+        anything |= root in self.models and not models  # an unknown kind, refused as such
         known = not inside or anything or inside[0] in self.inside(root)
         return root in Scenario.model_fields and known
 

@@ -31,11 +31,10 @@ from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
 LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
-SPREAD_WORDS = "spread: greatest distance of two vehicles that are not attacked"
+SPREAD_WORDS = "spread: greatest distance of two honest vehicles"
 AGREEMENT_NOTES = {
     "spread": f"{SPREAD_WORDS}, over the tail",
-    "outside": "outside: greatest way of a vehicle that is not attacked out of the convex hull of"
-    " the starts of all these",
+    "outside": "outside: how far an honest vehicle leaves the convex hull of the honest starts",
 }
 ERROR_NOTES = {
     "tail_mean": "tail mean: a lane's error, the mean over vehicles and the tail",

@@ -95,7 +95,7 @@ def count_in_hull(study: Config, cell: Cell, ok: pd.DataFrame) -> Counted:
 
 def hull_note(study: Config, cells: Sequence[Cell]) -> str:
     tolerance = max(cell.scenario.engine.accuracy for cell in cells)
-    who = "no vehicle that is not attacked leaves the convex hull of their starts"
+    who = "no honest vehicle leaves the convex hull of the honest starts"
     return f"in the hull (in_hull): {who} by over {tolerance:g} m"
 
 

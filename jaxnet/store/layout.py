@@ -26,7 +26,7 @@ class Variable(NamedTuple):
     series: str
 
 
-APART = "max of ‖y_i - y_j‖ over vehicles that are not attacked"
+APART = "max of ‖y_i - y_j‖ over honest vehicles"
 EPSILON = "mean over vehicles of ‖y_i - Σ w_ij y_j‖"
 SPREAD_ARRAY = Variable("time", "float32", "m", APART, "spread")
 ERRORS = {

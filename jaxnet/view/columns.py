@@ -39,8 +39,8 @@ from jaxnet.view.text.width import digits_text
 COUNTS = {"ok": "lanes ok", "failed": "lanes failed", "lanes": "lanes"}  # with their titles
 ERROR_COLUMNS = ("tail_mean_median", "tail_mean_mean", "tail_mean_q95", "tail_max_max")
 AGREEMENT_COLUMNS = (
-    *("spread_median", "spread_mean", "spread_q95", "spread_max"),
     *("in_hull", "outside_max"),
+    *("spread_median", "spread_max", "spread_q95", "spread_mean"),
 )
 LATEX_SYMBOLS = {
     "attack.magnitude": r"$\bar a$",
@@ -277,7 +277,7 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     own += ["unsettled"] * ("unsettled" in table)
     first = asked if asked in table else f"{asked}_median"
     tail = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
-    return [name for name in dict.fromkeys([first, *tail, *own, "ok", "failed"]) if name in table]
+    return [name for name in dict.fromkeys([first, *own, *tail, "ok", "failed"]) if name in table]
 
 
 def key_column(key: str, labels: Sequence[Any]) -> Column:

@@ -113,7 +113,7 @@ def test_a_law_that_asks_for_a_navigator_is_refused_and_check_says_what_is_known
     text = " ".join(check_text(jaxnet.load(KEYS | lattice | {"defence": "w_msr"})).split())
     assert "9 vehicles, 54 links: 1-9 hear 6 sources" in text
     assert "law stable, deviations times" in text
-    assert "guarantee vehicles not attacked agree, on each axis inside the range of" in text
+    assert "guarantee honest vehicles agree, on each axis inside the range of" in text
     assert "the vehicles are (2, 2)-robust" in text
     assert "nothing is proved" not in text
 

@@ -12,7 +12,7 @@ OWN_PATH = {"kind": "own_path", "vehicles": {"random": 1}, "moves": "as_told"}
 ALL = {"vehicle": "single_integrator", "law": "local", "gain": [1.0], "navigator": "none"}
 ALL |= {"engine": "exact", "vehicles": 7, "topology": "complete", "defence": "w_msr"}
 ALL |= {"attack": LIARS}
-AGREE = "vehicles not attacked agree, on each axis inside the range of their starts"
+AGREE = "honest vehicles agree, on each axis inside the range of their starts"
 F2 = {"kind": "w_msr", "F": 2}
 
 

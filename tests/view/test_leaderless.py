@@ -109,7 +109,7 @@ def test_the_share_in_the_hull_is_that_of_a_plain_search(monkeypatch):
     )
     monkeypatch.setenv("COLUMNS", "200")
     text = tables.summary_text(results)
-    assert "leaves the convex hull of their starts by over 1e-08 m" in text
+    assert "leaves the convex hull of the honest starts by over 1e-08 m" in text
     assert "[low, high] of without agreement, in the hull: exact binomial 95 % intervals" in text
 
 
@@ -137,7 +137,7 @@ def test_the_table_is_about_the_spread(results, monkeypatch):
     ):
         assert words in titles
     assert "without agreement (unrecovered): spread over the tail > 0.01\N{NO-BREAK SPACE}ā" in text
-    assert "spread: greatest distance of two vehicles that are not attacked, over the tail" in text
+    assert "spread: greatest distance of two honest vehicles, over the tail" in text
     assert "worst: the greatest of " in text
 
 
@@ -213,7 +213,7 @@ def test_check_knows_the_stability_of_a_fleet_whose_liar_is_drawn():
     assert (
         "stable, deviations times 0.0000 at each tick of 0.1 s; that is without the attack" in text
     )
-    assert "none: rows measure the spread of the vehicles that are not attacked" in text
+    assert "none: rows measure the spread of honest vehicles" in text
     assert "error" not in text
 
 
@@ -246,7 +246,7 @@ def test_the_page_says_nothing_of_errors(browser, results):
     shown.close()
     assert complaints == []
     assert "m from the mean" in words
-    assert "Distance of each vehicle from the mean of those not attacked" in words
+    assert "Distance of each vehicle from the mean of honest ones" in words
     left = re.sub("navigator\nno navigator|save\n.*\n", "", words)
     assert [
         left[each.start() - 40 : each.end() + 40] for each in OF_A_NAVIGATOR.finditer(left)

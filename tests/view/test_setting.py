@@ -44,9 +44,9 @@ def test_each_swept_key_has_its_values_and_unit():
     assert told["magnitude ā"] == "0, 3 m"
     assert told["attack frequency"] == "1, 2, 3, 4, 5, 6, 7, 8, … rad/s"
     assert told["attacked vehicles"] == "1, 2"
-    assert told["attacked signals"] == "none, what drawn vehicles transmit"
+    assert told["attacked signals"] == "what drawn vehicles transmit"
     assert rows(attack={"vehicles": {"random": 1}})["attacked signals"] == (
-        "what 1 drawn vehicle of each lane transmits"
+        "what 1 vehicle, drawn for each lane, transmits"
     )
 
 

@@ -101,7 +101,7 @@ def test_notes_are_of_the_metrics_that_are_shown():
     assert not any("outside: " in each for each in tables.summary_notes(results, shown))
     shown = columns.summary_columns(results, ["outside_max"])
     (note,) = [each for each in tables.summary_notes(results, shown) if "outside: " in each]
-    assert "a vehicle that is not attacked" in note
+    assert "how far an honest vehicle leaves" in note
 
 
 def test_what_is_the_same_in_all_cells_is_one_line():

@@ -82,8 +82,10 @@ class Engine(Kind):
             message = f"{engine} moves vehicles by the law's exact linearisation, which {law.kind}"
             yield Fault(("engine", "law"), f"{message} lacks: give engine: nonlinear")
         if scenario.vehicle.limits and not self.limits:
-            message = f"{engine} knows no limits: give engine: sampled or nonlinear"
-            yield Fault(("vehicle.limits", "engine"), message)
+            message = f"{engine} knows no limits, which {scenario.vehicle.kind} has"
+            yield Fault(
+                ("vehicle.limits", "engine"), f"{message}: give engine: sampled or nonlinear"
+            )
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"{engine} decides at ticks only: give a tick")
 

@@ -13,10 +13,7 @@ class WMSR(Sparing):
     """
 
     words = "W-MSR"
-    guarantee = (
-        "none where derivatives drive vehicles, which this rule does not check; without a "
-        "navigator, with law local and order 1, check tells whether honest vehicles agree"
-    )
+    guarantee = "none is known with a navigator: W-MSR judges positions, derivatives drive too"
 
     F: int = setting(
         1, "greatest number of attacked sources that a vehicle expects", ge=0, le=10_000

@@ -73,9 +73,9 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
         failed += f", {where_words(results, sorted(there))}".rstrip(", ") + "."
     separated = separation_sentence(results)
     sentences = [
-        f"<b>{sentence_case(falling)}</b>." if falling else "",
         outnumbered_sentence(results),
         outside_sentence(results) if alone else "",
+        f"<b>{sentence_case(falling)}</b>." if falling else "",
         unrecovered_sentence(results),
         extremes_sentence(results),
         separated,
@@ -357,8 +357,8 @@ def p_words(results: Results) -> str:
     """What the p values of findings are."""
     name = "McNemar's exact test" if compares_shares(results) else "the exact sign test"
     return (
-        f"p: {name} on paired lanes, adjusted by Holm over the comparisons of a key in which enough"
-        " lanes differ"
+        f"p values: {name} on paired lanes, adjusted by Holm over the comparisons of a key in which"
+        " enough lanes differ"
     )
 
 

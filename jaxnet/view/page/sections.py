@@ -183,7 +183,7 @@ def ultimate_section(results: Results, found: Sequence[Curve]) -> Section | None
     """The error over the tail against ā; None if no two cells differ in ā alone."""
     if not any(len(curve.cells) > 1 for curve in found):
         return None
-    name = "Error against the magnitude of the attack"
+    name = "Error against attack magnitude"
     if reason := no_magnitudes(found):
         return Section("ultimate", name, paragraph(escape(reason)))
     note = paragraph(ULTIMATE_NOTE)
@@ -203,7 +203,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     for curve in found:
         fitted = curve.fit("tail_max") or (np.nan,) * 3
         row = {"worst found": curve.worst}
-        row |= dict(zip(("fit of the means", "low", "high"), fitted, strict=True))
+        row |= dict(zip(("fit of the means", "fit, low", "fit, high"), fitted, strict=True))
         row["95 % of lanes below"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
         for bound, name in BOUND_NAMES.items():
             row[name], fleet = (curve.slope(bound, of) for of in ("worst", "fleet"))

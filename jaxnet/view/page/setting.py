@@ -54,7 +54,8 @@ def setting_rows(study: Study) -> dict[str, str]:
             if words := alternatives(list(filter(None, found))):
                 rows[key_name(key)] = words
         if key == "attack" and any(attacks(cell.scenario) for cell in cells):
-            rows["attacked signals"] = among(attacked_words)
+            attacked = (attacked_words(each) for each in cells if attacks(each.scenario))
+            rows["attacked signals"] = alternatives([*dict.fromkeys(attacked)])
             scenarios = [cell.scenario for cell in cells if attacks(cell.scenario)]
             # ā scales an attack, or `recovery` compares with it
             if study.config.recovery is not None or any(s.attack.bounded for s in scenarios):
@@ -99,7 +100,7 @@ def told_keys(model: BaseModel, without: Container[str] = ()) -> list[str]:
     told = []
     for name in type(model).model_fields | (model.model_extra or {}):
         field, value = type(model).model_fields.get(name), getattr(model, name)
-        if name in TOLD_ELSEWHERE or name in without:
+        if (isinstance(model, Kind) and name in TOLD_ELSEWHERE) or name in without:
             continue
         if name in SYMBOLS or field_differs(field, value):
             shown = "" if value is True else f" = {value_words(field, value)}"
@@ -115,7 +116,8 @@ def value_words(field: FieldInfo | None, value: Any) -> str:
         return ", ".join(told_keys(value))
     if isinstance(value, list) and value and isinstance(value[0], Metric):
         own = (each for each in value if each.name not in (*AGREEMENT, *DETECTION))
-        return ", ".join(each.words or words_in(each.name) for each in own)
+        named = ((each.words or words_in(each.name), each.column_unit) for each in own)
+        return alternatives([f"{words} [{of}]" if of else words for words, of in named])
     plain = RootModel[Any](value).model_dump()
     words = f"{plain_words(plain)} {unit_in(field.description if field else None)}".strip()
     return shorten(words, LONGEST_VALUE, placeholder=" …")
@@ -138,8 +140,6 @@ def attacks(scenario: Scenario) -> bool:
 def attacked_words(cell: Cell) -> str:
     """Vehicles whose signals the attack falsifies, and whether they hear or transmit these."""
     attack, drawn = cell.scenario.attack, "attack.vehicles.random" in cell.labels
-    if not attacks(cell.scenario):
-        return "none"
     changing = bool(attack.periods())
     one = attack.number() == 1 and not drawn and not changing
     if changing:
@@ -149,7 +149,7 @@ def attacked_words(cell: Cell) -> str:
     elif drawn:
         whom = "drawn vehicles"
     else:
-        whom = f"{count(attack.number(), 'drawn vehicle')} of each lane"
+        whom = f"{count(attack.number(), 'vehicle')}, drawn for each lane,"
     known = situation_of(cell.scenario)
     heard = (known.attacked & (known.graph.sources == 0)).any()
     caveat = f" ({attack.caveat()})" if attack.caveat() else ""

@@ -94,7 +94,7 @@ def lanes_html(lanes: Sequence[dict[str, Any]]) -> str:
     marks = {SHAPE: "formation", LIMITED: "saturated", TOUCHES: "colliding"}
     there |= {name: any(lane[key] for lane in lanes) for name, key in marks.items()}
     there["dropped link"] = any(lane["raster"] for lane in lanes)
-    off = "Distance of each vehicle from the mean of those not attacked"
+    off = "Distance of each vehicle from the mean of honest ones"
     off = off if alone else "Error of each vehicle"
     off += ", less the offsets" * there[SHAPE]
     across, up = {"constrain": "domain"}, {"constrain": "domain", "scaleanchor": "x"}
@@ -199,7 +199,7 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "command": results.replay_command(one.cell, one.sample, one.engine),
         "said": f"Shown every {step:.3g} s{thinned}; a path is a smooth curve through its places."
         f"{triangle}{retained}",
-        "views": f"around the {'mean of vehicles not attacked' if leaderless else 'navigator'}",
+        "views": f"around the {'mean of honest vehicles' if leaderless else 'navigator'}",
         "vehicles": scene.places.shape[1] - 1,
         "names": names,
         "attacked": scene.attacked,

@@ -266,7 +266,7 @@ def values_text(values: Combination, known: Sequence[str]) -> str:
     others = [value for value in known if value not in values]
     if not others:
         return "any"
-    if len(others) < len(values):
+    if len(others) < len(values) > MOST_DISTINCT:
         return f"not {', '.join(others)}"
     return few_values(sorted(values, key=known.index))
 

@@ -95,8 +95,8 @@ def network_lines(case: Case, told: Facts) -> Facts:
     robust, navigator = (
         "",
         (
-            "none: rows measure the spread of the vehicles that are not attacked, and their way out"
-            " of the hull of their starts"
+            "none: rows measure the spread of honest vehicles, and how far one leaves the hull of"
+            " their starts"
         ),
     )
     if scenario.navigator.present:
@@ -205,9 +205,9 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
     elif not law:
         why = ": " + premise_words(scenario, broken[0]) if broken else ""
         law = f"{scenario.law.kind}: nothing is known of its stability{why}"
-    why = [premise_words(scenario, each) for each in missing(scenario, ("leader", *MOTION))]
+    why = [premise_words(scenario, each) for each in missing(scenario, MOTION)]
     safe, announced = told.get("safe") or f"nothing is proved; {'; '.join(why)}", {}
-    if "agreement" in told:  # says it all
+    if not scenario.navigator.present:  # nobody follows; `guarantee` tells of agreement
         safe = ""
     announcing = scenario.defence.announcing() and scenario.attack.present
     if announcing and "safe" in found and found["safe"].tried:
@@ -258,9 +258,7 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
 def agreement_words(found: Agreement, scenario: Scenario) -> str:
     if not found.proved:
         return f"none is proved; {found.why}"
-    return (
-        f"vehicles not attacked agree, on each axis inside the range of their starts; {found.why}"
-    )
+    return f"honest vehicles agree, on each axis inside the range of their starts; {found.why}"
 
 
 def at_least(found: RobustnessBracket) -> str:
@@ -271,8 +269,8 @@ def norm_words(norm: float, scenario: Scenario) -> str:
     if not np.isfinite(norm):
         return f"{norm}: the navigator does not reach every vehicle"
     return (
-        f"{norm:.4g}: the most by which the fleet amplifies a steady attack's part of weighted"
-        " means, while all sources are retained"
+        f"{norm:.4g}: ‖E‖ ≤ {norm:.4g} ‖d‖ under a steady attack while all sources are retained;"
+        " d: each vehicle's weighted sum of the attacks on its sources"
     )
 
 
