@@ -133,6 +133,10 @@ class Column(NamedTuple):
         pairs = zip(found, self.entries["alike"], strict=True)
         return ["(alike)" if same else text for text, same in pairs]
 
+    def has_rounding(self) -> bool:
+        """Whether some value is rounding, and reads 0."""
+        return "size" in self.entries and any(map(is_rounding, self.values, self.entries["size"]))
+
     def numbers(self, name: str) -> list[Any]:
         """Numbers in the unit of the title, of which rounding is 0, and labels."""
         values = self.entries[name].tolist()

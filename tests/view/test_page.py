@@ -283,6 +283,20 @@ def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_pat
     assert "assumptions" not in told(tmp_path, [1.0, 2.0], **cells, **attack, defence="none")[0]
 
 
+def test_the_best_and_the_worst_vehicle_of_each_cell_stand_first(folder, tmp_path, monkeypatch):
+    """By their medians; all vehicles are folded."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("*.zarr"))
+    (copy / "vehicles.zarr").mkdir()
+    results = jaxnet.open(copy)
+    rows = [(cell, vehicle) for cell in (0, 1) for vehicle in (1, 2, 3)]
+    table = pd.DataFrame(rows, columns=["cell", "vehicle"]).assign(median=[2.0, 9, 5, 4, 1, 3])
+    monkeypatch.setattr(sections, "vehicle_table", lambda *_: table)
+    whole, folded = sections.vehicles_section(results).body.split("<details>")
+    assert [row[:2] for row in rows_of(whole)] == [[0, 2], [0, 1], [1, 1], [1, 2]]
+    assert [row[1] for row in rows_of(folded)] == [2, 3, 1, 3, 1, 2]
+
+
 def test_lanes_in_which_a_pair_comes_too_near_are_counted():
     keys = {"vehicle": "single_integrator", "gain": [1], "engine": "sampled", "horizon": 2.0}
     keys |= {"tail": 1.0, "samples": 6, "metrics": ["min_separation"], "attack": "none"}
@@ -334,6 +348,7 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     zero = "0 (rounding)"
     told_each = [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
     assert [row[5].split(" <")[0] for row in shown] == told_each
+    assert "Errors below 1e-09 ā, or as many m without ā, read 0." in section(text, "summary")
     assert [row[7] for row in shown][:3] == [zero] * 3
     assert rows_of(section(text, "summary"))[0][4] == 2e-10
     star, ring = cells_of(section(text, "ultimate"))

@@ -244,17 +244,25 @@ def vehicles_section(results: Results) -> Section | None:
     found = vehicle_table(results, results.study.cells)
     if found.empty:
         return None
-    shown = found.sort_values("median", ascending=False, kind="stable").head(MOST_LISTED)
-    shown = shown.dropna(axis="columns", how="all")  # the share, without a threshold of recovery
+    found = found.dropna(axis="columns", how="all")  # the share, without a threshold of recovery
+    ranked: Any = found.sort_values("median", ascending=False, kind="stable")
+    ends = ranked.groupby("cell").nth([0, -1]).sort_values("cell", kind="stable")
     name, note = "Error of each vehicle", "Mean error over the tail"
     if is_leaderless(results.study.cells):
         name = note = "Distance of each vehicle from the mean"
-    note = f"{note}, over lanes, the greatest median first"
-    left = f"; {len(shown)} of {len(found)}" if len(shown) < len(found) else ""
-    sizes = cell_magnitudes(results)[shown["cell"].astype(int)]
-    lengths = {words: sizes for words in VEHICLE_WORDS.values() if "[m]" in words}
-    table = sortable_table(shown.rename(columns=VEHICLE_WORDS), lengths)
-    return Section("vehicles", name, paragraph(f"{note}{left}.") + table)
+    note += ", over lanes: the vehicles with the greatest and the least median of each cell."
+    note += " Lanes off: over the threshold of recovery." * ("unrecovered" in found)
+
+    def table(rows: Any) -> str:
+        sizes = cell_magnitudes(results)[rows["cell"].astype(int)]
+        lengths = {words: sizes for words in VEHICLE_WORDS.values() if "[m]" in words}
+        return sortable_table(rows.rename(columns=VEHICLE_WORDS), lengths)
+
+    most = f"{min(MOST_LISTED, len(ranked))} of {count(len(ranked), 'row')}"
+    folded = (
+        f"<details><summary>By vehicle, {most}</summary>{table(ranked[:MOST_LISTED])}</details>"
+    )
+    return Section("vehicles", name, paragraph(note) + table(ends[:MOST_LISTED]) + folded)
 
 
 def heat_section(results: Results) -> Section | None:

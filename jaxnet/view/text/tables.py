@@ -134,6 +134,8 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     notes += [UNSETTLED_NOTE] * ("unsettled" in names)
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
+    if any(each.has_rounding() for each in shown):
+        notes.append(f"errors below {columns.ROUNDING_ERROR:g} ā, or as many m without ā, read 0")
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
         many = lanes[lanes > 0].astype(int)
         words = (
