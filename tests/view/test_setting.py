@@ -97,6 +97,7 @@ OTHER = {  # another value of every key that has a row of its own
     "channel.quantisation": 0.01,
     "channel.delay": 0.1,
     "channel.delay_of": "message",
+    "channel.own_delay": True,
     "channel.extrapolate": "jets",
     "detector": {"kind": "chi_squared"},
     "output_step": 0.2,
