@@ -200,6 +200,15 @@ def test_a_broken_premise_of_safety_is_named(keys, why):
     assert not {"decay", "proof ends", "theorem 3"} & {*found}
 
 
+@pytest.mark.parametrize(("topology", "ends"), [("cyclic", False), ("path", True)])
+def test_where_nothing_is_proved_no_proof_ends(topology, ends):
+    """On a ring everybody hears the liar in the end, on a path nobody before it does."""
+    attack = {"kind": "rotating", "vehicles": [5]}
+    found = known(2.0, topology=topology, attack=attack, defence="none")
+    assert ("proof ends" in found) is ends
+    assert (found["safe"] == "not known for 1-12") is not ends
+
+
 TRUSTED = {"defence": "trusted_only", "recovery": {"tau": 0.01}, "name": "short"}
 BY_SIZE = TRUSTED | {"sweep": {"attack.magnitude": [0.1, 1, 10, 100]}}
 

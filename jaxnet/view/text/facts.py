@@ -209,6 +209,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
     safe, announced = told.get("safe") or f"nothing is proved; {'; '.join(why)}", {}
     if not scenario.navigator.present:  # nobody follows; `guarantee` tells of agreement
         safe = ""
+    proved = "safe" in found and any(vehicles.any() for _, vehicles, *_ in found["safe"].reasons)
     announcing = scenario.defence.announcing() and scenario.attack.present
     if announcing and "safe" in found and found["safe"].tried:
         announced = {
@@ -224,7 +225,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "law": law,
         "safe": safe,
         **announced,
-        "proof ends": told.get("proof ends", ""),
+        "proof ends": told.get("proof ends", "") if proved else "",  # where there is a proof
         "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", "")
