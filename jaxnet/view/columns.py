@@ -38,10 +38,7 @@ from jaxnet.view.text.width import digits_text
 
 COUNTS = {"ok": "lanes ok", "failed": "lanes failed", "lanes": "lanes"}  # with their titles
 ERROR_COLUMNS = ("tail_mean_median", "tail_mean_mean", "tail_mean_q95", "tail_max_max")
-AGREEMENT_COLUMNS = (
-    *("in_hull", "outside_max"),
-    *("spread_median", "spread_max", "spread_q95", "spread_mean"),
-)
+AGREEMENT_COLUMNS = (*("outside_max", "spread_median", "spread_max", "spread_q95", "spread_mean"),)
 LATEX_SYMBOLS = {
     "attack.magnitude": r"$\bar a$",
     "attack.frequency": r"$\omega$",
@@ -281,7 +278,9 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     own += ["unsettled"] * ("unsettled" in table)
     first = asked if asked in table else f"{asked}_median"
     tail = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
-    return [name for name in dict.fromkeys([first, *own, *tail, "ok", "failed"]) if name in table]
+    hull = ["in_hull"] * alone  # beside agreement: liars may move the place
+    names = dict.fromkeys([first, *hull, *own, *tail, "ok", "failed"])
+    return [name for name in names if name in table]
 
 
 def key_column(key: str, labels: Sequence[Any]) -> Column:
