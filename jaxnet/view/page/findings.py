@@ -232,10 +232,8 @@ def extremes_sentence(results: Results) -> str:
     less = ", less the offsets of the formation," * offsets
     limits = [threshold(cell, results.study.config.recovery) for cell in results.study.cells]
     if not per_size and errors["value"].max() < NEGLIGIBLE * np.nanmin([*limits, np.inf]):
-        span, compared = (
-            f"is at most <b>{above_text(float(errors['value'].to_numpy().max()))} m</b>",
-            "",
-        )
+        most = above_text(float(errors["value"].to_numpy().max()))
+        span, compared = f"is at most <b>{most} m</b>", ""
     return f"{MEDIAN_LANE[word]}{less} {span}.{compared}{without}{falling}"
 
 
@@ -249,13 +247,12 @@ def outside_sentence(results: Results) -> str:
         return "No honest vehicle left the convex hull of the honest starts, in any lane."
     groups: dict[str, list[int]] = {}
     for place in sorted(ways.index, key=lambda place: not attacked[place]):
-        name = escape(value_name("defence", cells[place].labels.get("defence", "")))
-        when = f" with {name}" * ("defence" in cells[place].labels)
+        label = cells[place].labels.get("defence")
+        when = "" if label is None else f" with {escape(value_name('defence', label))}"
         groups.setdefault(when if attacked[place] else BASELINE, []).append(place)
     greatest = {when: ways.loc[each].max() for when, each in groups.items()}
-    usual = (
-        greatest[BASELINE].iloc[0] if BASELINE in greatest else np.inf
-    )  # nothing to compare with
+    # Without an attack to compare with, nobody knows who moved them
+    usual = greatest[BASELINE].iloc[0] if BASELINE in greatest else np.inf
     moved = [
         place
         for place in ways.index[attacked[ways.index]]
