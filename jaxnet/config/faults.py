@@ -391,6 +391,9 @@ def delay_faults(s: Scenario) -> Iterator[Fault]:
     if channel.missing == "extrapolate":
         told = "a lost message is dropped or held where messages are delayed: give drop or hold"
         yield Fault(("channel.missing", "channel.delay"), told)
+    if s.attack.replaces() and s.attack.periods():
+        told = "a late message would be true or false by the vehicles attacked when it arrives:"
+        yield Fault(("channel.delay", "attack.vehicles"), f"{told} give threat: adds, or one set")
     if s.defence.announcing():
         told = "a defence by announcements needs every message at once: give another defence"
         yield Fault(("channel.delay", "defence"), told)
