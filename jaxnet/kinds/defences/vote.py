@@ -47,7 +47,7 @@ class Vote(Defence):
     or hears 2ϑ + 1 earlier ones, and votes on earlier ones alone. A vehicle without a place in the
     order votes on all sources that it hears. A vehicle with fewer than 2ϑ + 1 links retains every
     source; where messages are lost and fewer than 2ϑ + 1 are left, or no trusted one, it believes
-    nobody and keeps its drive.
+    nobody and keeps its drive, or has q = 0 under a local law.
 
     A message that stands in for a lost one counts as one. R is `y‴ + P(y)`, P alone under a local
     law. docs/guarantees.md has the proof (theorem 7), which asks nothing of announcements.
