@@ -36,6 +36,7 @@ def keys(late, tick=0.005, **others):
     } | others
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("late", [0.95, 1.05])
 def test_a_complete_network_is_stable_up_to_the_margin(late):
     """Deviations behave as exp(s t), `s + 10 exp(-s τ) = 0`, so `s τ = W(-10 τ)`."""

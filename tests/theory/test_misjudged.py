@@ -111,6 +111,7 @@ def test_runs_misjudge_as_often(keys):
             assert abs(rate.mean() - p) < 5 * math.sqrt(p * (1 - p) / rate.size)
 
 
+@pytest.mark.long
 def test_accuracy_is_a_shorthand():
     """Equal rows, to the last bit."""
     keys = {"engine": "exact", "horizon": 4.0, "tail": 1.0, "seed": 3}

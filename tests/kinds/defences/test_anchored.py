@@ -215,7 +215,9 @@ def simulated(case, engine):
     return outcome.series["state"][0, :, :, 0]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(s, marks=pytest.mark.long) for s in range(2, 6))]
+)
 def test_it_moves_as_a_plain_program(seed):
     """Drawn fleets of orders 1 to 3, with drawn observations, liars, waits and anchors."""
     case = drawn_case(seed)

@@ -58,7 +58,7 @@ def stepped(x, heard, f, epsilon, tick):
     return new
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.long) for s in (1, 2, 3))])
 def test_it_moves_as_a_plain_program_in_the_plane(seed):
     """Drawn fleets; some vehicles start at one place, some hear few or one."""
     rng = np.random.default_rng(seed)

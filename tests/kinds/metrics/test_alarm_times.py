@@ -86,6 +86,7 @@ def test_a_link_that_returns_raises_alarms_again():
     assert measured("isolation_time", detector=both) == np.inf
 
 
+@pytest.mark.long
 def test_a_study_without_detector_has_no_alarms_to_time():
     with pytest.raises(ConfigError, match="no message is judged without a detector"):
         systems.study(metrics=["first_alarm"])

@@ -94,6 +94,7 @@ KEYS = {
 }
 
 
+@pytest.mark.long
 def test_a_slow_lie_drags_the_filter_along():
     """A sudden bias is seen at once, one that grows slowly never: the truth would show it."""
 
