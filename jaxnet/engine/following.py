@@ -201,6 +201,11 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         at_once = factorised_at_once(self.lane.initial.shape[1])
         return for_each(flagged, at_once, some, (state.followed, jnp.zeros_like(flagged)))
 
+    def held_drive(self, state: FollowingState, decided: DecisionState) -> PerAxis:
+        """`q + P(ŷ)` of a q that is held, whatever limits leave of it."""
+        own = vehicles.outputs(self.lane, self.states(state), state.signals.time)
+        return decided.sensed.drive(self.lane.gain, state.followed.held, own)
+
     def navigator(self, state):
         return state.signals.navigator
 

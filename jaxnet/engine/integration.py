@@ -21,6 +21,7 @@ from jaxnet.engine.loop import InStates
 from jaxnet.engine.moment import Instants, Moment, PerAxis, VehicleFlags
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.stages import stopping
+from jaxnet.engine.stages.coasting import rests_on_the_way
 from jaxnet.engine.stages.stopping import Rest
 from jaxnet.engine.status import LEAST_MARGIN, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, select
@@ -56,12 +57,15 @@ class Integration(InStates, Following[IntegrationState]):
             step=zero + self.clock.interval,
             steps=jnp.zeros(zero.shape, int),
             followed=self.nothing_followed(),
-            rest=stopping.first_rest(lane),
+            rest=stopping.first_rest(lane, rests_on_the_way(lane, self.plan)),
         )
 
     def drive_now(self, state, decided):
-        """`y‴ + P(ŷ)`, with y‴ of the vector field."""
-        return drive_along(self.lane, state.states, state.slope, state.signals.time, decided)
+        """`y^(r) + P(ŷ)`, with y^(r) of the vector field; with q, if the law holds q."""
+        lane, time = self.lane, state.signals.time
+        if lane.law.needs_ticks():
+            return self.held_drive(state, decided)
+        return drive_along(lane, state.states, state.slope, time, decided)
 
     def hold(self, state, decided, at):
         """Factorise the Laplacian where a weight changed, and evaluate the vector field again.
@@ -113,7 +117,8 @@ class Integration(InStates, Following[IntegrationState]):
         proposed = stepper.next_step(end - time, trial.error, rule.order)
         shortest = stepper.LEAST_RELATIVE_STEP * jnp.maximum(goal, 1.0)
         if rest is not None:
-            lands, over, share = landing(lane, state.states, trial.state, ~frozen)
+            among = decided.coasting.may_stop(lane) & ~frozen
+            lands, over, share = landing(lane, state.states, trial.state, among)
             lands = lands | (over & (end - time <= shortest)[None])
             over = (over & ~lands).any(axis=0)
             kept = kept & ~over

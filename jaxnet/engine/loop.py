@@ -261,7 +261,7 @@ def arrive(fleet: Fleet, motion: Motion, lockstep: bool) -> Fleet:
     if before.coasting.drives or before.heard.lossy or lane.defence.hears_messages():
         now = now._replace(last=last_drive(fleet, motion, now, first))
     decided = tick.decide(now, before)
-    if isinstance(decided.coasting, Stops) and not plan.engine.samples:
+    if isinstance(decided.coasting, Stops) and not coasting.rests_on_the_way(lane, plan):
         until_now = before.sensed.jerk(lane.gain, now.last, now.own)
         given = lane, motion.clock.interval, until_now, now.own, decided.sensed, here, time
         decided = replace(decided, coasting=decided.coasting.will_stop(*given))

@@ -22,7 +22,7 @@ from jaxnet.engine.loop import InStates
 from jaxnet.engine.moment import Instants, LaneFlags, PerAxis
 from jaxnet.engine.plan import Tolerances
 from jaxnet.engine.stages import stopping
-from jaxnet.engine.stages.coasting import Rests, first_coasting
+from jaxnet.engine.stages.coasting import rests_on_the_way
 from jaxnet.engine.stages.stopping import Rest
 from jaxnet.engine.status import LEAST_MARGIN, Status, fail
 from jaxnet.engine.subset import run_if, select
@@ -61,7 +61,7 @@ class Sampling(InStates, Following[SamplingState]):
             drive=jnp.zeros_like(lane.initial[:2]),
             steps=jnp.zeros(zero.shape, int),
             followed=self.nothing_followed(),
-            rest=stopping.first_rest(lane, isinstance(first_coasting(lane), Rests)),
+            rest=stopping.first_rest(lane, rests_on_the_way(lane, self.plan)),
         )
 
     def asked(self, state, decided):
@@ -69,12 +69,10 @@ class Sampling(InStates, Following[SamplingState]):
 
     def drive_now(self, state, decided):
         """`y^(r) + P(ŷ)`: of the tick, if the law is solved; with y^(r) = q, if the law holds q."""
-        lane, time = self.lane, state.signals.time
-        if lane.law.solves():
+        if self.lane.law.solves():
             return state.drive
-        if lane.law.needs_ticks():
-            own = vehicles.outputs(lane, state.states, time)
-            return decided.sensed.drive(lane.gain, state.followed.held, own)
+        if self.lane.law.needs_ticks():
+            return self.held_drive(state, decided)
         return self.drive_of(state, decided)
 
     def drive_of(self, state: SamplingState, decided: DecisionState) -> PerAxis:

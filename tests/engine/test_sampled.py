@@ -287,8 +287,16 @@ def test_the_message_that_arrived_last_is_held(law, delay):
     assert found == pytest.approx(places, abs=1e-12)
 
 
-@pytest.mark.parametrize("law", [{"kind": "local", "hold": False}, "exact", "rounds"])
-def test_delayed_motions_are_continued_over_ticks_of_any_length(law):
+@pytest.mark.parametrize(
+    ("law", "engine"),
+    [
+        ({"kind": "local", "hold": False}, "sampled"),
+        ("exact", "sampled"),
+        ("rounds", "sampled"),
+        ("rounds", "nonlinear"),  # q is held in both
+    ],
+)
+def test_delayed_motions_are_continued_over_ticks_of_any_length(law, engine):
     """A plain loop: vehicle 1 hears a navigator at 1 m/s, 2 hears 1, one tick (0.5 s) late.
 
     The tick is the law's fastest time constant, by which a power series would err. Vehicles tell
@@ -306,7 +314,7 @@ def test_delayed_motions_are_continued_over_ticks_of_any_length(law):
         "defence": "none",
         "initial": {"position": [[-0.8, 0.0], [0.6, 0.0]], "heading": 0.0, "speed": 0.7},
         "channel": {"delay": tick, "extrapolate": "jets"},
-        "engine": "sampled",
+        "engine": engine,
         "tick": tick,
         "output_step": tick,
         "horizon": number * tick,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -161,6 +162,36 @@ def test_with_held_inputs_a_vehicle_cut_off_stops_on_its_way(move):
     places = outcome.series["state"][0, :, 0, :2]
     along = np.outer(ways, [np.cos(heading), np.sin(heading)])
     np.testing.assert_allclose(places - places[0], along, rtol=0, atol=1e-9)
+
+
+def test_a_vehicle_cut_off_stops_where_its_limits_let_it():
+    """`v̇ = -k1 (v - v(0)) - k0 s` within limits, until v is 0; without limits it stops sooner."""
+    (k0, k1), speed, most = GAINS[2][0], 1.5, 1.5
+
+    def rate(_, state):
+        way, now = state
+        return [now, np.clip(-k1 * (now - speed) - k0 * way, -most, most)]
+
+    def rest(_, state):
+        return state[1]
+
+    rest.terminal = True
+    known = solve_ivp(rate, (0.0, 10.0), [0.0, speed], events=rest, rtol=1e-11, atol=1e-13)
+    keys = KEYS | {
+        "vehicles": 2,
+        "vehicle": {"kind": "unicycle", "limits": {"acceleration": most}},
+        "gain": [k0, k1],
+        "engine": {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-12},
+        "topology": {"kind": "edges", "edges": [[1, 2, 1.0], [2, 0, 1.0]]},
+        "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
+        "initial": {"position": [[3.0, 0.0], [0.0, 0.0]], "heading": 0.0, "speed": [speed, 1.0]},
+        "defence": {"kind": f"{LastDrops.__module__}:LastDrops", "isolated": "coast"},
+    }
+    outcome = systems.simulate(systems.lanes(systems.study(**keys), 1))
+    assert outcome.status.tolist() == [Status.ok]
+    way = outcome.series["state"][0, -1, 0, 0] - 3.0
+    assert way == pytest.approx(known.y_events[0][0][0], abs=1e-7)
+    assert way > 0.6  # 0.5524 m without limits
 
 
 @pytest.mark.long

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxnet.engine.moment import Instants, LaneFlags, Moment, PerAxis, VehicleFlags
+from jaxnet.engine.plan import Plan
 from jaxnet.engine.stages import stopping
 from jaxnet.engine.stages.channel import Reception
 from jaxnet.engine.stages.judging import Judged
@@ -230,6 +231,12 @@ def first_coasting(lane: Lane) -> Coasting:
     if not (stops(lane) or (coasts(lane) and rests)):
         return Coasts(*coasting)
     return Stops(*coasting, *at_rest)
+
+
+def rests_on_the_way(lane: Lane, plan: Plan) -> bool:
+    """Whether vehicles may rest whose motion is not known before: inputs are held, or limited."""
+    unknown = plan.engine.samples or bool(lane.vehicle.limits)
+    return unknown and isinstance(first_coasting(lane), Rests)
 
 
 def coasts(lane: Lane) -> bool:

@@ -4,7 +4,7 @@ A vehicle that coasts moves by `y^(r) + P(y + n) = z` until the next tick, with 
 the errors n of its sensor. Under a law that holds the r-th derivative, P is 0. The derivatives of y
 obey a linear equation without a constant, so `standstill.stands` finds the first instant at which
 the vehicle stands still (`rest_within_tick`). The motion of any vehicle is searched as a polynomial
-(`rest_in`). With held inputs a vehicle comes to rest where its speed changes sign
+(`rest_in`). Where inputs are held or limited, a vehicle comes to rest where its speed changes sign
 (`rest_on_the_way`), also one that coasts.
 
 The vehicle stops at that instant. Until the next tick its listeners hear what the law asked of it,
