@@ -23,7 +23,7 @@ from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.detectors import JudgedWords
 from jaxnet.kinds.losses import Messages
 from jaxnet.kinds.noises import ChannelNoise
-from jaxnet.kinds.observers import HeardWords
+from jaxnet.kinds.observers import HeardMessages
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.outside import provenance
@@ -441,7 +441,7 @@ def test_every_contract_can_be_read():
     ]
     read = [contract.hints_of(each) for each in methods if inspect.isfunction(each)]
     assert sum("return" in hints for hints in read) > 100
-    assert all(map(contract.hints_of, (Seen, Messages, JudgedWords, HeardWords, Neighbourhood)))
+    assert all(map(contract.hints_of, (Seen, Messages, JudgedWords, HeardMessages, Neighbourhood)))
 
 
 def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxnet.engine.moment import Instants, PerAxis, VehicleFlags
+from jaxnet.engine.moment import Instants, PerAxis, misusing
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.tick import DecisionState, Drive
 from jaxnet.kinds.laws import LinksInForce
@@ -40,11 +40,6 @@ def obeyed(demand: PerAxis, vectors: Vectors, now: Signals) -> PerAxis:
     if now.inputs is None:
         return demand
     return jnp.where(misusing(vectors), signal.combined(vectors, now.inputs), demand)
-
-
-def misusing(vectors: Vectors) -> VehicleFlags:
-    """Vehicles with a signal, where attacked vehicles misuse their inputs."""
-    return (vectors != 0).any(axis=(0, 2))
 
 
 def coupled_demand(lane: Lane, network: Network, drive: Drive, own: Jets, now: Signals) -> PerAxis:

@@ -71,3 +71,8 @@ def tell(errors: Jets) -> Sent:
 def attacked_links(hearing: Hearing, vectors: Vectors) -> LinkFlags:
     """Links that carry a signal with these vectors."""
     return (hearing.added(jnp.abs(vectors).sum(axis=2)) != 0).any(axis=0)
+
+
+def misusing(vectors: Vectors) -> VehicleFlags:
+    """Vehicles with a signal, where attacked vehicles misuse their inputs."""
+    return (vectors != 0).any(axis=(0, 2))

@@ -38,7 +38,7 @@ from jaxnet.view.text.width import digits_text
 
 COUNTS = {"ok": "lanes ok", "failed": "lanes failed", "lanes": "lanes"}  # with their titles
 ERROR_COLUMNS = ("tail_mean_median", "tail_mean_mean", "tail_mean_q95", "tail_max_max")
-AGREEMENT_COLUMNS = (*("outside_max", "spread_median", "spread_max", "spread_q95", "spread_mean"),)
+AGREEMENT_COLUMNS = ("outside_max", "spread_median", "spread_max", "spread_q95", "spread_mean")
 LATEX_SYMBOLS = {
     "attack.magnitude": r"$\bar a$",
     "attack.frequency": r"$\omega$",

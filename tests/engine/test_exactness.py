@@ -28,16 +28,16 @@ UNTRIMMED = [
     },
     {
         "attack": {"kind": "rotating", "magnitude": 4.0},
-        "topology": RANDOM_GRAPH,
-        "sweep": {"gain": [[1, 3, 3], [6, 11, 6]]},
+        "sweep": {"topology": ["cyclic", RANDOM_GRAPH], "gain": [[1, 3, 3], [6, 11, 6]]},
     },
 ]
 INSTANTS = np.arange(301) * 0.1
 
 
 def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
-    """O1: 20 random lanes in each of two topologies, to 5e-6 m over 30 s."""
-    given = systems.study(attack="none", defence="none", sweep={"topology": ["star", "cyclic"]})
+    """O1: 20 random lanes in each of three topologies, to 5e-6 m over 30 s."""
+    topologies = ["star", "cyclic", "path"]
+    given = systems.study(attack="none", defence="none", sweep={"topology": topologies})
     one = systems.lanes(given, 20)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
@@ -47,8 +47,9 @@ def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
             navigator_at(one, number), lane.gain, reference.flat_jets(lane.initial.T), INSTANTS
         )
         assert np.abs(states[:, :, :2] - known).max() <= 5e-6
-    star, cyclic = outcome.series["tracking"].reshape(2, 20, 301)
+    star, cyclic, path = outcome.series["tracking"].reshape(3, 20, 301)
     np.testing.assert_allclose(cyclic, star, atol=5e-6, rtol=0)
+    np.testing.assert_allclose(path, star, atol=5e-6, rtol=0)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +57,7 @@ def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
     [UNTRIMMED[-1], *[pytest.param(keys, marks=pytest.mark.long) for keys in UNTRIMMED[:-1]]],
 )
 def test_attacked_without_trimming(keys):
-    """O2: star, path, and a weighted digraph, two gains, at every output time.
+    """O2: star, path, cyclic and a weighted digraph, two gains, at every output time.
 
     To 1e-5 m in the nonlinear engine, to rounding in the exact one.
     """

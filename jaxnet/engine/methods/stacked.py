@@ -23,11 +23,11 @@ from jaxtyping import Array, Bool, Float, Int
 from pydantic import AfterValidator, Field
 
 from jaxnet.engine import loop, vehicles
-from jaxnet.engine.demand import misusing, signals
+from jaxnet.engine.demand import signals
 from jaxnet.engine.integration import decided_in_field, drive_along
 from jaxnet.engine.loop import InStates
 from jaxnet.engine.methods import Engine
-from jaxnet.engine.moment import Instants, PerAxis
+from jaxnet.engine.moment import Instants, PerAxis, misusing
 from jaxnet.engine.plan import Plan, Tolerances
 from jaxnet.engine.stages.coasting import Coasting
 from jaxnet.engine.stages.known import Known

@@ -12,13 +12,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine.moment import Instants, LinkFlags, Moment, attacked_links, tell
+from jaxnet.engine.moment import Instants, LinkFlags, Moment, attacked_links, misusing, tell
 from jaxnet.engine.stages.channel import Arrivals
 from jaxnet.engine.stages.late import OnTime
 from jaxnet.engine.stages.links import LinkErrors
 from jaxnet.engine.stages.sensing import Sensed
 from jaxnet.kinds.detectors import JudgedWords
-from jaxnet.kinds.observers import Compared, HeardWords
+from jaxnet.kinds.observers import Compared, HeardMessages
 from jaxnet.kinds.shapes import Memory
 from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.model import plane, whitening
@@ -102,9 +102,9 @@ class Detection(Alarms):
         heard = heard_at(now, sensed, links, late, came)
         compared = detector.predicts.compared(heard, self.observed)
         if lane.misuses:  # liars monitor nobody
-            obeys = (lane.vectors == 0).all(axis=(0, 2))
-            compared = compared._replace(known=compared.known & obeys[None])
-        words = judged_words(lane, heard, compared)
+            known = compared.known & ~misusing(lane.vectors)[None]
+            compared = compared._replace(known=known)
+        words = judged_messages(lane, heard, compared)
         alarms, memory = detector.alarms(words, self.memory)
         attacked = late.attacked(now)
         each = jnp.stack([attacked & words.judged, ~attacked & words.judged])
@@ -119,7 +119,9 @@ class Detection(Alarms):
         )
         return counted.acting(now, heard, alarms & words.judged, whole)
 
-    def acting(self, now: Moment, heard: HeardWords, raised: LinkFlags, whole: Lane) -> "Detection":
+    def acting(
+        self, now: Moment, heard: HeardMessages, raised: LinkFlags, whole: Lane
+    ) -> "Detection":
         """Cut what raised an alarm. The observer learns from the other messages."""
         lane, detector, until = now.lane, now.lane.detector, self.until
         if not detector.acts:
@@ -179,20 +181,20 @@ def first_alarms(lane: Lane, hearing: Hearing) -> Alarms:
     )
 
 
-def first_memories(lane: Lane, heard: HeardWords) -> tuple[Memory, Memory]:
+def first_memories(lane: Lane, heard: HeardMessages) -> tuple[Memory, Memory]:
     """Memories of detector and observer before any message, at the time of a tick."""
     observer = lane.detector.predicts
     nothing = {key: jnp.zeros_like(getattr(heard, key)) for key in ("received", "errors", "own")}
     silent = heard._replace(arrived=lane.weights > 0, **nothing)
     observed = observer.start(silent)
-    words = judged_words(lane, silent, observer.compared(silent, observed))
+    words = judged_messages(lane, silent, observer.compared(silent, observed))
     return lane.detector.start(words), observed
 
 
-def silence(lane: Lane, hearing: Hearing) -> HeardWords:
+def silence(lane: Lane, hearing: Hearing) -> HeardMessages:
     """Messages before the first tick, all 0."""
     silent = jnp.zeros((len(lane.gain), 2, *lane.weights.shape))
-    return HeardWords(
+    return HeardMessages(
         jnp.zeros_like(lane.attack_scale),
         lane.interval,
         hearing.sources,
@@ -207,7 +209,7 @@ def silence(lane: Lane, hearing: Hearing) -> HeardWords:
 
 def heard_at(
     now: Moment, sensed: Sensed, links: LinkErrors, late: OnTime, came: Arrivals
-) -> HeardWords:
+) -> HeardMessages:
     """Messages of a tick.
 
     Errors are what a link carries minus what its source tells, plus the errors of both. They are
@@ -219,7 +221,7 @@ def heard_at(
     still = tuple(jnp.zeros_like(jet) for jet in now.errors)
     errors = plane.plus(errors, tuple(map(hearing.sent, tell(sensed.of(still)))))
     path = now.navigator[: now.order, :, None, None]
-    return HeardWords(
+    return HeardMessages(
         now.time,
         lane.interval,
         hearing.sources,
@@ -232,7 +234,7 @@ def heard_at(
     )
 
 
-def judged_words(lane: Lane, heard: HeardWords, compared: Compared) -> JudgedWords:
+def judged_messages(lane: Lane, heard: HeardMessages, compared: Compared) -> JudgedWords:
     """Messages with their residuals whitened."""
     residuals, orders = whitening.whitened(compared.residuals, compared.covariance)
     judged = compared.known & ((orders > 0) | (not lane.detector.whitens))

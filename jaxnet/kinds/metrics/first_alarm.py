@@ -25,7 +25,8 @@ class FirstAlarm(MetricKeys):
 
     def words(self):
         link = "" if self.source is None else f" of {self.listener} about {self.source}"
-        return f"{self.which} first alarm about {self.of} messages{link}"
+        told = "first alarm" if self.which == "first" else "first alarm on the last link,"
+        return f"{told} about {self.of} messages{link}"
 
     def __call__(self, seen: FleetView) -> VehicleNumbers:
         """The time until now, (m, lanes) [s]."""

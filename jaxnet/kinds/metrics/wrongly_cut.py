@@ -8,9 +8,8 @@ def wrong_share(seen: FleetView) -> VehicleNumbers:
     xp, links = seen.error.__array_namespace__(), seen.links
     if links is None or links.cut is None:
         return of_fleet(seen, 0.0)
-    cut, honest = ((links.honest & links.cut), links.honest)
-    number = xp.maximum(honest.sum(axis=(0, 1)), 1)
-    return of_fleet(seen, cut.sum(axis=(0, 1)) / number)
+    number = xp.maximum(links.honest.sum(axis=(0, 1)), 1)
+    return of_fleet(seen, (links.honest & links.cut).sum(axis=(0, 1)) / number)
 
 
 WRONGLY_CUT = Metric(

@@ -23,7 +23,7 @@ ByOrder = Float[Any, "orders slots m *lanes"]
 LinkJets = Float[Any, "orders 2 slots m *lanes"]  # [m, m/s, …]
 
 
-class HeardWords(NamedTuple):
+class HeardMessages(NamedTuple):
     """The messages of a tick, by slot. A listener has a slot for each source.
 
     Attributes
@@ -89,14 +89,14 @@ class Observer(Kind):
     tells_covariance: ClassVar[bool] = True  # whether that of its residuals is known
     needs_variances: ClassVar[bool] = False  # whether it needs those of messages
 
-    def start(self, heard: HeardWords) -> Memory:
+    def start(self, heard: HeardMessages) -> Memory:
         """The memory before the first tick: any pytree of arrays, lanes last; by default None."""
         return None
 
-    def compared(self, heard: HeardWords, memory: Any) -> Compared:
+    def compared(self, heard: HeardMessages, memory: Any) -> Compared:
         """The messages of a tick against what was expected, with the memory of the last tick."""
         raise KindError(f"{self.kind}: an observer gives compared(self, heard, memory)")
 
-    def advance(self, heard: HeardWords, memory: Any) -> Memory:
+    def advance(self, heard: HeardMessages, memory: Any) -> Memory:
         """The memory after a tick, without the messages that an alarm has cut."""
         return memory

@@ -4,7 +4,7 @@ from jaxtyping import Bool, Float
 
 from jaxnet.kinds.fields import NotNegative, is_drawn, setting
 from jaxnet.kinds.kind import Fault
-from jaxnet.kinds.observers import Compared, HeardWords, LinkJets, Observer
+from jaxnet.kinds.observers import Compared, HeardMessages, LinkJets, Observer
 from jaxnet.kinds.shapes import LaneNumbers
 from jaxnet.lazy import jax, jnp
 from jaxnet.model import whitening
@@ -98,6 +98,6 @@ def diagonal(variances: Any) -> Covariances:
     return jnp.stack([jnp.stack([variances[i] if i == j else nothing for j in each]) for i in each])
 
 
-def of_residuals(estimate: LinkEstimate, heard: HeardWords) -> Covariances:
+def of_residuals(estimate: LinkEstimate, heard: HeardMessages) -> Covariances:
     """Covariance of what arrives minus what was expected."""
     return estimate.covariance + diagonal(heard.variances)

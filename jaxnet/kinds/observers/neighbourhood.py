@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 from jaxnet.kinds.fields import NotNegative, Positive, setting
 from jaxnet.kinds.kind import Fault
-from jaxnet.kinds.observers import Compared, HeardWords, Observer
+from jaxnet.kinds.observers import Compared, HeardMessages, Observer
 from jaxnet.kinds.shapes import AnyMask, AnyNumbers, SlotMask, SlotVectors
 from jaxnet.lazy import jnp
 
@@ -83,7 +83,7 @@ class NeighbourhoodObserver(Observer):
             yield Fault(("detector.predicts", "channel.delay", "vehicles"), f"{self.kind} {told}")
 
 
-def by_pair(heard: HeardWords, known: SlotMask) -> tuple[AnyNumbers, Any]:
+def by_pair(heard: HeardMessages, known: SlotMask) -> tuple[AnyNumbers, Any]:
     """Whom a listener hears, (m, m, lanes), and the positions told it, (2, m, m, lanes)."""
     m, lanes = known.shape[1:]
     listeners, sources = jnp.arange(m)[None], heard.sources - 1

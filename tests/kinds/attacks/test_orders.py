@@ -7,7 +7,7 @@ from scipy.linalg import expm
 import jaxnet
 from tests import systems
 
-CONSISTENT = 3.1034482758620690  # worst vehicle's static gain on the ring, SCIENCE O3
+CONSISTENT = 3.1034482758620690  # worst vehicle's static gain on the ring, theorems.md O3
 
 
 def worst_at_the_end(attack):

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from jaxnet.config.document import ConfigError
-from jaxnet.kinds.observers import Compared, HeardWords, Observer
+from jaxnet.kinds.observers import Compared, HeardMessages, Observer
 from jaxnet.kinds.observers.kalman import Kalman
 from jaxnet.model.whitening import whitened
 from tests import systems
@@ -24,7 +24,9 @@ def heard(order, received):
     flags = np.ones(shape, bool)
     own = np.zeros((order, 2, 1, 1))
     times = np.zeros(1), np.full(1, H)
-    return HeardWords(*times, np.zeros((1, 1), int), 1.0 * flags, flags, jets, jets, variances, own)
+    return HeardMessages(
+        *times, np.zeros((1, 1), int), 1.0 * flags, flags, jets, jets, variances, own
+    )
 
 
 def run(order, messages):
