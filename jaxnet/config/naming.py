@@ -206,7 +206,7 @@ def words_of(key: str) -> str:
     if title := next(filter(None, titles), None):
         return title
     root, *inside = key.split(".")
-    words = [*([] if root == "channel" else [root]), *inside]
+    words = inside if root == "channel" and inside else [root, *inside]
     if root == "gain" and inside:
         words[-1] = f"k{words[-1]}"
     return " ".join(words).replace("_", " ")

@@ -17,6 +17,7 @@ from jaxnet.config.naming import Key, labels_title, quantity, value_alone, value
         ("attack.magnitude", "attack magnitude ā [m]"),
         ("attack.vehicles.random", "attacked vehicles"),
         ("channel.loss.probability", "loss probability"),
+        ("channel", "channel"),
         ("gain.0", "gain k0"),
         ("tick", "tick [s]"),
         ("initial.speed", "initial speed [m/s]"),

@@ -260,6 +260,11 @@ TOLD = [
         " (worst lane 0.1 m), 0.001 m without an attack (worst lane 0.02 m), within 30 s.",
     ),
     ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts: in the median lane"),
+    (
+        [4.0, 20.0, 1.0, 20.0, 4.0, 20.0],
+        {"sweep": {"defence": ["none", "w_msr", "centerpoint"], "attack.magnitude": [1, 10]}},
+        " with centerpoint. 2 differences are found in some settings of the other keys alone.",
+    ),
 ]
 
 
@@ -269,6 +274,12 @@ def test_findings(tmp_path, errors, given, sentence):
     found = "\n".join(told(tmp_path, errors, **given))
     assert sentence in found
     assert "nan" not in found
+
+
+def test_groups_without_a_bound_are_not_listed(tmp_path):
+    found = told(tmp_path, [20.0], **ALONE | {"bounds": {"lyapunov_printed": 1.0}})
+    assert "least bound" in "".join(told(tmp_path, [20.0], **ALONE))
+    assert "least bound" not in "".join(found)
 
 
 def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_path):
@@ -299,7 +310,8 @@ def test_the_best_and_the_worst_vehicle_of_each_cell_stand_first(folder, tmp_pat
 
 def test_lanes_in_which_a_pair_comes_too_near_are_counted():
     keys = {"vehicle": "single_integrator", "gain": [1], "engine": "sampled", "horizon": 2.0}
-    keys |= {"tail": 1.0, "samples": 6, "metrics": ["min_separation"], "attack": "none"}
+    settled = {"kind": "settling_time", "below": 0.3}  # but for one lane without the filter
+    keys |= {"tail": 1.0, "samples": 6, "metrics": ["min_separation", settled], "attack": "none"}
     keys |= {"initial": {"position": {"uniform": [-2.0, 2.0]}}, "vehicles": 4}
     results = jaxnet.simulate(keys | {"sweep": {"filter": ["none", "barrier"]}}, progress=False)
     text = findings.separation_sentence(results)
@@ -311,6 +323,8 @@ def test_lanes_in_which_a_pair_comes_too_near_are_counted():
             f"<b>{(near < 0.15).sum()}</b> of 6 with {name} (least distance {near.min():.3g}"
             in text
         )
+    listed = findings.metrics_list(results, "min_separation")
+    assert re.search(r"settling time to 0.3 m: <b>1.\d* s</b>; 1 cell without", listed), listed
 
 
 def test_ticks_stand_at_the_swept_values():

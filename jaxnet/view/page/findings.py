@@ -338,13 +338,20 @@ def tested_words(
     more = more or "lanes more often have the smaller error"
     if unit == "%":
         more = f"more lanes {'agree' if is_leaderless(results.study.cells) else 'recover'}"
-    told = []
+    told, elsewhere = [], 0
     for pair in pairs:
         names = [escape(value_name(key, each)) for each in pair]
         for good, bad in ((0, 1), (1, 0)):
             some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
             words = f"{more} with {names[good]} than with {names[bad]}"
+            if len(pairs) > 1 and len(some) < len(of_pairs[pair]):
+                elsewhere += bool(some)
+                continue
             told += settings_told(results, words, some, of_pairs[pair], others)
+    if elsewhere:
+        number = count(elsewhere, "more difference" if told else "difference")
+        verb = "is" if elsewhere == 1 else "are"
+        told.append(f"{number} {verb} found in some settings of the other keys alone")
     lanes = count_between([test.lanes for test in tests], "pair")
     none = f"no difference is found with {lanes} in a setting; a small one would not show"
     return "; ".join(told) or none
@@ -462,7 +469,8 @@ def metrics_list(results: Results, without: str) -> str:
         unit, endless = f" {of.unit}".rstrip(), len(of.values) - len(values)
         apart = f"; {count(endless, 'cell')} without a finite one" * bool(endless)
         greatest = float(results.cells[f"{metric.name}_max"].to_numpy().max())
-        most = f", greatest lane {number(greatest)}{unit}" * (metric.time != "min")
+        least = metric.time == "min" or not np.isfinite(greatest)
+        most = "" if least else f", greatest lane {number(greatest)}{unit}"
         stem = escape(of.words.removesuffix(MEDIAN_WORDS))
         return f"<li>{stem}: <b>{' to '.join(ends)}{unit}</b>{most}{apart}</li>"
 
@@ -500,10 +508,12 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         return f"Bounds of theory: {none}."
     if not results.file("bounds.csv").exists():
         return f"Bounds are not fitted yet: <code>{fit}</code>"
-    told = [bound_words(curve) for curve in found[:MOST_COMPARED]]
-    told += [count(len(found) - len(told), "other group")] * (len(found) > len(told))
-    words = [f"Worst error of a vehicle, beside its least bound: {'; '.join(told)}."]
-    if any(any(sound_limits(curve)) for curve in found) and results.file("violations.csv").exists():
+    bounded = [curve for curve in found if sound_limits(curve)]
+    told = [bound_words(curve) for curve in bounded[:MOST_COMPARED]]
+    told += [count(len(bounded) - len(told), "other group")] * (len(bounded) > len(told))
+    beside = f"Worst error of a vehicle, beside its least bound: {'; '.join(told)}."
+    words = [beside] * bool(told)
+    if bounded and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
         above = (
             f'<b>{count(many, "lane")}</b> above its bound: see <a href="#violations">below</a>.'
@@ -523,9 +533,7 @@ def sound_limits(curve: curves.Curve) -> list[tuple[float, str]]:
 def bound_words(curve: curves.Curve) -> str:
     """The worst error of a group of cells, and its least bound."""
     where = f" with {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
-    bound = "no bound"
-    if limits := sound_limits(curve):
-        slope, name = limits[0]
-        bound = f"{curves.BOUND_NAMES[name]} {number_text(slope)} ā"
-        bound += ", once the transient is over" * (slope < curve.worst)
+    slope, name = sound_limits(curve)[0]
+    bound = f"{curves.BOUND_NAMES[name]} {number_text(slope)} ā"
+    bound += ", once the transient is over" * (slope < curve.worst)
     return f"<b>{error_text(curve.worst, 1.0)} ā</b>{where} ({bound})"
