@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxnet.config.keys import Config
-from jaxnet.config.schema import DEFAULT_KINDS, config_schema
+from jaxnet.config.schema import DEFAULT_KINDS, NAME, config_schema
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import Kind
 
@@ -53,7 +53,7 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "consistent": "[B1](guarantees.md#assumptions-b1-to-c3)",
 }
 EXAMPLES = {
-    "metrics": "metrics: [min_separation, {kind: settling_time, below: 0.1}]",
+    "metrics": "metrics: [min_separation, {kind: settling_time, below: 0.1, name: near}]",
     "topology": "topology: {kind: lattice, neighbours: 4, navigator: [1, 2]}",
     "navigator": "navigator: {kind: lissajous, amplitude: [80, 40], frequency: [0.1, 0.2]}",
     "vehicle": "vehicle: {kind: car, wheelbase: 0.6}",
@@ -121,6 +121,7 @@ def of_metrics(known: dict[str, Any]) -> Iterator[str]:
     """The metrics, then the keys of those that have keys."""
     yield "## metrics\n"
     yield f"    {EXAMPLES['metrics']}\n"
+    yield f"- `name`: text; {NAME['description']}\n"
     for each in (registry.find("metrics", name) for name in registry.kind_names("metrics")):
         yield f"- `{each.name}`{f' [{each.column_unit}]' * bool(each.column_unit)}: {each.words}."
     for name, model in registry.models("metrics").items():

@@ -14,6 +14,7 @@ from jaxnet.config.keys import (
     Sequential,
 )
 from jaxnet.config.scenario import greatest_strength
+from jaxnet.kinds import registry
 from jaxnet.kinds.fields import EachOrder, EachPosition, EachVehicle, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.metrics import WITH_DETECTOR, Metric
@@ -38,6 +39,8 @@ TAKEN_COLUMNS = (
     "tail_fall",
 )  # of all rows
 TAKEN_COLUMNS += ("cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share")
+# Of cells
+TAKEN_COLUMNS += ("lanes", "ok", "failed", "unrecovered", "in_hull", "unsettled", "falling")
 GIVE_RECOVERY = "needs to know what has recovered: give recovery: {tau: 0.01}"
 LEAST_CHOICES = 100  # choices that a search tries at least
 
@@ -117,11 +120,16 @@ def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     """Yield faults of columns that share a name, of odd names, of shares that nobody counts."""
     own = [metric.name for metric in study.measured()]
     names = [*TAKEN_COLUMNS, *study.swept, *own]
-    odd = sorted({name for name in own if names.count(name) > 1})
-    if odd := [*odd, *(name for name in own if not name.isidentifier())]:
-        told = f"a metric's name must be a column's own (got {', '.join(odd)})"
+    if doubled := sorted({name for name in own if names.count(name) > 1}):
+        told = f"two columns would be called {', '.join(doubled)}: give one metric another `name`"
         yield Fault(("metrics",), told)
-    shares = [name for name in own if name in WITH_DETECTOR]
+    if odd := [name for name in own if not name.isidentifier()]:
+        told = "the name of a metric has letters, digits and _ alone, and begins with no digit"
+        yield Fault(("metrics",), f"{told} (got {', '.join(odd)})")
+    kinds = {*registry.kind_names("metrics")}
+    if taken := [each.name for each in study.metrics if each.name in kinds - {each.base}]:
+        yield Fault(("metrics",), f"another metric is called {', '.join(taken)}: give another name")
+    shares = [metric.name for metric in study.metrics if metric.base in WITH_DETECTOR]
     if shares and not any(cell.detector.present for cell in cells):
         told = f"no message is judged without a detector (got {', '.join(shares)})"
         yield Fault(("metrics",), told)

@@ -98,7 +98,7 @@ def written_keys(error: ErrorDetails) -> Keys:
 def keys_beside(location: Keys, data: Plain) -> list[str]:
     """Return the keys allowed in the mapping in which pydantic found an unknown key."""
     if location[0] == "metrics":
-        return [*registry.find("metrics", data["metrics"][location[1]]["kind"]).keys]
+        return [*registry.find("metrics", data["metrics"][location[1]]["kind"]).keys, "name"]
     models: list[type[BaseModel]] = [Config]
     for part in (part for part in location[:-1] if not isinstance(part, int)):
         if str(part).startswith(MARK):

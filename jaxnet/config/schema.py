@@ -37,6 +37,7 @@ def config_schema() -> JsonSchema:
                 },
             ],
         }
+    add_names(whole["$defs"])
     for family in KINDS:
         whole["properties"][family] |= {"family": family, "default": DEFAULT_KINDS[family]}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
@@ -49,6 +50,21 @@ DEFAULT_KINDS["observer"] = Detector.model_fields["predicts"].default.reference(
 DEFAULT_KINDS |= {key: Channel.model_fields[key].default.reference() for key in ("loss", "noise")}
 
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class
+
+
+NAME = {"type": "string", "pattern": r"^[^\W\d]\w*$"}
+NAME |= {"description": "the name of its column; so a study may have several metrics of a kind"}
+
+
+def add_names(defined: JsonSchema) -> None:
+    """Let each metric have the name of its column beside its keys, and one without keys too."""
+    models = registry.models("metrics")
+    for model in models.values():
+        defined[model.__name__]["properties"]["name"] = NAME
+    bare = [name for name in registry.kind_names("metrics") if name not in models]
+    keys = {"kind": {"enum": bare}, "name": NAME}
+    named = {"type": "object", "properties": keys, "required": ["kind"]}
+    defined["metrics"]["anyOf"].append({**named, "additionalProperties": False})
 
 
 def definitions(kind: type[BaseModel], name: str, default: str) -> JsonSchema:

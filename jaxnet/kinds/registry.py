@@ -141,7 +141,8 @@ def keep(family: str, name: str, found: KindOrMetric) -> None:
     Raises KindError if its file has changed, or if the name means another one.
     """
     provenance.refuse_changed(found, name)
-    if scope().known.setdefault((family, name), found) is not found:
+    held = scope().known.setdefault((family, name), found)
+    if held is not found and (isinstance(held, type) or not held.is_alike(found)):
         raise KindError(f"two classes are called {name}: rename one of them")
     provenance.made_of(found)  # records the file as it is now
     record_found(family, name, found)
@@ -162,7 +163,7 @@ def refer(found: KindOrMetric, name: str) -> None:
 
 
 def metric_name(metric: KindOrMetric) -> str:
-    return str(METRIC_REFERENCES.get(metric, metric.name))
+    return str(METRIC_REFERENCES.get(metric, metric.base))
 
 
 def unknown_kind(family: str, given: object) -> KindError:
@@ -181,7 +182,7 @@ def adopt(given: KindOrMetric) -> str:
     if isinstance(given, type):
         reference: str = given.reference()  # pyright: ignore[reportAttributeAccessIssue]
     else:
-        reference = given.name if ours else f"{modules.public_name(module)}:{name_in(given)}"
+        reference = given.base if ours else f"{modules.public_name(module)}:{name_in(given)}"
     if not ours:
         keep(family_of(given), reference, given)
     return reference
@@ -266,7 +267,7 @@ class MetricOf(KindOf):
 
     @staticmethod
     def made(found, keys):
-        made = found.with_keys(**keys)
+        made = found.with_keys(**{"name": found.base, **keys})
         refer(made, metric_name(found))
         return made
 

@@ -16,10 +16,12 @@ from jaxnet.outside.modules import KindError, ModuleFolder
 @runtime_checkable
 class MetricLike(Protocol):
     @property
-    def name(self) -> str: ...
+    def base(self) -> str: ...
 
     @property
     def of(self) -> Callable[..., Any]: ...
+
+    def is_alike(self, other: Any) -> bool: ...
 
 
 KindOrMetric = type | MetricLike
@@ -48,8 +50,8 @@ def name_in(found: KindOrMetric) -> str:
         return found.__qualname__
     held = vars(sys.modules[home_of(found)])
     # A metric with other keys than that of the module has its name.
-    alike = (n for n, each in held.items() if type(each) is type(found) and each.name == found.name)
-    return next((name for name, each in held.items() if each is found), next(alike, found.name))
+    alike = (n for n, each in held.items() if type(each) is type(found) and each.base == found.base)
+    return next((name for name, each in held.items() if each is found), next(alike, found.base))
 
 
 def neighbours_of(found: KindOrMetric) -> ModuleFolder | None:
@@ -135,7 +137,7 @@ def hash_typed_code(module: str, kinds: list[KindOrMetric]) -> Provenance:
     """Provenance of kinds without a file: hash of their bytecode and of the names they use."""
     held = vars(sys.modules[module])
     told: dict[str, Any] = {}
-    ahead = [(each.__name__ if isinstance(each, type) else each.name, each) for each in kinds]
+    ahead = [(each.__name__ if isinstance(each, type) else each.base, each) for each in kinds]
     while ahead:
         name, thing = ahead.pop()
         bases = [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]

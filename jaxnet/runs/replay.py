@@ -111,7 +111,7 @@ def pictured(
     if vehicle.limits:
         beyond = (1 + AT_LIMIT) * inputs
         saturated = (vehicle.within_limits(beyond) != beyond).any(axis=0)
-    metrics = {each.name: each for each in results.study.config.metrics}
+    metrics = {each.base: each for each in reversed(results.study.config.metrics)}
     if "collisions" in metrics:
         touch: Any = metrics["collisions"].of
         pairs = touch.pairs(states)

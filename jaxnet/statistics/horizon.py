@@ -49,7 +49,7 @@ def asked_length(cell: Cell, study: Config, distance: float) -> float:
     """The least length [m] of recovery and settling times; else a thousandth of the start."""
     lengths = [threshold(cell, study.recovery)]
     for metric in study.metrics:
-        if metric.name == "settling_time":
+        if metric.base == "settling_time":
             asked: Any = metric.of
             lengths.append(asked.below or asked.share * distance)
     known = [length for length in lengths if length == length]

@@ -19,12 +19,13 @@ from jaxnet.statistics.curves import LOG_FLOOR, log_ends
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
-    LANE_SHARES,
     LANE_STATISTICS,
     asked_shares,
     independent_units,
     lane_estimate,
+    lane_shares,
     share_names,
+    unsettled_shares,
 )
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
@@ -108,8 +109,7 @@ def known_quantities(study: Config) -> list[str]:
     """Names of quantities; a metric's name may end in a statistic."""
     shares = ["failed"] if study.recovery is None else ["unrecovered", "failed"]
     shares += ["in_hull"] * study.leaderless
-    shares += ["unsettled"] * any(metric.name == "settling_time" for metric in study.metrics)
-    return [*shares, *(metric.name for metric in study.measured())]
+    return [*shares, *unsettled_shares(study), *(metric.name for metric in study.measured())]
 
 
 def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
@@ -123,7 +123,7 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     table: pd.DataFrame = results.cells.loc[[cell.number for cell in cells]]
     of = "ok"
     if name in asked_shares(study, cells):
-        share, sure = LANE_SHARES[name], confidence_told(study.samples)
+        share, sure = lane_shares(study)[name], confidence_told(study.samples)
         words, values = f"lanes {share.words(cells)}", 100 * stored_values(table, share_names(name))
         found = Quantity(name, words, "%", True, sure, values, share.note(study, cells))
     elif name == "failed":
@@ -136,7 +136,7 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         metric, statistic = metric_and_statistic(study, name)
         note = AGREEMENT_NOTES.get(metric.name, "") if is_leaderless(cells) else ""
         tail = " over the tail" if metric.over == "tail" else ""
-        words = f"{metric.words or metric.name.replace('_', ' ')}{tail}"
+        words = f"{metric.told}{tail}"
         words += f", {LANE_STATISTICS[statistic].words}"
         values = row_values(results, cells, metric, statistic)
         if endless := int(np.isinf(values["value"]).sum()):

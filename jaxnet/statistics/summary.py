@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
-from jaxnet.kinds.metrics import CONTRACT
+from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.statistics.amplitude import amplitude_note, attack_size
 from jaxnet.statistics.falling import still_falls
 from jaxnet.statistics.intervals import (
@@ -104,18 +104,34 @@ UNSETTLED_NOTE = "never settled (unsettled): above the limit at the last output 
 LANE_SHARES = {
     "in_hull": Share(lambda cells: "in the hull", hull_note, count_in_hull),
     "unrecovered": Share(share_name, unrecovered_note, count_unrecovered),
-    "unsettled": Share(
-        lambda cells: "never settled",
-        lambda study, cells: UNSETTLED_NOTE,
-        lambda study, cell, ok: np.isinf(ok["settling_time"].to_numpy()),
-    ),
 }
+
+
+def unsettled_shares(study: Config) -> dict[str, Share]:
+    """The share of lanes that never settle, of each settling time."""
+
+    def share(metric: Metric) -> Share:
+        words = "never settled" if metric.name == metric.base else f"never settled ({metric.name})"
+        return Share(
+            lambda cells: words,
+            lambda study, cells: UNSETTLED_NOTE,
+            lambda study, cell, ok: np.isinf(ok[metric.name].to_numpy()),
+        )
+
+    times = [each for each in study.metrics if each.base == "settling_time"]
+    names = ["unsettled" if each.name == each.base else f"{each.name}_unsettled" for each in times]
+    return dict(zip(names, map(share, times), strict=True))
+
+
+def lane_shares(study: Config) -> dict[str, Share]:
+    """Shares by their columns' names."""
+    return LANE_SHARES | unsettled_shares(study)
 
 
 def asked_shares(study: Config, cells: Sequence[Cell]) -> list[str]:
     alone = any(cell.scenario.leaderless for cell in cells)
     found = ["in_hull"] * alone + ["unrecovered"] * (study.recovery is not None)
-    return found + ["unsettled"] * any(each.name == "settling_time" for each in study.metrics)
+    return [*found, *unsettled_shares(study)]
 
 
 def share_names(name: str) -> list[str]:
@@ -149,7 +165,7 @@ def summarise(
             found = metric_statistics(ok[metric].to_numpy(), units, sure)
             row |= {f"{metric}_{name}": value for name, value in found.items()}
         for name in shares:
-            counted = LANE_SHARES[name].which(study, cell, ok)
+            counted = lane_shares(study)[name].which(study, cell, ok)
             row |= dict(zip(share_names(name), share_estimate(counted, sure), strict=True))
         least = np.fmax(threshold(cell, study.recovery), cell.scenario.engine.accuracy)
         falls = ok["tail_fall"].to_numpy(), ok[cell.scenario.judged].to_numpy()

@@ -11,7 +11,7 @@ import importlib
 import importlib.util
 import inspect
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NoReturn, TypeVar, get_origin
 
@@ -115,17 +115,20 @@ class Looking(Scope):
 def describe_outside(
     known: Mapping[tuple[str, str], source.KindOrMetric],
     named: Iterable[source.KindOrMetric],
-    metrics: Iterable[Metric] = (),
+    metrics: Sequence[Metric] = (),
 ) -> dict[str, Description]:
     """The manifest's description of kinds from outside, for readers without their code.
 
     `metrics` are those of the study, with its keys.
     """
     wanted, told = list(named), dict[str, Description]()
-    used = {metric_name(each): each for each in metrics}
     for (family, name), found in known.items():
         if any(each is found for each in wanted):
-            own = {key: getattr(used.get(name, found), key, None) for key in METRIC}
+            used = [each for each in metrics if metric_name(each) == name] or [found]
+            own = {key: getattr(used[0], key, None) for key in METRIC}
+            own["name"] = getattr(found, "base", None)
+            if len({getattr(each, "words", "") for each in used}) > 1:
+                own["words"] = ""  # one text cannot tell all
             told[name] = {"family": family, **(of_class(found) if isinstance(found, type) else own)}
     return told
 

@@ -30,7 +30,7 @@ from jaxnet.statistics.choice import Where, select_cells, swept_key
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
 from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic, stored_values
-from jaxnet.statistics.summary import LANE_SHARES, LANE_STATISTICS, share_names
+from jaxnet.statistics.summary import LANE_STATISTICS, lane_shares, share_names, unsettled_shares
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
@@ -275,7 +275,7 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
         for name in names
         if not (alone and name in AGREEMENT)
     ]
-    own += ["unsettled"] * ("unsettled" in table)
+    own += unsettled_shares(study)
     first = asked if asked in table else f"{asked}_median"
     tail = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
     hull = ["in_hull"] * alone  # beside agreement: liars may move the place
@@ -295,14 +295,17 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
         return plain_column(name, rows[name].tolist(), COUNTS[name])
     stem = name.removesuffix("_low").removesuffix("_high")
     names, entries = [name], stored_values(rows, [name])
-    if stem in LANE_SHARES:
+    shares, endless = lane_shares(study), "inf"
+    if stem in shares:
         end = name.removeprefix(stem).lstrip("_")
-        title = symbol = ", ".join(filter(None, [LANE_SHARES[stem].words(cells), end]))
+        title = symbol = ", ".join(filter(None, [shares[stem].words(cells), end]))
         of, scale, names = "%", 100.0, [name] if end else share_names(name)
     else:
         metric, statistic = metric_and_statistic(study, stem)
         end, of, scale = name.removeprefix(f"{metric.name}_"), metric.column_unit, 1.0
         entries["size"] = rows["size"] if of == "m" else 0.0
+        if metric.base == "settling_time":
+            endless = f"> {max(cell.scenario.horizon for cell in cells):g}"
         which = ", worst" if end == "max" else f", {end.replace('_', ' ')}"
         words = metric.name.replace("_", " ")
         title = f"{words}{which}"
@@ -314,10 +317,7 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     entries[["low", "high"]] = stored_values(rows, names)[["low", "high"]]
     ends = (names[1], names[2]) if entries[["low", "high"]].notna().to_numpy().any() else None
     title = f"{title} [{of}]" if of else title
-    found = Column(name, title, latex_title(symbol, of), entries, ends, scale)
-    if stem.startswith("settling_time"):
-        return found._replace(endless=f"> {max(cell.scenario.horizon for cell in cells):g}")
-    return found
+    return Column(name, title, latex_title(symbol, of), entries, ends, scale, endless=endless)
 
 
 def all_alike(mean: pd.Series, most: pd.Series, lanes: pd.Series, size: pd.Series) -> pd.Series:

@@ -1,7 +1,7 @@
 """Metrics: what a row measures. Rows, cells, tables and the figure `curve` follow from it."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 from jaxnet.kinds.fields import Record
@@ -99,29 +99,53 @@ class Metric:
     vehicles: Reduction = "max"
     words: str = ""  # meaning, for tables and axes
     undefined: Undefined = "error"
+    base: str = field(init=False, default="")  # the name before a config gives another
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "base", self.name)
         allowed = {"over": get_args(Over), "time": get_args(OverTime)}
         allowed |= {"vehicles": get_args(Reduction), "undefined": get_args(Undefined)}
-        for field, known in allowed.items():
-            if (given := getattr(self, field)) not in known:
-                message = f"{field} is one of {', '.join(known)} (got {given!r})"
+        for key, known in allowed.items():
+            if (given := getattr(self, key)) not in known:
+                message = f"{key} is one of {', '.join(known)} (got {given!r})"
                 raise KindError(f"metric {self.name}: {message}")
         if isinstance(self.of, MetricKeys):
             object.__setattr__(self, "words", self.of.words() or self.words)
+            if "name" in type(self.of).model_fields:
+                raise KindError(f"metric {self.name}: the key name is the name of the column")
 
     @property
     def keys(self) -> dict[str, Any]:
-        """The keys of the metric with their values; empty for a metric without keys."""
-        return self.of.model_dump() if isinstance(self.of, MetricKeys) else {}
+        """The keys of the metric with their values, and the name that a config gives it."""
+        own = self.of.model_dump() if isinstance(self.of, MetricKeys) else {}
+        return own if self.name == self.base else {**own, "name": self.name}
 
-    def with_keys(self, **keys: object) -> "Metric":
-        """The metric with these keys and its own others; raise ValueError where they are wrong."""
-        if isinstance(self.of, MetricKeys):
-            return replace(self, of=type(self.of).model_validate(dict(self.of) | keys))
-        if keys:
-            raise ValueError(f"{self.name} has no keys")
-        return self
+    def with_keys(self, name: str | None = None, **keys: object) -> "Metric":
+        """The metric with these keys and its own others; raise ValueError where they are wrong.
+
+        `name` is the name of its column, if it is not to be as before.
+        """
+        of, name = self.of, self.name if name is None else name
+        if not isinstance(name, str):
+            raise ValueError(f"name must be text (got {name})")
+        if isinstance(of, MetricKeys):
+            of = type(of).model_validate(dict(of) | keys)
+        elif keys:
+            raise ValueError(f"{self.base} has no keys")
+        made = replace(self, name=name, of=of)
+        object.__setattr__(made, "base", self.base)
+        return made
+
+    def is_alike(self, other: "Metric") -> bool:
+        """Whether the other is this metric with other keys."""
+        alike = self.base == other.base and type(self.of) is type(other.of)
+        return alike and self.with_keys(**{"name": other.name, **other.keys}) == other
+
+    @property
+    def told(self) -> str:
+        """Its words, with the name that a config gives it."""
+        words = self.words or self.base.replace("_", " ")
+        return words if self.name == self.base else f"{words} ({self.name})"
 
     @property
     def column_unit(self) -> str:

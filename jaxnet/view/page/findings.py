@@ -439,9 +439,10 @@ def unrecovered_sentence(results: Results) -> str:
 
 def separation_sentence(results: Results) -> str:
     """How many lanes have a pair nearer than the distance that a filter of the study asks for."""
-    cells, name = results.study.cells, MIN_SEPARATION.name
+    cells, metrics = results.study.cells, results.study.config.metrics
+    name = next((each.name for each in metrics if each.base == MIN_SEPARATION.name), None)
     limits = [each for cell in cells if (each := cell.scenario.filter.asks()) is not None]
-    if name not in {each.name for each in results.study.config.metrics} or not limits:
+    if name is None or not limits:
         return ""
     limit, least = max(limits), dict[str, list[np.ndarray]]()
     for number, lanes in results.by_cell(name, where=rows.OK):

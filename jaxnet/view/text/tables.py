@@ -20,7 +20,13 @@ from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
 from jaxnet.statistics.quantities import AGREEMENT_NOTES, ERROR_NOTES, FORMATION_NOTE
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.summary import COLUMNS_OF_METRIC, LANE_SHARES, UNSETTLED_NOTE, hull_note
+from jaxnet.statistics.summary import (
+    COLUMNS_OF_METRIC,
+    UNSETTLED_NOTE,
+    hull_note,
+    lane_shares,
+    unsettled_shares,
+)
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -131,7 +137,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes += [hull_note(config, cells)] if "in_hull" in names else []
     if metrics & {*AGREEMENT, *(each.name for each in CONTRACT)}:
         notes += [FORMATION_NOTE] * any(cell.scenario.formation.present for cell in cells)
-    notes += [UNSETTLED_NOTE] * ("unsettled" in names)
+    notes += [UNSETTLED_NOTE] * bool(names & unsettled_shares(config).keys())
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
     if any(each.has_rounding() for each in shown):
@@ -161,7 +167,7 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
     found: dict[str, list[str]] = {}
     for each in shown:
         if any("," in text for text in each.intervals()):
-            kind = "share" if each.name in LANE_SHARES else each.name.rpartition("_")[2]
+            kind = "share" if each.name in lane_shares(config) else each.name.rpartition("_")[2]
             found.setdefault(kind, []).append(each.title.partition(" [")[0])
     return [
         f"[low, high] of {', '.join(found[kind])}: {words}{at_once}"

@@ -92,7 +92,7 @@ def is_per_size(results: Results) -> bool:
 def metric_words(results: Results) -> str:
     """Name in words of what the search maximises."""
     metric = asked_search(results).maximise
-    words = {each.name: each.words for each in results.study.config.measured()}.get(metric)
+    words = {each.name: each.told for each in results.study.config.measured()}.get(metric)
     return words or metric.replace("_", " ")
 
 

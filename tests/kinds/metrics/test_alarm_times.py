@@ -27,7 +27,8 @@ class Planned(Detector):
         return found, memory
 
 
-def measured(metric, **keys):
+def alarmed(metrics, **keys):
+    """Four vehicles on a line, with planned alarms."""
     study = {
         "engine": "exact",
         "vehicles": 4,
@@ -41,10 +42,13 @@ def measured(metric, **keys):
         "output_step": 0.5,
         "horizon": 2.0,
         "tail": 1.0,
-        "metrics": [metric],
+        "metrics": metrics,
     }
-    study = systems.study(**{**study, **keys})
-    outcome = systems.simulate(systems.lanes(study, 2, save=()))
+    return systems.study(**{**study, **keys})
+
+
+def measured(metric, **keys):
+    outcome = systems.simulate(systems.lanes(alarmed([metric], **keys), 2, save=()))
     name = metric if isinstance(metric, str) else metric["kind"]
     assert (outcome.status == 0).all()
     assert (outcome.metrics[name] == outcome.metrics[name][0]).all()

@@ -116,5 +116,5 @@ def test_the_schema_has_the_keys_of_each_metric():
     assert {"$ref": "#/$defs/SettlingTime"} in found["metrics"]["anyOf"]
     for name, model in registry.models("metrics").items():
         known = found[model.__name__]["properties"]
-        assert known.keys() == {"kind", *registry.find("metrics", name).keys}
+        assert known.keys() == {"kind", "name", *registry.find("metrics", name).keys}
         assert all("description" in each for key, each in known.items() if key != "kind")
