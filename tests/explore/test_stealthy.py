@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 from experiments.search import largest
 from jaxnet.engine.batch import Machine
@@ -49,9 +50,10 @@ WINDOW = CHI | {"window": 5}
 TICKS = 101
 
 
-def searched(detector, most_alarms):
+def searched(detector, most_alarms, noise=None, starts=1, budget=300, may_exceed=0.0, **keys):
     """The greatest tail error of all steady lies with few alarms [m], and its lie [σ]."""
-    (cell,) = systems.study(**KEYS, channel={"noise": Known()}, detector=detector).cells
+    given = {**KEYS, **keys, "channel": {"noise": noise or Known()}, "detector": detector}
+    (cell,) = systems.study(**given).cells
     scenario, source = cell.scenario, Keyed(0)
 
     def measure(outcome):
@@ -59,8 +61,9 @@ def searched(detector, most_alarms):
 
     (place,) = (one for one in places_of(scenario, source) if one.name == "attack.magnitude")
     box = Box(scenario, source, [place])
-    trials = Trials(box, 1, measure, Machine(devices=1, chunk=64))
-    assert [*search_box(trials, 300, 0)]
+    machine = Machine(devices=1, chunk=64 * starts)
+    trials = Trials(box, starts, measure, machine, may_exceed=may_exceed)
+    assert [*search_box(trials, budget, 0)]
     return trials.best, box.number(place, trials.point[0]) / SIGMA
 
 
@@ -88,3 +91,19 @@ def test_the_search_sees_that_an_alarm_cuts():
     assert free > 4.9
     assert found == pytest.approx(3.034854, rel=0.01)
     assert effect == pytest.approx(searched(CHI, 0.0)[0], rel=0.01)
+
+
+@pytest.mark.parametrize("part", [0.1, 0.4])
+def test_a_share_of_the_starts_may_raise_alarms(part):
+    """The lie that a test sees in so many lanes, by the law of its squared residual.
+
+    Of N messages with errors one at least is seen in a lane with probability `1 - (1 - p)^N`.
+    """
+    alpha, starts = 1e-3, 500
+    detector, noise = CHI | {"false_alarms": alpha}, {"position": SIGMA}
+    short = {"horizon": 4.0, "tick": 0.5, "topology": "path"}
+    _, found = searched(detector, 0.0, noise, starts, 100 * starts, part, **short)
+    seen = stats.ncx2.sf(stats.chi2.isf(alpha, 2), 2, found**2)
+    messages = 9  # of nine ticks; one vehicle hears the liar
+    width = 2.576 * np.sqrt(part * (1 - part) / starts)
+    assert 1 - (1 - seen) ** messages == pytest.approx(part, abs=width)
