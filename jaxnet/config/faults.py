@@ -158,6 +158,8 @@ def search_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
             more = "" if study.detector.present else "; a detector gives alarms and false_alarms"
             got = f"must be one of {', '.join(measured)}{more} (got {name})"
             yield Fault((f"search.subject_to.{name}", "search.subject_to"), got)
+    if search.may_exceed and not search.subject_to:
+        yield Fault(("search.may_exceed",), "there is no limit to exceed: give search.subject_to")
     least = LEAST_CHOICES * search.starts
     if search.budget < least:
         told = f"must be at least {least:,} lanes, {LEAST_CHOICES} choices from {search.starts}"

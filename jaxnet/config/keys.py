@@ -432,6 +432,12 @@ class SearchSettings(Record):
         default={},
         description="a metric of rows: its limit; a choice counts only if no start exceeds it",
     )
+    may_exceed: float = Field(
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="share of the starts that may exceed a limit; the mean is over the others",
+    )
     budget: int = Field(
         default=20_000, ge=1, le=10**9, description="lanes of the search in each cell"
     )

@@ -89,9 +89,11 @@ class Trials:
         measure: Measure,
         machine: batch.Machine,
         known: Sequence[Starts] = (),
+        may_exceed: float = 0.0,
     ):
         self.box, self.starts, self.measure, self.machine = box, starts, measure, machine
         self.known, self.values = list(known), list[Starts]()
+        self.may_exceed = may_exceed  # share of starts that the search need not allow
         self.best, self.point = -math.inf, np.full(len(box.places), 0.5)
         self.lanes = self.failed = 0
         self.finalists = list[Finalist]()
@@ -103,7 +105,7 @@ class Trials:
         self.values.append(values)
         self.lanes += values.size
         self.failed += int(np.isnan(values).sum())
-        means = values.mean(axis=1)
+        means = self.means(values)
         if not np.isnan(means).all():
             leader = int(np.nanargmax(means))
             if means[leader] > self.best:
@@ -120,6 +122,13 @@ class Trials:
         outcome = batch.simulate(lanes, self.machine)
         return self.measure(outcome).reshape(len(points), self.starts)
 
+    def means(self, values: Starts) -> Means:
+        """Mean over the starts that are allowed; minus infinity where too few are."""
+        over = np.isneginf(values)
+        number = over.sum(axis=1)
+        mean = np.where(over, 0.0, values).sum(axis=1) / np.maximum(1, self.starts - number)
+        return np.where(number > round(self.may_exceed * self.starts, 6), -math.inf, mean)
+
     def choose_finalist(self, until: float) -> LateChoice:
         """The finalist with the greatest error at the late time; of ties, that at the horizon."""
         scenario = self.box.scenario
@@ -133,7 +142,7 @@ class Trials:
         longer = scenario.model_copy(update={"horizon": time})
         box = Box(longer, self.box.source, self.box.places)
         points = np.stack([each.point for each in finalists])
-        late = self.simulate(points, box).mean(axis=1)
+        late = self.means(self.simulate(points, box))
         late = np.where(np.isfinite(late), late, math.nan)
         if np.isnan(late).all():
             return LateChoice(leader.point, leader.found, math.nan, time)

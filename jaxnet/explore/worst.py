@@ -94,7 +94,8 @@ class CellSearch:
         self.stored, known = self.load(), list[np.ndarray]()
         if self.stored:
             known = np.split(self.stored["values"], np.cumsum(self.stored["sizes"])[:-1])
-        self.trials = Trials(self.box, self.settings.starts, self.measure, machine, known)
+        starts, part = self.settings.starts, self.settings.may_exceed
+        self.trials = Trials(self.box, starts, self.measure, machine, known, part)
 
     def measure(self, outcome: Outcome) -> Objectives:
         """Objective of each lane: not-a-number if it failed, minus infinity if not allowed."""

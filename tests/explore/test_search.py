@@ -274,6 +274,34 @@ def test_the_worst_attack_that_is_not_seen(tmp_path, monkeypatch):
         study({"attack.magnitude": [0.0, 3.0]}, search=asked)
 
 
+@pytest.mark.long
+def test_some_starts_may_exceed_a_limit(tmp_path, monkeypatch):
+    """What is found is the mean over the starts that do not, and the text tells their share."""
+    monkeypatch.setattr(worst, "FRESH", 48)
+    keys = {"vehicles": 4, "topology": "complete", "attack": BIAS | {"vehicles": [1, 3]}}
+    keys |= {"channel": {"noise": {"position": 1.0}}, "detector": {"kind": "chi_squared"}}
+    asked = {"subject_to": {"alarms": 0.02}, "starts": 5, "may_exceed": 0.4, "until": 1.0}
+    given = study({"attack.magnitude": [0.0, 3.0]}, budget=500, search=asked, **keys)
+    results = jaxnet.search(given, tmp_path / "s", progress=False)
+    lanes = jaxnet.simulate(results.path / "worst.yaml", progress=False).lanes
+    allowed = lanes.query("alarms <= 0.02")["tail_max"]
+    assert len(allowed) == 3
+    (row,) = results.worst.to_dict("records")
+    assert row["found"] == pytest.approx(allowed.mean(), rel=1e-14)
+    assert "from at least 0.6 of the starts" in text_of(results)
+
+
+def test_the_mean_over_starts_leaves_out_those_that_may_exceed():
+    """Where too many exceed a limit a choice does not count, where one fails it has no value."""
+    trials = trials_of(study({"attack.direction": "each"}), starts=4)
+    no = -math.inf
+    values = np.array([[1, 2, 3, 6], [1, no, 3, 5], [1, no, no, 2], [no, math.nan, 1, 1]])
+    trials.may_exceed = 0.25
+    np.testing.assert_array_equal(trials.means(values), [3, 3, no, math.nan])
+    trials.may_exceed = 0.0
+    np.testing.assert_array_equal(trials.means(values), [3, no, no, no])
+
+
 def bias_seen(share):
     """The bias over σ that is seen in a share of its words."""
     return optimize.brentq(lambda bias: stats.ncx2.sf(9.210340, 2, bias**2) - share, 1e-3, 5.0)

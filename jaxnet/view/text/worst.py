@@ -57,12 +57,14 @@ def search_notes(results: Results) -> list[str]:
 
 def limit_lines(results: Results) -> list[str]:
     """Limits of `subject_to`, how many further starts fulfil them, and where no choice does."""
-    limits = asked_search(results).subject_to
+    asked = asked_search(results)
+    limits, part = asked.subject_to, asked.may_exceed
     found: Any = results.worst
     if not limits:
         return []
     told = ", ".join(f"{name} ≤ {most:g}" for name, most in limits.items())
-    lines = [f"subject to {told} from every start of the search"]
+    where = f"at least {1 - part:.3g} of the starts" if part else "every start"
+    lines = [f"subject to {told} from {where} of the search"]
     none = found["found"].isna()
     shares = found["fresh_allowed"][~none].dropna()
     if len(shares):

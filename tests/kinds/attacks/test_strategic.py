@@ -40,6 +40,17 @@ def test_one_mimic_alone_is_believed_whenever_it_lies_and_could_not_lie_more():
     assert lied > 20
 
 
+def test_a_sleeper_strikes_and_stays():
+    """Nothing before its start, ā for a while, then a share of it; from the next tick on."""
+    attack = {"kind": "sleeper", "magnitude": 4.0, "vehicles": [2], "direction": np.pi / 2}
+    attack |= {"start": 0.35, "burst": 0.2, "share": 0.25}
+    keys = {"engine": "exact", "tick": 0.1, "output_step": 0.1, "horizon": 1.0, "tail": 0.0}
+    said = systems.simulate(systems.lanes(systems.study(attack=attack, **keys), 1)).series["attack"]
+    sent = [0.0] * 4 + [4.0] * 2 + [1.0] * 5
+    np.testing.assert_allclose(said[0, :, 1, 1], sent, rtol=1e-15, atol=1e-299)
+    np.testing.assert_allclose(said[0, :, 1, 0], 0.0, atol=1e-15)
+
+
 ATTACKED = [2, 5, 8, 11]
 
 
