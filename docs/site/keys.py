@@ -249,6 +249,7 @@ REFERENCES = {
     "ShareOfVehicles": "{share: s}",
     "WorstLanes": "{worst: K}",
     "ChosenVehicles": "{choose: n}",
+    "BoundsByOrder": "list of list of 2 number",
     "Table": "a list of lists",
     "EachPosition": "a list of places",
     "EachVehicle": "a list of draws",

@@ -2,7 +2,6 @@
 
 import contextlib
 import functools
-import gc
 import itertools
 import math
 import re
@@ -36,7 +35,7 @@ from jaxnet.config.keys import (
     Scenario,
 )
 from jaxnet.config.known import KnownKeys, explain, model_of, with_kind, written_keys
-from jaxnet.config.naming import Key, full_kind, value_labels, without_empty_labels
+from jaxnet.config.naming import Key, full_kind, to_plain, value_labels
 from jaxnet.config.scenario import for_any_signal
 from jaxnet.config.sweep import Sweep, SweptColumn, holders, is_joint, keys_in, values_in
 from jaxnet.kinds import registry
@@ -84,10 +83,6 @@ def is_leaderless(cells: Sequence[Cell]) -> bool:
 def judged_metric(cells: Sequence[Cell]) -> str:
     """Return the metric by which lanes are ranked: the spread if no cell has a navigator."""
     return "spread" if is_leaderless(cells) else "tail_mean"
-
-
-def to_plain(model: BaseModel) -> dict[str, Plain]:
-    return without_empty_labels(model)
 
 
 def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
@@ -172,9 +167,9 @@ def right_sweep(document: Document) -> tuple[dict[str, Any], set[str]]:
 
 
 @functools.cache
-def model_with(key: str, whole: type[BaseModel] = Scenario) -> type[BaseModel]:
-    """Return the model of one key of a model, which is validated sooner than all."""
-    field = whole.model_fields[key]
+def model_with(key: str) -> type[BaseModel]:
+    """The model of one key of a scenario, which is validated sooner than all."""
+    field = Scenario.model_fields[key]
     return create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
 
 
@@ -189,12 +184,12 @@ def swept_values(given: list[Plain] | Linspace | Geomspace) -> list[Plain]:
     return [int(value) for value in spaced] if all(map(float.is_integer, spaced)) else spaced
 
 
-def refuse_sweep(save: Save | None, sweep: Sweep, known: KnownKeys) -> Iterator[tuple[str, str]]:
+def refuse_sweep(save: Save, sweep: Sweep, known: KnownKeys) -> Iterator[tuple[str, str]]:
     """Yield the key and message of each fault of a sweep before its cells are validated."""
     values = {key: column.values for key, column in sweep.columns.items()}
     if math.prod(sweep.sizes) > MOST_SWEPT_CELLS:
         yield list(values)[-1], f"spans more than {MOST_SWEPT_CELLS:,} cells"
-    over_time = save is not None and (save.errors or save.trajectories != "none")
+    over_time = save.errors or save.trajectories != "none"
     for number, key in enumerate(values):
         root = key.split(".")[0]
         if is_joint(key):
@@ -212,7 +207,7 @@ def refuse_sweep(save: Save | None, sweep: Sweep, known: KnownKeys) -> Iterator[
             yield key, "must stand before the dotted keys that set into it"
         if over_time and key in ("vehicles", "vehicle", "horizon", "output_step"):
             yield key, "cannot be swept while save stores errors or trajectories"
-        elif key == "vehicles" and save is not None and save.vehicles:
+        elif key == "vehicles" and save.vehicles:
             yield key, "cannot be swept while save stores the errors of each vehicle"
     for axis in range(len(sweep.sizes)):
         keys = [key for key, column in sweep.columns.items() if column.axis == axis]
@@ -381,16 +376,12 @@ class SweptCells:
         self.roots: dict[str, list[str]] = {}
         for key in itertools.filterfalse(is_joint, columns):
             self.roots.setdefault(key.split(".")[0], []).append(key)
-        self.varied = {  # keys of the last axis in a root
-            root: [key for key in keys if columns[key].axis == columns[keys[-1]].axis]
-            for root, keys in self.roots.items()
-        }
         self.wrong = (wrong & {*Scenario.model_fields}) - {*self.roots}
         fields = {key: getattr(config, key) for key in Scenario.model_fields}
         fixed = {key: each for key, each in fields.items() if key not in self.roots}
         self.shared = settle(DEFAULT_SCENARIO.model_copy(update=fixed), given)
         self.follows = not FOLLOWED.isdisjoint(self.roots)
-        self.base = {root: without_empty_labels(fields[root]) for root in self.roots}
+        self.base = {root: to_plain(fields[root]) for root in self.roots}
         for root in wrong & {*self.roots} & {*document.data}:  # as it was written
             written = document.data[root]
             self.base[root] = full_kind(root, written) if root in KINDS else written
@@ -406,8 +397,6 @@ class SweptCells:
         cells: list[Cell] = []
         found: dict[Problem, list[str]] = {}
         grid = list(itertools.product(*map(range, self.sizes)))
-        collects = gc.isenabled()
-        gc.disable()  # it would look through all cells again and again
         for number, indices in enumerate(grid):
             chosen = {key: firsts[indices[axis]] for key, axis, firsts in axes}
             named = {key: labels[key][index] for key, index in chosen.items()}
@@ -419,8 +408,6 @@ class SweptCells:
             for problem in dict.fromkeys(problems):
                 if problem not in known:
                     found.setdefault(problem, []).append(cell_name(number, named))
-        if collects:
-            gc.enable()
         told = []
         for problem, where in found.items():
             some = len(where) < len(grid) or problem.key.split(".")[0] in self.roots
@@ -438,8 +425,7 @@ class SweptCells:
         for root, keys in self.roots.items():
             mine = root, *(chosen[key] for key in keys)
             if mine not in self.parts:
-                here = {key: chosen[key] for key in keys}
-                self.parts[mine] = self.part_alike(root, here) or self.part(root, here)
+                self.parts[mine] = self.part(root, {key: chosen[key] for key in keys})
             right[root], found = self.parts[mine]
             problems += found
             if found:
@@ -451,26 +437,6 @@ class SweptCells:
             if not wrong & {key.split(".")[0] for key in fault.keys}:
                 problems.append(located(fault, functools.partial(self.place, chosen)))
         return made, wrong, problems
-
-    def part_alike(self, root: str, chosen: Mapping[str, int]) -> Validated | None:
-        """Return a part with other numbers at the keys of its last axis, if nothing is wrong.
-
-        The numbers alone are validated. None tells that the whole part has to be.
-        """
-        nothing, found = (None, []), dict[str, Any]()
-        varied = self.varied[root]
-        like = (0 if key in varied else index for key, index in chosen.items())
-        first, wrong = self.parts.get((root, *like), nothing)
-        for key in varied:
-            value, inside = self.columns[key].values[chosen[key]], key.removeprefix(f"{root}.")
-            if wrong or type(value) not in (int, float) or not stands_alone(type(first), inside):
-                return None
-            try:
-                made = model_with(inside, type(first)).model_validate({inside: value})
-            except ValidationError:
-                return None
-            found[inside] = getattr(made, inside)
-        return first.with_values(**found), []
 
     def part(self, root: str, chosen: Mapping[str, int]) -> Validated:
         """Return the value of a key by the indices of the swept values in it, and its problems."""
@@ -495,10 +461,3 @@ class SweptCells:
                 if swept[: len(keys)] == keys[: len(swept)]:
                     return self.document.place((*here, *keys[len(swept) :]), here)
         return self.document.place(*candidates)
-
-
-@functools.cache
-def stands_alone(cls: type, key: str) -> bool:
-    """Whether a class has a key that its type alone decides; in one from outside others may."""
-    ours = issubclass(cls, BaseModel) and cls.__module__.startswith("jaxnet.")
-    return ours and key in cls.model_fields

@@ -5,11 +5,11 @@ kinds, and `faults`, check several keys together.
 """
 
 import re
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, Field, PrivateAttr
+from pydantic import AfterValidator, Field, PrivateAttr
 
 from jaxnet.config.sweep import keys_in
 from jaxnet.engine.methods import Engine
@@ -22,19 +22,19 @@ from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.kinds.detectors import AnyDetector
 from jaxnet.kinds.detectors.none import NoDetector
 from jaxnet.kinds.fields import (
-    MARK,
     PI,
     Gains,
     NotNegative,
     NotNegativeByOrder,
     NotNegativeOfEach,
     NumberOfEach,
+    OneOf,
     Positions,
     Record,
+    Rooted,
     Uniform,
     VehicleGains,
     is_drawn,
-    one_form_of,
     ordered,
     value_range,
 )
@@ -146,27 +146,6 @@ class Channel(Record):
         return value_range(self.delay)[1] > 0
 
 
-def one_of(refusal: str, *words: str, **members: Any) -> Any:
-    """A union whose member is chosen by the form of a value, for one message a fault.
-
-    A mapping has the member named like its first known key, a list of lists `lists`, another list
-    `list`, anything else `plain`, where it must be one of the words, if there are any. `refusal`
-    says what is allowed.
-    """
-
-    def form(value: object) -> str | None:
-        if isinstance(value, BaseModel):
-            return MARK + next(iter(type(value).model_fields))
-        if isinstance(value, dict):
-            return next((MARK + str(key) for key in value if str(key) in members), None)
-        if isinstance(value, list):
-            deep = "lists" in members and value and isinstance(value[0], list)
-            return MARK + ("lists" if deep else "list")
-        return MARK + "plain" if not words or value in words else None
-
-    return one_form_of(form, refusal, **members)
-
-
 Count = Annotated[int, Field(ge=1, le=100_000)]
 Above = Annotated[float, Field(gt=0)]
 
@@ -204,6 +183,12 @@ class ChosenVehicles(Record):
 Bounds = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
 
 
+class BoundsByOrder(Rooted[list[Bounds]]):
+    """Bounds of the gain of each order."""
+
+    depth = 2
+
+
 class EachIn(Record):
     """A number for each attacked vehicle."""
 
@@ -229,40 +214,22 @@ class Sequential(Record):
     until: Criterion
 
 
-if TYPE_CHECKING:
-    SweptValues = list[Any] | Linspace | Geomspace
-    SavedLanes = Literal["none", "all"] | Samples | WorstLanes
-    SearchRange = list[float] | Literal["each"] | EachIn | list[list[float]] | ChosenVehicles
-    SampleCount = int | Sequential
-else:
-    SweptValues = one_of(
-        "must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}",
-        list=Annotated[list[Any], Len(1)],
-        linspace=Linspace,
-        geomspace=Geomspace,
-    )
-    SavedLanes = one_of(
-        "must be none, all, {samples: [...]} or {worst: K}",
-        "none",
-        "all",
-        plain=Literal["none", "all"],
-        samples=Samples,
-        worst=WorstLanes,
-    )
-    SearchRange = one_of(
-        "must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}",
-        "each",
-        list=Bounds,
-        plain=Literal["each"],
-        each=EachIn,
-        lists=list[Bounds],
-        choose=ChosenVehicles,
-    )
-    SampleCount = one_of(
-        "must be a whole number, or {until: {half_width: h}}",
-        plain=Annotated[int, Field(ge=1, lt=2**32)],
-        until=Sequential,
-    )
+SweptValues = Annotated[
+    Annotated[list[Any], Len(1)] | Linspace | Geomspace,
+    OneOf("must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}"),
+]
+SavedLanes = Annotated[
+    Literal["none", "all"] | Samples | WorstLanes,
+    OneOf("must be none, all, {samples: [...]} or {worst: K}"),
+]
+SearchRange = Annotated[
+    Literal["each"] | Bounds | BoundsByOrder | EachIn | ChosenVehicles,
+    OneOf("must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}"),
+]
+SampleCount = Annotated[
+    Annotated[int, Field(ge=1, lt=2**32)] | Sequential,
+    OneOf("must be a whole number, or {until: {half_width: h}}"),
+]
 
 
 class Scenario(Record):

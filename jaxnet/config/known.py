@@ -102,12 +102,7 @@ def keys_beside(location: Keys, data: Plain) -> list[str]:
     models: list[type[BaseModel]] = [Config]
     for part in (part for part in location[:-1] if not isinstance(part, int)):
         if str(part).startswith(MARK):
-            tag = str(part).removeprefix(MARK).lower()
-            models = [
-                each
-                for each in models
-                if tag in each.model_fields or each.__name__.lower().startswith(tag)
-            ]
+            models = [each for each in models if f"{MARK}{each.__name__}" == part]
             continue
         data = data.get(part) if isinstance(data, dict) else None
         fields = [each.model_fields[part] for each in models if part in each.model_fields]

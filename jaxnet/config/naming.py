@@ -74,19 +74,19 @@ def full_kind(field: str, value: Plain) -> Plain:
         return value
     fields = model.model_fields
     defaults = {key: each.default for key, each in fields.items() if not each.is_required()}
-    return {key: without_empty_labels(each) for key, each in (defaults | value).items()}
+    return {key: to_plain(each) for key, each in (defaults | value).items()}
 
 
-def without_empty_labels(value: Plain) -> Plain:
+def to_plain(value: Plain) -> Plain:
     """Return models, mappings and lists as plain data, without labels that are None."""
     if isinstance(value, BaseModel):
         value = value.model_dump(mode="python")
     if isinstance(value, list | tuple):
-        return [without_empty_labels(each) for each in value]
+        return [to_plain(each) for each in value]
     if not isinstance(value, dict):
         return value
     told = (pair for pair in value.items() if pair != ("label", None))
-    return {key: without_empty_labels(each) for key, each in told}
+    return {key: to_plain(each) for key, each in told}
 
 
 def telling_keys(kinds: list[Plain]) -> dict[str, list[object]]:

@@ -202,7 +202,6 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "settled": "gains differ by vehicle, and weights may switch",
     "retained": "the defence may retain any neighbour",
     "consistent": "attacked links announce {announced}, not what they carry",
-    "added path": "the attack adds no given path with its derivatives",
     "no decisions": "the defence decides",
     "unheld": "the defence holds vehicles to their starts",
     "drops": "channel.missing is not drop",
@@ -218,10 +217,6 @@ MOTION = (*EVERY_MESSAGE, "solved", "flat", "unfiltered", "continuous", "settled
 BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
     *("leader", *EVERY_MESSAGE, "alike", "one gain", "bounded", "one identity", "by law"),
     *("solved", "flat", "unfiltered", "continuous", "retained"),
-)
-SOLUTION = (  # of the exact solution for known decisions at ticks (theorems.md O1, O2)
-    *("leader", *EVERY_MESSAGE, "one gain", "by law", "solved", "flat", "unfiltered"),
-    *("continuous", "added path", "ticks"),
 )
 # Premises that are asked last, as they take time.
 OF_GRAPHS: dict[str, Callable[[Scenario], bool]] = {
@@ -240,10 +235,6 @@ def breaks(scenario: Scenario) -> set[str]:
         "on time": channel.late,
         "alike": scenario.draws_gain,
         "one gain": scenario.gain_matrices is not None,
-        "added path": not attack.consistent()
-        or attack.strategic
-        or attack.replaces()
-        or bool(attack.periods()),
         "filtered": not scenario.filter.present,
         "true places": attack.present,
         "no decisions": scenario.defence.decides,

@@ -27,7 +27,7 @@ from jaxnet.config.document import (
 )
 from jaxnet.config.keys import Config
 from jaxnet.config.known import model_of
-from jaxnet.config.naming import without_empty_labels
+from jaxnet.config.naming import to_plain
 from jaxnet.config.sweep import joint_key, values_in
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import adopt_network
@@ -214,7 +214,7 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
         told = "a node leads this network, and navigator is none: jaxnet.network(…, leads=False)"
         raise refusal(keys, told)
     if isinstance(value, Kind):
-        return {"kind": registry.adopt(type(value)), **without_empty_labels(dict(value))}
+        return {"kind": registry.adopt(type(value)), **to_plain(dict(value))}
     if isinstance(value, type) and issubclass(value, Kind):
         return registry.adopt(value)
     if isinstance(value, Metric):

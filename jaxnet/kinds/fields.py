@@ -1,10 +1,9 @@
 """Types of keys: numbers with limits, and the distributions from which numbers are drawn."""
 
-import functools
 import operator
 import statistics
 import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, Self, TypeVar
 
 import numpy as np
@@ -14,12 +13,10 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     RootModel,
-    Tag,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import core_schema
@@ -93,13 +90,6 @@ class OneOf:
             custom_error_type="form" if self.message else None,
             custom_error_message=self.message,
         )
-
-
-def one_form_of(tag: Callable[[object], str | None], message: str, **members: object) -> Any:
-    """A union of types by tag, with a message for a value that has none of the tags."""
-    tagged = (Annotated[member, Tag(MARK + name)] for name, member in members.items())
-    union = functools.reduce(operator.or_, tagged)
-    return Annotated[union, Discriminator(tag, "form", message)]
 
 
 def looks_like(value: object, member: Any, strict: bool) -> bool:

@@ -1,6 +1,6 @@
 """Spaced values are the doubles that the decimal numbers would be, written one by one."""
 
-from decimal import Decimal
+from decimal import Decimal, localcontext
 from fractions import Fraction
 
 from hypothesis import given
@@ -30,10 +30,12 @@ def test_each_value_is_the_nearest_double(low, high, count):
 
 @given(BOUNDS.filter(lambda low: low > 0), BOUNDS.filter(lambda high: high > 0), st.integers(2, 40))
 def test_each_value_of_a_geometric_row_is_the_nearest_double(low, high, count):
-    """To `low (high/low)^(k/(count - 1))`, each by a power of its own, of 28 digits."""
+    """To `low (high/low)^(k/(count - 1))`, products of the ratio's power of 60 digits."""
     first, last = Decimal(repr(low)), Decimal(repr(high))
-    powers = [(last / first) ** (Decimal(k) / (count - 1)) for k in range(count)]
-    assert geomspace(low, high, count) == [float(first * power) for power in powers]
+    with localcontext(prec=60):
+        ratio = (last / first) ** (1 / Decimal(count - 1))
+        products = [first * ratio**k for k in range(count)]
+    assert geomspace(low, high, count) == [float(each) for each in products]
 
 
 def test_a_spacing_and_a_list_share_their_cells():
