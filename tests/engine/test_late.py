@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from experiments.rounds import parted
-from jaxnet.config.document import ConfigError
 from jaxnet.engine.stages.late import DrawnDelay
 from jaxnet.engine.status import Status
 from jaxnet.kinds.graphs.cyclic import Cyclic
@@ -18,8 +17,6 @@ from tests.matrices import matrix_of
 from tests.reference import Powers
 from tests.theory.test_rounds import late_polynomial
 
-LOCAL = {"kind": "local", "hold": False}
-TWO_ROUNDS = {"kind": "rounds", "rounds": 2}
 QUIET = {"attack": "none", "defence": "none", "engine": "exact", "tail": 0.0}
 
 
@@ -61,32 +58,6 @@ def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, kno
         assert found == pytest.approx(expected.imag[settled], abs=2e-6)
         off = abs(expected[0] - size)
         assert known[axis] is None or off == pytest.approx(known[axis], abs=6e-7)
-
-
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"channel": {"delay": 0.07}}, "multiple of tick = 0.05"),
-        ({"channel": {"delay": 20.0}}, "at most 200 times tick"),
-        ({"channel": {"delay": 0.1}, "tick": 0.0}, "give a tick"),
-        ({"channel": {"delay": 0.1}, "law": TWO_ROUNDS}, "makes one at a tick"),
-        ({"channel": {"missing": "hold"}, "law": TWO_ROUNDS}, "makes one at a tick"),
-        ({"channel": {"delay": 0.1, "missing": "extrapolate"}}, "dropped or held"),
-        ({"channel": {"delay": 0.1, "extrapolate": "jerk"}, "law": "local"}, "no highest deriv"),
-        ({"channel": {"delay": 0.4}, "law": LOCAL, "tick": 0.2, "gain": [9, 9, 9]}, "fastest time"),
-        ({"channel": {"delay": {"uniform": [0.02, 0.1]}}}, "at least half a tick"),
-        ({"channel": {"delay": {"normal": [0.2, 0.1]}}}, "must be at least 0"),
-        ({"channel": {"delay": -0.1}}, "must be at least 0"),
-        ({"channel": {"delay": 0.1}, "law": "linearised"}, "live messages alone"),
-        ({"channel": {"noise": {"position": 0.1}}, "law": "linearised"}, "no noise of messages"),
-        ({"channel": {"delay": 0.1}, "gain": [[1, 3, 3], [1, 3, 4]]}, "a number for each order"),
-    ],
-    ids=str,
-)
-def test_what_is_refused(keys, words):
-    """Each with its key."""
-    with pytest.raises(ConfigError, match=words):
-        systems.study(**keys)
 
 
 @pytest.mark.long

@@ -5,7 +5,6 @@ import pytest
 from scipy.linalg import block_diag, expm
 
 import jaxnet
-from jaxnet.kinds.kind import KindError
 from tests.matrices import matrix_of
 
 COUPLED = [[[2.0, 0.7], [-0.9, 1.5]], [[3.0, -0.4], [0.5, 3.5]]]  # k0 and k1
@@ -94,39 +93,3 @@ def test_the_motion_turns_with_the_gains_when_the_plane_is_turned():
     places = (np.array(places) @ quarter.T).tolist()
     other = paths(gain=turned, navigator=there, initial={"position": places, **start}, **keys)[2]
     np.testing.assert_allclose(other, one @ block_diag(quarter, quarter).T, rtol=0, atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("keys", "reason"),
-    [
-        (
-            {
-                "gain": [
-                    [[1.0, 0.0], [0.0, 1.0]],
-                    [[0.1, 3.0], [-3.0, 0.1]],
-                    [[0.1, 0.0], [0.0, 0.1]],
-                ]
-            },
-            "unstable",
-        ),
-        (
-            {"gain": [[1.0, 3.0, 3.0], [9.0, 1.0, 1.0]]},
-            r"unstable: eigenvalues .*\[9.0, 1.0, 1.0\]",
-        ),
-        ({"gain": [[1.0, 3.0, 3.0], [1.0, 3.0]]}, "as many numbers as the other lists"),
-        ({"gain": [[1.0, 2.0], [1.0, 2.0]]}, "must be 3, one for each order of two_wheeled"),
-        ({"gain": [[1.0, 3.0, 3.0]] * 3}, "at most 2 entries"),
-        ({"gain": [[[1.0, 0.0, 2.0], [0.0, 1.0]]] * 3}, "at most 2 entries"),
-        (
-            {
-                "gain": [[1.0, 3.0, 3.0]] * 2,
-                "engine": "exact",
-                "sensing": {"kind": "gaussian", "position": 1.0},
-            },
-            "only",
-        ),
-    ],
-)
-def test_gains_that_cannot_be_are_refused(keys, reason):
-    with pytest.raises((ValueError, KindError), match=reason):
-        jaxnet.load(keys)

@@ -183,23 +183,6 @@ def test_held_single_integrators_move_exactly():
             assert lanes[column].to_numpy() == pytest.approx(exact[column].to_numpy(), rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"tick": 0.0}, "the sampled engine"),
-        (
-            {"engine": "exact", "vehicle": {"kind": "unicycle", "limits": {"turn_rate": 1.0}}},
-            "know",
-        ),
-        ({"vehicle": {"kind": "unicycle", "limits": {"speed": 1.0}}}, "acceleration, turn_rate"),
-        ({"initial": {"heading": [0.0, 1.0]}}, "12 headings, one for each vehicle"),
-    ],
-)
-def test_what_cannot_be_simulated_is_refused(keys, message):
-    with pytest.raises(jaxnet.ConfigError, match=message):
-        jaxnet.load({"engine": "sampled", **keys})
-
-
 def test_nothing_is_proved_of_sampled_or_limited_fleets():
     limited = {"kind": "unicycle", "limits": {"turn_rate": 1.0}}
     asked = {"defence": "none", "vehicle": "unicycle", "engine": "nonlinear"}

@@ -111,26 +111,3 @@ def test_check_tells_the_factor_of_the_slowest_disagreement(topology, radius):
     states, _ = paths(**keys)
     apart = np.linalg.norm(states - states.mean(axis=1, keepdims=True), axis=(1, 2))
     assert (apart[-1] / apart[60]) ** (1 / 60) == pytest.approx(radius, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("topology", "words"),
-    [
-        ({"own_weight": 1.0}, "own_weight acts under law: local alone"),
-        ({"normalised": False}, "normalised acts under law: local alone"),
-        ({"edges": [[1, 0, 1.0], [1, 1, 1.0]]}, "1 hears itself, which law: local alone allows"),
-    ],
-)
-def test_other_laws_refuse_what_would_not_act(topology, words):
-    """The solution of the exact law does not depend on the strength of a row."""
-    with pytest.raises(jaxnet.ConfigError, match=words):
-        jaxnet.load(
-            {"topology": {"kind": "edges", "edges": [[1, 0, 1.0]]} | topology, "attack": "none"}
-        )
-
-
-def test_drawn_weights_are_no_weights_on_oneself():
-    """Strengths are the same in all lanes of a cell."""
-    edges = [[1, 2, {"uniform": [0.5, 1.0]}], [2, 1, 1.0], [1, 1, 1.0]]
-    with pytest.raises(jaxnet.ConfigError, match="are numbers, not drawn"):
-        jaxnet.load(KEYS | {"topology": {"kind": "edges", "edges": edges}, "attack": "none"})

@@ -171,16 +171,3 @@ def test_a_step_too_small_and_a_field_that_is_not_finite_are_told_apart(field, r
     )
     assert solution.result == getattr(diffrax.RESULTS, result)
     assert solution.stats["num_steps"] < 1000
-
-
-@pytest.mark.parametrize(
-    "name", ["Dopri6", "tsit5", "Euler", "KenCarp4", "HalfSolver", "diffeqsolve"]
-)
-def test_what_is_no_such_solver_is_refused(name):
-    """Where the config is read, with those that there are."""
-    with pytest.raises(jaxnet.ConfigError) as told:
-        systems.study(engine={"kind": "stacked", "solver": name})
-    assert "engine.solver: must be an adaptive ODE solver of diffrax: Bosh3, Dopri5" in str(
-        told.value
-    )
-    assert ("did you mean 'Tsit5'?" in str(told.value)) == (name == "tsit5")

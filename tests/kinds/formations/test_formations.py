@@ -240,20 +240,3 @@ def test_wrong_files_of_places_are_refused(tmp_path, content):
     (tmp_path / "study.yaml").write_text("name: one\nformation: {kind: file, path: places.csv}\n")
     with pytest.raises(jaxnet.ConfigError, match=r"places\.csv"):
         jaxnet.load(tmp_path / "study.yaml")
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"formation": {"kind": "offsets", "offsets": [[0.0, 0.0]]}}, "must be 12, one for each"),
-        (
-            {"formation": TURNING, "defence": {"kind": "w_msr", "isolated": "coast"}},
-            "not in a formation that moves",
-        ),
-        ({"formation": {"kind": "circle"}}, "radius"),
-        ({"formation": "square"}, "must be one of circle, file, grid, line, none, offsets"),
-    ],
-)
-def test_wrong_formations_are_refused(keys, message):
-    with pytest.raises(jaxnet.ConfigError, match=message):
-        jaxnet.load(keys)

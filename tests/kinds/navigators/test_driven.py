@@ -3,10 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
-import jaxnet
-from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.navigators.driven import Driven
 from jaxnet.kinds.navigators.lissajous import Lissajous
 
@@ -64,16 +61,3 @@ def test_jets_are_derivatives_across_pieces_and_lanes():
         np.testing.assert_allclose(drawn.jets(given), known, rtol=0, atol=1e-12)
     before, behind = (WEAVING.jets(np.array([10.1, 20.2]) + side) for side in (-1e-9, 1e-9))
     np.testing.assert_allclose(before, behind, rtol=0, atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("keys", "reason"),
-    [
-        ({"speed": [20.0, 20.0, 20.0]}, "as many values as speed, 3"),
-        ({"every": 20.0}, "ends at 20 s, before the horizon of 30 s"),
-        ({"speed": [20.0, -20.0]}, "slows to"),
-    ],
-)
-def test_paths_that_cannot_be_are_refused(keys, reason):
-    with pytest.raises((ValueError, KindError), match=reason):
-        jaxnet.load({"navigator": {"kind": "driven"} | keys})
