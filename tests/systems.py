@@ -71,6 +71,11 @@ def simulate(one: Any) -> Outcome:
     return jax.tree.map(lambda *parts: np.concatenate(parts), *outcomes)
 
 
+def outcome(samples: int, save: tuple[str, ...] = EVERYTHING, /, **keys: Any) -> Outcome:
+    """Outcomes of lanes of all cells of a study of these keys."""
+    return simulate(lanes(study(**keys), samples, save))
+
+
 def by_source(job: Job, outcome: Outcome) -> Outcome:
     """The same with `kept` by listener and source, if it was saved."""
     if "kept" not in outcome.series:

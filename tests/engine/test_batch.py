@@ -48,9 +48,7 @@ def test_the_step_limit_is_a_limit(solver):
         "horizon": 20.0,
         "tail": 1.0,
     }
-    needed = int(
-        systems.simulate(systems.lanes(systems.study(engine=easy, **keys), 1, ())).steps[0]
-    )
+    needed = int(systems.outcome(1, (), engine=easy, **keys).steps[0])
     assert needed > 2
     for limit, status in (
         (needed, Status.ok),

@@ -46,7 +46,7 @@ def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, kno
     """
     given = {"vehicle": vehicle, "topology": graph.kind, "channel": {"delay": 0.1}}
     given |= {"tick": tick, "output_step": 0.5}
-    outcome = systems.simulate(systems.lanes(systems.study(horizon=100.0, **given, **QUIET), 1))
+    outcome = systems.outcome(1, horizon=100.0, **given, **QUIET)
     assert (outcome.status == Status.ok).all()
     time = np.arange(201) * 0.5
     settled = slice(140, None)
@@ -66,7 +66,7 @@ def test_the_margin_of_extrapolated_jerks_on_the_ring(delay, grows):
     """Stable below 0.0363729 s: of two lanes with other starts, the difference shrinks or grows."""
     keys = {"topology": "cyclic", "channel": {"delay": delay, "extrapolate": "jerk"}, "tick": delay}
     keys |= {"horizon": 8000 * delay, "output_step": 2000 * delay} | QUIET
-    positions = systems.simulate(systems.lanes(systems.study(**keys), 2)).series["state"][..., :2]
+    positions = systems.outcome(2, **keys).series["state"][..., :2]
     apart = np.abs(positions[0] - positions[1]).max(axis=(1, 2))
     assert (apart[-1] > 10 * apart[2]) == grows
 

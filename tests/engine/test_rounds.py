@@ -104,9 +104,7 @@ def test_what_a_lane_that_diverges_comes_to():
     """Its error up to 1e100 m, the same in both engines."""
     keys = {"law": "rounds", "tick": 0.5, "output_step": 1.0, "attack": "none", "defence": "none"}
     ends = {
-        (engine, horizon): systems.simulate(
-            systems.lanes(systems.study(engine=engine, horizon=horizon, **keys), 1)
-        )
+        (engine, horizon): systems.outcome(1, engine=engine, horizon=horizon, **keys)
         for engine in ("exact", "nonlinear")
         for horizon in (30.0, 400.0)
     }
@@ -149,9 +147,7 @@ def test_who_is_cut_off_has_failed():
         "defence": {"kind": f"{__name__}:Withdrawn"},
     }
     law = {"kind": "rounds", "rounds": 6}
-    outcome = systems.simulate(
-        systems.lanes(systems.study(engine="exact", law=law, **keys, **KEYS), 1)
-    )
+    outcome = systems.outcome(1, engine="exact", law=law, **keys, **KEYS)
     assert outcome.status == [Status.disconnected]
     told = np.isfinite(outcome.series["tracking"][0])
     assert told[:10].all()

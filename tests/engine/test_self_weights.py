@@ -23,7 +23,7 @@ RING = [[i, j % 6 + 1, 1.0 + i / 10] for i in range(1, 7) for j in (i, i + 1, i 
 
 def paths(**keys):
     """States (times, vehicles, 2) of one lane, and what the attacks add (times, vehicles, 2)."""
-    series = systems.simulate(systems.lanes(systems.study(**KEYS | keys), 1)).series
+    series = systems.outcome(1, **KEYS | keys).series
     return series["state"][0], series["attack"][0]
 
 

@@ -134,7 +134,7 @@ def test_a_vehicle_joins_at_the_tick_at_which_it_is_near():
     keys |= {"topology": {"kind": "edges", "edges": edges}, "attack": "none", "defence": "none"}
     keys |= {"engine": "exact", "tick": 0.05, "output_step": 0.05, "horizon": 8.0, "tail": 1.0}
     loss = {"kind": "range", "radius": 10.0}
-    outcome = systems.simulate(systems.lanes(systems.study(channel={"loss": loss}, **keys), 1))
+    outcome = systems.outcome(1, channel={"loss": loss}, **keys)
     heard = outcome.series["kept"][0, :, m - 1, 0] > 0
     np.testing.assert_array_equal(np.flatnonzero(heard), np.arange(126, 161))
     assert outcome.unheard.tolist() == [0]

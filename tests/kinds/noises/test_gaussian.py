@@ -75,7 +75,7 @@ def test_the_highest_derivative_of_single_integrators_is_their_velocity():
     noise = {"position": 0.3, "jerk": 0.4, "velocity": 7.0}  # a velocity of order 1 is `jerk` alone
     keys = QUIET | {"engine": "exact", "topology": "star", "vehicle": "single_integrator"}
     keys |= {"horizon": 10.0, "output_step": 10.0, "tick": 0.1, "channel": {"noise": noise}}
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 200))
+    outcome = systems.outcome(200, **keys)
     positions = outcome.series["state"][:, -1, :, :2]
     squares = (positions - positions.mean(axis=(0, 1))) ** 2
     known = (0.3**2 + 0.4**2) * (1 - np.exp(-0.1)) ** 2 / (1 - np.exp(-0.2))
