@@ -22,6 +22,15 @@ FEW = batch.Machine(devices=1, chunk=4)
 # it.
 EVERYTHING = tuple(name for name in SERIES if name != "inputs")
 
+# What many studies of tests have in common: nobody lies or judges; agents without a navigator.
+QUIET = {"attack": "none", "defence": "none"}
+AGENTS = {"vehicle": "single_integrator", "navigator": "none", "law": "local"}
+
+
+def clock(tick: float, horizon: float, tail: float = 0.0) -> dict[str, float]:
+    """Keys of a study whose output times are its ticks [s]."""
+    return {"tick": tick, "output_step": tick, "horizon": horizon, "tail": tail}
+
 
 def study(**keys: Any) -> Study:
     """A study of these keys, the defaults elsewhere."""

@@ -42,8 +42,7 @@ def test_the_step_limit_is_a_limit(solver):
     """Also where one step ends one interval; the step to the horizon may be the last allowed."""
     easy = {"solver": solver, "rtol": 1e-3, "atol": 1e-3}
     keys = {
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "initial": {"speed": 20.0},
         "horizon": 20.0,
         "tail": 1.0,

@@ -8,14 +8,13 @@ import pytest
 
 import jaxnet
 from jaxnet.view.text.check import check_text
+from tests import systems
 from tests.engine.test_orders import subsequence
 
 PUBLISHED = Path(__file__).parents[1] / "theory" / "published_robustness.json"
 GRAPHS = {each["name"]: each for each in json.loads(PUBLISHED.read_text())}
 KEYS = {
-    "vehicle": "single_integrator",
-    "navigator": "none",
-    "law": "local",
+    **systems.AGENTS,
     "gain": [8.0],
     "tick": 0.1,
 }

@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import jaxnet
+from tests import systems
 
 GAINS = [[1.0, 2.0], [4.0, 3.0], [0.5, 1.2], [2.0, 5.0]]
 KEYS = {
@@ -12,10 +13,7 @@ KEYS = {
     "vehicle": "double_integrator",
     "gain": {"vehicles": GAINS},
     "defence": "none",
-    "horizon": 3.0,
-    "tail": 1.0,
-    "tick": 0.5,
-    "output_step": 0.5,
+    **systems.clock(0.5, 3.0, 1.0),
     "samples": 2,
     "save": {"trajectories": "all"},
 }

@@ -11,9 +11,7 @@ from tests.engine.test_orders import subsequence
 
 H = 0.1
 KEYS = {
-    "vehicle": "single_integrator",
-    "navigator": "none",
-    "law": "local",
+    **systems.AGENTS,
     "gain": [1 / H],
     "tick": H,
 }

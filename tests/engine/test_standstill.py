@@ -22,8 +22,7 @@ KEYS = {
     "horizon": HORIZON,
     "tail": 1.0,
     "tick": TICK,
-    "attack": "none",
-    "defence": "none",
+    **systems.QUIET,
 }
 
 
@@ -156,12 +155,8 @@ STOPPING = {
     "vehicles": 3,
     "topology": {"kind": "edges", "edges": [[1, 0, 1.0], [2, 0, 1.0], [3, 1, 1.0], [3, 0, 1.0]]},
     "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
-    "attack": "none",
-    "defence": "none",
-    "horizon": 8.0,
-    "tail": 1.0,
-    "output_step": TICK,
-    "tick": TICK,
+    **systems.QUIET,
+    **systems.clock(TICK, 8.0, 1.0),
     "save": {"trajectories": "all"},
 }
 ORDERS = {"unicycle": 2, "two_wheeled": 3, "car": 3}
@@ -283,8 +278,7 @@ def test_limits_bring_vehicles_to_rest_on_any_course():
     keys = {
         "vehicles": 6,
         "topology": "star",
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "horizon": 2.0,
         "tail": 1.0,
         "output_step": 0.1,

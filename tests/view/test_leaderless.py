@@ -22,15 +22,14 @@ from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page.sections import search_section
 from jaxnet.view.text import check, comparison, tables, worst
+from tests import systems
 from tests.view.test_page import read_through, section
 
 DEAF = [(1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (3, 2), (4, 2)]  # links that are not there
 LINKS = [[i, j, 1.0] for i, j in itertools.product(range(1, 6), repeat=2) if (i, j) not in DEAF]
 KEYS = {
     "name": "agree",
-    "vehicle": "single_integrator",
-    "navigator": "none",
-    "law": "local",
+    **systems.AGENTS,
     "gain": [8.0],
 }
 KEYS |= {

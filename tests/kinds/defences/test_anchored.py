@@ -203,10 +203,7 @@ def simulated(case, engine):
         "attack": {**LIAR, "vehicles": [one + 1 for one in case["liars"]]},
         "defence": Hashed(wait=case["wait"], **given),
         "engine": engine,
-        "tick": 0.25,
-        "output_step": 0.25,
-        "tail": 0.0,
-        "horizon": 0.25 * case["ticks"],
+        **systems.clock(0.25, 0.25 * case["ticks"]),
     }
     outcome = systems.outcome(1, **keys)
     assert outcome.status.tolist() == [0]
@@ -260,10 +257,7 @@ def test_engines_agree_on_losses_and_late_messages():
         "attack": {"kind": "rotating", "vehicles": [2]},
         "defence": {"kind": "trust", "wait": 0.5, "anchor": {"scale": 0.8, "rate": 0.3}},
         "channel": {"delay": 0.1, "loss": {"kind": "bernoulli", "probability": 0.3}},
-        "tick": 0.1,
-        "output_step": 0.1,
-        "horizon": 3.0,
-        "tail": 1.0,
+        **systems.clock(0.1, 3.0, 1.0),
     }
     exact, stacked = (
         systems.outcome(2, engine=engine, **keys).series["state"]

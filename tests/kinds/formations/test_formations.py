@@ -7,6 +7,7 @@ import pytest
 
 import jaxnet
 from jaxnet.view.text.tables import summary_text
+from tests import systems
 from tests.engine import test_stopping
 from tests.engine.test_isolated import LastDrops
 
@@ -171,12 +172,9 @@ def places_of(results, vehicle):
 def test_least_separation_is_that_of_true_places():
     """Twelve vehicles that agree on a point, on a circle of radius 1: a regular 12-gon."""
     keys = {
-        "vehicle": "single_integrator",
-        "defence": "none",
-        "attack": "none",
+        **systems.AGENTS,
+        **systems.QUIET,
         "initial": {"position": 0.0},
-        "navigator": "none",
-        "law": "local",
         "formation": {"kind": "circle", "radius": 1.0},
     }
     lanes = simulated(**keys).lanes
@@ -197,12 +195,9 @@ def test_tables_say_that_errors_leave_out_places():
 def test_messages_are_lost_by_true_distance():
     """Vehicles that agree on a point hear nobody whose place in the formation is out of range."""
     keys = {
-        "vehicle": "single_integrator",
-        "defence": "none",
-        "attack": "none",
+        **systems.AGENTS,
+        **systems.QUIET,
         "initial": {"position": 0.0},
-        "law": "local",
-        "navigator": "none",
         "topology": "complete",
         "channel": {"loss": {"kind": "range", "radius": 3.0}},
         "save": {"trajectories": "all"},

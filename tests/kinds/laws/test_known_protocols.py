@@ -7,6 +7,7 @@ import pytest
 import jaxnet
 from jaxnet.kinds.fields import Number
 from jaxnet.kinds.laws import LinkLaw
+from tests import systems
 
 STARTS = [[-3.0, 1.0], [4.0, -2.0], [0.5, 6.0], [2.5, -5.0]]
 EDGES = [[1, 2, 1.0], [2, 1, 1.0], [2, 3, 0.5], [3, 2, 0.5], [3, 4, 2.0], [4, 3, 2.0]]
@@ -28,12 +29,8 @@ def places(law, **keys):
         "topology": {"kind": "edges", "edges": EDGES, "normalised": False},
         "gain": [1.0],
         "initial": {"position": STARTS},
-        "attack": "none",
-        "defence": "none",
-        "tick": 0.01,
-        "output_step": 0.01,
-        "horizon": 2.0,
-        "tail": 0.0,
+        **systems.QUIET,
+        **systems.clock(0.01, 2.0),
         "save": {"trajectories": "all"},
     }
     results = jaxnet.simulate({**fixed, **keys}, samples=1, progress=False)
