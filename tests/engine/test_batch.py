@@ -73,16 +73,6 @@ def test_a_lane_is_the_same_alone_and_among_others(engine):
         np.testing.assert_array_equal(same, theirs)
 
 
-@pytest.mark.long
-def test_chunks_of_another_width_agree():
-    """To 1e-9, with the same decisions; nonlinear ones to the last bit above."""
-    one = systems.lanes(systems.study(engine="exact", **SHORTEST), 40)
-    ours, theirs = systems.simulate(one), batch.simulate(one, batch.Machine(chunk=5))
-    np.testing.assert_array_equal(ours.switches, theirs.switches)
-    for metric, other in zip(ours.metrics.values(), theirs.metrics.values(), strict=True):
-        np.testing.assert_allclose(metric, other, rtol=1e-9)
-
-
 @pytest.mark.parametrize("chunk", [16, 64, 256])
 @pytest.mark.parametrize(("decides", "cached"), [(False, 40_000), (True, 8_000)])
 def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, monkeypatch):

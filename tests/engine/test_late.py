@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.rounds import parted
 from jaxnet.engine.stages.late import DrawnDelay
 from jaxnet.engine.status import Status
 from jaxnet.kinds.graphs.cyclic import Cyclic
@@ -15,7 +14,6 @@ from jaxnet.view.text.check import check_text
 from tests import systems
 from tests.matrices import matrix_of
 from tests.reference import Powers
-from tests.theory.test_rounds import late_polynomial
 
 QUIET = {"attack": "none", "defence": "none", "engine": "exact", "tail": 0.0}
 
@@ -61,17 +59,6 @@ def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, kno
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("delay", "grows"), [(0.035, False), (0.038, True)])
-def test_the_margin_of_extrapolated_jerks_on_the_ring(delay, grows):
-    """Stable below 0.0363729 s: of two lanes with other starts, the difference shrinks or grows."""
-    keys = {"topology": "cyclic", "channel": {"delay": delay, "extrapolate": "jerk"}, "tick": delay}
-    keys |= {"horizon": 8000 * delay, "output_step": 2000 * delay} | QUIET
-    positions = systems.outcome(2, **keys).series["state"][..., :2]
-    apart = np.abs(positions[0] - positions[1]).max(axis=(1, 2))
-    assert (apart[-1] > 10 * apart[2]) == grows
-
-
-@pytest.mark.long
 def test_messages_are_late_as_often_as_the_distribution_says():
     """Each number of ticks, within five standard deviations."""
     H, channel = 0.1, {"delay": {"uniform": [0.05, 0.3]}, "delay_of": "message"}
@@ -81,27 +68,6 @@ def test_messages_are_late_as_often_as_the_distribution_says():
     drawn = np.stack([np.asarray(draw(jnp.full(2, n * H))) for n in range(100)])
     for ticks, share in {1: 0.4, 2: 0.4, 3: 0.2}.items():
         assert abs((drawn == ticks).mean() - share) < 5 * np.sqrt(share * (1 - share) / drawn.size)
-
-
-@pytest.mark.long
-def test_motions_obey_the_polynomial_of_late_exchanges():
-    """On the ring, along each eigenvector; `check` tells the greatest root, known for 3 ticks."""
-    tick, late, ticks = 0.02, 3, 60
-    keys = {"topology": "cyclic", "law": "rounds", "channel": {"delay": late * tick}, "tick": tick}
-    keys |= {"output_step": tick, "horizon": ticks * tick, "tail": 0.0, "engine": "exact"}
-    study = systems.study(**keys, attack="none", defence="none")
-    values, vectors = np.linalg.eig(matrix_of(Cyclic(), 12)[:, 1:])
-    states = systems.simulate(parted(systems.lanes(study, 13), vectors)).series["state"]
-    apart = (states[1:] - states[:1])[..., 0] + 1j * (states[1:] - states[:1])[..., 1]
-    for value, path in zip(values, np.einsum("lti,il->lt", apart, vectors.conj()), strict=True):
-        polynomial = late_polynomial(value, np.array([1.0, 3.0, 3.0]), tick, late).coeffs[::-1]
-        windows = np.lib.stride_tricks.sliding_window_view(path[late + 1 :], len(polynomial))
-        assert np.abs(windows @ polynomial).max() < 1e-11 * np.abs(path).max()
-    told = " ".join(check_text(study).split())
-    assert (
-        "0.06 s late; no bound holds; stable, deviations times 0.988730 at each tick of 0.02 s"
-        in told
-    )
 
 
 def test_a_place_is_reached_as_it_is_told():

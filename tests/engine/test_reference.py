@@ -188,10 +188,11 @@ CELLS = {
     "nonlinear, lost": ("nonlinear", EXACT, 3, LOSS, ERRS),
     "nonlinear, late": ("nonlinear", EXACT, 4, LATE | NOISE, W_MSR),
     "nonlinear, local": ("nonlinear", LOCAL, 2, LOSS | {"missing": "hold"}, ERRS),
-    "stacked": ("stacked", EXACT, 3, LOSS | NOISE, ERRS | W_MSR),
+    "stacked": ("stacked", EXACT, 3, LOSS | NOISE, ERRS | W_MSR | {"vehicle": "car"}),
+    "stacked, replaced": ("stacked", EXACT, 3, LOSS, W_MSR | {"threat": "replaces"}),
 }
 LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "nonlinear, local"}
-LONG |= {"three rounds, replaced", "stacked", "lost and dropped"}
+LONG |= {"three rounds, replaced", "stacked", "stacked, replaced", "lost and dropped"}
 LONG |= {each for each in CELLS if each.startswith("vote")} - {"vote, lost", "vote, local and held"}
 LONG |= {"damped, late", "damped, held messages", "damped and held, late"}
 LONG |= {"misused, held and late", "nonlinear, misused", "stacked, misused"}

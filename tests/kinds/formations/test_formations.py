@@ -76,21 +76,6 @@ def test_errors_are_those_without_a_formation_to_the_last_bit(vehicle, kinds):
         assert moved == pytest.approx(np.broadcast_to(offsets(kind).T, moved.shape), abs=1e-10)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("engine", ["sampled", "nonlinear", "stacked"])
-def test_errors_of_other_engines_are_those_without_a_formation(engine):
-    keys = {"vehicle": "unicycle", "engine": engine, "horizon": 1.0, "tail": 0.5}
-    keys["initial"] = {"position": {"uniform": [-5.0, 5.0]}, "speed": 20.0}
-    keys |= {"defence": "none", "tick": 0.01}
-    plain = simulated(**keys)
-    shaped = simulated(**keys, formation={"kind": "grid", **PLACES["grid"]})
-    for column in ("tail_mean", "peak_error"):
-        expected = plain.lanes[column].to_numpy()
-        assert shaped.lanes[column].to_numpy() == pytest.approx(expected, rel=1e-6), column
-    moved = positions(shaped) - positions(plain)
-    assert moved == pytest.approx(np.broadcast_to(offsets("grid").T, moved.shape), abs=1e-5)
-
-
 @pytest.mark.parametrize(
     "engine",
     ["exact", *[pytest.param(each, marks=pytest.mark.long) for each in ("nonlinear", "stacked")]],
@@ -116,10 +101,19 @@ def test_circle_that_turns(vehicle, engine):
     assert moved == pytest.approx(np.broadcast_to(offsets("", 2.0).T, moved.shape), abs=1e-5)
 
 
-@pytest.mark.parametrize("engine", ["sampled", pytest.param("nonlinear", marks=pytest.mark.long)])
-def test_the_linearised_law_leads_each_vehicle_to_its_place(engine):
-    """It linearises about the navigator's path in each vehicle's place."""
-    keys = {"vehicle": "unicycle", "law": "linearised", "engine": engine, "attack": "none"}
+@pytest.mark.parametrize(
+    ("law", "engine"),
+    [
+        ("linearised", "sampled"),
+        *[
+            pytest.param(*each, marks=pytest.mark.long)
+            for each in (("linearised", "nonlinear"), ("exact", "sampled"))
+        ],
+    ],
+)
+def test_other_laws_and_engines_lead_each_vehicle_to_its_place(law, engine):
+    """A linearised law is linearised about the navigator's path in each vehicle's place."""
+    keys = {"vehicle": "unicycle", "law": law, "engine": engine, "attack": "none"}
     keys |= {"defence": "none", "tick": 0.01, "initial": {"speed": 28.0, "heading": 0.8}}
     keys["initial"]["position"] = {"uniform": [-2.0, 2.0]}
     plain = simulated(**keys)

@@ -75,15 +75,6 @@ def test_a_protocol_in_fixed_time_steps_as_a_plain_program():
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
-@pytest.mark.long
-def test_a_protocol_in_fixed_time_meets_its_time():
-    """Two agents at a distance D meet within `∫ dx / (x^½ + x^1.5) / 2 = arctan(√D)` < π/2."""
-    start = {"position": [[0.0, 0.0], [100.0, 0.0]]}
-    time, found = places(FixedTime(), **TWO | {"initial": start, "tick": 1e-4})
-    apart = abs(found[:, 0, 0] - found[:, 1, 0])
-    assert time[apart > 1e-3].max() == pytest.approx(np.arctan(10.0), abs=0.05)
-
-
 class PrescribedTime(LinkLaw):
     """`q_i = (k0 + 2 / (T - t)) Σ_j a_ij Δ`, until T (Wang, Song, Hill and Krstić, 2019)."""
 
