@@ -22,6 +22,15 @@ FEW = batch.Machine(devices=1, chunk=4)
 # it.
 EVERYTHING = tuple(name for name in SERIES if name != "inputs")
 
+# What many studies of tests have in common: nobody lies or judges; agents without a navigator.
+QUIET = {"attack": "none", "defence": "none"}
+AGENTS = {"vehicle": "single_integrator", "navigator": "none", "law": "local"}
+
+
+def clock(tick: float, horizon: float, tail: float = 0.0) -> dict[str, float]:
+    """Keys of a study whose output times are its ticks [s]."""
+    return {"tick": tick, "output_step": tick, "horizon": horizon, "tail": tail}
+
 
 def study(**keys: Any) -> Study:
     """A study of these keys, the defaults elsewhere."""
@@ -69,6 +78,11 @@ def simulate(one: Any) -> Outcome:
     """Outcomes of lanes; whom they retain is told by listener and source, (times, m, m + 1)."""
     outcomes = [by_source(each, simulated(each)) for each in getattr(one, "jobs", [one])]
     return jax.tree.map(lambda *parts: np.concatenate(parts), *outcomes)
+
+
+def outcome(samples: int, save: tuple[str, ...] = EVERYTHING, /, **keys: Any) -> Outcome:
+    """Outcomes of lanes of all cells of a study of these keys."""
+    return simulate(lanes(study(**keys), samples, save))
 
 
 def by_source(job: Job, outcome: Outcome) -> Outcome:

@@ -81,7 +81,7 @@ RING = {
 
 
 def outcome(**keys):
-    return systems.simulate(systems.lanes(systems.study(**{**RING, **keys}), 2))
+    return systems.outcome(2, **{**RING, **keys})
 
 
 EDGES = [[i, i - 1, 1.0 + i] for i in range(1, 7)] + [[i, i % 6 + 1, 2.0] for i in range(1, 7)]

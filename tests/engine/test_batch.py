@@ -42,15 +42,12 @@ def test_the_step_limit_is_a_limit(solver):
     """Also where one step ends one interval; the step to the horizon may be the last allowed."""
     easy = {"solver": solver, "rtol": 1e-3, "atol": 1e-3}
     keys = {
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "initial": {"speed": 20.0},
         "horizon": 20.0,
         "tail": 1.0,
     }
-    needed = int(
-        systems.simulate(systems.lanes(systems.study(engine=easy, **keys), 1, ())).steps[0]
-    )
+    needed = int(systems.outcome(1, (), engine=easy, **keys).steps[0])
     assert needed > 2
     for limit, status in (
         (needed, Status.ok),
@@ -74,16 +71,6 @@ def test_a_lane_is_the_same_alone_and_among_others(engine):
     for ours, theirs, same in zip(*map(jax.tree.leaves, (few, many, alone)), strict=True):
         np.testing.assert_array_equal(ours, theirs[:3])
         np.testing.assert_array_equal(same, theirs)
-
-
-@pytest.mark.long
-def test_chunks_of_another_width_agree():
-    """To 1e-9, with the same decisions; nonlinear ones to the last bit above."""
-    one = systems.lanes(systems.study(engine="exact", **SHORTEST), 40)
-    ours, theirs = systems.simulate(one), batch.simulate(one, batch.Machine(chunk=5))
-    np.testing.assert_array_equal(ours.switches, theirs.switches)
-    for metric, other in zip(ours.metrics.values(), theirs.metrics.values(), strict=True):
-        np.testing.assert_allclose(metric, other, rtol=1e-9)
 
 
 @pytest.mark.parametrize("chunk", [16, 64, 256])

@@ -17,7 +17,7 @@ SHORT = {"horizon": 6.0, "tail": 2.0}
 
 def outcome(lanes=4, **keys):
     """Lanes of a study, with what vehicles do at output times."""
-    return systems.simulate(systems.lanes(systems.study(**{**SHORT, **keys}), lanes, ("state",)))
+    return systems.outcome(lanes, ("state",), **{**SHORT, **keys})
 
 
 def apart(one, other):

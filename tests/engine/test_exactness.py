@@ -114,7 +114,7 @@ def test_constant_in_phase_attack_has_the_static_gains():
         expected = np.repeat([each[column] for each in known.values()], 2)
         np.testing.assert_allclose(metrics[name] / 2.0, expected, rtol=0, atol=1e-4)
     assert np.abs(metrics["tail_max"][-2:] / 2.0 - 3.1034).max() < 1e-4
-    trimmed = systems.simulate(systems.lanes(systems.study(topology="cyclic", **keys), 2)).metrics
+    trimmed = systems.outcome(2, topology="cyclic", **keys).metrics
     assert (trimmed["tail_mean"] / 2.0 < 1e-6).all()
 
 
@@ -136,7 +136,7 @@ def test_trimming_in_the_vector_field_is_the_limit_of_trimming_at_ticks():
 def test_both_engines_measure_the_same():
     """Every contract metric, untrimmed; speeds and turn rates come from flat outputs (O4)."""
     ours, theirs = (
-        systems.simulate(systems.lanes(systems.study(engine=engine, defence="none"), 20)).metrics
+        systems.outcome(20, engine=engine, defence="none").metrics
         for engine in ("exact", "nonlinear")
     )
     for name in ("tail_mean", "tail_max", "tail_disagreement", "peak_error"):

@@ -198,7 +198,7 @@ def test_a_defence_in_the_vector_field_is_told_the_time():
     """As at ticks one of which is the time that it waits for; whatever the magnitude."""
     keys = {"defence": named(Withdrawing), "horizon": 4.0, "tail": 1.0, "output_step": 0.25}
     ticked, literal = (
-        systems.simulate(systems.lanes(systems.study(engine=engine, tick=tick, **keys), 1))
+        systems.outcome(1, engine=engine, tick=tick, **keys)
         for engine, tick in (("exact", 0.0625), (FINER, 0.0))
     )
     assert ticked.status.tolist() == literal.status.tolist() == [0]

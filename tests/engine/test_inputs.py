@@ -69,11 +69,9 @@ def test_inputs_drive_the_vehicles_along_the_stored_states():
 def test_engines_agree_on_the_inputs(keys, engines):
     """After each decision: inputs jump where a vehicle drops, senses anew or loses a message."""
     known, *others = (
-        systems.simulate(
-            systems.lanes(
-                systems.study(engine=engine, attack=TURNING, **KEYS, **keys), 2, ("inputs",)
-            )
-        ).series["inputs"]
+        systems.outcome(2, ("inputs",), engine=engine, attack=TURNING, **KEYS, **keys).series[
+            "inputs"
+        ]
         for engine in ("exact", *engines)
     )
     assert np.isfinite(known).all()

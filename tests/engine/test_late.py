@@ -5,8 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.rounds import parted
-from jaxnet.config.document import ConfigError
 from jaxnet.engine.stages.late import DrawnDelay
 from jaxnet.engine.status import Status
 from jaxnet.kinds.graphs.cyclic import Cyclic
@@ -16,10 +14,7 @@ from jaxnet.view.text.check import check_text
 from tests import systems
 from tests.matrices import matrix_of
 from tests.reference import Powers
-from tests.theory.test_rounds import late_polynomial
 
-LOCAL = {"kind": "local", "hold": False}
-TWO_ROUNDS = {"kind": "rounds", "rounds": 2}
 QUIET = {"attack": "none", "defence": "none", "engine": "exact", "tail": 0.0}
 
 
@@ -49,7 +44,7 @@ def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, kno
     """
     given = {"vehicle": vehicle, "topology": graph.kind, "channel": {"delay": 0.1}}
     given |= {"tick": tick, "output_step": 0.5}
-    outcome = systems.simulate(systems.lanes(systems.study(horizon=100.0, **given, **QUIET), 1))
+    outcome = systems.outcome(1, horizon=100.0, **given, **QUIET)
     assert (outcome.status == Status.ok).all()
     time = np.arange(201) * 0.5
     settled = slice(140, None)
@@ -63,43 +58,6 @@ def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, tick, kno
         assert known[axis] is None or off == pytest.approx(known[axis], abs=6e-7)
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"channel": {"delay": 0.07}}, "multiple of tick = 0.05"),
-        ({"channel": {"delay": 20.0}}, "at most 200 times tick"),
-        ({"channel": {"delay": 0.1}, "tick": 0.0}, "give a tick"),
-        ({"channel": {"delay": 0.1}, "law": TWO_ROUNDS}, "makes one at a tick"),
-        ({"channel": {"missing": "hold"}, "law": TWO_ROUNDS}, "makes one at a tick"),
-        ({"channel": {"delay": 0.1, "missing": "extrapolate"}}, "dropped or held"),
-        ({"channel": {"delay": 0.1, "extrapolate": "jerk"}, "law": "local"}, "no highest deriv"),
-        ({"channel": {"delay": 0.4}, "law": LOCAL, "tick": 0.2, "gain": [9, 9, 9]}, "fastest time"),
-        ({"channel": {"delay": {"uniform": [0.02, 0.1]}}}, "at least half a tick"),
-        ({"channel": {"delay": {"normal": [0.2, 0.1]}}}, "must be at least 0"),
-        ({"channel": {"delay": -0.1}}, "must be at least 0"),
-        ({"channel": {"delay": 0.1}, "law": "linearised"}, "live messages alone"),
-        ({"channel": {"noise": {"position": 0.1}}, "law": "linearised"}, "no noise of messages"),
-        ({"channel": {"delay": 0.1}, "gain": [[1, 3, 3], [1, 3, 4]]}, "a number for each order"),
-    ],
-    ids=str,
-)
-def test_what_is_refused(keys, words):
-    """Each with its key."""
-    with pytest.raises(ConfigError, match=words):
-        systems.study(**keys)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("delay", "grows"), [(0.035, False), (0.038, True)])
-def test_the_margin_of_extrapolated_jerks_on_the_ring(delay, grows):
-    """Stable below 0.0363729 s: of two lanes with other starts, the difference shrinks or grows."""
-    keys = {"topology": "cyclic", "channel": {"delay": delay, "extrapolate": "jerk"}, "tick": delay}
-    keys |= {"horizon": 8000 * delay, "output_step": 2000 * delay} | QUIET
-    positions = systems.simulate(systems.lanes(systems.study(**keys), 2)).series["state"][..., :2]
-    apart = np.abs(positions[0] - positions[1]).max(axis=(1, 2))
-    assert (apart[-1] > 10 * apart[2]) == grows
-
-
 @pytest.mark.long
 def test_messages_are_late_as_often_as_the_distribution_says():
     """Each number of ticks, within five standard deviations."""
@@ -110,27 +68,6 @@ def test_messages_are_late_as_often_as_the_distribution_says():
     drawn = np.stack([np.asarray(draw(jnp.full(2, n * H))) for n in range(100)])
     for ticks, share in {1: 0.4, 2: 0.4, 3: 0.2}.items():
         assert abs((drawn == ticks).mean() - share) < 5 * np.sqrt(share * (1 - share) / drawn.size)
-
-
-@pytest.mark.long
-def test_motions_obey_the_polynomial_of_late_exchanges():
-    """On the ring, along each eigenvector; `check` tells the greatest root, known for 3 ticks."""
-    tick, late, ticks = 0.02, 3, 60
-    keys = {"topology": "cyclic", "law": "rounds", "channel": {"delay": late * tick}, "tick": tick}
-    keys |= {"output_step": tick, "horizon": ticks * tick, "tail": 0.0, "engine": "exact"}
-    study = systems.study(**keys, attack="none", defence="none")
-    values, vectors = np.linalg.eig(matrix_of(Cyclic(), 12)[:, 1:])
-    states = systems.simulate(parted(systems.lanes(study, 13), vectors)).series["state"]
-    apart = (states[1:] - states[:1])[..., 0] + 1j * (states[1:] - states[:1])[..., 1]
-    for value, path in zip(values, np.einsum("lti,il->lt", apart, vectors.conj()), strict=True):
-        polynomial = late_polynomial(value, np.array([1.0, 3.0, 3.0]), tick, late).coeffs[::-1]
-        windows = np.lib.stride_tricks.sliding_window_view(path[late + 1 :], len(polynomial))
-        assert np.abs(windows @ polynomial).max() < 1e-11 * np.abs(path).max()
-    told = " ".join(check_text(study).split())
-    assert (
-        "0.06 s late; no bound holds; stable, deviations times 0.988730 at each tick of 0.02 s"
-        in told
-    )
 
 
 def test_a_place_is_reached_as_it_is_told():

@@ -8,14 +8,12 @@ import pytest
 
 import jaxnet
 from jaxnet.view.text.check import check_text
-from tests.engine.test_orders import subsequence
+from tests import systems
 
 PUBLISHED = Path(__file__).parents[1] / "theory" / "published_robustness.json"
 GRAPHS = {each["name"]: each for each in json.loads(PUBLISHED.read_text())}
 KEYS = {
-    "vehicle": "single_integrator",
-    "navigator": "none",
-    "law": "local",
+    **systems.AGENTS,
     "gain": [8.0],
     "tick": 0.1,
 }
@@ -37,37 +35,6 @@ def honest_paths(results, liar, sample=0):
     """Positions of the vehicles that are not attacked, (times, vehicles, 2)."""
     states = results.trajectories["states"].sel(cell=0, sample=sample).values
     return np.delete(states, liar - 1, axis=1)
-
-
-def test_vehicles_step_by_the_weights_of_their_neighbours():
-    """A plain W-MSR, step by step; the spread and the way outside the hull in the row."""
-    liar, attack = 5, {"kind": "rotating", "magnitude": 30.0, "frequency": 0.9, "vehicles": [5]}
-    results = simulated(
-        topology=edges_of("jia 10 union"), attack=attack, defence="w_msr", horizon=8.0
-    )
-    data = results.trajectories.sel(cell=0, sample=0)
-    states, signal = data["states"].values, data["attack"].values
-    heard = [
-        [j - 1 for i, j in sorted(GRAPHS["jia 10 union"]["hears"]) if i == n + 1] for n in range(10)
-    ]
-    x = states[0].copy()
-    for n in range(len(states) - 1):
-        sent, new = x + signal[n], x.copy()
-        for i in range(10):
-            weights = np.ones(len(heard[i]))
-            for axis in range(2):
-                _, mean = subsequence(x[i, axis], sent[heard[i], axis], weights, set(), 1)
-                new[i, axis] += 0.8 * (mean - x[i, axis])
-        x = new
-        np.testing.assert_allclose(states[n + 1], x, rtol=0, atol=1e-11)
-        if np.ptp(np.delete(x, liar - 1, axis=0), axis=0).max() < 1e-9:
-            break  # rounding chooses among equal values
-    honest = honest_paths(results, liar)
-    row = results.lanes.iloc[0]
-    apart = np.linalg.norm(honest[-1][:, None] - honest[-1][None], axis=2)
-    assert row["spread"] == pytest.approx(apart.max(), abs=1e-12)
-    middle = states[-1] - honest[-1].mean(axis=0)
-    assert row["tail_max"] == pytest.approx(np.linalg.norm(middle, axis=1).max(), abs=1e-12)
 
 
 def test_the_way_outside_the_hull_is_measured_along_half_planes():

@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import jaxnet
-from jaxnet.kinds.kind import KindError
 from tests.matrices import matrix_of
 
 CIRCLE = {
@@ -137,19 +136,3 @@ def test_the_difference_from_the_exact_law_is_of_second_order():
     )
     assert exact < 0.1
     assert not linearised < 10.0
-
-
-@pytest.mark.parametrize(
-    ("keys", "reason"),
-    [
-        ({"engine": "exact"}, "exact linearisation, which linearised lacks"),
-        ({"engine": "stacked"}, "exact linearisation, which linearised lacks"),
-        ({"vehicle": "look_ahead"}, "does not determine"),
-        ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}, "no drive to keep"),
-        ({"defence": {"kind": "w_msr", "isolated": "coast"}}, "isolated: fail"),
-        ({"navigator": "none"}, "law: local"),
-    ],
-)
-def test_what_the_law_cannot_do_is_refused(keys, reason):
-    with pytest.raises((ValueError, KindError), match=reason):
-        jaxnet.load({"law": "linearised"} | keys)

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 
 import jaxnet
-from jaxnet.kinds.kind import KindError
 from tests.matrices import matrix_of
 
 COUPLED = [[[2.0, 0.7], [-0.9, 1.5]], [[3.0, -0.4], [0.5, 3.5]]]  # k0 and k1
@@ -77,56 +76,3 @@ def test_a_multiple_of_the_identity_is_a_number():
     keys |= {"initial": on_line, "navigator": path, "attack": ATTACK | {"magnitude": 0.0}}
     ends = [paths(gain=gain, **keys)[0].lanes for gain in ([1.0, 3.0, 3.0], [[1.0, 3.0, 3.0]] * 2)]
     assert [each["status"][0] for each in ends] == ["singular"] * 2
-
-
-@pytest.mark.long
-def test_the_motion_turns_with_the_gains_when_the_plane_is_turned():
-    """`K → Q K Q'` for a quarter turn Q exchanges the axes of starts and path."""
-    quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
-    turned = [(quarter @ np.array(each) @ quarter.T).tolist() for each in COUPLED]
-    path = {"kind": "lissajous", "amplitude": [100.0, 50.0], "frequency": [0.2, 0.4]}
-    there = {"kind": "lissajous", "amplitude": [-50.0, 100.0], "frequency": [0.4, 0.2]}
-    places = [[10.0, -7.0], [3.0, 80.0], [-55.0, 2.0], [0.0, 1.0]]
-    keys = {"engine": "nonlinear", "attack": "none"}
-    start = {"heading": 0.3, "speed": 2.0}
-    one = paths(gain=COUPLED, navigator=path, initial={"position": places, **start}, **keys)[2]
-    start["heading"] += np.pi / 2
-    places = (np.array(places) @ quarter.T).tolist()
-    other = paths(gain=turned, navigator=there, initial={"position": places, **start}, **keys)[2]
-    np.testing.assert_allclose(other, one @ block_diag(quarter, quarter).T, rtol=0, atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("keys", "reason"),
-    [
-        (
-            {
-                "gain": [
-                    [[1.0, 0.0], [0.0, 1.0]],
-                    [[0.1, 3.0], [-3.0, 0.1]],
-                    [[0.1, 0.0], [0.0, 0.1]],
-                ]
-            },
-            "unstable",
-        ),
-        (
-            {"gain": [[1.0, 3.0, 3.0], [9.0, 1.0, 1.0]]},
-            r"unstable: eigenvalues .*\[9.0, 1.0, 1.0\]",
-        ),
-        ({"gain": [[1.0, 3.0, 3.0], [1.0, 3.0]]}, "as many numbers as the other lists"),
-        ({"gain": [[1.0, 2.0], [1.0, 2.0]]}, "must be 3, one for each order of two_wheeled"),
-        ({"gain": [[1.0, 3.0, 3.0]] * 3}, "at most 2 entries"),
-        ({"gain": [[[1.0, 0.0, 2.0], [0.0, 1.0]]] * 3}, "at most 2 entries"),
-        (
-            {
-                "gain": [[1.0, 3.0, 3.0]] * 2,
-                "engine": "exact",
-                "sensing": {"kind": "gaussian", "position": 1.0},
-            },
-            "only",
-        ),
-    ],
-)
-def test_gains_that_cannot_be_are_refused(keys, reason):
-    with pytest.raises((ValueError, KindError), match=reason):
-        jaxnet.load(keys)

@@ -22,31 +22,6 @@ def navigator_jets(results, times):
     return np.asarray(results.study.config.navigator.jets(np.asarray(times)))
 
 
-def paths(**keys):
-    """Positions of a fleet of five under attack for 3 s, and the rows: (samples, times, 5, 2)."""
-    attack = {"kind": "rotating", "vehicles": [2, 4], "magnitude": 5.0, "frequency": 1.7}
-    keys = {
-        "vehicles": 5,
-        "horizon": 3.0,
-        "samples": 2,
-        "attack": attack,
-        "defence": "none",
-        "tick": 0.1,
-    } | keys
-    results = simulated(**keys)
-    assert (results.lanes["status"] == "ok").all()
-    return results.trajectories["states"].sel(cell=0).values[..., :2], results.lanes
-
-
-@pytest.mark.long
-def test_engines_agree_on_vehicles_with_states_inside():
-    """The dense 2m × 2m system; windows and steps: tests/kinds/vehicles/test_look_ahead.py."""
-    exact, stacked = (
-        paths(vehicle="look_ahead", engine=engine)[0] for engine in ("exact", "stacked")
-    )
-    np.testing.assert_allclose(stacked, exact, rtol=0, atol=1e-5)
-
-
 def test_static_gains_do_not_depend_on_the_order():
     """3.0000 in the mean and 3.1034 for the worst on the ring."""
     keys = {"vehicle": "planar_quadrotor", "defence": "none", "horizon": 60.0, "samples": 2}

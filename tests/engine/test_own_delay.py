@@ -10,6 +10,7 @@ from scipy.special import lambertw
 import jaxnet
 from jaxnet.theory import delay
 from jaxnet.view.text.check import check_text
+from tests import systems
 
 AGENTS = 10
 MARGIN = np.pi / (2 * AGENTS)  # of the complete network with weights of 1, 0.157 s
@@ -25,8 +26,7 @@ def keys(late, tick=0.005, **others):
         "law": {"kind": "local", "hold": False},
         "gain": [1.0],
         "channel": {"delay": late, "own_delay": True},
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "engine": "exact",
         "horizon": 20.0,
         "tail": 0.0,

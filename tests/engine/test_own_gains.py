@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import jaxnet
+from tests import systems
 
 GAINS = [[1.0, 2.0], [4.0, 3.0], [0.5, 1.2], [2.0, 5.0]]
 KEYS = {
@@ -12,10 +13,7 @@ KEYS = {
     "vehicle": "double_integrator",
     "gain": {"vehicles": GAINS},
     "defence": "none",
-    "horizon": 3.0,
-    "tail": 1.0,
-    "tick": 0.5,
-    "output_step": 0.5,
+    **systems.clock(0.5, 3.0, 1.0),
     "samples": 2,
     "save": {"trajectories": "all"},
 }
@@ -77,23 +75,3 @@ def test_equal_gains_are_one_gain():
     )
     for name in ("tail_mean", "tail_max", "tail_disagreement", "min_speed"):
         np.testing.assert_allclose(each[name], one[name], rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"gain": {"vehicles": GAINS[:3]}}, r"must be 4, one for each vehicle \(got 3\)"),
-        ({"gain": {"vehicles": [[1.0], [1.0], [1.0], [1.0]]}}, "must be 2, one for each order"),
-        ({"gain": {"vehicles": [*GAINS[:3], [1.0, 2.0, 3.0]]}}, "as many numbers as the other"),
-        ({"gain": {"vehicles": [*GAINS[:3], [-1.0, 2.0]]}}, "unstable: eigenvalues"),
-        ({"engine": "exact"}, "the exact engine moves all vehicles by one flow"),
-        ({"law": "rounds"}, "need law: exact"),
-        (
-            {"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}},
-            "need messages that all arrive",
-        ),
-    ],
-)
-def test_what_gains_of_each_vehicle_cannot_do_is_refused(keys, message):
-    with pytest.raises(jaxnet.ConfigError, match=message):
-        jaxnet.load(KEYS | {"topology": "complete", "attack": "none"} | keys)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from jaxnet.engine.status import Status
+from tests import systems
 from tests.reference import TICKS, Hashed, Humming, Swinging, compared, reached
 
 H = 0.1
@@ -46,10 +47,7 @@ def drawn(seed, engine, h=H):
     }
     start = {"position": some(-20, 20, 4, 2), "heading": some(0, 6), "speed": some(5, 9)}
     return {
-        "tick": h,
-        "output_step": h,
-        "horizon": round(h * TICKS, 9),
-        "tail": round(h * TICKS / 2, 9),
+        **systems.clock(h, round(h * TICKS, 9), round(h * TICKS / 2, 9)),
         "vehicles": 4,
         "vehicle": VEHICLES[r],
         "gain": np.poly(-draw.uniform(0.6, 2.0, r))[:0:-1].round(3).tolist(),
@@ -190,10 +188,11 @@ CELLS = {
     "nonlinear, lost": ("nonlinear", EXACT, 3, LOSS, ERRS),
     "nonlinear, late": ("nonlinear", EXACT, 4, LATE | NOISE, W_MSR),
     "nonlinear, local": ("nonlinear", LOCAL, 2, LOSS | {"missing": "hold"}, ERRS),
-    "stacked": ("stacked", EXACT, 3, LOSS | NOISE, ERRS | W_MSR),
+    "stacked": ("stacked", EXACT, 3, LOSS | NOISE, ERRS | W_MSR | {"vehicle": "car"}),
+    "stacked, replaced": ("stacked", EXACT, 3, LOSS, W_MSR | {"threat": "replaces"}),
 }
 LONG = {"late by message", "rounds, late", "local, late", "nonlinear, late", "nonlinear, local"}
-LONG |= {"three rounds, replaced", "stacked", "lost and dropped"}
+LONG |= {"three rounds, replaced", "stacked", "stacked, replaced", "lost and dropped"}
 LONG |= {each for each in CELLS if each.startswith("vote")} - {"vote, lost", "vote, local and held"}
 LONG |= {"damped, late", "damped, held messages", "damped and held, late"}
 LONG |= {"misused, held and late", "nonlinear, misused", "stacked, misused"}

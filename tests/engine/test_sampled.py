@@ -13,6 +13,7 @@ from jaxnet.kinds.losses import Loss
 from jaxnet.kinds.vehicles.robotarium import Robotarium
 from jaxnet.view.text.check import check_text
 from jaxnet.view.text.tables import failures_text
+from tests import systems
 
 STEP = 0.033
 ROBOTS = 12
@@ -29,13 +30,9 @@ def ring(**keys):
         "vehicle": "robotarium",
         "law": "local",
         "gain": [2.0],
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "engine": {"kind": "sampled", "move": "euler"},
-        "tick": STEP,
-        "output_step": STEP,
-        "horizon": 1000 * STEP,
-        "tail": STEP,
+        **systems.clock(STEP, 1000 * STEP, STEP),
         "initial": {"position": places.tolist(), "heading": [0.0] * ROBOTS},
         "metrics": ["saturated_steps"],
         "save": {"trajectories": "all"},
@@ -92,8 +89,7 @@ def gap_after(time, place, engine):
         "topology": {"kind": "star"},
         "navigator": {"kind": "driven", "speed": [0.1, 0.1], "turn_rate": [0.0, 0.0]},
         "vehicle": {"kind": "single_integrator", "limits": {"input": 0.2}},
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "gain": [1.0],
         "initial": {"position": [[place, 0.0]]},
         "engine": engine,
@@ -183,23 +179,6 @@ def test_held_single_integrators_move_exactly():
             assert lanes[column].to_numpy() == pytest.approx(exact[column].to_numpy(), rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"tick": 0.0}, "the sampled engine"),
-        (
-            {"engine": "exact", "vehicle": {"kind": "unicycle", "limits": {"turn_rate": 1.0}}},
-            "know",
-        ),
-        ({"vehicle": {"kind": "unicycle", "limits": {"speed": 1.0}}}, "acceleration, turn_rate"),
-        ({"initial": {"heading": [0.0, 1.0]}}, "12 headings, one for each vehicle"),
-    ],
-)
-def test_what_cannot_be_simulated_is_refused(keys, message):
-    with pytest.raises(jaxnet.ConfigError, match=message):
-        jaxnet.load({"engine": "sampled", **keys})
-
-
 def test_nothing_is_proved_of_sampled_or_limited_fleets():
     limited = {"kind": "unicycle", "limits": {"turn_rate": 1.0}}
     asked = {"defence": "none", "vehicle": "unicycle", "engine": "nonlinear"}
@@ -268,15 +247,11 @@ def test_the_message_that_arrived_last_is_held(law, delay):
         "gain": [gain],
         "law": law,
         "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "initial": {"position": [[2.0, 0.0]]},
         "channel": {"loss": LostAfter(after=lost), "missing": "hold", "delay": delay * tick},
         "engine": "sampled",
-        "tick": tick,
-        "output_step": tick,
-        "horizon": 5 * tick,
-        "tail": tick,
+        **systems.clock(tick, 5 * tick, tick),
         "save": {"trajectories": "all"},
     }
     place, places = 2.0, []
@@ -310,15 +285,11 @@ def test_delayed_motions_are_continued_over_ticks_of_any_length(law, engine):
         "gain": [k0, k1],
         "law": law,
         "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "initial": {"position": [[-0.8, 0.0], [0.6, 0.0]], "heading": 0.0, "speed": 0.7},
         "channel": {"delay": tick, "extrapolate": "jets"},
         "engine": engine,
-        "tick": tick,
-        "output_step": tick,
-        "horizon": number * tick,
-        "tail": tick,
+        **systems.clock(tick, number * tick, tick),
         "save": {"trajectories": "all"},
     }
     jets, rates = np.array([[-0.8, 0.7], [0.6, 0.7]]), np.zeros(2)  # place and speed of each
@@ -347,8 +318,7 @@ def test_a_vehicle_that_passes_its_singular_set_within_a_period_fails():
         "topology": "star",
         "vehicle": "unicycle",
         "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "initial": {"position": [[5.0, 0.0]], "heading": 0.0, "speed": 1.0},
         "engine": "sampled",
         "horizon": 2.0,

@@ -11,9 +11,7 @@ from tests.engine.test_orders import subsequence
 
 H = 0.1
 KEYS = {
-    "vehicle": "single_integrator",
-    "navigator": "none",
-    "law": "local",
+    **systems.AGENTS,
     "gain": [1 / H],
     "tick": H,
 }
@@ -23,7 +21,7 @@ RING = [[i, j % 6 + 1, 1.0 + i / 10] for i in range(1, 7) for j in (i, i + 1, i 
 
 def paths(**keys):
     """States (times, vehicles, 2) of one lane, and what the attacks add (times, vehicles, 2)."""
-    series = systems.simulate(systems.lanes(systems.study(**KEYS | keys), 1)).series
+    series = systems.outcome(1, **KEYS | keys).series
     return series["state"][0], series["attack"][0]
 
 
@@ -111,26 +109,3 @@ def test_check_tells_the_factor_of_the_slowest_disagreement(topology, radius):
     states, _ = paths(**keys)
     apart = np.linalg.norm(states - states.mean(axis=1, keepdims=True), axis=(1, 2))
     assert (apart[-1] / apart[60]) ** (1 / 60) == pytest.approx(radius, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("topology", "words"),
-    [
-        ({"own_weight": 1.0}, "own_weight acts under law: local alone"),
-        ({"normalised": False}, "normalised acts under law: local alone"),
-        ({"edges": [[1, 0, 1.0], [1, 1, 1.0]]}, "1 hears itself, which law: local alone allows"),
-    ],
-)
-def test_other_laws_refuse_what_would_not_act(topology, words):
-    """The solution of the exact law does not depend on the strength of a row."""
-    with pytest.raises(jaxnet.ConfigError, match=words):
-        jaxnet.load(
-            {"topology": {"kind": "edges", "edges": [[1, 0, 1.0]]} | topology, "attack": "none"}
-        )
-
-
-def test_drawn_weights_are_no_weights_on_oneself():
-    """Strengths are the same in all lanes of a cell."""
-    edges = [[1, 2, {"uniform": [0.5, 1.0]}], [2, 1, 1.0], [1, 1, 1.0]]
-    with pytest.raises(jaxnet.ConfigError, match="are numbers, not drawn"):
-        jaxnet.load(KEYS | {"topology": {"kind": "edges", "edges": edges}, "attack": "none"})

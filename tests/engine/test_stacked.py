@@ -14,15 +14,12 @@ from tests import systems
 
 SHORT = {"horizon": 2.0, "tail": 1.0}
 RING = {"vehicles": 4, "attack": {"kind": "rotating", "magnitude": 30.0, "vehicles": [2]}, **SHORT}
-CAR = {**RING, "vehicle": "car", "defence": "w_msr"}
-CAR["initial"] = {"position": {"uniform": [-20.0, 20.0]}}
-CAR["attack"] = {"kind": "sinusoid", "magnitude": 30.0, "vehicles": [2], "threat": "replaces"}
 COUNT = 3
 
 
 def outcome(keys, **changes):
     """A few lanes of a study with some keys changed."""
-    return systems.simulate(systems.lanes(systems.study(**{**keys, **changes}), COUNT))
+    return systems.outcome(COUNT, **{**keys, **changes})
 
 
 def agree(ours, known, within):
@@ -70,24 +67,6 @@ def test_trimmed(trimmed):
     """Decisions at ticks, held between them."""
     agree(trimmed, outcome(RING, engine="exact"), 1e-5)
     assert trimmed.switches.any()
-
-
-@pytest.mark.long
-def test_a_car_that_decides_by_axis_under_replaced_words():
-    """Another vehicle, weights that differ by axis, and a malicious sender; to finer tolerances."""
-    fine = {"kind": "stacked", "rtol": 1e-9, "atol": 1e-11}
-    ours, known = (outcome(CAR, engine=engine) for engine in (fine, "exact"))
-    agree(ours, known, 1e-6)
-    assert ours.switches.any()
-    whole = [
-        0.0,
-        0.1,
-        0.45,
-        0.1 / 0.55,
-        0.45 / 0.55,
-        1.0,
-    ]  # if a source were dropped on both axes or none
-    assert not np.isclose(ours.series["kept"][..., None], whole).any(axis=-1).all()
 
 
 def test_deciding_in_the_vector_field():
@@ -171,16 +150,3 @@ def test_a_step_too_small_and_a_field_that_is_not_finite_are_told_apart(field, r
     )
     assert solution.result == getattr(diffrax.RESULTS, result)
     assert solution.stats["num_steps"] < 1000
-
-
-@pytest.mark.parametrize(
-    "name", ["Dopri6", "tsit5", "Euler", "KenCarp4", "HalfSolver", "diffeqsolve"]
-)
-def test_what_is_no_such_solver_is_refused(name):
-    """Where the config is read, with those that there are."""
-    with pytest.raises(jaxnet.ConfigError) as told:
-        systems.study(engine={"kind": "stacked", "solver": name})
-    assert "engine.solver: must be an adaptive ODE solver of diffrax: Bosh3, Dopri5" in str(
-        told.value
-    )
-    assert ("did you mean 'Tsit5'?" in str(told.value)) == (name == "tsit5")

@@ -12,7 +12,7 @@ import jaxnet
 from jaxnet.engine import standstill
 from jaxnet.engine.status import Status
 from jaxnet.theory.solution import companion
-from tests import reference, systems
+from tests import systems
 from tests.reference import navigator_at
 
 LANES, TICK, HORIZON = 16, 0.1, 3.0
@@ -22,8 +22,7 @@ KEYS = {
     "horizon": HORIZON,
     "tail": 1.0,
     "tick": TICK,
-    "attack": "none",
-    "defence": "none",
+    **systems.QUIET,
 }
 
 
@@ -38,55 +37,33 @@ def on_a_line(engine, reach=75.0, **keys):
 
 
 def least_speed(one, number):
-    """The least velocity along the line after its first sign, by closed form on a grid of 1 ms."""
+    """The least velocity along the line after its first sign, by `expm(A_c t) E(0)` at each ms."""
     lane, navigator = systems.lane(one, number), navigator_at(one, number)
-    times = np.arange(0.0, HORIZON + 5e-4, 1e-3)
-    path = navigator(times)[1, 0]
-    error = reference.flat_jets(lane.initial.T) - navigator(0.0)[:3, None]
-    flows = reference._flows(*map(float, lane.gain), *map(float, times))
-    velocity = path[:, None] + np.einsum("tl,lm->tm", flows[:, 1], error[..., 0])
+    times, error = np.arange(0.0, HORIZON + 5e-4, 1e-3), np.zeros((len(lane.gain), 12))
+    error[:2] = lane.initial[[0, 3]]
+    error -= navigator(0.0)[: len(error), :1]
+    flows = expm(companion(lane.gain) * times[:, None, None])
+    velocity = navigator(times)[1, 0, :, None] + np.einsum("tl,lm->tm", flows[:, 1], error)
     return (velocity * np.sign(velocity[0])).min()
 
 
-@pytest.fixture(scope="module")
-def known():
-    """Least speeds of all lanes, none of them near 0."""
-    one = on_a_line("exact")
-    speeds = np.array([least_speed(one, number) for number in range(LANES)])
-    assert (speeds < -0.05).sum() >= 4
-    assert (speeds > 0.05).sum() >= 4
-    return speeds
-
-
 @pytest.mark.parametrize(
-    ("vehicle", "engine"),
+    ("vehicle", "engine", "reach"),
     [
-        ("two_wheeled", "exact"),
-        pytest.param("two_wheeled", "stacked", marks=pytest.mark.long),
-        pytest.param("car", "nonlinear", marks=pytest.mark.long),
+        ("two_wheeled", "exact", 75.0),
+        pytest.param("two_wheeled", "stacked", 75.0, marks=pytest.mark.long),
+        pytest.param("car", "nonlinear", 75.0, marks=pytest.mark.long),
+        pytest.param("unicycle", "exact", 60.0, marks=pytest.mark.long),  # whose acceleration jumps
     ],
 )
-def test_who_turns_round_on_a_line_is_singular(engine, vehicle, known):
+def test_who_turns_round_on_a_line_is_singular(engine, vehicle, reach):
     """As the closed form says, lane by lane, whether or not a tick is near the turn."""
-    outcome = systems.simulate(on_a_line(engine, vehicle=vehicle))
-    assert (outcome.status == np.where(known < 0, Status.singular, Status.ok)).all()
-
-
-@pytest.mark.long
-def test_a_unicycle_that_turns_round_on_a_line_is_singular():
-    """As `E(t) = expm(A_c t) E(0)` says, whose acceleration jumps at t = 0."""
-    one, times = on_a_line("exact", 60.0, vehicle="unicycle"), np.arange(0.0, HORIZON, 1e-3)
-    flows = np.stack([expm(companion(np.array([1.0, 2.0])) * t) for t in times])
-    least = []
-    for number in range(LANES):
-        state, navigator = systems.lane(one, number).initial, navigator_at(one, number)
-        error = np.stack([state[0], state[3]]) - navigator(0.0)[:2, :1]
-        velocity = navigator(times)[1, 0, :, None] + np.einsum("tl,lm->tm", flows[:, 1], error)
-        least.append(velocity.min())
-    assert min(np.abs(least)) > 0.02
-    assert {*np.sign(least)} == {-1.0, 1.0}
-    known = np.where(np.array(least) < 0, Status.singular, Status.ok)
-    assert systems.simulate(one).status.tolist() == known.tolist()
+    one = on_a_line(engine, reach, vehicle=vehicle)
+    known = np.array([least_speed(one, number) for number in range(LANES)])
+    assert np.abs(known).min() > 0.02
+    assert {*np.sign(known)} == {-1.0, 1.0}
+    status = systems.simulate(one).status
+    assert (status == np.where(known < 0, Status.singular, Status.ok)).all()
 
 
 @pytest.mark.long
@@ -156,12 +133,8 @@ STOPPING = {
     "vehicles": 3,
     "topology": {"kind": "edges", "edges": [[1, 0, 1.0], [2, 0, 1.0], [3, 1, 1.0], [3, 0, 1.0]]},
     "navigator": {"kind": "driven", "speed": [1.0, 1.0], "turn_rate": [0.0, 0.0]},
-    "attack": "none",
-    "defence": "none",
-    "horizon": 8.0,
-    "tail": 1.0,
-    "output_step": TICK,
-    "tick": TICK,
+    **systems.QUIET,
+    **systems.clock(TICK, 8.0, 1.0),
     "save": {"trajectories": "all"},
 }
 ORDERS = {"unicycle": 2, "two_wheeled": 3, "car": 3}
@@ -283,8 +256,7 @@ def test_limits_bring_vehicles_to_rest_on_any_course():
     keys = {
         "vehicles": 6,
         "topology": "star",
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "horizon": 2.0,
         "tail": 1.0,
         "output_step": 0.1,

@@ -1,7 +1,6 @@
 """The engine's own Runge-Kutta steps, lanes side by side, against diffrax's, lane by lane."""
 
 import functools
-import itertools
 
 import diffrax
 import jax
@@ -113,33 +112,6 @@ def test_the_next_step_is_the_controllers(solver):
     kept, theirs = by_controller(solver, steps, errors)
     np.testing.assert_allclose(ours, theirs, rtol=1e-12)
     np.testing.assert_array_equal(kept, errors < 1.0)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("solver", "order", "fewest"), [("dopri5", 5, 16), ("dopri8", 8, 3)])
-def test_kept_steps_converge_at_the_methods_order(solver, order, fewest):
-    """`ẏ = -2 t y²`, solved by 1/(c + t²), with each slope taken over from the step before."""
-    offset = jnp.asarray(np.random.default_rng(0).uniform(1.0, 3.0, (6, VEHICLES, LANES)))
-    tolerated, rule = tolerances(1.0, 1.0), stepper.method(solver)
-
-    def riccati(now, state):
-        return -2.0 * now[None, None] * state**2
-
-    @jax.jit
-    def step(time, end, state, slope):
-        trial = stepper.attempt(riccati, lambda t: t, rule, time, end, state, slope, tolerated)
-        return trial.state, trial.slope
-
-    def error(steps):
-        instants = jnp.linspace(0.0, 2.0, steps + 1)
-        state, slope = 1.0 / offset, jnp.zeros_like(offset)
-        for start, end in itertools.pairwise(instants):
-            state, slope = step(jnp.full(LANES, start), jnp.full(LANES, end), state, slope)
-        return np.abs(state - 1.0 / (offset + 4.0)).max()
-
-    coarse, fine, finest = (error(fewest * factor) for factor in (1, 2, 4))
-    assert np.log2(coarse / fine) > order - 0.5
-    assert np.log2(fine / finest) > order - 0.5
 
 
 @pytest.mark.long

@@ -148,7 +148,7 @@ def test_with_held_inputs_a_vehicle_cut_off_stops_on_its_way(move):
         "defence": {"kind": f"{LastDrops.__module__}:LastDrops", "isolated": "coast"},
     }
     keys["initial"]["speed"] = [speed, 1.0]
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 1))
+    outcome = systems.outcome(1, **keys)
     way, now, ways, span = 0.0, speed, [0.0], TICK
     while now > 0:
         rate = -k1 * (now - speed) - k0 * way
@@ -187,7 +187,7 @@ def test_a_vehicle_cut_off_stops_where_its_limits_let_it():
         "initial": {"position": [[3.0, 0.0], [0.0, 0.0]], "heading": 0.0, "speed": [speed, 1.0]},
         "defence": {"kind": f"{LastDrops.__module__}:LastDrops", "isolated": "coast"},
     }
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 1))
+    outcome = systems.outcome(1, **keys)
     assert outcome.status.tolist() == [Status.ok]
     way = outcome.series["state"][0, -1, 0, 0] - 3.0
     assert way == pytest.approx(known.y_events[0][0][0], abs=1e-7)

@@ -8,9 +8,6 @@ from jaxnet.view.text.check import check_text
 from tests import systems
 
 RING = [[i, 1 + (i + k) % 6, 1.0 + k] for i in range(1, 7) for k in (0, 4)]
-PAIRS = [[i, 7 - i, 2] for i in range(1, 7)] + [[2, 3, 1], [5, 1, 3], [4, 4, 1]]
-SPARSE = [[1, 2, 1], [3, 5, 1], [6, 2, 0.5]]
-NETWORKS = [{"kind": "edges", "edges": edges} for edges in (RING, PAIRS, SPARSE)]
 LINE = {"vehicles": 6, "vehicle": "single_integrator", "navigator": "none", "law": "local"}
 LINE |= {"gain": [1]}
 LINE |= {"tick": 1.0, "output_step": 1.0, "tail": 0.0, "engine": "exact"}
@@ -61,40 +58,6 @@ def test_a_random_order_is_drawn_at_each_change():
     assert (turns == turns[:, :, :1]).all()
     assert np.abs(np.bincount(turns[:, :, 0].ravel(), minlength=3) / 400 - 1 / 3).max() < 0.08
     assert (turns[0] != turns[1]).any()
-
-
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ({}, "either every or at"),
-        ({"every": 1.0, "at": [2.0]}, "either every or at"),
-        ({"at": [2.0, 1.0]}, "ascending"),
-        ({"every": 1.0, "own_weight": 1.0}, "own_weight to each"),
-        ({"every": {"uniform": [0, 1]}}, "greater than 0, whatever is drawn"),
-        (
-            {"every": 1.0, "networks": [NETWORKS[0], {"kind": "edges", "edges": [[9, 1, 1]]}]},
-            "networks.1",
-        ),
-        (
-            {"every": 1.0, "networks": [NETWORKS[0], {"kind": "small_world", "redraw": True}]},
-            "without draws",
-        ),
-        (
-            {"every": 1.0, "defence": {"kind": "trusted_only", "trusted": {"nearest": 1}}},
-            "who is nearest",
-        ),
-    ],
-)
-def test_networks_that_cannot_take_turns_are_refused(more, message):
-    """With the key that the user may change."""
-    keys = {key: more[key] for key in more if key == "defence"}
-    topology = {
-        "kind": "switching",
-        "networks": NETWORKS,
-        **{key: more[key] for key in more.keys() - keys},
-    }
-    with pytest.raises(ConfigError, match=message):
-        systems.study(topology=topology, **LINE, **keys)
 
 
 def test_nothing_is_claimed_of_the_union_of_networks():

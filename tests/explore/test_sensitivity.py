@@ -13,6 +13,7 @@ from jaxnet.kinds.fields import PI, Number, Uniform
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 from jaxnet.statistics.indices import sobol_indices
+from tests import systems
 
 pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
@@ -20,8 +21,7 @@ TURN = Uniform(uniform=[-PI, PI])
 QUICK = {
     "vehicles": 1,
     "topology": "star",
-    "attack": "none",
-    "defence": "none",
+    **systems.QUIET,
     "engine": "exact",
     "horizon": 0.1,
     "tail": 0.0,

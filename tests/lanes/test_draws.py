@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import jaxnet
 from jaxnet.kinds import fields
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed, slot
@@ -193,16 +192,3 @@ def test_each_vehicle_starts_at_its_place():
     assert ((found[:, 2, 0] > 0) & (found[:, 2, 0] < 1)).all()
     assert np.ptp(found[:, 2, 0]) > 0
     assert (drawn >= 10.0).all()
-
-
-@pytest.mark.parametrize(
-    ("position", "words"),
-    [
-        ([1.0, [2, 3]], r"initial.position: must be 3 places, one for each vehicle \(got 2\)"),
-        ([1.0, [2, 3, 4], 5.0], r"initial.position.1: must have at most 2 entries"),
-        ([1.0, "here", 5.0], r"initial.position.1.0: must be a number"),
-    ],
-)
-def test_other_lists_are_refused(position, words):
-    with pytest.raises(jaxnet.ConfigError, match=words):
-        jaxnet.load(PLACED | {"initial": {"position": position}})

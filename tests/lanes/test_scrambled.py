@@ -119,21 +119,3 @@ def test_intervals_are_over_the_sequences(tmp_path):
     with pytest.raises(jaxnet.FolderError, match="samples is 64 there and 128 here"):
         jaxnet.run(systems.study(**KEYS | {"samples": 128}), tmp_path / "out", progress=False)
     assert results.fit()["low"].isna().all()
-
-
-SEQUENTIAL = {"samples": {"until": {"half_width": 0.1}}, "recovery": {"tau": 0.1}}
-
-
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        ({"samples": 100}, "16 times a power of two"),
-        ({"samples": 48}, "16 times a power of two"),
-        (SEQUENTIAL, "16 times a power of two"),
-        ({"recovery": {"tau": 0.1}}, "interval of independent lanes"),
-    ],
-)
-def test_what_has_no_interval_is_refused(keys, said):
-    """With the key that asks for it."""
-    with pytest.raises(jaxnet.ConfigError, match=said):
-        systems.study(**KEYS | keys)

@@ -1,4 +1,4 @@
-"""Who is safe: by enumeration on small digraphs, and against liars that announce what they like."""
+"""Who is safe: by enumeration on small digraphs. What they announce: theory/test_announced.py."""
 
 import itertools
 
@@ -130,50 +130,6 @@ def attacks(drops):
         some = itertools.combinations(sources, int(min(number, len(sources))))
         rows.append([np.isin(np.arange(len(links)), each) for each in some])
     return (np.stack(each) for each in itertools.product(*rows))
-
-
-def test_what_safe_vehicles_announce_shrinks_as_told_whatever_liars_announce():
-    """From any start, with liars who announce at random, at times just what passes."""
-    tried = 0
-    for seed in itertools.count():
-        heard, attacked, trusted, theta = scenario(seed)
-        drops = drops_of(heard, trusted, theta)
-        safe = greatest(drops, attacked)
-        shrinks = safety.contraction(drops, safe)
-        if shrinks is None:
-            continue
-        rng = np.random.default_rng(seed)
-        sizes = np.array(list(announced(drops, safe, attacked, trusted, theta, rng, 250)))
-        rounds, factor = shrinks
-        assert (sizes[rounds:] <= factor * sizes[:-rounds] + 1e-12).all()
-        assert sizes[-1] < 1e-6 * sizes[0]
-        tried += 1
-        if tried == 12:
-            break
-
-
-def announced(drops, safe, attacked, trusted, theta, rng, rounds):
-    """Greatest ‖ρ_i‖ of the safe by a plain program: drop the ϑ greatest untrusted, average."""
-    weights = graph.dense(drops.graph)
-    heard = weights > 0
-    told = rng.normal(size=(VEHICLES + 1, 2)) * 10
-    told[0] = 0.0
-    for _ in range(rounds):
-        greatest = np.linalg.norm(told[1:], axis=1).max(initial=0.0, where=safe)
-        yield greatest
-        heard_of = np.repeat(told[None], VEHICLES, axis=0)
-        size = rng.choice([0.3 * greatest, 0.999 * greatest, greatest, 10.0])
-        lies = rng.normal(size=heard_of.shape)
-        lies *= size / np.linalg.norm(lies, axis=2, keepdims=True)
-        heard_of = np.where(attacked[..., None], lies, heard_of)
-        new = told.copy()
-        for i in range(VEHICLES):
-            row, score = weights[i].copy(), np.linalg.norm(heard_of[i], axis=1)
-            if heard[i].sum() > theta[i]:
-                candidates = np.flatnonzero(heard[i] & ~trusted[i])
-                row[candidates[np.argsort(-score[candidates], kind="stable")][: theta[i]]] = 0.0
-            new[i + 1] = row @ heard_of[i] / row.sum()
-        told = new
 
 
 PATH = graph.weighted(VEHICLES, [(i, i - 1, 1.0) for i in EVERYONE])

@@ -37,7 +37,7 @@ def mark(errors):
 @pytest.mark.parametrize("tail", [0.0, 1.0, 5.0])
 def test_rows_have_the_fall_of_the_stored_errors(engine, tail):
     keys = {"engine": engine, "horizon": 12.0, "tail": tail, "attack": {"vehicles": [2, 7]}}
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 3))
+    outcome = systems.outcome(3, **keys)
     known = falls(outcome.series["tracking"], round(10 * tail) + 1)
     np.testing.assert_allclose(outcome.tail_fall, known, rtol=1e-6, atol=1e-9)
 
@@ -45,7 +45,7 @@ def test_rows_have_the_fall_of_the_stored_errors(engine, tail):
 def test_without_a_navigator_the_farthest_honest_vehicle_counts():
     keys = {"navigator": "none", "law": "local", "vehicle": "single_integrator", "tail": 2.0}
     keys |= {"engine": "exact", "horizon": 6.0, "defence": "none", "attack": {"vehicles": [2]}}
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 3))
+    outcome = systems.outcome(3, **keys)
     places, honest = outcome.series["state"][..., :2], np.arange(12) != 1
     apart = places[:, :, honest] - places[:, :, honest].mean(axis=2, keepdims=True)
     known = falls(np.linalg.norm(apart, axis=-1).max(axis=2), 21)

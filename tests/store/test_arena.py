@@ -14,23 +14,20 @@ from jaxnet import FolderError
 from jaxnet.api.writing import write_robotarium
 from jaxnet.cli import main
 from jaxnet.store import arena
+from tests import systems
 
 STEP = 0.033
 BASE = {
     "vehicles": 6,
     "vehicle": "robotarium",
     "engine": {"kind": "sampled", "move": "euler"},
-    "tick": STEP,
-    "output_step": STEP,
-    "horizon": 60 * STEP,
-    "tail": STEP,
+    **systems.clock(STEP, 60 * STEP, STEP),
     "law": "local",
     "gain": [1.0],
     "navigator": "none",
     "topology": {"kind": "circulant", "offsets": [1, 2, -1]},
     "initial": {"position": {"uniform": [-0.5, 0.5]}},
-    "attack": "none",
-    "defence": "none",
+    **systems.QUIET,
     "save": {"trajectories": "all"},
 }
 DRAWN = {"uniform": [0.5, 4.0]}

@@ -59,10 +59,7 @@ def test_rows_agree_with_the_set(share, clipped):
             "heading": 0.0,
             "speed": speed + float(worst[1]),
         },
-        "horizon": 4.0,
-        "tail": 1.0,
-        "tick": 0.1,
-        "output_step": 0.1,
+        **systems.clock(0.1, 4.0, 1.0),
     }
     found = unclipped(case(**keys))
     assert found.left == limit

@@ -71,7 +71,7 @@ def test_a_start_283_m_away_is_within_a_millimetre_after_18_s():
 def test_no_lane_is_ever_farther_off(keys):
     study = {"engine": "exact", "horizon": 12.0, "attack": "none", "defence": "none"} | keys
     (cell,) = systems.study(**study).cells
-    outcome = systems.simulate(systems.lanes(systems.study(**study), 4))
+    outcome = systems.outcome(4, **study)
     found = start_decay(Case(cell.scenario))
     states, path = outcome.series["state"], cell.scenario.navigator.jets(np.arange(121) * 0.1)[0]
     errors = np.linalg.norm(states[..., :2] - path.T[None, :, None], axis=-1).max(axis=(0, 2))

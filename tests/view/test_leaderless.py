@@ -22,15 +22,14 @@ from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page.sections import search_section
 from jaxnet.view.text import check, comparison, tables, worst
+from tests import systems
 from tests.view.test_page import read_through, section
 
 DEAF = [(1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (3, 2), (4, 2)]  # links that are not there
 LINKS = [[i, j, 1.0] for i, j in itertools.product(range(1, 6), repeat=2) if (i, j) not in DEAF]
 KEYS = {
     "name": "agree",
-    "vehicle": "single_integrator",
-    "navigator": "none",
-    "law": "local",
+    **systems.AGENTS,
     "gain": [8.0],
 }
 KEYS |= {
@@ -77,6 +76,11 @@ def test_rows_arrays_and_cells_hold_the_spread(results, spreads):
     tail = spreads[:, :, -6:].max(axis=2)
     rows = results.lanes["spread"].to_numpy().reshape(4, 4)
     np.testing.assert_allclose(rows, tail, rtol=1e-9, atol=1e-12)
+    places = results.trajectories["states"].values[:, :, -6:]
+    middle = np.delete(places, 1, axis=3).mean(axis=3, keepdims=True)
+    farthest = np.linalg.norm(places - middle, axis=-1).max(axis=(2, 3))
+    rows = results.lanes["tail_max"].to_numpy().reshape(4, 4)
+    np.testing.assert_allclose(rows, farthest, rtol=1e-9, atol=1e-12)
     over = tail > 0.01 * np.array([[1], [40], [1], [40]])
     assert results.cells["unrecovered"].to_list() == over.mean(axis=1).tolist()
     assert 0 < over.mean() < 1

@@ -1,58 +1,14 @@
-"""Numbers of each attacked vehicle's own, listed or drawn: exact answers, the bound of each."""
+"""Numbers of each attacked vehicle's own, listed or drawn."""
 
 import jax
 import numpy as np
 
-from jaxnet.kinds.fields import FULL_TURN, Uniform
-from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import signal
-from tests import reference, systems
-from tests.reference import navigator_at
+from tests import systems
 
-ATTACKED = [2, 5, 8, 11]
 PAIR = {"vehicles": [8, 2]}
-KEYS = {"defence": "none", "horizon": 12.0, "tail": 1.0}
-
-
-def of_vehicle(name, distribution, j, component=0, count=2):
-    """The numbers that a vehicle has in the first lanes, drawn by themselves."""
-    return Draw(Keyed(0), range(count), 12).placed([distribution], name, [(j, component)])[:, 0]
-
-
-def jets_by_hand(w, phase, magnitude, times):
-    """A rotating signal of any frequency with two derivatives, within ā: (3, times, 2)."""
-    z = magnitude / max(1.0, abs(w) ** 3) * np.exp(1j * (w * times + phase))
-    derivatives = np.stack([z, 1j * w * z, -(w**2) * z])
-    return np.stack([derivatives.real, derivatives.imag], axis=-1)
-
-
-def test_lanes_are_exact_with_frequencies_drawn_for_each():
-    """As the plain program, whose attackers turn by numbers that belong to them."""
-    frequency = Uniform(uniform=[-2.0, 2.0])
-    attack = {"kind": "rotating", "magnitude": 3.0, "frequency": {"each": {"uniform": [-2, 2]}}}
-    one = systems.lanes(systems.study(attack=attack, engine="exact", **KEYS), 2)
-    outcome, times = systems.simulate(one), np.arange(121) * 0.1
-    for number in range(2):
-        lane = systems.lane(one, number)
-        turning = {}
-        for j in ATTACKED:
-            w = of_vehicle("attack.frequency", frequency, j)[number]
-            phase = of_vehicle("attack.phase", FULL_TURN, j)[number]
-            turning[j] = jets_by_hand(w, phase, 3.0, times)
-
-        def added(t, lane=lane, turning=turning):
-            found = np.zeros((4, 12, 13, 2))
-            for j in ATTACKED:
-                found[:3, lane.weights[:, j] > 0, j] = turning[j][:, None, round(t / 0.1)]
-            return found
-
-        start = reference.flat_jets(lane.initial.T)
-        navigator = navigator_at(one, number)
-        known = reference.propagate(lane.weights, navigator, added, lane.gain, start, 0.1, 120)
-        ours = outcome.series["state"][number, :, :, :2]
-        assert np.abs(ours - known["positions"]).max() <= 1e-9
 
 
 def signals(attack, samples=40, **keys):
@@ -77,3 +33,12 @@ def test_ways_to_write_the_same_are_the_same():
         ({**PAIR, "frequency": [1.5, 0.2]}, {"vehicles": [2, 8], "frequency": [0.2, 1.5]}),
     ):
         np.testing.assert_allclose(signals(one), signals(other), rtol=0, atol=1e-12)
+
+
+def test_each_attacker_has_a_number_of_its_own():
+    """Drawn for each, and one for all if shared; how a fleet moves then: test_reference.py."""
+    alike = {"phase": 0.2, "direction": 0.5}
+    for way, apart in (("each", True), ("shared", False)):
+        found = signals(alike | {"frequency": {way: {"uniform": [0.1, 4.0]}}})
+        attacked = found[:, :, [1, 4, 7, 10]]
+        assert ((np.ptp(attacked, axis=2) > 1e-6).any(axis=(0, 1)) == apart).all()

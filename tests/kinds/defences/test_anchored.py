@@ -44,16 +44,14 @@ def test_limits_with_confidence(engine, tick, limits):
     for anchor, limit in zip(anchors, limits, strict=True):
         defence = BelievedUntil(tick=tick, anchor=anchor)
         keys = {**FIVE, "attack": LIAR, "defence": defence, "engine": engine, "horizon": 500.0}
-        states = systems.simulate(systems.lanes(systems.study(**keys), 1)).series["state"]
+        states = systems.outcome(1, **keys).series["state"]
         np.testing.assert_allclose(states[0, -1, :4, 0], limit, rtol=0, atol=6e-9)
 
 
 def test_nobody_moves_before_the_wait():
     """To the last bit, under a liar that all believe; then all move."""
     keys = {**FIVE, "attack": LIAR, "engine": "exact", "horizon": 10.0}
-    states = systems.simulate(
-        systems.lanes(systems.study(**keys, defence={"kind": "trust", "wait": 6.0}), 1)
-    ).series["state"][0]
+    states = systems.outcome(1, **keys, defence={"kind": "trust", "wait": 6.0}).series["state"][0]
     assert (states[:7] == states[0]).all()
     assert (np.abs(states[7, :4] - states[0, :4]) > 0.1).any(axis=-1).all()
 
@@ -205,12 +203,9 @@ def simulated(case, engine):
         "attack": {**LIAR, "vehicles": [one + 1 for one in case["liars"]]},
         "defence": Hashed(wait=case["wait"], **given),
         "engine": engine,
-        "tick": 0.25,
-        "output_step": 0.25,
-        "tail": 0.0,
-        "horizon": 0.25 * case["ticks"],
+        **systems.clock(0.25, 0.25 * case["ticks"]),
     }
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 1))
+    outcome = systems.outcome(1, **keys)
     assert outcome.status.tolist() == [0]
     return outcome.series["state"][0, :, :, 0]
 
@@ -240,7 +235,7 @@ def test_it_holds_while_messages_are_late():
     keys = {**FIVE, "attack": "none", "engine": "exact", "horizon": 12.0, "channel": {"delay": 3.0}}
     anchor = {"scale": 0.7, "rate": 0.2}
     defence = {"kind": "trust", "observation": "random", "accuracy": 1.0, "anchor": anchor}
-    states = systems.simulate(systems.lanes(systems.study(**keys, defence=defence), 1)).series
+    states = systems.outcome(1, **keys, defence=defence).series
     x = [np.array(FIVE["initial"]["position"])]
     for tick in range(12):
         share, mean = 0.7 * np.exp(-0.2 * tick), x[-1]
@@ -262,13 +257,10 @@ def test_engines_agree_on_losses_and_late_messages():
         "attack": {"kind": "rotating", "vehicles": [2]},
         "defence": {"kind": "trust", "wait": 0.5, "anchor": {"scale": 0.8, "rate": 0.3}},
         "channel": {"delay": 0.1, "loss": {"kind": "bernoulli", "probability": 0.3}},
-        "tick": 0.1,
-        "output_step": 0.1,
-        "horizon": 3.0,
-        "tail": 1.0,
+        **systems.clock(0.1, 3.0, 1.0),
     }
     exact, stacked = (
-        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).series["state"]
+        systems.outcome(2, engine=engine, **keys).series["state"]
         for engine in ("exact", ENGINES[-1][0])
     )
     np.testing.assert_allclose(stacked, exact, rtol=0, atol=1e-6)

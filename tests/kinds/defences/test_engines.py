@@ -61,7 +61,7 @@ def test_both_engines_agree_on_every_rule(defence):
     keys = {**graph, "attack": {"kind": "rotating", "vehicles": [2]}, "defence": defence, **LOSSY}
     keys |= {"horizon": 2.0, "tail": 1.0, "output_step": 0.1}
     exact, nonlinear = (
-        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2))
+        systems.outcome(2, engine=engine, **keys)
         for engine in ("exact", {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-12})
     )
     assert exact.status.tolist() == nonlinear.status.tolist() == [0, 0]

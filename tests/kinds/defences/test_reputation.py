@@ -26,7 +26,7 @@ def states(starts, heard, liars, engine="exact", steps=80, **keys):
         "engine": engine,
         "horizon": float(steps),
     }
-    return systems.simulate(systems.lanes(systems.study(**KEYS, **given), 1)).series["state"][0]
+    return systems.outcome(1, **KEYS, **given).series["state"][0]
 
 
 @pytest.mark.parametrize("engine", ["exact", {"kind": "sampled", "move": "euler"}])

@@ -1,11 +1,9 @@
 """Whom vehicles trust: nobody, a random share, those nearest the navigator; and what follows."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import jaxnet
 from jaxnet.kinds.defences.trusted_only import TrustedOnly
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
@@ -50,27 +48,3 @@ def test_the_nearest_are_by_links_from_the_navigator():
     assert first == [{0}, {1}, {2}, {1}, {2}, {3}, {4}, {5}, {6}]
     np.testing.assert_array_equal(trusts(weights, nearest=9), dense(weights) > 0)
     np.testing.assert_array_equal(trusts(RING, nearest=1), whole(RING, TrustedOnly().trusts(RING)))
-
-
-@pytest.mark.parametrize(
-    ("trusted", "says"),
-    [
-        ("nobody", 'must be none, {vehicle: [sources]}, {share: s} or {nearest: n} (got "nobody")'),
-        ("{shar: 0.2}", 'or {nearest: n} (got {"shar": 0.2})'),
-        ("{share: 1.5}", "defence.trusted.share: must be at most 1 (got 1.5)"),
-        ("{share: 0.5, sed: 1}", "defence.trusted.sed: unknown key (did you mean 'seed'?)"),
-        ("{nearest: 0}", "defence.trusted.nearest: must be at least 1 (got 0)"),
-        ("{nearest: 1, seed: 2}", "defence.trusted.seed: unknown key (known here: nearest)"),
-        ("{nearest: 1}", "not known where every lane has links of its own"),
-        ("{13: [1]}", "vehicles are 1 to 12 (got 13)"),
-    ],
-)
-def test_what_cannot_be_trusted_is_said(trusted, says, tmp_path):
-    file = tmp_path / "bad.yaml"
-    text = "name: bad\ntopology: {kind: small_world, redraw: true}\n"
-    file.write_text(f"{text}defence: {{trusted: {trusted}}}\n")
-    with pytest.raises(jaxnet.ConfigError) as raised:
-        jaxnet.load(file)
-    (problem,) = raised.value.problems
-    assert says in str(problem)
-    assert problem.place.startswith(f"{file}:3:")

@@ -268,9 +268,7 @@ def test_a_rule_from_outside_hears_messages():
     """R of a constant lie of 10 m is 10 m/s³ at k0 = 1; without the lie it is 0."""
     keys = LASTING | {"vehicles": 4, "horizon": 30.0, "engine": "exact"}
     attack = {"kind": "bias", "vehicles": [2], "magnitude": 10.0}
-    outcome = systems.simulate(
-        systems.lanes(systems.study(defence=Quiet(), attack=attack, **keys), 2)
-    )
+    outcome = systems.outcome(2, defence=Quiet(), attack=attack, **keys)
     heard = outcome.series["kept"][:, 1:]
     assert (heard[:, :, [0, 2], 2] == 0.0).all()
     assert (heard[:, :, [0, 2], 4] > 0.0).all()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxnet.config.document import ConfigError
 from jaxnet.kinds.detectors import Detector, JudgedWords
 from jaxnet.kinds.detectors.chi_squared import ChiSquared
 from tests import systems
@@ -39,7 +38,7 @@ class Parity(Detector):
 
 
 def shares(lanes=8, /, **keys):
-    found = systems.simulate(systems.lanes(systems.study(**KEYS | keys), lanes, save=()))
+    found = systems.outcome(lanes, (), **KEYS | keys)
     assert (found.status == 0).all()
     return found.metrics["alarms"], found.metrics["false_alarms"]
 
@@ -131,18 +130,3 @@ def test_a_link_is_attacked_only_while_it_is():
     attacked, honest = shares(attack=attack)
     assert attacked.tolist() == [1.0] * 8
     assert inside(honest.mean(), 0.01, 8 * TICKS * 18)
-
-
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"channel": {}}, "no message has errors"),
-        ({"detector": {"kind": "distance"}, "tick": 0.0, "channel": {}}, "give a tick"),
-        ({"detector": {"kind": "chi_squared", "false_alarms": 0.0}}, "greater than 0"),
-        ({"detector": {"kind": "chi_squared", "false_alarms": 1.0}}, "less than 1"),
-    ],
-)
-def test_what_is_refused(keys, words):
-    """Messages without errors need no test; messages are tested at ticks."""
-    with pytest.raises(ConfigError, match=words):
-        systems.study(**KEYS | keys)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from jaxnet.config.document import ConfigError
 from jaxnet.kinds.detectors.chi_squared import p_value
 from tests import systems
 
@@ -67,17 +66,3 @@ def test_the_thresholds_of_windows_are_those_of_chi_squared(window, threshold):
 
 def test_huge_residuals_raise_alarms_in_windows():
     assert float(p_value(np.array([1e200]), np.array([100]), 100)[0]) < 1e-100
-
-
-@pytest.mark.parametrize(
-    ("detector", "told"),
-    [
-        ({"kind": "cusum", "drift": 2.0}, "must be more than 2"),
-        (PAGE | {"direction": [0.0, 0.0]}, "must have a length"),
-        (PAGE | {"direction": [1.0]}, "at least 2"),
-        ({"kind": "chi_squared", "window": 0}, "must be at least 1"),
-    ],
-)
-def test_what_is_refused(detector, told):
-    with pytest.raises(ConfigError, match=told):
-        systems.study(**KEYS, detector=detector)

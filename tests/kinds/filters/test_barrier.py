@@ -11,6 +11,7 @@ from scipy.optimize import nnls
 import jaxnet
 from jaxnet.kinds.filters.barrier import Barrier
 from jaxnet.kinds.kind import as_pytree
+from tests import systems
 
 STEP = 0.033
 PAIR = np.array([[-0.1, 0.1], [0.0, 0.03]])
@@ -148,19 +149,13 @@ def swapping(**keys):
     fixed = {
         "vehicles": 2,
         "topology": {"kind": "circulant", "offsets": [1]},
-        "navigator": "none",
-        "vehicle": "single_integrator",
-        "law": "local",
+        **systems.AGENTS,
         "gain": [10.0],
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "formation": {"kind": "offsets", "offsets": [[5.0, 0.0], [-5.0, 0.0]]},
         "initial": {"position": [[-5.5, 0.0], [5.5, 0.0]]},
         "engine": {"kind": "sampled", "move": "euler"},
-        "tick": STEP,
-        "output_step": STEP,
-        "horizon": 300 * STEP,
-        "tail": 0.0,
+        **systems.clock(STEP, 300 * STEP),
         "metrics": ["min_separation"],
     }
     results = jaxnet.simulate({**fixed, **keys}, progress=False)

@@ -9,22 +9,17 @@ import jaxnet
 from jaxnet.theory.case import Case
 from jaxnet.theory.theorems import values
 from jaxnet.view.text.facts import facts
+from tests import systems
 
 STEP = 0.033
 CROWD = {
     "vehicles": 7,
     "topology": {"kind": "circulant", "offsets": [1, -1]},
-    "navigator": "none",
-    "vehicle": "single_integrator",
-    "law": "local",
+    **systems.AGENTS,
     "gain": [1.0],
-    "attack": "none",
-    "defence": "none",
+    **systems.QUIET,
     "engine": {"kind": "sampled", "move": "euler"},
-    "tick": STEP,
-    "output_step": STEP,
-    "horizon": 300 * STEP,
-    "tail": 0.0,
+    **systems.clock(STEP, 300 * STEP),
     "metrics": ["min_separation"],
 }
 

@@ -7,6 +7,7 @@ import pytest
 
 import jaxnet
 from jaxnet.view.text.tables import summary_text
+from tests import systems
 from tests.engine import test_stopping
 from tests.engine.test_isolated import LastDrops
 
@@ -75,21 +76,6 @@ def test_errors_are_those_without_a_formation_to_the_last_bit(vehicle, kinds):
         assert moved == pytest.approx(np.broadcast_to(offsets(kind).T, moved.shape), abs=1e-10)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("engine", ["sampled", "nonlinear", "stacked"])
-def test_errors_of_other_engines_are_those_without_a_formation(engine):
-    keys = {"vehicle": "unicycle", "engine": engine, "horizon": 1.0, "tail": 0.5}
-    keys["initial"] = {"position": {"uniform": [-5.0, 5.0]}, "speed": 20.0}
-    keys |= {"defence": "none", "tick": 0.01}
-    plain = simulated(**keys)
-    shaped = simulated(**keys, formation={"kind": "grid", **PLACES["grid"]})
-    for column in ("tail_mean", "peak_error"):
-        expected = plain.lanes[column].to_numpy()
-        assert shaped.lanes[column].to_numpy() == pytest.approx(expected, rel=1e-6), column
-    moved = positions(shaped) - positions(plain)
-    assert moved == pytest.approx(np.broadcast_to(offsets("grid").T, moved.shape), abs=1e-5)
-
-
 @pytest.mark.parametrize(
     "engine",
     ["exact", *[pytest.param(each, marks=pytest.mark.long) for each in ("nonlinear", "stacked")]],
@@ -115,10 +101,19 @@ def test_circle_that_turns(vehicle, engine):
     assert moved == pytest.approx(np.broadcast_to(offsets("", 2.0).T, moved.shape), abs=1e-5)
 
 
-@pytest.mark.parametrize("engine", ["sampled", pytest.param("nonlinear", marks=pytest.mark.long)])
-def test_the_linearised_law_leads_each_vehicle_to_its_place(engine):
-    """It linearises about the navigator's path in each vehicle's place."""
-    keys = {"vehicle": "unicycle", "law": "linearised", "engine": engine, "attack": "none"}
+@pytest.mark.parametrize(
+    ("law", "engine"),
+    [
+        ("linearised", "sampled"),
+        *[
+            pytest.param(*each, marks=pytest.mark.long)
+            for each in (("linearised", "nonlinear"), ("exact", "sampled"))
+        ],
+    ],
+)
+def test_other_laws_and_engines_lead_each_vehicle_to_its_place(law, engine):
+    """A linearised law is linearised about the navigator's path in each vehicle's place."""
+    keys = {"vehicle": "unicycle", "law": law, "engine": engine, "attack": "none"}
     keys |= {"defence": "none", "tick": 0.01, "initial": {"speed": 28.0, "heading": 0.8}}
     keys["initial"]["position"] = {"uniform": [-2.0, 2.0]}
     plain = simulated(**keys)
@@ -171,12 +166,9 @@ def places_of(results, vehicle):
 def test_least_separation_is_that_of_true_places():
     """Twelve vehicles that agree on a point, on a circle of radius 1: a regular 12-gon."""
     keys = {
-        "vehicle": "single_integrator",
-        "defence": "none",
-        "attack": "none",
+        **systems.AGENTS,
+        **systems.QUIET,
         "initial": {"position": 0.0},
-        "navigator": "none",
-        "law": "local",
         "formation": {"kind": "circle", "radius": 1.0},
     }
     lanes = simulated(**keys).lanes
@@ -197,12 +189,9 @@ def test_tables_say_that_errors_leave_out_places():
 def test_messages_are_lost_by_true_distance():
     """Vehicles that agree on a point hear nobody whose place in the formation is out of range."""
     keys = {
-        "vehicle": "single_integrator",
-        "defence": "none",
-        "attack": "none",
+        **systems.AGENTS,
+        **systems.QUIET,
         "initial": {"position": 0.0},
-        "law": "local",
-        "navigator": "none",
         "topology": "complete",
         "channel": {"loss": {"kind": "range", "radius": 3.0}},
         "save": {"trajectories": "all"},
@@ -240,20 +229,3 @@ def test_wrong_files_of_places_are_refused(tmp_path, content):
     (tmp_path / "study.yaml").write_text("name: one\nformation: {kind: file, path: places.csv}\n")
     with pytest.raises(jaxnet.ConfigError, match=r"places\.csv"):
         jaxnet.load(tmp_path / "study.yaml")
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"formation": {"kind": "offsets", "offsets": [[0.0, 0.0]]}}, "must be 12, one for each"),
-        (
-            {"formation": TURNING, "defence": {"kind": "w_msr", "isolated": "coast"}},
-            "not in a formation that moves",
-        ),
-        ({"formation": {"kind": "circle"}}, "radius"),
-        ({"formation": "square"}, "must be one of circle, file, grid, line, none, offsets"),
-    ],
-)
-def test_wrong_formations_are_refused(keys, message):
-    with pytest.raises(jaxnet.ConfigError, match=message):
-        jaxnet.load(keys)

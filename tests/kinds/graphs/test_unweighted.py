@@ -4,7 +4,6 @@ import networkx as nx
 import numpy as np
 import pytest
 
-import jaxnet
 from jaxnet.kinds.graphs.circulant import Circulant
 from jaxnet.kinds.graphs.complete import Complete
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
@@ -92,40 +91,6 @@ def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
     for weights in seen:
         expected = Grid(**keys, navigator_weight=float(weights[0, 0]))
         np.testing.assert_allclose(weights, matrix_of(expected, 6), rtol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("topology", "vehicles", "says"),
-    [
-        ("{kind: lattice, neighbours: 3}", 12, "neighbours: must be a multiple of 2 (got 3)"),
-        ("{kind: lattice, neighbours: 6}", 6, "must be less than the 6 vehicles (got 6)"),
-        ("{kind: small_world, neighbours: 8}", 6, "neighbours: must be less than the 6 vehicles"),
-        ("{kind: small_world, rewired: 2}", 6, "topology.rewired: must be at most 1 (got 2)"),
-        ("{kind: circulant, offsets: [1, 6]}", 6, "topology.offsets: must lead to other vehicles"),
-        ("{kind: circulant, offsets: [1, -5]}", 6, "around 6 (got [1, -5])"),
-        ("{kind: circulant, offsets: []}", 6, "offsets: must have at least 1 entry (got [])"),
-        ("{kind: grid, rows: 3, columns: 4}", 10, "must be the 10 vehicles (got 3 × 4)"),
-        ("{kind: erdos_renyi, probability: 0}", 6, "must be greater than 0 (got 0)"),
-        ("{kind: random_regular, degree: 5}", 5, "less than the 5 vehicles"),
-        ("{kind: random_regular, degree: 3}", 5, "must be even"),
-        ("{kind: complete, navigator: [7]}", 6, "navigator: vehicles are 1 to 6 (got 7)"),
-        ("{kind: complete, navigator: []}", 6, "the navigator does not reach 1, 2, 3"),
-        ("{kind: circulant, offsets: [2, -2], navigator: [1]}", 6, "does not reach 2, 4, 6"),
-        ("{kind: complete, navigator: some}", 6, "must be all, a list of vehicles or {share: s}"),
-        ("{kind: complete, navigator: 3}", 6, "a list of vehicles or {share: s} (got 3)"),
-        ("{kind: complete, navigator: {share: 0}}", 6, "share: must be greater than 0 (got 0)"),
-        ("{kind: complete, navigator: {share: 0.01}}", 6, "in none of 1000 draws"),
-        ("{kind: complete, weighting: equal}", 6, "must be 'uniform' or 'metropolis'"),
-    ],
-)
-def test_what_cannot_be_is_said(topology, vehicles, says, tmp_path):
-    file = tmp_path / "bad.yaml"
-    file.write_text(f"name: bad\nvehicles: {vehicles}\nattack: none\ntopology: {topology}\n")
-    with pytest.raises(jaxnet.ConfigError) as raised:
-        jaxnet.load(file)
-    (problem,) = raised.value.problems
-    assert says in str(problem)
-    assert problem.place.startswith(f"{file}:")
 
 
 def test_cells_share_a_graph_that_nobody_can_change():

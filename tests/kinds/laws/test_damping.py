@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import jaxnet
 from jaxnet.view.text.check import check_text
-from tests import rescue
+from tests import rescue, systems
 
 UNION = [(i, j) for i, j in np.argwhere(rescue.adjacency([*rescue.FIRST, *rescue.SECOND]))]
 
@@ -28,8 +28,7 @@ def keys(edges, **others):
         "initial": {"position": [[x, 0.0] for x in range(1, 9)], "speed": 0.0},
         "law": {"kind": "local", "hold": False, "damping": "absolute"},
         "gain": [1.0, 3.0],
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "engine": "exact",
         "horizon": 10.0,
         "tail": 0.0,

@@ -7,6 +7,7 @@ import pytest
 import jaxnet
 from jaxnet.kinds.fields import Number
 from jaxnet.kinds.laws import LinkLaw
+from tests import systems
 
 STARTS = [[-3.0, 1.0], [4.0, -2.0], [0.5, 6.0], [2.5, -5.0]]
 EDGES = [[1, 2, 1.0], [2, 1, 1.0], [2, 3, 0.5], [3, 2, 0.5], [3, 4, 2.0], [4, 3, 2.0]]
@@ -28,12 +29,8 @@ def places(law, **keys):
         "topology": {"kind": "edges", "edges": EDGES, "normalised": False},
         "gain": [1.0],
         "initial": {"position": STARTS},
-        "attack": "none",
-        "defence": "none",
-        "tick": 0.01,
-        "output_step": 0.01,
-        "horizon": 2.0,
-        "tail": 0.0,
+        **systems.QUIET,
+        **systems.clock(0.01, 2.0),
         "save": {"trajectories": "all"},
     }
     results = jaxnet.simulate({**fixed, **keys}, samples=1, progress=False)
@@ -76,15 +73,6 @@ def test_a_protocol_in_fixed_time_steps_as_a_plain_program():
     _, found = places(FixedTime(), horizon=0.2)
     expected = stepped(lambda x, n: sums(pull, x), 20)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-
-
-@pytest.mark.long
-def test_a_protocol_in_fixed_time_meets_its_time():
-    """Two agents at a distance D meet within `∫ dx / (x^½ + x^1.5) / 2 = arctan(√D)` < π/2."""
-    start = {"position": [[0.0, 0.0], [100.0, 0.0]]}
-    time, found = places(FixedTime(), **TWO | {"initial": start, "tick": 1e-4})
-    apart = abs(found[:, 0, 0] - found[:, 1, 0])
-    assert time[apart > 1e-3].max() == pytest.approx(np.arctan(10.0), abs=0.05)
 
 
 class PrescribedTime(LinkLaw):

@@ -7,7 +7,6 @@ import pytest
 from scipy import stats
 from scipy.linalg import expm
 
-from jaxnet.config.document import ConfigError
 from jaxnet.kinds.losses import Messages
 from tests import systems
 from tests.reference import Powers
@@ -135,25 +134,10 @@ def test_a_vehicle_joins_at_the_tick_at_which_it_is_near():
     keys |= {"topology": {"kind": "edges", "edges": edges}, "attack": "none", "defence": "none"}
     keys |= {"engine": "exact", "tick": 0.05, "output_step": 0.05, "horizon": 8.0, "tail": 1.0}
     loss = {"kind": "range", "radius": 10.0}
-    outcome = systems.simulate(systems.lanes(systems.study(channel={"loss": loss}, **keys), 1))
+    outcome = systems.outcome(1, channel={"loss": loss}, **keys)
     heard = outcome.series["kept"][0, :, m - 1, 0] > 0
     np.testing.assert_array_equal(np.flatnonzero(heard), np.arange(126, 161))
     assert outcome.unheard.tolist() == [0]
-
-
-@pytest.mark.parametrize(
-    ("loss", "message"),
-    [
-        ({"kind": "jamming", "period": 2.0}, "give period and length, or none"),
-        ({"kind": "jamming", "seconds": 2.0}, "give starts and seconds, or none"),
-        ({"kind": "jamming", "intervals": [[2.0, 1.0]]}, "the lower bound stands first"),
-        ({"kind": "gilbert_elliott", "fail": 0.1, "recover": 0.0}, "greater than 0"),
-        ({"kind": "bernoulli", "probability": 0.1, "of": "vehicle"}, "link"),
-    ],
-)
-def test_keys_that_mean_nothing_are_refused(loss, message):
-    with pytest.raises(ConfigError, match=message):
-        systems.study(channel={"loss": loss})
 
 
 QUIET = {"attack": "none", "defence": "none", "engine": "exact"}
@@ -185,15 +169,3 @@ def test_who_never_hears_anything_goes_on_as_it_began():
     start = np.stack([x, y], axis=-1)
     end = start + 3 * velocity + flow[0, 0] * -3 * velocity + flow[0, 1] * velocity
     assert np.abs(outcome.series["state"][:, -1, :, :2] - end).max() <= 1e-9
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"tick": 0}, "channel.loss: messages are lost at ticks: give a tick"),
-        ({"defence": {"kind": "trusted_trim", "score": "announced"}}, "needs every message"),
-    ],
-)
-def test_a_loss_that_cannot_be_simulated_is_refused(keys, message):
-    with pytest.raises(ConfigError, match=message):
-        systems.study(channel=loss(0.1), **keys)

@@ -75,13 +75,9 @@ def test_robots_start_with_their_axles_in_the_formation_and_are_apart_by_their_p
         "engine": {"kind": "sampled", "move": "euler"},
         "initial": {"position": places, "heading": [0.3, 1.7, -2.5]},
         "formation": {"kind": "offsets", "offsets": offsets},
-        "attack": "none",
-        "defence": "none",
+        **systems.QUIET,
         "metrics": ["min_separation"],
-        "tick": 0.033,
-        "output_step": 0.033,
-        "horizon": 0.99,
-        "tail": 0.33,
+        **systems.clock(0.033, 0.99, 0.33),
         "save": {"trajectories": {"samples": [0]}},
     }
     results = jaxnet.simulate(robots, 1, progress=False)

@@ -180,7 +180,7 @@ LATE, FARTHER = (Metric(of.__name__, "m", of, "run", "max", "max") for of in (la
 
 def test_a_metric_of_one_s_own_knows_the_time_and_the_start():
     keys = {**KEYS, "engine": "exact", "metrics": [f"{__name__}:LATE", f"{__name__}:FARTHER"]}
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 2))
+    outcome = systems.outcome(2, **keys)
     path = np.stack([100 * np.sin(0.02 * np.arange(201)), 50 * np.sin(0.04 * np.arange(201))])
     places = outcome.series["state"][..., :2]
     errors = np.linalg.norm(places - path.T[None, :, None], axis=-1)

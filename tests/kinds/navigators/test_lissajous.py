@@ -22,23 +22,20 @@ navigators = st.builds(
 
 
 @jax.jit
-def by_autodiff(amplitude, frequency, phase, t):
+def slopes(amplitude, frequency, phase, t):
     path = Lissajous.filled({"amplitude": amplitude, "frequency": frequency, "phase": phase})
-    derivatives = [lambda t: path.jets(t)[0]]
-    for _ in range(3):
-        derivatives.append(jax.jacfwd(derivatives[-1]))
-    return path.jets(t), jnp.stack([each(t) for each in derivatives])
+    return path.jets(t), jax.jacfwd(lambda t: path.jets(t)[:3])(t)
 
 
 @given(navigators, st.floats(0.0, 100.0))
-def test_jets_are_the_derivatives_of_the_position(navigator, t):
+def test_each_jet_is_the_slope_of_the_one_before(navigator, t):
     numbers = [
         np.array(each) for each in (navigator.amplitude, navigator.frequency, navigator.phase)
     ]
     scale = (np.abs(numbers[1]) ** np.arange(4.0)[:, None] * numbers[0]).max() + 1e-300
-    in_jax, expected = by_autodiff(*map(jnp.asarray, numbers), jnp.asarray(t))
-    np.testing.assert_allclose(in_jax / scale, expected / scale, atol=1e-12)
-    np.testing.assert_allclose(navigator.jets(np.array(t)) / scale, expected / scale, atol=1e-12)
+    in_jax, expected = slopes(*map(jnp.asarray, numbers), jnp.asarray(t))
+    np.testing.assert_allclose(in_jax[1:] / scale, expected / scale, atol=1e-12)
+    np.testing.assert_allclose(navigator.jets(np.array(t)) / scale, in_jax / scale, atol=1e-12)
 
 
 def test_lanes_have_figures_of_their_own():

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from jaxnet.config.document import ConfigError
 from jaxnet.model.graph import dense
 from jaxnet.theory import noise
 from tests import systems
@@ -76,16 +75,11 @@ def test_the_highest_derivative_of_single_integrators_is_their_velocity():
     noise = {"position": 0.3, "jerk": 0.4, "velocity": 7.0}  # a velocity of order 1 is `jerk` alone
     keys = QUIET | {"engine": "exact", "topology": "star", "vehicle": "single_integrator"}
     keys |= {"horizon": 10.0, "output_step": 10.0, "tick": 0.1, "channel": {"noise": noise}}
-    outcome = systems.simulate(systems.lanes(systems.study(**keys), 200))
+    outcome = systems.outcome(200, **keys)
     positions = outcome.series["state"][:, -1, :, :2]
     squares = (positions - positions.mean(axis=(0, 1))) ** 2
     known = (0.3**2 + 0.4**2) * (1 - np.exp(-0.1)) ** 2 / (1 - np.exp(-0.2))
     assert abs(squares.mean() - known) <= 2.576 * squares.std() / np.sqrt(squares.size)
-
-
-def test_vehicles_under_the_local_law_tell_no_jerk():
-    with pytest.raises(ConfigError, match="do not tell their highest derivative"):
-        systems.study(law="local", channel={"noise": {"jerk": 0.1}})
 
 
 def test_variances_are_those_of_the_discrete_lyapunov_equation():

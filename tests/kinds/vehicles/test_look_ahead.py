@@ -70,18 +70,23 @@ LOSSY = {"channel": {"missing": "extrapolate", "loss": {"kind": "bernoulli", "pr
 LOSSY |= {"sensing": {"kind": "gaussian", "position": 0.1}}
 LOSSY |= {"attack": {"kind": "spoof", "vehicles": [2], "magnitude": [5.0, 2.0]}}
 TIGHT = {"kind": "nonlinear", "solver": "dopri8", "rtol": 1e-11, "atol": 1e-11}
+STACKED = {"kind": "stacked", "rtol": 1e-11, "atol": 1e-11}
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("keys", [LOCAL, LOSSY], ids=["local", "channel"])
-def test_engines_agree(keys):
+@pytest.mark.parametrize(
+    ("keys", "engine"),
+    [(LOCAL, TIGHT), (LOSSY, TIGHT), ({}, STACKED)],
+    ids=["local", "channel", "stacked"],
+)
+def test_engines_agree(keys, engine):
     """In every state, and in speeds and turn rates at output times.
 
     Velocities that rounds hold over a tick are those of the closed form above.
     """
     exact, nonlinear = (
-        jaxnet.simulate(FLEET | keys | {"engine": engine}, progress=False)
-        for engine in ("exact", TIGHT)
+        jaxnet.simulate(FLEET | keys | {"engine": each}, progress=False)
+        for each in ("exact", engine)
     )
     assert (exact.lanes["status"] == "ok").all()
     apart = np.subtract(
