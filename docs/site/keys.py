@@ -41,6 +41,8 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "driven": "[navigator](model.md#navigator)",
     "none of navigator": "[without a navigator](model.md#without-a-navigator)",
     "spoof": "[O10](theorems.md#o10-inconsistent-derivatives)",
+    "trust": "[trust that learns](trust.md)",
+    "vote": "[theorem 7](guarantees.md#theorem-7-a-vote)",
     "trusted_trim": "[trimming](model.md#defence), [announcements](guarantees.md#announcements)",
     "linearised": "[the linearised law](model.md#the-linearised-law)",
     "local": "[the local law](model.md#the-local-law)",
@@ -48,6 +50,11 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "gaussian of sensing": "[O13](theorems.md#o13-sensor-errors)",
     "gaussian of noise": "[O15](theorems.md#o15-substituted-messages)",
     "chi_squared": "[O17](theorems.md#o17-alarms)",
+    "cusum": "[tests](detectors.md#tests)",
+    "kalman": "[what is predicted](detectors.md#what-is-predicted)",
+    "robotarium": "[limits](robots.md#limits)",
+    "collisions": "[collisions](robots.md#collisions-and-robots-outside)",
+    "outside_arena": "[robots outside](robots.md#collisions-and-robots-outside)",
     "barrier": "[a filter against collisions](robots.md#a-filter-against-collisions)",
     "sampled": "[a digital controller](robots.md#a-digital-controller)",
     "consistent": "[B1](guarantees.md#assumptions-b1-to-c3)",
@@ -111,10 +118,15 @@ def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Itera
     if shared := alike(tables):
         yield "\n".join(["### Keys of several kinds\n", SHARED_HEAD + "\n".join(shared)]) + "\n"
     for name, kind in kinds.items():
-        words = inspect.cleandoc(kind.__doc__ or "")
-        if more := ELSEWHERE.get(name, ELSEWHERE.get(f"{name} of {family}")):
-            words = f"{words.partition(chr(10) * 2)[0]} More: {more}."
-        yield section(f"`{name}`", tables[name], 3, wrapped(words))
+        yield section(f"`{name}`", tables[name], 3, described(name, family, kind))
+
+
+def described(name: str, family: str, kind: Any) -> str:
+    """What a docstring says, or its first paragraph and the page that says more."""
+    words = inspect.cleandoc(kind.__doc__ or "")
+    if more := ELSEWHERE.get(name, ELSEWHERE.get(f"{name} of {family}")):
+        words = f"{words.partition(chr(10) * 2)[0]} More: {more}."
+    return wrapped(words)
 
 
 def of_metrics(known: dict[str, Any]) -> Iterator[str]:
@@ -125,7 +137,7 @@ def of_metrics(known: dict[str, Any]) -> Iterator[str]:
         yield f"- `{each.name}`{f' [{each.column_unit}]' * bool(each.column_unit)}: {each.words}."
     for name, model in registry.models("metrics").items():
         table = rows(known[model.__name__], model.model_fields)
-        words = wrapped(inspect.cleandoc(model.__doc__ or ""))
+        words = described(name, "metrics", model)
         yield "\n" + section(f"`{name}`", table, 3, words).rstrip()
 
 
