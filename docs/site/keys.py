@@ -130,12 +130,14 @@ def described(name: str, family: str, kind: Any) -> str:
 
 
 def of_metrics(known: dict[str, Any]) -> Iterator[str]:
-    """The metrics, then the keys of those that have keys."""
+    """The metrics, then those that have keys."""
+    models = registry.models("metrics")
     yield "## metrics\n"
     yield f"    {EXAMPLES['metrics']}\n"
-    for each in (registry.find("metrics", name) for name in registry.kind_names("metrics")):
+    keyless = [name for name in registry.kind_names("metrics") if name not in models]
+    for each in (registry.find("metrics", name) for name in keyless):
         yield f"- `{each.name}`{f' [{each.column_unit}]' * bool(each.column_unit)}: {each.words}."
-    for name, model in registry.models("metrics").items():
+    for name, model in models.items():
         table = rows(known[model.__name__], model.model_fields)
         words = described(name, "metrics", model)
         yield "\n" + section(f"`{name}`", table, 3, words).rstrip()
@@ -225,6 +227,8 @@ def allowed(node: Any) -> str:
     if choices := node.get("anyOf", node.get("oneOf")):
         said = dict.fromkeys(takes(each) for each in choices if "pattern" not in each)
         said.pop("null", None)
+        if len(said) > 3:  # the meaning names them
+            return "several forms"
         return (
             " or ".join(said)
             .replace("number or distribution", "draw")
