@@ -53,6 +53,8 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "cusum": "[tests](detectors.md#tests)",
     "kalman": "[what is predicted](detectors.md#what-is-predicted)",
     "robotarium": "[limits](robots.md#limits)",
+    "look_ahead": "[its heading](model.md#vehicles-of-other-orders)",
+    "nonlinear": "[how](numerics.md#the-nonlinear-engine)",
     "collisions": "[collisions](robots.md#collisions-and-robots-outside)",
     "outside_arena": "[robots outside](robots.md#collisions-and-robots-outside)",
     "barrier": "[a filter against collisions](robots.md#a-filter-against-collisions)",
