@@ -41,6 +41,8 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "driven": "[navigator](model.md#navigator)",
     "none of navigator": "[without a navigator](model.md#without-a-navigator)",
     "spoof": "[O10](theorems.md#o10-inconsistent-derivatives)",
+    "trust": "[trust that learns](trust.md)",
+    "vote": "[theorem 7](guarantees.md#theorem-7-a-vote)",
     "trusted_trim": "[trimming](model.md#defence), [announcements](guarantees.md#announcements)",
     "linearised": "[the linearised law](model.md#the-linearised-law)",
     "local": "[the local law](model.md#the-local-law)",
@@ -48,6 +50,13 @@ ELSEWHERE = {  # kinds of which a page says what their docstring says after its 
     "gaussian of sensing": "[O13](theorems.md#o13-sensor-errors)",
     "gaussian of noise": "[O15](theorems.md#o15-substituted-messages)",
     "chi_squared": "[O17](theorems.md#o17-alarms)",
+    "cusum": "[tests](detectors.md#tests)",
+    "kalman": "[what is predicted](detectors.md#what-is-predicted)",
+    "robotarium": "[limits](robots.md#limits)",
+    "look_ahead": "[its heading](model.md#vehicles-of-other-orders)",
+    "nonlinear": "[how](numerics.md#the-nonlinear-engine)",
+    "collisions": "[collisions](robots.md#collisions-and-robots-outside)",
+    "outside_arena": "[robots outside](robots.md#collisions-and-robots-outside)",
     "barrier": "[a filter against collisions](robots.md#a-filter-against-collisions)",
     "sampled": "[a digital controller](robots.md#a-digital-controller)",
     "consistent": "[B1](guarantees.md#assumptions-b1-to-c3)",
@@ -111,22 +120,29 @@ def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Itera
     if shared := alike(tables):
         yield "\n".join(["### Keys of several kinds\n", SHARED_HEAD + "\n".join(shared)]) + "\n"
     for name, kind in kinds.items():
-        words = inspect.cleandoc(kind.__doc__ or "")
-        if more := ELSEWHERE.get(name, ELSEWHERE.get(f"{name} of {family}")):
-            words = f"{words.partition(chr(10) * 2)[0]} More: {more}."
-        yield section(f"`{name}`", tables[name], 3, wrapped(words))
+        yield section(f"`{name}`", tables[name], 3, described(name, family, kind))
+
+
+def described(name: str, family: str, kind: Any) -> str:
+    """What a docstring says, or its first paragraph and the page that says more."""
+    words = inspect.cleandoc(kind.__doc__ or "")
+    if more := ELSEWHERE.get(name, ELSEWHERE.get(f"{name} of {family}")):
+        words = f"{words.partition(chr(10) * 2)[0]} More: {more}."
+    return wrapped(words)
 
 
 def of_metrics(known: dict[str, Any]) -> Iterator[str]:
-    """The metrics, then the keys of those that have keys."""
+    """The metrics, then those that have keys."""
+    models = registry.models("metrics")
     yield "## metrics\n"
     yield f"    {EXAMPLES['metrics']}\n"
     yield f"- `name`: text; {NAME['description']}\n"
-    for each in (registry.find("metrics", name) for name in registry.kind_names("metrics")):
+    keyless = [name for name in registry.kind_names("metrics") if name not in models]
+    for each in (registry.find("metrics", name) for name in keyless):
         yield f"- `{each.name}`{f' [{each.column_unit}]' * bool(each.column_unit)}: {each.words}."
-    for name, model in registry.models("metrics").items():
+    for name, model in models.items():
         table = rows(known[model.__name__], model.model_fields)
-        words = wrapped(inspect.cleandoc(model.__doc__ or ""))
+        words = described(name, "metrics", model)
         yield "\n" + section(f"`{name}`", table, 3, words).rstrip()
 
 
@@ -214,6 +230,8 @@ def allowed(node: Any) -> str:
     if choices := node.get("anyOf", node.get("oneOf")):
         said = dict.fromkeys(takes(each) for each in choices if "pattern" not in each)
         said.pop("null", None)
+        if len(said) > 3:  # the meaning names them
+            return "several forms"
         return (
             " or ".join(said)
             .replace("number or distribution", "draw")

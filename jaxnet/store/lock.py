@@ -10,7 +10,7 @@ lock, does not write again. No signal and no thread takes part in this, so it al
 signals are ignored.
 
 Between the look and the write another process may take the folder over. Then at most one file of
-each thread of the earlier holder arrives late; docs/results-folder.md says why that does no harm.
+each thread of the earlier holder arrives late; docs/architecture.md says why that does no harm.
 """
 
 import contextlib

@@ -20,11 +20,11 @@ LEAST = 1e-300  # [m]
 
 
 class Barrier(Filter):
-    """A control barrier: `ḣ ≥ -γ h^p` for each pair, h = ‖Δ‖² - D², Δ = y_i - y_j.
+    """A control barrier: `ζ̇ ≥ -γ ζ^p` for each pair, ζ = ‖Δ‖² - D², Δ = y_i - y_j.
 
-    `joint`: one quadratic program of all vehicles, `-2Δ·(u_i - u_j) ≤ γ h^p`, knows what all
+    `joint`: one quadratic program of all vehicles, `-2Δ·(u_i - u_j) ≤ γ ζ^p`, knows what all
     transmit of their places; a speed is within an octagon in the disc. `halves`: each vehicle has a
-    program of its own with a half of each constraint, `-2Δ·u_i ≤ γ h^p / 2`, knows its own place
+    program of its own with a half of each constraint, `-2Δ·u_i ≤ γ ζ^p / 2`, knows its own place
     and what the others transmit; a speed is within the disc. Where a program has no solution, the
     vehicle stands still, or all vehicles for `joint`. Source: Wang, Ames, Egerstedt, Safety barrier
     certificates for collisions-free multirobot systems, 2017; defaults of the Robotarium.
@@ -33,7 +33,7 @@ class Barrier(Filter):
     form: Literal["joint", "halves"] = setting("joint", "who solves: one for all, or each vehicle")
     distance: Positive = setting(0.15, "[m], D, that vehicles keep")
     gain: Positive = setting(100.0, "[s⁻¹ m^(2 - 2p)], γ")
-    power: Annotated[int, Field(ge=1, le=9)] = setting(3, "p; h^p keeps the sign of h")
+    power: Annotated[int, Field(ge=1, le=9)] = setting(3, "p; ζ^p keeps the sign of ζ")
     speed: Positive | None = setting(0.2, "[m/s], greatest speed; null: none")
 
     def asks(self):
@@ -70,7 +70,7 @@ class Barrier(Filter):
         return places[:, :, None] - told[:, None], others
 
     def room(self, gaps: PlaneVectors) -> AnyNumbers:
-        """γ h^p [m²/s] of gaps."""
+        """γ ζ^p [m²/s] of gaps."""
         beyond = dot(gaps, gaps) - (self.distance**2)[None, None]
         return self.gain[None, None] * beyond * abs(beyond) ** (self.power - 1)
 
