@@ -142,11 +142,11 @@ def write_figure(
     the folder has no data for the figure.
     """
     enable()
+    chosen = chosen or {}
+    look: Any = {"column": column, "note": note, **chosen}
+    drawn = figures.draw_figure(results, name, where, plain, **look)
+    file = figures.file_name(name, where or {}, column, chosen, plain, note)
     with results.folder.writing():
-        chosen = chosen or {}
-        look: Any = {"column": column, "note": note, **chosen}
-        drawn = figures.draw_figure(results, name, where, plain, **look)
-        file = figures.file_name(name, where or {}, column, chosen, plain, note)
         yield from figures.save_figure(results, file, drawn)
 
 

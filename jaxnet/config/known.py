@@ -4,7 +4,7 @@ import contextlib
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
@@ -72,8 +72,7 @@ def explain(error: ErrorDetails, data: Plain) -> str:
         return renamed or value_message(error) + suggestion(str(location[-1]), known)
     if kind == "kind_name":
         name = given.get("kind") if isinstance(given, dict) else given
-        known = registry.kind_names(error.get("ctx", {})["family"])
-        return value_message(error) + suggestion(str(name), known, fallback=False)
+        return value_message(error) + suggestion(str(name), kinds_by_words(error), fallback=False)
     hint, at = "", written_keys(error)
     if kind == "list_type" and type(given) is int and at == ("attack", "vehicles"):
         hint = f": {{random: {given}}} draws {given} in each lane, [{given}] is vehicle {given}"
@@ -81,7 +80,30 @@ def explain(error: ErrorDetails, data: Plain) -> str:
         hint = ": sweep: {attack.vehicles: [{random: 1}, {random: 2}]} sweeps such numbers"
     elif at == ("recovery",) and type(given) in (int, float):
         hint = f": give {{tau: {given}}}"
+    elif kind == "kind" and type(given) in (int, float):
+        hint = f": give {offers}" if (offers := " or ".join(kinds_of_number(error))) else ""
     return value_message(error) + hint
+
+
+def kinds_by_words(error: ErrorDetails) -> dict[str, str]:
+    """Names of a family's kinds by name, and by their words in tables."""
+    family = error.get("ctx", {})["family"]
+    models = registry.models(family).items()
+    words = {each.words: name for name, each in models if issubclass(each, Kind)}
+    return words | {name: name for name in registry.kind_names(family)}
+
+
+def kinds_of_number(error: ErrorDetails) -> Iterator[str]:
+    """Mappings of the kinds that need this number alone, or of the one kind with keys."""
+    models = registry.models(error.get("ctx", {})["family"])
+    models = {name: each for name, each in models.items() if {*each.model_fields} != {"label"}}
+    for name, model in models.items():
+        fields = model.model_fields.items()
+        for key in [key for key, each in fields if each.is_required() or len(models) == 1]:
+            with contextlib.suppress(ValidationError):
+                model.model_validate({key: error["input"]})
+                yield f"{{kind: {name}, {key}: {error['input']}}}"
+                break
 
 
 def written_keys(error: ErrorDetails) -> Keys:

@@ -74,9 +74,13 @@ def value_text(value: object) -> str:
     return json.dumps(value, default=lambda record: record.model_dump(), ensure_ascii=False)
 
 
-def suggestion(word: str, known: list[str], fallback: bool = True) -> str:
-    """The known word that was probably meant, or a list of the known words if there are any."""
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+def suggestion(word: str, known: list[str] | dict[str, str], fallback: bool = True) -> str:
+    """The known word that was probably meant, or a list of the known words if there are any.
+
+    The keys of a mapping are compared, and its values told.
+    """
+    told = known if isinstance(known, dict) else dict(zip(known, known, strict=True))
+    near = difflib.get_close_matches(word, told, n=1, cutoff=0.6)
     if near:
-        return f" (did you mean '{near[0]}'?)"
+        return f" (did you mean '{told[near[0]]}'?)"
     return f" (known here: {', '.join(known)})" if fallback and known else ""

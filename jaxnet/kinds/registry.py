@@ -227,8 +227,8 @@ class KindOf:
         if isinstance(value, base_of(self.family)):
             return value
         if not isinstance(value, dict):
-            known = {"known": ", ".join(kind_names(self.family))}
-            raise PydanticCustomError("kind", "must be a mapping, or one of {known}", known)
+            context = {"known": ", ".join(kind_names(self.family)), "family": self.family}
+            raise PydanticCustomError("kind", "must be a mapping, or one of {known}", context)
         if self.default is not None:
             value = {"kind": self.default, **value}
         try:

@@ -55,7 +55,10 @@ def claim(folder: Folder, config: Config) -> None:
 
 
 def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
-    """Mark a folder as made of a manifest's rows and a config's settings; refuse one of others."""
+    """Have a folder's first file mark it as made of these rows and settings; refuse one of others.
+
+    So a command that is refused writes nothing.
+    """
     folder.refuse_strange()
     entries = ("hash", "samples", "cell_samples")
     rows_of = {each: manifest[each] for each in entries if manifest.get(each) is not None}
@@ -71,7 +74,7 @@ def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
         elsewhere = f"{taken[0]} of something else"
     else:
         text = json.dumps({**rows_of, "settings": now}) + "\n"
-        folder.put(DERIVED_FROM, text.encode())
+        folder.before[DERIVED_FROM] = text.encode()
     if elsewhere:
         raise FolderError(f"{folder.path} holds {elsewhere}: give another folder with --out")
 

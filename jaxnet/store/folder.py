@@ -102,6 +102,7 @@ class Folder:
 
     def __init__(self, path: str | Path | UPath, holds: tuple[lock.Hold, ...] = ()):
         self.path, self.holds = place(path), holds
+        self.before: dict[str, bytes] = {}  # files that are written before any other
 
     def look(self) -> None:
         """Raise TakenError unless this process still has all its locks."""
@@ -177,6 +178,8 @@ class Folder:
 
         Raises TakenError if another process holds the folder before or after the error.
         """
+        while self.before:
+            self.put(*self.before.popitem())
         self.look()
         try:
             yield

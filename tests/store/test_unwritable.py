@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import jaxnet
+from jaxnet.api.writing import write_figure
 from jaxnet.store.folder import FolderError
 from tests.store.conftest import STUDY
 
@@ -82,7 +83,6 @@ def test_a_folder_that_cannot_be_written_to(shelf, tmp_path):
     def refused(file: str, option: str = "--out", reason: str = "Permission denied") -> str:
         return f"cannot write {file}: {reason}; give another place with {option}\n"
 
-    made_of = rf"{small}/cells.csv/made-of.json"
     ends = {  # of a command: what it says where it is refused, else nothing
         ("show", small): "",
         ("list", str(shelf)): "",
@@ -90,8 +90,9 @@ def test_a_folder_that_cannot_be_written_to(shelf, tmp_path):
         ("fit", small): locked,
         ("replay", small, *lane): refused(rf"{small}/replays/cell-1-sample-1.zarr/\S+"),
         ("export", small, "--mat"): refused(f"{small}/results.mat", "--mat"),
-        ("figure", small, "tails", "--out", f"{small}/cells.csv"): refused(
-            made_of, reason="File exists"
+        ("figure", small, "tails", "--out", f"{small}/cells.csv"): locked.replace(
+            " cannot be written to: Permission denied",
+            "/cells.csv cannot be written to: File exists",
         ),
         ("init", f"{shelf}/mine.yaml"): rf"\[Errno 13\] Permission denied: '{shelf}/mine.yaml'\n",
         ("compare", small, small): refused(f"{shelf}/small-small/differences.csv"),
@@ -112,11 +113,17 @@ def test_a_folder_that_cannot_be_written_to(shelf, tmp_path):
 
 
 def test_what_is_made_of_some_rows_is_not_taken_for_that_of_others(tmp_path):
-    """Another study, or more samples of the same."""
+    """Another study, or more samples of the same. What is refused leaves no folder."""
     first = jaxnet.run(jaxnet.load(STUDY), tmp_path / "first")
     other = jaxnet.run(jaxnet.load(STUDY, {"seed": 1}), tmp_path / "other")
     for _ in range(2):
         assert jaxnet.open(first.path, tmp_path / "made").out.path == tmp_path / "made"
+    with pytest.raises(FolderError, match="x: bogus is not swept"):
+        list(
+            write_figure(jaxnet.open(first.path, tmp_path / "made"), "curve", chosen={"x": "bogus"})
+        )
+    assert not (tmp_path / "made").exists()
+    jaxnet.open(first.path, tmp_path / "made").replay(0, 0)
     with pytest.raises(
         FolderError, match="made holds what was made of other rows: give another folder"
     ):
