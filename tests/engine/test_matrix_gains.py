@@ -114,7 +114,7 @@ def test_the_motion_turns_with_the_gains_when_the_plane_is_turned():
             r"unstable: eigenvalues .*\[9.0, 1.0, 1.0\]",
         ),
         ({"gain": [[1.0, 3.0, 3.0], [1.0, 3.0]]}, "as many numbers as the other lists"),
-        ({"gain": [[1.0, 2.0], [1.0, 2.0]]}, "must be 3, one for each order of two_wheeled"),
+        ({"gain": [[1.0, 2.0], [1.0, 2.0]]}, "two_wheeled needs 3 gains"),
         ({"gain": [[1.0, 3.0, 3.0]] * 3}, "at most 2 entries"),
         ({"gain": [[[1.0, 0.0, 2.0], [0.0, 1.0]]] * 3}, "at most 2 entries"),
         (

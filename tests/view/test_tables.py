@@ -121,6 +121,8 @@ def test_columns_are_chosen_and_cells_sorted():
     assert shown[0].values == [2, 1, 0]
     with pytest.raises(FolderError, match=r"no column speed \(there are attack.magnitude, "):
         columns.summary_columns(results, ["speed"])
+    with pytest.raises(FolderError, match=r"no column tail_men \(did you mean 'tail_mean'\?\)"):
+        columns.summary_columns(results, ["tail_men"])
 
 
 def test_long_labels_are_wrapped(monkeypatch):

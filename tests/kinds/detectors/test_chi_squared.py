@@ -136,7 +136,7 @@ def test_a_link_is_attacked_only_while_it_is():
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"channel": {}}, "no message has errors"),
+        ({"channel": {}}, "needs errors of messages"),
         ({"detector": {"kind": "distance"}, "tick": 0.0, "channel": {}}, "give a tick"),
         ({"detector": {"kind": "chi_squared", "false_alarms": 0.0}}, "greater than 0"),
         ({"detector": {"kind": "chi_squared", "false_alarms": 1.0}}, "less than 1"),

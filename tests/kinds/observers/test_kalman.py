@@ -148,7 +148,7 @@ def test_an_observer_from_outside_is_one_class():
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ({"channel": {}}, "no message has errors"),
+        ({"channel": {}}, "needs errors of messages"),
         ({"sensing": {"position": 0.1, "dropout": 0.2}}, "tells no standard deviations"),
         (
             {
