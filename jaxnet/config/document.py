@@ -310,6 +310,7 @@ class Document:
         key, equals, text = word.partition("=")
         if not equals or "" in split_key(key):
             told = "an override is KEY=VALUE, KEY a dotted name"
+            told += f": {key} has no value" * (bool(key) and not equals)
             self.problems.append(Problem(source, key, told))
             return
         reader = Reader(source, split_key(key))

@@ -20,6 +20,7 @@ from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.metrics import WITH_DETECTOR, Metric
 from jaxnet.kinds.refusals import shorten_value
 from jaxnet.model import axis
+from jaxnet.model.wording import count
 from jaxnet.outside import blame
 
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
@@ -272,7 +273,8 @@ def gain_faults(s: Scenario) -> Iterator[Fault]:
     """Yield faults of gains: how many, `s^r + … + k1 s + k0` that is not Hurwitz, an engine."""
     order, given, matrices = s.vehicle.order, s.order_of_gain, s.gain_matrices
     if given != order:
-        told = f"must be {order}, one for each order of {s.vehicle.kind} (got {given})"
+        names = ", ".join(f"k{each}" for each in range(order))
+        told = f"{s.vehicle.kind} needs {count(order, 'gain')}, {names} (got {given})"
         yield Fault(("gain", "vehicle"), told)
         return
     if matrices is None:

@@ -67,9 +67,12 @@ def explain(error: ErrorDetails, data: Plain) -> str:
     """Put one of pydantic's errors on some data in a user's words."""
     kind, given, location = error["type"], error["input"], error["loc"]
     if kind in ("extra_forbidden", "invalid_key"):
-        renamed = RENAMED_KEYS.get(dotted_key(location))
-        known = keys_beside(location, data)
-        return renamed or value_message(error) + suggestion(str(location[-1]), known)
+        renamed, name = RENAMED_KEYS.get(dotted_key(location)), str(location[-1])
+        root, *inside = name.split(".")
+        if inside and len(location) == 1 and root in Config.model_fields:
+            nested = f"{root}: {{{': {'.join(inside)}: …{'}' * len(inside)}"
+            return f"dotted keys stand in sweep and on the command line alone: give {nested}"
+        return renamed or value_message(error) + suggestion(name, keys_beside(location, data))
     if kind == "kind_name":
         name = given.get("kind") if isinstance(given, dict) else given
         return value_message(error) + suggestion(str(name), kinds_by_words(error), fallback=False)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
@@ -26,7 +26,6 @@ GREATEST_SHOWN = 1e100  # [m] end of a log axis, 1 over it the other end; beyond
 SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
 NOT_PROPORTIONAL = 0.2  # of the power p of c·ā^p beside 1
-NO_SLOPE = "no effect of ā: errors do not rise with it"
 BOUND_NAMES = {
     "static": "static",
     "peak_gain": "peak gain",
@@ -64,6 +63,11 @@ class Curve(NamedTuple):
         return [self.cells[f"{metric}_{name}"].to_numpy(dtype=float) for name in names]
 
     @property
+    def ended(self) -> Bool[np.ndarray, " cells"]:
+        """The magnitudes at which any lane ended."""
+        return np.isfinite(self.spread("tail_max", "max")[0])
+
+    @property
     def worst(self) -> float:
         """Greatest error of any vehicle in any lane, per ā."""
         return float(np.fmax.reduce(self.spread("tail_max", "max")[0] / self.sizes))
@@ -87,10 +91,12 @@ class Curve(NamedTuple):
     def fit(self, metric: str, quantile: float | None = None) -> Fit | None:
         """Slope s and its ends by least squares or at a quantile; None where there is no slope.
 
-        Errors that are not proportional to ā have none.
+        Errors that are not proportional to ā have none, nor has a single magnitude.
         """
         found = self.fits.get((metric, quantile))
-        return None if found is None or np.isnan(found[0]) or self.is_bent(metric) else found
+        if found is None or np.isnan(found[0]) or self.is_bent(metric):
+            return None
+        return found if self.ended.sum() > 1 else None
 
     def is_flat(self, metric: str) -> bool:
         found = self.fits.get((metric, None))

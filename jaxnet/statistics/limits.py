@@ -71,13 +71,19 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def unchecked_words(cells: Sequence[Cell]) -> str:
-    """Attacked cells that `violations_table` leaves out, by reason; "" if there are none."""
+def unchecked(cells: Sequence[Cell]) -> dict[str, list[int]]:
+    """Numbers of attacked cells that `violations_table` leaves out, by reason."""
     found: dict[str, list[int]] = {}
     for cell in cells:
         scenario = cell.scenario
         if scenario.attack.present and (why := broken_premise(scenario, BOUNDS)):
             found.setdefault(why, []).append(cell.number)
+    return found
+
+
+def unchecked_words(cells: Sequence[Cell]) -> str:
+    """The unchecked cells with their reasons; "" if there are none."""
+    found = unchecked(cells)
     return "; ".join(f"{cells_named(numbers)}: {why}" for why, numbers in found.items())
 
 

@@ -24,6 +24,7 @@ from jaxnet.config.naming import (
     value_name,
 )
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION
+from jaxnet.kinds.refusals import suggestion
 from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
 from jaxnet.statistics.amplitude import attack_size, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells, swept_key
@@ -259,8 +260,9 @@ def known_column(name: str, table: pd.DataFrame, keys: Sequence[str]) -> str:
     for each in (name, f"{name}_median"):
         if each in table or each in keys:
             return each
-    known = ", ".join(map(str, [*keys, *table.columns.difference(list(keys), sort=False)]))
-    raise FolderError(f"no column {name} (there are {known})")
+    known = [*keys, *table.columns.difference(list(keys), sort=False)]
+    near = suggestion(name, [each.removesuffix("_median") for each in known], fallback=False)
+    raise FolderError(f"no column {name}" + (near or f" (there are {', '.join(known)})"))
 
 
 def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:

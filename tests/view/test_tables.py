@@ -121,6 +121,8 @@ def test_columns_are_chosen_and_cells_sorted():
     assert shown[0].values == [2, 1, 0]
     with pytest.raises(FolderError, match=r"no column speed \(there are attack.magnitude, "):
         columns.summary_columns(results, ["speed"])
+    with pytest.raises(FolderError, match=r"no column tail_men \(did you mean 'tail_mean'\?\)"):
+        columns.summary_columns(results, ["tail_men"])
 
 
 def test_long_labels_are_wrapped(monkeypatch):
@@ -265,34 +267,29 @@ def test_a_long_table_is_cut_only_if_asked():
     assert len([line for line in whole.splitlines() if line.strip()[:1].isdigit()]) == 72
 
 
+def curve_of(ended: int, fits: dict, power: float = 1.0) -> Curve:
+    """A curve of two magnitudes, with lanes that ended at the first `ended` of them."""
+    cells = pd.DataFrame({"tail_max_max": [1.0] * ended + [math.nan] * (2 - ended)}, [1.0, 2.0])
+    return Curve(Group({}, ()), cells, {}, fits, {"tail_mean": (power, math.nan, math.nan)})
+
+
 @pytest.mark.parametrize(
-    ("fit", "words"),
+    ("fit", "power", "ended", "words"),
     [
-        ((2.2, 2.1, 2.3), "error = 2.2 ā, 95 % 2.1 to 2.3"),
-        ((2.2, float("nan"), float("nan")), "error = 2.2 ā"),
-        ((float("nan"),) * 3, "no effect of ā"),
-        (None, "-"),
+        ((2.2, 2.1, 2.3), 1.0, 2, "2.2 [2.1, 2.3]"),
+        ((2.2, math.nan, math.nan), 0.9, 2, "2.2"),
+        ((2.2, math.nan, math.nan), 0.3, 2, "not proportional"),
+        ((2.2, 2.1, 2.3), 1.0, 1, "one ā: 2.2 [2.1, 2.3]"),
+        ((math.nan,) * 3, 1.0, 2, "no effect"),
+        (None, 1.0, 2, "-"),
     ],
 )
-def test_a_fit_is_told_in_words(fit, words):
-    """The mean over lanes with its interval, or that ā has no effect; a dash without a fit."""
-    fits = {} if fit is None else {("tail_mean", None): fit}
-    curve = Curve(Group({}, ()), pd.DataFrame(), {}, fits, {})
-    assert slopes.law_text(curve, "tail_mean") == words
-
-
-@pytest.mark.parametrize(
-    ("power", "words"),
-    [(1.0, "error = 2.2 ā"), (0.9, "error = 2.2 ā"), (0.3, "not proportional to ā")],
-)
-def test_no_slope_is_told_where_the_error_is_not_proportional(power, words):
-    """Nor a multiple of ā below which a share of the lanes is."""
-    slope, ends = (2.2, math.nan, math.nan), (math.nan, math.nan)
-    fits = {("tail_mean", quantile): slope for quantile in (None, 0.5, 0.95, 1.0)}
-    curve = Curve(Group({}, ()), pd.DataFrame(), {}, fits, {"tail_mean": (power, *ends)})
-    assert slopes.law_text(curve, "tail_mean") == words
-    told = {curve.fit("tail_mean", quantile) for _, quantile in fits}
-    assert told == ({None} if "not" in words else {slope})
+def test_a_slope_is_told_or_why_there_is_none(fit, power, ended, words):
+    """Nor does a multiple of ā tell below which a share of lanes is, where there is no slope."""
+    fits = {} if fit is None else {("tail_mean", quantile): fit for quantile in (None, 0.5)}
+    curve = curve_of(ended, fits, power)
+    assert slopes.slope_text(curve, "tail_mean") == words
+    assert (curve.fit("tail_mean", 0.5) is None) == (not words.startswith("2.2"))
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():
@@ -310,8 +307,9 @@ def test_fits_show_swept_values_as_the_summary_does():
     """Names of kinds, drawn vehicles and units; what is rounding is 0."""
     group = Group({"attack.vehicles": '{"random": 1}', "defence": "w_msr"}, ())
     curve = Curve(group, pd.DataFrame(), {}, {}, {})
-    text = slopes.group_table("slopes", [(curve, {"mean": "0.1"})], (), "fit.csv")
-    assert text.splitlines()[-1].split() == ["1", "drawn", "W-MSR", "0.1"]
-    assert "attacked" in text.splitlines()[1]
-    assert slopes.estimate_text((5e-20, 4e-20, 0.35)) == "0 (0 to 0.35)"
-    assert slopes.estimate_text((0.4, float("nan"), float("nan")), " ā") == "0.4 ā"
+    table, labels = slopes.group_columns([(curve, {"mean": "0.1"})])
+    assert [*map(str, table)] == [*labels, "mean"]
+    assert [str(each) for (each,) in table.values()] == ["1 drawn", "W-MSR", "0.1"]
+    assert "attacked" in labels[0]
+    assert slopes.estimate_text((5e-20, 4e-20, 0.35)) == "0 [0, 0.35]"
+    assert slopes.estimate_text((0.4, math.nan, math.nan)) == "0.4"

@@ -2,7 +2,7 @@ from typing import Annotated
 
 from jaxnet.kinds.defences import Defence
 from jaxnet.kinds.fields import Number, Within, setting
-from jaxnet.kinds.shapes import SlotNumbers
+from jaxnet.kinds.shapes import AnyNumbers, SlotNumbers
 from jaxnet.lazy import jnp
 from jaxnet.model import ties
 from jaxnet.model.plane import length
@@ -47,7 +47,7 @@ class Reputation(Defence):
         weights = jnp.where(ties.apart(limit, distance), known, faint)
         return jnp.where(heard, weights, 0.0), memory + 1.0
 
-    def limit(self, distance: SlotNumbers) -> SlotNumbers:
+    def limit(self, distance: SlotNumbers) -> AnyNumbers:
         """D of each listener, (1, m, lanes); distances of slots without a source are -inf."""
         sort = -jnp.sort(-distance, axis=0)
         new = jnp.isfinite(sort)

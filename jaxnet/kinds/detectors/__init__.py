@@ -143,8 +143,10 @@ class Detector(AnyDetector):
             told = f"{self.predicts.kind} tells no covariance: give kind: distance"
             yield Fault(("detector.predicts", "detector"), told)
         if self.needs_variances and not (noisy or channel.rounded):
-            told = "no message has errors, so every other message is false:"
-            told += " give channel: {noise: {position: …}}"
+            told = (
+                f"{self.kind} needs errors of messages: give channel: {{noise: {{position: …}}}},"
+            )
+            told += " or kind: distance"
             yield Fault(("detector", "channel.noise"), told)
         for key, noise in noisy.items():
             if self.needs_variances and not noise.tells_deviations():

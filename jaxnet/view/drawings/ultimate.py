@@ -41,7 +41,8 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
                 slopes[name] = fitted[0], look
         lines = []
         for name, (slope, look) in slopes.items():
-            lines.append(Trace(name, look, curve.sizes, slope * curve.sizes, "slope"))
+            x = curve.sizes[curve.ended] if name in FITS else curve.sizes
+            lines.append(Trace(name, look, x, slope * x, "slope"))
         labels, about = curve.group.labels, [*curve.group.attacked]
         series = [*lines, *lane_series(curve, metric)]
         most = [limit * curve.sizes.max() for limit in curve.limits(metric).values()]
@@ -55,8 +56,8 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
 def slope_note(curve: Curve, metric: str) -> str:
     if curve.is_flat(metric):
         return "errors do not rise with ā: no line is fitted"
-    if len(curve.cells) == 1:
-        return "one ā alone: error / ā is no fit"
+    if curve.ended.sum() == 1:
+        return "lanes ended at one ā alone: no line is fitted"
     bent = curve.is_bent(metric)
     return "errors are not proportional to ā: no line is fitted" if bent else ""
 

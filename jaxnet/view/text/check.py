@@ -121,7 +121,7 @@ def study_head(study: Study) -> str:
     return wrap_lines(
         f"{settled.name}: {count(len(study.cells), 'cell')} × {samples},"
         f" {settled.engine.kind} engine, no faults\n"
-        f"about {decimal(round(memory))} of memory; at most {decimal(disk)} on disk"
+        f"about {decimal(round(memory))} of memory; about {decimal(disk)} on disk"
     )
 
 

@@ -90,18 +90,26 @@ def fits_terminal(table: TableColumns, labels: Sequence[str]) -> bool:
     return total <= terminal_width()
 
 
-def fitted_text(
-    table: TableColumns, labels: Sequence[str], steps: Sequence[Sequence[str]], file: str
-) -> str:
-    """The first rows of a table in a terminal's width, and what it leaves out of the file.
+def fitted_columns(
+    table: TableColumns, labels: Sequence[str], steps: Sequence[Sequence[str]]
+) -> TableColumns:
+    """The first rows of the columns that fit a terminal: those of each step go until the rest fits.
 
-    The columns of each step go until the rest fits, then labels from the last on.
+    Labels stay, as they tell rows apart.
     """
     shown = {name: values[:MOST_ROWS] for name, values in table.items()}
-    for titles in [*steps, *([label] for label in reversed(labels))]:
+    for titles in steps:
         if fits_terminal(shown, labels):
             break
         shown = {name: values for name, values in shown.items() if name not in titles}
+    return shown
+
+
+def fitted_text(
+    table: TableColumns, labels: Sequence[str], steps: Sequence[Sequence[str]], file: str
+) -> str:
+    """`fitted_columns` as text, and what it leaves out of the file."""
+    shown = fitted_columns(table, labels, steps)
     lines = [table_text(shown, labels, terminal_width())]
     more = max(map(len, table.values()), default=0) - MOST_ROWS
     lines += [f"… {more} more rows; all are in {file}"] * (more > 0)

@@ -7,23 +7,34 @@ import numpy as np
 
 from jaxnet.config.naming import quantity, value_alone
 from jaxnet.model.wording import number_text
-from jaxnet.statistics.curves import BOUND_NAMES, NO_SLOPE, Curve, Fit, curves, no_magnitudes
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVAL, whole_draws
 from jaxnet.statistics.intervals import below_greatest
-from jaxnet.statistics.limits import unchecked_words, unclipped_words
+from jaxnet.statistics.limits import unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
 from jaxnet.view.columns import without_rounding
-from jaxnet.view.text.printer import fitted_text
+from jaxnet.view.text.printer import fitted_columns, fitted_text
 from jaxnet.view.text.tables import lane_title
 from jaxnet.view.text.width import filled
 
 MOST_VIOLATIONS = 20
 LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, "all below": ENVELOPE}
-ERROR_NAMES = {"tail_mean": "mean error", "tail_max": "greatest error"}
+ERROR_NAMES = {"tail_mean": "mean", "tail_max": "greatest"}
+SLOPE = "mean of the lanes"
 POWER = "power p of c ā^p"
+SLOPES_TITLE = (
+    "slope s of error = s ā over the tail, with its 95 % interval; mean: of the fleet's vehicles;"
+    " greatest: of any vehicle"
+)
+NO_EFFECT, NOT_PROPORTIONAL, ONE_MAGNITUDE = "no effect", "not proportional", "one ā: "
+SLOPE_NOTES = {
+    NO_EFFECT: "no effect: errors do not rise with ā",
+    NOT_PROPORTIONAL: "not proportional: errors rise with ā, but not as s ā",
+    ONE_MAGNITUDE: "one ā: lanes ended at one magnitude alone; the error per ā there, no slope",
+}
 SLOPES_DROP_ORDER = tuple((name,) for name in (POWER, *QUANTILE_COLUMNS))
 BOUND_COLUMNS = {name: (bound, "worst") for bound, name in BOUND_NAMES.items()}
 BOUND_COLUMNS |= {
@@ -43,8 +54,9 @@ def fit_text(results: Results) -> str:
         title = "bounds of theory, as multiples of the worst error found"
         rows = [(curve, group_ratios(curve)) for curve in found]
         if any(np.isfinite(row[name]) for _, row in rows for name in BOUND_COLUMNS):
-            table = group_table(title, rows, BOUNDS_DROP_ORDER, "bounds.csv")
-            parts.append(f"{table}\n{filled(BOUNDS_LEGEND)}")
+            table, labels = group_columns(rows)
+            text = fitted_text(table, labels, BOUNDS_DROP_ORDER, "bounds.csv")
+            parts.append("\n".join([filled(title), text, filled(BOUNDS_LEGEND)]))
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
     parts += map(filled, (no_magnitudes(found), falling_words(results, results.study.cells)))
@@ -53,29 +65,29 @@ def fit_text(results: Results) -> str:
 
 def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     """The error as a multiple of ā, what share of lanes is below which multiple, and notes."""
-    told, rows = [], []
-    for curve in found:
-        for metric in SUMMARISED:
-            fits = {name: curve.fit(metric, each) for name, each in QUANTILE_COLUMNS.items()}
-            told += [(name, fit) for name, fit in fits.items() if fit is not None]
-            texts = {"": ERROR_NAMES[metric], "mean of the lanes": law_text(curve, metric)}
-            texts |= {name: estimate_text(fit, " ā") for name, fit in fits.items()}
-            texts[POWER] = estimate_text(curve.exponents.get(metric))
-            rows.append((curve, texts))
     if not any(curve.fits for curve in found):
         return ""
-    title = (
-        "how errors over the tail depend on ā: the mean of the fleet, the greatest of any vehicle;"
-        " in brackets 95 % intervals"
-    )
-    lines = [group_table(title, rows, SLOPES_DROP_ORDER, "fit.csv")]
-    if any(curve.is_flat(metric) for curve in found for metric in SUMMARISED):
-        lines.append(filled(NO_SLOPE))
-    if any(QUANTILE_COLUMNS[name] != ENVELOPE and np.isnan(fit[1:]).any() for name, fit in told):
+    rows, fits = [], {name: [] for name in (SLOPE, *QUANTILE_COLUMNS)}
+    for curve in found:
+        for metric in SUMMARISED:
+            slopes = {name: curve.fit(metric, each) for name, each in QUANTILE_COLUMNS.items()}
+            texts = {"error": ERROR_NAMES[metric], SLOPE: slope_text(curve, metric)}
+            texts |= {name: estimate_text(fit) for name, fit in slopes.items()}
+            texts[POWER] = estimate_text(curve.exponents.get(metric))
+            rows.append((curve, texts))
+            for name, fit in (slopes | {SLOPE: curve.fit(metric)}).items():
+                fits[name] += [fit] * (fit is not None)
+    table, labels = group_columns(rows)
+    shown = fitted_columns(table, labels, SLOPES_DROP_ORDER)
+    fits = {name: fit for name, fit in fits.items() if name in shown}
+    lines = [filled(SLOPES_TITLE), fitted_text(table, labels, SLOPES_DROP_ORDER, "fit.csv")]
+    told = {text for _, texts in rows for text in texts.values()}
+    lines += [filled(note) for text, note in SLOPE_NOTES.items() if any(text in t for t in told)]
+    if any(np.isnan(fit[1]) for name in fits if name != "all below" for fit in fits[name]):
         lines.append(filled(NO_SLOPE_INTERVAL))
     independent = results.study.config.draws == "random"
     draws = independent and min(whole_draws(results, curve.group) for curve in found)
-    if draws and any(QUANTILE_COLUMNS[name] == ENVELOPE for name, _ in told):
+    if draws and fits.get("all below"):
         share = number_text(100 * below_greatest(draws), whole=100.0)
         words = (
             f"all below: the {draws} lanes of each ā are; at least {share} % of all possible lanes,"
@@ -85,25 +97,21 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     return "\n".join(lines)
 
 
-def law_text(curve: Curve, metric: str) -> str:
-    """How the mean error depends on ā, in words."""
+def slope_text(curve: Curve, metric: str) -> str:
+    """How the mean error depends on ā: its slope, or why it has none."""
     if curve.is_flat(metric):
-        return "no effect of ā"
+        return NO_EFFECT
     if curve.is_bent(metric):
-        return "not proportional to ā"
-    if len(curve.cells) == 1:  # one ā is no fit
-        return f"error / ā = {estimate_text(curve.fit(metric))}"
-    told = estimate_text(curve.fit(metric), " ā").replace(" (", ", 95 % ").rstrip(")")
-    return told if told == "-" else f"error = {told}"
+        return NOT_PROPORTIONAL
+    alone = curve.fits and curve.ended.sum() == 1
+    known = curve.fits.get((metric, None)) if alone else curve.fit(metric)
+    return ONE_MAGNITUDE * bool(alone) + estimate_text(known)
 
 
-def group_table(
-    title: str,
+def group_columns(
     rows: Sequence[tuple[Curve, dict[str, Any]]],
-    steps: Sequence[Sequence[str]],
-    file: str,
-) -> str:
-    """Titled table of groups, no wider than a terminal; swept values read as in `show`."""
+) -> tuple[dict[str, list[Any]], list[str]]:
+    """Columns of a table of groups, and the names of swept keys; values read as in `show`."""
     named = [
         {
             quantity(key): value_alone(key, value) if isinstance(value, str) else value
@@ -112,16 +120,15 @@ def group_table(
         for curve, _ in rows
     ]
     whole = [labels | told for labels, (_, told) in zip(named, rows, strict=True)]
-    table = {name: [row[name] for row in whole] for name in whole[0]}
-    return f"{filled(title)}\n{fitted_text(table, list(named[0]), steps, file)}"
+    return {name: [row[name] for row in whole] for name in whole[0]}, list(named[0])
 
 
-def estimate_text(found: Fit | None, unit: str = "") -> str:
+def estimate_text(found: Fit | None) -> str:
     """An estimate with its interval, or a dash for None."""
     if found is None:
         return "-"
     estimate, low, high = (number_text(without_rounding(each, 1.0)) for each in found)
-    return f"{estimate}{unit}" + (f" ({low} to {high})" if np.isfinite(found[1]) else "")
+    return estimate + (f" [{low}, {high}]" if np.isfinite(found[1]) else "")
 
 
 def group_ratios(curve: Curve) -> dict[str, float]:
@@ -142,9 +149,12 @@ def violations_text(results: Results) -> str:
     ]
     if len(found) > MOST_VIOLATIONS:
         lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.file('violations.csv')}")
-    lines = lines or ["no lane is above its bound of theory"]
-    if unchecked := unchecked_words(results.study.cells):
-        lines.append(filled(f"no bound is known for {unchecked}"))
+    cells = results.study.cells
+    attacked = sum(cell.scenario.attack.present for cell in cells)
+    if not lines and sum(map(len, unchecked(cells).values())) < attacked:
+        lines.append("no lane is above its bound of theory")
+    if words := unchecked_words(cells):
+        lines.append(filled(f"no bound is known for {words}"))
     if unclipped := unclipped_words(results):
         lines.append(filled(unclipped))
     return "\n".join(lines)

@@ -80,7 +80,8 @@ def test_whitening_divides_by_a_root_and_leaves_out_what_follows():
     expected = np.linalg.solve(np.linalg.cholesky(covariance), residual)
     np.testing.assert_allclose(found[..., 0], expected, rtol=1e-9)
     twice = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 9.0]])
-    found, orders = whitened(np.array([[1.0], [2.0], [3.0]])[..., None], twice[..., None])
+    residual = np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
+    found, orders = whitened(residual[..., None], twice[..., None])
     np.testing.assert_allclose(found[:, 0, 0], [1.0, 0.0, 1.0])
     assert int(orders[0]) == 2
 
@@ -147,7 +148,7 @@ def test_an_observer_from_outside_is_one_class():
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ({"channel": {}}, "no message has errors"),
+        ({"channel": {}}, "needs errors of messages"),
         ({"sensing": {"position": 0.1, "dropout": 0.2}}, "tells no standard deviations"),
         (
             {
