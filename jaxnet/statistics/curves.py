@@ -103,9 +103,13 @@ class Curve(NamedTuple):
         return found is not None and bool(np.isnan(found[0]))
 
     def is_bent(self, metric: str) -> bool:
-        """Whether errors are not proportional to ā, so that no slope tells of them."""
-        power = self.exponents.get(metric)
-        return power is not None and abs(power[0] - 1.0) > NOT_PROPORTIONAL
+        """Whether errors are not proportional to ā, so that no slope tells of them.
+
+        Where those of the other metric are not, a slope without an interval proves nothing.
+        """
+        bent = {name for name, p in self.exponents.items() if abs(p[0] - 1.0) > NOT_PROPORTIONAL}
+        slope = self.fits.get((metric, None))
+        return metric in bent or bool(bent and slope is not None and np.isnan(slope[1]))
 
 
 def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:

@@ -45,13 +45,20 @@ def evenly(values: Sequence[T], most: int) -> list[T]:
 def evenly_over(labels: Sequence[Mapping[str, Label]], most: int) -> list[int]:
     """Places of at most so many choices of swept values: all of few values evenly along each key.
 
-    The key with the most values loses some first. Where that leaves less than half of `most`, as in
-    a sweep of pairs, the places are spaced evenly.
+    Of keys of numbers, the one with the most values loses some first, then other keys, the defence
+    last. Where that leaves less than half of `most`, as in a sweep of pairs, the places are spaced
+    evenly.
     """
+
+    def spare(key: str) -> tuple[bool, bool, int]:
+        numbers = all(isinstance(value, int | float) for value in there[key])
+        many = len(kept[key])
+        return numbers and many > 2, key != "defence" and many > 1, many
+
     kept = {key: list(dict.fromkeys(each[key] for each in labels)) for key in labels[0]}
     there = dict(kept)
     while math.prod(map(len, kept.values())) > most and len(labels) > most:
-        longest = max(kept, key=lambda key: len(kept[key]))
+        longest = max(kept, key=spare)
         kept[longest] = evenly(there[longest], len(kept[longest]) - 1)
     whole = [all(each[key] in kept[key] for key in kept) for each in labels]
     found = np.flatnonzero(whole).tolist()

@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
 from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.kinds.refusals import suggestion
-from jaxnet.model.wording import count
+from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.curves import LOG_FLOOR, log_ends
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.statistics.recovery import confidence_told
@@ -32,15 +33,8 @@ from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
 LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
-SPREAD_WORDS = "spread: greatest distance of two honest vehicles"
-AGREEMENT_NOTES = {
-    "spread": f"{SPREAD_WORDS}, over the tail",
-    "outside": "outside: how far an honest vehicle leaves the convex hull of the honest starts",
-}
-ERROR_NOTES = {
-    "tail_mean": "tail mean: a lane's error, the mean over vehicles and the tail",
-    "tail_max": "tail max: the greatest error of any vehicle at any time of the tail of a lane",
-}
+SPREAD_WORDS = f"spread: {SPREAD.words}"
+TITLES = {"tail_mean": "error", "tail_max": "worst vehicle"}  # of metrics, if not their names
 FORMATION_NOTE = "errors, spread and outside leave out the vehicles' places in the formation"
 VALUE_COLUMNS = ["value", "low", "high"]
 
@@ -127,24 +121,49 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         words, values = f"lanes {share.words(cells)}", 100 * stored_values(table, share_names(name))
         found = Quantity(name, words, "%", True, sure, values, share.note(study, cells))
     elif name == "failed":
-        of, counts = "lanes", (table["failed"].to_numpy(), table["lanes"].to_numpy())
-        columns = counts[0] / counts[1], *clopper_pearson(*counts, CONFIDENCE)
-        frame = dict(zip(VALUE_COLUMNS, columns, strict=True))
-        values = 100 * pd.DataFrame(frame, index=table.index)
+        of, values = "lanes", 100 * share_failed(table)
         found = Quantity(name, "lanes failed", "%", True, CONFIDENCE, values)
     else:
         metric, statistic = metric_and_statistic(study, name)
-        note = AGREEMENT_NOTES.get(metric.name, "") if is_leaderless(cells) else ""
-        tail = " over the tail" if metric.over == "tail" else ""
-        words = f"{metric.told}{tail}"
-        words += f", {LANE_STATISTICS[statistic].words}"
-        values = row_values(results, cells, metric, statistic)
+        note, values = definition(metric), row_values(results, cells, metric, statistic)
+        words = f"{metric_title(metric)}, {LANE_STATISTICS[statistic].words}"
         if endless := int(np.isinf(values["value"]).sum()):
-            note = f"infinite, and not drawn, in {count(endless, 'cell')}"
+            note = f"{note}; infinite, and not drawn, in {count(endless, 'cell')}".lstrip("; ")
         values = values.replace(np.inf, np.nan)
         found = Quantity(name, words, metric.column_unit, False, CONFIDENCE, values, note)
     lanes = set(table.loc[values["value"].dropna().index, of].tolist())
+    found = found._replace(note="; ".join(filter(None, [found.note, unended_words(table)])))
     return found._replace(lanes=int(lanes.pop()) if len(lanes) == 1 else 0)
+
+
+def unended_words(table: pd.DataFrame) -> str:
+    """The cells, rows of `cells.csv`, of which no lane ended; "" of none."""
+    none = [int(cell) for cell, lanes in table["ok"].to_dict().items() if not lanes]
+    return f"no lane ended in {cells_named(none)}" if none else ""
+
+
+def share_failed(table: pd.DataFrame) -> pd.DataFrame:
+    """Share of lanes failed, low and high, from rows of `cells.csv`."""
+    counts = table["failed"].to_numpy(), table["lanes"].to_numpy()
+    columns = counts[0] / counts[1], *clopper_pearson(*counts, CONFIDENCE)
+    return pd.DataFrame(dict(zip(VALUE_COLUMNS, columns, strict=True)), index=table.index)
+
+
+def metric_title(metric: Metric) -> str:
+    """Name of a metric in tables and on axes; `definition` says what it is."""
+    return TITLES.get(metric.name, metric.name.replace("_", " "))
+
+
+def meaning(metric: Metric) -> str:
+    tail = " over the tail" if metric.over == "tail" else ""
+    return f"{metric.told}{tail}"
+
+
+def definition(metric: Metric) -> str:
+    """What a metric is, behind its title and its name; "" where the title says it."""
+    title, words = metric_title(metric), meaning(metric).replace(f" ({metric.name})", "")
+    named = f"{title} ({metric.name})" if metric.name in TITLES else title
+    return "" if words == title else f"{named}: {words.removeprefix(title).lstrip()}"
 
 
 def stored_values(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:

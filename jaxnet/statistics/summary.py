@@ -96,7 +96,9 @@ def count_in_hull(study: Config, cell: Cell, ok: pd.DataFrame) -> Counted:
 def hull_note(study: Config, cells: Sequence[Cell]) -> str:
     tolerance = max(cell.scenario.engine.accuracy for cell in cells)
     who = "no honest vehicle leaves the convex hull of the honest starts"
-    return f"in the hull (in_hull): {who} by over {tolerance:g} m"
+    box = any(cell.scenario.defence.tolerates() is not None for cell in cells)
+    proved = "; what is proved of W-MSR is the range of the starts on each axis, a box" * box
+    return f"in the hull (in_hull): {who} by over {tolerance:g} m{proved}"
 
 
 UNSETTLED_NOTE = "never settled (unsettled): above the limit at the last output time"

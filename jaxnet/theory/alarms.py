@@ -53,7 +53,8 @@ def alarm_runs(case: Case) -> AlarmRuns | None:
         return None
     attack, position = scenario.attack, deviations(case)[0]
     given, lie = attack.amplitude(), None
-    if attack.present and not is_drawn(given) and 0 in attack.falsified() and position:
+    sized = attack.present and not is_drawn(given) and given > 0
+    if sized and 0 in attack.falsified() and position:
         lie = mean_run(rule, orders, given / position)
     number, of = independent(case)
     fleet = mean_run(rule, orders, links=number) if number else None
@@ -67,7 +68,9 @@ def independent(case: Case) -> tuple[int, str]:
     of_links = not noise.exact() and noise.of == "link"
     if of_links and not sensing.exact():
         return 0, "link"
-    sets = [attacked] if case.draws is None else case.draws
+    attack, sets = case.scenario.attack, case.draws or [attacked]
+    if attack.bounded and attack.amplitude() == 0:
+        sets = [np.zeros_like(attacked)]
     honest = [network.sources[network.heard & ~links] for links in sets]
     if of_links:
         return max(map(len, honest)), "link"

@@ -30,13 +30,20 @@ from jaxnet.statistics.amplitude import attack_size, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells, swept_key
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
-from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic, stored_values
+from jaxnet.statistics.quantities import (
+    asked_quantity,
+    metric_and_statistic,
+    metric_title,
+    share_failed,
+    stored_values,
+)
 from jaxnet.statistics.summary import LANE_STATISTICS, lane_shares, share_names, unsettled_shares
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import digits_text
 
+SHARE_FAILED = "failed_share"
 COUNTS = {"ok": "lanes ok", "failed": "lanes failed", "lanes": "lanes"}  # with their titles
 ERROR_COLUMNS = ("tail_mean_median", "tail_mean_mean", "tail_mean_q95", "tail_max_max")
 AGREEMENT_COLUMNS = ("outside_max", "spread_median", "spread_max", "spread_q95", "spread_mean")
@@ -50,8 +57,6 @@ LATEX_SYMBOLS = {
     "gain.2": "$k_2$",
     "tick": "$h$",
     "vehicles": "$m$",
-    "tail_mean": r"$\tilde e$",
-    "tail_max": r"$\hat\delta$",
 }
 # Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through
 # thousands of ticks, some 1e-12 m: smaller errors are rounding, and far below what a robot has.
@@ -281,8 +286,9 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     first = asked if asked in table else f"{asked}_median"
     tail = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
     hull = ["in_hull"] * alone  # beside agreement: liars may move the place
-    names = dict.fromkeys([first, *hull, *own, *tail, "ok", "failed"])
-    return [name for name in names if name in table]
+    fell = [SHARE_FAILED] * bool(table["failed"].any())
+    names = dict.fromkeys([*fell, first, *hull, *own, *tail, "ok", "failed"])
+    return [name for name in names if name in table or name in fell]
 
 
 def key_column(key: str, labels: Sequence[Any]) -> Column:
@@ -295,6 +301,10 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     """A column of `cells.csv` with its interval, if it has one; `rows` have the `size` too."""
     if name in COUNTS:
         return plain_column(name, rows[name].tolist(), COUNTS[name])
+    if name == SHARE_FAILED:
+        title, ends = "failed [%]", (f"{name}_low", f"{name}_high")
+        latex = title.translate(LATEX_ESCAPES)
+        return Column(name, title, latex, share_failed(rows), ends, 100.0)
     stem = name.removesuffix("_low").removesuffix("_high")
     names, entries = [name], stored_values(rows, [name])
     shares, endless = lane_shares(study), "inf"
@@ -308,10 +318,10 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
         entries["size"] = rows["size"] if of == "m" else 0.0
         if metric.base == "settling_time":
             endless = f"> {max(cell.scenario.horizon for cell in cells):g}"
-        which = ", worst" if end == "max" else f", {end.replace('_', ' ')}"
-        words = metric.name.replace("_", " ")
-        title = f"{words}{which}"
-        symbol = LATEX_SYMBOLS.get(metric.name, words.translate(LATEX_ESCAPES)) + which
+        plain = LANE_STATISTICS[statistic].words.removesuffix(" of lanes")
+        which = f", {plain if end == statistic else end.replace('_', ' ')}"
+        title = f"{metric_title(metric)}{which}"
+        symbol = title.translate(LATEX_ESCAPES)
         if end == statistic and len(LANE_STATISTICS[statistic].columns) > 1:
             names = [f"{metric.name}_{each}" for each in LANE_STATISTICS[statistic].columns]
             mean, most = (rows.loc[:, f"{metric.name}_{each}"] for each in ("mean", "max"))

@@ -143,8 +143,12 @@ FACTS = [
         "unseen",
         "0.2 m off at each tick raise no alarm, nor does one of 0.3464 m before; in",
     ),
-    (CUTTING, "unseen", "while alarms cut nothing; no lie about positions that raises none moves"),
-    (CUTTING, "isolation", "reaches every vehicle; 2 wrong cuts can part 2, 6, and no fewer"),
+    (CUTTING, "unseen", "while alarms cut nothing; undetected lies about positions move"),
+    (
+        CUTTING,
+        "isolation",
+        "reaches every vehicle; 2 wrong cuts can cut off 2, 6 from it, and fewer nobody",
+    ),
     (ALONG, "alarms", "ticks (46.544 s) in the mean, about any of 16 honest links after"),
     (ALONG, "alarms", "a steady lie of ā along the direction after 4.0089 ticks"),
     # attacked vehicles that each lane draws: a majority bears one liar, some listener hears two
@@ -153,7 +157,7 @@ FACTS = [
         "safe",
         "every vehicle by majority, whichever vehicles are drawn",
     ),
-    (of_drawn(2, defence=ANNOUNCED), "safe", "not known in every lane for 1-8"),
+    (of_drawn(2, defence=ANNOUNCED), "safe", "none is proved in every lane"),
     (of_drawn(2, defence=ANNOUNCED), "trimming", "or a trusted one, at 1-8"),
     (of_drawn(2, defence="w_msr"), "defence", "F = 1, but a vehicle may hear 2 attacked sources;"),
     (of_drawn(2, defence={"kind": "w_msr", "F": 2}), "defence", "W-MSR, F = 2; it may drop"),
@@ -212,7 +216,7 @@ def test_where_nothing_is_proved_no_proof_ends(topology, ends):
     attack = {"kind": "rotating", "vehicles": [5]}
     found = known(2.0, topology=topology, attack=attack, defence="none")
     assert ("proof ends" in found) is ends
-    assert (found["safe"] == "not known for 1-12") is not ends
+    assert (found["safe"] == "none is proved") is not ends
 
 
 TRUSTED = {"defence": "trusted_only", "recovery": {"tau": 0.01}, "name": "short"}
@@ -368,7 +372,7 @@ def test_hundreds_of_cells_fit_a_screen():
     text = check.check_text(given)
     lines = text.splitlines()
     assert max(map(len, lines)) <= 80
-    assert len(lines) < 70
+    assert len(lines) < 80
     assert "topology.seed: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, … 13 (14 values)" in text
     assert text.count("holds: an honest path") == 1
     assert "a trusted one, at" in one_line(text)  # the end of a line of 160 letters

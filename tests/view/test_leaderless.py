@@ -136,13 +136,13 @@ def test_the_table_is_about_the_spread(results, monkeypatch):
     for words in (
         "without agreement [%]",
         "spread, mean [m]",
-        "spread, worst [m]",
-        "outside, worst [m]",
+        "spread, greatest [m]",
+        "outside, greatest [m]",
     ):
         assert words in titles
     assert "without agreement (unrecovered): spread over the tail > 0.01\N{NO-BREAK SPACE}ā" in text
-    assert "spread: greatest distance of two honest vehicles, over the tail" in text
-    assert "worst: the greatest of " in text
+    assert "spread: greatest distance of two honest vehicles over the tail" in text
+    assert "greatest: of " in text
 
 
 def words_of(figure):
@@ -280,7 +280,7 @@ def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
     }
     results = jaxnet.search(keys | {"search": over}, tmp_path / "out", progress=False)
     told = worst.search_text(results)
-    assert "spread of honest vehicles [m], by search" in told
+    assert "greatest distance of two honest vehicles [m], by search" in told
     assert not re.search("ā|bound", told)
     rows, found = worst.worst_rows(results), results.worst
     np.testing.assert_array_equal(rows["found by the search"], found["found"])

@@ -160,6 +160,6 @@ def test_a_bar_shows_cells_while_it_goes_and_not_after(monkeypatch):
         tally.record([Done(0, 0, Sums(10, 10, 0, 20.0))])
         report(tally)
         time.sleep(1.5 / progress.REFRESH)
-        assert "tail mean [m]" in terminal.getvalue()
+        assert "error [m]" in terminal.getvalue()
     last = terminal.getvalue().split("10/10")[-1]
-    assert "tail mean [m]" not in last
+    assert "error [m]" not in last

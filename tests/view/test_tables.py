@@ -48,10 +48,10 @@ def test_the_summary_fits_a_terminal_or_says_what_it_left_out(swept, recovery, w
     lines = tables.summary_text(results).splitlines()
     assert max(map(len, lines)) <= width
     words, _, left_out = " ".join(" ".join(lines).split()).partition("left out: ")
-    assert ("unrecovered" if recovery else "tail mean, median") in words
-    for title in ("tail mean, mean [m]", "tail mean, q95 [m]", "worst [m]"):
+    assert ("unrecovered" if recovery else "error, median") in words
+    for title in ("error, mean [m]", "error, 95 % quantile [m]", "worst vehicle, greatest [m]"):
         assert title.split()[-2].strip(",") in words or title in left_out
-    assert bool(left_out) == (width < 160 and (width == 60 or swept > 0 or recovery))
+    assert bool(left_out) == (width < 160 and (width == 60 or recovery))
 
 
 def test_the_headline_is_the_median_with_its_interval():
@@ -62,7 +62,7 @@ def test_the_headline_is_the_median_with_its_interval():
     assert [each.name for each in shown[2:4]] == ["tail_mean_median", "tail_mean_mean"]
     assert [each.texts()[0] for each in shown[2:4]] == ["0.123 [0.123, 0.123]", "0.123"]
     notes = tables.summary_notes(results, shown)
-    assert notes[0] == "[low, high] of tail mean, median: 95 % intervals of order statistics"
+    assert notes[0] == "[low, high] of error, median: 95 % intervals of order statistics"
     assert notes[1] == "mean without interval: fewer than 28 lanes: cells 0, 1"
     results.cells["ok"] = [28, 27]
     notes = tables.summary_notes(results, shown)
@@ -80,7 +80,7 @@ def test_lanes_that_agree_are_told_so():
     shown = columns.summary_columns(results, ["tail_mean"])
     assert shown[-1].texts() == ["0.123 [0.123, 0.123]", "1.12 (alike)"]
     (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
-    assert "5 at least, have one value of tail mean, median (cell 1);" in note
+    assert "5 at least, have one value of error, median (cell 1);" in note
     assert "at most 45.1 % of all differ" in note
     rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
     results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
@@ -170,7 +170,7 @@ def test_a_table_for_a_paper():
         "% each cell: lanes ok 5",
         r"\begin{tabular}{rlrr}",
         r"\toprule",
-        r"$\bar a$ [m] & defence & $\tilde e$, median [m] & $\hat\delta$, worst [m] \\",
+        r"$\bar a$ [m] & defence & error, median [m] & worst vehicle, greatest [m] \\",
         r"\midrule",
         r"1 & no~defence & 0.123 [0.123, 0.123] & 1.12 \\",
         r" & W-MSR & 1.12 [1.12, 1.12] & 2.12 \\",
@@ -203,8 +203,8 @@ def test_a_narrow_table_drops_intervals_and_says_so(monkeypatch):
     for width, shown in ((80, False), (200, True)):
         monkeypatch.setenv("COLUMNS", str(width))
         text = " ".join(tables.summary_text(results).split())
-        assert ("[low, high] of tail mean, median:" in text) == shown
-        assert ("left out: intervals of" in text) == (not shown)
+        assert ("[low, high] of error, median:" in text) == shown
+        assert ("left out: some intervals" in text) == (not shown)
 
 
 def test_rounding_is_zero():
@@ -293,13 +293,13 @@ def test_a_slope_is_told_or_why_there_is_none(fit, power, ended, words):
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():
-    """Of how many it is the worst, and what this number says of all others."""
+    """Of how many it is the greatest, and what this number says of all others."""
     results = results_of({"attack.magnitude": [1, 2]}, False, 2)
     results.cells["ok"] = [3, 5]
     note = tables.summary_notes(results, columns.summary_columns(results))[-1]
     assert note == (
-        "worst: the greatest of 3 to 5 lanes of a cell; with 95 % confidence at most 63.2 % of all"
-        " lanes are worse"
+        "greatest: of 3 to 5 lanes of a cell; at most 63.2 % of all lanes are above, with 95 %"
+        " confidence"
     )
 
 

@@ -35,5 +35,8 @@ class MSNorm(Sparing):
     def retained(self, graph, trusted):
         return any_untrusted(graph, self.spares(trusted), self.F)
 
+    def outnumbered(self, graph, attacked, trusted):
+        return (attacked & ~self.spares(trusted)).sum(axis=1) > self.F
+
     def describe(self, graph, attacked, trusted):
         return {"defence": f"the {self.F} farthest from one's own position are dropped"}

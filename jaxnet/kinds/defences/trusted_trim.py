@@ -240,13 +240,14 @@ class TrustedTrim(Sparing):
         return [*reasons, Safe(why, inside, True, (2 * most + 1) * delta)]
 
     def outnumbered(self, graph, attacked, trusted):
-        """Protected vehicles with more than ϑ attacked sources, or an attacked trusted one."""
-        more = attacked.sum(axis=1) > by_listener(self.theta, graph.vehicles)
-        return self.protected(graph, trusted) & (more | (attacked & trusted).any(axis=1))
+        """With more attacked sources than ϑ, 0 if unprotected, or an attacked trusted one."""
+        protected, theta = self.protected(graph, trusted), by_listener(self.theta, graph.vehicles)
+        more = attacked.sum(axis=1) > np.where(protected, theta, 0)
+        return more | (attacked & trusted).any(axis=1)
 
     def describe(self, graph, attacked, trusted):
         theta, meets = by_listener(self.theta, graph.vehicles), self.protected(graph, trusted)
-        outnumbered = self.outnumbered(graph, attacked, trusted)
+        outnumbered = meets & self.outnumbered(graph, attacked, trusted)
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
         asked = "|N_i| > ϑ" if self.announcing() else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
         line = f"ϑ = {values}, {asked}: "

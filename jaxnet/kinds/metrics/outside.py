@@ -21,4 +21,5 @@ def beyond(seen: FleetView) -> VehicleNumbers:
     return xp.where(honest, outside, 0.0)
 
 
-OUTSIDE_HULL = Metric("outside", "m", beyond, words="way out of the hull of the starts")
+WORDS = "how far an honest vehicle leaves the convex hull of the honest starts"
+OUTSIDE_HULL = Metric("outside", "m", beyond, words=WORDS)

@@ -14,7 +14,7 @@ from jaxnet.model.wording import count_between
 from jaxnet.statistics.bands import Band
 from jaxnet.statistics.curves import log_ends, magnitude_words
 from jaxnet.statistics.groups import Group, evenly, evenly_over
-from jaxnet.statistics.quantities import SPREAD_WORDS
+from jaxnet.statistics.quantities import SPREAD_WORDS, unended_words
 from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows
 from jaxnet.store.results import Results
@@ -67,6 +67,7 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     many = max(results.samples) > MOST_DOTS
     dot = f"{MOST_DOTS:,} dots evenly by rank" if many else "one dot per lane"
     notes = [common, f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
+    notes.append(unended_words(results.cells.loc[[cell.number for cell in cells]]))
     panel, x = Panel({}, [*places], series), Scale(JUDGED_WORDS[metric], log=True)
     y = Scale("", names=titles)
     return Drawing([panel], x, y, notes, there=(len(cells), "cells"), where="lanes/")

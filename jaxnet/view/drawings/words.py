@@ -9,6 +9,8 @@ from jaxnet.model.wording import RESULT_DIGITS, number_text
 from jaxnet.statistics.groups import Label
 from jaxnet.view.columns import is_rounding
 
+ROUNDED = "0 (rounding)"
+
 
 def distinct_titles(labels: Sequence[Mapping[str, Label]]) -> tuple[list[str], str]:
     """A title for each panel or row, of the labels that differ, and a note of the others."""
@@ -27,5 +29,5 @@ def error_text(value: float, scale: float = 1.0, digits: int = RESULT_DIGITS) ->
     if np.isnan(value):
         return "–"
     if is_rounding(value, scale):
-        return "0 (rounding)"
+        return ROUNDED
     return "∞" if value == np.inf else number_text(value, digits)

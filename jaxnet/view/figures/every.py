@@ -10,9 +10,10 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
-from jaxnet.config.naming import label_notes
+from jaxnet.config.keys import Config
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
 from jaxnet.kinds.refusals import suggestion
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import band_groups, error_bands, variable_over_time, vehicle_table
@@ -21,7 +22,12 @@ from jaxnet.statistics.curves import MOST_PANELS, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.groups import evenly, evenly_over
-from jaxnet.statistics.quantities import FORMATION_NOTE, asked_quantity, quantity_of
+from jaxnet.statistics.quantities import (
+    FORMATION_NOTE,
+    asked_quantity,
+    metric_and_statistic,
+    quantity_of,
+)
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.folder import FolderError
@@ -52,6 +58,7 @@ TWO_KEYS = (
     "two swept keys with two values each among these cells",
     "a sweep of two values at least of two keys, such as defence and attack.frequency",
 )
+NOT_OF_ERRORS = (*SEARCH, *SENSITIVITY, "topologies")
 OF_THE_TAIL = ("tails", "vehicles", "curve", "heat", "heat_worst", "ultimate", "ultimate_mean")
 NO_CHOICE: Mapping[str, object] = {}
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
@@ -123,6 +130,15 @@ def tail_words(cells: Sequence[Cell]) -> str:
     return "tail: the last {:g} of {:g} s".format(*spans.pop()) if len(spans) == 1 else ""
 
 
+def about_curve(study: Config, y: str | None) -> tuple[bool, bool]:
+    """Whether a curve's quantity is one of the tail, and of errors."""
+    name = y or asked_quantity(study)
+    if name in ("unrecovered", "failed", "in_hull", "unsettled"):
+        return name == "unrecovered", name != "failed"
+    metric, _ = metric_and_statistic(study, name)
+    return metric.over == "tail", metric.name in {*AGREEMENT, *(each.name for each in CONTRACT)}
+
+
 def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Make a method of `Plots` that selects cells and draws them; `note` adds the small line."""
 
@@ -145,12 +161,14 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             look["figure.figsize"] = asked[0], asked[1] / LEAST_PANEL
         with mpl.rc_context(look):
             made = draw(self, cells, asked[0] if asked else COLUMN_WIDTHS[column], **axes)
-            notes = label_notes(self.results.study.config.sweep, [cell.labels for cell in cells])
-            if draw.__name__ in OF_THE_TAIL:
-                notes += filter(None, [tail_words(cells), falling_words(self.results, cells)])
-            if draw.__name__ not in (*SEARCH, *SENSITIVITY, "topologies"):
-                notes += [FORMATION_NOTE] * any(cell.scenario.formation.present for cell in cells)
-            multiples.write_note(made, multiples.escape_dollars("; ".join(notes)))
+            over_tail, of_errors = draw.__name__ in OF_THE_TAIL, draw.__name__ not in NOT_OF_ERRORS
+            if draw.__name__ == "curve":
+                over_tail, of_errors = about_curve(self.results.study.config, axes.get("y"))
+            notes = [tail_words(cells), falling_words(self.results, cells)] * over_tail
+            formation = any(cell.scenario.formation.present for cell in cells)
+            notes += [FORMATION_NOTE] * (of_errors and formation)
+            multiples.write_note(made, multiples.escape_dollars("; ".join(filter(None, notes))))
+            multiples.make_room(made)
             if asked:
                 multiples.set_size(made, asked)
         if not note:

@@ -120,6 +120,14 @@ def write_note(drawn: Figure, words: str) -> None:
     drawn.supxlabel(lines, x=0.01, ha="left", fontsize=7 * size)
 
 
+def make_room(drawn: Figure) -> None:
+    """Make a figure higher by the lines of notes and labels for which AXIS_ROOM has none."""
+    labels = max((each.get_xlabel().count("\n") for each in drawn.axes), default=0)
+    lines = labels + max(0, drawn.get_supxlabel().count("\n") - 1)
+    higher = drawn.get_figheight() + LINE_HEIGHT * type_scale("font.size") * lines
+    drawn.set_figheight(min(style.GREATEST_HEIGHT, higher))
+
+
 def write_legend(drawn: Figure, handles: Sequence[Any], most: int, **look: Any) -> None:
     """Write a legend above the panels, of `most` columns where the figure is as wide as a page."""
     width = drawn.get_figwidth() / type_scale("legend.fontsize")
@@ -201,6 +209,7 @@ def panel_grid(
         shared: Any = dict.fromkeys(("sharex", "sharey"), panels[0]) if panels else {}
         panels.append(drawn.add_subplot(grid[row, :] if is_alone else grid[row, column], **shared))
     letters = title_letters(within - margin, across)
+    x, y = (each.replace(" [", "\N{NO-BREAK SPACE}[") for each in (x, y))  # beside its unit
     beside = y if is_math_text(y) else textwrap.fill(y, LETTERS_PER_PANEL)
     below = textwrap.fill(x, max(1, int(0.85 * letters)))
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.keys import WorstLanes
 from jaxnet.config.naming import NO_BREAK, value_name
 from jaxnet.runs.replay import pictured
 from jaxnet.statistics.bands import error_bands, variable_over_time
@@ -119,6 +120,8 @@ def panels_figure(
     samples = {int(lane["sample"]) for lane in lanes.values() if lane is not None}
     if samples:
         sample = f"sample {samples.pop()}" if len(samples) == 1 else "the first sample that ended"
+        if isinstance(kept := results.study.config.save.trajectories, WorstLanes):
+            sample = "the worst lane" if kept.worst == 1 else f"one of the {kept.worst} worst lanes"
         multiples.write_note(drawn, f"paths: {sample} of each cell, on one scale")
     if errors:
         words = SPREAD_WORDS if is_leaderless(cells) else SYMBOLS_TOLD

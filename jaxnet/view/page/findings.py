@@ -16,14 +16,14 @@ from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, valu
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
-from jaxnet.model.wording import count, count_between, counted, number_text, ranges
+from jaxnet.model.wording import cells_named, count, count_between, counted, number_text, ranges
 from jaxnet.statistics import curves
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.pairs import CellsCompared, compared_cells
-from jaxnet.statistics.quantities import VALUE_COLUMNS, quantity_of, stored_values
+from jaxnet.statistics.quantities import VALUE_COLUMNS, meaning, stored_values
 from jaxnet.statistics.recovery import (
     attacked_mask,
     confidence_told,
@@ -31,17 +31,16 @@ from jaxnet.statistics.recovery import (
     share_name,
     threshold,
 )
-from jaxnet.statistics.summary import LANE_STATISTICS
+from jaxnet.statistics.summary import LANE_STATISTICS, share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
-from jaxnet.view.drawings.words import error_text
-from jaxnet.view.page.elements import Section, notes_html, sentence_case
+from jaxnet.view.drawings.words import ROUNDED, error_text
+from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
 from jaxnet.view.text import worst
 from jaxnet.view.text.facts import attacked_at_once
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
-MEDIAN_WORDS = f", {LANE_STATISTICS['median'].words}"
 MEDIAN_LANE = {  # by `judged_word`
     "error": "In the median lane of a cell the error, a mean over vehicles and the tail,",
     "spread": "In the median lane of a cell the greatest spread over the tail",
@@ -49,20 +48,38 @@ MEDIAN_LANE = {  # by `judged_word`
 BASELINE = " without an attack"
 MOVED = 10  # times as far as without an attack
 NEGLIGIBLE = 1e-3  # of the greatest value
+Rows = list[dict[str, Any]]  # of the table of p values
+NO_DIFFERENCE = "no difference is found"
+MOST_TESTS = 200  # in the table of p values
 MOST_COMPARED, MOST_TOLD = 8, 3  # values of a swept key in one sentence, and of a few cells
 
 
 def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
-    sentences = finding_sentences(results, found, fit)
+    tests = Rows()
+    sentences = finding_sentences(results, found, fit, tests)
     told = [each.replace(" %", f"{NO_BREAK}%") for each in sentences]
-    notes = notes_html([p_words(results)] * any("(p " in each for each in told))
+    folded = ""
+    if tests:
+        table = pd.DataFrame(sorted(tests, key=lambda each: each["p"])[:MOST_TESTS])
+        what = f"p values of {count(len(tests), 'comparison')}"
+        body = sortable_table(table) + notes_html([p_words(results)])
+        folded = f"<details><summary>{what}</summary>{body}</details>"
     return Section(
-        "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>{notes}"
+        "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>{folded}"
     )
 
 
-def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str) -> list[str]:
-    """Each finding as HTML; `fit` is the command that computes the bounds."""
+def finding_sentences(
+    results: Results,
+    found: Sequence[curves.Curve],
+    fit: str,
+    tests: Rows | None = None,
+) -> list[str]:
+    """Each finding as HTML; `fit` is the command that computes the bounds.
+
+    `tests` receives a row for each comparison of paired lanes.
+    """
+    tests = [] if tests is None else tests
     alone = is_leaderless(results.study.cells)
     lanes, falling = results.manifest["lanes"], falling_words(results, results.study.cells)
     failed = ""
@@ -70,14 +87,16 @@ def finding_sentences(results: Results, found: Sequence[curves.Curve], fit: str)
         there = curves.failed_kinds(results)
         kinds = escape(counted(sum(there.values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
-        failed += f", {where_words(results, sorted(there))}".rstrip(", ") + "."
+        where = where_words(results, sorted(there))
+        where = f"in {cells_named(sorted(there))}" if where.startswith("in ") else where
+        failed += f", {where}".rstrip(", ") + "."
     separated = separation_sentence(results)
     sentences = [
         outnumbered_sentence(results),
         outside_sentence(results) if alone else "",
         f"<b>{sentence_case(falling)}</b>." if falling else "",
-        unrecovered_sentence(results),
-        extremes_sentence(results),
+        unrecovered_sentence(results, tests),
+        extremes_sentence(results, tests),
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         search_sentence(results),
@@ -99,10 +118,13 @@ def outnumbered_sentence(results: Results) -> str:
             most = max(most, int(attacked[which].sum(axis=1).max()))
     if not found:
         return ""
-    whom = (f"{who} {where_words(results, cells)}".rstrip() for who, cells in found.items())
+    whom = (
+        f"vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
+        for who, cells in found.items()
+    )
     return (
-        f"<b>Outside the defence's assumptions: vehicles {'; '.join(whom)} hear up to"
-        f" {count(most, 'attacked source')}, more than it is set for</b>."
+        f"<b>Outside the assumptions of the defence: {'; '.join(whom)}, with up to"
+        f" {count(most, 'attacked source')} each: more than the defence can drop there</b>."
     )
 
 
@@ -212,7 +234,7 @@ def judged_word(results: Results) -> str:
     return "spread" if is_leaderless(results.study.cells) else "error"
 
 
-def extremes_sentence(results: Results) -> str:
+def extremes_sentence(results: Results, tests: Rows) -> str:
     """The cells with the least and the greatest error of the median lane."""
     errors, unit = errors_per_size(results)
     word, per_size = judged_word(results), unit == "ā"
@@ -226,7 +248,7 @@ def extremes_sentence(results: Results) -> str:
     without = f" {left} without a lane that ended." if len(errors) < asked else ""
     among = errors.index.tolist()
     errors, falling = settled(results, errors, error_text, f" {unit}")
-    compared = "" if compares_shares(results) else kinds_words(results, errors, unit)
+    compared = "" if compares_shares(results) else kinds_words(results, errors, unit, tests)
     span = span_words(results, errors, error_text, f" {unit}", among)
     offsets = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation," * offsets
@@ -240,19 +262,20 @@ def extremes_sentence(results: Results) -> str:
 def outside_sentence(results: Results) -> str:
     """How far liars move honest vehicles out of the hull of their starts, without a navigator."""
     cells, attacked = results.study.cells, attacked_mask(results.study.cells)
-    ways: Any = results.cells[["outside_median", "outside_max"]].reset_index(drop=True).dropna()
+    names = ["outside_median", "outside_max", *share_names("in_hull")]
+    ways: Any = results.cells.reindex(columns=names).reset_index(drop=True)
+    ways = ways.dropna(subset=names[:2])
     if ways.empty:
         return ""
-    if ways.to_numpy().max() < ROUNDING_ERROR:
+    if ways["outside_max"].max() < ROUNDING_ERROR:
         return "No honest vehicle left the convex hull of the honest starts, in any lane."
     groups: dict[str, list[int]] = {}
     for place in sorted(ways.index, key=lambda place: not attacked[place]):
         label = cells[place].labels.get("defence")
         when = "" if label is None else f" with {escape(value_name('defence', label))}"
         groups.setdefault(when if attacked[place] else BASELINE, []).append(place)
-    greatest = {when: ways.loc[each].max() for when, each in groups.items()}
     # Without an attack to compare with, nobody knows who moved them
-    usual = greatest[BASELINE].iloc[0] if BASELINE in greatest else np.inf
+    usual = ways["outside_median"][groups[BASELINE]].max() if BASELINE in groups else np.inf
     moved = [
         place
         for place in ways.index[attacked[ways.index]]
@@ -265,29 +288,46 @@ def outside_sentence(results: Results) -> str:
         if (shares < 0.5).all():
             words = "Honest vehicles agree, but on a place that liars move out of the hull"
         words = f"<b>{words}</b>"
-    told = (
-        f"{number_text(max(median, ROUNDING_ERROR))} m{when} (worst lane {number_text(worst)} m)"
-        for when, (median, worst) in greatest.items()
-    )
+
+    def told(when: str, each: list[int]) -> str:
+        left: Any = ways.loc[each].sort_values("in_hull").iloc[0]
+        share, high, low = (percent_text(100 * (1 - left[name])) for name in names[2:])
+        most: Any = ways.loc[each].max()
+        median, worst = (error_text(most[name], np.nan) for name in names[:2])
+        if np.isnan(left["in_hull"]):
+            return f"{median} m in the median lane{when}, {worst} m in the worst"
+        out = f"{share} % of lanes{when} (95 % interval {low} to {high} %)"
+        half = f"{median} m in the median lane and " * (median != ROUNDED)
+        return f"{out}, by {half}{worst} m in the worst"
+
     longest = max(cell.scenario.horizon for cell in cells)
     return (
-        f"{words}: in the median lane of a cell by up to {', '.join(told)}, within {longest:g} s."
-        " A longer run may take them farther."
+        f"{words} within {longest:g} s. Of a cell at most:"
+        f" {'; '.join(told(*each) for each in groups.items())}. A longer run may take them farther."
     )
 
 
-def kinds_words(results: Results, estimates: pd.DataFrame, unit: str) -> str:
+def kinds_words(results: Results, estimates: pd.DataFrame, unit: str, tests: Rows) -> str:
     """Sentences that compare the values of each swept kind; "" if none has two."""
     values: Any = estimates["value"]
     labels = [results.study.cells[n].labels for n in values.index]
     swept = pd.DataFrame(labels, values.index, list(results.study.cells[0].labels)).map(str)
-    kinds = [str(key) for key in swept if is_kind(key) and len({*swept[key]}) > 1]
-    found = [compared_words(results, key, values, swept, unit) for key in kinds]
+    kinds = [
+        str(key)
+        for key in swept
+        if len({*swept[key]}) > 1 and (is_kind(key) or all(isinstance(v[key], str) for v in labels))
+    ]
+    found = [compared_words(results, key, values, swept, unit, tests) for key in kinds]
     return "".join(f" {sentence_case(each)}." for each in found if each)
 
 
 def compared_words(
-    results: Results, key: str, values: pd.Series, swept: pd.DataFrame, unit: str
+    results: Results,
+    key: str,
+    values: pd.Series,
+    swept: pd.DataFrame,
+    unit: str,
+    tests: Rows,
 ) -> str:
     """The range of each value of a swept kind, and which values are found better than which."""
     of_labels: Any = {label: values[swept[key] == label] for label in dict.fromkeys(swept[key])}
@@ -295,9 +335,12 @@ def compared_words(
     for label, some in sorted(of_labels.items(), key=lambda each: each[1].mean()):
         ends = dict.fromkeys(map(error_text, (some.min(), some.max())))
         parts[str(label)] = f"<b>{' to '.join(ends)} {unit}</b>"
-    tested, texts = tested_words(results, key, [*parts], swept, unit), [*parts.values()]
+    tested = tested_words(results, key, [*parts], swept, unit, tests)
+    texts, none = [*parts.values()], tested.startswith(NO_DIFFERENCE)
     if len({*texts}) == 1:
-        tested = f": {tested}" * ("(p " in tested)
+        if " to " in texts[0]:
+            return "" if none else tested
+        tested = f": {tested}" * (bool(tested) and not none)
         return f"{texts[0]} whatever the {escape(key_name(key))}{tested}"
     if unit != "%" and len(parts) == 2 and " to " not in "".join(texts):  # told in the span
         return tested
@@ -309,9 +352,14 @@ def compared_words(
 
 
 def tested_words(
-    results: Results, key: str, labels: Sequence[str], swept: pd.DataFrame, unit: str
+    results: Results,
+    key: str,
+    labels: Sequence[str],
+    swept: pd.DataFrame,
+    unit: str,
+    rows: Rows,
 ) -> str:
-    """Which values of a swept kind are better than which, in which settings, with p.
+    """Which values of a swept kind are better than which, in which settings; `rows` get each p.
 
     `labels` are the values, the best first. A setting is a combination of the other swept keys.
     Lanes of a setting are compared in pairs of the same draw. Only differences that are found are
@@ -331,6 +379,12 @@ def tested_words(
     for test in tests:
         pair = sorted((label_of[test.better], label_of[test.worse]), key=labels.index)
         of_pairs.setdefault((pair[0], pair[1]), []).append(test)
+        ends = (value_name(key, label_of[cell]) for cell in (test.better, test.worse))
+        mine = results.study.cells[test.better].labels
+        setting = labels_title({name: mine[name] for name in others if len({*others[name]}) > 1})
+        names = "compared", "better", "worse", "setting", "pairs", "p"
+        told_of = key_name(key), *ends, setting, test.lanes, test.p
+        rows.append(dict(zip(names, told_of, strict=True)))
     every = len(labels) <= MOST_TOLD
     pairs = [pair for pair in itertools.combinations(labels, 2) if pair in of_pairs]
     pairs = [pair for pair in pairs if every or pair[0] == labels[0]][:MOST_COMPARED]
@@ -338,22 +392,15 @@ def tested_words(
     more = more or "lanes more often have the smaller error"
     if unit == "%":
         more = f"more lanes {'agree' if is_leaderless(results.study.cells) else 'recover'}"
-    told, elsewhere = [], 0
+    told = []
     for pair in pairs:
         names = [escape(value_name(key, each)) for each in pair]
         for good, bad in ((0, 1), (1, 0)):
             some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
             words = f"{more} with {names[good]} than with {names[bad]}"
-            if len(pairs) > 1 and len(some) < len(of_pairs[pair]):
-                elsewhere += bool(some)
-                continue
             told += settings_told(results, words, some, of_pairs[pair], others)
-    if elsewhere:
-        number = count(elsewhere, "more difference" if told else "difference")
-        verb = "is" if elsewhere == 1 else "are"
-        told.append(f"{number} {verb} found in some settings of the other keys alone")
     lanes = count_between([test.lanes for test in tests], "pair")
-    none = f"no difference is found with {lanes} in a setting; a small one would not show"
+    none = f"{NO_DIFFERENCE} with {lanes} in a setting; a small one would not show"
     return "; ".join(told) or none
 
 
@@ -361,7 +408,7 @@ def p_words(results: Results) -> str:
     """What the p values of findings are."""
     name = "McNemar's exact test" if compares_shares(results) else "the exact sign test"
     return (
-        f"p values: {name} on paired lanes, adjusted by Holm over the comparisons of a key in which"
+        f"test: {name} on paired lanes, adjusted by Holm over the comparisons of a key in which"
         " enough lanes differ"
     )
 
@@ -373,20 +420,23 @@ def settings_told(
     every: Sequence[CellsCompared],
     others: pd.DataFrame,
 ) -> list[str]:
-    """The words with the settings of some tests, their p and number of lanes; [] of none."""
+    """The words with the settings of some tests; [] of none."""
     if not some:
         return []
-    p = f"p {'=' if len(some) == 1 else '≤'} {max(test.p for test in some):.2g}"
-    lanes = count_between([test.lanes for test in some], "pair")
-    cells = results.study.cells
     names = [name for name in others if len({*others[name]}) > 1]
-    where, named = f" in {len(some)} of {len(every)} settings of the other keys", ""
     if len(some) == len(every):
-        where = f" in all {len(every)} settings of the other keys" * bool(names)
-    elif len(some) <= MOST_TOLD:
-        settings = ({key: cells[test.better].labels[key] for key in names} for test in sorted(some))
-        where, named = "", "; ".join(escape(labels_title(each)) for each in settings) + ": "
-    return [f"{words}{where} ({named}{p}, {lanes}{' each' * (len(some) > 1)})"]
+        return [words + f" in all {len(every)} settings of the other keys" * (len(every) > 1)]
+    mine, among = (
+        sorted({cell for test in tests for cell in (test.better, test.worse)})
+        for tests in (some, every)
+    )
+    where = where_words(results, mine, among).rpartition(" (")[0].removeprefix("with ")
+    if not where and len(some) <= MOST_TOLD:
+        labels = (results.study.cells[test.better].labels for test in sorted(some))
+        told = (escape(labels_title({key: each[key] for key in names})) for each in labels)
+        where = "; ".join(told)
+    told_of = f"in {len(some)} of {len(every)} settings of the other keys"
+    return [f"{words} {f'({where})' if where else told_of}"]
 
 
 def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
@@ -419,7 +469,7 @@ def share_words(results: Results) -> str:
     return f"The share of lanes that {ended}"
 
 
-def unrecovered_sentence(results: Results) -> str:
+def unrecovered_sentence(results: Results, tests: Rows) -> str:
     """The least and the greatest share of lanes unrecovered, if the study asks for it."""
     found: Any = curves.unrecovered_shares(results)
     asked = results.study.config.recovery
@@ -430,11 +480,12 @@ def unrecovered_sentence(results: Results) -> str:
         return f"No share {share_name(cells)}: no attacked lane came to its end."
     known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
     share, falling = settled(results, known, percent_text, " %")
-    compared = kinds_words(results, share, "%") if compares_shares(results) else ""
+    compared = kinds_words(results, share, "%", tests) if compares_shares(results) else ""
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
     span = span_words(results, share, percent_text, " %", known.index.tolist(), confidence)
     told = f":{compared}".replace(": By", ": by") if compared else f" {span}."
-    return f"{share_words(results)}{above}{told}{falling}"
+    settled_alone = ", where it has settled" * bool(falling)
+    return f"{share_words(results)}{above}{settled_alone}{told}{falling}"
 
 
 def separation_sentence(results: Results) -> str:
@@ -463,22 +514,22 @@ def metrics_list(results: Results, without: str) -> str:
     asked = [each for each in own if each.name not in {*AGREEMENT, without}]
 
     def told(metric: Metric) -> str:
-        of = quantity_of(results, results.study.cells, metric.name)
-        values: Any = of.values["value"].dropna()
-        number = functools.partial(error_text, scale=float(of.unit == "m"))
+        medians: Any = results.cells[f"{metric.name}_median"].dropna()
+        values, unit = medians[np.isfinite(medians)], f" {metric.column_unit}".rstrip()
+        if medians.empty:
+            return ""
+        if values.empty:
+            return f"<li>{escape(meaning(metric))}: <b>infinite</b> in every cell</li>"
+        number = functools.partial(error_text, scale=float(metric.column_unit == "m"))
         ends = dict.fromkeys(map(number, (values.min(), values.max())))
-        unit, endless = f" {of.unit}".rstrip(), len(of.values) - len(values)
-        apart = f"; {count(endless, 'cell')} without a finite one" * bool(endless)
+        endless = len(medians) - len(values)
+        apart = f"; infinite in {count(endless, 'cell')}" * bool(endless)
         greatest = float(results.cells[f"{metric.name}_max"].to_numpy().max())
         least = metric.time == "min" or not np.isfinite(greatest)
         most = "" if least else f", greatest lane {number(greatest)}{unit}"
-        stem = escape(of.words.removesuffix(MEDIAN_WORDS))
-        return f"<li>{stem}: <b>{' to '.join(ends)}{unit}</b>{most}{apart}</li>"
+        return f"<li>{escape(meaning(metric))}: <b>{' to '.join(ends)}{unit}</b>{most}{apart}</li>"
 
-    known = [
-        each for each in asked if quantity_of(results, results.study.cells, each.name).known.size
-    ]
-    items = "".join(map(told, known))
+    items = "".join(map(told, asked))
     return f"In the median lanes of cells:<ul>{items}</ul>" if items else ""
 
 
@@ -510,10 +561,12 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
     if not results.file("bounds.csv").exists():
         return f"Bounds are not fitted yet: <code>{fit}</code>"
     bounded = [curve for curve in found if sound_limits(curve)]
-    told = [bound_words(curve) for curve in bounded[:MOST_COMPARED]]
-    told += [count(len(bounded) - len(told), "other group")] * (len(bounded) > len(told))
-    beside = f"Worst error of a vehicle, beside its least bound: {'; '.join(told)}."
-    words = [beside] * bool(told)
+    beside = "; ".join(map(bound_words, bounded))
+    if len(bounded) > MOST_TOLD:
+        shares = [100 * curve.worst / sound_limits(curve)[0][0] for curve in bounded]
+        ends = f"{number_text(min(shares))} to {number_text(max(shares))} %"
+        beside = f"in {len(bounded)} groups of cells <b>{ends}</b> of it (table below)"
+    words = [f"Worst error of a vehicle, beside its least bound: {beside}."] * bool(bounded)
     if bounded and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
         above = (

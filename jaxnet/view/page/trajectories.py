@@ -286,5 +286,5 @@ def lane_label(results: Results, one: Watched, cell: Cell) -> str:
     by = f", {one.engine} engine" if one.engine else ""
     size = float(cell_magnitudes(results)[one.cell])
     told = "none, it failed" if np.isnan(error) else f"{error_text(error, size)} m"
-    word = "spread" if cell.scenario.leaderless else "tail mean"
+    word = "spread" if cell.scenario.leaderless else "error"
     return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): {word} {told}"

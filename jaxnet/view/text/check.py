@@ -27,7 +27,6 @@ MOST_NETWORKS = 20  # with searches over sets of vehicles
 MOST_NAMED_VALUES = 12  # values of a swept key that are named one by one
 MOST_DISTINCT = 3  # of a fact that are told one by one; of more, the ranges of their numbers
 MOST_TABLE_ROWS = 8  # of the table of a fact
-MOST_ALIKE = 40  # letters with which two rows of a table may begin
 MOST_KEY_LETTERS = 24  # of a key's column
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
@@ -179,16 +178,13 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
 
 
 def swept_text(study: Study) -> str:
-    values = {
-        key: dict.fromkeys(format_value(cell.labels[key]) for cell in study.cells)
-        for key in study.cells[0].labels
-    }
-    for written, entries in study.config.sweep.items():
-        if is_joint(written):
-            rows = ([e["label"], e["values"]] if isinstance(e, dict) else [e] for e in entries)
-            values[written] = dict.fromkeys(" ".join(map(format_value, row)) for row in rows)
-            values = {key: each for key, each in values.items() if key not in keys_in(written)}
-    lines = [f"  {key}: {few_values([*each])}" for key, each in values.items()]
+    def told(cell: Cell, written: str) -> str:
+        row = ", ".join(format_value(cell.labels[key]) for key in keys_in(written))
+        named = is_joint(written) and written in cell.labels
+        return f"{cell.labels[written]} [{row}]" if named else f"[{row}]" if "," in row else row
+
+    values = {key: [told(cell, key) for cell in study.cells] for key in study.config.sweep}
+    lines = [f"  {key}: {few_values([*dict.fromkeys(each)])}" for key, each in values.items()]
     return "\n".join(["swept, the last fastest:", *lines] if lines else [])
 
 
@@ -241,7 +237,7 @@ def factor_table(name: str, labels: CellLabels, lines: Sequence[str]) -> str:
     boxes = [(box, line) for line, those in where.items() if line for box in boxes_of(those)]
     rows, before = [], ""
     for box, line in boxes[:MOST_TABLE_ROWS]:
-        told = "as above" if line == before else beside(before, line)
+        told = "as above" if line == before else line
         values = map(values_text, box, every)
         rows.append([*(fill(each, MOST_KEY_LETTERS) for each in values), told])
         before = line
@@ -251,14 +247,6 @@ def factor_table(name: str, labels: CellLabels, lines: Sequence[str]) -> str:
     titles.append(f"{name} " if name in titles else name)  # a key and a fact may have one name
     columns = dict(zip(titles, zip(*rows, strict=True), strict=True))
     return table_text(columns, [*columns], terminal_width() - 2).replace("\n", "\n  ")
-
-
-def beside(before: str, line: str) -> str:
-    """A line without the words, if these are many, with which the line above it begins too."""
-    pairs = enumerate(zip(before, line, strict=False))
-    apart = next((place for place, (one, other) in pairs if one != other), 0)
-    alike = line.rfind(" ", 0, apart) + 1
-    return f"… {line[alike:]}" if alike > MOST_ALIKE else line
 
 
 def values_text(values: Combination, known: Sequence[str]) -> str:

@@ -6,16 +6,19 @@ from typing import Any
 
 import pandas as pd
 
+from jaxnet.kinds.metrics import CONTRACT
+from jaxnet.kinds.metrics.outside import OUTSIDE_HULL
+from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.statistics.pairs import Comparison
-from jaxnet.statistics.quantities import AGREEMENT_NOTES, stored_values
+from jaxnet.statistics.quantities import TITLES, definition, stored_values
 from jaxnet.view.columns import Column, all_alike, key_column, plain_column
 from jaxnet.view.text.printer import columns_text, narrow_columns
 from jaxnet.view.text.tables import missing_lines
 from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
 MOST_NAMED_LANES = 20  # lanes of a kind
-FIRST_METRICS = {"tail_mean": "mean", "spread": "spread"}  # metrics that are shown to the last
-SECOND_METRICS = {"tail_max": "max", "outside": "outside"}
+FIRST_METRICS = {"tail_mean": TITLES["tail_mean"], "spread": "spread"}  # shown to the last
+SECOND_METRICS = {"tail_max": TITLES["tail_max"], "outside": "outside"}
 
 
 def of_metrics(metrics: dict[str, str], end: str, title: str) -> list[tuple[str, ...]]:
@@ -40,11 +43,12 @@ DIFFERENCES = [
     *of_metrics(SECOND_METRICS, "difference", ""),
     ("failed", "failed"),
 ]
-LEGEND = "All differences are B - A, of the same draws; [low, high]: 95 % intervals."
-ERROR_LEGEND = (
-    "mean, max: tail_mean and tail_max, the mean [m] of the paired differences and their median."
+LEGEND = (
+    "All differences are B - A, of the same draws: their means, and medians where so named; [low,"
+    " high]: 95 % intervals."
 )
-AGREEMENT_LEGEND = "; ".join([*AGREEMENT_NOTES.values(), "unrecovered: without agreement."])
+ERROR_NOTES = [*map(definition, CONTRACT[:2])]
+AGREEMENT_NOTES = [definition(SPREAD), definition(OUTSIDE_HULL), "unrecovered: without agreement"]
 SHARE_LEGEND = (
     "Only A off, only B off: lanes that failed to recover only in A, only in B; p: McNemar's exact"
     " test that both are equally likely."
@@ -53,13 +57,10 @@ SHARE_LEGEND = (
 
 def comparison_legend(found: Comparison, shown: Sequence[Column]) -> str:
     lanes: Any = found.cells.set_index("cell")
-    measured = AGREEMENT_LEGEND if "spread_difference" in lanes else ERROR_LEGEND
+    measured = AGREEMENT_NOTES if "spread_difference" in lanes else ERROR_NOTES
     independent = lanes.filter(like="_median_low").notna().to_numpy().any()
-    notes = [
-        f"{each[0].upper()}{each[1:]}."
-        for each in missing_lines(shown, lanes["pairs"], independent)
-    ]
-    return " ".join([LEGEND, measured, SHARE_LEGEND, *notes])
+    notes = [*measured, *missing_lines(shown, lanes["pairs"], independent)]
+    return " ".join([LEGEND, SHARE_LEGEND, *(f"{each[0].upper()}{each[1:]}." for each in notes)])
 
 
 def comparison_columns(found: Comparison) -> list[Column]:

@@ -305,8 +305,10 @@ def stable(is_stable: bool) -> str:
 
 
 def rms_words(each: np.ndarray, scenario: Scenario) -> str:
-    who = f", the most of {int(each.argmax()) + 1}" if np.ptp(each) > 1e-9 * each.max() else ""
-    return f"; without attack they leave {each.max():.4g} m rms on each axis in the end{who}"
+    who = f" (vehicle {int(each.argmax()) + 1})" if np.ptp(each) > 1e-9 * each.max() else ""
+    return (
+        f"; without attack they leave at most {each.max():.4g} m rms on each axis in the end{who}"
+    )
 
 
 def greatest_delay_words(margin: float, scenario: Scenario) -> str:
@@ -333,7 +335,10 @@ def stability_words(found: Stability, scenario: Scenario) -> str:
         least += f", and every number from {surely} on" * (surely > few)
         line += f"; {least if found.least else 'no number of rounds is stable at this tick'}"
     if found.without_attack:
-        line += "; that is without the attack, which replaces what vehicles send"
+        line += "; that is without the attack: once the messages of some vehicles are replaced, the"
+        line += " factor is another"
+    elif scenario.attack.replaces():
+        line += f"; with the messages of {scenario.attack.whom()}, which are replaced, fixed"
     return line + "; this holds while all sources are retained" * found.while_retained
 
 
@@ -354,7 +359,7 @@ def ticks_of(run: MeanRun, scenario: Scenario) -> str:
     ticks, seconds = (
         " to ".join(f"{end * each:.5g}" for end in ends) for each in (1.0, scenario.tick)
     )
-    return f"{ticks} ticks ({seconds} s)"
+    return f"{ticks} tick{'s' * (ticks != '1')} ({seconds} s)"
 
 
 def isolation_words(found: CutReach, scenario: Scenario) -> str:
@@ -364,8 +369,8 @@ def isolation_words(found: CutReach, scenario: Scenario) -> str:
     line = "if alarms cut all attacked links and no other, the navigator reaches"
     line += f" {vehicles_named(kept, scenario)}"
     if found.wrong:
-        line += f"; {count(found.wrong, 'wrong cut')} can part {ranges(found.whom)}, and no fewer"
-        line += " part anybody else"
+        line += f"; {count(found.wrong, 'wrong cut')} can cut off {ranges(found.whom)} from it, and"
+        line += " fewer nobody"
     return line
 
 
@@ -380,7 +385,7 @@ def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:
     when = ", while alarms cut nothing" * scenario.detector.acts
     line = f"; in phase they move a vehicle by {found.steady:.4g} m beside what errors do{when}"
     if np.isfinite(found.most):
-        line += f"; no lie about positions that raises none moves one by over {found.most:.4g} m"
+        line += f"; undetected lies about positions move no vehicle by over {found.most:.4g} m"
     return line
 
 
@@ -391,6 +396,8 @@ def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
         words += [f"{flagged(vehicles & left)} {why}"] if (vehicles & left).any() else []
         left &= ~vehicles
     known = "; ".join(words) + ", whichever vehicles are drawn" * (found.drawn and bool(words))
+    if left.all() and found.tried:
+        return f"none is proved{' in every lane' * found.drawn}"
     whose = "not known in every lane for" if found.drawn else "not known for"
     unknown = f"{whose} {ranges(vehicle_numbers(left))}" if left.any() else ""
     return "; ".join(filter(None, [known, unknown, "" if found.tried else NOT_TRIED]))
@@ -459,7 +466,9 @@ def moving_words(found: KeepsMoving, scenario: Scenario) -> str:
         size if factor == 1 else f"{factor:.4g} {size}"
         for factor, size in zip(found.factors.round(9), sizes, strict=False)
     ]
-    met = "every start meets it" if found.every_start else "starts may break it"
+    met = "every start meets it"
+    if not found.every_start:
+        met = "starts may break it, and then a vehicle may come to rest, but need not"
     alone = found.slowest / found.factors[0]
     return (
         f"without attack no vehicle comes to rest if at its start {' + '.join(each)} <"

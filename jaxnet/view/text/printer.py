@@ -127,23 +127,28 @@ def with_labels(shown: Sequence["Column"]) -> tuple[TableColumns, list[str]]:
     return {each.title: each.texts() for each in shown}, labels
 
 
-def narrow_columns(whole: Sequence["Column"]) -> tuple[list["Column"], list[str]]:
-    """Columns that fit the terminal, and what is left out.
+def narrow_columns(
+    whole: Sequence["Column"], asked: bool = False
+) -> tuple[list["Column"], list[str]]:
+    """Columns that fit the terminal, and what is left out; the share failed always stays.
 
-    The first quantity keeps its interval. The others lose theirs, then the last columns go; pivoted
-    quantities lose theirs together. Then keys of numbers go, finally labels, from the last on.
+    The last quantities lose their intervals, but not the first; pivoted ones lose them together.
+    Then, unless they are `asked` for, the last columns go, all intervals, keys of numbers, labels.
     """
-    quantities = [each.name for each in whole if each.key is None and each.name != "cell"]
-    first = 0 if any(each.across for each in whole) else 1
+    stay = ("cell", "failed_share")
+    quantities = [each.name for each in whole if each.key is None and each.name not in stay]
+    together = any(each.across for each in whole)
     keys = sorted((each for each in whole if each.key is not None), key=lambda each: each.numeric)
     steps = [[*whole]]
-    steps.append([each.bare() if each.name in quantities[first:] else each for each in whole])
-    for name in [*reversed(quantities[1:]), *(each.name for each in reversed(keys))]:
+    for first in [0] if together else range(len(quantities) - 1, 0, -1):
+        bare = quantities[first:]
+        steps.append([each.bare() if each.name in bare else each for each in whole])
+    going = [*reversed(quantities[1:]), "", *(each.name for each in reversed(keys))]
+    for name in going * (not asked):
+        steps += [[each.bare() for each in steps[-1]]] * (not name)
         steps.append([each for each in steps[-1] if each.name != name])
     shown = next((each for each in steps if fits_terminal(*with_labels(each))), steps[-1])
     kept = {each.name: each for each in shown}
     lost = [each for each in whole if each.name in kept and each.ends and not kept[each.name].ends]
-    which = f"intervals of {', '.join(each.title for each in lost)}"
-    if not any(each.ends for each in shown):
-        which = "all intervals"
+    which = f"{'some' if any(each.ends for each in shown) else 'all'} intervals"
     return shown, [which] * bool(lost) + [each.title for each in whole if each.name not in kept]

@@ -199,7 +199,7 @@ def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | T
     from rich.text import Text
 
     asked = any(np.isfinite(each.unrecovered) for each in found)
-    mean = "spread [m]" if is_leaderless(tally.cells) else "tail mean [m]"
+    mean = "spread [m]" if is_leaderless(tally.cells) else "error [m]"
     heads = ["lanes", mean, share_name(tally.cells)][: 3 if asked else 2]
     found.sort(key=lambda each: (-np.nan_to_num(each.unrecovered, nan=-1.0), -each.mean))
     worst = sorted(found[:room])

@@ -1,24 +1,26 @@
 """Results as text for a terminal: the summary, the outcome of a run, failed lanes."""
 
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from html import escape
 from typing import Any
 
 import pandas as pd
 
-from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
 from jaxnet.config.naming import label_notes
 from jaxnet.config.sweep import is_joint
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
-from jaxnet.model.wording import cells_named, count, count_between, number_text
+from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
+from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
-from jaxnet.statistics.quantities import AGREEMENT_NOTES, ERROR_NOTES, FORMATION_NOTE
+from jaxnet.statistics.quantities import FORMATION_NOTE, definition
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
     COLUMNS_OF_METRIC,
@@ -43,9 +45,8 @@ from jaxnet.view.text.width import (
     terminal_width,
 )
 
-MOST_FAILURES = 20
 CRITERIA = {  # by which the worst lane is chosen
-    "tail_mean": "mean error over vehicles and the tail (tail mean)",
+    "tail_mean": "mean error over vehicles and the tail (tail_mean)",
     "spread": "spread over the tail",
 }
 FAILURE_REASONS = {
@@ -81,7 +82,7 @@ def summary_text(
     whole = columns.pivoted(asked, pivot) if pivot else asked
     varied, constant = columns.split_constant(whole)
     rows = len(whole[0].entries)
-    shown, left_out = narrow_columns([each.at(slice(most)) for each in varied])
+    shown, left_out = narrow_columns([each.at(slice(most)) for each in varied], bool(names))
     lines = [columns_text(shown)]
     if most is not None and most < rows:
         hint = "`show --all` has all, `show --where KEY=VALUE` some"
@@ -121,7 +122,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """What the columns leave open: which intervals they have, and what the greatest lane says."""
     config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
     metrics = {
-        each.name
+        each.name: definition(each)
         for each in config.measured()
         if names & {f"{each.name}_{end}" for end in COLUMNS_OF_METRIC}
     }
@@ -131,25 +132,21 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     notes += label_notes(alone, [cell.labels for cell in cells])
     if "unrecovered" in names and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
-    notes += [words for metric, words in ERROR_NOTES.items() if metric in metrics]
-    if is_leaderless(cells):
-        notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in metrics]
-        notes += [hull_note(config, cells)] if "in_hull" in names else []
-    if metrics & {*AGREEMENT, *(each.name for each in CONTRACT)}:
+    notes += filter(None, metrics.values())
+    notes += [hull_note(config, cells)] if "in_hull" in names else []
+    if metrics.keys() & {*AGREEMENT, *(each.name for each in CONTRACT)}:
         notes += [FORMATION_NOTE] * any(cell.scenario.formation.present for cell in cells)
     notes += [UNSETTLED_NOTE] * bool(names & unsettled_shares(config).keys())
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
     if any(each.has_rounding() for each in shown):
-        notes.append(f"errors below {columns.ROUNDING_ERROR:g} ā, or as many m without ā, read 0")
+        notes.append("errors below 1e-9 ā (1e-9 m without an attack) are shown as 0")
+        notes += off_lines(results, shown)
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
         many = lanes[lanes > 0].astype(int)
-        words = (
-            f"with 95 % confidence at most {share_beyond(int(many.min()))} of all lanes are worse"
-        )
-        notes.append(
-            f"worst: the greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}"
-        )
+        beyond = share_beyond(int(many.min()))
+        words = f"at most {beyond} of all lanes are above, with 95 % confidence"
+        notes.append(f"greatest: of {count_between(many.tolist(), 'lane')} of a cell; {words}")
     return [*filter(None, [falling_words(results, cells)]), *notes, *caveat_lines(cells)]
 
 
@@ -202,6 +199,22 @@ def missing_lines(shown: Sequence[Column], lanes: pd.Series, independent: bool) 
         words = f"alike: the lanes, {fewest} at least, have one value of {'; of '.join(told)}"
         notes.append(f"{words}; with 95 % confidence at most {share_beyond(fewest)} of all differ")
     return notes
+
+
+def off_lines(results: Results, shown: Sequence[Column]) -> list[str]:
+    """How many lanes are off in cells whose 95 % quantile reads 0, but not their greatest value."""
+    found = dict[str, list[int]]()
+    for each in shown:
+        if each.name.endswith("_q95") and "size" in each.entries:
+            title = each.title.partition(" [")[0]
+            most = results.cells[each.name.replace("_q95", "_max")].to_dict()
+            for cell, size in each.entries["size"].to_dict().items():
+                lanes = int(results.cells["ok"].to_dict()[cell])
+                of, few = count(lanes, "lane"), int(0.05 * (lanes - 1) + 1e-9)  # above 95 %
+                low = columns.without_rounding(each.entries["value"].to_dict()[cell], size) == 0
+                if low and columns.without_rounding(most[cell], size) > 0:
+                    found.setdefault(f"{title} 0: up to {few} of {of} are off", []).append(cell)
+    return [f"{words}: {cells_named(cells)}" for words, cells in found.items()]
 
 
 def share_beyond(lanes: int) -> str:
@@ -287,20 +300,26 @@ def stop_reason(results: Results) -> str:
 
 
 def failures_text(results: Results) -> str:
-    """Failed lanes with the commands that replay them; empty if there are none."""
-    many, failed = results.failed(MOST_FAILURES)
-    rows: Any = failed.itertuples()
+    """Failed lanes by reason, the first with the command that replays it; empty of none."""
+    by_cell, lanes = failed_kinds(results), results.cells["lanes"].to_dict()
+    groups: dict[tuple[bool, tuple[str, ...]], list[int]] = {}
+    for cell, kinds in by_cell.items():
+        groups.setdefault((kinds.total() == lanes[cell], tuple(sorted(kinds))), []).append(cell)
     lines = []
-    for row in rows:
+    for cells in groups.values():
+        told = counted(sum((by_cell[cell] for cell in cells), Counter[str]()))
+        of = count(sum(int(lanes[cell]) for cell in cells), "lane")
+        lines.append(filled(f"failed: {told} of {of} in {cells_named(cells)}"))
+    _, failed = results.failed(1)
+    first: Any = failed.itertuples()
+    for row in first:
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
-        lines.append(f"failed: {lane_title(results, row.cell, row.sample)}: {row.status}{since}")
+        lines.append(f"the first: {lane_title(results, row.cell, row.sample)}: {row.status}{since}")
         lines.append(f"  {results.replay_command(row.cell, row.sample)}")
-    if many > MOST_FAILURES:
-        lines.append(f"… {many - MOST_FAILURES} more; see the column status in lanes/")
-    kinds = failed["status"].unique()
-    lines += [f"{kind}: {FAILURE_REASONS[kind]}" for kind in kinds if kind in FAILURE_REASONS]
-    held = failed.loc[failed["status"].isin(HELD_TOO_LONG), "cell"].unique()
+    every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
+    lines += [f"{kind}: {FAILURE_REASONS[kind]}" for kind in every if kind in FAILURE_REASONS]
+    held = [cell for cell, kinds in by_cell.items() if {*kinds} & {*HELD_TOO_LONG}]
     if any(results.study.cells[number].scenario.engine.samples for number in held):
         lines.append(filled(ON_SAMPLED))
     return "\n".join(lines)
