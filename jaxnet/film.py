@@ -133,7 +133,7 @@ def film_legend(film: LaneScene) -> list[Line2D]:
         "attacked vehicle": {"marker": marker, **rim},
         "place that is told falsely": {"marker": "x", "color": style.RED},
         "place in the formation": SHAPE_LOOK,
-        "input at its limit": {"marker": marker, "color": DARK, "markerfacecolor": style.LIMITED},
+        "input saturated": {"marker": marker, "color": DARK, "markerfacecolor": style.LIMITED},
         "touches another": {"marker": "o", "color": style.PURPLE, "markerfacecolor": "none"},
     }
     lies = bool(film.told.size)

@@ -215,7 +215,7 @@ def test_film_panels_and_page_show_what_robots_do(arena):
     film = animation.film_of(lane, arena.study.cells[0], graph)
     drawn, show = animation.film_figure(film, arena.study.cells[0], 0)
     words = {text.get_text() for text in drawn.legends[0].get_texts()}
-    marks = {"place in the formation", "input at its limit", "touches another"}
+    marks = {"place in the formation", "input saturated", "touches another"}
     assert marks <= words
     show(1)
     (fleet, touching), (box,) = drawn.axes[0].collections[-2:], drawn.axes[0].patches

@@ -88,14 +88,14 @@ def unchecked_words(cells: Sequence[Cell]) -> str:
 
 
 def unclipped_words(results: Results) -> str:
-    """Cells with limits in which no lane's inputs were clipped at any tick; "" if there are none.
+    """Cells with limits in which no lane's inputs were saturated at any tick; "" if there are none.
 
     Between ticks the nonlinear engine may have clipped them all the same.
     """
     limited = [cell.number for cell in results.study.cells if cell.scenario.vehicle.limits]
     each = results.by_cell("saturated", cells=limited) if limited else ()
     numbers = [number for number, rows in each if not rows["saturated"].to_numpy().any()]
-    return f"no input was clipped at any tick in {cells_named(numbers)}" if numbers else ""
+    return f"no input was saturated at any tick in {cells_named(numbers)}" if numbers else ""
 
 
 def violations_table(results: Results) -> pd.DataFrame:

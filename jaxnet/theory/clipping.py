@@ -1,6 +1,6 @@
 """What is known of vehicles whose inputs are clipped at limits.
 
-Without attack `x = (E, Ė, …)` of a vehicle on an axis obeys ẋ = A_c x while no input is clipped
+Without attack `x = (E, Ė, …)` of a vehicle on an axis obeys ẋ = A_c x while no input saturates
 (theorems.md O1), and the law asks for the input `y_0^(r) - K x`. With `A_c'P + P A_c = -1`, x'Px
 falls, and `|K x|² ≤ (K P⁻¹ K') x'Px`. So no input is ever clipped if on both axes, at the start of
 every vehicle, `x'Px ≤ (q - max ‖y_0^(r)‖)² / (K P⁻¹ K')`, with the limit q.
@@ -22,7 +22,7 @@ CERTIFIED = 1e-6  # of A_c'P + P A_c = -1, and of the least eigenvalue of P over
 
 
 class Unclipped(NamedTuple):
-    """The set x'Px ≤ level of an axis in which no input is clipped."""
+    """The set x'Px ≤ level of an axis in which no input saturates."""
 
     level: float
     ratio: float  # K P⁻¹ K'

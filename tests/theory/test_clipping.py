@@ -66,7 +66,7 @@ def test_rows_agree_with_the_set(share, clipped):
     assert found.level == pytest.approx(limit**2 / 9)
     results = jaxnet.simulate(FREE | keys, samples=1, progress=False)
     assert (results.lanes["saturated"].iloc[0] > 0) == clipped
-    words = "" if clipped else "no input was clipped at any tick in cell 0"
+    words = "" if clipped else "no input was saturated at any tick in cell 0"
     assert unclipped_words(results) == words
 
 

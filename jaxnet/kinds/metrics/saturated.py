@@ -5,5 +5,5 @@ SATURATED = Metric(
     "",
     lambda seen: tallied(seen, "saturated", 0),
     time="last",
-    words="share of vehicle-steps in which the vehicle's inputs were limited",
+    words="share of vehicle-steps in which the vehicle's inputs were saturated",
 )

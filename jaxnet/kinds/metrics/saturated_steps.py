@@ -5,5 +5,5 @@ SATURATED_STEPS = Metric(
     "",
     lambda seen: tallied(seen, "saturated", 1),
     time="last",
-    words="steps in which the inputs of any vehicle were limited",
+    words="steps in which the inputs of any vehicle were saturated",
 )

@@ -69,7 +69,7 @@ class Vehicle(Kind):
     limitable: ClassVar[tuple[str, ...]] = ()  # names of limits; by default those of the inputs
 
     limits: dict[str, Positive] = setting(
-        {}, "greatest absolute values of the vehicle's own inputs, by name: others are clipped"
+        {}, "greatest absolute values of the vehicle's own inputs, by name: greater ones saturate"
     )
 
     standstill: Literal["fail", "stop"] = setting(
@@ -135,7 +135,7 @@ class Vehicle(Kind):
         raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
 
     def within_limits(self, inputs: VehicleInput) -> VehicleInput:
-        """The inputs (2, m, lanes), each clipped at its limit, if it has one."""
+        """The inputs (2, m, lanes), each saturated at its limit, if it has one."""
         xp = inputs.__array_namespace__()
         most = (self.limits.get(name) for name in self.inputs)
         each = zip(inputs, most, strict=True)
@@ -209,7 +209,7 @@ class Integrators(Vehicle):
         return self.order == 1 and type(self).drift is Integrators.drift
 
     def within_limits(self, inputs):
-        """The inputs, clipped on each axis."""
+        """The inputs, saturated on each axis."""
         most = self.limits["input"][None, None]
         return inputs.__array_namespace__().clip(inputs, -most, most)
 

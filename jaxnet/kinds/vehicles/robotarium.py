@@ -3,9 +3,9 @@ from jaxnet.kinds.vehicles.look_ahead import LookAhead
 
 
 class Robotarium(LookAhead):
-    """A robot of the Robotarium: `look_ahead` with two wheels whose rates are clipped.
+    """A robot of the Robotarium: `look_ahead` with two wheels whose rates saturate.
 
-    A wheel that is clipped changes the curvature of the path. Source: the arena's public simulator,
+    A saturated wheel changes the curvature of the path. Source: the arena's public simulator,
     robotarium_python_simulator 2.1.0, rps/robotarium_abc.py.
     """
 
@@ -18,7 +18,7 @@ class Robotarium(LookAhead):
     limits: dict[str, Positive] = setting({"wheel_rate": 12.5}, "`wheel_rate` [rad/s], of a wheel")
 
     def within_limits(self, inputs):
-        """The speed and turn rate of wheels with clipped rates."""
+        """The speed and turn rate of wheels with saturated rates."""
         xp, most = inputs.__array_namespace__(), self.limits["wheel_rate"][None]
         radius, half = self.wheel_radius[None], self.base[None] / 2
         left, right = ((inputs[0] + side * half * inputs[1]) / radius for side in (-1.0, 1.0))

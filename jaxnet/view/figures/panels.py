@@ -237,7 +237,7 @@ def panels_legend(rows: Sequence[Sequence[Cell]], lanes: Sequence[xr.Dataset]) -
         "attacked vehicle": (ATTACKED_PATH, lies),
         "start": (END | {"marker": "o", "markerfacecolor": "white"}, True),
         "end": (END | {"marker": pointer, "markersize": END_SIZE}, True),
-        "input at its limit": (LIMITED_PATH, any(lane["saturated"].any() for lane in lanes)),
+        "input saturated": (LIMITED_PATH, any(lane["saturated"].any() for lane in lanes)),
         "touches another": (TOUCHING_PATH, any(lane["colliding"].any() for lane in lanes)),
     }
     return [Line2D([], [], **look, label=name) for name, (look, shown) in entries.items() if shown]

@@ -479,7 +479,7 @@ def moving_words(found: KeepsMoving, scenario: Scenario) -> str:
 def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
     met = "every start is there" if found.every_start else "starts may be outside"
     return (
-        f"no input is clipped while x'Px ≤ {found.left:.4g}² / {found.ratio:.8g} ="
+        f"no input saturates while x'Px ≤ {found.left:.4g}² / {found.ratio:.8g} ="
         f" {found.level:.4g} on each axis, with x = (E, Ė, …) and A'P + PA = -1; {met}"
     )
 
