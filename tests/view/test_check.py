@@ -49,6 +49,10 @@ TESTED = {
 
 
 CUTTING = TESTED | {"detector": {"kind": "cusum", "drift": 4, "threshold": 8, "cuts": "link"}}
+NOISY = {
+    "channel": {"noise": {"position": 0.1}},
+    "detector": {"kind": "cusum", "drift": 4, "threshold": 9},
+}
 ONE_WAY = {"kind": "cusum", "drift": 0.5, "threshold": 5, "direction": [1, 0]}
 ALONG = TESTED | {"detector": ONE_WAY}
 
@@ -177,6 +181,17 @@ FACTS = [
     ({"topology": {"navigator_weight": {"uniform": [0.05, 0.15]}}}, "weights", "their medians"),
     ({"gain": [1, 3, {"uniform": [3, 4]}]}, "gain", "stable whatever is drawn"),
 ]
+
+
+def test_without_an_attack_every_link_is_honest():
+    """With ā = 0: on a ring of twelve, 36 links, of which a liar of ā > 0 makes two dishonest."""
+    told = {
+        size: known(0.0, attack={"kind": "bias", "vehicles": [2], "magnitude": size}, **NOISY)
+        for size in (0, 1)
+    }
+    assert "any of 36 honest links" in told[0]["alarms"]
+    assert "any of 34 honest links" in told[1]["alarms"]
+    assert ["lie of ā" in told[size]["alarms"] for size in (0, 1)] == [False, True]
 
 
 @pytest.mark.parametrize(("keys", "fact", "told"), FACTS)

@@ -44,6 +44,17 @@ def test_of_many_cells_some_of_each_key_are_chosen():
     assert {each["b"] for each in chosen} == {0, 1, 2}
     assert sorted({each["a"] for each in chosen}) == [0, 3, 5, 8, 11, 14, 16, 19]
     assert len(chosen) == 24
+    kinds = [
+        {"topology": t, "defence": d, "a": a}
+        for t, d, a in itertools.product("rst", ["none", "w_msr", "vote"], range(3))
+    ]
+    some = [kinds[place] for place in evenly_over(kinds, 18)]
+    assert {(each["topology"], each["defence"]) for each in some} == {
+        *itertools.product("rst", ["none", "w_msr", "vote"])
+    }
+    assert {each["a"] for each in some} == {0, 2}
+    few = [kinds[place] for place in evenly_over(kinds[::3], 4)]
+    assert len(few) == 3
     pairs = [{"a": number, "b": -number} for number in range(96)]
     places = evenly_over(pairs, 24)
     assert (len(places), places[0], places[-1]) == (24, 0, 95)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import binomtest
 from upath import UPath
 
 from jaxnet.statistics.curves import Curve
@@ -313,3 +314,58 @@ def test_fits_show_swept_values_as_the_summary_does():
     assert "attacked" in labels[0]
     assert slopes.estimate_text((5e-20, 4e-20, 0.35)) == "0 [0, 0.35]"
     assert slopes.estimate_text((0.4, math.nan, math.nan)) == "0.4"
+
+
+def test_a_quantile_of_nothing_beside_a_great_lane_says_how_many_are_off():
+    """At most the lanes above the 95 % quantile: 1 of 30, 4 of 81."""
+    results = results_of({"attack.magnitude": [1, 2, 3]}, False, 3)
+    results.cells["ok"] = [30, 81, 30]
+    results.cells["tail_mean_q95"] = [0.0, 1e-10, 0.5]
+    found = columns.summary_columns(results, ["tail_mean_q95"])
+    told = [each for each in tables.summary_notes(results, found) if "are off" in each]
+    assert told == [
+        "error, 95 % quantile 0: up to 1 of 30 lanes are off: cell 0",
+        "error, 95 % quantile 0: up to 4 of 81 lanes are off: cell 1",
+    ]
+
+
+def test_where_lanes_failed_their_share_comes_first_with_its_interval(monkeypatch):
+    """Clopper and Pearson, and it stays in a narrow terminal."""
+    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
+    results.cells["failed"], results.cells["lanes"] = [0, 3], [30, 30]
+    monkeypatch.setenv("COLUMNS", "60")
+    text = tables.summary_text(results)
+    shown = columns.summary_columns(results)
+    ends = [binomtest(many, 30).proportion_ci(0.95) for many in (0, 3)]
+    told = [f"[{100 * low:.3g}, {100 * high:.3g}]" for low, high in ends]
+    assert shown[2].texts() == [f"0 {told[0]}", f"10 {told[1]}"]
+    assert "failed" in text.partition("left out")[0]
+
+
+def test_a_column_that_is_asked_for_is_shown_however_narrow(monkeypatch):
+    results = results_of(LONG, True, 8)
+    names = ["tail_mean", "tail_mean_mean", "tail_mean_q95", "tail_max_max"]
+    monkeypatch.setenv("COLUMNS", "40")
+    text = tables.summary_text(results, names)
+    assert "left out: some intervals; all" in " ".join(text.split())
+    assert len(text.splitlines()[-6].split()) >= len(names)
+
+
+def test_failures_are_told_by_cell_and_reason(monkeypatch):
+    """Cells that failed wholly apart from others, and one command for the first lane."""
+    results = results_of({"attack.magnitude": [1, 2, 3, 4]}, False, 4)
+    results.cells["lanes"] = [5, 5, 5, 5]
+    rows = [(cell, sample, "disconnected", 2, 0.5) for cell in (1, 2) for sample in range(5)]
+    rows.append((3, 4, "diverged", 0, np.nan))
+    named = pd.DataFrame(rows, columns=["cell", "sample", "status", "cut_off", "cut_off_at"])
+    vars(results).update(
+        manifest={"lanes": {"failed": 11}}, by_cell=lambda *_, **__: named.groupby("cell")
+    )
+    monkeypatch.setenv("COLUMNS", "120")
+    lines = tables.failures_text(results).splitlines()
+    assert lines[:2] == [
+        "failed: 10 disconnected of 10 lanes in cells 1, 2",
+        "failed: 1 diverged of 5 lanes in cell 3",
+    ]
+    assert "sample 0: disconnected, vehicle 2 since 0.5 s" in lines[2]
+    assert len([line for line in lines if "replay" in line]) == 1
