@@ -98,7 +98,7 @@ def test_run_prints_its_table_and_what_it_wrote(finished):
     """The table to stdout, the rest to stderr."""
     out, done = finished
     assert done.exit_code == 0, done.stderr
-    assert done.stdout.split()[:2] == ["tail", "mean,"]
+    assert done.stdout.split()[:2] == ["error,", "95"]
     assert f"2 of 2 lanes ok, 0 failed; wrote {out}: cells.csv, lanes/" in done.stderr
     assert done.stderr.splitlines()[-1] == f"next: jaxnet report {out}"
     assert jaxnet_does("show", out).stdout == done.stdout
@@ -244,8 +244,8 @@ def test_failed_lanes_are_named_and_strict_says_so(config, tmp_path):
     words = ("run", config, "engine={kind: nonlinear, max_steps: 1}", "--out", tmp_path / "out")
     done = jaxnet_does(*words)
     assert done.exit_code == 0
-    assert "failed: cell 0, sample 1: max_steps" in done.stderr
-    assert f"jaxnet replay {tmp_path / 'out'} --cell 0 --sample 1" in done.stderr
+    assert "failed: 2 max_steps of 2 lanes in cell 0" in done.stderr
+    assert f"jaxnet replay {tmp_path / 'out'} --cell 0 --sample 0" in done.stderr
     assert jaxnet_does(*words, "--strict").exit_code == 3
 
 
@@ -312,7 +312,7 @@ def test_two_results_are_compared(swept, tmp_path):
     done = jaxnet_does("compare", swept, swept, "--format", "csv")
     assert done.exit_code == 0, done.stderr
     table = pd.read_csv(io.StringIO(done.stdout))
-    assert table["mean [m]"].tolist() == [0] * 4
+    assert table["error [m]"].tolist() == [0] * 4
     names = {path.name for path in (swept.parent / "swept-swept").iterdir()}
     assert names >= {"compare.html", "differences.csv", "changed.csv", "failed.csv"}
     same = jaxnet_does("compare", swept, swept, "--out", tmp_path / "x")

@@ -218,7 +218,7 @@ def test_a_tile_tells_its_cells_share_and_interval():
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["no attack, no lane ended"]
     assert panels[0].get_xlabel() == ""
-    assert panels[2].get_xlabel() == "attack frequency [rad/s]"
+    assert plain(panels[2].get_xlabel()) == "attack frequency [rad/s]"
     bar = next(panel for panel in figure.axes if panel.get_xlabel() == "lanes unrecovered [%]")
     assert bar.get_xlim() == (0, 100)
 

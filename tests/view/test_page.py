@@ -231,7 +231,7 @@ TOLD = [
     (
         MANY,
         SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.7}},
-        "More lanes recover with W-MSR than with no\xa0defence; more lanes recover with centerpoint",
+        "More lanes recover with W-MSR than with no\xa0defence; more lanes recover with cent",
     ),
     (
         [20.0],
@@ -258,9 +258,9 @@ TOLD = [
         [0.01] * 4,
         HULL,
         "<b>Honest vehicles agree, but on a place that liars move out of the hull</b> within 30 s."
-        " Of a cell at most: 75 % of lanes with no\xa0defence (95 % interval 50 to 87.5 %), by 2 m in"
-        " the median lane and 3 m in the worst; 5 % of lanes with W-MSR (95 % interval 5 to 5 %), by"
-        " 0.01 m in the median lane and 0.1 m in the worst; 10 % of lanes without an attack",
+        " Of a cell at most: 75 % of lanes with no\xa0defence (95 % interval 50 to 87.5 %), by 2 m"
+        " in the median lane and 3 m in the worst; 5 % of lanes with W-MSR (95 % interval 5 to 5"
+        " %), by 0.01 m in the median lane and 0.1 m in the worst; 10 % of lanes without an attack",
     ),
     ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts within 30 s."),
     (
@@ -329,7 +329,7 @@ def test_lanes_in_which_a_pair_comes_too_near_are_counted():
             in text
         )
     listed = findings.metrics_list(results, "min_separation")
-    assert re.search(r"settling time to 0.3 m: <b>1.\d* s</b>; 1 cell without", listed), listed
+    assert re.search(r"settling time to 0.3 m: <b>1.\d* s</b>; infinite in 1 cell", listed), listed
 
 
 def test_ticks_stand_at_the_swept_values():
@@ -367,7 +367,9 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     zero = "0 (rounding)"
     told_each = [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
     assert [row[5].split(" <")[0] for row in shown] == told_each
-    assert "Errors below 1e-09 ā, or as many m without ā, read 0." in section(text, "summary")
+    assert "Errors below 1e-9 ā (1e-9 m without an attack) are shown as 0." in section(
+        text, "summary"
+    )
     assert [row[7] for row in shown][:3] == [zero] * 3
     assert rows_of(section(text, "summary"))[0][4] == 2e-10
     star, ring = cells_of(section(text, "ultimate"))

@@ -21,5 +21,5 @@ def beyond(seen: FleetView) -> VehicleNumbers:
     return xp.where(honest, outside, 0.0)
 
 
-WORDS = "how far an honest vehicle leaves the convex hull of the honest starts"
-OUTSIDE_HULL = Metric("outside", "m", beyond, words=WORDS)
+LEAVES = "how far an honest vehicle leaves the convex hull of the honest starts"
+OUTSIDE_HULL = Metric("outside", "m", beyond, words=LEAVES)

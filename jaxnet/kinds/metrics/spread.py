@@ -11,5 +11,5 @@ def farthest_honest(seen: FleetView) -> VehicleNumbers:
     return xp.where(honest[:, None] & honest[None], apart, 0.0).max(axis=0)
 
 
-WORDS = "greatest distance of two honest vehicles"
-SPREAD = Metric("spread", "m", farthest_honest, "tail", "max", "max", WORDS)
+FARTHEST = "greatest distance of two honest vehicles"
+SPREAD = Metric("spread", "m", farthest_honest, "tail", "max", "max", FARTHEST)

@@ -48,14 +48,14 @@ MEDIAN_LANE = {  # by `judged_word`
 BASELINE = " without an attack"
 MOVED = 10  # times as far as without an attack
 NEGLIGIBLE = 1e-3  # of the greatest value
-Rows = list[dict[str, Any]]  # of the table of p values
+TestRows = list[dict[str, Any]]  # of the table of p values
 NO_DIFFERENCE = "no difference is found"
 MOST_TESTS = 200  # in the table of p values
 MOST_COMPARED, MOST_TOLD = 8, 3  # values of a swept key in one sentence, and of a few cells
 
 
 def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
-    tests = Rows()
+    tests = TestRows()
     sentences = finding_sentences(results, found, fit, tests)
     told = [each.replace(" %", f"{NO_BREAK}%") for each in sentences]
     folded = ""
@@ -73,7 +73,7 @@ def finding_sentences(
     results: Results,
     found: Sequence[curves.Curve],
     fit: str,
-    tests: Rows | None = None,
+    tests: TestRows | None = None,
 ) -> list[str]:
     """Each finding as HTML; `fit` is the command that computes the bounds.
 
@@ -234,7 +234,7 @@ def judged_word(results: Results) -> str:
     return "spread" if is_leaderless(results.study.cells) else "error"
 
 
-def extremes_sentence(results: Results, tests: Rows) -> str:
+def extremes_sentence(results: Results, tests: TestRows) -> str:
     """The cells with the least and the greatest error of the median lane."""
     errors, unit = errors_per_size(results)
     word, per_size = judged_word(results), unit == "ā"
@@ -307,7 +307,7 @@ def outside_sentence(results: Results) -> str:
     )
 
 
-def kinds_words(results: Results, estimates: pd.DataFrame, unit: str, tests: Rows) -> str:
+def kinds_words(results: Results, estimates: pd.DataFrame, unit: str, tests: TestRows) -> str:
     """Sentences that compare the values of each swept kind; "" if none has two."""
     values: Any = estimates["value"]
     labels = [results.study.cells[n].labels for n in values.index]
@@ -327,7 +327,7 @@ def compared_words(
     values: pd.Series,
     swept: pd.DataFrame,
     unit: str,
-    tests: Rows,
+    tests: TestRows,
 ) -> str:
     """The range of each value of a swept kind, and which values are found better than which."""
     of_labels: Any = {label: values[swept[key] == label] for label in dict.fromkeys(swept[key])}
@@ -357,7 +357,7 @@ def tested_words(
     labels: Sequence[str],
     swept: pd.DataFrame,
     unit: str,
-    rows: Rows,
+    rows: TestRows,
 ) -> str:
     """Which values of a swept kind are better than which, in which settings; `rows` get each p.
 
@@ -469,7 +469,7 @@ def share_words(results: Results) -> str:
     return f"The share of lanes that {ended}"
 
 
-def unrecovered_sentence(results: Results, tests: Rows) -> str:
+def unrecovered_sentence(results: Results, tests: TestRows) -> str:
     """The least and the greatest share of lanes unrecovered, if the study asks for it."""
     found: Any = curves.unrecovered_shares(results)
     asked = results.study.config.recovery

@@ -24,7 +24,8 @@ LONGEST_VALUE = 80  # letters
 # Keys of kinds that other rows or the figure of the networks tell.
 TOLD_ELSEWHERE = {"kind", "label", "edges", "content", "names", "vehicles", "links", "magnitude"}
 # Keys that are told even at their defaults, of kinds and of cells.
-SYMBOLS = {"theta": "ϑ", "F": "F", "tau": "τ", "direction": "direction", "form": "form"}
+SYMBOLS = {"theta": "ϑ", "F": "F", "tau": "τ"}
+SYMBOLS |= {name: name for name in ("direction", "form", "predicts")}
 ALWAYS_TOLD = ("navigator", "topology", "attack", "defence", "gain", "initial.position")
 # Keys that share a row with others, or stand elsewhere on the page.
 OWN_ROWS = ("vehicles", "vehicle", "attack.magnitude", "horizon", "tail", "tick", "engine")
@@ -100,7 +101,8 @@ def told_keys(model: BaseModel, without: Container[str] = ()) -> list[str]:
     told = []
     for name in type(model).model_fields | (model.model_extra or {}):
         field, value = type(model).model_fields.get(name), getattr(model, name)
-        if (isinstance(model, Kind) and name in TOLD_ELSEWHERE) or name in without:
+        elsewhere = isinstance(model, Kind) and name in TOLD_ELSEWHERE
+        if elsewhere or name in without or (name in SYMBOLS and value is None):
             continue
         if name in SYMBOLS or field_differs(field, value):
             shown = "" if value is True else f" = {value_words(field, value)}"
