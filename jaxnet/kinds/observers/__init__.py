@@ -4,6 +4,7 @@ At each tick an observer compares the messages that arrive with what it expected
 from those that detectors left. Jets are absolute: nobody is subtracted from them.
 """
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 from jaxtyping import Float
@@ -65,16 +66,16 @@ class Compared(NamedTuple):
     Attributes
     ----------
     residuals
-        Received minus predicted jets.
-    covariance
-        Covariance of a residual on an axis, (orders, orders, slots, m, lanes); or its variances,
-        (orders, slots, m, lanes), where orders are independent. None: unknown.
+        Received minus predicted jets; of each order what the orders before it do not tell.
+    variances
+        Variance of a residual on an axis, (slots, m, lanes) for each order; 0 in an order that
+        follows from those before. None: unknown.
     known
         Messages for which there is a prediction.
     """
 
     residuals: LinkJets
-    covariance: Float[Any, "..."] | None
+    variances: Sequence[SlotNumbers] | None
     known: SlotMask
 
 
