@@ -1,6 +1,5 @@
 """Numbers of known variance, made numbers with variance 1; lanes are last."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from jaxtyping import Float, Int
@@ -9,7 +8,7 @@ from jaxnet.lazy import jnp
 
 
 def whitened(
-    residuals: Float[Any, "orders 2 *links"], variances: Sequence[Float[Any, "*links"]] | None
+    residuals: Float[Any, "orders 2 *links"], variances: Float[Any, "orders *links"] | None
 ) -> tuple[Float[Any, "orders 2 *links"], Int[Any, "*links"]]:
     """Residuals with variance 1, and the number of orders that have any variance.
 
@@ -17,10 +16,6 @@ def whitened(
     """
     if variances is None:
         return jnp.zeros_like(residuals), jnp.zeros(residuals.shape[2:], int)
-    white, orders = [], jnp.zeros(residuals.shape[2:], int)
-    for residual, variance in zip(residuals, variances, strict=True):
-        noisy = variance > 0
-        scale = jnp.where(noisy, 1.0 / jnp.sqrt(jnp.where(noisy, variance, 1.0)), 0.0)
-        white.append(scale[None] * residual)
-        orders = orders + noisy.astype(int)
-    return jnp.stack(white), orders
+    noisy = variances > 0
+    scale = jnp.where(noisy, 1.0 / jnp.sqrt(jnp.where(noisy, variances, 1.0)), 0.0)
+    return scale[:, None] * residuals, noisy.sum(axis=0)

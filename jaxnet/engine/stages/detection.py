@@ -21,7 +21,7 @@ from jaxnet.kinds.detectors import JudgedWords
 from jaxnet.kinds.observers import Compared, HeardMessages
 from jaxnet.kinds.shapes import Memory
 from jaxnet.kinds.ticks import TICK_ROUNDING
-from jaxnet.model import plane, whitening, xla
+from jaxnet.model import plane, whitening
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane
 from jaxnet.model.shapes import LoopIndex
@@ -86,10 +86,10 @@ class Alarms(eqx.Module):
 
 
 class Detection(Alarms):
-    """Alarms and judged messages of each link until now, while it is attacked or honest."""
+    """Alarms and judged messages until now, of attacked links and of honest links."""
 
-    alarms: Int[Array, "2 slots m lanes"]
-    judged: Int[Array, "2 slots m lanes"]
+    alarms: Int[Array, "2 lanes"]
+    judged: Int[Array, "2 lanes"]
     first: Float[Array, "2 slots m lanes"]  # as in `TestedLinks`
     memory: Memory  # of the detector
     observed: Memory  # of its observer
@@ -112,8 +112,8 @@ class Detection(Alarms):
         first = jnp.where(each & jnp.isnan(self.first), jnp.inf, self.first)
         counted = replace(
             self,
-            alarms=self.alarms + with_alarm.astype(int),
-            judged=self.judged + each.astype(int),
+            alarms=self.alarms + with_alarm.sum(axis=(1, 2)),
+            judged=self.judged + each.sum(axis=(1, 2)),
             first=jnp.where(with_alarm & jnp.isinf(first), now.time[None, None, None], first),
             memory=memory,
         )
@@ -140,7 +140,7 @@ class Detection(Alarms):
             cut, first = is_cut(until, now.time), first_memories(lane, heard)
             memories = jax.tree.map(lambda new, old: anew(cut, new, old), first, memories)
             attacked = (whole.weights > 0) & now.attacked_links()
-            isolated = xla.in_any_row(attacked) & ~xla.in_any_row(attacked & ~cut)
+            isolated = attacked.any(axis=(0, 1)) & ~(attacked & ~cut).any(axis=(0, 1))
             since = jnp.where(isolated, now.time, jnp.inf)
             found = replace(found, isolated=jnp.minimum(self.isolated, since))
         return replace(found, memory=memories[0], observed=memories[1])
@@ -161,14 +161,13 @@ class Detection(Alarms):
 
     @property
     def shares(self):
-        alarms, judged = (each.sum(axis=(1, 2)) for each in (self.alarms, self.judged))
-        return jnp.where(judged > 0, alarms / jnp.maximum(judged, 1), jnp.nan)
+        return jnp.where(self.judged > 0, self.alarms / jnp.maximum(self.judged, 1), jnp.nan)
 
 
 def first_alarms(lane: Lane, hearing: Hearing) -> Alarms:
     if lane.detector is None:
         return Alarms()
-    nothing, never = jnp.zeros((2, *lane.weights.shape), int), jnp.zeros_like(lane.weights)
+    nothing, never = jnp.zeros((2, *lane.attack_scale.shape), int), jnp.zeros_like(lane.weights)
     detector, (memory, observed) = lane.detector, first_memories(lane, silence(lane, hearing))
     return Detection(
         alarms=nothing,
@@ -221,15 +220,14 @@ def heard_at(
     errors = tuple(one - hearing.sent(told) for one, told in zip(carried, sent, strict=True))
     still = tuple(jnp.zeros_like(jet) for jet in now.errors)
     errors = plane.plus(errors, tuple(map(hearing.sent, tell(sensed.of(still)))))
-    path = now.navigator[: now.order]
-    received = links.of(late.jets(now, carried))
+    path = now.navigator[: now.order, :, None, None]
     return HeardMessages(
         now.time,
         lane.interval,
         hearing.sources,
         lane.weights,
         lane.weights > 0 if came.links is None else came.links,
-        jnp.stack([jet + at[:, None, None] for jet, at in zip(received, path, strict=True)]),
+        jnp.stack(links.of(late.jets(now, carried))) + path,
         jnp.stack(links.of(late.errors(now, errors))),
         error_variances(lane, hearing),
         jnp.stack(sensed.of(now.own)),

@@ -15,7 +15,6 @@ from jaxnet.kinds.shapes import (
     LaneTimes,
     Memory,
     SlotMask,
-    SlotNumbers,
     SlotSources,
     SlotVectors,
 )
@@ -36,10 +35,6 @@ class JudgedWords(NamedTuple):
     judged: SlotMask  # whether a message arrived that can be tested
     interval: LaneNumbers  # time from tick to tick [s]
     apart: SlotVectors  # received minus predicted position [m]
-
-    def squared(self) -> SlotNumbers:
-        """Squared residuals."""
-        return sum(axis**2 for order in self.residuals for axis in order)
 
 
 class AlarmRule(NamedTuple):

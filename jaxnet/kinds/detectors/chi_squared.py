@@ -38,7 +38,7 @@ class ChiSquared(Detector):
 
     def alarms(self, words, memory):
         """Where the p-value is below `false_alarms`, with 2n degrees for n orders of a message."""
-        squared, counted = words.squared(), words.orders
+        squared, counted = (words.residuals**2).sum(axis=(0, 1)), words.orders
         if self.window > 1:
             squares, number = memory
             latest = jnp.concatenate([squares[1:], squared[None]])

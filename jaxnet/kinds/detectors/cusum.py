@@ -34,7 +34,7 @@ class Cusum(Detector):
 
     def alarms(self, words, memory):
         if self.direction is None:
-            z = words.squared()
+            z = (words.residuals**2).sum(axis=(0, 1))
         else:
             along = (self.direction / length(self.direction)[None])[:, None, None]
             z = (along * words.residuals[0]).sum(axis=0)

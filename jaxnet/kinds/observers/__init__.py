@@ -4,7 +4,6 @@ At each tick an observer compares the messages that arrive with what it expected
 from those that detectors left. Jets are absolute: nobody is subtracted from them.
 """
 
-from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 from jaxtyping import Float
@@ -68,14 +67,14 @@ class Compared(NamedTuple):
     residuals
         Received minus predicted jets; of each order what the orders before it do not tell.
     variances
-        Variance of a residual on an axis, (slots, m, lanes) for each order; 0 in an order that
-        follows from those before. None: unknown.
+        Variance of a residual on an axis, by order; 0 in an order that follows from those before.
+        None: unknown.
     known
         Messages for which there is a prediction.
     """
 
     residuals: LinkJets
-    variances: Sequence[SlotNumbers] | None
+    variances: ByOrder | None
     known: SlotMask
 
 

@@ -68,7 +68,8 @@ class Kalman(Observer):
 
     def compared(self, heard, memory):
         found = learnt(heard, memory)
-        return Compared(jnp.stack(found.residuals), found.variances, heard.arrived & memory.known)
+        residuals, variances = jnp.stack(found.residuals), jnp.stack(found.variances)
+        return Compared(residuals, variances, heard.arrived & memory.known)
 
     def advance(self, heard, memory):
         begun = memory._replace(

@@ -78,7 +78,7 @@ def white(covariance, residual):
     spread = {(i, j): covariance[i, j].reshape(1, 1, 1) for i in range(3) for j in range(i, 3)}
     nothing = LinkEstimate((jnp.zeros((2, 1, 1, 1)),) * 3, spread, here.arrived)
     found = learnt(here, nothing)
-    residuals, orders = whitened(jnp.stack(found.residuals), found.variances)
+    residuals, orders = whitened(jnp.stack(found.residuals), jnp.stack(found.variances))
     return residuals[..., 0, 0, 0], int(orders[0, 0, 0])
 
 
