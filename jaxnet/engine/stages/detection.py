@@ -236,7 +236,7 @@ def heard_at(
 
 def judged_messages(lane: Lane, heard: HeardMessages, compared: Compared) -> JudgedWords:
     """Messages with their residuals whitened."""
-    residuals, orders = whitening.whitened(compared.residuals, compared.covariance)
+    residuals, orders = whitening.whitened(compared.residuals, compared.variances)
     judged = compared.known & ((orders > 0) | (not lane.detector.whitens))
     apart = compared.residuals[0]
     return JudgedWords(heard.time, heard.sources, residuals, orders, judged, heard.interval, apart)

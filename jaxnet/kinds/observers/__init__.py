@@ -65,16 +65,16 @@ class Compared(NamedTuple):
     Attributes
     ----------
     residuals
-        Received minus predicted jets.
-    covariance
-        Covariance of a residual on an axis, (orders, orders, slots, m, lanes); or its variances,
-        (orders, slots, m, lanes), where orders are independent. None: unknown.
+        Received minus predicted jets; of each order what the orders before it do not tell.
+    variances
+        Variance of a residual on an axis, by order; 0 in an order that follows from those before.
+        None: unknown.
     known
         Messages for which there is a prediction.
     """
 
     residuals: LinkJets
-    covariance: Float[Any, "..."] | None
+    variances: ByOrder | None
     known: SlotMask
 
 

@@ -1,24 +1,31 @@
 from typing import Any, NamedTuple
 
-from jaxtyping import Bool, Float
-
 from jaxnet.kinds.fields import NotNegative, is_drawn, setting
 from jaxnet.kinds.kind import Fault
-from jaxnet.kinds.observers import Compared, HeardMessages, LinkJets, Observer
-from jaxnet.kinds.shapes import LaneNumbers
+from jaxnet.kinds.observers import Compared, HeardMessages, Observer
+from jaxnet.kinds.shapes import LaneNumbers, SlotMask, SlotNumbers, SlotVectors
 from jaxnet.lazy import jax, jnp
-from jaxnet.model import whitening
-from jaxnet.model.polynomial import scaled
+from jaxnet.model.polynomial import powers_of, scaled
 
-Covariances = Float[Any, "orders orders slots m *lanes"]
+SINGULAR = 1e-10  # of a variance: what is left of it once the orders before are known counts as 0
+
+Covariance = dict[tuple[int, int], SlotNumbers]  # of two orders, the lower one first
 
 
 class LinkEstimate(NamedTuple):
-    """What listeners expect at the next tick: jets, with their covariance on an axis."""
+    """What listeners expect of the next message: jets, with their covariance on an axis."""
 
-    jets: LinkJets
-    covariance: Covariances
-    known: Bool[Any, "slots m *lanes"]  # whether any message has arrived
+    jets: tuple[SlotVectors, ...]
+    covariance: Covariance
+    known: SlotMask  # whether any message has arrived
+
+
+class Learnt(NamedTuple):
+    """An estimate after a message, with the residual of each order once those before are known."""
+
+    residuals: list[SlotVectors]
+    variances: list[SlotNumbers]  # of a residual; 0 where it follows from those before
+    estimate: LinkEstimate
 
 
 class Kalman(Observer):
@@ -36,54 +43,48 @@ class Kalman(Observer):
     )
 
     def start(self, heard):
-        jets = jnp.zeros_like(heard.received)
-        nothing = jnp.zeros((len(jets), *heard.variances.shape))
-        return LinkEstimate(jets, nothing, jnp.zeros_like(heard.arrived))
+        each = range(len(heard.received))
+        covariance = {(i, j): jnp.zeros_like(heard.variances[0]) for i in each for j in each[i:]}
+        jets = tuple(jnp.zeros_like(jet) for jet in heard.received)
+        return LinkEstimate(jets, covariance, jnp.zeros_like(heard.arrived))
 
     def later(self, estimate: LinkEstimate, interval: LaneNumbers) -> LinkEstimate:
         """The estimate after a tick without a message."""
-        order = len(estimate.jets)
-        powers = [interval**0]
-        for k in range(1, order + 1):
-            powers.append(powers[-1] * interval / k)
+        each = range(len(estimate.jets))
+        powers = powers_of(interval, len(each) + 1)
 
         def moved(jets: Any) -> Any:
-            each = range(order)
-            rows = (sum(scaled(jets[j], powers[j - i]) for j in each[i:]) for i in each)
-            return jnp.stack([*rows])
+            return [sum(scaled(jets[j], powers[j - i]) for j in each[i:]) for i in each]
 
-        covariance = moved(moved(estimate.covariance).swapaxes(0, 1))
-        pushed = self.unknown[None] * jnp.stack(powers[:0:-1])
-        covariance = covariance + (pushed[:, None] * pushed[None])[:, :, None, None]
-        return LinkEstimate(moved(estimate.jets), covariance, estimate.known)
+        halfway = zip(
+            *(moved([of(estimate.covariance, i, j) for j in each]) for i in each), strict=True
+        )
+        there, pushed = [moved(row) for row in halfway], self.unknown[None] * powers[:0:-1]
+        covariance = {
+            (i, j): there[i][j] + (pushed[i] * pushed[j])[None, None]
+            for i, j in estimate.covariance
+        }
+        return LinkEstimate(tuple(moved(estimate.jets)), covariance, estimate.known)
 
     def compared(self, heard, memory):
-        residuals = heard.received - memory.jets
-        return Compared(residuals, of_residuals(memory, heard), heard.arrived & memory.known)
+        found = learnt(heard, memory)
+        residuals, variances = jnp.stack(found.residuals), jnp.stack(found.variances)
+        return Compared(residuals, variances, heard.arrived & memory.known)
 
     def advance(self, heard, memory):
-        residuals = heard.received - memory.jets
-
-        def whitened() -> tuple[Any, Any]:
-            factor = whitening.cholesky(of_residuals(memory, heard))
-            return tuple(whitening.from_factor(factor, x) for x in (residuals, memory.covariance))
-
-        white, spread = whitened()
-        pairs = zip(spread, white, strict=True)
-        learnt = LinkEstimate(
-            memory.jets + sum(one[:, None] * by[None] for one, by in pairs),
-            memory.covariance - sum(one[:, None] * one[None] for one in spread),
-            memory.known | heard.arrived,
+        begun = memory._replace(
+            jets=tuple(heard.received),
+            covariance={(i, j): heard.variances[i] * float(i == j) for i, j in memory.covariance},
         )
-        begun = learnt._replace(jets=heard.received, covariance=diagonal(heard.variances))
 
         def chosen(new: Any, known: Any, kept: Any) -> Any:
             lift = (None,) * (new.ndim - heard.arrived.ndim)
             fresh = jnp.where(memory.known[lift], known, new)
             return jnp.where(heard.arrived[lift], fresh, kept)
 
-        now = jax.tree.map(chosen, begun, learnt, memory)
-        return self.later(now, heard.interval)
+        after = learnt(heard, memory).estimate
+        now = jax.tree.map(chosen, begun, after, memory)
+        return self.later(now._replace(known=memory.known | heard.arrived), heard.interval)
 
     def faults(self, scenario):
         channel = scenario.channel
@@ -92,12 +93,22 @@ class Kalman(Observer):
             yield Fault(("channel.delay_of", "detector.predicts"), told)
 
 
-def diagonal(variances: Any) -> Covariances:
-    nothing = jnp.zeros_like(variances[0])
-    each = range(len(variances))
-    return jnp.stack([jnp.stack([variances[i] if i == j else nothing for j in each]) for i in each])
+def learnt(heard: HeardMessages, estimate: LinkEstimate) -> Learnt:
+    """What each message tells: its orders one after the other, as their errors are independent."""
+    jets, covariance, residuals, variances = [*estimate.jets], estimate.covariance, [], []
+    each = range(len(jets))
+    for k in each:
+        column = [of(covariance, k, i) for i in each]
+        variance = column[k] + heard.variances[k]
+        noisy = variance > SINGULAR * (estimate.covariance[k, k] + heard.variances[k])
+        by = jnp.where(noisy, 1.0 / jnp.where(noisy, variance, 1.0), 0.0)
+        residual = heard.received[k] - jets[k]
+        residuals.append(residual)
+        variances.append(jnp.where(noisy, variance, 0.0))
+        jets = [jets[i] + (by * column[i])[None] * residual for i in each]
+        covariance = {(i, j): covariance[i, j] - by * column[i] * column[j] for i, j in covariance}
+    return Learnt(residuals, variances, LinkEstimate(tuple(jets), covariance, estimate.known))
 
 
-def of_residuals(estimate: LinkEstimate, heard: HeardMessages) -> Covariances:
-    """Covariance of what arrives minus what was expected."""
-    return estimate.covariance + diagonal(heard.variances)
+def of(covariance: Covariance, i: int, j: int) -> SlotNumbers:
+    return covariance[min(i, j), max(i, j)]

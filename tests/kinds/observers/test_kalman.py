@@ -8,7 +8,7 @@ from scipy.linalg import solve_discrete_are
 
 from jaxnet.config.document import ConfigError
 from jaxnet.kinds.observers import Compared, HeardMessages, Observer
-from jaxnet.kinds.observers.kalman import Kalman
+from jaxnet.kinds.observers.kalman import Kalman, LinkEstimate, learnt
 from jaxnet.model.whitening import whitened
 from tests import systems
 
@@ -30,18 +30,18 @@ def heard(order, received):
 
 
 def run(order, messages):
-    """Residuals of messages, their covariances, and whether they are known."""
+    """Residuals of messages, their variances, and whether they are known."""
     rule = Kalman.filled({"unknown": np.full(1, UNKNOWN)})
     memory, found = rule.start(heard(order, messages[0])), []
     step = jax.jit(lambda here, last: (rule.compared(here, last), rule.advance(here, last)))
     for message in messages:
         compared, memory = step(heard(order, message), memory)
-        found.append((compared.residuals, compared.covariance, bool(compared.known.all())))
+        found.append((compared.residuals, compared.variances, bool(compared.known.all())))
     return found
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_the_covariance_comes_to_rest_where_riccati_s_equation_says(order):
+def test_variances_come_to_rest_where_riccati_s_equation_says(order):
     found = run(order, np.zeros((200, order, 2)))
     moved = np.array([[1.0, H], [0.0, 1.0]])[:order, :order]
     push = (
@@ -49,7 +49,8 @@ def test_the_covariance_comes_to_rest_where_riccati_s_equation_says(order):
     )
     noise = np.diag(SIZES[:order] ** 2)
     before = solve_discrete_are(moved.T, np.eye(order), push @ push.T, noise)
-    np.testing.assert_allclose(found[-1][1][..., 0, 0, 0], before + noise, rtol=1e-9)
+    roots = np.linalg.cholesky(before + noise)
+    np.testing.assert_allclose(np.ravel(found[-1][1]), np.diag(roots) ** 2, rtol=1e-9)
     assert [known for *_, known in found[:2]] == [False, True]
 
 
@@ -63,7 +64,7 @@ def test_residuals_of_such_a_source_are_white():
         told.append(jets + SIZES[:, None] * draw.normal(size=(order, 2)))
         jets = step @ jets + push * UNKNOWN * draw.normal(size=(1, 2))
     found = run(order, told)
-    each = [jax.jit(whitened)(residual, covariance) for residual, covariance, _ in found[1:]]
+    each = [jax.jit(whitened)(residual, variances) for residual, variances, _ in found[1:]]
     white = np.stack([np.asarray(one)[..., 0, 0, 0] for one, _ in each])
     assert all(int(orders[0, 0, 0]) == order for _, orders in each)
     assert white.var() == pytest.approx(1.0, abs=2.576 * np.sqrt(2 / white.size))
@@ -71,19 +72,27 @@ def test_residuals_of_such_a_source_are_white():
     assert abs(lagged) <= 2.576 / np.sqrt(white[1:].size)
 
 
+def white(covariance, residual):
+    """A residual that has a covariance, whitened, and its number of orders."""
+    here = heard(3, residual)._replace(variances=np.zeros((3, 1, 1, 1)))
+    spread = {(i, j): covariance[i, j].reshape(1, 1, 1) for i in range(3) for j in range(i, 3)}
+    nothing = LinkEstimate((jnp.zeros((2, 1, 1, 1)),) * 3, spread, here.arrived)
+    found = learnt(here, nothing)
+    residuals, orders = whitened(jnp.stack(found.residuals), jnp.stack(found.variances))
+    return residuals[..., 0, 0, 0], int(orders[0, 0, 0])
+
+
 def test_whitening_divides_by_a_root_and_leaves_out_what_follows():
     """Against NumPy; an order that is twice another one has no number of its own."""
     draw = np.random.default_rng(2)
-    root = draw.normal(size=(4, 4))
-    covariance, residual = root @ root.T, draw.normal(size=(4, 2))
-    found, orders = whitened(residual[..., None], covariance[..., None])
+    root = draw.normal(size=(3, 3))
+    covariance, residual = root @ root.T, draw.normal(size=(3, 2))
     expected = np.linalg.solve(np.linalg.cholesky(covariance), residual)
-    np.testing.assert_allclose(found[..., 0], expected, rtol=1e-9)
+    np.testing.assert_allclose(white(covariance, residual)[0], expected, rtol=1e-9)
     twice = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 9.0]])
-    residual = np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
-    found, orders = whitened(residual[..., None], twice[..., None])
-    np.testing.assert_allclose(found[:, 0, 0], [1.0, 0.0, 1.0])
-    assert int(orders[0]) == 2
+    found, orders = white(twice, np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]]))
+    np.testing.assert_allclose(found[:, 0], [1.0, 0.0, 1.0])
+    assert orders == 2
 
 
 KEYS = {
