@@ -96,9 +96,7 @@ def test_gains_follow_the_order():
     assert [cell.scenario.gain for cell in study.cells] == [[1], [1, 2], [1, 3, 3]]
     again = jaxnet.load(study, {"samples": 2})
     assert [cell.scenario.gain for cell in again.cells] == [[1], [1, 2], [1, 3, 3]]
-    with pytest.raises(
-        jaxnet.ConfigError, match="gain: single_integrator needs 1 gain, k0"
-    ):
+    with pytest.raises(jaxnet.ConfigError, match="gain: single_integrator needs 1 gain, k0"):
         jaxnet.load({"engine": "exact", "vehicle": "single_integrator", "gain": [1, 3, 3]})
     with pytest.raises(jaxnet.ConfigError, match=r"gain: unstable: eigenvalues 1\+0j"):
         jaxnet.load({"engine": "exact", "vehicle": "single_integrator", "gain": [-1]})
