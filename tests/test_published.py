@@ -171,14 +171,39 @@ def ends_of(results):
     return np.concatenate([poses[:, :2], (poses[:, 2:] + np.pi) % (2 * np.pi) - np.pi], axis=1)
 
 
+def mean_ahead(poses):
+    """The mean of the points 0.05 m ahead of the robots."""
+    along = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+    return (poses[:, :2] + 0.05 * along).mean(axis=0)
+
+
 def test_the_arena_s_robots_meet(simulated):
+    """After 100 and 1,000 steps, and what the steps count."""
     results = simulated("arena_consensus")
     row, ends = results.lanes.iloc[0], ends_of(results)
+    states = results.trajectories["states"].values[0, 0]
+    assert states[100, 0] == pytest.approx([0.411336738, 0, 0], abs=6e-10)
+    assert states[100, 1] == pytest.approx([0.451326470, 0.226286340, -2.613441755], abs=6e-10)
+    assert row["saturated"] * 12 * 1001 == pytest.approx(427)
+    assert mean_ahead(states[1000]) == pytest.approx([0.065513238, 0], abs=6e-10)
     assert ends[0] == pytest.approx([0.015646697, 0, -6e-9], abs=8e-10)
     assert ends[1] == pytest.approx([0.108731764, 0.025408357, -2.610114648], abs=6e-10)
     assert row["spread"] == pytest.approx(2.718254e-4, abs=6e-11)
     counts = ["saturated_steps", "collisions", "outside_arena"]
     assert row[counts].tolist() == [50, 47_713, 0]
+
+
+@pytest.mark.parametrize(("steps", "collisions"), [(100, 0), (300, 2_523)])
+def test_collisions_of_the_arena(steps, collisions, simulated):
+    """Each pair counts in each step; the pose after the last move does not."""
+    row = simulated("arena_consensus", horizon=steps * STEP, save={}).lanes.iloc[0]
+    assert row[["collisions", "outside_arena"]].tolist() == [collisions, 0]
+
+
+def test_without_a_limit_the_wheels_move_the_consensus_elsewhere(simulated):
+    results = simulated("arena_consensus", **{"vehicle.limits": {"wheel_rate": 1e6}})
+    states = results.trajectories["states"].values[0, 0]
+    assert mean_ahead(states[-1])[0] == pytest.approx(0.048045590, abs=6e-10)
 
 
 def test_the_arena_s_robots_form_a_hexagon(simulated):

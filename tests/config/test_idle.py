@@ -63,22 +63,6 @@ def test_what_changes_nothing_is_told(text, told):
     assert all(said.count(f"\n  {key} ") == 1 for key in wanted)
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("attack: {vehicles: [99]}\nsweep: {attack: [bias]}", "vehicles are 1 to 12 (got 99)"),
-        ("attack: {vehicles: [99]}\nsweep: {attack.vehicles: [[1]]}", "1 to 12 (got 99)"),
-        ("defence: {trusted: {77: [1]}}\nsweep: {defence: [none]}", "1 to 12 (got 77)"),
-        ("vehicles: 3\nattack: {vehicles: [2, 5, 8, 11]}", "1 to 3 (got 5, 8, 11)"),
-    ],
-)
-def test_nonsense_in_what_is_replaced_is_refused(text, says):
-    """As where nothing replaces it; and what a user wrote is never adapted."""
-    with pytest.raises(jaxnet.ConfigError) as refused:
-        jaxnet.load(yaml.safe_load(text))
-    assert says in str(refused.value)
-
-
 def test_a_small_fleet_has_attacked_vehicles_of_its_own():
     """Of 2, 5, 8, 11 those that exist, or 1."""
 

@@ -17,7 +17,7 @@ SHORT = {"horizon": 6.0, "tail": 2.0}
 
 def outcome(lanes=4, **keys):
     """Lanes of a study, with what vehicles do at output times."""
-    return systems.outcome(lanes, ("state",), **{**SHORT, **keys})
+    return systems.outcome(lanes, **{**SHORT, **keys})
 
 
 def apart(one, other):

@@ -46,9 +46,10 @@ def whole_fleet(weights, attack, start):
     return np.stack([(expm(matrix * t) @ state)[: 2 * m].reshape(2, m, 2) for t in times])
 
 
-@pytest.mark.parametrize(
-    "engine", [TIGHT, {"kind": "stacked", "solver": "Dopri8", "rtol": 1e-9, "atol": 1e-10}]
-)
+STACKED = {"kind": "stacked", "solver": "Dopri8", "rtol": 1e-9, "atol": 1e-10}
+
+
+@pytest.mark.parametrize("engine", [TIGHT, pytest.param(STACKED, marks=pytest.mark.long)])
 def test_a_path_is_that_of_one_matrix_exponential(engine):
     """`E = L⁻¹ ε`, where each ε_i has the poles of its own gains."""
     results = jaxnet.simulate(

@@ -152,7 +152,7 @@ def test_a_folder_that_cannot_be_written_costs_no_lane(folder, idle):
         pytest.param({"engine": "exact"}, marks=pytest.mark.long),
         pytest.param({"engine": "exact", "defence": "none"}, marks=pytest.mark.long),
         {"engine": "exact", "channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}},
-        {"engine": "nonlinear"},
+        pytest.param({"engine": "nonlinear"}, marks=pytest.mark.long),
     ],
 )
 def test_loops_are_compiled_as_one_function(keys):

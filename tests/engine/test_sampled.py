@@ -1,6 +1,6 @@
-"""The sampled engine and limits: published figures, exact answers, and the order of convergence.
+"""The sampled engine and limits: exact answers, and the order of convergence.
 
-Figures of the Robotarium are those of its public simulator (robotarium_python_simulator 2.1.0).
+The arena's own figures: tests/test_published.py.
 """
 
 import math
@@ -16,61 +16,10 @@ from jaxnet.view.text.tables import failures_text
 from tests import systems
 
 STEP = 0.033
-ROBOTS = 12
-
-
-def ring(**keys):
-    """The arena's example of consensus: 12 robots on a circle of 0.9 m, each hears two."""
-    angle = 2 * np.pi * np.arange(ROBOTS) / ROBOTS
-    places = 0.9 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    fixed = {
-        "navigator": "none",
-        "vehicles": ROBOTS,
-        "topology": {"kind": "circulant", "offsets": [1, -1]},
-        "vehicle": "robotarium",
-        "law": "local",
-        "gain": [2.0],
-        **systems.QUIET,
-        "engine": {"kind": "sampled", "move": "euler"},
-        **systems.clock(STEP, 1000 * STEP, STEP),
-        "initial": {"position": places.tolist(), "heading": [0.0] * ROBOTS},
-        "metrics": ["saturated_steps"],
-        "save": {"trajectories": "all"},
-    }
-    return jaxnet.simulate({**fixed, **keys}, samples=1, progress=False)
 
 
 def states_of(results):
     return results.trajectories["states"].values[0, 0]
-
-
-def points(states, ahead=0.05):
-    return states[:, :2] + ahead * np.stack([np.cos(states[:, 2]), np.sin(states[:, 2])], axis=1)
-
-
-def test_consensus_of_the_arena():
-    """After 100 steps; where it ends, and its collisions: tests/test_published.py."""
-    results = ring()
-    states, row = states_of(results), results.lanes.iloc[0]
-    assert states[100, 0] == pytest.approx([0.411336738, 0, 0], abs=6e-10)
-    assert states[100, 1] == pytest.approx([0.451326470, 0.226286340, -2.613441755], abs=6e-10)
-    assert row["saturated"] * ROBOTS * 1001 == pytest.approx(427)
-    end = points(states[1000])
-    assert end.mean(axis=0) == pytest.approx([0.065513238, 0], abs=6e-10)
-
-
-@pytest.mark.parametrize(("steps", "collisions"), [(100, 0), (300, 2_523)])
-def test_collisions_of_the_arena(steps, collisions):
-    """Each pair counts in each step; the pose after the last move does not."""
-    metrics = ["collisions", "outside_arena", "spread"]
-    row = ring(horizon=steps * STEP, tail=0.0, metrics=metrics, save={}).lanes.iloc[0]
-    assert row["collisions"] == collisions
-    assert row["outside_arena"] == 0
-
-
-def test_without_a_limit_the_wheels_move_the_consensus_elsewhere():
-    results = ring(vehicle={"kind": "robotarium", "limits": {"wheel_rate": 1e6}})
-    assert points(states_of(results)[-1])[:, 0].mean() == pytest.approx(0.048045590, abs=6e-10)
 
 
 def test_clipped_wheels_change_the_curvature():

@@ -103,7 +103,7 @@ class Known:
     ("engine", "vehicle", "order"),
     [
         ("exact", "two_wheeled", 3),
-        ("nonlinear", "two_wheeled", 3),
+        pytest.param("nonlinear", "two_wheeled", 3, marks=pytest.mark.long),  # short: with limits
         pytest.param(
             {"kind": "nonlinear", "solver": "dopri5", "rtol": 1e-9},
             "car",

@@ -39,10 +39,13 @@ def test_the_table_has_a_block_for_each_group():
         {"gain": [1, 3, {"uniform": [3, 4]}]},
         {"topology": {"kind": "cyclic", "navigator_weight": {"uniform": [0.1, 0.2]}}},
         {"law": "rounds"},
+        {"defence": "w_msr", "engine": "exact"},
     ],
 )
 def test_where_each_lane_has_its_own_bounds_none_is_claimed(drawn):
-    """All slopes are blank, and no lane is held against one; nor where jerks are held."""
+    """All slopes are blank, and no lane is held against one; nor where jerks are held or any source
+    may be dropped.
+    """
     study = jaxnet.load(drawn)
     slopes = slopes_table(study.cells)
     assert len(slopes) == 6 * 14

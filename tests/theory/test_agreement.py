@@ -62,6 +62,7 @@ def test_as_many_liars_as_are_drawn_count():
     assert "2 attacked, whichever are drawn, at most 2 of them heard by one vehicle" in told
 
 
+@pytest.mark.long  # short: liars that are listed, and drawn ones in tests/view/test_check.py
 def test_liars_that_replace_what_they_send_may_be_drawn():
     """Proved for any of them, and so it is in each lane, whichever vehicle lies there."""
     keys = ALL | {"attack": OWN_PATH, "horizon": 60.0, "tail": 1.0, "samples": 10}

@@ -69,7 +69,14 @@ def plain(kind, lane, links, navigator):
     return choose
 
 
-@pytest.mark.parametrize(("kind", "threat", "channel", "topology", "sybils"), CASES)
+# What a kind adds, and that a link carries nothing else, are short ones.
+LONG = [(kind, "replaces", *EARS) for kind in ("spoof", "mimic", "greedy")]
+
+
+@pytest.mark.parametrize(
+    ("kind", "threat", "channel", "topology", "sybils"),
+    [pytest.param(*each, marks=[pytest.mark.long] * (each in LONG)) for each in CASES],
+)
 def test_a_lane_moves_as_its_links_say(kind, threat, channel, topology, sybils):
     """Vehicle by vehicle for 6 s, to 1e-8 m."""
     keys = {"kind": kind, "links": channel, "threat": threat, "sybils": sybils}

@@ -1,14 +1,10 @@
 """Which links an attack holds; lies that differ by listener, drawn attackers, sybils."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from jaxnet.kinds.attacks.bias import Bias
-from jaxnet.kinds.graphs.cyclic import Cyclic
-from jaxnet.kinds.graphs.path import Path
-from jaxnet.kinds.graphs.star import Star
 from tests import reference, systems
 from tests.matrices import slots_of
 from tests.model.test_graph import digraphs, links, marked, weights_of
@@ -105,16 +101,3 @@ def test_attacked_links_of_each_channel(heard, attackers):
     assert attacked("neighbour") == transmitted
     assert attacked("navigator") == received
     assert attacked("auto") == (transmitted if vehicles_talk else received)
-
-
-@pytest.mark.parametrize(
-    ("graph", "expected"),
-    [
-        (Star(), {(2, 0), (5, 0), (8, 0), (11, 0)}),
-        (Path(), {(3, 2), (6, 5), (9, 8), (12, 11)}),
-        (Cyclic(), {(1, 2), (3, 2), (4, 5), (6, 5), (7, 8), (9, 8), (10, 11), (12, 11)}),
-    ],
-)
-def test_attacked_links_of_the_papers_scenarios(graph, expected):
-    weights = graph.weights(12)
-    assert marked(weights, Bias().attacked_links(weights)) == expected

@@ -91,8 +91,14 @@ def numbers_of(drawn, vehicle):
     return kind, values
 
 
-@pytest.mark.parametrize("order", [3, 4])
-@pytest.mark.parametrize("name", SIGNALS)
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [
+        *((name, 4) for name in SIGNALS),
+        ("envelope", 3),
+        *(pytest.param(n, 3, marks=pytest.mark.long) for n in SIGNALS if n != "envelope"),
+    ],
+)
 def test_a_signal_is_its_formula_within_the_magnitude_which_is_nearly_reached(name, order):
     """For vehicles that hear three and four derivatives; each attacker has numbers of its own."""
     attack = jaxnet.load({"attack": SIGNALS[name] | {"magnitude": 5.0}}).config.attack

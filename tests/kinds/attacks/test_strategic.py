@@ -7,14 +7,6 @@ from tests import systems
 CLOCK = {"tick": 0.1, "horizon": 30.0, "tail": 0.0}
 
 
-def test_a_greedy_attacker_finds_the_worst_constant():
-    """Where nobody trims that is all in one direction, which attains the static gain of a ring."""
-    keys = {**CLOCK, "horizon": 60.0, "engine": "exact", "defence": "none", "topology": "cyclic"}
-    study = systems.study(attack={"kind": "greedy", "magnitude": 2.0}, **keys)
-    worst = systems.simulate(systems.lanes(study, 2, ())).metrics["tail_max"]
-    np.testing.assert_allclose(worst, 2.0 * 3.1034482758620690, rtol=0, atol=1e-5)
-
-
 def test_one_mimic_alone_is_believed_whenever_it_lies_and_could_not_lie_more():
     """What it says passes; a part more of ā, at that tick, would be dropped by a listener."""
     attack = {"kind": "mimic", "magnitude": 8.0, "vehicles": [5], "direction": 0.5}

@@ -38,7 +38,7 @@ def depth(position, heard, point):
     return fewest
 
 
-@pytest.mark.parametrize("heard", [0.8, 1.0])
+@pytest.mark.parametrize("heard", [0.8, pytest.param(1.0, marks=pytest.mark.long)])
 def test_each_half_plane_holds_a_third(heard):
     """Of 10,000 neighbourhoods, of which most have a mean that is no centerpoint."""
     position, weights = drawn(1, heard)

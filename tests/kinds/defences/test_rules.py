@@ -6,11 +6,9 @@ import statistics
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.stats import binom
 
-import jaxnet
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.defences.clipping import Clipping
 from jaxnet.kinds.defences.coordinate_median import CoordinateMedian
@@ -20,9 +18,6 @@ from jaxnet.kinds.defences.trust import Trust
 from jaxnet.kinds.defences.trusted_only import TrustedOnly
 from jaxnet.kinds.defences.w_msr import WMSR
 from jaxnet.model import retained
-from jaxnet.statistics import limits
-from jaxnet.view.text import check
-from tests import systems
 
 SLOTS, VEHICLES, LANES = 6, 4, 600
 TICKS = 3
@@ -242,15 +237,3 @@ def test_it_is_the_rule_of_the_paper(f):
                 values = received[axis, :, i, lane].tolist()
                 known = kept_values(own[axis, i, lane], values, candidates, f)
                 assert decision[axis, :, i, lane].tolist() == known
-
-
-def test_no_bound_is_told():
-    """Not in the table of bounds, of violations, nor by `check`, which says so."""
-    study = jaxnet.load({"defence": "w_msr", "engine": "exact", "name": "test"})
-    table = limits.slopes_table(study.cells)
-    assert len(table) == 6 * 14
-    assert table["slope"].isna().all()
-    assert limits.unchecked_words(study.cells) == "cell 0: the defence may retain any neighbour"
-    assert "so there is no bound" in " ".join(check.check_text(study).split())
-    rows = pd.DataFrame({"cell": [0], "sample": [0], "status": ["ok"], "tail_max": [1e9]})
-    assert limits.violations_table(systems.results_of(study, rows)).empty

@@ -152,22 +152,3 @@ def test_an_observer_from_outside_is_one_class():
     assert found["false_alarms"].tolist() == [1.0, 1.0]
     with pytest.raises(ConfigError, match="Still tells no covariance"):
         systems.study(**KEYS | {"detector": {"kind": "chi_squared", "predicts": Still()}})
-
-
-@pytest.mark.parametrize(
-    ("keys", "told"),
-    [
-        ({"channel": {}}, "needs errors of messages"),
-        ({"sensing": {"position": 0.1, "dropout": 0.2}}, "tells no standard deviations"),
-        (
-            {
-                "channel": KEYS["channel"]
-                | {"delay": {"uniform": [0.1, 0.2]}, "delay_of": "message"}
-            },
-            "kalman knows messages in the order of their ticks",
-        ),
-    ],
-)
-def test_what_is_refused(keys, told):
-    with pytest.raises(ConfigError, match=told):
-        systems.study(**KEYS | keys)
