@@ -218,7 +218,7 @@ def test_one_figure_is_drawn_by_name(finished, tmp_path):
     assert [path.name for path in written] == ["bands.pdf", "bands.png"]
     assert written[0].read_bytes().startswith(b"%PDF")
     assert jaxnet_does("figure", tmp_path / "copy", "band").exit_code == 2
-    assert "tails takes no --x" in jaxnet_does("figure", finished[0], "tails", "--x", "k").stderr
+    assert "tails takes no x" in jaxnet_does("figure", finished[0], "tails", "--x", "k").stderr
     lacking = jaxnet_does("figure", tmp_path / "copy", "ultimate")
     assert lacking.exit_code == 2
     assert "No two cells differ in ā > 0 alone" in lacking.stderr

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple, SupportsInt
 import pandas as pd
 from upath import UPath
 
-from jaxnet.api.places import AnyPath
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
 from jaxnet.store import results as stored
-from jaxnet.store.folder import FolderError
-from jaxnet.store.results import Part, arrays_at, whole_number
+from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.manifest import MANIFEST
+from jaxnet.store.results import Part, arrays_at, whole_number, written_into
+from jaxnet.store.rows import refuse_lost
 
 if TYPE_CHECKING:
     import xarray
@@ -27,6 +28,8 @@ figures = LazyModule("jaxnet.view.figures.every")
 replays = LazyModule("jaxnet.runs.replay")
 tables = LazyModule("jaxnet.view.text.tables")
 writing = LazyModule("jaxnet.api.writing")
+
+AnyPath = str | Path | UPath
 
 __all__ = ["Part", "Replay", "Results", "open"]
 
@@ -116,7 +119,7 @@ class Results(stored.Results):
         >>> fits["model"].unique().tolist()
         ['proportional', 'affine', 'power', 'constant']
         """
-        written = into(self, out)
+        written = written_into(self, out)
         for _ in writing.write_fits(written):
             pass
         return written.fits
@@ -158,7 +161,7 @@ class Results(stored.Results):
         """
         enable()
         numbers = whole_number("cell", cell), whole_number("sample", sample)
-        path, row = replays.replay(into(self, out), *numbers, engine)
+        path, row = replays.replay(written_into(self, out), *numbers, engine)
         return Replay(row, arrays_at(path), path)
 
     def report(self, out: AnyPath | None = None, replay: bool = True) -> UPath:
@@ -195,7 +198,7 @@ class Results(stored.Results):
         ...     jaxnet.simulate(keys, samples=2).report(folder).name
         'report.html'
         """
-        *_, page = writing.write_report(into(self, out), replayed=replay)
+        *_, page = writing.write_report(written_into(self, out), replayed=replay)
         return page
 
     def animate(self, cell: SupportsInt, sample: SupportsInt, out: AnyPath | None = None) -> UPath:
@@ -360,11 +363,6 @@ class Results(stored.Results):
         return tables.summary_html(self)
 
 
-def into(results: Results, out: AnyPath | None) -> stored.Results:
-    """Results whose files are written into a folder; None is their own."""
-    return results if out is None else stored.written_into(results, out)
-
-
 def open(
     path: AnyPath, out: AnyPath | None = None, trust: bool = False, config: AnyPath | None = None
 ) -> Results:
@@ -401,5 +399,20 @@ def open(
     >>> len(jaxnet.open(ran.path).lanes)
     2
     """
-    found = stored.open_folder(path, out, trust, None if config is None else Path(str(config)))
-    return Results(found.path, found.out, found.trust, found.config)
+    beside = None if config is None else Path(str(config))
+    if beside is not None and not beside.exists():
+        raise FolderError(f"{beside}: there is no such config")
+    folder = Folder(path)
+    folder.refuse_strange()
+    manifest, rows_there = folder.manifest, any(folder.path.glob("lanes/*.parquet"))
+    if not manifest and not rows_there:
+        raise FolderError(f"{path} is not a results folder: it has no manifest.json")
+    if manifest and (lacking := MANIFEST - {*manifest}):
+        raise FolderError(f"{path}/manifest.json: not a manifest of ours: it has no {min(lacking)}")
+    if manifest.get("finished"):
+        refuse_lost(folder, manifest)
+    found = Results(folder.path, None, trust, beside)
+    if not manifest or not (rows_there or found.analyses):
+        told = "holds an unfinished run: the same command without --shard finishes it"
+        raise FolderError(f"{path} {told}")
+    return written_into(found, out)

@@ -1,14 +1,16 @@
 """What a script does with a study: simulate it, search it, analyse its draws, compare it."""
 
 import contextlib
+import uuid
 import weakref
+from pathlib import Path
 from typing import TYPE_CHECKING, SupportsInt
 
 import pandas as pd
 
-from jaxnet.api.places import AnyPath, default_out, in_memory, with_random_lanes
-from jaxnet.api.results import Results, open, writing
-from jaxnet.config.study import StudySource, load
+from jaxnet.api.results import AnyPath, Results, open, writing
+from jaxnet.config.document import ConfigError, Problem
+from jaxnet.config.study import Study, StudySource, load
 from jaxnet.engine.cores import cores
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
@@ -92,7 +94,7 @@ def run(
     """
     enable()
     study = load(study)
-    folder = Folder(default_out(study, out))
+    folder = folder_of(study, out)
     with (
         folder.writing(),
         executor(folder.path, workers, cluster, devices or cores(), chunk) as others,
@@ -156,7 +158,7 @@ def run_part(
         raise FolderError(f"there are parts 0 to {parts - 1} of {parts} (got {part})")
     enable()
     study = load(study)
-    folder, machine = Folder(default_out(study, out)), batch.Machine(devices, chunk)
+    folder, machine = folder_of(study, out), batch.Machine(devices, chunk)
     with folder.writing(alone=False):
         admit(folder, study.config)
         with reports.report_progress(progress) as report:
@@ -422,3 +424,21 @@ def search(
         for _ in writing.write_search(results, told, devices, chunk, workers, cluster):
             pass
     return results
+
+
+def folder_of(study: Study, out: AnyPath | None) -> Folder:
+    """The results folder of a study: the given one, or results/NAME."""
+    return Folder(Path("results") / study.config.name if out is None else out)
+
+
+def in_memory() -> Folder:
+    return Folder(f"memory://jaxnet/{uuid.uuid4().hex}")
+
+
+def with_random_lanes(study: StudySource) -> Study:
+    """The study with as many random lanes as its search takes; raise ConfigError."""
+    study = load(study)
+    if study.config.search is None:
+        told = "is missing: search: {over: {attack.phase: each}}"
+        raise ConfigError([Problem(study.config.name, "search", told)])
+    return load(study, {"samples": study.config.search.budget})

@@ -3,7 +3,6 @@
 All that is heavy is imported here: `jaxnet.api.results` and the commands import this module late.
 """
 
-import functools
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -11,7 +10,8 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet import film, viewer
-from jaxnet.api.places import AnyPath, default_out, in_memory
+from jaxnet.api.results import AnyPath
+from jaxnet.api.studies import folder_of, in_memory
 from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.cores import cores
@@ -27,7 +27,7 @@ from jaxnet.store.admission import claim
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
-from jaxnet.store.tables import write_table
+from jaxnet.store.tables import csv_text
 from jaxnet.view import page
 from jaxnet.view.drawings.scene import scene_of
 from jaxnet.view.figures import SENSITIVITY, ULTIMATE
@@ -40,7 +40,7 @@ def write_sensitivity(
 ) -> Iterator[UPath]:
     """Write `sensitivity.csv` and its figures."""
     enable()
-    folder = Folder(default_out(study, out))
+    folder = folder_of(study, out)
     with folder.writing():
         claim(folder, study.config)
         yield sensitivity.write_indices(study, folder, samples, told)
@@ -50,7 +50,7 @@ def write_sensitivity(
 def write_rare(study: Study, points: int, out: AnyPath | None, told: Steps = no_progress) -> UPath:
     """Write `rare.csv` and return its path."""
     enable()
-    folder = Folder(default_out(study, out))
+    folder = folder_of(study, out)
     with folder.writing():
         claim(folder, study.config)
         return rare.count_rare(study, folder, points, told)
@@ -61,7 +61,7 @@ def write_comparison(found: pairs.Comparison, out: AnyPath) -> Iterator[UPath]:
     folder = Folder(out)
     tables = {"differences": found.cells, "changed": found.changed, "failed": found.failed}
     for name, table in tables.items():
-        yield folder.put(f"{name}.csv", functools.partial(write_table, table))
+        yield folder.put(f"{name}.csv", csv_text(table).encode())
     yield folder.put("compare.html", comparison.comparison_page(found).encode())
 
 

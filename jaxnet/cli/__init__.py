@@ -39,7 +39,7 @@ from jaxnet.cli.commands import (
 )
 from jaxnet.cli.commands import main as main
 from jaxnet.lazy import LazyModule, LazyPackage
-from jaxnet.view.figures import AXES_OF, COLUMN_WIDTHS, FIGURE_NAMES
+from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES
 
 api = LazyPackage("jaxnet.api")
 configs = LazyPackage("jaxnet.config")
@@ -171,7 +171,7 @@ def search_command(
     side by side. The best choice of each cell is tried from 10,000 other starts and by the
     nonlinear engine, and written as a study of its own.
     """
-    study = api.places.with_random_lanes(jaxnet.load(config, overrides))
+    study = api.studies.with_random_lanes(jaxnet.load(config, overrides))
     results = jaxnet.run(study, out, fresh, True, **machines)
     with texts.progress.report_steps() as told:
         files = list(api.writing.write_search(results, told, **machines))
@@ -336,8 +336,6 @@ def figure_command(
     A choice of cells, axes, size or type is part of the files' names.
     """  # noqa: D301
     chosen = {key: list(each) if key == "panel" else each for key, each in chosen.items() if each}
-    if unknown := sorted({*chosen} & {"x", "y", "hue", "panel"} - {*AXES_OF.get(name, ())}):
-        raise click.UsageError(f"{name} takes no --{unknown[0]}")
     opened = jaxnet.open(results, out, trust, config)
     with texts.progress.report_work(f"drawing {name}"):
         files = api.writing.write_figure(opened, name, where, column, chosen, plain, not no_note)

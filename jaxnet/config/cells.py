@@ -54,7 +54,6 @@ Validated = tuple[Any, list[Problem]]  # the value of a key, and what is wrong w
 
 MOST_SWEPT_CELLS = 1_000_000
 DEFAULT_SCENARIO = Scenario()
-FOLLOWED = {"topology", "vehicle", "navigator", "vehicles", "attack"}  # from which others follow
 
 
 @dataclass(frozen=True)
@@ -380,7 +379,6 @@ class SweptCells:
         fields = {key: getattr(config, key) for key in Scenario.model_fields}
         fixed = {key: each for key, each in fields.items() if key not in self.roots}
         self.shared = settle(DEFAULT_SCENARIO.model_copy(update=fixed), given)
-        self.follows = not FOLLOWED.isdisjoint(self.roots)
         self.base = {root: to_plain(fields[root]) for root in self.roots}
         for root in wrong & {*self.roots} & {*document.data}:  # as it was written
             written = document.data[root]
@@ -431,8 +429,7 @@ class SweptCells:
             if found:
                 wrong.add(root)
                 del right[root]
-        made = self.shared.with_values(**right)
-        made = settle(made, self.given) if self.follows else made
+        made = settle(self.shared.with_values(**right), self.given)
         for fault in self.faults(made) if registry.scope().judges else ():
             if not wrong & {key.split(".")[0] for key in fault.keys}:
                 problems.append(located(fault, functools.partial(self.place, chosen)))

@@ -178,7 +178,6 @@ class Reader:
             yield key, self.value(self.next(), (*keys, key))
 
     def repeat(self, anchor: str, keys: Keys) -> Plain:
-        """Return the value that an alias repeats."""
         if anchor not in self.anchors:
             raise self.error((), f"not YAML: found undefined alias (got *{anchor})")
         data, size = self.anchors[anchor]

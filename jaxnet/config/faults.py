@@ -137,7 +137,6 @@ def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
 
 
 def search_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    """Yield faults of a search: swept keys, Sobol draws, an unknown metric, a small budget."""
     search = study.search
     if search is None:
         return
@@ -302,7 +301,6 @@ def gain_faults(s: Scenario) -> Iterator[Fault]:
 
 
 def own_gain_faults(s: Scenario, unsteady: bool) -> Iterator[Fault]:
-    """Yield faults of gains of each vehicle: their number, or what cannot follow them."""
     if len(s.gain.vehicles) != s.vehicles:
         told = f"must be {s.vehicles}, one for each vehicle (got {len(s.gain.vehicles)})"
         yield Fault(("gain.vehicles", "vehicles"), told)

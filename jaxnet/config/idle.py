@@ -14,7 +14,6 @@ from jaxnet.kinds.ticks import HIGHEST, JET_ORDERS
 from jaxnet.model.wording import ranges
 
 DEFAULTS = Scenario()
-LinkWeights = dict[tuple[int, int], float]  # weights by listener, from 0, and source
 KEYS_OF_ERRORS = ("outliers", "outlier_factor", "correlation", "of")
 PERIODS = ("topology.every", "topology.at", "channel.loss.period", "channel.loss.length")
 
@@ -68,11 +67,10 @@ def given(holder: BaseModel, key: str) -> tuple[bool, object]:
 def idle_keys(study: Study) -> dict[str, str]:
     """Return why a key that is given changes nothing in any cell that gives it, by key."""
     reasons: dict[str, list[str]] = {}
-    links: dict[tuple[int, ...], LinkWeights] = {}
     different = dict.fromkeys(but_signal(cell.scenario) for cell in study.cells)
     for scenario in (each.one for each in different):
         rows = [row for row in rules(scenario) if given(scenario, row[0])[0]]
-        for key, idle, why in (*rows, *unheard(scenario, links)):
+        for key, idle, why in (*rows, *unheard(scenario)):
             reasons.setdefault(key, []).append(why if idle else "")
     told = {key: whys[0] for key, whys in reasons.items() if all(whys)}
     told |= dict(replaced_keys(study.config))
@@ -82,19 +80,14 @@ def idle_keys(study: Study) -> dict[str, str]:
     return told
 
 
-def unheard(
-    scenario: Scenario, links: dict[tuple[int, ...], LinkWeights]
-) -> Iterator[tuple[str, bool, str]]:
-    """Yield each trusting vehicle and whom it cannot hear; `links` caches other cells' links."""
+def unheard(scenario: Scenario) -> Iterator[tuple[str, bool, str]]:
+    """Yield each trusting vehicle and whom it cannot hear."""
     trusted = getattr(scenario.defence, "trusted", None)
     if not (isinstance(trusted, dict) and trusted):
         return
-    objects = scenario.topology, scenario.navigator  # which the cells hold
-    by = (*map(id, objects), scenario.vehicles)
-    if by not in links:
-        links[by] = links_of(scenario).pairs()
+    links = links_of(scenario).pairs()
     for listener, sources in trusted.items():
-        beyond = [source for source in sources if (listener - 1, source) not in links[by]]
+        beyond = [source for source in sources if (listener - 1, source) not in links]
         why = f"{listener} does not hear {ranges(beyond)}" if beyond else ""
         yield f"defence.trusted.{listener}", bool(beyond), why
 

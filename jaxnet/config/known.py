@@ -57,7 +57,6 @@ def records(annotation: object) -> list[type[BaseModel]]:
 
 
 def subclasses(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    """Yield a model and all models that inherit from it."""
     yield model
     for each in model.__subclasses__():
         yield from subclasses(each)

@@ -53,7 +53,6 @@ for_any_signal = functools.partial(shared_by_cells, key=but_signal)
 
 
 def situation_of(scenario: Scenario) -> Situation:
-    """Situation of a scenario at the start."""
     graph = scenario_graph(scenario)
     trusted = scenario.defence.trusts(graph)
     attacked = scenario.attack.attacked_links(graph)
@@ -202,6 +201,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "settled": "gains differ by vehicle, and weights may switch",
     "retained": "the defence may retain any neighbour",
     "consistent": "attacked links announce {announced}, not what they carry",
+    "added path": "the attack adds no given path with its derivatives",
     "no decisions": "the defence decides",
     "unheld": "the defence holds vehicles to their starts",
     "drops": "channel.missing is not drop",
@@ -217,6 +217,10 @@ MOTION = (*EVERY_MESSAGE, "solved", "flat", "unfiltered", "continuous", "settled
 BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
     *("leader", *EVERY_MESSAGE, "alike", "one gain", "bounded", "one identity", "by law"),
     *("solved", "flat", "unfiltered", "continuous", "retained"),
+)
+SOLUTION = (  # of the exact solution for known decisions at ticks (theorems.md O1, O2)
+    *("leader", *EVERY_MESSAGE, "one gain", "by law", "solved", "flat", "unfiltered"),
+    *("continuous", "added path", "ticks"),
 )
 # Premises that are asked last, as they take time.
 OF_GRAPHS: dict[str, Callable[[Scenario], bool]] = {
@@ -235,6 +239,10 @@ def breaks(scenario: Scenario) -> set[str]:
         "on time": channel.late,
         "alike": scenario.draws_gain,
         "one gain": scenario.gain_matrices is not None,
+        "added path": not attack.consistent()
+        or attack.strategic
+        or attack.replaces()
+        or bool(attack.periods()),
         "filtered": not scenario.filter.present,
         "true places": attack.present,
         "no decisions": scenario.defence.decides,
@@ -312,6 +320,7 @@ def outputs_of(scenario: Scenario) -> int:
     return round(scenario.horizon / scenario.output_step)
 
 
+@for_any_signal
 def sources_of(scenario: Scenario) -> np.ndarray:
     """Source of each slot, (slots, m). An attacked source fills a slot for each identity."""
     linked = scenario.topology.linked(scenario.vehicles)

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path, PurePath
 from textwrap import shorten
 from types import NoneType
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from upath import UPath
@@ -181,7 +181,7 @@ def native(value: object, *keys: str | int, leads: bool | None = True) -> Plain:
         if type(value) in SCALAR_TYPES:
             return plain_scalar(value, keys)
         value = config_form(value, keys, leads)
-        value = value.tolist() if isinstance(value, Listable) else value
+        value = getattr(value, "tolist", lambda: value)()
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
             raise refusal(keys, TOO_DEEP)
         if isinstance(value, Mapping):
@@ -192,13 +192,6 @@ def native(value: object, *keys: str | int, leads: bool | None = True) -> Plain:
         return plain_scalar(value, keys)
 
     return plain(value, keys)
-
-
-@runtime_checkable
-class Listable(Protocol):
-    """An array or number of NumPy, pandas or JAX."""
-
-    def tolist(self) -> object: ...
 
 
 def config_form(value: object, keys: Keys, leads: bool | None) -> object:
@@ -231,7 +224,7 @@ def config_form(value: object, keys: Keys, leads: bool | None) -> object:
 
 
 def plain_scalar(value: object, keys: Keys) -> bool | int | float | str | None:
-    value = value.tolist() if isinstance(value, Listable) else value
+    value = getattr(value, "tolist", lambda: value)()  # of NumPy, pandas or JAX
     value = str(value) if isinstance(value, PurePath | UPath) else value
     if type(value) not in SCALAR_TYPES:
         allowed = "must be a number, text, true, false, null, a list or a mapping"

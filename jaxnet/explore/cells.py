@@ -1,6 +1,5 @@
 """A table that an analysis writes cell by cell: what it holds of a cell is not computed again."""
 
-import functools
 from typing import Any
 
 import pandas as pd
@@ -9,7 +8,7 @@ from upath import UPath
 from jaxnet.config.study import Study
 from jaxnet.statistics.recovery import same_thresholds
 from jaxnet.store.folder import Folder
-from jaxnet.store.tables import read_table, write_table
+from jaxnet.store.tables import csv_text, read_table
 
 AnalysisRow = dict[str, Any]  # of a table, by its columns
 
@@ -32,4 +31,4 @@ class CellTable:
     def add(self, rows: list[AnalysisRow]) -> None:
         self.rows += rows
         table = pd.DataFrame(self.rows).sort_values("cell", kind="stable")
-        self.folder.put(self.name, functools.partial(write_table, table))
+        self.folder.put(self.name, csv_text(table).encode())

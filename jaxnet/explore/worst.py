@@ -47,7 +47,7 @@ from jaxnet.store import gate, rows
 from jaxnet.store.folder import OURS, Folder, FolderError, config_text
 from jaxnet.store.manifest import digest
 from jaxnet.store.results import Results
-from jaxnet.store.tables import write_table
+from jaxnet.store.tables import csv_text
 from jaxnet.theory.spread import scenario_gain
 
 CHECKPOINT = 10.0  # [s] between checkpoints, at least
@@ -286,7 +286,7 @@ def search_each(
         text = config_text(choice.config, name).encode()
         yield folder.put(name, text)
         for name, rows_of in {"search.csv": generations, "worst.csv": found}.items():
-            folder.put(name, functools.partial(write_table, pd.DataFrame(rows_of)))
+            folder.put(name, csv_text(pd.DataFrame(rows_of)).encode())
     yield from (results.path / name for name in ("search.csv", "worst.csv"))
 
 

@@ -46,20 +46,14 @@ class Draw:
         match number:
             case fields.Shared():
                 return np.broadcast_to(self.one(number, name)[:, None, None], shape)
-            case fields.EachPosition(root=pairs):
-                numbers = [pairs[vehicle - 1][component] for vehicle, component in places]
-            case fields.EachVehicle(root=numbers):
-                numbers = [numbers[vehicle - 1] for vehicle, _ in places]
-            case fields.Listed(root=listed):
-                given = dict(zip(self.listed, listed, strict=True))
-                numbers = [given.get(vehicle, listed[0]) for vehicle, _ in places]
-            case fields.Table(root=rows):
+            case fields.EachPosition(root=rows) | fields.EachVehicle(root=rows):
+                given = dict(zip(self.everyone, rows, strict=True))
+            case fields.Listed(root=rows) | fields.Table(root=rows):
                 given = dict(zip(self.listed, rows, strict=True))
-                numbers = [given.get(vehicle, rows[0])[component] for vehicle, component in places]
-            case fields.Apiece():
-                numbers = [number.each] * len(places)
             case _:
-                numbers = [number] * len(places)
+                given, rows = {}, [number.each if isinstance(number, fields.Apiece) else number]
+        chosen = ((given.get(vehicle, rows[0]), component) for vehicle, component in places)
+        numbers = [row[at] if isinstance(row, list | tuple) else row for row, at in chosen]
         return self.placed(numbers, name, places).reshape(shape)
 
     def several(self, numbers: Sequence[Any], name: str) -> Any:

@@ -1,7 +1,7 @@
 """The batch of lanes of a cell and its samples with all drawn numbers, and its program's plan."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -11,6 +11,7 @@ from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
 from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of, sources_of
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
+from jaxnet.engine.stages import late
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.fields import EachOrder, Uniform, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
@@ -20,18 +21,12 @@ from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
 from jaxnet.lanes.proofs import prove, prove_finite, prove_path, prove_presumed
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
-from jaxnet.lazy import LazyModule
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network, Periods, Turns
 from jaxnet.model.retained import RowStrength, WithOwnWeight
 from jaxnet.model.signal import ORDERS, Apart, Falsified, OfInputs
 from jaxnet.solvers.choice import choose_solver
-
-if TYPE_CHECKING:
-    from jaxnet.engine.stages import late
-else:
-    late = LazyModule("jaxnet.engine.stages.late")
 
 
 def job(
@@ -272,7 +267,7 @@ def steps_of(scenario: Scenario, draw: Draw) -> Any:
 
 def delay_of(
     scenario: Scenario, draw: Draw, sources: np.ndarray
-) -> "late.SteadyDelay | late.DrawnDelay | None":
+) -> late.SteadyDelay | late.DrawnDelay | None:
     """The delay of words, None where they are not late. What is drawn is rounded to whole ticks."""
     delay, tick = scenario.channel.delay, scenario.tick
     if not scenario.channel.late:

@@ -5,6 +5,7 @@ of it the edges (i, j, w) of a graph, "vehicle i hears source j", in which sourc
 navigator.
 """
 
+import itertools
 import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
@@ -154,9 +155,7 @@ def range_of_numbers(labels: Iterable[str], first: int, links: int) -> list[str]
     if min(numbers) < first:
         raise KindError(f"nodes are numbered from {first} (got {min(numbers)})")
     if max(numbers) - first > links:
-        missing = first
-        while missing in numbers:
-            missing += 1
+        missing = next(number for number in itertools.count(first) if number not in numbers)
         raise KindError(
             f"nodes are numbered {first} to {max(numbers)}, but node {missing} has no edge"
         )

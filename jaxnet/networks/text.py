@@ -91,7 +91,7 @@ def matrix_of_rows(rows: Sequence[TableRow]) -> np.ndarray | None:
 
     Three columns are edges unless the third, their weights, has a 0 and the diagonal only zeros.
     """
-    width, height = len(rows[0][1]) if rows else 0, len(rows)
+    width, height = len(rows[0][1]), len(rows)
     if width - height not in (0, 1) or any(len(fields) != width for _, fields, _ in rows):
         return None
     try:

@@ -218,16 +218,13 @@ def is_installed(module: str) -> bool:
     return version_of(module) is not None
 
 
+distributions = functools.cache(metadata.packages_distributions)  # by their top modules
+
+
 @functools.cache
 def version_of(module: str) -> str | None:
-    top = module.partition(".")[0]
-    for each in metadata.distributions():
-        declared = (each.read_text("top_level.txt") or "").split()
-        files = (each.read_text("RECORD") or "").splitlines()
-        inside = any(file.startswith((f"{top}/", f"{top}.")) for file in files)
-        if top in declared if declared else inside:
-            return each.version
-    return None
+    found = distributions().get(module.partition(".")[0])
+    return metadata.version(found[0]) if found else None
 
 
 def attribute(module: types.ModuleType, name: str) -> Any:

@@ -4,27 +4,15 @@ import hashlib
 import inspect
 import sys
 import types
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from jaxnet.outside import modules
 from jaxnet.outside.modules import KindError, ModuleFolder
 
-
-@runtime_checkable
-class MetricLike(Protocol):
-    @property
-    def base(self) -> str: ...
-
-    @property
-    def of(self) -> Callable[..., Any]: ...
-
-    def is_alike(self, other: Any) -> bool: ...
-
-
-KindOrMetric = type | MetricLike
+KindOrMetric = Any  # a class, or a metric, which has `base`, `of` and `is_alike`
 ARGUMENT_DEFAULTS = ("__defaults__", "__kwdefaults__")  # of a function's arguments
 PLAIN_TYPES = (bool, int, float, complex, str)
 

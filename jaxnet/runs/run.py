@@ -4,7 +4,6 @@ The executor simulates the shards, in this process (`shards`) or in others (`clu
 at the end need the rows of one cell in memory at a time.
 """
 
-import functools
 import itertools
 import time
 import warnings
@@ -34,7 +33,7 @@ from jaxnet.store.manifest import (
     manifest_entries,
     samples_of_cells,
 )
-from jaxnet.store.tables import write_table
+from jaxnet.store.tables import csv_text
 
 ReportTally = Callable[[Tally], None]
 Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
@@ -219,7 +218,7 @@ class Run:
             missing = self.store_chosen(every, missing, tally) or missing
             tally.phase = LAST_PHASE
         table = summary.summarise(self.folder, every, self.cells, self.study, samples)
-        self.folder.put("cells.csv", functools.partial(write_table, table))
+        self.folder.put("cells.csv", csv_text(table).encode())
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
         # of parts that saved what is not asked for now
         self.folder.remove(*(f"lanes/{each.name}" for each in self.folder.path.glob("lanes/*.npz")))

@@ -11,6 +11,7 @@ from upath import UPath
 
 from jaxnet.config.cells import judged_metric
 from jaxnet.runs.replay import replay_each, store_of, worst_of
+from jaxnet.statistics.groups import evenly
 from jaxnet.statistics.recovery import worst_first
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import layout, rows
@@ -39,10 +40,9 @@ class Watched(NamedTuple):
 
 def exemplary(results: Results) -> dict[tuple[int, int], str]:
     """The median and the worst ok lane of up to MOST_REPLAYED cells, evenly over the study."""
-    ended = np.flatnonzero(results.cells["ok"])
-    spread = np.linspace(0, len(ended) - 1, min(len(ended), MOST_REPLAYED)).round().astype(int)
+    ended = np.flatnonzero(results.cells["ok"]).tolist()
     found: dict[tuple[int, int], str] = {}
-    metric, chosen = judged_metric(results.study.cells), ended[spread].tolist()
+    metric, chosen = judged_metric(results.study.cells), evenly(ended, MOST_REPLAYED)
     for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=chosen):
         samples = worst_first(lanes, metric)["sample"].tolist()
         found[cell, samples[0]] = "worst of its cell"

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.statistics.axes import by_hue, choose_axes, ordered_values, panels_of
 from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR
-from jaxnet.statistics.groups import Group, scenes
+from jaxnet.statistics.groups import Group, evenly, scenes
 from jaxnet.statistics.recovery import threshold
 from jaxnet.store.results import Results
 
@@ -59,8 +59,7 @@ def error_bands(stored: xr.DataArray, cells: Sequence[Cell]) -> dict[int, Band]:
     Cells without an ok lane have none. More cells have fewer instants each, FEWEST_TIMES at least.
     """
     most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
-    times = stored.sizes["time"]
-    instants = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
+    instants = evenly(range(stored.sizes["time"]), most)
     found = {}
     for cell in cells:
         values = whole_lanes(stored.isel(cell=cell.number).values[:, instants])

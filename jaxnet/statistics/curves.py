@@ -18,7 +18,7 @@ from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.groups import Group, attacked_groups, labels_without_magnitude
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.store.tables import read_table
+from jaxnet.store.tables import COLUMNS, read_table
 
 MOST_PANELS = 24  # of one figure
 LOG_FLOOR = 1e-9  # the least that a log axis shows: smaller errors [m], or per ā, are rounding
@@ -33,11 +33,6 @@ BOUND_NAMES = {
     "lyapunov_best": "Lyapunov, best Q",
     "lyapunov_corrected": "Lyapunov, corrected",
     "lyapunov_printed": "Lyapunov, as printed",
-}
-STORED_COLUMNS: dict[str, dict[str, Any]] = {
-    "bounds": {"bound": str, "vehicle": str, "slope": float},
-    "fit": {"metric": str, "model": str, "parameter": str}
-    | {"quantile": float, "estimate": float, "low": float, "high": float},
 }
 Fit = tuple[float, float, float]  # a parameter and the ends of its interval
 
@@ -124,7 +119,7 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
             continue
         labels = canonical_values(group.labels.values())
         mine = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
-        slopes = {(row.bound, row.vehicle): float(row.slope) for row in bounds.get(labels, [])}
+        slopes = {(row.bound, str(row.vehicle)): row.slope for row in bounds.get(labels, [])}
         fitted, exponents = {}, {}
         for row in fits.get(labels, []):
             fit = (row.estimate, row.low, row.high)
@@ -142,10 +137,10 @@ def rows_by_group(results: Results, name: str) -> dict[tuple[str, ...], list[Any
     file, keys = results.file(f"{name}.csv"), [*labels_without_magnitude(results.study.cells[0])]
     if not file.exists():
         return {}
-    table = read_table(file, 0, [*keys, *STORED_COLUMNS[name]], STORED_COLUMNS[name])
+    table, columns = read_table(file, labels=keys), COLUMNS[file.name].split()
     labels = zip(*(table[key] for key in keys), strict=True) if keys else [()] * len(table)
     found: dict[tuple[str, ...], list[Any]] = {}
-    for values, row in zip(labels, table[[*STORED_COLUMNS[name]]].itertuples(), strict=True):
+    for values, row in zip(labels, table[columns].itertuples(), strict=True):
         found.setdefault(canonical_values(values), []).append(row)
     return found
 

@@ -18,7 +18,6 @@ A transient is as large at every ā. Its errors have a mean and an interval, but
 `has_slope`.
 """
 
-import functools
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -40,7 +39,7 @@ from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
-from jaxnet.store.tables import write_table
+from jaxnet.store.tables import csv_text
 
 NO_ULTIMATE_ERROR = (
     "without a navigator there is no error to fit and no bound: `jaxnet figure curve` draws the"
@@ -115,7 +114,7 @@ def write_ultimate_error(results: Results, progress: Steps = no_progress) -> Ite
     for name, table in tables.items():
         frame = known_or(None, table)
         if frame is not None:
-            yield results.folder.put(name, functools.partial(write_table, frame))
+            yield results.folder.put(name, csv_text(frame).encode())
 
 
 def has_fixed_magnitude(results: Results) -> bool:
@@ -301,8 +300,5 @@ def has_slope(errors: Errors) -> bool:
 
 def whole_draws(results: Results, group: Group) -> int:
     """Number of samples whose lanes are ok at every ā of a group."""
-    samples = results.manifest["samples"]
-    if (results.cells.loc[[*group.attacked], "ok"] == samples).all():
-        return samples
     errors = read_errors(results, group.attacked)[SUMMARISED[0]]
     return int(np.isfinite(errors.y).all(axis=0).sum())

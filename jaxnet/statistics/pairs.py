@@ -25,6 +25,7 @@ from jaxnet.statistics.curves import canonical_values
 from jaxnet.statistics.intervals import CONFIDENCE, ROUNDING_SPREAD, paired_share_interval
 from jaxnet.statistics.recovery import threshold
 from jaxnet.statistics.summary import SUMMARISED, independent_units, metric_statistics
+from jaxnet.store.admission import flatten_keys
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
@@ -285,8 +286,8 @@ def cell_labels(pair: CellPair) -> dict[str, Any]:
 
 def differing_settings(first: Results, second: Results) -> pd.DataFrame:
     """Keys in which two studies differ, without the keys that both sweep."""
-    plain = (pd.json_normalize(to_plain(each.study.config)) for each in (first, second))
-    a, b = ({key: str(value) for key, value in each.iloc[0].items()} for each in plain)
+    flat = (flatten_keys(to_plain(each.study.config)) for each in (first, second))
+    a, b = ({key: str(value) for key, value in each.items()} for each in flat)
     swept = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     hidden = tuple(f"{key}." for key in ("name", "save", *swept))
     rows = [

@@ -188,8 +188,8 @@ def metric_statistics(
     """Statistics of a metric over lanes, by the ends of their columns' names in `cells.csv`."""
     found: dict[str, float] = {}
     for name, (_, columns) in LANE_STATISTICS.items():
-        told = lane_estimate(name, values, units, confidence, ends=len(columns) > 1)
-        found |= dict(zip(columns, told, strict=False))
+        estimated = lane_estimate(name, values, units, confidence)
+        found |= dict(zip(columns, estimated, strict=False))
     return found
 
 
@@ -198,23 +198,21 @@ def lane_estimate(
     values: Float[np.ndarray, " lanes"],
     units: Units = None,
     confidence: float = CONFIDENCE,
-    ends: bool = True,
 ) -> Estimated:
-    """A statistic of lanes and, if asked, its interval.
+    """A statistic of lanes and its interval.
 
     Lanes of one unit depend on each other, so their quantiles have no interval; a maximum has none.
     """
-    if not len(values):
-        return np.nan, *UNKNOWN
-    if statistic == "mean" and np.isinf(values).any():  # of what never happened
+    if not len(values) or (
+        statistic == "mean" and np.isinf(values).any()
+    ):  # of what never happened
         return np.nan, *UNKNOWN
     if statistic == "mean":
         return float(values.mean()), *mean_interval(values, confidence, units)
     if statistic == "max":
         return float(values.max()), *UNKNOWN
     at = QUANTILES[statistic]
-    known = ends and units is None
-    interval = quantile_interval(values, at, confidence) if known else UNKNOWN
+    interval = quantile_interval(values, at, confidence) if units is None else UNKNOWN
     return quantile_of(values, at), *interval
 
 

@@ -4,6 +4,9 @@ import contextlib
 import json
 import re
 from textwrap import shorten
+from typing import Any
+
+import pandas as pd
 
 from jaxnet.config.cells import to_plain
 from jaxnet.config.document import Document
@@ -116,13 +119,9 @@ def difference(folder: Folder, config: Config) -> str:
     return f": {', '.join(apart[:3]) or 'its sweep has another order'}"
 
 
-def flatten_keys(value: object, prefix: str = "") -> dict[str, object]:
-    if not isinstance(value, dict) or not value:
-        return {prefix: value}
-    joined = {}
-    for key, each in value.items():
-        joined |= flatten_keys(each, f"{prefix}.{key}" if prefix else str(key))
-    return joined
+def flatten_keys(data: dict[str, Any]) -> dict[str, Any]:
+    """Values by their dotted keys."""
+    return {str(key): each for key, each in pd.json_normalize([data]).iloc[0].items()}
 
 
 def refuse_edited(folder: Folder, config: Config) -> None:

@@ -161,7 +161,6 @@ def refusals(scenario: Scenario) -> Iterator[str]:
 
 
 def name_of(scenario: Scenario, key: str) -> str:
-    """The name of a kind in a config."""
     return attrgetter(key)(scenario).reference()
 
 
@@ -311,7 +310,6 @@ np.save({f"{stem}_measured.npy"!r}, measured)
 
 
 def field_text(name: str, value: Any) -> str:
-    """A field of `lane`, with its meaning above it."""
     told = f"    # {MEANINGS[name]}\n" if name in MEANINGS else ""
     return f"{told}    {name}={literal(value)},\n"
 

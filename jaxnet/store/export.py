@@ -5,7 +5,6 @@ MATLAB accepts. The CSV files have a row for each time and vehicle, with the col
 the swept keys, time [s], vehicle, then states, inputs, attack signal and navigator.
 """
 
-import functools
 import keyword
 import re
 from collections.abc import Iterator, Mapping
@@ -22,7 +21,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.store.arrays import lane_in, lanes_in
 from jaxnet.store.folder import STORES, Folder, FolderError
 from jaxnet.store.results import Results
-from jaxnet.store.tables import write_table
+from jaxnet.store.tables import csv_text
 
 MOST_VARIABLE_BYTES = 2**31 - 2**20  # of a variable, its header included
 LONGEST_NAME = 63  # letters of a name
@@ -106,7 +105,7 @@ def write_csv(results: Results, out: str | Path | UPath | None = None) -> UPath:
         lane = lane_in(data, cell, sample)
         assert lane is not None
         table = trajectory_table(results.study.cells[cell], sample, lane)
-        folder.put(f"cell-{cell}-sample-{sample}.csv", functools.partial(write_table, table))
+        folder.put(f"cell-{cell}-sample-{sample}.csv", csv_text(table).encode())
     return folder.path
 
 

@@ -76,18 +76,13 @@ def sizes(cells: Sequence[Cell]) -> dict[str, int]:
 
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
     scenario, known = cells[0].scenario, sizes(cells)
-    alike = {}  # cells with equal slots
-    for each in (cell.scenario for cell in cells if drops_messages(cell.scenario)):
-        # an attacked source may have several slots
-        several = each.attack.identities() + each.attack.splits() > 1
-        alike[id(each.topology), several and id(each.attack)] = each
-    slots = max((len(sources_of(each)) for each in alike.values()), default=0)
+    slots = (len(sources_of(cell.scenario)) for cell in cells if drops_messages(cell.scenario))
     return {
         "cell": np.arange(known["cell"]),
         "sample": np.arange(samples),
         "time": np.array(multiples(scenario.output_step, range(known["time"]))),
         "vehicle": np.arange(1, known["vehicle"] + 1),
-        "slot": np.arange(slots),
+        "slot": np.arange(max(slots, default=0)),
         "axis": np.array(["x", "y"], dtype=object),
         "state": np.array(scenario.vehicle.states, dtype=object),
         "input": np.array(scenario.vehicle.inputs, dtype=object),

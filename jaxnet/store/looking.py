@@ -94,7 +94,7 @@ class Looking(Scope):
                 return import_reference(reference, name, None)
         if (family, name) not in self.stand_ins:
             told = self.manifest.get("kinds", {}).get(name, {})
-            told = told if isinstance(told, dict) and told.get("family") == family else {}
+            told = told if told.get("family") == family else {}
             make = metric_like if family == "metrics" else class_like
             self.stand_ins[family, name] = make(family, name, told)
         return self.stand_ins[family, name]

@@ -4,10 +4,10 @@ import re
 import shlex
 import warnings
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt, TypeVar
 
 import pandas as pd
 import pyarrow.dataset as ds
@@ -21,13 +21,7 @@ from jaxnet.store.admission import admit_made, refuse_edited
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.looking import Looking, MissingKindError, known_or
-from jaxnet.store.manifest import (
-    MANIFEST,
-    Manifest,
-    changed_modules,
-    changed_settings,
-    samples_of_cells,
-)
+from jaxnet.store.manifest import Manifest, changed_modules, changed_settings, samples_of_cells
 from jaxnet.store.tables import read_table
 
 if TYPE_CHECKING:
@@ -35,6 +29,7 @@ if TYPE_CHECKING:
 
     from jaxnet.store import chunks
 
+AnyResults = TypeVar("AnyResults", bound="Results")
 STATISTICS = ("mean", "low", "high", "median", "q05", "q95", "max")  # of a metric in cells.csv
 # What a folder may hold without a run, each with a table of its name.
 ANALYSES = ("sensitivity", "rare")
@@ -459,39 +454,13 @@ def arrays_at(
     return found.load() if path.protocol == "memory" else found
 
 
-def open_folder(
-    path: str | Path | UPath,
-    out: str | Path | UPath | None = None,
-    trust: bool = False,
-    config: Path | None = None,
-) -> Results:
-    """Open a results folder; see `jaxnet.open`.
-
-    Raises FolderError if `path` is not a results folder, or `out` holds files made of other rows.
-    """
-    if config is not None and not config.exists():
-        raise FolderError(f"{config}: there is no such config")
-    folder = Folder(path)
-    folder.refuse_strange()
-    manifest, rows_there = folder.manifest, any(folder.path.glob("lanes/*.parquet"))
-    if not manifest and not rows_there:
-        raise FolderError(f"{path} is not a results folder: it has no manifest.json")
-    if manifest and (lacking := MANIFEST - {*manifest}):
-        raise FolderError(f"{path}/manifest.json: not a manifest of ours: it has no {min(lacking)}")
-    if manifest.get("finished"):
-        rows.refuse_lost(folder, manifest)
-    found = Results(folder.path, None, trust, config)
-    if not manifest or not (rows_there or found.analyses):
-        told = "holds an unfinished run: the same command without --shard finishes it"
-        raise FolderError(f"{path} {told}")
-    return found if out is None else written_into(found, out)
-
-
-def written_into(results: Results, out: str | Path | UPath) -> Results:
-    """Return results whose fits, figures, replays and report are written into another folder.
+def written_into(results: AnyResults, out: str | Path | UPath | None) -> AnyResults:
+    """Results whose fits, figures, replays and report are written into a folder; None: their own.
 
     Raises FolderError if the folder holds files made of other rows.
     """
+    if out is None:
+        return results
     made = Folder(out)
     admit_made(made, results.manifest, results.study.config)
-    return Results(results.path, made, results.trust, results.config)
+    return replace(results, out=made)

@@ -6,8 +6,7 @@ apostrophe before it, and read without it. A number is no text.
 
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import IO
+from collections.abc import Callable, Sequence
 
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
@@ -36,28 +35,24 @@ def csv_text(table: pd.DataFrame) -> str:
     return with_texts(table, guard_text).to_csv(index=False)
 
 
-def write_table(table: pd.DataFrame, file: IO[bytes] | io.BytesIO) -> None:
-    with_texts(table, guard_text).to_csv(file, index=False)
-
-
 def read_table(
-    path: UPath, lanes: int = 0, needed: Sequence[str] = (), types: Mapping[str, type] | None = None
+    path: UPath, lanes: int = 0, needed: Sequence[str] = (), labels: Sequence[str] = ()
 ) -> pd.DataFrame:
     """Read a CSV table. Blank entries are not-a-number, and labels like NA and None are text.
 
     `lanes` are those that the table may tell of, `needed` its columns, by default those of a table
-    of this name. Without `types`, they hold numbers unless they are among TEXTS.
+    of this name. They hold numbers unless they are among TEXTS, or labels of swept values.
     Raises FolderError for a file that is no such table.
     """
     fault = "is not a table of ours"
     content = gate.read_whole(path, gate.MOST_TEXT + ROW_TEXT * lanes, fault)
     with gate.reading(path, fault):
-        found = pd.read_csv(io.BytesIO(content), dtype=types, keep_default_na=False, na_values=[""])  # pyright: ignore
-    for name in needed or COLUMNS.get(path.name, "").split():
+        found = pd.read_csv(io.BytesIO(content), keep_default_na=False, na_values=[""])
+    for name in (*labels, *(needed or COLUMNS.get(path.name, "").split())):
         if name not in found:
             raise FolderError(f"{path} {fault} (no column {name})")
-        number = is_numeric_dtype(found[name]) or name in TEXTS.split()
-        if types is None and len(found) and not number:
+        text = name in (*labels, *TEXTS.split())
+        if len(found) and not (text or is_numeric_dtype(found[name])):
             raise FolderError(f"{path} {fault} ({name} holds text)")
     return with_texts(found.copy(), bare_text)  # as one block: a column more is cheap
 

@@ -15,7 +15,7 @@ import jaxnet
 from experiments import search as experiment
 from experiments.search import BIAS, KNOWN, largest
 from jaxnet.api import studies, writing
-from jaxnet.api.places import with_random_lanes
+from jaxnet.api.studies import with_random_lanes
 from jaxnet.config.document import ConfigError
 from jaxnet.config.keys import Scenario
 from jaxnet.engine.batch import Machine
