@@ -4,11 +4,10 @@ import re
 
 import pandas as pd
 import pytest
-from click.testing import CliRunner
 
 import jaxnet
-from jaxnet.cli import main
 from jaxnet.store.folder import FolderError
+from tests.test_looking import said
 
 STUDY = {"name": "small", "vehicles": 3, "topology": "star", "engine": "exact", "defence": "none"}
 STUDY |= {"horizon": 1.0, "tail": 0.5, "recovery": {"tau": 0.2}}
@@ -24,13 +23,6 @@ def shelf(tmp_path_factory):
     jaxnet.run(STUDY | {"samples": 4}, home / "both", progress=False)
     jaxnet.sensitivity(STUDY | {"samples": 4}, 30, home / "both")
     return home
-
-
-def said(*words, status=0):
-    """What a command prints, on both streams."""
-    done = CliRunner().invoke(main, list(map(str, words)))
-    assert done.exit_code == status, (done.output, done.exception)
-    return done.output
 
 
 def test_show_prints_the_tables_that_are_there(shelf):

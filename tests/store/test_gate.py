@@ -17,6 +17,7 @@ import jaxnet
 from jaxnet.cli import main
 from jaxnet.store.folder import FolderError
 from tests.store.conftest import STUDY as SMALL
+from tests.test_looking import one_line as told
 
 STUDY = SMALL | {
     "samples": 4,
@@ -49,14 +50,6 @@ def folder(made, tmp_path):
     signal.alarm(0)
     assert [each.name for each in (tmp_path / "outside").iterdir()] == ["mine"]
     assert (tmp_path / "outside" / "mine").read_text() == "mine"
-
-
-def told(*words) -> str:
-    """The one line by which a command refuses."""
-    ended = CliRunner().invoke(main, list(map(str, words)))
-    assert ended.exit_code == 2, (ended.output, ended.exception)
-    (line,) = ended.output.splitlines()
-    return line
 
 
 LOST = {
