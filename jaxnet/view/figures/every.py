@@ -164,7 +164,9 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             over_tail, of_errors = draw.__name__ in OF_THE_TAIL, draw.__name__ not in NOT_OF_ERRORS
             if draw.__name__ == "curve":
                 over_tail, of_errors = about_curve(self.results.study.config, axes.get("y"))
-            notes = [tail_words(cells), falling_words(self.results, cells)] * over_tail
+            notes = []
+            if over_tail:
+                notes += [tail_words(cells), falling_words(self.results, cells)]
             formation = any(cell.scenario.formation.present for cell in cells)
             notes += [FORMATION_NOTE] * (of_errors and formation)
             multiples.write_note(made, multiples.escape_dollars("; ".join(filter(None, notes))))
