@@ -211,8 +211,8 @@ def test_who_is_observed_at_random_lies_always_and_as_far_as_it_may(wait, scale,
     edges = [[1, 1, OWN], [1, 2, 1.0], [1, 3, 1.0]]
     keys = {**KEYS, "vehicles": 3, "topology": {"kind": "edges", "edges": edges}, "gain": [1.0]}
     keys |= {"navigator": "none", "law": "local", "tick": 1.0, "output_step": 1.0, "tail": 0.0}
-    keys |= {"horizon": float(ticks), "attack": sleeper, "defence": trust, "metrics": ["outside"]}
-    trials, chosen = search(keys, lambda outcome: outcome.metrics["outside"], 300 * starts, starts)
+    keys |= {"horizon": float(ticks), "attack": sleeper, "defence": trust}
+    trials, chosen = search(keys, lambda outcome: outcome.metrics["spread"], 300 * starts, starts)
     (lanes,) = trials.simulate(trials.point[None])
     width = 3.29 * lanes.std() / np.sqrt(starts)
     assert chosen["attack.magnitude"] > 0.99
