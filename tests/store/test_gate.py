@@ -184,7 +184,7 @@ def test_what_was_harmed_is_told_in_one_line_that_names_the_file(name, harm, wor
 
 def test_what_was_made_with_other_settings_goes(folder, tmp_path):
     """Another τ removes figures, page and fits, and says so."""
-    for words in (["fit", folder], ["figure", folder, "heat", "--out", tmp_path / "made"]):
+    for words in (["fit", folder], ["figure", folder, "tails", "--out", tmp_path / "made"]):
         CliRunner().invoke(main, list(map(str, words)))
     (folder / "report.html").write_text("τ was 0.25")
     other = STUDY | {"recovery": {"tau": 0.5}}
