@@ -6,6 +6,7 @@ name comes from the config (`labels`), else from the key's field (`title`), else
 """
 
 import functools
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -140,6 +141,26 @@ def labels_title(labels: Mapping[str, object]) -> str:
     return ", ".join(value_name(key, value) for key, value in labels.items() if key not in told)
 
 
+def choices_words(
+    some: Sequence[Mapping[str, object]], there: Sequence[Mapping[str, object]]
+) -> list[str]:
+    """A phrase for each product of swept values that some labels fill; keys with all are silent."""
+    values, every = (
+        {key: list(dict.fromkeys(labels[key] for labels in each)) for key in there[0]}
+        for each in (some, there)
+    )
+    if math.prod(map(len, values.values())) > len(some):
+        key = next(key for key, each in values.items() if len(each) > 1)
+        parts = ([labels for labels in some if labels[key] == value] for value in values[key])
+        return [words for part in parts for words in choices_words(part, there)]
+    told = [
+        " and ".join(value_name(key, value) for value in each)
+        for key, each in values.items()
+        if len(each) < len(every[key])
+    ]
+    return [", ".join(told) or "all"]
+
+
 def value_name(key: str, value: object) -> str:
     """Return the name of a swept value with its unit, which non-breaking spaces join."""
     if is_joint(key):
@@ -206,7 +227,7 @@ def words_of(key: str) -> str:
     if title := next(filter(None, titles), None):
         return title
     root, *inside = key.split(".")
-    words = inside if root == "channel" and inside else [root, *inside]
+    words = inside if root in ("channel", "topology") and inside else [root, *inside]
     if root == "gain" and inside:
         words[-1] = f"k{words[-1]}"
     return " ".join(words).replace("_", " ")

@@ -11,7 +11,7 @@ from jaxnet.config.naming import is_kind
 from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.statistics.choice import swept_key
 from jaxnet.statistics.curves import GREATEST_SHOWN
-from jaxnet.statistics.groups import Label, is_decided, swept_values_of
+from jaxnet.statistics.groups import Label, is_decided, numeric, swept_values_of
 from jaxnet.store.folder import FolderError
 
 MOST_HUES = 12
@@ -76,10 +76,6 @@ def choose_axes(
         shown += [key] if needed and key not in shown else []
     rest = tuple(full[key] for key in shown if key not in (x, hue))
     return Axes(x and full[x], hue and full[hue], rest)
-
-
-def numeric(values: Iterable[Label]) -> bool:
-    return all(isinstance(value, int | float) for value in values)
 
 
 def on_a_scale(values: Iterable[Label]) -> bool:

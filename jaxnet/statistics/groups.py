@@ -1,7 +1,7 @@
 """Groups of cells that differ only in the attack's magnitude: the data of δ̂(ā)."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -45,24 +45,26 @@ def evenly(values: Sequence[T], most: int) -> list[T]:
 def evenly_over(labels: Sequence[Mapping[str, Label]], most: int) -> list[int]:
     """Places of at most so many choices of swept values: all of few values evenly along each key.
 
-    Of keys of numbers, the one with the most values loses some first, then other keys, the defence
-    last. Where that leaves less than half of `most`, as in a sweep of pairs, the places are spaced
-    evenly.
+    Names stay while numbers can go. The key with the most numbers loses some first; its ends stay,
+    then its last; then the key with the most names loses some, the defence last. Where that leaves
+    less than half of `most`, as in a sweep of pairs, the places are spaced evenly.
     """
 
-    def spare(key: str) -> tuple[bool, bool, int]:
-        numbers = all(isinstance(value, int | float) for value in there[key])
-        many = len(kept[key])
-        return numbers and many > 2, key != "defence" and many > 1, many
+    def spare(key: str) -> tuple[bool, bool, bool, int]:
+        return len(kept[key]) > 1, numeric(there[key]), key != "defence", len(kept[key])
 
-    kept = {key: list(dict.fromkeys(each[key] for each in labels)) for key in labels[0]}
-    there = dict(kept)
+    there = {key: list(dict.fromkeys(each[key] for each in labels)) for key in labels[0]}
+    kept = dict(there)
     while math.prod(map(len, kept.values())) > most and len(labels) > most:
         longest = max(kept, key=spare)
-        kept[longest] = evenly(there[longest], len(kept[longest]) - 1)
+        kept[longest] = evenly(there[longest][::-1], len(kept[longest]) - 1)
     whole = [all(each[key] in kept[key] for key in kept) for each in labels]
     found = np.flatnonzero(whole).tolist()
     return found if 2 * len(found) > min(most, len(labels)) else evenly(range(len(labels)), most)
+
+
+def numeric(values: Iterable[Label]) -> bool:
+    return all(isinstance(value, int | float) for value in values)
 
 
 def is_decided(cells: Sequence[Cell], keys: Sequence[str], key: str) -> bool:

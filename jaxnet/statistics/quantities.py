@@ -3,6 +3,7 @@
 Figures and the page draw a `Quantity`; a terminal's table and those for papers print it.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,11 +13,12 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
+from jaxnet.config.naming import choices_words
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.kinds.refusals import suggestion
-from jaxnet.model.wording import cells_named, count
-from jaxnet.statistics.curves import LOG_FLOOR, log_ends
+from jaxnet.model.wording import count, counted
+from jaxnet.statistics.curves import LOG_FLOOR, failed_kinds, log_ends
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
@@ -131,15 +133,21 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
             note = f"{note}; infinite, and not drawn, in {count(endless, 'cell')}".lstrip("; ")
         values = values.replace(np.inf, np.nan)
         found = Quantity(name, words, metric.column_unit, False, CONFIDENCE, values, note)
+    note = "; ".join(filter(None, [found.note, unended_words(results, cells)]))
+    found = found._replace(note=note)
     lanes = set(table.loc[values["value"].dropna().index, of].tolist())
-    found = found._replace(note="; ".join(filter(None, [found.note, unended_words(table)])))
     return found._replace(lanes=int(lanes.pop()) if len(lanes) == 1 else 0)
 
 
-def unended_words(table: pd.DataFrame) -> str:
-    """The cells, rows of `cells.csv`, of which no lane ended; "" of none."""
-    none = [int(cell) for cell, lanes in table["ok"].to_dict().items() if not lanes]
-    return f"no lane ended in {cells_named(none)}" if none else ""
+def unended_words(results: Results, cells: Sequence[Cell]) -> str:
+    """Which of these cells have no lane that ended, and why; no figure has a point of them."""
+    ok, kinds = results.cells["ok"].to_numpy(), failed_kinds(results)
+    lost = [cell for cell in cells if ok[cell.number] == 0]
+    if not lost:
+        return ""
+    where = choices_words([cell.labels for cell in lost], [cell.labels for cell in cells])
+    failed = sum((kinds.get(cell.number, Counter()) for cell in lost), Counter[str]())
+    return f"no lane ended: {' / '.join(where)} ({counted(failed)})"
 
 
 def share_failed(table: pd.DataFrame) -> pd.DataFrame:

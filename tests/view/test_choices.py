@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import jaxnet
+from jaxnet.config.naming import choices_words
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import error_bands
 from jaxnet.statistics.curves import log_ends
@@ -17,6 +18,7 @@ from jaxnet.statistics.groups import evenly_over
 from jaxnet.store.folder import FolderError
 from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Panel, Scale, Trace
 from jaxnet.view.drawings.swept import swept_drawing
+from jaxnet.view.drawings.words import gone_words
 from jaxnet.view.figures import style
 from jaxnet.view.figures.printed import printed, value_ticks
 from jaxnet.view.page.plots import plotted
@@ -59,6 +61,51 @@ def test_of_many_cells_some_of_each_key_are_chosen():
     places = evenly_over(pairs, 24)
     assert (len(places), places[0], places[-1]) == (24, 0, 95)
     assert evenly_over(labels, 60) == [*range(60)]
+
+
+@pytest.mark.parametrize(
+    ("most", "kept"),
+    [
+        (18, ({"ring", "lattice", "path"}, {"none", "trim", "norm"}, {1, 10})),
+        (9, ({"ring", "lattice", "path"}, {"none", "trim", "norm"}, {10})),
+        (6, ({"ring", "path"}, {"none", "trim", "norm"}, {10})),
+    ],
+)
+def test_names_stay_while_numbers_can_go(most, kept):
+    """The least and the greatest number, then the greatest alone; the note tells what is gone."""
+    values = {"topology": ["ring", "lattice", "path"], "defence": ["none", "trim", "norm"]}
+    values["attack.magnitude"] = [1, 3, 10]
+    labels = [dict(zip(values, each, strict=True)) for each in itertools.product(*values.values())]
+    shown = [labels[place] for place in evenly_over(labels, most)]
+    assert [{each[key] for each in shown} for key in values] == [*kept]
+    told = plain(", ".join(gone_words(shown, labels)))
+    gone = {18: "ā = 3 m", 9: "ā = 1 m, ā = 3 m", 6: "lattice, ā = 1 m, ā = 3 m"}
+    assert told == gone[most]
+    assert gone_words([{"gain.1": 9}], [{"gain.1": n} for n in range(10)])[0][:8] == "9 of 10 "
+
+
+@mpl.rc_context(style.PRINT_STYLE)
+def test_rows_that_have_no_room_take_none():
+    """Panel and notes stay together where many rows are left out."""
+    labels = [{"attack.magnitude": n} for n in range(90)]
+    rows = Scale("", names=[str(n) for n in range(90)], labels=labels)
+    series = [Trace("", LOOKS[0], np.ones(1), np.full(1, n), "points") for n in range(90)]
+    drawn = printed(Drawing([Panel({}, [0], series)], Scale("x"), rows))
+    drawn.draw_without_rendering()
+    assert len(drawn.axes[0].lines) == len(drawn.axes[0].get_yticks()) < 90
+    assert drawn.axes[0].get_tightbbox().y0 > 0
+
+
+def test_choices_are_named_by_their_values():
+    """Products of values are one phrase; a key with all of its values is left out."""
+    values = {"topology": ["ring", "star"], "attack.magnitude": [1, 3, 10], "gain.1": [5, 6]}
+    every = [dict(zip(values, each, strict=True)) for each in itertools.product(*values.values())]
+    some = [each for each in every if each["topology"] == "ring" and each["attack.magnitude"] > 1]
+    assert [*map(plain, choices_words(some, every))] == ["ring, ā = 3 m and ā = 10 m"]
+    apart = [*some, *(each for each in every if each["topology"] == "star")]
+    assert [*map(plain, choices_words(apart, every))] == ["ring, ā = 3 m and ā = 10 m", "star"]
+    assert choices_words(every, every) == ["all"]
+    assert choices_words([{}], [{}]) == ["all"]
 
 
 @mpl.rc_context(style.PRINT_STYLE)

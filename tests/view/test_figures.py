@@ -52,15 +52,18 @@ def test_panels(results):
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in planes}) == 1
     assert plain(planes[0].get_ylabel()) == "no attack\ny [m]"
     written = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert written == ["navigator", "vehicle", "attacked vehicle", "start", "end"]
-    for axes in planes:  # 12 vehicles with path, start and end, and the navigator
-        assert len(axes.lines) == 37
+    attacked = ["attacked: moves", "attacked: tells"]
+    assert written == ["navigator", "vehicle", *attacked, "start", "end"]
+    for place, axes in enumerate(planes):  # 12 vehicles with path, start and end, the navigator
+        told = [line.get_xydata() for line in axes.lines if line.get_color() == style.RED]
+        assert len(axes.lines) == 37 + 4 * (place > 1)
+        assert len(told) == 16 * (place > 1)
         points = np.concatenate([line.get_xydata() for line in axes.lines])
         box = np.array([axes.get_xlim(), axes.get_ylim()]).T
         assert ((box[0] <= points) & (points <= box[1])).all()
         assert (points.max(axis=0) - points.min(axis=0) > 0.4 * (box[1] - box[0])).any()
     told = figure.get_supxlabel().replace("\n", " ")
-    assert "paths: sample 0 of each cell" in told
+    assert "paths: the first stored lane of each cell, sample 0; all on one scale" in told
     assert "lines: median of the lanes, bands: 5 to 95 % of lanes; ẽ: mean error" in told
     errors = [axes for axes in figure.axes if axes.get_yscale() == "log"]
     assert len(errors) == 4
@@ -68,13 +71,36 @@ def test_panels(results):
     np.testing.assert_allclose([line.get_ydata() for line in errors[2].lines], tracked, rtol=1e-6)
 
 
+def test_the_worst_lane_is_told_as_such(tmp_path):
+    """By its sample, if only the worst lanes are stored; and the path that it is told."""
+    keys = {"horizon": 1.0, "tail": 0.5, "save": {"trajectories": {"worst": 1}}}
+    attack = {"kind": "bias", "vehicles": [2], "magnitude": 3, "direction": 0}
+    sweep = {"topology": ["star", "cyclic"]}
+    study = systems.study(engine="exact", samples=6, attack=attack, sweep=sweep, **keys)
+    results = jaxnet.run(study, tmp_path / "out", progress=False)
+    figure = results.plot.panels()
+    rows = results.lanes
+    worst = rows.loc[rows.groupby("cell")["tail_mean"].idxmax(), "sample"].tolist()
+    told = figure.get_supxlabel().replace("\n", " ")
+    each = [f"{sample} in ({letter})" for sample, letter in zip(worst, "ab", strict=True)]
+    samples = each if worst[0] != worst[1] else [str(worst[0])]
+    assert f"paths: the worst lane of each cell, sample {', '.join(samples)}" in told
+    lane, cyclic = results.trajectories.isel(lane=1), figure.axes[1]
+    paths = [line.get_xydata() for line in cyclic.lines if line.get_linewidth() == 0.8]
+    (shift,) = {tuple(np.round(path[-1] - lane["states"].values[-1, 1, :2], 6)) for path in paths}
+    assert np.hypot(*shift) == pytest.approx(3.0, rel=1e-3)
+
+
 def test_topologies(results):
     """An arrow for every link, in the attack's look where the link is attacked."""
     star, cyclic = results.plot.topologies().axes
-    assert (star.get_title(), cyclic.get_title()) == ("star", "cyclic")
+    weights = "weights: neighbours 0.45, navigator 0.1"
+    titles = ["star\nweights: navigator 1", f"cyclic\n{weights}"]
+    given = [axes.get_title().replace(",\n", ", ") for axes in (star, cyclic)]
+    assert given == titles
     attacked = [[patch.get_linestyle() != "-" for patch in axes.patches] for axes in (star, cyclic)]
     assert [(len(each), sum(each)) for each in attacked] == [(12, 4), (36, 8)]
-    assert {text.get_text() for text in cyclic.texts} == {"0.1", "0.45", *map(str, range(13))}
+    assert {text.get_text() for text in cyclic.texts} == {*map(str, range(13))}
 
 
 def test_tails_are_rows_of_dots(results):
@@ -123,10 +149,14 @@ def test_what_has_no_room_is_told(many, results, monkeypatch):
     titles = [plain(axes.get_title()) for axes in figure.axes[::2]]
     assert titles[1] == "(b) rotating attack, ā = 4 m, attack frequency = 0.1 rad/s"
     assert len(titles) == 4
-    evenly = "are drawn, spread evenly over the sweep; all are in errors.zarr"
     told = plain(figure.get_supxlabel()).replace("\n", " ")
-    assert told.endswith(f"; 4 of 60 rows and 4 of 5 topologies {evenly}")
-    left_out = f"20 of 75 groups and 3 of 4 sizes ā {evenly}"
+    gone = "13 of 15 values of attack frequency, ā = 2 m, ā = 3 m, graph 2"
+    where = "all are in errors.zarr"
+    assert told.endswith(
+        f"; 4 of 60 rows and 4 of 5 topologies are drawn; not drawn: {gone}; {where}"
+    )
+    gone = "11 of 15 values of attack frequency, ā = 2 m"
+    left_out = f"20 of 75 groups and 3 of 4 sizes ā are drawn; not drawn: {gone}; {where}"
     for cells, told in ((many.cells, left_out), (results.study.cells, "")):
         drawn = printed(spreads.bands_drawing(scenes(cells), {}, "tracking"))
         assert plain(drawn.get_supxlabel()).replace("\n", " ") == told
@@ -193,9 +223,36 @@ def test_nodes_of_graphs_keep_apart():
     assert figure.get_supxlabel() == ""
     figure, _ = graphs_of(300, [7], ["star"])
     assert {text.get_text() for text in figure.axes[0].texts} == {"0", "7"}
-    assert figure.axes[0].get_title() == "star\nweights: 1 from 0"
+    assert figure.axes[0].get_title() == "star\nweights: navigator 1"
     words = "There is no room for the numbers of vehicles that are not attacked"
     assert figure.get_supxlabel() == words
+
+
+def test_graphs_that_differ_by_a_key_are_all_drawn():
+    """Their values stand in the title; what has no part in a graph is no note on it."""
+    losses = ["none", {"kind": "bernoulli", "probability": 0.2, "label": "a fifth"}]
+    sweep = {"channel.loss": losses, "topology.neighbours": [4, 6], "vehicles": [8, 9]}
+    keys = {"attack": {"vehicles": [2]}, "topology": {"kind": "lattice", "neighbours": 4}}
+    study = systems.study(**keys, sweep=sweep)
+    made = Results(UPath("nowhere"))
+    vars(made).update(study=study)
+    figure = every.Plots(made).topologies()
+    given = [axes.get_title().replace(",\n", ", ") for axes in figure.axes]
+    titles = [plain(words.split("\n")[0]) for words in given]
+    assert titles[:2] == ["lattice, neighbours = 4, vehicles = 8", titles[1]]
+    assert len(set(titles)) == 4
+    links = [len(axes.patches) - axes.get_title().count("navigator") for axes in figure.axes]
+    assert len(set(links)) == 4
+    assert figure.get_supxlabel() == ""
+
+
+def test_a_ring_with_few_informed_vehicles_is_a_circle():
+    """As one with many; a chain is not."""
+    ring = {"kind": "lattice", "neighbours": 2, "navigator": [1]}
+    for keys, is_ring in ((ring, True), ({"kind": "path"}, False)):
+        cell = jaxnet.load({"vehicles": 10, "topology": keys, "attack": "none"}).cells[0]
+        places = topology.source_places(situation_of(cell.scenario).graph)[1:]
+        assert np.allclose(np.hypot(*places.T), 1.0) == is_ring
 
 
 def test_a_large_fleet_is_shown_by_its_matrix():

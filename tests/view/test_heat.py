@@ -15,7 +15,7 @@ from upath import UPath
 from jaxnet.model.wording import number_text
 from jaxnet.statistics import tiles
 from jaxnet.statistics.intervals import clopper_pearson
-from jaxnet.statistics.tiles import NO_CELL, tiling
+from jaxnet.statistics.tiles import NO_CELL, end_text, tiling
 from jaxnet.store.results import Results
 from jaxnet.view import columns
 from jaxnet.view.drawings import heat
@@ -120,6 +120,13 @@ def test_a_share_is_not_flattered(lanes):
         assert abs(Fraction(words) - share) <= min(share, 100 - share) / 200
 
 
+def test_ends_of_intervals_have_one_decimal():
+    """But what is near 0 or 100 % is neither."""
+    ends = [0.0, 0.0633, 0.13, 8.81, 70.2, 91.19, 94.29, 99.9367, 100.0]
+    told = ["0", "0.06", "0.1", "8.8", "70.2", "91.2", "94.3", "99.94", "100"]
+    assert [*map(end_text, ends)] == told
+
+
 @pytest.mark.parametrize(
     ("value", "words"),
     [
@@ -195,7 +202,7 @@ def tile_words(panel) -> dict[tuple[int, int], list[str]]:
 def interval_of(count: int, lanes: int) -> str:
     """The exact interval as text [%]."""
     ends = clopper_pearson(np.array(count), np.array(lanes), 0.95)
-    return "–".join(number_text(100 * float(end)) for end in ends)
+    return "–".join(f"{100 * float(end):.1f}" for end in ends)
 
 
 def test_a_tile_tells_its_cells_share_and_interval():
@@ -211,7 +218,7 @@ def test_a_tile_tells_its_cells_share_and_interval():
     assert {word for each in tile_words(panels[0]).values() for word in each} == {""}
     assert tile_words(panels[3])[0, 1] == ["*"]
     assert plain(figure.get_supxlabel()) == (
-        "38 to 40 lanes a tile; 95 % intervals, at most 16.6 points to a side;"
+        "38 to 40 lanes a tile; 95 % intervals, half-widths at most 16.6 percentage points;"
         " * other lanes failed, and are in no number: 40 nonfinite, 2 disconnected;"
         " tail: the last 5 of 30 s"
     )

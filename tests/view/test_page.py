@@ -436,11 +436,11 @@ def test_the_figures_have_the_numbers_of_cells_csv(folder, html):
     assert points["lanes unrecovered [%]"].to_dict() == (100 * known["unrecovered"]).to_dict()
     assert points["low"].to_dict() == (100 * known["unrecovered_low"]).to_dict()
     for figure, rows in zip(figures_of(html, "ultimate"), (slice(1, 3), slice(4, 6)), strict=False):
-        table = pd.DataFrame(figure["columns"]).set_index("series")["greatest tail error [m]"]
+        table = pd.DataFrame(figure["columns"]).set_index("series")["greatest tail error / ā"]
         for series, name in (("median, 5 to 95 % of lanes", "median"), ("maximum", "max")):
-            assert table[series].tolist() == stored[f"tail_max_{name}"][rows].tolist()
+            assert table[series].tolist() == (stored[f"tail_max_{name}"][rows] / [1, 10]).tolist()
     first = pd.DataFrame(figures_of(html, "ultimate")[0]["columns"]).set_index("series")
-    assert first.loc["peak gain", "greatest tail error [m]"].tolist() == [12, 120]
+    assert first.loc["peak gain", "greatest tail error / ā"].tolist() == [12, 12]
 
 
 def test_violations_and_failures_have_their_commands(folder, html, monkeypatch):
@@ -496,6 +496,40 @@ def test_one_magnitude_is_no_fit(folder):
     drawing = ultimate_drawing([alone, ring], "tail_max")
     for said in (printed(drawing).get_supxlabel(), plotted(drawing)):
         assert "anes ended at one ā alone: no line is fitted (star)" in said.replace("\n", " ")
+
+
+def test_a_slope_stays_within_magnitudes_that_have_lanes(folder):
+    """Two at least, though the table of fits has a number; a bound of theory reaches all."""
+    star, ring = curves.curves(jaxnet.open(folder))
+    cells = ring.cells.loc[[1.0, 10.0, 10.0, 10.0]].set_axis([1.0, 10.0, 100.0, 1000.0])
+    lanes = [name for name in cells if name.startswith(("tail_max", "tail_mean"))]
+    for known in (1, 2):
+        lost = cells.astype(dict.fromkeys(lanes, float))
+        lost.iloc[known:, [cells.columns.get_loc(name) for name in lanes]] = np.nan
+        panels = ultimate_drawing([star, ring._replace(cells=lost)], "tail_max").panels
+        series = {each.name: each for each in panels[1].series}
+        assert series["peak gain"].x.tolist() == [1, 10, 100, 1000]
+        assert series["peak gain"].y.tolist() == [24] * 4
+        if known == 1:
+            assert panels[1].note == "lanes ended at one ā alone: no line is fitted"
+            assert "fit of the means" not in series
+        else:
+            assert series["fit of the means"].x.tolist() == [1, 10]
+
+
+def test_rounding_does_not_stretch_the_axis_of_errors(folder):
+    """It ends two decades below the least median; what is less stands there, and is told."""
+    star, ring = curves.curves(jaxnet.open(folder))
+    least = min((each.spread("tail_max", "median")[0] / each.sizes).min() for each in (star, ring))
+    tiny = star._replace(cells=star.cells.assign(tail_max_q05=1e-11))
+    for found, is_low in (([star, ring], False), ([tiny, ring], True)):
+        drawing = ultimate_drawing(found, "tail_max")
+        assert least / 400 < drawing.y.ends[0] < least
+        figure = printed(drawing)
+        told = f"values below {drawing.y.floor:g} ā are drawn there"
+        assert (told in figure.get_supxlabel().replace("\n", " ")) == is_low
+        arrows = [line for line in figure.axes[0].lines if line.get_marker() == "v"]
+        assert len(arrows) == is_low
 
 
 def test_missing_files_leave_their_sections_out(folder, tmp_path):
@@ -933,10 +967,10 @@ def test_a_plot_hides_curves_and_is_kept(opened, folder, tmp_path):
     given = pd.read_csv(found["test_star.csv"]).set_index("series")
     stored, lanes = pd.read_csv(folder / "cells.csv")[1:3], given.loc["median, 5 to 95 % of lanes"]
     assert lanes["attack magnitude ā [m]"].tolist() == stored["attack.magnitude"].tolist()
-    columns = {"greatest tail error [m]": "median", "low": "q05", "high": "q95"}
+    columns = {"greatest tail error / ā": "median", "low": "q05", "high": "q95"}
     for name, statistic in columns.items():
-        np.testing.assert_array_equal(lanes[name], stored[f"tail_max_{statistic}"])
-    assert given.loc["peak gain", "greatest tail error [m]"].tolist() == [12, 120]
+        np.testing.assert_array_equal(lanes[name], stored[f"tail_max_{statistic}"] / [1, 10])
+    assert given.loc["peak gain", "greatest tail error / ā"].tolist() == [12, 12]
     picture = found["test_star.svg"].read_text()
     assert "peak gain" in picture
     assert "rgb(230, 233, 237)" not in picture  # the ink of the dark

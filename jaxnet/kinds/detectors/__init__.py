@@ -104,6 +104,7 @@ class Detector(AnyDetector):
         "never",
         "what an alarm does from its tick on: never, nothing; message, the message counts as lost; "
         "link, the listener ignores the source; both_ways, the source ignores the listener too",
+        title="alarms cut",
     )
     return_after: Positive | None = setting(
         None, "[s], after which a cut link returns; null: it never does"

@@ -19,7 +19,9 @@ class ChiSquared(Detector):
     words = "χ² test"
 
     false_alarms: Annotated[Number, Within(gt=0.0, lt=1.0)] = setting(
-        0.01, "probability of an alarm about an honest message with normal errors"
+        0.01,
+        "probability of an alarm about an honest message with normal errors",
+        title="nominal rate",
     )
     window: int = setting(
         1, "number of messages of a link that are tested together, the last ones", ge=1, le=50

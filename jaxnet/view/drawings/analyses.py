@@ -31,7 +31,7 @@ INDICES = {
 AXIS_MARGIN = 0.08
 
 
-def course_drawing(found: Sequence[Course], there: int, words: str) -> Drawing:
+def course_drawing(found: Sequence[Course], cells: Sequence[Cell], words: str) -> Drawing:
     """The best value against the number of lanes: of each search and of random lanes."""
     best = np.concatenate([[*each.best, *each.random_best] for each in found])
     lanes = [float(n) for each in found for n in (*each.lanes, *each.random_lanes)]
@@ -48,12 +48,14 @@ def course_drawing(found: Sequence[Course], there: int, words: str) -> Drawing:
         panels.append(Panel(each.cell.labels, [each.cell.number], series))
     y = Scale(words, log_ends(known), log=True)
     x = Scale("lanes", log=True)
-    return Drawing(panels, x, y, there=(there, "cells"), where="search.csv")
+    return Drawing(
+        panels, x, y, there=([cell.labels for cell in cells], "cells"), where="search.csv"
+    )
 
 
 def worst_drawing(table: pd.DataFrame, cells: Sequence[Cell], words: str) -> Drawing:
     """A row per cell of the table: random lanes, the choice found, late too, the bound."""
-    there, searched = len(cells), set(table["cell"])
+    searched = set(table["cell"])
     shown = evenly([cell for cell in cells if cell.number in searched], MOST_PANELS)
     rows = table.set_index("cell").loc[[cell.number for cell in shown]]
     marks = {name: look for name, look in SEARCH_MARKS.items() if name in rows}
@@ -63,11 +65,12 @@ def worst_drawing(table: pd.DataFrame, cells: Sequence[Cell], words: str) -> Dra
         Trace(name, look, value, at, "points")
         for (name, look), value in zip(marks.items(), values.T, strict=True)
     ]
-    titles, common = distinct_titles([cell.labels for cell in shown])
+    labels = [cell.labels for cell in shown]
+    titles, common = distinct_titles(labels)
     x = Scale(words, log_ends(values), log=True)
     panel = Panel({}, [cell.number for cell in shown], series)
-    y, total = Scale("", names=titles), (there, "cells")
-    return Drawing([panel], x, y, [common], there=total, where="worst.csv")
+    y, there = Scale("", names=titles, labels=labels), [cell.labels for cell in cells]
+    return Drawing([panel], x, y, [common], there=(there, "cells"), where="worst.csv")
 
 
 def sensitivity_drawing(table: pd.DataFrame, cells: Sequence[Cell]) -> Drawing:
@@ -96,5 +99,5 @@ def sensitivity_drawing(table: pd.DataFrame, cells: Sequence[Cell]) -> Drawing:
     low, high = np.nanmin(estimates, initial=0.0), np.nanmax(estimates, initial=1.0)
     x = Scale(f"part of the variance of {metric}", (low - AXIS_MARGIN, high + AXIS_MARGIN))
     y = Scale("", names=names)
-    there = len(shown), "cells"
+    there = [cell.labels for cell in shown], "cells"
     return Drawing(panels, x, y, notes, beside=2, there=there, where="sensitivity.csv")

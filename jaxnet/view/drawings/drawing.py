@@ -10,15 +10,15 @@ import matplotlib as mpl
 import numpy as np
 from jaxtyping import Float, Int
 
+from jaxnet.config.naming import choices_words
 from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR
 from jaxnet.statistics.groups import Label
-from jaxnet.view.drawings.words import distinct_titles
 from jaxnet.view.figures import style
 
-MOST_NOTED = 3  # panels by a note
+MOST_NOTED = 3  # choices of panels by a note
 MOST_BARS = 24  # points of a line that have error bars; more have a band
 DODGE = 0.012  # of the axis, between neighbouring colours
-MOVED_NOTE = "points are moved sideways to part them"
+MOVED_NOTE = "points are shifted sideways for legibility"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
 
 
@@ -85,7 +85,7 @@ class Tiles(NamedTuple):
 class Scale(NamedTuple):
     """An axis. Names stand at 0, 1, …, on y from the top; `ticks` where there is room for them.
 
-    Values below LOG_FLOOR stand there on a log axis, with hollow markers.
+    Values below the floor stand there on a log axis, with hollow markers.
     """
 
     title: str
@@ -95,20 +95,24 @@ class Scale(NamedTuple):
     whole: bool = False
     names: Sequence[str] = ()
     ticks: Sequence[Any] = ()
+    floor: float = LOG_FLOOR
+    labels: Sequence[Mapping[str, Label]] = ()  # of the names, if swept values make them
 
     @property
     def unit(self) -> str:
-        return self.title.rpartition("[")[2].removesuffix("]") if "[" in self.title else ""
+        """The unit in brackets, else what the title divides by."""
+        start = "[" if "[" in self.title else "/ "
+        return self.title.rpartition(start)[2].removesuffix("]") if start in self.title else ""
 
     def within(self, values: Any) -> Any:
         """Values as a log axis shows them."""
         if values is None or not self.log:
             return values
-        return np.clip(values, LOG_FLOOR, GREATEST_SHOWN)
+        return np.clip(values, self.floor, GREATEST_SHOWN)
 
     def is_low(self, values: Any) -> Any:
         """Which values a log axis shows at its floor."""
-        return self.log & (np.asarray(values, float) <= LOG_FLOOR)
+        return self.log & (np.asarray(values, float) <= self.floor)
 
 
 def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
@@ -133,6 +137,10 @@ class Panel(NamedTuple):
     tiles: Tiles | None = None
 
 
+Selection = tuple[Sequence[Mapping[str, Label]], Sequence[Mapping[str, Label]], str]
+"""Labels of what is drawn, of all that there is, and its noun."""
+
+
 class Drawing(NamedTuple):
     """Panels on common axes, what all of them leave open, and what is left out."""
 
@@ -142,23 +150,22 @@ class Drawing(NamedTuple):
     notes: Sequence[str] = ()
     key: str = ""  # title of the legend
     beside: int = 1  # series side by side in a named row
-    there: tuple[int, str] | None = None  # how many of a noun there are, if not these panels
+    there: tuple[Sequence[Mapping[str, Label]], str] | None = None  # all of a noun, else panels
     where: str = "cells.csv"  # what holds all
-    left_out: Sequence[tuple[int, int, str]] = ()  # further ones drawn, there, and their noun
+    left_out: Sequence[Selection] = ()  # further ones
     colours: Scale | None = None  # of tiles
     blank: str = ""  # why tiles have no number
 
     def told(self, panels: Sequence[Panel]) -> list[str]:
         """The notes, those on these panels, and how points were moved and low values are drawn."""
         series = [each for panel in panels for each in panel.series if each.form != "slope"]
-        scale, named = self.x if self.y.names else self.y, dict[str, list[str]]()
-        titles, _ = distinct_titles([panel.labels for panel in panels])
-        for panel, title in zip(panels, titles, strict=True):
-            named.setdefault(panel.note, []).append(title)
+        scale, named = self.x if self.y.names else self.y, dict[str, list[Mapping[str, Label]]]()
+        for panel in panels:
+            named.setdefault(panel.note, []).append(panel.labels)
         notes = []
         for note, some in named.items():
-            more = [f"{len(some) - MOST_NOTED} more"] * (len(some) > MOST_NOTED)
-            where = [*some[:MOST_NOTED], *more] if len(some) < len(panels) else ["all"]
+            where = choices_words(some, [panel.labels for panel in panels])
+            where[MOST_NOTED:] = [f"{len(where) - MOST_NOTED} more"] * (len(where) > MOST_NOTED)
             notes += [f"{note} ({' / '.join(where)})"] * bool(note)
         found = [
             *self.notes,
@@ -171,5 +178,5 @@ class Drawing(NamedTuple):
             return found
         pairs = zip(series, middle, strict=True)
         hollow = any(each.look.marker and scale.is_low(at).any() for each, at in pairs)
-        low = f"values below {LOG_FLOOR:.0e} {scale.unit} are drawn there".replace("e-0", "e-")
+        low = f"values below {scale.floor:g} {scale.unit} are drawn there".replace("e-0", "e-")
         return [*found, low + ", hollow" * hollow]

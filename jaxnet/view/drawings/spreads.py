@@ -27,7 +27,7 @@ JUDGED_WORDS = {
     "tail_mean": "mean error over the tail and the vehicles [m]",
     "spread": "spread of honest vehicles over the tail [m]",
 }
-MOST_TAIL_ROWS = 24  # cells that one figure takes
+MOST_TAIL_ROWS = 40  # cells that one figure takes
 MOST_DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other
 MOST_MAGNITUDES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 JITTER = 0.22  # of a row
@@ -50,8 +50,8 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
 
     Of many cells MOST_TAIL_ROWS are shown, evenly along each swept key.
     """
-    metric = judged_metric(cells)
-    shown = [cells[at] for at in evenly_over([cell.labels for cell in cells], MOST_TAIL_ROWS)]
+    metric, there = judged_metric(cells), [cell.labels for cell in cells]
+    shown = [cells[at] for at in evenly_over(there, MOST_TAIL_ROWS)]
     places = {cell.number: place for place, cell in enumerate(shown)}
     series = []
     for cell, lanes in results.by_cell(metric, where=rows.OK, cells=places):
@@ -63,14 +63,15 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
             Trace("", DOT, dots, row + jitter, "points"),
             Trace("", MIDDLE, median, np.array(row), "points", low, high),
         ]
-    titles, common = distinct_titles([cell.labels for cell in shown])
+    labels = [cell.labels for cell in shown]
+    titles, common = distinct_titles(labels)
     many = max(results.samples) > MOST_DOTS
     dot = f"{MOST_DOTS:,} dots evenly by rank" if many else "one dot per lane"
     notes = [common, f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
-    notes.append(unended_words(results.cells.loc[[cell.number for cell in cells]]))
+    notes.append(unended_words(results, cells))
     panel, x = Panel({}, [*places], series), Scale(JUDGED_WORDS[metric], log=True)
-    y = Scale("", names=titles)
-    return Drawing([panel], x, y, notes, there=(len(cells), "cells"), where="lanes/")
+    y = Scale("", names=titles, labels=labels)
+    return Drawing([panel], x, y, notes, there=(there, "cells"), where="lanes/")
 
 
 def thin_by_rank(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dots"]:
@@ -84,12 +85,12 @@ def bands_drawing(
     bands: Mapping[int, Band],
     variable: str,
     hue: str | None = None,
-    there: int = 0,
+    there: Sequence[Group] = (),
 ) -> Drawing:
     """A series over time: a panel per group of cells, a colour per cell of a group.
 
     Cells of a group differ in `hue`, or else in ā, of which three are drawn. The median of a group
-    of one cell is named so, without ā. `there` is the number of groups of which these are some.
+    of one cell is named so, without ā. `there` are the groups of which these are some.
     """
     sizes, panels, names = max(len(group.cells) for group in groups), [], dict[int, str]()
     most = sizes if hue else min(MOST_MAGNITUDES, sizes)
@@ -110,11 +111,12 @@ def bands_drawing(
     lanes = sorted({band.lanes for band in bands.values()})
     notes = [f"over {count_between(lanes, 'lane')} of a cell"] if lanes else []
     notes += [SPREAD_WORDS] * (variable == "spread")
-    left_out = [(most, sizes, "sizes ā")]
+    several = [cell.labels for cell in max(groups, key=lambda group: len(group.cells)).cells]
+    left_out = [(evenly(several, most), several, "sizes ā")]
     words = OVER_TIME_WORDS.get(variable, variable)
     ends = log_ends(*(end for each in bands.values() for end in (each.low, each.greatest)), [])
     y = Scale(words, ends, log=True)
-    total = there or len(groups), "groups"
+    total = [group.labels for group in there or groups], "groups"
     return Drawing(panels, Scale("t [s]"), y, notes, there=total, where="errors.zarr",
                    left_out=left_out)  # fmt: skip
 
@@ -152,13 +154,15 @@ def vehicles_drawing(
         series = [each for each in series if len(each.x)]  # no liars that are not known
         if np.isfinite(limit):
             ends = np.array([0.5, cell.scenario.vehicles + 0.5])
-            series.append(Trace("threshold of recovery", LIMIT, ends, np.full(2, limit), "level"))
+            whose = "of the spread" if is_leaderless(cells) else "of the fleet's mean"
+            named = f"threshold of recovery, {whose}"
+            series.append(Trace(named, LIMIT, ends, np.full(2, limit), "level"))
         panels.append(Panel(cell.labels, [cell.number], series))
     known = recovery is not None and np.isfinite(limits).any()
     notes = [share_definition(recovery, cells)] if recovery is not None and known else []
     words = "distance from the mean" if is_leaderless(cells) else "mean error"
     y = Scale(f"{words} over the tail [m]", log=True)
-    there = len(cells), "cells"
+    there = [cell.labels for cell in cells], "cells"
     return Drawing(
         panels, Scale("vehicle", whole=True), y, notes, there=there, where="vehicles.zarr"
     )

@@ -40,7 +40,9 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
     looks = hue_looks(hues)
     names = [value_alone(axes.hue, hue) for hue in hues] if axes.hue else [""]
     across = Scale(quantity(x) if x else "", log=numbers and geometric(values), ticks=values)
-    rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""])
+    labels = [{x: value} for value in values] if x else []
+    rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""],
+                 labels=labels)  # fmt: skip
     shown = Scale(found.axis, found.ends, found.log, found.share)
 
     def series(place: int, mine: Sequence[Cell]) -> Trace:

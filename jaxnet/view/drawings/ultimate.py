@@ -1,9 +1,11 @@
-"""The ultimate error δ̂(ā): quantiles of simulated lanes, bounds, and fitted lines."""
+"""The ultimate error δ̂(ā) per ā: quantiles of simulated lanes, bounds, and fitted slopes."""
 
 from collections.abc import Sequence
 from typing import Any
 
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, log_ends
+import numpy as np
+
+from jaxnet.statistics.curves import BOUND_NAMES, LOG_FLOOR, Curve, log_ends
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.figures import style
 
@@ -22,14 +24,22 @@ FITS = {
 MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
-LINES_TOLD = "coloured lines: bounds of theory; grey lines: s ā fitted to the lanes"
+LINES_TOLD = (
+    "coloured lines: bounds of theory; grey lines: slope s of s ā fitted to the lanes; the interval"
+    " of a mean may be narrower than its mark"
+)
+LEAST_SHOWN = 0.01  # of the least median: what is less stands at the lower end of the axis
+FEW_STATISTICS = ("q05", "median", "max")
 CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
-ULTIMATE_WORDS = {"tail_max": "greatest tail error [m]", "tail_mean": "mean tail error [m]"}
+ULTIMATE_WORDS = {"tail_max": "greatest tail error / ā", "tail_mean": "mean tail error / ā"}
 
 
 def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
-    """δ̂(ā): a panel a curve, with quantiles of its lanes, and bounds and fits as lines s·ā."""
-    shown, panels = list[Any](), []
+    """δ̂(ā) / ā: a panel a curve, with quantiles of its lanes, and slopes of bounds and fits.
+
+    A line of a fit ends with the magnitudes at which lanes ended.
+    """
+    shown, medians, panels = list[Any](), list[Any](), []
     for curve in found:
         slopes = {
             BOUND_NAMES[name]: (slope, BOUND_LOOKS[name])
@@ -42,15 +52,22 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
         lines = []
         for name, (slope, look) in slopes.items():
             x = curve.sizes[curve.ended] if name in FITS else curve.sizes
-            lines.append(Trace(name, look, x, slope * x, "slope"))
+            lines.append(Trace(name, look, x, np.full(len(x), slope), "slope"))
         labels, about = curve.group.labels, [*curve.group.attacked]
         series = [*lines, *lane_series(curve, metric)]
-        most = [limit * curve.sizes.max() for limit in curve.limits(metric).values()]
-        shown += [*curve.spread(metric, "q05", "max"), most]
+        low, median, most = (each / curve.sizes for each in curve.spread(metric, *FEW_STATISTICS))
+        shown += [low, most, [*curve.limits(metric).values()]]
+        medians += median[median > LOG_FLOOR].tolist()
         panels.append(Panel(labels, about, series, note=slope_note(curve, metric)))
+    first, last = log_ends(*shown)
+    every = np.concatenate(shown)
+    last = min(last, 1.5 * every[np.isfinite(every)].max(initial=first))
+    floor = 10.0 ** float(np.round(np.log10(LEAST_SHOWN * min(medians, default=1.0))))
+    floor = floor if first < floor else LOG_FLOOR
     x = Scale("attack magnitude ā [m]", log=True)
-    y = Scale(ULTIMATE_WORDS[metric], log_ends(*shown), log=True)
-    return Drawing(panels, x, y, [LINES_TOLD], there=(len(found), "groups"))
+    y = Scale(ULTIMATE_WORDS[metric], (max(first, floor), last), log=True, floor=floor)
+    there = [curve.group.labels for curve in found]
+    return Drawing(panels, x, y, [LINES_TOLD], there=(there, "groups"))
 
 
 def slope_note(curve: Curve, metric: str) -> str:
@@ -64,10 +81,11 @@ def slope_note(curve: Curve, metric: str) -> str:
 
 def lane_series(curve: Curve, metric: str) -> list[Trace]:
     """Mean, median, 5 to 95 % and maximum of the lanes."""
-    sizes, statistics = curve.sizes, curve.spread(metric, *CURVE_STATISTICS)
+    sizes = curve.sizes
+    statistics = (each / sizes for each in curve.spread(metric, *CURVE_STATISTICS))
     q05, median, q95, most, mean, low, high = statistics
     found = [
-        Trace("mean, 95 % interval", MEAN, 1.1 * sizes, mean, low=low, high=high),
+        Trace("mean, 95 % interval", MEAN, sizes, mean, low=low, high=high, moved=(1.1, 0.0)),
         Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, low=q05, high=q95),
         Trace("maximum", MAXIMUM, sizes, most),
     ]

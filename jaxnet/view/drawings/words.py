@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from jaxnet.config.naming import labels_title
+from jaxnet.config.naming import key_name, labels_title, value_name
 from jaxnet.model.wording import RESULT_DIGITS, number_text
-from jaxnet.statistics.groups import Label
+from jaxnet.statistics.groups import Label, numeric
 from jaxnet.view.columns import is_rounding
 
 ROUNDED = "0 (rounding)"
+MOST_GONE = 4  # numbers of one key that are not drawn and are named
 
 
 def distinct_titles(labels: Sequence[Mapping[str, Label]]) -> tuple[list[str], str]:
@@ -19,6 +20,21 @@ def distinct_titles(labels: Sequence[Mapping[str, Label]]) -> tuple[list[str], s
         common = {k: v for k, v in labels[0].items() if all(v == each[k] for each in labels)}
     titles = [labels_title({k: v for k, v in each.items() if k not in common}) for each in labels]
     return titles, f"all with {labels_title(common)}" if common else ""
+
+
+def gone_words(
+    shown: Sequence[Mapping[str, Label]], there: Sequence[Mapping[str, Label]]
+) -> list[str]:
+    """The swept values that nothing shown has: all names, and few numbers or their number."""
+    found = []
+    for key in there[0]:
+        values, kept = ({labels[key]: 0 for labels in each} for each in (there, shown))
+        gone = [value for value in values if value not in kept]
+        if numeric(gone) and len(gone) > MOST_GONE:
+            found.append(f"{len(gone)} of {len(values)} values of {key_name(key)}")
+        else:
+            found += [value_name(key, value) if key else str(value) for value in gone]
+    return found
 
 
 def error_text(value: float, scale: float = 1.0, digits: int = RESULT_DIGITS) -> str:

@@ -11,6 +11,7 @@ from upath import UPath
 
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Config
+from jaxnet.config.naming import label_notes
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
@@ -27,6 +28,7 @@ from jaxnet.statistics.quantities import (
     asked_quantity,
     metric_and_statistic,
     quantity_of,
+    unended_words,
 )
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
@@ -60,6 +62,7 @@ TWO_KEYS = (
 )
 NOT_OF_ERRORS = (*SEARCH, *SENSITIVITY, "topologies")
 OF_THE_TAIL = ("tails", "vehicles", "curve", "heat", "heat_worst", "ultimate", "ultimate_mean")
+OF_ENDED_LANES = ("vehicles", "ultimate", "ultimate_mean", "bands")
 NO_CHOICE: Mapping[str, object] = {}
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
 LONGEST_FILE_NAME = 100  # letters of a file's name
@@ -164,9 +167,13 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             over_tail, of_errors = draw.__name__ in OF_THE_TAIL, draw.__name__ not in NOT_OF_ERRORS
             if draw.__name__ == "curve":
                 over_tail, of_errors = about_curve(self.results.study.config, axes.get("y"))
-            notes = []
+            graphs = draw.__name__ == "topologies"
+            labels = [topology.graph_labels(cell) if graphs else cell.labels for cell in cells]
+            notes = label_notes(self.results.study.config.sweep, labels)
             if over_tail:
                 notes += [tail_words(cells), falling_words(self.results, cells)]
+            if draw.__name__ in OF_ENDED_LANES:
+                notes.append(unended_words(self.results, cells))
             formation = any(cell.scenario.formation.present for cell in cells)
             notes += [FORMATION_NOTE] * (of_errors and formation)
             multiples.write_note(made, multiples.escape_dollars("; ".join(filter(None, notes))))
@@ -252,7 +259,7 @@ class Plots:
         places = evenly_over([group.labels for group in there], MOST_PANELS)
         groups = [there[place] for place in places]
         found = error_bands(stored[name], [cell for group in groups for cell in group.cells])
-        return printed(spreads.bands_drawing(groups, found, name, hue, len(there)), width)
+        return printed(spreads.bands_drawing(groups, found, name, hue, there), width)
 
     @plot
     def vehicles(self, cells: Sequence[Cell], width: float) -> Figure:
@@ -296,12 +303,12 @@ class Plots:
 
     @plot
     def ultimate(self, cells: Sequence[Cell], width: float) -> Figure:
-        """Draw the greatest tail error against ā, with stored bounds and fits."""
+        """Draw the greatest tail error per ā against ā, with stored bounds and fits."""
         return printed(ultimate_drawing(curves_of(self.results, cells), "tail_max"), width)
 
     @plot
     def ultimate_mean(self, cells: Sequence[Cell], width: float) -> Figure:
-        """Draw the mean tail error against ā, with stored bounds and fits."""
+        """Draw the mean tail error per ā against ā, with stored bounds and fits."""
         return printed(ultimate_drawing(curves_of(self.results, cells), "tail_mean"), width)
 
     @plot
@@ -310,7 +317,7 @@ class Plots:
         need_search(self.results, cells)
         found = list(search_courses(self.results, evenly(cells, MOST_PANELS)))
         words = worst.metric_with_unit(self.results)
-        return printed(analyses.course_drawing(found, len(cells), words), width)
+        return printed(analyses.course_drawing(found, cells, words), width)
 
     @plot
     def search_worst(self, cells: Sequence[Cell], width: float) -> Figure:

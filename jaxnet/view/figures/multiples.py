@@ -20,7 +20,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.statistics.groups import Label, evenly_over
-from jaxnet.view.drawings.words import distinct_titles
+from jaxnet.view.drawings.drawing import Selection
+from jaxnet.view.drawings.words import distinct_titles, gone_words
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 
@@ -28,7 +29,8 @@ Labels = Mapping[str, Label]  # swept values of a panel or row, by key
 
 PANEL_HEIGHT = 1.45  # [in]
 PANELS_PER_ROW = 4  # panels in a row across two columns
-ROW_HEIGHT, LINE_HEIGHT = 0.28, 0.13  # [in] of a named row at least, and of each line of its name
+ROW_HEIGHT, LEAST_ROW_HEIGHT = 0.28, 0.17  # [in] of a named row, and of one of many
+LINE_HEIGHT = 0.13  # [in] of each line of its name
 AXIS_ROOM = 0.7  # [in] for axis and legend
 LETTERS_PER_INCH = 17  # of a note
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
@@ -104,12 +106,14 @@ def show_unparsed(drawn: Figure) -> None:
             text.set_parse_math(False)
 
 
-def write_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> None:
-    """Write how many items of each kind are drawn, if some are not, and where all are stored."""
-    lacking = [f"{shown:,} of {there:,} {noun}" for shown, there, noun in parts if shown < there]
+def write_left_out(drawn: Figure, *parts: Selection, where: str) -> None:
+    """Write how many of each noun are drawn, if some are not, which not, and where all are."""
+    lacking = [part for part in parts if len(part[0]) < len(part[1])]
     if lacking:
-        told = f"{' and '.join(lacking)} are drawn, spread evenly over the sweep"
-        write_note(drawn, f"{told}; all are in {where}")
+        told = [f"{len(shown):,} of {len(there):,} {noun}" for shown, there, noun in lacking]
+        gone = ", ".join(word for shown, there, _ in lacking for word in gone_words(shown, there))
+        told = f"{' and '.join(told)} are drawn{f'; not drawn: {gone}' * bool(gone)}"
+        write_note(drawn, escape_dollars(f"{told}; all are in {where}"))
 
 
 def write_note(drawn: Figure, words: str) -> None:

@@ -1,7 +1,7 @@
 """The paper's figure: a row per attack; trajectories of each topology, and all errors over time."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from jaxnet.statistics.groups import Label, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.drawing import LOOKS, Scale
-from jaxnet.view.drawings.scene import attacked_vehicles, headings
+from jaxnet.view.drawings.scene import LaneScene, scene_of
 from jaxnet.view.drawings.spreads import band_series
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.printed import draw_series, line_style
@@ -50,6 +50,7 @@ HONEST_PATH: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle"
 CROWDED_PATHS: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "rasterized": True, "zorder": 1}
 CROWD_INK, CROWD_OPACITY = 150, (0.03, 0.15)  # of all paths of a crowd together, and of one of them
 ATTACKED_PATH: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
+TOLD_PATH: dict[str, Any] = {"color": style.RED, "linewidth": 0.8, "linestyle": (0, (1, 1.5))}
 LIMITED_PATH: dict[str, Any] = {"color": style.LIMITED, "linewidth": 2.0, "zorder": 0.5}
 TOUCHING_PATH = LIMITED_PATH | {"color": style.PURPLE, "zorder": 0.4, "linewidth": 3.5}
 END_SIZE = 5
@@ -82,12 +83,14 @@ def panels_figure(
     widths = [1.0] * columns if narrow else [1.0] * planes + [ERRORS_WIDTH] * errors
     grid = GridSpec(lines * len(rows), columns, figure=drawn, width_ratios=widths)
     paths = results.trajectories if trajectories else None
-    lanes = {} if paths is None else {c.number: first_lane(paths, c) for row in rows for c in row}
-    lanes = {
-        number: None if lane is None else pictured(results, number, int(lane["sample"]), lane)[0]
-        for number, lane in lanes.items()
-    }
-    box = box_of([lane for lane in lanes.values() if lane is not None])
+    found = {} if paths is None else {c.number: first_lane(paths, c) for row in rows for c in row}
+    lanes = {number: lane for number, lane in found.items() if lane is not None}
+    samples = {number: int(lane["sample"]) for number, lane in lanes.items()}
+    scenes = {}
+    for number, lane in lanes.items():
+        lane, graph = pictured(results, number, samples[number], lane)
+        scenes[number] = scene_of(lane, results.study.cells[number], graph)
+    box, shown = box_of([*scenes.values()]), dict[int, list[str]]()
     letters, above = iter(map(chr, range(ord("a"), ord("z")))), dict[int, str]()
     for number, row in enumerate(rows):
         spots = [grid[lines * number + n // columns, n % columns] for n in range(panels)]
@@ -99,7 +102,9 @@ def panels_figure(
             new = multiples.escape_dollars(name) if above.get(place) != name else ""
             panel.set_title(f"{titles[place]} {new}".rstrip(), pad=3)
             above[place] = name
-            draw_plane(panel, cell, lanes[cell.number], box)
+            draw_plane(panel, cell, scenes.get(cell.number), box)
+            if cell.number in samples:
+                shown.setdefault(samples[cell.number], []).append(titles[place])
             if cell is row[0]:
                 panel.set_ylabel(f"{textwrap.fill(row_caption(cell), ROW_LETTERS)}\ny [m]")
             elif spot.colspan.start == 0:
@@ -114,22 +119,22 @@ def panels_figure(
             title, key = f"{titles[-1]} {words}".rstrip(), number == 0 and not narrow
             draw_errors(drawn, spots[-1], row, results.errors, title, key)
     if trajectories:
-        handles = panels_legend(rows, [lane for lane in lanes.values() if lane is not None])
+        handles = panels_legend(rows, [*scenes.values()])
         handles += error_keys(rows[0], f"{judged}, ") * (errors and narrow)
         multiples.write_legend(drawn, handles, 6, handlelength=2.2)
-    samples = {int(lane["sample"]) for lane in lanes.values() if lane is not None}
-    if samples:
-        sample = f"sample {samples.pop()}" if len(samples) == 1 else "the first sample that ended"
-        if isinstance(kept := results.study.config.save.trajectories, WorstLanes):
-            sample = "the worst lane" if kept.worst == 1 else f"one of the {kept.worst} worst lanes"
-        multiples.write_note(drawn, f"paths: {sample} of each cell, on one scale")
+    if shown:
+        whose = lanes_told(results.study.config.save.trajectories, shown)
+        multiples.write_note(drawn, f"paths: {whose}; all on one scale")
     if errors:
         words = SPREAD_WORDS if is_leaderless(cells) else SYMBOLS_TOLD
         multiples.write_note(drawn, "; ".join([BANDS_TOLD, words, DISAGREEMENT_TOLD]))
     stores = {"trajectories.zarr": trajectories, "errors.zarr": errors}
     where = " and ".join(store for store, there in stores.items() if there)
-    most = max(map(len, rows)), max(map(len, whole)), "topologies"
-    multiples.write_left_out(drawn, (len(rows), len(whole), "rows"), most, where=where)
+    some, every = (
+        [{"topology": topology_name(cell)} for cell in max(each, key=len)] for each in (rows, whole)
+    )
+    parts = ([labels[place] for place in places], labels, "rows"), (some, every, "topologies")
+    multiples.write_left_out(drawn, *parts, where=where)
     return drawn
 
 
@@ -142,6 +147,18 @@ def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
         mine, along = paths.isel(cell=cell.number), "sample"
     lanes = (mine.isel({along: number}).load() for number in range(mine.sizes[along]))
     return next((lane for lane in lanes if not lane["states"].isel(time=0).isnull().any()), None)
+
+
+def lanes_told(saved: object, shown: Mapping[int, Sequence[str]]) -> str:
+    """Which lanes are drawn: why these, and their samples with the panels that have them."""
+    why = "the first stored lane of each cell"
+    if isinstance(saved, WorstLanes):
+        some = "the worst lane" if saved.worst == 1 else f"one of the {saved.worst} worst lanes"
+        why = f"{some} of each cell"
+    if len(shown) == 1:
+        return f"{why}, sample {next(iter(shown))}"
+    each = (f"{sample} in {', '.join(panels)}" for sample, panels in shown.items())
+    return f"{why}, sample {', '.join(each)}"
 
 
 def rows_of_cells(cells: Sequence[Cell]) -> list[list[Cell]]:
@@ -167,14 +184,10 @@ def row_caption(cell: Cell) -> str:
     return multiples.escape_dollars(", ".join(words))
 
 
-def box_of(lanes: Sequence[xr.Dataset]) -> list[tuple[float, float]]:
+def box_of(lanes: Sequence[LaneScene]) -> list[tuple[float, float]]:
     """Ends of x and y [m] around all paths and arenas; no side is under half the other."""
-    points = [
-        lane[name].values[..., :2].reshape(-1, 2)
-        for lane in lanes
-        for name in ("states", "navigator")
-    ]
-    corners = ([arena["x"], arena["y"]] for lane in lanes if (arena := lane.attrs["arena"]))
+    points = [lane.places.reshape(-1, 2) for lane in lanes]
+    corners = (lane.arena for lane in lanes if lane.arena)
     points += [np.array([corner, np.negative(corner)]) for corner in corners]
     every = np.concatenate([*points, np.zeros((1, 2))] if points else [[[-1.0] * 2, [1.0] * 2]])
     low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
@@ -185,7 +198,7 @@ def box_of(lanes: Sequence[xr.Dataset]) -> list[tuple[float, float]]:
 
 
 def draw_plane(
-    panel: Axes, cell: Cell, lane: xr.Dataset | None, box: Sequence[tuple[float, float]]
+    panel: Axes, cell: Cell, lane: LaneScene | None, box: Sequence[tuple[float, float]]
 ) -> None:
     """Draw the paths of one lane within a box [m]; many vehicles are drawn as a density."""
     panel.set(xlim=box[0], ylim=box[1], aspect="equal", xlabel="x [m]")
@@ -194,14 +207,13 @@ def draw_plane(
         panel.text(0.5, 0.5, "no lane stored", transform=panel.transAxes, ha="center")
         return
     if cell.scenario.navigator.present:
-        panel.plot(*lane["navigator"].values.T[:2], **NAVIGATOR_PATH, zorder=3)
-    positions, heading = lane["states"].values[:, :, :2], headings(lane["states"])
-    limited, touching = lane["saturated"].values.T, lane["colliding"].values.T
-    if arena := lane.attrs["arena"]:
-        corner = -arena["x"], -arena["y"]
-        sides = 2 * arena["x"], 2 * arena["y"]
-        panel.add_patch(Rectangle(corner, *sides, fill=False, edgecolor="0.6"))
-    attacked = attacked_vehicles(cell, lane)
+        panel.plot(*lane.places[:, 0].T, **NAVIGATOR_PATH, zorder=3)
+    positions, heading, attacked = lane.places[:, 1:], lane.heading, lane.attacked
+    if lane.arena:
+        x, y = lane.arena
+        panel.add_patch(Rectangle((-x, -y), 2 * x, 2 * y, fill=False, edgecolor="0.6"))
+    for path in lane.told.swapaxes(0, 1):
+        panel.plot(*path.T, **TOLD_PATH, zorder=1.5)
     apart = list(range(positions.shape[1]))
     if len(apart) > MOST_APART:
         apart = [vehicle - 1 for vehicle in attacked]
@@ -216,29 +228,30 @@ def draw_plane(
         panel.plot(*path, **look, zorder=2 if lies else 1)
         end = {"color": look["color"], "markersize": 3, "zorder": 4}
         panel.plot(*path[:, 0], "o", markerfacecolor="white", **end)
-        for marked, drawn_as in ((limited, LIMITED_PATH), (touching, TOUCHING_PATH)):
+        for marked, drawn_as in ((lane.saturated, LIMITED_PATH), (lane.colliding, TOUCHING_PATH)):
             if marked[:, vehicle].any():
                 panel.plot(*np.where(marked[:, vehicle], path, np.nan), **drawn_as)
         pointed = "s" if heading is None else style.pointer(heading[-1, vehicle])
         panel.plot(*path[:, -1], **end | {"marker": pointed, "markersize": END_SIZE})
 
 
-def panels_legend(rows: Sequence[Sequence[Cell]], lanes: Sequence[xr.Dataset]) -> list[Line2D]:
+def panels_legend(rows: Sequence[Sequence[Cell]], lanes: Sequence[LaneScene]) -> list[Line2D]:
     scenarios = [cell.scenario for row in rows for cell in row]
     fleets = [scenario.vehicles for scenario in scenarios]
     attacks = [scenario.attack for scenario in scenarios]
     lies = any(attack.number() and attack.amplitude() != 0 for attack in attacks)
-    pointed = any("heading" in lane["state"] for lane in lanes)
+    pointed = any(lane.heading is not None for lane in lanes)
     pointer: Any = style.pointer(0.0) if pointed else "s"
     entries = {
         "navigator": (NAVIGATOR_PATH, any(each.navigator.present for each in scenarios)),
         "vehicle": (HONEST_PATH, min(fleets) <= MOST_APART),
         "vehicles": ({"color": "0.6", "linewidth": 2.0}, max(fleets) > MOST_APART),
-        "attacked vehicle": (ATTACKED_PATH, lies),
+        "attacked: moves": (ATTACKED_PATH, lies),
+        "attacked: tells": (TOLD_PATH, lies),
         "start": (END | {"marker": "o", "markerfacecolor": "white"}, True),
         "end": (END | {"marker": pointer, "markersize": END_SIZE}, True),
-        "input saturated": (LIMITED_PATH, any(lane["saturated"].any() for lane in lanes)),
-        "touches another": (TOUCHING_PATH, any(lane["colliding"].any() for lane in lanes)),
+        "input saturated": (LIMITED_PATH, any(lane.saturated.any() for lane in lanes)),
+        "touches another": (TOUCHING_PATH, any(lane.colliding.any() for lane in lanes)),
     }
     return [Line2D([], [], **look, label=name) for name, (look, shown) in entries.items() if shown]
 

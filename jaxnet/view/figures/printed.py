@@ -14,8 +14,8 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
-from jaxnet.statistics.groups import evenly
-from jaxnet.view.drawings.drawing import MOST_BARS, Drawing, Look, Scale, Tiles, Trace
+from jaxnet.statistics.groups import evenly, evenly_over
+from jaxnet.view.drawings.drawing import MOST_BARS, Drawing, Look, Scale, Selection, Tiles, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -80,7 +80,9 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     for place, panel in zip(axes, panels, strict=True):
         for series in panel.series:
             if rows:
-                draw_series(place, seen_of(series, rows), drawing.x, rows=True)
+                seen = seen_of(series, rows)
+                if len(seen.x):  # the mark of no point would take room in the corner
+                    draw_series(place, seen, drawing.x, rows=True)
             else:
                 draw_series(place, series, drawing.y)
         if panel.tiles is not None and drawing.colours is not None:
@@ -114,11 +116,11 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
         multiples.write_legend(drawn, handles, columns, ncols=columns, **look)
     for note in drawing.told(panels):
         multiples.write_note(drawn, multiples.escape_dollars(note))
-    shown = len(panels)
-    parts = [(shown, len(drawing.panels), "panels"), (len(rows), len(drawing.y.names), "rows")]
+    named = drawing.y.labels or [{"": name} for name in drawing.y.names]
+    parts: list[Selection] = [(labels, [panel.labels for panel in drawing.panels], "panels")]
+    parts.append(([named[row] for row in rows], named, "rows"))
     if drawing.there is not None:
-        shown = len(rows) if rows and shown == 1 else shown
-        parts = [(shown, *drawing.there)]
+        parts = [(parts[bool(rows) and len(panels) == 1][0], *drawing.there)]
     multiples.write_left_out(drawn, *parts, *drawing.left_out, where=drawing.where)
     return drawn
 
@@ -140,8 +142,11 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     room = multiples.page_height() - multiples.AXIS_ROOM - TITLE_ROOM - below
     places = range(len(rows))
     if drawing.colours is None:
-        row = max(multiples.ROW_HEIGHT, ROW_OF_SERIES * drawing.beside, least)
-        places = evenly(places, max(1, int(room / row)))
+        row = np.clip(room / len(rows), multiples.LEAST_ROW_HEIGHT, multiples.ROW_HEIGHT)
+        row = max(float(row), ROW_OF_SERIES * drawing.beside, least)
+        most = max(1, int(room / row + 1e-9))
+        labels_of_rows = drawing.y.labels
+        places = evenly_over(labels_of_rows, most) if labels_of_rows else evenly(places, most)
         rows = [rows[place] for place in places]
         height = row * len(rows) + TITLE_ROOM
         most = max(1, min(MOST_ROWS_PANELS, int((width - margin) / LEAST_ROWS_WIDTH)))
@@ -226,6 +231,10 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
         value = x if rows else y
         ends = np.nan_to_num(np.stack([value - low, high - value]).clip(min=0))
         panel.errorbar(x, y, **{"xerr" if rows else "yerr": ends}, ecolor=look.color, **BAR_STYLE)
+        if (below := scale.is_low(series.low)).any():
+            at = (low[below], y[below]) if rows else (x[below], low[below])
+            arrow: dict[str, Any] = {"color": look.color, "markersize": 4, "clip_on": False}
+            panel.plot(*at, "<" if rows else "v", **arrow)
     if series.form in ("band", "range"):
         return
     if series.form == "level":

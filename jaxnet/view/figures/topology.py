@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from textwrap import shorten
+from textwrap import fill, shorten
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,12 @@ from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
 
 from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.naming import labels_title
 from jaxnet.config.scenario import situation_of
+from jaxnet.config.sweep import keys_in
 from jaxnet.model.graph import Digraph
 from jaxnet.runs.watched import MOST_VEHICLES
-from jaxnet.statistics.groups import evenly
+from jaxnet.statistics.groups import Label, evenly_over
 from jaxnet.view.drawings.scene import attacked_vehicles
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -38,7 +40,8 @@ WANTED_SPACING = 18.0  # [pt] from one node to the next that panels grow for
 NODE_IN_WAY = 0.08  # of a link's length: a node so near its middle is in the way
 MOST_NAME = 16  # characters of a vehicle's name
 MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
-FEWEST_ALIKE, MOST_CLASSES = 9, 3  # links from which few distinct weights are written once each
+FEW_WEIGHTS, MOST_CLASSES = 8, 3  # links with labels however alike; distinct weights in a title
+MAKERS = {"topology", "vehicles"}  # roots of keys that make a graph
 MATRIX_BINS = 60  # of listeners, and of sources
 STRIP_WIDTH = 0.05  # of the matrix's width, that the navigator's column takes
 STRIP_GAP = 0.04  # of the width, from the navigator's column to the matrix
@@ -61,6 +64,12 @@ def topology_name(cell: Cell) -> str:
     return str(cell.labels.get("topology", topology.label or topology.kind))
 
 
+def graph_labels(cell: Cell) -> dict[str, Label]:
+    """The name of the graph, and the swept values that tell it from others of this name."""
+    told = (key for key in cell.labels if {inner.split(".")[0] for inner in keys_in(key)} & MAKERS)
+    return {"topology": topology_name(cell)} | {key: cell.labels[key] for key in told}
+
+
 class DrawnGraph:
     """A graph as it is drawn: listeners count from 0, sources and places from the navigator."""
 
@@ -74,12 +83,10 @@ class DrawnGraph:
         apart = np.hypot(*(self.places[:-1] - self.places[-1]).T).min()
         self.spacing = float(apart / extent)  # of the last node from its neighbour, in widths
         self.weights = {} if self.is_large else self.graph.pairs()  # by listener and source
-        # The distinct weights with an example link each, if they are few.
-        self.classes: dict[tuple[bool, float], tuple[int, int]] = {}
-        for (i, j), weight in self.weights.items():
-            self.classes.setdefault((j == 0, round(weight, 6)), (i, j))
-        if len(self.weights) < FEWEST_ALIKE or len(self.classes) > MOST_CLASSES:
-            self.classes = {}
+        # The distinct weights that the title tells, and whether the navigator has them.
+        self.classes = sorted({(j == 0, round(w, 6)) for (_, j), w in self.weights.items()})
+        if len(self.weights) <= (MOST_WEIGHTS if len(self.classes) > MOST_CLASSES else FEW_WEIGHTS):
+            self.classes = []
 
     def diameter(self, size: float) -> float:
         """Diameter of a node [pt] in a panel of a size [pt]."""
@@ -87,9 +94,8 @@ class DrawnGraph:
 
     @property
     def labelled(self) -> list[tuple[int, int]]:
-        """The links that get a weight label: one per weight, or all, or none of too many."""
-        every = [*self.weights] if len(self.weights) <= MOST_WEIGHTS else []
-        return list(self.classes.values()) or every
+        """The links that get a weight label: all of few, whose weights the title does not tell."""
+        return [] if self.classes else [*self.weights]
 
     @property
     def names(self) -> dict[tuple[int, int], str]:
@@ -105,15 +111,20 @@ class DrawnGraph:
 
     @property
     def title(self) -> str:
-        """The graph's name, how many are attacked at random, and weights of a crowd that recur."""
+        """The graph's name, how many are attacked at random, and weights of many links."""
         attack = self.cell.scenario.attack
         unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
         whom = f", attacked: {attack.whom()}" if unmarked else ""
-        lines = [multiples.escape_dollars(topology_name(self.cell) + whom)]
-        if self.is_crowded and self.classes:
-            words = (f"{w:.3g} from {'0' if leads else 'vehicles'}" for leads, w in self.classes)
-            lines.append(f"weights: {', '.join(words)}")
-        return "\n".join(lines)
+        inner = {key: value for key, value in graph_labels(self.cell).items() if key != "topology"}
+        name = ", ".join(filter(None, [topology_name(self.cell) + whom, labels_title(inner)]))
+        words = []
+        for source, leads in (("neighbours", False), ("navigator", True)):
+            weights = [f"{weight:.3g}" for of, weight in self.classes if of == leads]
+            if len(weights) > MOST_CLASSES:
+                weights = [f"{weights[0]} to {weights[-1]}"]
+            words += [f"{source} {' or '.join(weights)}"] * bool(weights)
+        lines = [multiples.escape_dollars(name), f"weights: {', '.join(words)}"]
+        return "\n".join(lines[: 1 + bool(words)])
 
     def bends(self, listener: int, source: int) -> bool:
         """Whether the arrow of a link is bent: a link back, or a node in the way."""
@@ -127,12 +138,14 @@ class DrawnGraph:
 def source_places(graph: Digraph) -> Float[np.ndarray, "sources 2"]:
     """Places of navigator and vehicles, on a circle or a serpentine.
 
-    The navigator stands in the centre where a third of the vehicles hear it, or nobody does. Many
+    A chain, whose links are short in the order of the vehicles, is a serpentine behind the
+    navigator, unless a third of the vehicles hear it. Else the navigator is the centre. Many
     vehicles alternate between two circles, which leaves space for the links between neighbours.
     """
     m = graph.vehicles
     informed = int((graph.heard & (graph.sources == 0)).sum())
-    if informed == 0 or informed * 3 >= m:
+    longest = max((abs(i + 1 - j) for i, j in graph.pairs() if j), default=0)
+    if informed == 0 or informed * 3 >= m or longest > m / 2:
         angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         if m > MOST_ON_CIRCLE:
@@ -153,7 +166,9 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     columns = min(across, len(there))
     size = width / max(columns, min(3, across))
     most = columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))
-    shown = evenly(there, most)
+    labels = [graph_labels(each.cell) for each in there]
+    places = evenly_over(labels, most)
+    shown = [there[place] for place in places]
     rows = -(-len(shown) // columns)
     drawn = Figure(figsize=(width, size * rows + TOPOLOGY_LEGEND_HEIGHT))
     grid = GridSpec(rows, columns, figure=drawn)
@@ -161,25 +176,24 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
         row, column = divmod(number, columns)
         is_alone = columns == 2 and number == len(shown) - 1 and column == 0
         panel = drawn.add_subplot(grid[row, :] if is_alone else grid[row, column])
-        panel.set_title(network.title, pad=2)
+        letters = int(multiples.TITLE_LETTERS_PER_INCH * size)
+        panel.set_title("\n".join(fill(line, letters) for line in network.title.split("\n")), pad=2)
         (draw_matrix if network.is_large else draw_graph)(panel, network, 72 * size)
     multiples.write_legend(drawn, topology_legend(shown), 5, handlelength=2.4)
-    small, words = [each for each in shown if not each.is_large], []
+    small = [each for each in shown if not each.is_large]
     if any(each.diameter(72 * size) < LEAST_NUMBERED_NODE for each in small):
-        words.append("the numbers of vehicles that are not attacked")
-    if any(each.weights and not each.labelled for each in small):
-        words.append("the weights of all links")
-    if words:
-        multiples.write_note(drawn, f"There is no room for {' and '.join(words)}")
-    multiples.write_left_out(drawn, (len(shown), len(there), "graphs"), where="study.yaml")
+        words = "There is no room for the numbers of vehicles that are not attacked"
+        multiples.write_note(drawn, words)
+    part = [labels[place] for place in places], labels, "graphs"
+    multiples.write_left_out(drawn, part, where="study.yaml")
     return drawn
 
 
 def networks_of(cells: Sequence[Cell]) -> list[DrawnGraph]:
     """Each graph, of the cell with the most attacked links."""
-    graphs: dict[str, list[DrawnGraph]] = {}
+    graphs: dict[tuple[Label, ...], list[DrawnGraph]] = {}
     for cell in cells:
-        graphs.setdefault(topology_name(cell), []).append(DrawnGraph(cell))
+        graphs.setdefault(tuple(graph_labels(cell).values()), []).append(DrawnGraph(cell))
 
     def attacked(network: DrawnGraph) -> tuple[int, int]:
         links = int(network.situation.attacked.sum()) if network.attacked else 0
@@ -198,7 +212,7 @@ def draw_graph(panel: Axes, network: DrawnGraph, size: float) -> None:
         ends = tuple(places[j]), tuple(places[i + 1])
         panel.add_patch(FancyArrowPatch(*ends, connectionstyle=bend, **look))
     middle: dict[str, Any] = {"ha": "center", "va": "center"}
-    for i, j in [] if network.is_crowded and network.classes else network.labelled:
+    for i, j in network.labelled:
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
         x, y = places[j] + along / 2 + (0.22 if network.bends(i, j) else 0.12) * aside

@@ -294,7 +294,7 @@ def search_section(results: Results) -> Section | None:
         ' then, by lanes; <a href="#lanes">Lanes in motion</a> shows what was found.'
     )
     courses, unit = list(search_courses(results, cells)), worst.metric_with_unit(results)
-    drawn = plotted(course_drawing(courses, len(cells), unit)) if courses else ""
+    drawn = plotted(course_drawing(courses, cells, unit)) if courses else ""
     table = sortable_table(rows, names=cells[0].labels)
     body = paragraph(note) + table + notes_html(worst.search_notes(results)) + drawn
     return Section("search", name, body)
