@@ -111,26 +111,30 @@ def test_numbers_stand_along_kinds_down(sweep, row, column):
 
 @pytest.mark.parametrize("lanes", [7, 400])
 def test_a_share_is_not_flattered(lanes):
-    """Only all lanes are 100 %, only none 0; three digits of what is nearer to it."""
+    """Only all lanes are 100 %, only none 0; one decimal of what is between."""
     for count in range(lanes + 1):
         share = 100 * Fraction(count, lanes)
         words = tiles.tile_text("unrecovered", float(share))
         assert (words == "0", words == "100") == (count == 0, count == lanes)
         assert len(words) <= 5
-        assert abs(Fraction(words) - share) <= min(share, 100 - share) / 200
+        assert abs(Fraction(words) - share) <= Fraction(1, 20)
 
 
 @pytest.mark.parametrize(
     ("value", "words"),
     [
         (12.5, "12.5"),
-        (4.186, "4.19"),
+        (4.186, "4.2"),
+        (0.0633, "0.1"),
         (26.8, "26.8"),
         (36.45, "36.5"),
         (36.449999999999996, "36.5"),
         (0.0, "0"),
         (100.0, "100"),
+        (99.9367, "99.9"),
+        (99.95, "99.95"),
         (99.998, "99.998"),
+        (0.0417, "0.04"),
     ],
 )
 def test_a_share_reads_the_same_everywhere(value, words):
@@ -139,8 +143,8 @@ def test_a_share_reads_the_same_everywhere(value, words):
     column = columns.Column("unrecovered", "", "", entries, scale=100.0)
     assert tiles.tile_text("unrecovered", value) == column.texts()[0] == words
     assert number_text(value, whole=100.0) == words
-    if value < 99:
-        assert f">{words}</td>" in elements.number_cell(value)
+    rows = pd.DataFrame({"lanes unrecovered [%]": [value]})
+    assert f">{words}</td>" in elements.sortable_table(rows)
 
 
 @pytest.mark.parametrize(
@@ -195,7 +199,7 @@ def tile_words(panel) -> dict[tuple[int, int], list[str]]:
 def interval_of(count: int, lanes: int) -> str:
     """The exact interval as text [%]."""
     ends = clopper_pearson(np.array(count), np.array(lanes), 0.95)
-    return "–".join(number_text(100 * float(end)) for end in ends)
+    return "–".join(number_text(100 * float(end), whole=100.0) for end in ends)
 
 
 def test_a_tile_tells_its_cells_share_and_interval():
