@@ -443,15 +443,31 @@ def test_the_figures_have_the_numbers_of_cells_csv(folder, html):
     assert first.loc["peak gain", "greatest tail error [m]"].tolist() == [12, 120]
 
 
-def test_violations_and_failures_have_their_commands(folder, html, monkeypatch):
+def test_violations_and_failures_have_their_commands(folder, html):
     """What is listed, and that there is nothing to list."""
     assert "jaxnet replay out --cell 4 --sample 1" in section(html, "violations")
     assert 'id="failed"' not in html
-    failed = pd.DataFrame({"cell": [3], "sample": [2], "status": ["singular"]})
-    monkeypatch.setattr(Results, "failed", lambda self, most: (1, failed))
-    listed = unescape(sections.failed_section(jaxnet.open(folder)).body)
-    assert "1 lane:" in listed
-    assert f"<td>singular</td><td>jaxnet replay {folder} --cell 3 --sample 2</td>" in listed
+    results = jaxnet.open(folder)
+    results.manifest["lanes"]["failed"] = 5
+    rows = [(1, each, "singular") for each in range(3)] + [(3, 2, "singular"), (3, 0, "diverged")]
+    failed = pd.DataFrame(rows, columns=["cell", "sample", "status"])
+
+    def by_cell(*_, where, cells=(1, 3)):
+        return ((cell, failed[failed["cell"] == cell]) for cell in cells)
+
+    vars(results)["by_cell"] = by_cell
+    listed = unescape(sections.failed_section(results).body)
+    assert [re.sub("<.*?>", "|", row) for row in re.findall(r"<tr data.*?</tr>", listed)] == [
+        f"||cell 1||3 singular||3||jaxnet replay {folder} --cell 1 --sample 0||",
+        f"||cell 3||1 singular, 1 diverged||3||jaxnet replay {folder} --cell 3 --sample 2||",
+    ]
+
+
+def test_certificates_say_once_what_all_cells_share(html):
+    """The common part, then a table of each fact that differs between the graphs."""
+    (told,) = re.findall(r"<summary>Certificates</summary><pre.*?>(.*?)</pre>", html, re.DOTALL)
+    assert told.count("Assumption 1") == told.count("in all cells") == 1
+    assert re.search(r"^topology +graph$", told, re.M)
 
 
 def test_curves_have_the_groups_own_bounds_and_fits(folder):
