@@ -770,7 +770,8 @@ def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
     ranked = results.lanes.sort_values("tail_mean").groupby("cell")["sample"]
     wanted = [(cell, sample) for cell in (0, 2) for sample in ranked.get_group(cell).tolist()[1:]]
     times = []
-    for _ in range(2):
+    for many in (4, 0):
+        assert watched.lanes_again(results) == many
         paths = list(watched.replay_watched(results))
         times.append([(path / "zarr.json").stat().st_mtime_ns for path in paths])
         names = {path.stem for path in paths}
@@ -800,9 +801,10 @@ def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypa
         monkeypatch.setattr(watched, "MOST_VEHICLES", most_vehicles)
         with pytest.warns(UserWarning, match="out: lanes of 12 vehicles") as said:
             assert list(watched.replay_watched(results)) == []
+        assert watched.lanes_again(results) == 0
         assert told in str(said[0].message)
     monkeypatch.setattr(watched, "MOST_VEHICLES", 12)
-    assert len(list(watched.replay_watched(results))) == 2
+    assert watched.lanes_again(results) == len(list(watched.replay_watched(results))) == 2
     assert len(trajectories.lanes_data(results)[0]) == 2
     monkeypatch.setattr(trajectories, "MOST_VEHICLES", 11)
     assert trajectories.lanes_data(results) == ([], 2)
