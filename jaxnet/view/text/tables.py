@@ -20,6 +20,7 @@ from jaxnet.statistics.choice import Where
 from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
+from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
@@ -147,7 +148,8 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         beyond = share_beyond(int(many.min()))
         words = f"at most {beyond} of all lanes are above, with 95 % confidence"
         notes.append(f"greatest: of {count_between(many.tolist(), 'lane')} of a cell; {words}")
-    return [*filter(None, [falling_words(results, cells)]), *notes, *caveat_lines(cells)]
+    first = [*filter(None, [falling_words(results, cells)]), *misfit_words(results, cells)]
+    return [*first, *notes, *caveat_lines(cells)]
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
