@@ -19,6 +19,7 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import errors, main
+from jaxnet.runs import watched
 from jaxnet.store.folder import Folder
 
 SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "engine": "exact"}
@@ -230,10 +231,12 @@ def test_report_draws_the_figures(finished, monkeypatch):
     out, _ = finished
     pages = []
     monkeypatch.setattr(webbrowser, "open", lambda page: pages.append(page) or True)
+    monkeypatch.setattr(watched, "lanes_again", lambda results: 7)
     done = jaxnet_does("report", out, "--open")
     assert done.exit_code == 0, done.stderr
     assert pages == [(out / "report.html").as_uri()]
     assert "no browser" not in done.stderr
+    assert "lanes to simulate again: 7 (none with --no-replay)\n" in done.stderr
     written = sorted(path.name for path in (out / "figures").iterdir())
     names = ("bands", "curve", "panels", "tails", "topologies")
     assert written == sorted(f"{name}.{kind}" for name in names for kind in ("png", "pdf"))

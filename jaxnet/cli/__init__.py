@@ -48,6 +48,7 @@ sensitivities = LazyModule("jaxnet.explore.sensitivity")
 shards = LazyModule("jaxnet.runs.shards")
 stores = LazyPackage("jaxnet.store")
 texts = LazyPackage("jaxnet.view.text")
+watching = LazyModule("jaxnet.runs.watched")
 
 FAILED_LANES = 3
 
@@ -275,6 +276,8 @@ def report_command(
     time goes into these lanes; --no-replay leaves them out.
     """
     opened = jaxnet.open(results, out, **code)
+    if many := 0 if no_replay else watching.lanes_again(opened):
+        errors.echo(f"lanes to simulate again: {many} (none with --no-replay)", err=True)
     with texts.progress.report_steps() as told:
         errors.tell_written(api.writing.write_report(opened, told, not no_replay))
     page = opened.folder.path / "report.html"

@@ -8,20 +8,25 @@ from decimal import ROUND_HALF_UP, Decimal
 MOST_RUNS = 12  # of cells that are named
 RESULT_DIGITS = 3  # significant ones of a result wherever a reader sees it; CSV files have all
 NAME_DIGITS = 4  # of a swept value, which names a cell
+HALF_A_DECIMAL = Decimal("0.05")
 DECIMAL_POWERS = range(-4, 6)  # of the first digit of a number that is written without exponent
 
 
 def number_text(value: float, digits: int = RESULT_DIGITS, whole: float = math.inf) -> str:
     """A number to so many significant digits, halves rounded up; no digit before the point is lost.
 
-    A part of a `whole` has the digits of what is left of it: 99.98 % of the lanes are not 100 %.
+    A share of a `whole` has one decimal, as few lanes tell no more; it has another digit only where
+    it would read 0 or the whole: 99.98 % of the lanes are not 100 %.
     """
     given = Decimal(f"{value + 0.0:.9g}")  # 36.5 where a float is 36.499999999999996; 0 for -0
     if not given.is_finite() or given.adjusted() not in DECIMAL_POWERS:
         return f"{value:.{digits}g}"
-    least = min(given, Decimal(whole) - given) or given
-    last = Decimal(1).scaleb(min(least.adjusted() - digits + 1, 0))
-    return f"{given.quantize(last, ROUND_HALF_UP).normalize():f}"
+    last = given.adjusted() - digits + 1
+    if whole < math.inf:
+        least = min(given, Decimal(whole) - given)
+        last = -1 if least > HALF_A_DECIMAL else least.adjusted()
+    shown = given.quantize(Decimal(1).scaleb(min(last, 0)), ROUND_HALF_UP)
+    return f"{shown.normalize():f}"
 
 
 def ranges(numbers: Sequence[int]) -> str:

@@ -2,7 +2,7 @@
 
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from jaxnet.store.results import Results
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
 MOST_BYTES = 2**28  # that such a lane may take
 MOST_VEHICLES = 300  # of a fleet of which each can be told from the others where it is drawn
+Replayed = tuple[int, int, str | None]  # cell, sample, engine (None: the study's own)
 
 
 class Watched(NamedTuple):
@@ -56,26 +57,49 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
     The nonlinear engine simulates the study's worst lanes, unless the study is of held inputs; the
     study's own engine simulates the others. Lanes of large fleets are left out, with a warning.
     """
+    if fleet := too_large(results):
+        warnings.warn(f"{results.place}: {fleet}, are too large to be put in motion", stacklevel=2)
+        return
+    paths = watched_stores(results)
+    missing = not_stored(paths)
+    yield from (path for lane, path in paths.items() if lane not in missing)
+    replays = replay_each(results, missing)
+    for done in range(len(missing)):
+        told("lanes simulated again", done, len(missing))
+        yield next(replays)[0]
+
+
+def lanes_again(results: Results) -> int:
+    """The number of lanes that `replay_watched` simulates."""
+    if results.missing or not results.has_run or too_large(results):
+        return 0
+    return len(not_stored(watched_stores(results)))
+
+
+def too_large(results: Results) -> str:
+    """The size of lanes that are not put in motion, "" of others."""
     cells = results.study.cells
     size = layout.variable_bytes(layout.trajectory_variables(cells), cells)
     vehicles = max(cell.scenario.vehicles for cell in cells)
-    if size > MOST_BYTES or vehicles > MOST_VEHICLES:
-        fleet = f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each"
-        warnings.warn(f"{results.place}: {fleet}, are too large to be put in motion", stacklevel=2)
-        return
+    if size <= MOST_BYTES and vehicles <= MOST_VEHICLES:
+        return ""
+    return f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each"
+
+
+def not_stored(paths: Mapping[Replayed, UPath]) -> list[Replayed]:
+    return [lane for lane, path in paths.items() if not (path / "zarr.json").exists()]
+
+
+def watched_stores(results: Results) -> dict[Replayed, UPath]:
+    """Cell, sample and engine of the lanes that the page shows without a stored run of theirs."""
+    cells = results.study.cells
     wanted = {
         (cell, sample): None if cells[cell].scenario.engine.samples else "nonlinear"
         for cell, sample in worst_of(results)
     }
     there = {each[:2] for each in stored_lanes(results)} | set(wanted)
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
-    paths = {(*at, by): results.file(store_of(results, *at, by)) for at, by in wanted.items()}
-    missing = [lane for lane, path in paths.items() if not (path / "zarr.json").exists()]
-    yield from (path for lane, path in paths.items() if lane not in missing)
-    replays = replay_each(results, missing)
-    for done in range(len(missing)):
-        told("lanes simulated again", done, len(missing))
-        yield next(replays)[0]
+    return {(*at, by): results.file(store_of(results, *at, by)) for at, by in wanted.items()}
 
 
 def watched(results: Results) -> list[Watched]:

@@ -70,18 +70,12 @@ def tile_table(results: Results) -> pd.DataFrame:
     found = found.assign(worst=worst, ok=cells["ok"], failed=cells["failed"])
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
     found["interval"] = [
-        "–".join(map(end_text, pair)) if pair[0] < pair[1] else "" for pair in ends
+        "–".join(number_text(end, whole=100.0) for end in pair) if pair[0] < pair[1] else ""
+        for pair in ends
     ]
     pairs = zip(results.study.cells, cells["ok"], strict=True)
     found["blank"] = [blank_reason(cell, ok) for cell, ok in pairs]
     return found
-
-
-def end_text(end: float) -> str:
-    """An end of an interval in percent with one decimal; only 0 and 100 read so."""
-    if 0.1 <= end <= 99.9:
-        end = round(end, 1)
-    return number_text(end, 3 if end == round(end, 1) else 1, whole=100.0)
 
 
 def blank_reason(cell: Cell, ok: int) -> str:

@@ -64,7 +64,9 @@ def test_table_figure_and_page_show_who_tracks(results):
     for panel in results.plot.vehicles().axes:
         points = [line for line in panel.lines if line.get_marker() in ("o", "s")]
         assert sorted(len(line.get_xdata()) for line in points) == [1, 4]
-    assert "lanes off [%]" in str(sections.vehicles_section(results))
+    shown = str(sections.vehicles_section(results))
+    assert "lanes over threshold [%]" in shown
+    assert "own error (mean error over the tail &gt; 0.3\xa0ā)" in shown
 
 
 def test_a_lane_that_failed_has_no_errors_of_vehicles(tmp_path):

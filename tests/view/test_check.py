@@ -346,7 +346,7 @@ def test_a_draw_has_the_weakest_of_its_reasons():
 
 
 def test_one_cell_is_told_in_full():
-    """The first of three topologies by its number, as if it stood alone; certificates have all."""
+    """The first of three topologies by its number, as if it stood alone."""
     study = systems.study(sweep={"topology": ["star", "cyclic", "path"]}, samples=7)
     text = check.check_text(study, 0)
     assert "3 cells × 7 samples = 21 lanes" in text
@@ -355,7 +355,7 @@ def test_one_cell_is_told_in_full():
     told = one_line("".join(lines))
     for name, line in known(2 / 3, topology="star", samples=7).items():
         assert f"{name} {line}" in told
-    first, *_ = check.certificates(study.cells)
+    (first,) = check.certificates(study.cells[:1])
     certified = "".join(lines).partition("\n\ntime: ")[0]
     assert one_line(first) == one_line(title + certified)
 

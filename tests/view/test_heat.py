@@ -15,7 +15,7 @@ from upath import UPath
 from jaxnet.model.wording import number_text
 from jaxnet.statistics import tiles
 from jaxnet.statistics.intervals import clopper_pearson
-from jaxnet.statistics.tiles import NO_CELL, end_text, tiling
+from jaxnet.statistics.tiles import NO_CELL, tiling
 from jaxnet.store.results import Results
 from jaxnet.view import columns
 from jaxnet.view.drawings import heat
@@ -111,33 +111,37 @@ def test_numbers_stand_along_kinds_down(sweep, row, column):
 
 @pytest.mark.parametrize("lanes", [7, 400])
 def test_a_share_is_not_flattered(lanes):
-    """Only all lanes are 100 %, only none 0; three digits of what is nearer to it."""
+    """Only all lanes are 100 %, only none 0; one decimal of what is between."""
     for count in range(lanes + 1):
         share = 100 * Fraction(count, lanes)
         words = tiles.tile_text("unrecovered", float(share))
         assert (words == "0", words == "100") == (count == 0, count == lanes)
         assert len(words) <= 5
-        assert abs(Fraction(words) - share) <= min(share, 100 - share) / 200
+        assert abs(Fraction(words) - share) <= Fraction(1, 20)
 
 
 def test_ends_of_intervals_have_one_decimal():
     """But what is near 0 or 100 % is neither."""
     ends = [0.0, 0.0633, 0.13, 8.81, 70.2, 91.19, 94.29, 99.9367, 100.0]
-    told = ["0", "0.06", "0.1", "8.8", "70.2", "91.2", "94.3", "99.94", "100"]
-    assert [*map(end_text, ends)] == told
+    told = ["0", "0.1", "0.1", "8.8", "70.2", "91.2", "94.3", "99.94", "100"]
+    assert [number_text(end, whole=100.0) for end in ends] == told
 
 
 @pytest.mark.parametrize(
     ("value", "words"),
     [
         (12.5, "12.5"),
-        (4.186, "4.19"),
+        (4.186, "4.2"),
+        (0.0633, "0.1"),
         (26.8, "26.8"),
         (36.45, "36.5"),
         (36.449999999999996, "36.5"),
         (0.0, "0"),
         (100.0, "100"),
+        (99.9367, "99.9"),
+        (99.95, "99.95"),
         (99.998, "99.998"),
+        (0.0417, "0.04"),
     ],
 )
 def test_a_share_reads_the_same_everywhere(value, words):
@@ -146,8 +150,8 @@ def test_a_share_reads_the_same_everywhere(value, words):
     column = columns.Column("unrecovered", "", "", entries, scale=100.0)
     assert tiles.tile_text("unrecovered", value) == column.texts()[0] == words
     assert number_text(value, whole=100.0) == words
-    if value < 99:
-        assert f">{words}</td>" in elements.number_cell(value)
+    rows = pd.DataFrame({"lanes unrecovered [%]": [value]})
+    assert f">{words}</td>" in elements.sortable_table(rows)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +206,7 @@ def tile_words(panel) -> dict[tuple[int, int], list[str]]:
 def interval_of(count: int, lanes: int) -> str:
     """The exact interval as text [%]."""
     ends = clopper_pearson(np.array(count), np.array(lanes), 0.95)
-    return "–".join(f"{100 * float(end):.1f}" for end in ends)
+    return "–".join(number_text(100 * float(end), whole=100.0) for end in ends)
 
 
 def test_a_tile_tells_its_cells_share_and_interval():

@@ -443,15 +443,31 @@ def test_the_figures_have_the_numbers_of_cells_csv(folder, html):
     assert first.loc["peak gain", "greatest tail error / ā"].tolist() == [12, 12]
 
 
-def test_violations_and_failures_have_their_commands(folder, html, monkeypatch):
+def test_violations_and_failures_have_their_commands(folder, html):
     """What is listed, and that there is nothing to list."""
     assert "jaxnet replay out --cell 4 --sample 1" in section(html, "violations")
     assert 'id="failed"' not in html
-    failed = pd.DataFrame({"cell": [3], "sample": [2], "status": ["singular"]})
-    monkeypatch.setattr(Results, "failed", lambda self, most: (1, failed))
-    listed = unescape(sections.failed_section(jaxnet.open(folder)).body)
-    assert "1 lane:" in listed
-    assert f"<td>singular</td><td>jaxnet replay {folder} --cell 3 --sample 2</td>" in listed
+    results = jaxnet.open(folder)
+    results.manifest["lanes"]["failed"] = 5
+    rows = [(1, each, "singular") for each in range(3)] + [(3, 2, "singular"), (3, 0, "diverged")]
+    failed = pd.DataFrame(rows, columns=["cell", "sample", "status"])
+
+    def by_cell(*_, where, cells=(1, 3)):
+        return ((cell, failed[failed["cell"] == cell]) for cell in cells)
+
+    vars(results)["by_cell"] = by_cell
+    listed = unescape(sections.failed_section(results).body)
+    assert [re.sub("<.*?>", "|", row) for row in re.findall(r"<tr data.*?</tr>", listed)] == [
+        f"||cell 1||3 singular||3||jaxnet replay {folder} --cell 1 --sample 0||",
+        f"||cell 3||1 singular, 1 diverged||3||jaxnet replay {folder} --cell 3 --sample 2||",
+    ]
+
+
+def test_certificates_say_once_what_all_cells_share(html):
+    """The common part, then a table of each fact that differs between the graphs."""
+    (told,) = re.findall(r"<summary>Certificates</summary><pre.*?>(.*?)</pre>", html, re.DOTALL)
+    assert told.count("Assumption 1") == told.count("in all cells") == 1
+    assert re.search(r"^topology +graph$", told, re.M)
 
 
 def test_curves_have_the_groups_own_bounds_and_fits(folder):
@@ -788,7 +804,8 @@ def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
     ranked = results.lanes.sort_values("tail_mean").groupby("cell")["sample"]
     wanted = [(cell, sample) for cell in (0, 2) for sample in ranked.get_group(cell).tolist()[1:]]
     times = []
-    for _ in range(2):
+    for many in (4, 0):
+        assert watched.lanes_again(results) == many
         paths = list(watched.replay_watched(results))
         times.append([(path / "zarr.json").stat().st_mtime_ns for path in paths])
         names = {path.stem for path in paths}
@@ -818,9 +835,10 @@ def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypa
         monkeypatch.setattr(watched, "MOST_VEHICLES", most_vehicles)
         with pytest.warns(UserWarning, match="out: lanes of 12 vehicles") as said:
             assert list(watched.replay_watched(results)) == []
+        assert watched.lanes_again(results) == 0
         assert told in str(said[0].message)
     monkeypatch.setattr(watched, "MOST_VEHICLES", 12)
-    assert len(list(watched.replay_watched(results))) == 2
+    assert watched.lanes_again(results) == len(list(watched.replay_watched(results))) == 2
     assert len(trajectories.lanes_data(results)[0]) == 2
     monkeypatch.setattr(trajectories, "MOST_VEHICLES", 11)
     assert trajectories.lanes_data(results) == ([], 2)

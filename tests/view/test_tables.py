@@ -337,7 +337,7 @@ def test_where_lanes_failed_their_share_comes_first_with_its_interval(monkeypatc
     text = tables.summary_text(results)
     shown = columns.summary_columns(results)
     ends = [binomtest(many, 30).proportion_ci(0.95) for many in (0, 3)]
-    told = [f"[{100 * low:.3g}, {100 * high:.3g}]" for low, high in ends]
+    told = [f"[{100 * low:.1f}, {100 * high:.1f}]".replace(".0,", ",") for low, high in ends]
     assert shown[2].texts() == [f"0 {told[0]}", f"10 {told[1]}"]
     assert "failed" in text.partition("left out")[0]
 

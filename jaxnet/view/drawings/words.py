@@ -37,7 +37,9 @@ def gone_words(
     return found
 
 
-def error_text(value: float, scale: float = 1.0, digits: int = RESULT_DIGITS) -> str:
+def error_text(
+    value: float, scale: float = 1.0, digits: int = RESULT_DIGITS, whole: float = np.inf
+) -> str:
     """An error, or an error per ā with scale 1; below rounding "0 (rounding)"; a dash for none.
 
     An unknown scale counts as 1 m. A scale of 0 switches the test for rounding off.
@@ -46,4 +48,4 @@ def error_text(value: float, scale: float = 1.0, digits: int = RESULT_DIGITS) ->
         return "–"
     if is_rounding(value, scale):
         return ROUNDED
-    return "∞" if value == np.inf else number_text(value, digits)
+    return "∞" if value == np.inf else number_text(value, digits, whole)

@@ -246,8 +246,10 @@ def sortable_table(
         if number:
             sizes = (scales or {}).get(str(name), np.zeros(len(rows)))
             beside = (intervals or {}).get(str(name), nothing)
-            digits = [NAME_DIGITS if str(name) in names else RESULT_DIGITS] * len(rows)
-            texts = list(map(number_cell, values.tolist(), sizes, beside, digits))
+            digits = NAME_DIGITS if str(name) in names else RESULT_DIGITS
+            whole = 100.0 if str(name).endswith("[%]") else np.inf
+            those = zip(values.tolist(), sizes, beside, strict=True)
+            texts = [number_cell(*each, digits, whole) for each in those]
         columns.append(texts)
     if cells is None and "cell" in rows:
         cells = ([cell] for cell in rows["cell"])
@@ -262,7 +264,11 @@ def sortable_table(
 
 
 def number_cell(
-    value: float | int, scale: float = 0.0, interval: str = "", digits: int = RESULT_DIGITS
+    value: float | int,
+    scale: float = 0.0,
+    interval: str = "",
+    digits: int = RESULT_DIGITS,
+    whole: float = np.inf,
 ) -> str:
     """A number as a table cell, then its interval: a dash for not-a-number."""
     if np.isnan(value):
@@ -270,5 +276,5 @@ def number_cell(
     if np.isinf(value):
         return f'<td{NUMBER_CLASS} data-value="Infinity">∞</td>'
     beside = f" <small>{escape(interval)}</small>" if interval else ""
-    text = str(value) if isinstance(value, int) else error_text(value, scale, digits)
+    text = str(value) if isinstance(value, int) else error_text(value, scale, digits, whole)
     return f'<td{NUMBER_CLASS} data-value="{value!r}">{text}{beside}</td>'

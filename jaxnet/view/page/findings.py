@@ -22,6 +22,7 @@ from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.statistics.limits import unchecked_words
+from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.pairs import CellsCompared, compared_cells
 from jaxnet.statistics.quantities import VALUE_COLUMNS, meaning, stored_values
 from jaxnet.statistics.recovery import (
@@ -95,6 +96,7 @@ def finding_sentences(
         outnumbered_sentence(results),
         outside_sentence(results) if alone else "",
         f"<b>{sentence_case(falling)}</b>." if falling else "",
+        *(f"<b>{sentence_case(each)}</b>." for each in misfit_words(results, results.study.cells)),
         unrecovered_sentence(results, tests),
         extremes_sentence(results, tests),
         separated,

@@ -189,11 +189,13 @@ def hints(drawing: Drawing, series: Trace) -> list[str]:
     nothing = np.full(len(values), np.nan)
     ends = zip(*(nothing if end is None else end for end in (series.low, series.high)), strict=True)
     found = []
+    whole = 100.0 if scale.unit == "%" else np.inf
     for place, value, (low, high) in zip(at, values, ends, strict=True):
         where = across.names[int(place + 0.5)] if rows else f"{across.title}: {number_text(place)}"
-        told = f"{error_text(value)} {scale.unit}"
+        told, *both = (error_text(each, whole=whole) for each in (value, low, high))
+        told += f" {scale.unit}"
         if not np.isnan([low, high]).all():
-            told += f" ({error_text(low)} to {error_text(high)} {scale.unit})"
+            told += f" ({' to '.join(both)} {scale.unit})"
         found.append("<br>".join(map(plain, filter(None, [series.name, where, told]))))
     return found
 

@@ -11,7 +11,7 @@ import pandas as pd
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import key_name, quantity, value_alone
 from jaxnet.explore.courses import search_courses
-from jaxnet.model.wording import count, count_between, number_text
+from jaxnet.model.wording import cells_named, count, count_between, number_text
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics.axes import choose_axes
@@ -22,13 +22,16 @@ from jaxnet.statistics.curves import (
     Curve,
     cell_magnitudes,
     curves,
+    failed_kinds,
     no_magnitudes,
 )
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
+from jaxnet.statistics.recovery import criterion_words
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results
+from jaxnet.store.rows import OK
 from jaxnet.view import columns
 from jaxnet.view.drawings.analyses import course_drawing
 from jaxnet.view.drawings.heat import METRICS, heat_drawing, metric_label
@@ -57,7 +60,7 @@ VEHICLE_WORDS = {
     "median": "median [m]",
     "q95": "95 % [m]",
     "greatest": "greatest [m]",
-    "unrecovered": "lanes off [%]",
+    "unrecovered": "lanes over threshold [%]",
 }
 ULTIMATE_NOTE = (
     "Error over the tail, with the bounds of theory where there are any. Cells with ā = 0 have no"
@@ -155,11 +158,10 @@ def run_section(results: Results) -> Section:
     values |= {"seed": str(study.config.seed), "versions": ", ".join(versions)}
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
     networks = known_or("", lambda: networks_html(study.cells))
-    certificates = known_or([], lambda: check.certificates(study.cells))
-    certified = f"Certificates of {count(len(certificates), 'network')}"
+    certified = known_or([], lambda: check.certificates(study.cells))
     written = (results.path / "study.yaml").read_text()
     folded = folded_text("The study, every default written out", written)
-    folded += folded_text(certified, "\n\n".join(certificates))
+    folded += folded_text("Certificates", "\n\n".join(certified))
     return Section("run", "What was run", f"<dl>{rows}</dl>{networks}{folded}")
 
 
@@ -251,7 +253,10 @@ def vehicles_section(results: Results) -> Section | None:
     if is_leaderless(results.study.cells):
         name = note = "Distance of each vehicle from the mean"
     note += ", over lanes: the vehicles with the greatest and the least median of each cell."
-    note += " Lanes off: over the threshold of recovery." * ("unrecovered" in found)
+    asked = results.study.config.recovery
+    if asked is not None and "unrecovered" in found:
+        criterion = escape(criterion_words(asked, results.study.cells))
+        note += f" Lanes over threshold: recovery's, for the vehicle's own error ({criterion})."
 
     def table(rows: Any) -> str:
         sizes = cell_magnitudes(results)[rows["cell"].astype(int)]
@@ -331,7 +336,8 @@ def violations_section(results: Results) -> Section | None:
     if not results.file("violations.csv").exists() or results.violations.empty:
         return None
     rows = results.violations
-    body = lanes_listed(rows.head(MOST_LISTED), len(rows))
+    note = f"; the first {MOST_LISTED}:" if len(rows) > MOST_LISTED else ":"
+    body = paragraph(f"{count(len(rows), 'lane')}{note}") + sortable_table(rows.head(MOST_LISTED))
     return Section("violations", "Lanes above a bound of theory", body)
 
 
@@ -367,19 +373,17 @@ def rare_section(results: Results) -> Section | None:
 
 
 def failed_section(results: Results) -> Section | None:
-    many, shown = results.failed(MOST_LISTED)
-    if not many:
+    by_cell = failed_kinds(results)
+    if not by_cell:
         return None
-    places = zip(shown["cell"], shown["sample"], strict=True)
-    commands = [results.replay_command(cell, sample) for cell, sample in places]
-    body = lanes_listed(shown.assign(command=commands), many)
-    return Section("failed", "Failed lanes", body)
-
-
-def lanes_listed(rows: pd.DataFrame, many: int) -> str:
-    """A table of lanes, and the number of all lanes."""
-    note = f"; the first {len(rows)}:" if len(rows) < many else ":"
-    return paragraph(f"{count(many, 'lane')}{note}") + sortable_table(rows)
+    groups, rows = tables.failures_alike(results, by_cell), []
+    for cells, told, lanes in groups:
+        first: Any = next(results.by_cell(where=~OK, cells=cells[:1]))[1].iloc[0]
+        command = results.replay_command(cells[0], int(first["sample"]))
+        row = {"cells": cells_named(cells), "failed": told, "lanes": lanes}
+        rows.append(row | {"of the first": command})
+    about = [cells for cells, *_ in groups]
+    return Section("failed", "Failed lanes", sortable_table(pd.DataFrame(rows), cells=about))
 
 
 def fit_command(results: Results) -> str:

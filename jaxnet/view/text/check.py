@@ -66,8 +66,9 @@ def check_text(study: Study, number: int | None = None) -> str:
 
 
 def certificates(cells: Sequence[Cell]) -> list[str]:
-    """All that is known of each network, with the cells that share it."""
-    return [each.text for each in networks(cells)]
+    """What is known of all cells, then what differs, by the keys that decide it."""
+    found = networks(cells)
+    return differing(found) if len(found) > 1 else [found[0].text]
 
 
 def networks(cells: Sequence[Cell]) -> list[AlikeCells]:

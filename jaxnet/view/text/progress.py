@@ -15,7 +15,7 @@ from jaxnet.config.cells import is_leaderless
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.steps import Steps
-from jaxnet.view.text.width import cell_title
+from jaxnet.view.text.width import cell_title, digits_text
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -200,12 +200,12 @@ def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | T
 
     asked = any(np.isfinite(each.unrecovered) for each in found)
     mean = "spread [m]" if is_leaderless(tally.cells) else "error [m]"
-    heads = ["lanes", mean, share_name(tally.cells)][: 3 if asked else 2]
+    heads = ["lanes", mean, f"{share_name(tally.cells)} [%]"][: 3 if asked else 2]
     found.sort(key=lambda each: (-np.nan_to_num(each.unrecovered, nan=-1.0), -each.mean))
     worst = sorted(found[:room])
     rows = [heads]
     for each in worst:
-        share = number_text(each.unrecovered, whole=1.0) if np.isfinite(each.unrecovered) else "-"
+        share = digits_text(100 * each.unrecovered, whole=100.0)
         rows.append([f"{each.lanes:,}", number_text(each.mean), share][: len(heads)])
     columns = [2 + max(map(len, column)) for column in zip(*rows, strict=True)]
     left = width - sum(columns)

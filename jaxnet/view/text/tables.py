@@ -2,7 +2,7 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -20,6 +20,7 @@ from jaxnet.statistics.choice import Where
 from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
+from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
@@ -147,7 +148,8 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         beyond = share_beyond(int(many.min()))
         words = f"at most {beyond} of all lanes are above, with 95 % confidence"
         notes.append(f"greatest: of {count_between(many.tolist(), 'lane')} of a cell; {words}")
-    return [*filter(None, [falling_words(results, cells)]), *notes, *caveat_lines(cells)]
+    first = [*filter(None, [falling_words(results, cells)]), *misfit_words(results, cells)]
+    return [*first, *notes, *caveat_lines(cells)]
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
@@ -301,15 +303,11 @@ def stop_reason(results: Results) -> str:
 
 def failures_text(results: Results) -> str:
     """Failed lanes by reason, the first with the command that replays it; empty of none."""
-    by_cell, lanes = failed_kinds(results), results.cells["lanes"].to_dict()
-    groups: dict[tuple[bool, tuple[str, ...]], list[int]] = {}
-    for cell, kinds in by_cell.items():
-        groups.setdefault((kinds.total() == lanes[cell], tuple(sorted(kinds))), []).append(cell)
-    lines = []
-    for cells in groups.values():
-        told = counted(sum((by_cell[cell] for cell in cells), Counter[str]()))
-        of = count(sum(int(lanes[cell]) for cell in cells), "lane")
-        lines.append(filled(f"failed: {told} of {of} in {cells_named(cells)}"))
+    by_cell = failed_kinds(results)
+    lines = [
+        filled(f"failed: {told} of {count(lanes, 'lane')} in {cells_named(cells)}")
+        for cells, told, lanes in failures_alike(results, by_cell)
+    ]
     _, failed = results.failed(1)
     first: Any = failed.itertuples()
     for row in first:
@@ -323,6 +321,22 @@ def failures_text(results: Results) -> str:
     if any(results.study.cells[number].scenario.engine.samples for number in held):
         lines.append(filled(ON_SAMPLED))
     return "\n".join(lines)
+
+
+def failures_alike(
+    results: Results, by_cell: Mapping[int, Counter[str]]
+) -> list[tuple[list[int], str, int]]:
+    """Cells whose lanes failed for the same reasons, all or some of them.
+
+    Each group has its cells, how many lanes failed for which reason, and the number of its lanes.
+    """
+    lanes = results.cells["lanes"].astype(int).to_dict()
+    groups: dict[tuple[bool, tuple[str, ...]], list[int]] = {}
+    for cell, kinds in by_cell.items():
+        groups.setdefault((kinds.total() == lanes[cell], tuple(sorted(kinds))), []).append(cell)
+    told = (counted(sum((by_cell[n] for n in cells), Counter[str]())) for cells in groups.values())
+    many = (sum(lanes[cell] for cell in cells) for cells in groups.values())
+    return [*zip(groups.values(), told, many, strict=True)]
 
 
 def lane_title(results: Results, cell: int, sample: int) -> str:
