@@ -7,6 +7,8 @@ PHRASES of `view/text/facts.py`.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from jaxnet.config.scenario import MOTION, missing
 from jaxnet.theory import (
     alarms,
@@ -58,6 +60,10 @@ def kept_distance(case: Case) -> float | None:
 
 
 START = Theorem("O1", "start", AT_LAST, start_decay)
+SENSORS = Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors)
+MESSAGES = Theorem(
+    "O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages
+)
 
 THEOREMS = (
     Theorem("O5", "inverse norm", ("leader",), certificate.inverse_norm_of),
@@ -68,8 +74,8 @@ THEOREMS = (
     Theorem("O9", "alone", (), tolerance.alone),
     Theorem("O9", "agreement", (), tolerance.agreement),
     Theorem("O9", "led", ("leader",), tolerance.led),
-    Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors),
-    Theorem("O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages),
+    SENSORS,
+    MESSAGES,
     Theorem("O19", "runs", OF_ALARMS, alarms.alarm_runs),
     Theorem("O19", "unseen lie", OF_ALARMS, alarms.unseen_lie),
     Theorem("O19", "unseen effect", OF_LIES, alarms.unseen_effect),
@@ -100,3 +106,14 @@ def values(case: Case) -> dict[str, Any]:
     able = [each for each in THEOREMS if not missing(case.scenario, each.needs)]
     found = {each.quantity: each.value(case) for each in able}
     return {quantity: value for quantity, value in found.items() if value is not None}
+
+
+def errors_leave(case: Case) -> float:
+    """Mean error of the fleet [m] that normal errors of sensors and messages leave at last.
+
+    A vector whose two axes have the standard deviation σ has the mean length `σ √(π / 2)`. 0 if
+    nothing is known.
+    """
+    able = [each for each in (SENSORS, MESSAGES) if not missing(case.scenario, each.needs)]
+    each = [found for found in (one.value(case) for one in able) if found is not None]
+    return float(np.sqrt(np.pi / 2 * sum(np.square(rms) for rms in each)).mean())
