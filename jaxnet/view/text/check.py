@@ -30,7 +30,7 @@ from jaxnet.view.text.width import terminal_width
 MOST_NETWORKS = 20  # with searches over sets of vehicles
 MOST_NAMED_VALUES = 12  # values of a swept key that are named one by one
 MOST_DISTINCT = 6  # of a fact that are told one by one; of more, the ranges of their numbers
-MOST_IN_ROW = 3  # values in a row, where fewer are left out
+MOST_OF_A_KEY = 3  # values in a row, where fewer are left out
 MOST_TABLE_ROWS = 8  # of the table of a fact
 MOST_KEY_LETTERS = 24  # of a key's column
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
@@ -303,7 +303,7 @@ def values_text(values: Combination, known: Sequence[str]) -> str:
     others = [value for value in known if value not in values]
     if not others:
         return "any"
-    if len(others) < len(values) > MOST_IN_ROW:
+    if len(others) < len(values) > MOST_OF_A_KEY:
         return f"not {', '.join(others)}"
     return few_values(sorted(values, key=known.index))
 
