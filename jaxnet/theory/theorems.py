@@ -60,10 +60,6 @@ def kept_distance(case: Case) -> float | None:
 
 
 START = Theorem("O1", "start", AT_LAST, start_decay)
-SENSORS = Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors)
-MESSAGES = Theorem(
-    "O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages
-)
 
 THEOREMS = (
     Theorem("O5", "inverse norm", ("leader",), certificate.inverse_norm_of),
@@ -74,8 +70,8 @@ THEOREMS = (
     Theorem("O9", "alone", (), tolerance.alone),
     Theorem("O9", "agreement", (), tolerance.agreement),
     Theorem("O9", "led", ("leader",), tolerance.led),
-    SENSORS,
-    MESSAGES,
+    Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors),
+    Theorem("O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages),
     Theorem("O19", "runs", OF_ALARMS, alarms.alarm_runs),
     Theorem("O19", "unseen lie", OF_ALARMS, alarms.unseen_lie),
     Theorem("O19", "unseen effect", OF_LIES, alarms.unseen_effect),
@@ -114,6 +110,7 @@ def errors_leave(case: Case) -> float:
     A vector whose two axes have the standard deviation σ has the mean length `σ √(π / 2)`. 0 if
     nothing is known.
     """
-    able = [each for each in (SENSORS, MESSAGES) if not missing(case.scenario, each.needs)]
-    each = [found for found in (one.value(case) for one in able) if found is not None]
-    return float(np.sqrt(np.pi / 2 * sum(np.square(rms) for rms in each)).mean())
+    of_errors = [each for each in THEOREMS if each.quantity in ("sensors leave", "messages leave")]
+    able = [each for each in of_errors if not missing(case.scenario, each.needs)]
+    known = [rms for rms in (each.value(case) for each in able) if rms is not None]
+    return float(np.sqrt(np.pi / 2 * sum(np.square(rms) for rms in known)).mean())

@@ -5,7 +5,6 @@ from collections.abc import Hashable, Mapping, Sequence
 from textwrap import fill
 from typing import NamedTuple
 
-import numpy as np
 from rich.filesize import decimal
 
 from jaxnet.config.cells import Cell, is_leaderless
@@ -146,18 +145,20 @@ def unstable_words(found: Sequence[AlikeCells]) -> list[str]:
 
 def errors_words(found: Sequence[AlikeCells], study: Study) -> list[str]:
     """A warning where errors of sensors and messages alone leave more than recovery allows."""
-    where, least, most = list[int](), np.inf, 0.0
-    for each in found if study.config.recovery else ():
-        left = errors_leave(Case(each.cells[0].scenario))
-        limits = {cell.number: threshold(cell, study.config.recovery) for cell in each.cells}
-        if above := [number for number, limit in limits.items() if left > limit]:
-            where += above
-            least, most = min(least, left), max(most, left)
-    if not where:
-        return []
-    told = " to ".join(dict.fromkeys(f"{left:.3g}" for left in (least, most)))
-    words = f"WARNING: errors alone leave a mean error of {told} m, more than recovery allows, in"
-    return [wrap_lines(f"{words} {cells_named(sorted(where))}")]
+    asked = study.config.recovery
+    above = {
+        cell.number: left
+        for each in found
+        for left in [errors_leave(Case(each.cells[0].scenario)) if asked else 0.0]
+        for cell in each.cells
+        if left > threshold(cell, asked)
+    }
+    words = (
+        "WARNING: errors alone leave a mean error of {:.3g} m or more, recovery allows less, in {}"
+    )
+    return (
+        [wrap_lines(words.format(min(above.values()), cells_named(sorted(above))))] if above else []
+    )
 
 
 def amplitude_advice(study: Study) -> str:
@@ -254,21 +255,19 @@ def by_deciding_keys(labels: CellLabels, lines: Sequence[str]) -> list[list[str]
 
     Lines that do not begin with the same words are told whole.
     """
-    clauses: dict[str, list[list[str]]] = {}  # by their words, of each line
-    for number, line in enumerate(lines):
-        for clause in line.split("; ") if line else ():
-            words = MEASURED.sub("#", clause).replace("# ticks", "# tick")
-            of_lines = clauses.setdefault(words, [[] for _ in lines])
-            of_lines[number].append(clause)
-    first = {MEASURED.sub("#", line.partition("; ")[0]) for line in lines if line}
-    if len(first) > 1:
+    found = [
+        [(MEASURED.sub("#", each).replace("# ticks", "# tick"), each) for each in line.split("; ")]
+        for line in lines
+    ]
+    if len({*lines}) == 1 or len({each[0][0] for each in found if each[0][0]}) > 1:
         return [[*lines]]
     parts: dict[Combination, list[list[str]]] = {}
-    for told in clauses.values():
-        keys = (*deciding_keys(labels, ["; ".join(each) for each in told]),)
-        so_far = parts.setdefault(keys, [[] for _ in lines])
-        parts[keys] = [[*before, *more] for before, more in zip(so_far, told, strict=True)]
-    return [["; ".join(each) for each in part] for part in parts.values()]
+    for words in dict.fromkeys(words for each in found for words, _ in each if words):
+        told = ["; ".join(clause for own, clause in each if own == words) for each in found]
+        parts.setdefault((*deciding_keys(labels, told),), []).append(told)
+    return [
+        ["; ".join(filter(None, row)) for row in zip(*part, strict=True)] for part in parts.values()
+    ]
 
 
 def factor_table(name: str, labels: CellLabels, lines: Sequence[str]) -> str:
@@ -321,14 +320,13 @@ def with_ranges(lines: Sequence[str]) -> list[str]:
         groups.setdefault(MEASURED.sub("#", line), []).append(MEASURED.findall(line))
     merged = {}
     for template, numbers in groups.items():
-        spans = [sorted(set(each), key=plain_number) for each in zip(*numbers, strict=True)]
+        spans = [
+            sorted(set(each), key=lambda one: float(one.replace(",", "")))
+            for each in zip(*numbers, strict=True)
+        ]
         told = iter([each[0] if len(each) == 1 else f"{each[0]} to {each[-1]}" for each in spans])
         merged[template] = "".join(next(told) if each == "#" else each for each in template)
     return [merged[MEASURED.sub("#", line)] for line in lines]
-
-
-def plain_number(text: str) -> float:
-    return float(text.replace(",", ""))
 
 
 def deciding_keys(labels: CellLabels, lines: Sequence[str]) -> list[str]:
