@@ -180,7 +180,11 @@ FACTS = [
         "every vehicle by majority, whichever vehicles are drawn",
     ),
     (of_drawn(2, defence=ANNOUNCED), "safe", "none is proved in every lane"),
-    (of_drawn(2, defence=ANNOUNCED), "trimming", "or a trusted one, at 1-8"),
+    (
+        of_drawn(2, defence=ANNOUNCED),
+        "trimming",
+        "1-8 hear more than ϑ attacked sources, or trust one",
+    ),
     (of_drawn(2, defence="w_msr"), "defence", "F = 1, but a vehicle may hear 2 attacked sources;"),
     (of_drawn(2, defence={"kind": "w_msr", "F": 2}), "defence", "W-MSR, F = 2; it may drop"),
     (
@@ -444,7 +448,7 @@ def test_hundreds_of_cells_fit_a_screen():
     assert len(lines) < 80
     assert "topology.seed: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, … 13 (14 values)" in text
     assert text.count("holds: an honest path") == 1
-    assert "a trusted one, at" in one_line(text)  # the end of a line of 160 letters
+    assert "attacked sources, or trust" in one_line(text)  # the end of a line of 160 letters
     numbers = [cell.number for each in check.networks(given.cells) for cell in each.cells]
     assert sorted(numbers) == [*range(252)]
 

@@ -26,7 +26,7 @@ from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
-from jaxnet.model.wording import count, ranges
+from jaxnet.model.wording import count, plural_s, ranges
 
 if TYPE_CHECKING:
     from jaxnet.model import control, trimming
@@ -256,10 +256,11 @@ class TrustedTrim(Sparing):
             broken.append("no vehicle is protected, each retains all its sources")
         elif not meets.all():
             applies, others = (ranges(vehicle_numbers(each)) for each in (meets, ~meets))
-            broken.append(f"the rule applies at {applies} only, {others} unprotected")
+            broken.append(f"the rule applies at {applies} only ({others} unprotected)")
         if outnumbered.any():
             where = ranges(vehicle_numbers(outnumbered))
-            broken.append(f"more than ϑ attacked sources, or a trusted one, at {where}")
+            s = plural_s(where)
+            broken.append(f"{where} hear{s} more than ϑ attacked sources, or trust{s} one")
         told = f"broken: {', and '.join(broken)}" if broken else "holds"
         return {"trimming": f"{line}; Assumption 2 {told}"}
 
