@@ -7,6 +7,8 @@ PHRASES of `view/text/facts.py`.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from jaxnet.config.scenario import MOTION, missing
 from jaxnet.theory import (
     alarms,
@@ -100,3 +102,15 @@ def values(case: Case) -> dict[str, Any]:
     able = [each for each in THEOREMS if not missing(case.scenario, each.needs)]
     found = {each.quantity: each.value(case) for each in able}
     return {quantity: value for quantity, value in found.items() if value is not None}
+
+
+def errors_leave(case: Case) -> float:
+    """Mean error of the fleet [m] that normal errors of sensors and messages leave at last.
+
+    A vector whose two axes have the standard deviation σ has the mean length `σ √(π / 2)`. 0 if
+    nothing is known.
+    """
+    of_errors = [each for each in THEOREMS if each.quantity in ("sensors leave", "messages leave")]
+    able = [each for each in of_errors if not missing(case.scenario, each.needs)]
+    known = [rms for rms in (each.value(case) for each in able) if rms is not None]
+    return float(np.sqrt(np.pi / 2 * sum(np.square(rms) for rms in known)).mean())

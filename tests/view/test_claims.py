@@ -98,7 +98,7 @@ def test_gains_of_each_vehicle_prove_nothing_where_weights_switch():
 def test_lemma_1_with_one_gain_is_of_the_error():
     """Local errors jump where weights do; E does not (O1)."""
     for defence in ("none", "trusted_trim"):
-        line = "‖η(t)‖ ≤ 4.76 exp(-0.101 t) ‖η(0)‖ (Lemma 1), η = (E, Ė, …)"
+        line = "‖x(t)‖ ≤ 4.76 exp(-0.101 t) ‖x(0)‖ (Lemma 1), x = (E, Ė, …)"
         assert line in told(attack="none", defence=defence)
     assert "while nobody is cut off" in told(attack="none", defence="w_msr", topology="path")
 

@@ -26,7 +26,7 @@ from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
-from jaxnet.model.wording import count, ranges
+from jaxnet.model.wording import count, plural_s, ranges
 
 if TYPE_CHECKING:
     from jaxnet.model import control, trimming
@@ -250,17 +250,19 @@ class TrustedTrim(Sparing):
         outnumbered = meets & self.outnumbered(graph, attacked, trusted)
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
         asked = "|N_i| > ϑ" if self.announcing() else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
-        line = f"ϑ = {values}, {asked}: "
+        line = f"ϑ = {values}; the rule asks {asked}"
+        broken = []
         if not meets.any():
-            return {"trimming": line + "no vehicle is protected: each retains all its sources"}
-        line += "holds for every vehicle"
-        if not meets.all():
-            line = line.removesuffix("every vehicle") + f"{ranges(vehicle_numbers(meets))} only"
-            line += f"; {ranges(vehicle_numbers(~meets))} unprotected"
+            broken.append("no vehicle is protected, each retains all its sources")
+        elif not meets.all():
+            applies, others = (ranges(vehicle_numbers(each)) for each in (meets, ~meets))
+            broken.append(f"the rule applies at {applies} only ({others} unprotected)")
         if outnumbered.any():
             where = ranges(vehicle_numbers(outnumbered))
-            line += f"; more than ϑ attacked sources, or a trusted one, at {where}"
-        return {"trimming": line}
+            s = plural_s(where)
+            broken.append(f"{where} hear{s} more than ϑ attacked sources, or trust{s} one")
+        told = f"broken: {', and '.join(broken)}" if broken else "holds"
+        return {"trimming": f"{line}; Assumption 2 {told}"}
 
     def faults(self, scenario):
         yield from super().faults(scenario)

@@ -88,6 +88,7 @@ class Observer(Kind):
     exact: ClassVar[bool] = False  # whether it expects the truth
     tells_covariance: ClassVar[bool] = True  # whether that of its residuals is known
     needs_variances: ClassVar[bool] = False  # whether it needs those of messages
+    presumes: ClassVar[str] = ""  # of the motion of sources, where that covariance is right
 
     def start(self, heard: HeardMessages) -> Memory:
         """The memory before the first tick: any pytree of arrays, lanes last; by default None."""

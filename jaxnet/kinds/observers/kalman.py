@@ -37,6 +37,7 @@ class Kalman(Observer):
     """
 
     needs_variances = True
+    presumes = "the derivative that is not told stays within `unknown`"
 
     unknown: NotNegative = setting(
         1.0, "[m/s^r], standard deviation on an axis of the derivative of order r that is not told"

@@ -18,22 +18,26 @@ from jaxnet.kinds.attacks import Attack
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.horizon import ending
+from jaxnet.statistics.recovery import threshold
 from jaxnet.store import layout
+from jaxnet.theory.case import Case
+from jaxnet.theory.theorems import errors_leave
 from jaxnet.view.text.facts import UNSTABLE, Facts, facts
 from jaxnet.view.text.printer import table_text
 from jaxnet.view.text.width import terminal_width
 
 MOST_NETWORKS = 20  # with searches over sets of vehicles
 MOST_NAMED_VALUES = 12  # values of a swept key that are named one by one
-MOST_DISTINCT = 3  # of a fact that are told one by one; of more, the ranges of their numbers
+MOST_DISTINCT = 6  # of a fact that are told one by one; of more, the ranges of their numbers
+MOST_OF_A_KEY = 3  # values in a row, where fewer are left out
 MOST_TABLE_ROWS = 8  # of the table of a fact
 MOST_KEY_LETTERS = 24  # of a key's column
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 MEASURED = re.compile(  # measured, no vehicle's number
-    r"(?<![\w.(])(?:\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+"
-    r"|\d+(?= (?:s|m|ā|rounds?|links?)\b)|^\d+(?=$|:))"
+    r"(?<![\w.(])(?:\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+|\d+(?:,\d{3})+"
+    r"|\d+(?= (?:s|m|ā|rounds?|links?|ticks?)\b)|^\d+(?=$|;))"
 )
 
 
@@ -54,7 +58,8 @@ def check_text(study: Study, number: int | None = None) -> str:
     """The whole report; of one cell if `number` is given."""
     cells = study.cells if number is None else [study.cells[number]]
     found = networks(cells)
-    parts = ["\n".join([study_head(study), *unstable_words(found)])]
+    warnings = [*unstable_words(found), *errors_words(found, study)]
+    parts = ["\n".join([study_head(study), *warnings])]
     if number is None or len(found) > 1:
         parts.append(wrap_lines(swept_text(study)))
     parts.append(wrap_lines(amplitude_note(study.cells) + amplitude_advice(study)))
@@ -139,6 +144,24 @@ def unstable_words(found: Sequence[AlikeCells]) -> list[str]:
     ]
 
 
+def errors_words(found: Sequence[AlikeCells], study: Study) -> list[str]:
+    """A warning where errors of sensors and messages alone leave more than recovery allows."""
+    asked = study.config.recovery
+    above = {
+        cell.number: left
+        for each in found
+        for left in [errors_leave(Case(each.cells[0].scenario)) if asked else 0.0]
+        for cell in each.cells
+        if left > threshold(cell, asked)
+    }
+    words = (
+        "WARNING: errors alone leave a mean error of {:.3g} m or more, recovery allows less, in {}"
+    )
+    return (
+        [wrap_lines(words.format(min(above.values()), cells_named(sorted(above))))] if above else []
+    )
+
+
 def amplitude_advice(study: Study) -> str:
     """The key that compares errors with the amplitude in force, where τ ā is more than that."""
     asked = study.config.recovery
@@ -162,15 +185,18 @@ def endings_text(study: Study, cells: Sequence[Cell]) -> str:
         when = f"the effect of the start is below {found.length:.3g} m after {found.after:.3g} s"
         retained = situation_of(cell.scenario).retained
         if cell.scenario.attack.present and (retained is None or retained.fixed is None):
-            when = f"unknown under attack, as the defence decides; without attack {when}"
+            when += "; under attack this is not known, as the defence decides"
         lines.append(f"{when}; the tail begins at {found.begins:g} s")
         if found.after > found.begins:
             early.append(cell.number)
             needed = max(needed, found.horizon)
-    told = wrap_lines(f"time: {lines[0]}")
-    if len(set(lines)) > 1:
-        labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell in cells]
-        told = factor_table("time", labels, lines)
+    labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell in cells]
+    told = "\n".join(
+        wrap_lines(f"time: {part[0]}")
+        if len(set(part)) == 1
+        else factor_table("time", labels, part)
+        for part in by_deciding_keys(labels, lines)
+    )
     if early:
         words = "WARNING: the tail begins before the effect of the start ends, in"
         enough = f"horizon: {needed:g} is enough for the start"
@@ -216,11 +242,33 @@ def differing(found: Sequence[AlikeCells]) -> list[str]:
     common, tables = {}, []
     for name in names:
         lines = [known.get(name, "") for _, known in by_cell]
-        if len(set(lines)) == 1:
-            common[name] = lines[0]
-        elif any(line not in ("", one.get(name)) for line, one in zip(lines, labels, strict=True)):
-            tables.append(factor_table(name, labels, lines))
+        if any(line not in ("", one.get(name)) for line, one in zip(lines, labels, strict=True)):
+            for part in by_deciding_keys(labels, lines):
+                if len(set(part)) == 1:
+                    common[name] = part[0]
+                else:
+                    tables.append(factor_table(name, labels, part))
     return [wrap_lines(titled("in all cells", common)) if common else "", "\n".join(tables)]
+
+
+def by_deciding_keys(labels: CellLabels, lines: Sequence[str]) -> list[list[str]]:
+    """Lines in parts, each with the clauses that the same keys decide.
+
+    Lines that do not begin with the same words are told whole.
+    """
+    found = [
+        [(MEASURED.sub("#", each).replace("# ticks", "# tick"), each) for each in line.split("; ")]
+        for line in lines
+    ]
+    if len({*lines}) == 1 or len({each[0][0] for each in found if each[0][0]}) > 1:
+        return [[*lines]]
+    parts: dict[Combination, list[list[str]]] = {}
+    for words in dict.fromkeys(words for each in found for words, _ in each if words):
+        told = ["; ".join(clause for own, clause in each if own == words) for each in found]
+        parts.setdefault((*deciding_keys(labels, told),), []).append(told)
+    return [
+        ["; ".join(filter(None, row)) for row in zip(*part, strict=True)] for part in parts.values()
+    ]
 
 
 def factor_table(name: str, labels: CellLabels, lines: Sequence[str]) -> str:
@@ -255,7 +303,7 @@ def values_text(values: Combination, known: Sequence[str]) -> str:
     others = [value for value in known if value not in values]
     if not others:
         return "any"
-    if len(others) < len(values) > MOST_DISTINCT:
+    if len(others) < len(values) > MOST_OF_A_KEY:
         return f"not {', '.join(others)}"
     return few_values(sorted(values, key=known.index))
 
@@ -273,8 +321,11 @@ def with_ranges(lines: Sequence[str]) -> list[str]:
         groups.setdefault(MEASURED.sub("#", line), []).append(MEASURED.findall(line))
     merged = {}
     for template, numbers in groups.items():
-        spans = [sorted(set(each), key=float) for each in zip(*numbers, strict=True)]
-        told = iter([each[0] if len(each) == 1 else f"{each[0]} … {each[-1]}" for each in spans])
+        spans = [
+            sorted(set(each), key=lambda one: float(one.replace(",", "")))
+            for each in zip(*numbers, strict=True)
+        ]
+        told = iter([each[0] if len(each) == 1 else f"{each[0]} to {each[-1]}" for each in spans])
         merged[template] = "".join(next(told) if each == "#" else each for each in template)
     return [merged[MEASURED.sub("#", line)] for line in lines]
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.keys import Scenario
+from jaxnet.config.naming import words_of_kind
 from jaxnet.config.scenario import (
     MOST_DRAWN_SETS,
     MOTION,
@@ -31,7 +32,7 @@ from jaxnet.theory.run_lengths import MeanRun
 from jaxnet.theory.safe import MOST_TRIED, Margin, SafeVehicles
 from jaxnet.theory.solution import Decay
 from jaxnet.theory.start import KeepsMoving, Start
-from jaxnet.theory.theorems import OF_LAWS, OF_SEPARATION, values
+from jaxnet.theory.theorems import OF_ALARMS, OF_LAWS, OF_SEPARATION, values
 from jaxnet.theory.tolerance import Agreement, VehiclesAlone
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
@@ -63,6 +64,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         "misjudged": told.get("misjudged", ""),
         "cut off": told.get("cut off", ""),
         "apart": told.get("apart", why_not_apart(scenario)),
+        "detector": detector_line(scenario, told) if scenario.detector.present else "",
         "alarms": told.get("runs", ""),
         "isolation": told.get("isolation", ""),
         "unseen": told.get("unseen lie", "") + told.get("unseen effect", ""),
@@ -102,6 +104,7 @@ def network_lines(case: Case, told: Facts) -> Facts:
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)
         navigator = f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)"
+    if scenario.navigator.present and scenario.defence.tolerates() is not None:
         robust = "exactly 1-robust with the navigator, as is every graph that it reaches"
         if unreachable(graph):
             robust = "not 1-robust with the navigator, which does not reach every vehicle"
@@ -132,7 +135,7 @@ def attack_line(case: Case) -> str:
     line += " in place of their inputs" if attack.misuses() else where
     line += ", in place of what is sent" * attack.replaces()
     line += ", and they move as they tell" * attack.as_told()
-    line += f", {count(int(attacked.sum()), 'link')}"
+    line += f"; {count(int(attacked.sum()), 'link')}"
     if periods:
         line += " of all that are ever attacked"
     elif not attack.targets():
@@ -150,6 +153,21 @@ def attack_line(case: Case) -> str:
         tail = f"begins {settled:g} s after the last change"
         tail = tail if settled > 0 else "has the last change in it"
         line += f"; bounds and safety count all vehicles that are ever attacked; the tail {tail}"
+    return line
+
+
+def detector_line(scenario: Scenario, told: Facts) -> str:
+    """The test, what messages are compared with, and why nothing is known of its alarms."""
+    detector, predicts = scenario.detector, scenario.detector.predicts
+    expected = "the true motion of the source (an ideal observer)"
+    if not predicts.exact:
+        expected = f"what {words_of_kind('detector.predicts', predicts.kind)} expects"
+    line = f"{words_of_kind('detector', detector.kind)} against {expected}"
+    if detector.whitens and predicts.presumes:
+        line += f"; false alarms are as rare as asked only while {predicts.presumes}"
+    if "runs" not in told:
+        why = "; ".join(premise_words(scenario, each) for each in missing(scenario, OF_ALARMS))
+        line += "; mean times to its alarms are not known" + f": {why}" * bool(why)
     return line
 
 
@@ -259,7 +277,8 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
 def agreement_words(found: Agreement, scenario: Scenario) -> str:
     if not found.proved:
         return f"none is proved; {found.why}"
-    return f"honest vehicles agree, on each axis inside the range of their starts; {found.why}"
+    box = "on each axis inside the range of their starts (this box is proved, not the hull)"
+    return f"honest vehicles agree, {box}; {found.why}"
 
 
 def at_least(found: RobustnessBracket) -> str:
@@ -268,9 +287,9 @@ def at_least(found: RobustnessBracket) -> str:
 
 def norm_words(norm: float, scenario: Scenario) -> str:
     if not np.isfinite(norm):
-        return f"{norm}: the navigator does not reach every vehicle"
+        return f"{norm}; the navigator does not reach every vehicle"
     return (
-        f"{norm:.4g}: ‖E‖ ≤ {norm:.4g} ‖d‖ under a steady attack while all sources are retained;"
+        f"{norm:.4g}; ‖E‖ ≤ ‖L⁻¹‖₂ ‖d‖ under a steady attack while all sources are retained;"
         " d: each vehicle's weighted sum of the attacks on its sources"
     )
 
@@ -343,10 +362,10 @@ def stability_words(found: Stability, scenario: Scenario) -> str:
 
 
 def runs_words(found: AlarmRuns, scenario: Scenario) -> str:
-    line = f"a false one about a link comes after {ticks_of(found.link, scenario)} in the mean"
+    line = f"a false one about one link after {ticks_of(found.link, scenario)}"
     if found.fleet is not None:
         fleet = f"any of {count(found.number, f'honest {found.of}')}"
-        line += f", about {fleet} after {ticks_of(found.fleet, scenario)}"
+        line += f"; a false one about {fleet} after {ticks_of(found.fleet, scenario)}"
     if found.lie is not None:
         where = " along the direction" * found.along
         line += f"; one about a steady lie of ā{where} after {ticks_of(found.lie, scenario)}"
@@ -357,9 +376,12 @@ def ticks_of(run: MeanRun, scenario: Scenario) -> str:
     """A mean run in ticks and seconds, or its two ends."""
     ends = [run.least] if run.least == run.most else [*run]
     ticks, seconds = (
-        " to ".join(f"{end * each:.5g}" for end in ends) for each in (1.0, scenario.tick)
+        " to ".join(
+            f"{end * each:,.0f}" if 1e3 <= end * each < 1e9 else f"{end * each:.4g}" for end in ends
+        )
+        for each in (1.0, scenario.tick)
     )
-    return f"{ticks} tick{'s' * (ticks != '1')} ({seconds} s)"
+    return f"{ticks} tick{'s' * (ticks != '1')} = {seconds} s in the mean"
 
 
 def isolation_words(found: CutReach, scenario: Scenario) -> str:
@@ -368,9 +390,16 @@ def isolation_words(found: CutReach, scenario: Scenario) -> str:
     kept = [i for i in range(1, scenario.vehicles + 1) if i not in found.lost]
     line = "if alarms cut all attacked links and no other, the navigator reaches"
     line += f" {vehicles_named(kept, scenario)}"
+    if found.lost and scenario.law.couples() and not scenario.defence.coasts():
+        who = "any of " * (len(found.lost) > 1) + ranges(found.lost)
+        line += f"; a lane ends as disconnected once {who} is cut off"
+        line += "; a defence (not none) with isolated: coast keeps it"
     if found.wrong:
-        line += f"; {count(found.wrong, 'wrong cut')} can cut off {ranges(found.whom)} from it, and"
-        line += " fewer nobody"
+        other = " other" * bool(found.lost)
+        line += f"; no{other} vehicle is cut off from the navigator by fewer than"
+        line += f" {count(found.wrong, 'wrong cut')}"
+        if found.whom != kept:
+            line += f", {ranges(found.whom)} by as many"
     return line
 
 
@@ -382,11 +411,11 @@ def unseen_words(found: UnseenLie, scenario: Scenario) -> str:
 
 
 def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:
-    when = ", while alarms cut nothing" * scenario.detector.acts
-    line = f"; in phase they move a vehicle by {found.steady:.4g} m beside what errors do{when}"
+    line = f"; in phase such messages move a vehicle by {found.steady:.4g} m beside what errors do"
     if np.isfinite(found.most):
-        line += f"; undetected lies about positions move no vehicle by over {found.most:.4g} m"
-    return line
+        line += "; lies about positions that raise no alarm move no vehicle by more than"
+        line += f" {found.most:.4g} m"
+    return line + "; this holds while alarms cut nothing" * scenario.detector.acts
 
 
 def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
@@ -428,10 +457,12 @@ def margin_words(found: Margin, scenario: Scenario) -> str:
     for number, sets in enumerate(found.sets, 1):
         if any(sets):
             by.setdefault(set_words(sets), []).append(number)
-    words = [f"for {ranges(those)} if {sets} attacked" for sets, those in by.items()]
+    words = [f"no proof for {ranges(those)} if {sets} attacked" for sets, those in by.items()]
     for more in np.unique(found.further[found.further > 0]).tolist():
-        far = f"not yet with {MOST_TRIED}" if more > MOST_TRIED else f"with {more}"
-        words.append(f"for {flagged(found.further == more)} {far} more attacked")
+        far = f"still if any {MOST_TRIED} more are attacked"
+        if more <= MOST_TRIED:
+            far = f"perhaps none if {more} more {'is' if more == 1 else 'are'} attacked"
+        words.append(f"for {flagged(found.further == more)} {far}")
     return "; ".join([*words[:MOST_NAMED_SETS], *["…"] * (len(words) > MOST_NAMED_SETS)])
 
 
@@ -445,12 +476,13 @@ def set_words(sets: Sequence[tuple[int, ...]]) -> str:
 
 def decay_words(found: Decay, scenario: Scenario) -> str:
     """The paper's Lemma 1 with its constants."""
-    line = f"‖η(t)‖ ≤ {found.factor:.3g} exp(-{found.rate:.3g} t) ‖η(0)‖ (Lemma 1)"
+    x = "η" if found.norms else "x"  # local errors, or errors against the navigator
+    line = f"‖{x}(t)‖ ≤ {found.factor:.3g} exp(-{found.rate:.3g} t) ‖{x}(0)‖ (Lemma 1)"
     if found.norms:
         least, most = min(found.norms), max(found.norms)
         line += f"; ‖H_i‖₁ of the vehicles from {least:.3g} to {most:.3g}"
     else:
-        line += ", η = (E, Ė, …)" + ", while nobody is cut off" * (not found.joined)
+        line += ", x = (E, Ė, …)" + ", while nobody is cut off" * (not found.joined)
     return line
 
 
