@@ -123,7 +123,7 @@ def test_a_share_is_not_flattered(lanes):
 def test_ends_of_intervals_have_one_decimal():
     """But what is near 0 or 100 % is neither."""
     ends = [0.0, 0.0633, 0.13, 8.81, 70.2, 91.19, 94.29, 99.9367, 100.0]
-    told = ["0", "0.1", "0.1", "8.8", "70.2", "91.2", "94.3", "99.94", "100"]
+    told = ["0", "0.1", "0.1", "8.8", "70.2", "91.2", "94.3", "99.9", "100"]
     assert [number_text(end, whole=100.0) for end in ends] == told
 
 
