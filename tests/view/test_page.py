@@ -4,7 +4,9 @@ import base64
 import json
 import re
 import shutil
+import types
 from html import unescape
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -140,6 +142,19 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
     return findings.finding_sentences(results, curves.curves(results), "jaxnet fit x")
 
 
+def test_cells_that_are_not_all_of_a_value_are_told_with_it():
+    """Cells 0 and 1 of those without a defence; all of them; and some of each defence."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 3]}
+    results: Any = types.SimpleNamespace(study=systems.study(sweep=sweep, **ROTATING))
+    for numbers, words in (
+        ([0, 1], "with no\xa0defence, ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m (2 cells)"),
+        ([0, 1, 2], "with no\xa0defence (3 cells)"),
+        ([0, 2, 4], "in 3 cells"),
+        ([0, 1, 3], "in 3 of 4 cells with ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m"),
+    ):
+        assert findings.where_words(results, numbers) == words
+
+
 def test_the_page_begins_with_what_was_found(html):
     """Before all else, in words; names of cells are text."""
     assert re.findall(r'<section id="(.*?)"', html)[:3] == ["findings", "answer", "run"]
@@ -185,7 +200,13 @@ OUTSIDE |= {
 HULL |= {"cells": OUTSIDE}
 CALM = HULL | {"cells": OUTSIDE | {"outside_median": [1.0, 0.0, 2.0, 0.01]}}
 UNATTACKED, ROUNDED = {"attack": "none"}, LOST | {"failed": ()}
+CUTS = {"detector.cuts": ["never", "message", "link", "both_ways"]}
+CUTS = {"sweep": CUTS, "detector": "chi_squared", "channel": {"noise": {"position": 0.1}}}
+CUTS |= ROTATING | {"tick": 0.1}
 TOLD = [
+    (FOUR, CUTS, " <b>0.1 ā</b> with link, <b>0.4 ā</b> with never, <b>2 ā</b> with message, "),
+    (FOUR, CUTS, "smaller error with link than with never; "),
+    (FOUR, CUTS, "smaller error with never than with message; "),
     (
         MANY,
         SIZES,

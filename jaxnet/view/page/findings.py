@@ -12,9 +12,9 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.keys import Sequential
-from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_name
+from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_alone, value_name
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, Metric
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text, ranges
 from jaxnet.statistics import curves
@@ -89,7 +89,8 @@ def finding_sentences(
         kinds = escape(counted(sum(there.values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
         where = where_words(results, sorted(there))
-        where = f"in {cells_named(sorted(there))}" if where.startswith("in ") else where
+        if where.startswith("in ") and " with " not in where:
+            where = f"in {cells_named(sorted(there))}"
         failed += f", {where}".rstrip(", ") + "."
     separated = separation_sentence(results)
     sentences = [
@@ -179,10 +180,12 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     there = swept_values_of(cells)
     alike = [cell for cell in cells if all(cell.labels[key] in mine[key] for key in mine)]
     told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
-    if len(alike) > many or max(map(len, told.values())) > MOST_TOLD:
+    if not told or max(map(len, told.values())) > MOST_TOLD:
         return f"in {many} cells"
-    words = (" or ".join(value_name(key, each) for each in told[key]) for key in told)
-    return f"with {escape(', '.join(words))} ({many} cells)"
+    words = escape(", ".join(" or ".join(value_name(k, each) for each in told[k]) for k in told))
+    if len(alike) > many:
+        return f"in {many} of {len(alike)} cells with {words}"
+    return f"with {words} ({many} cells)"
 
 
 def span_words(
@@ -334,8 +337,9 @@ def compared_words(
     """The range of each value of a swept kind, and which values are found better than which."""
     of_labels: Any = {label: values[swept[key] == label] for label in dict.fromkeys(swept[key])}
     parts: dict[str, str] = {}
+    number = percent_text if unit == "%" else error_text
     for label, some in sorted(of_labels.items(), key=lambda each: each[1].mean()):
-        ends = dict.fromkeys(map(error_text, (some.min(), some.max())))
+        ends = dict.fromkeys(map(number, (some.min(), some.max())))
         parts[str(label)] = f"<b>{' to '.join(ends)} {unit}</b>"
     tested = tested_words(results, key, [*parts], swept, unit, tests)
     texts, none = [*parts.values()], tested.startswith(NO_DIFFERENCE)
@@ -346,11 +350,16 @@ def compared_words(
         return f"{texts[0]} whatever the {escape(key_name(key))}{tested}"
     if unit != "%" and len(parts) == 2 and " to " not in "".join(texts):  # told in the span
         return tested
-    names = (escape(value_name(key, label)) for label in parts)
+    names = (named(key, label) for label in parts)
     told = [f"{told} with {name}" for told, name in zip(texts, names, strict=True)][:MOST_COMPARED]
     told += [count(len(parts) - len(told), "other")] * (len(parts) > len(told))
     tested = f". {sentence_case(tested)}" * bool(tested)
     return f"by {escape(key_name(key))} {', '.join(told)}{tested}"
+
+
+def named(key: str, label: str) -> str:
+    """The value of a kind, or of another key that the sentence has named."""
+    return escape(value_name(key, label) if is_kind(key) else value_alone(key, label))
 
 
 def tested_words(
@@ -365,7 +374,7 @@ def tested_words(
 
     `labels` are the values, the best first. A setting is a combination of the other swept keys.
     Lanes of a setting are compared in pairs of the same draw. Only differences that are found are
-    told: of all pairs of up to three values, of more those with the first. There is no test of
+    told: of up to eight pairs all, of more those with the first value. There is no test of
     lanes that are not independent, and of a number of lanes that depends on them.
     """
     study, column = results.study.config, list(swept).index(key)
@@ -387,16 +396,16 @@ def tested_words(
         names = "compared", "better", "worse", "setting", "pairs", "p"
         told_of = key_name(key), *ends, setting, test.lanes, test.p
         rows.append(dict(zip(names, told_of, strict=True)))
-    every = len(labels) <= MOST_TOLD
     pairs = [pair for pair in itertools.combinations(labels, 2) if pair in of_pairs]
-    pairs = [pair for pair in pairs if every or pair[0] == labels[0]][:MOST_COMPARED]
+    if len(pairs) > MOST_COMPARED:
+        pairs = [pair for pair in pairs if pair[0] == labels[0]][:MOST_COMPARED]
     more = "lanes more often have the smaller spread" if is_leaderless(results.study.cells) else ""
     more = more or "lanes more often have the smaller error"
     if unit == "%":
         more = f"more lanes {'agree' if is_leaderless(results.study.cells) else 'recover'}"
     told = []
     for pair in pairs:
-        names = [escape(value_name(key, each)) for each in pair]
+        names = [named(key, each) for each in pair]
         for good, bad in ((0, 1), (1, 0)):
             some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
             words = f"{more} with {names[good]} than with {names[bad]}"
@@ -511,9 +520,9 @@ def separation_sentence(results: Results) -> str:
 
 
 def metrics_list(results: Results, without: str) -> str:
-    """Medians, and the greatest lane, of each metric of the study's own, and of alarms."""
+    """Medians, and the greatest lane, of each metric of the study's own but shares of alarms."""
     own = results.study.config.measured()[len(CONTRACT) :]
-    asked = [each for each in own if each.name not in {*AGREEMENT, without}]
+    asked = [each for each in own if each.name not in {*AGREEMENT, *DETECTION, without}]
 
     def told(metric: Metric) -> str:
         medians: Any = results.cells[f"{metric.name}_median"].dropna()
