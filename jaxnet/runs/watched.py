@@ -2,7 +2,7 @@
 
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,6 @@ from jaxnet.store.results import Results
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
 MOST_BYTES = 2**28  # that such a lane may take
 MOST_VEHICLES = 300  # of a fleet of which each can be told from the others where it is drawn
-Replayed = tuple[int, int, str | None]  # cell, sample, engine (None: the study's own)
 
 
 class Watched(NamedTuple):
@@ -61,7 +60,7 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
         warnings.warn(f"{results.place}: {fleet}, are too large to be put in motion", stacklevel=2)
         return
     paths = watched_stores(results)
-    missing = not_stored(paths)
+    missing = [lane for lane, path in paths.items() if not (path / "zarr.json").exists()]
     yield from (path for lane, path in paths.items() if lane not in missing)
     replays = replay_each(results, missing)
     for done in range(len(missing)):
@@ -73,7 +72,8 @@ def lanes_again(results: Results) -> int:
     """The number of lanes that `replay_watched` simulates."""
     if results.missing or not results.has_run or too_large(results):
         return 0
-    return len(not_stored(watched_stores(results)))
+    paths = watched_stores(results).values()
+    return sum(not (path / "zarr.json").exists() for path in paths)
 
 
 def too_large(results: Results) -> str:
@@ -86,11 +86,7 @@ def too_large(results: Results) -> str:
     return f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each"
 
 
-def not_stored(paths: Mapping[Replayed, UPath]) -> list[Replayed]:
-    return [lane for lane, path in paths.items() if not (path / "zarr.json").exists()]
-
-
-def watched_stores(results: Results) -> dict[Replayed, UPath]:
+def watched_stores(results: Results) -> dict[tuple[int, int, str | None], UPath]:
     """Cell, sample and engine of the lanes that the page shows without a stored run of theirs."""
     cells = results.study.cells
     wanted = {
