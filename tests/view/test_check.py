@@ -351,6 +351,21 @@ def test_a_detector_and_a_magnitude_tell_networks_apart():
     assert len(check.networks(systems.study(**without, sweep=sweep).cells)) == 1
 
 
+def test_every_key_that_a_fact_depends_on_tells_networks_apart():
+    """A filter has its distance, a start its time, a gain its decay."""
+    robots = {"vehicle": "single_integrator", "gain": [1.0], "attack": "none", "engine": "exact"}
+    apart = [{"kind": "barrier", "distance": each} for each in (0.2, 0.3)]
+    filtered = robots | {"engine": "sampled"}
+    assert len(check.networks(systems.study(**filtered, sweep={"filter": apart}).cells)) == 2
+    for key, values in {
+        "initial.position": [{"uniform": [-1, 1]}, {"uniform": [-9, 9]}],
+        "gain": [[1.0], [2.0]],
+        "engine": ["sampled", "exact"],
+    }.items():
+        found = check.networks(systems.study(**robots, sweep={key: values}).cells)
+        assert len(found) == len(values), key
+
+
 def test_a_draw_has_the_weakest_of_its_reasons():
     """Vehicle by vehicle as for each listed vehicle alone."""
     keys = {"vehicles": 5, "topology": "path", "defence": "none", "engine": "exact"}

@@ -31,6 +31,7 @@ from jaxnet.statistics.quantities import (
     unended_words,
 )
 from jaxnet.statistics.steps import Steps, no_progress
+from jaxnet.statistics.summary import lane_shares
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import MissingKindError
@@ -136,7 +137,7 @@ def tail_words(cells: Sequence[Cell]) -> str:
 def about_curve(study: Config, y: str | None) -> tuple[bool, bool]:
     """Whether a curve's quantity is one of the tail, and of errors."""
     name = y or asked_quantity(study)
-    if name in ("unrecovered", "failed", "in_hull", "unsettled"):
+    if name == "failed" or name in lane_shares(study):
         return name == "unrecovered", name != "failed"
     metric, _ = metric_and_statistic(study, name)
     return metric.over == "tail", metric.name in {*AGREEMENT, *(each.name for each in CONTRACT)}

@@ -9,12 +9,13 @@ from rich.filesize import decimal
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
-from jaxnet.config.keys import Scenario, Sequential
+from jaxnet.config.keys import Channel, Scenario, Sequential
 from jaxnet.config.naming import format_value
 from jaxnet.config.scenario import for_any_signal, situation_of
 from jaxnet.config.study import Study
 from jaxnet.config.sweep import is_joint, keys_in
 from jaxnet.kinds.attacks import Attack
+from jaxnet.kinds.kind import Kind
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.horizon import ending
@@ -91,6 +92,7 @@ def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
 
 
 SIGNAL = {"magnitude", "label"}  # keys of an attack that no fact depends on
+NOT_OF_FACTS = {"attack", "metrics"}  # keys of a scenario that are told apart, or not at all
 
 
 def facts_key(scenario: Scenario) -> Hashable:
@@ -109,10 +111,9 @@ def network_key(scenario: Scenario) -> Hashable:
     told = attack.describe(), attack.whom(), attack.model_dump_json(include=known)
     told += attack.by_order(), attack.falsified(), attack.periods(), attack.identities()
     told += attack.bounded, attack.consistent(), attack.strategic, attack.moves
-    shared = scenario.topology, scenario.navigator, scenario.defence, scenario.law, scenario.vehicle
-    ids = (*map(id, shared), id(scenario.channel), id(scenario.sensing), id(scenario.detector))
-    times = scenario.tick, scenario.horizon, scenario.tail
-    return ids, scenario.vehicles, repr(told), repr(scenario.gain), times
+    given = [getattr(scenario, key) for key in Scenario.model_fields if key not in NOT_OF_FACTS]
+    shared = (id(each) if isinstance(each, Kind | Channel) else repr(each) for each in given)
+    return *shared, repr(told)
 
 
 def study_head(study: Study) -> str:

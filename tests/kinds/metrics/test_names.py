@@ -77,8 +77,9 @@ def test_tables_figures_and_page_tell_them_apart(both, tmp_path):
     assert "> 19" in text
     assert "(near) [%]" in text
     assert "above the limit at the last output time" in text
-    axis = both.plot.curve(y="near").axes[0].get_ylabel().replace("\n", " ")
-    assert "settling time to 20 m (near), median of lanes" in axis
+    figure = both.plot.curve(y="near")
+    assert "near, median of lanes" in figure.axes[0].get_ylabel().replace("\n", " ")
+    assert "near: settling time to 20 m" in figure.get_supxlabel().replace("\n", " ")
     assert both.plot.curve(y="near_unsettled").axes
     page = both.report(tmp_path / "report.html").read_text()
     assert "settling time to 7.5 m: <b>" in page
@@ -120,8 +121,8 @@ def test_names_are_stored_changed_sent_and_looked_at_without_code(folder):
     assert opened.study.config.model_dump(mode="json")["metrics"] == asked
     for name, length in {"far_from": 165.0, "beyond_170": 170.0}.items():
         np.testing.assert_array_equal(opened.lanes[name], (farthest > length).sum(axis=1))
-    told = quantity_of(opened, opened.study.cells, "beyond_170").words
-    assert told == "far from (beyond_170), median of lanes"
+    told = quantity_of(opened, opened.study.cells, "beyond_170")
+    assert (told.words, told.note) == ("beyond 170, median of lanes", "beyond 170: far from")
 
 
 class Times(MetricKeys):
