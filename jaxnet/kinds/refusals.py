@@ -81,6 +81,7 @@ def suggestion(word: str, known: list[str] | dict[str, str], fallback: bool = Tr
     """
     told = known if isinstance(known, dict) else dict(zip(known, known, strict=True))
     near = difflib.get_close_matches(word, told, n=1, cutoff=0.6)
+    near = near or [each for each in told if each.lower() == word.lower()]
     if near:
         return f" (did you mean '{told[near[0]]}'?)"
     return f" (known here: {', '.join(known)})" if fallback and known else ""

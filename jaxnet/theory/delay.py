@@ -116,7 +116,7 @@ def common_margin(case: Case) -> float | None:
     return min(first_crossing(pull, *case.parts) for pull in pulls)
 
 
-def first_crossing(pull: complex, gain: LawGain, damping: LawGain) -> float:
+def first_crossing(pull: complex | float, gain: LawGain, damping: LawGain) -> float:
     """Least delay τ [s] at which `s^r + D(s) + pull P(s) e^(-sτ)` has a root iω, ω > 0.
 
     P and D have the gains `gain` and `damping`. Order 1: `(π/2 + arg pull) / (k0 |pull|)` (Olfati-

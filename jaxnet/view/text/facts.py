@@ -59,7 +59,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         **network_lines(case, told),
         "attack": attack_line(case) if attack.present else "none",
         "Assumption 1": told.get("honest paths", ""),
-        **defence.describe(*attacked_at_once(scenario)),
+        **defence_lines(scenario),
         "guarantee": told.get("agreement", defence.promise()),
         "misjudged": told.get("misjudged", ""),
         "cut off": told.get("cut off", ""),
@@ -80,6 +80,14 @@ def attacked_at_once(scenario: Scenario) -> tuple[Digraph, Links, Links]:
     if not scenario.attack.targets():
         attacked = attacked & (attacked.cumsum(axis=1) <= scenario.attack.number())
     return graph, attacked, trusted
+
+
+def defence_lines(scenario: Scenario) -> Facts:
+    """What a defence says of itself; of attackers that are drawn, for the worst draw."""
+    defence, given = scenario.defence, attacked_at_once(scenario)
+    drawn = not scenario.attack.targets() and defence.outnumbered(*given).any()
+    worst = "; this is the worst draw of attacked vehicles for each vehicle" * bool(drawn)
+    return {name: line + worst for name, line in defence.describe(*given).items()}
 
 
 def network_lines(case: Case, told: Facts) -> Facts:
