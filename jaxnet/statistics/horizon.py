@@ -1,5 +1,6 @@
-"""Whether a cell's tail begins when a start has died away below what the study asks for."""
+"""What a study asks for, beside what theory says that starts and errors alone leave."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,10 +8,11 @@ import numpy as np
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.scenario import broken_premise, for_any_signal
+from jaxnet.model.wording import cells_named
 from jaxnet.statistics.recovery import threshold
 from jaxnet.theory.case import Case
 from jaxnet.theory.start import Start
-from jaxnet.theory.theorems import START
+from jaxnet.theory.theorems import START, errors_leave
 
 LEAST_LEFT = 1e-3  # of a start, where a study asks for no length
 
@@ -43,6 +45,24 @@ def ending(cell: Cell, study: Config) -> Ending | str:
     least = after + scenario.tail
     horizon = step * np.ceil(round(least / step, 9)) if np.isfinite(least) else least
     return Ending(length, after, scenario.horizon - scenario.tail, float(horizon))
+
+
+@for_any_signal
+def left_by_errors(scenario: Scenario) -> float:
+    return errors_leave(Case(scenario))
+
+
+def errors_words(study: Config, cells: Sequence[Cell]) -> str:
+    """Where errors of sensors and messages alone leave more than recovery allows; else ""."""
+    if study.recovery is None:
+        return ""
+    left = {cell.number: left_by_errors(cell.scenario) for cell in cells}
+    above = [each.number for each in cells if left[each.number] > threshold(each, study.recovery)]
+    if not above:
+        return ""
+    least = min(left[number] for number in above)
+    words = f"errors alone leave a mean error of {least:.3g} m or more, recovery allows less"
+    return f"{words}, in {cells_named(above)}"
 
 
 def asked_length(cell: Cell, study: Config, distance: float) -> float:

@@ -145,13 +145,17 @@ FACTS = [
         "alarms",
         "links after 6.732 ticks = 0.3366 s in the mean; one about a steady lie of ā after 4.9",
     ),
-    (TESTED, "unseen", "messages that are 0.3035 m off at each tick raise no alarm; in phase such"),
-    (TESTED | {"defence": "w_msr"}, "unseen", "raise no alarm"),
+    (
+        TESTED,
+        "unseen",
+        "a liar that knows the errors may be 0.3035 m off at each tick and raise no alarm; in",
+    ),
+    (TESTED | {"defence": "w_msr"}, "unseen", "and raise no alarm"),
     (CUTTING, "alarms", "a false one about one link after 245 ticks = 12.25 s in the mean"),
     (
         CUTTING,
         "unseen",
-        "0.2 m off at each tick raise no alarm, nor does one of 0.3464 m before; in",
+        "0.2 m off at each tick, after one tick of 0.3464 m, and raise no alarm; in",
     ),
     (CUTTING, "unseen", "; lies about positions that raise no alarm move no vehicle by more than"),
     (

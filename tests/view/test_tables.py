@@ -281,7 +281,7 @@ def curve_of(ended: int, fits: dict, power: float = 1.0) -> Curve:
         ((2.2, math.nan, math.nan), 0.9, 2, "2.2"),
         ((2.2, math.nan, math.nan), 0.3, 2, "not proportional"),
         ((2.2, 2.1, 2.3), 1.0, 1, "one ā: 2.2 [2.1, 2.3]"),
-        ((math.nan,) * 3, 1.0, 2, "no effect"),
+        ((math.nan,) * 3, 1.0, 2, "does not rise"),
         (None, 1.0, 2, "-"),
     ],
 )

@@ -20,6 +20,7 @@ from jaxnet.model.wording import cells_named, count, count_between, counted, num
 from jaxnet.statistics import curves
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
+from jaxnet.statistics.horizon import errors_words
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.nominal import misfit_words
@@ -81,8 +82,10 @@ def finding_sentences(
     `tests` receives a row for each comparison of paired lanes.
     """
     tests = [] if tests is None else tests
-    alone = is_leaderless(results.study.cells)
-    lanes, falling = results.manifest["lanes"], falling_words(results, results.study.cells)
+    cells = results.study.cells
+    lanes, alone = results.manifest["lanes"], is_leaderless(cells)
+    warnings = [falling_words(results, cells), errors_words(results.study.config, cells)]
+    warnings += misfit_words(results, cells)
     failed = ""
     if lanes["failed"]:
         there = curves.failed_kinds(results)
@@ -96,8 +99,7 @@ def finding_sentences(
     sentences = [
         outnumbered_sentence(results),
         outside_sentence(results) if alone else "",
-        f"<b>{sentence_case(falling)}</b>." if falling else "",
-        *(f"<b>{sentence_case(each)}</b>." for each in misfit_words(results, results.study.cells)),
+        *(f"<b>{sentence_case(each)}</b>." for each in warnings if each),
         unrecovered_sentence(results, tests),
         extremes_sentence(results, tests),
         separated,
@@ -258,7 +260,8 @@ def extremes_sentence(results: Results, tests: TestRows) -> str:
     offsets = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation," * offsets
     limits = [threshold(cell, results.study.config.recovery) for cell in results.study.cells]
-    if not per_size and errors["value"].max() < NEGLIGIBLE * np.nanmin([*limits, np.inf]):
+    least = np.fmin.reduce(limits, initial=np.inf)
+    if not per_size and errors["value"].max() < NEGLIGIBLE * least < np.inf:
         most = above_text(float(errors["value"].to_numpy().max()))
         span, compared = f"is at most <b>{most} m</b>", ""
     return f"{MEDIAN_LANE[word]}{less} {span}.{compared}{without}{falling}"
@@ -516,7 +519,7 @@ def separation_sentence(results: Results) -> str:
         found = np.concatenate(each)
         many = f"<b>{np.count_nonzero(found < limit)}</b> of {len(found)}"
         told.append(f"{many}{by} (least distance {error_text(found.min())} m)")
-    return f"Lanes with a pair nearer than D = {limit:g} m: {', '.join(told)}."
+    return f"Lanes with a pair nearer than D = {limit:g} m, also at the start: {', '.join(told)}."
 
 
 def metrics_list(results: Results, without: str) -> str:

@@ -18,11 +18,8 @@ from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.kind import Kind
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
-from jaxnet.statistics.horizon import ending
-from jaxnet.statistics.recovery import threshold
+from jaxnet.statistics.horizon import ending, errors_words
 from jaxnet.store import layout
-from jaxnet.theory.case import Case
-from jaxnet.theory.theorems import errors_leave
 from jaxnet.view.text.facts import UNSTABLE, Facts, facts
 from jaxnet.view.text.printer import table_text
 from jaxnet.view.text.width import terminal_width
@@ -59,7 +56,8 @@ def check_text(study: Study, number: int | None = None) -> str:
     """The whole report; of one cell if `number` is given."""
     cells = study.cells if number is None else [study.cells[number]]
     found = networks(cells)
-    warnings = [*unstable_words(found), *errors_words(found, study)]
+    noise = errors_words(study.config, study.cells)
+    warnings = [*unstable_words(found), *[wrap_lines(f"WARNING: {noise}")] * bool(noise)]
     parts = ["\n".join([study_head(study), *warnings])]
     if number is None or len(found) > 1:
         parts.append(wrap_lines(swept_text(study)))
@@ -143,24 +141,6 @@ def unstable_words(found: Sequence[AlikeCells]) -> list[str]:
         wrap_lines(f"{words} {cells_named(sorted(numbers))}: see {name}")
         for name, numbers in where.items()
     ]
-
-
-def errors_words(found: Sequence[AlikeCells], study: Study) -> list[str]:
-    """A warning where errors of sensors and messages alone leave more than recovery allows."""
-    asked = study.config.recovery
-    above = {
-        cell.number: left
-        for each in found
-        for left in [errors_leave(Case(each.cells[0].scenario)) if asked else 0.0]
-        for cell in each.cells
-        if left > threshold(cell, asked)
-    }
-    words = (
-        "WARNING: errors alone leave a mean error of {:.3g} m or more, recovery allows less, in {}"
-    )
-    return (
-        [wrap_lines(words.format(min(above.values()), cells_named(sorted(above))))] if above else []
-    )
 
 
 def amplitude_advice(study: Study) -> str:

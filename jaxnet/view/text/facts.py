@@ -412,10 +412,10 @@ def isolation_words(found: CutReach, scenario: Scenario) -> str:
 
 
 def unseen_words(found: UnseenLie, scenario: Scenario) -> str:
-    line = f"messages that are {found.steady:.4g} m off at each tick raise no alarm"
+    line = f"a liar that knows the errors may be {found.steady:.4g} m off at each tick"
     if found.first > found.steady:
-        line += f", nor does one of {found.first:.4g} m before"
-    return line
+        line += f", after one tick of {found.first:.4g} m,"
+    return f"{line} and raise no alarm"
 
 
 def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:

@@ -29,9 +29,9 @@ SLOPES_TITLE = (
     "slope s of error = s ā over the tail, with its 95 % interval; mean: of the fleet's vehicles;"
     " greatest: of any vehicle"
 )
-NO_EFFECT, NOT_PROPORTIONAL, ONE_MAGNITUDE = "no effect", "not proportional", "one ā: "
+NO_EFFECT, NOT_PROPORTIONAL, ONE_MAGNITUDE = "does not rise", "not proportional", "one ā: "
 SLOPE_NOTES = {
-    NO_EFFECT: "no effect: errors do not rise with ā",
+    NO_EFFECT: "does not rise: errors of greater ā are not greater",
     NOT_PROPORTIONAL: "not proportional: errors rise with ā, but not as s ā",
     ONE_MAGNITUDE: "one ā: lanes ended at one magnitude alone; the error per ā there, no slope",
 }

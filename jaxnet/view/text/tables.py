@@ -19,6 +19,7 @@ from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.falling import falling_words
+from jaxnet.statistics.horizon import errors_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
 from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition
@@ -148,7 +149,8 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         beyond = share_beyond(int(many.min()))
         words = f"at most {beyond} of all lanes are above, with 95 % confidence"
         notes.append(f"greatest: of {count_between(many.tolist(), 'lane')} of a cell; {words}")
-    first = [*filter(None, [falling_words(results, cells)]), *misfit_words(results, cells)]
+    about = falling_words(results, cells), errors_words(results.study.config, cells)
+    first = [*filter(None, about), *misfit_words(results, cells)]
     return [*first, *notes, *caveat_lines(cells)]
 
 
