@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import types
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from click.testing import CliRunner
 import jaxnet
 from jaxnet.cli import main
 from jaxnet.engine.tick import Seen
-from jaxnet.kinds import contract, registry
+from jaxnet.kinds import contract
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.detectors import JudgedWords
 from jaxnet.kinds.losses import Messages
@@ -179,8 +180,10 @@ def test_what_is_typed_into_a_shell_is_not_given_to_workers(monkeypatch):
     """They could not import it, and would wait for ever."""
     made = provenance.Provenance("", "0", None)
     monkeypatch.setattr(cluster, "modules_of", lambda config: {"__main__": made})
-    work = types.SimpleNamespace(config=types.SimpleNamespace(scope=registry.Scope()))
-    crew = cluster.Cluster(lambda: pytest.fail("workers were called"), None)
+    work = types.SimpleNamespace(config=jaxnet.load({}).config)
+    never = Future()  # whoever asks it for workers fails
+    never.set_exception(AssertionError("workers were called"))
+    crew = cluster.Cluster(never, None)
     with pytest.raises(
         cluster.ClusterError, match="no worker can import __main__, which has no file"
     ):

@@ -205,7 +205,7 @@ def variance_is_of_many(errors: Errors) -> bool:
     return bool(len(each) >= FEWEST and squares.sum() ** 2 >= FEWEST * np.square(squares).sum())
 
 
-def aicc(errors: Errors, model: str, parameters: Sequence[float]) -> float:
+def aicc(errors: Errors, model: str, parameters: Sequence[float] | np.ndarray) -> float:
     """Akaike's criterion with its small-sample correction, for (y − f)/x; NaN if this is rounding.
 
     It is `n log(RSS/n) + 2k + 2k(k + 1)/(n − k − 1)`, where k includes the variance (Hurvich and

@@ -20,7 +20,7 @@ Parameters = Float[np.ndarray, "n 2"]
 Shapes = Float[np.ndarray, " n"]
 
 
-def model_value(model: str, x: Magnitudes, parameters: Sequence[float]) -> Magnitudes:
+def model_value(model: str, x: Magnitudes, parameters: Sequence[float] | np.ndarray) -> Magnitudes:
     """`s x`, `b + s x`, `c x^p`, or a constant."""
     first, *more = parameters
     match model:

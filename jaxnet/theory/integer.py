@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 from scipy import sparse
 
 from jaxnet.theory.robustness import most_local
@@ -214,7 +214,7 @@ def two_sets(n: int, more: int) -> list[Constraint]:
     return [(disjoint, 0, 1), (sizes, [1, 0], np.inf)]
 
 
-def twice(block: Float[np.ndarray, "n n"]) -> Any:
+def twice(block: Shaped[np.ndarray, "n n"]) -> Any:
     return sparse.block_diag([sparse.csr_array(block)] * 2)
 
 

@@ -24,7 +24,7 @@ HALVINGS = 40
 ANGLES = np.exp(1j * np.pi * np.linspace(0, 1, 65))  # points of the upper unit circle
 
 Loops = Complex[np.ndarray, "loops s s"] | Float[np.ndarray, "loops s s"]
-LoopFactor = np.ndarray | complex  # of one eigenvector, or of several
+LoopFactor = np.ndarray | complex | float  # of one eigenvector, or of several
 
 
 def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:

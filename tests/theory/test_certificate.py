@@ -44,7 +44,7 @@ def test_the_papers_networks(topology, norm, all_attacked, cut_off):
 
 @pytest.mark.parametrize("edges", APART.values(), ids=APART)
 def test_vehicles_that_nothing_reaches_make_the_norm_infinite(edges):
-    case, network = case_of(vehicles=4, attack="none"), graph.weighted(4, edges)
+    case, network = case_of(vehicles=4, attack="none"), graph.weighted(4, map(tuple, edges))
     case.situation = Situation(network, network.none, network.none, None)
     assert certificate.inverse_norm_of(case) == np.inf
     assert certificate.honest_paths(case).cut_off == [3, 4]
