@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
+from jaxtyping import Float, Shaped
 from upath import UPath
 
 from jaxnet.config.cells import is_leaderless
@@ -57,7 +57,7 @@ LEAST_RESIDUAL = 1e-12  # smaller errors per ā are rounding
 EXACT_FIT = 1e-9  # of the greatest error, or of ā; smaller ones are rounding
 NO_SLOPE_INTERVAL = "no interval: too few lanes, or a few great errors make up the value"
 
-DrawCounts = Int[np.ndarray, "n samples"]  # how often each resample draws each sample
+DrawCounts = Shaped[np.ndarray, "n samples"]  # how often each resample draws each sample
 FitRow = dict[str, object]
 
 

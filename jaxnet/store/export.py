@@ -102,7 +102,7 @@ def write_csv(results: Results, out: str | Path | UPath | None = None) -> UPath:
     folder = Folder(results.folder.path / "csv" if out is None else out)
     data = results.trajectories
     for cell, sample in lanes_in(data):
-        lane = lane_in(data, cell, sample)
+        lane = lane_in(data, int(cell), int(sample))
         assert lane is not None
         table = trajectory_table(results.study.cells[cell], sample, lane)
         folder.put(f"cell-{cell}-sample-{sample}.csv", csv_text(table).encode())

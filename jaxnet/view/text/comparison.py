@@ -58,7 +58,7 @@ SHARE_LEGEND = (
 def comparison_legend(found: Comparison, shown: Sequence[Column]) -> str:
     lanes: Any = found.cells.set_index("cell")
     measured = AGREEMENT_NOTES if "spread_difference" in lanes else ERROR_NOTES
-    independent = lanes.filter(like="_median_low").notna().to_numpy().any()
+    independent = bool(lanes.filter(like="_median_low").notna().to_numpy().any())
     notes = [*measured, *missing_lines(shown, lanes["pairs"], independent)]
     return " ".join([LEGEND, SHARE_LEGEND, *(f"{each[0].upper()}{each[1:]}." for each in notes)])
 
