@@ -62,10 +62,15 @@ class Quantity(NamedTuple):
 
     @property
     def log(self) -> bool:
-        """Whether values belong on a log axis: none is negative, and they span over a decade."""
+        """Whether values belong on a log axis: none is negative, and they span over a decade.
+
+        Numbers without a unit are shares or counts, of which 0 is not rounding.
+        """
         if self.share or not self.known.size:
             return False
         least, greatest = self.known.min(), self.known.max()
+        if not self.unit and least == 0:
+            return False
         return bool(least >= 0 and greatest > LOG_FLOOR and greatest >= LEAST_RATIO_OF_LOG * least)
 
     @property

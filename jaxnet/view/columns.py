@@ -316,7 +316,7 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
         metric, statistic = metric_and_statistic(study, stem)
         end, of, scale = name.removeprefix(f"{metric.name}_"), metric.column_unit, 1.0
         entries["size"] = rows["size"] if of == "m" else 0.0
-        if metric.base == "settling_time":
+        if of == "s":
             endless = f"> {max(cell.scenario.horizon for cell in cells):g}"
         plain = LANE_STATISTICS[statistic].words.removesuffix(" of lanes")
         which = f", {plain if end == statistic else end.replace('_', ' ')}"

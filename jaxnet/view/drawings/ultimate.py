@@ -28,6 +28,7 @@ LINES_TOLD = (
     "coloured lines: bounds of theory; grey lines: slope s of s ā fitted to the lanes; the interval"
     " of a mean may be narrower than its mark"
 )
+NO_INTERVAL = "some means have no interval: too few lanes, or a few great errors make them up"
 LEAST_SHOWN = 0.01  # of the least median: what is less stands at the lower end of the axis
 FEW_STATISTICS = ("q05", "median", "max")
 CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
@@ -67,7 +68,8 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     x = Scale("attack magnitude ā [m]", log=True)
     y = Scale(ULTIMATE_WORDS[metric], (max(first, floor), last), log=True, floor=floor)
     there = [curve.group.labels for curve in found]
-    return Drawing(panels, x, y, [LINES_TOLD], there=(there, "groups"))
+    notes = [LINES_TOLD, *[NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)]
+    return Drawing(panels, x, y, notes, there=(there, "groups"))
 
 
 def slope_note(curve: Curve, metric: str) -> str:
@@ -77,6 +79,11 @@ def slope_note(curve: Curve, metric: str) -> str:
         return "lanes ended at one ā alone: no line is fitted"
     bent = curve.is_bent(metric)
     return "errors are not proportional to ā: no line is fitted" if bent else ""
+
+
+def lacks_interval(curve: Curve, metric: str) -> bool:
+    mean, low = curve.spread(metric, "mean", "low")
+    return bool((np.isfinite(mean) & np.isnan(low)).any())
 
 
 def lane_series(curve: Curve, metric: str) -> list[Trace]:

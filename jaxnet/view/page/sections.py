@@ -62,18 +62,17 @@ VEHICLE_WORDS = {
     "greatest": "greatest [m]",
     "unrecovered": "lanes over threshold [%]",
 }
-ULTIMATE_NOTE = (
-    "Error over the tail, with the bounds of theory where there are any. Cells with ā = 0 have no"
-    " place on a log axis."
-)
+ULTIMATE_NOTE = "Error over the tail, with the bounds of theory where there are any."
+NOT_ON_A_LOG_AXIS = " Cells with ā = 0 have no place on a log axis."
 SLOPES_NOTE = (
     "The greatest error of any vehicle as a multiple of ā: the worst found, what was fitted, and"
     " the bounds of theory. A dash: there is no such number."
 )
 HEAT_NOTE = (
     "One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and"
-    " arrow keys for its interval and lanes. * Some of its lanes failed; they are in no number."
+    " arrow keys for its interval and lanes."
 )
+SOME_FAILED = " * Some of its lanes failed; they are in no number."
 TOO_LARGE = (
     "The page has no room for a lane of so large a fleet: see <code>jaxnet animate</code>, and"
     " <code>trajectories.zarr</code>."
@@ -188,7 +187,8 @@ def ultimate_section(results: Results, found: Sequence[Curve]) -> Section | None
     name = "Error against attack magnitude"
     if reason := no_magnitudes(found):
         return Section("ultimate", name, paragraph(escape(reason)))
-    note = paragraph(ULTIMATE_NOTE)
+    unattacked = bool((cell_magnitudes(results) == 0).any())
+    note = paragraph(ULTIMATE_NOTE + NOT_ON_A_LOG_AXIS * unattacked)
     if not any(curve.bounds for curve in found):
         written = f"<code>{fit_command(results)}</code> writes them."
         note += paragraph(f"No bounds.csv and no fit.csv: {written}")
@@ -284,7 +284,12 @@ def heat_section(results: Results) -> Section | None:
     }
     if not views:
         return None
-    return Section("heat", "Heat map", paragraph(HEAT_NOTE) + views_html(views))
+    return Section(
+        "heat",
+        "Heat map",
+        paragraph(HEAT_NOTE + SOME_FAILED * bool(results.cells["failed"].any()))
+        + views_html(views),
+    )
 
 
 def search_section(results: Results) -> Section | None:
