@@ -188,7 +188,7 @@ def test_what_is_wrong_with_a_kind_in_python_is_said():
     """In words of ours, key by key, also of a kind inside another and of a metric."""
     with pytest.raises(KindError, match=r"^WMSR: F: must be at least 0 \(got -1\)$"):
         WMSR(F=-1)
-    with pytest.raises(KindError, match=r"^WMSR: f: unknown key \(known here: .*, F\)$"):
+    with pytest.raises(KindError, match=r"^WMSR: f: unknown key \(did you mean 'F'\?\)$"):
         WMSR(f=1)
     with pytest.raises(
         KindError, match=r"^Sinusoid: magnitude: must be .*\nSinusoid: frequency: must be"

@@ -10,6 +10,7 @@ from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.scenario import broken_premise, for_any_signal
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.recovery import threshold
+from jaxnet.store.looking import known_or
 from jaxnet.theory.case import Case
 from jaxnet.theory.start import Start
 from jaxnet.theory.theorems import START, errors_leave
@@ -53,16 +54,23 @@ def left_by_errors(scenario: Scenario) -> float:
 
 
 def errors_words(study: Config, cells: Sequence[Cell]) -> str:
-    """Where errors of sensors and messages alone leave more than recovery allows; else ""."""
-    if study.recovery is None:
-        return ""
-    left = {cell.number: left_by_errors(cell.scenario) for cell in cells}
-    above = [each.number for each in cells if left[each.number] > threshold(each, study.recovery)]
+    """Where errors of sensors and messages alone leave more than recovery allows; else "".
+
+    Nothing is told of cells whose kinds have no code here.
+    """
+    asked, above = study.recovery, dict[int, float]()
+
+    def leave_too_much(cell: Cell) -> bool:
+        return left_by_errors(cell.scenario) > threshold(cell, asked)
+
+    for cell in cells if asked is not None else ():
+        if known_or(False, lambda cell=cell: leave_too_much(cell)):
+            above[cell.number] = left_by_errors(cell.scenario)
     if not above:
         return ""
-    least = min(left[number] for number in above)
+    least = min(above.values())
     words = f"errors alone leave a mean error of {least:.3g} m or more, recovery allows less"
-    return f"{words}, in {cells_named(above)}"
+    return f"{words}, in {cells_named([*above])}"
 
 
 def asked_length(cell: Cell, study: Config, distance: float) -> float:
