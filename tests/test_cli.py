@@ -315,7 +315,7 @@ def test_two_results_are_compared(swept, tmp_path):
     done = jaxnet_does("compare", swept, swept, "--format", "csv")
     assert done.exit_code == 0, done.stderr
     table = pd.read_csv(io.StringIO(done.stdout))
-    assert table["error [m]"].tolist() == [0] * 4
+    assert table["mean [m]"].tolist() == [0] * 4
     names = {path.name for path in (swept.parent / "swept-swept").iterdir()}
     assert names >= {"compare.html", "differences.csv", "changed.csv", "failed.csv"}
     same = jaxnet_does("compare", swept, swept, "--out", tmp_path / "x")

@@ -29,19 +29,11 @@ MOST_LATE = 200  # ticks by which messages may be delayed
 # Of the law's fastest time constant in a tick over which a message is a power series: terms of
 # degree 8 and above are left out, under 1e-6 m where the fleet is tens of metres off.
 MOST_RATE = 0.2
-TAKEN_COLUMNS = (
-    "cell",
-    "sample",
-    "status",
-    "steps",
-    "switches",
-    "unheard",
-    "stopped",
-    "tail_fall",
-)  # of all rows
-TAKEN_COLUMNS += ("cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share")
-# Of cells
-TAKEN_COLUMNS += ("lanes", "ok", "failed", "unrecovered", "in_hull", "unsettled", "falling")
+TAKEN_COLUMNS = (  # of rows, then of cells
+    *("cell", "sample", "status", "steps", "switches", "unheard", "stopped", "tail_fall"),
+    *("cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share"),
+    *("lanes", "ok", "failed", "unrecovered", "in_hull", "unsettled", "falling"),
+)
 GIVE_RECOVERY = "needs to know what has recovered: give recovery: {tau: 0.01}"
 LEAST_CHOICES = 100  # choices that a search tries at least
 

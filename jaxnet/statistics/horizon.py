@@ -58,14 +58,14 @@ def errors_words(study: Config, cells: Sequence[Cell]) -> str:
 
     Nothing is told of cells whose kinds have no code here.
     """
-    asked, above = study.recovery, dict[int, float]()
 
-    def leave_too_much(cell: Cell) -> bool:
-        return left_by_errors(cell.scenario) > threshold(cell, asked)
+    def excess(cell: Cell) -> float:
+        left = left_by_errors(cell.scenario)
+        return left if left > threshold(cell, study.recovery) else 0.0
 
-    for cell in cells if asked is not None else ():
-        if known_or(False, lambda cell=cell: leave_too_much(cell)):
-            above[cell.number] = left_by_errors(cell.scenario)
+    asked = cells if study.recovery is not None else ()
+    found = {cell.number: known_or(0.0, lambda cell=cell: excess(cell)) for cell in asked}
+    above = {number: left for number, left in found.items() if left}
     if not above:
         return ""
     least = min(above.values())

@@ -1,4 +1,4 @@
-"""Whether honest messages raise alarms as often as the detector of a cell is asked for."""
+"""Whether honest messages raise alarms far more often than the detector of a cell is asked for."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
-FAR = 2  # times the nominal rate, or its part
+FAR = 2  # times the nominal rate
 
 
 def misfit_words(results: Results, cells: Sequence[Cell]) -> list[str]:
-    """Tell where the measured rate of false alarms is far from the nominal one, and why."""
+    """Tell where the measured rate of false alarms is far above the nominal one, and why."""
     if "false_alarms_mean" not in results.cells:
         return []
     found: dict[tuple[float, bool], dict[int, float]] = {}
@@ -41,16 +41,17 @@ def misfit_words(results: Results, cells: Sequence[Cell]) -> list[str]:
 
 
 def honest_messages(cell: Cell) -> int:
-    """The most messages on honest links in a lane: one a tick on each."""
+    """The most independent tests of honest messages in a lane: one a window on each link."""
     known, scenario = situation_of(cell.scenario), cell.scenario
     links = int((known.graph.heard & ~known.attacked).sum())
-    return links * int(scenario.horizon / scenario.tick) if scenario.tick else 0
+    interval = scenario.tick * getattr(scenario.detector, "window", 1)
+    return links * int(scenario.horizon / interval) if interval else 0
 
 
 def is_far(share: float, messages: int, nominal: float) -> bool:
-    """Whether the exact binomial interval of a share lies beyond twice or half a nominal rate."""
+    """Whether the exact binomial interval of a share lies above twice a nominal rate."""
     if not messages or np.isnan(share):
         return False
     alarms, of = np.array([round(share * messages)]), np.array([messages])
-    (low,), (high,) = clopper_pearson(alarms, of, CONFIDENCE)
-    return bool(low > FAR * nominal or FAR * high < nominal)
+    (low,), _ = clopper_pearson(alarms, of, CONFIDENCE)
+    return bool(low > FAR * nominal)

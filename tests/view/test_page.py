@@ -139,7 +139,7 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
     if bounds is not None:
         slopes = [[name, "worst", slope] for name, slope in bounds.items()]
         pd.DataFrame(slopes, columns=["bound", "vehicle", "slope"]).to_csv(tmp_path / "bounds.csv")
-    return findings.finding_sentences(results, curves.curves(results), "jaxnet fit x")
+    return findings.finding_sentences(results, curves.curves(results), "jaxnet fit x", [])
 
 
 def test_cells_that_are_not_all_of_a_value_are_told_with_it():
@@ -149,7 +149,7 @@ def test_cells_that_are_not_all_of_a_value_are_told_with_it():
     for numbers, words in (
         ([0, 1], "with no\xa0defence, ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m (2 cells)"),
         ([0, 1, 2], "with no\xa0defence (3 cells)"),
-        ([0, 2, 4], "in 3 cells"),
+        ([0, 2, 4], "in cells 0, 2, 4"),
         ([0, 1, 3], "in 3 of 4 cells with ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m"),
     ):
         assert findings.where_words(results, numbers) == words

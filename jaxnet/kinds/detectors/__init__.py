@@ -144,10 +144,8 @@ class Detector(AnyDetector):
             told = f"{self.predicts.kind} tells no covariance: give kind: distance"
             yield Fault(("detector.predicts", "detector"), told)
         if self.needs_variances and not (noisy or channel.rounded):
-            told = (
-                f"{self.kind} needs errors of messages: give channel: {{noise: {{position: …}}}},"
-            )
-            told += " or kind: distance"
+            told = f"{self.kind} needs errors of messages: give channel: {{noise: {{position: …}}}}"
+            told += ", or kind: distance" * (not self.predicts.needs_variances)
             yield Fault(("detector", "channel.noise"), told)
         for key, noise in noisy.items():
             if self.needs_variances and not noise.tells_deviations():

@@ -24,9 +24,10 @@ FITS = {
 MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
-LINES_TOLD = (
-    "coloured lines: bounds of theory; grey lines: slope s of s ā fitted to the lanes; the interval"
-    " of a mean may be narrower than its mark"
+BOUNDS_TOLD = "coloured lines: bounds of theory"
+FITS_TOLD = (
+    "grey lines: slope s of s ā fitted to the lanes; the interval of a mean may be narrower than"
+    " its mark"
 )
 NO_INTERVAL = "some means have no interval: too few lanes, or a few great errors make them up"
 LEAST_SHOWN = 0.01  # of the least median: what is less stands at the lower end of the axis
@@ -68,7 +69,8 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     x = Scale("attack magnitude ā [m]", log=True)
     y = Scale(ULTIMATE_WORDS[metric], (max(first, floor), last), log=True, floor=floor)
     there = [curve.group.labels for curve in found]
-    notes = [LINES_TOLD, *[NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)]
+    notes = [BOUNDS_TOLD] * any(curve.limits(metric) for curve in found) + [FITS_TOLD]
+    notes += [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
     return Drawing(panels, x, y, notes, there=(there, "groups"))
 
 

@@ -1,5 +1,6 @@
 """The paper's figure: a row per attack; trajectories of each topology, and all errors over time."""
 
+import itertools
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -82,14 +83,7 @@ def panels_figure(
     drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + LEGEND_AND_NOTES))
     widths = [1.0] * columns if narrow else [1.0] * planes + [ERRORS_WIDTH] * errors
     grid = GridSpec(lines * len(rows), columns, figure=drawn, width_ratios=widths)
-    paths = results.trajectories if trajectories else None
-    found = {} if paths is None else {c.number: first_lane(paths, c) for row in rows for c in row}
-    lanes = {number: lane for number, lane in found.items() if lane is not None}
-    samples = {number: int(lane["sample"]) for number, lane in lanes.items()}
-    scenes = {}
-    for number, lane in lanes.items():
-        lane, graph = pictured(results, number, samples[number], lane)
-        scenes[number] = scene_of(lane, results.study.cells[number], graph)
+    scenes, samples = stored_scenes(results, rows) if trajectories else ({}, {})
     box, shown = box_of([*scenes.values()]), dict[int, list[str]]()
     letters, above = iter(map(chr, range(ord("a"), ord("z")))), dict[int, str]()
     for number, row in enumerate(rows):
@@ -136,6 +130,19 @@ def panels_figure(
     parts = ([labels[place] for place in places], labels, "rows"), (some, every, "topologies")
     multiples.write_left_out(drawn, *parts, where=where)
     return drawn
+
+
+def stored_scenes(
+    results: Results, rows: Sequence[Sequence[Cell]]
+) -> tuple[dict[int, LaneScene], dict[int, int]]:
+    """The scene and the sample of the first stored lane of cells that have one, by number."""
+    scenes, samples, paths = dict[int, LaneScene](), dict[int, int](), results.trajectories
+    for cell in itertools.chain(*rows):
+        if (lane := first_lane(paths, cell)) is not None:
+            samples[cell.number] = int(lane["sample"])
+            lane, graph = pictured(results, cell.number, samples[cell.number], lane)
+            scenes[cell.number] = scene_of(lane, cell, graph)
+    return scenes, samples
 
 
 def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.cells import is_leaderless, judged_metric
+from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Sequential
 from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_alone, value_name
 from jaxnet.kinds.kind import vehicle_numbers
@@ -75,13 +75,12 @@ def finding_sentences(
     results: Results,
     found: Sequence[curves.Curve],
     fit: str,
-    tests: TestRows | None = None,
+    tests: TestRows,
 ) -> list[str]:
     """Each finding as HTML; `fit` is the command that computes the bounds.
 
     `tests` receives a row for each comparison of paired lanes.
     """
-    tests = [] if tests is None else tests
     cells = results.study.cells
     lanes, alone = results.manifest["lanes"], is_leaderless(cells)
     warnings = [falling_words(results, cells), errors_words(results.study.config, cells)]
@@ -91,10 +90,7 @@ def finding_sentences(
         there = curves.failed_kinds(results)
         kinds = escape(counted(sum(there.values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
-        where = where_words(results, sorted(there))
-        if where.startswith("in ") and " with " not in where:
-            where = f"in {cells_named(sorted(there))}"
-        failed += f", {where}".rstrip(", ") + "."
+        failed += f", {where_words(results, sorted(there))}".rstrip(", ") + "."
     separated = separation_sentence(results)
     sentences = [
         outnumbered_sentence(results),
@@ -178,16 +174,25 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     first = escape(labels_title({key: labels[key] for key in varied}) or labels_title(labels))
     if many == 1:
         return f"with {first} (cell {numbers[0]})"
-    mine = swept_values_of([results.study.cells[n] for n in numbers])
-    there = swept_values_of(cells)
-    alike = [cell for cell in cells if all(cell.labels[key] in mine[key] for key in mine)]
-    told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
-    if not told or max(map(len, told.values())) > MOST_TOLD:
-        return f"in {many} cells"
-    words = escape(", ".join(" or ".join(value_name(k, each) for each in told[k]) for k in told))
-    if len(alike) > many:
-        return f"in {many} of {len(alike)} cells with {words}"
+    words, alike = values_told(results, numbers, cells)
+    if not words:
+        return f"in {cells_named(numbers)}"
+    if alike > many:
+        return f"in {many} of {alike} cells with {words}"
     return f"with {words} ({many} cells)"
+
+
+def values_told(results: Results, numbers: Sequence[int], among: Sequence[Cell]) -> tuple[str, int]:
+    """The few swept values that these of the cells `among` have, and how many cells have them."""
+    mine, there = (
+        swept_values_of(each) for each in ([results.study.cells[n] for n in numbers], among)
+    )
+    alike = sum(all(cell.labels[key] in mine[key] for key in mine) for cell in among)
+    told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
+    if max(map(len, told.values()), default=0) > MOST_TOLD:
+        return "", alike
+    words = (" or ".join(value_name(key, each) for each in told[key]) for key in told)
+    return escape(", ".join(words)), alike
 
 
 def span_words(
@@ -444,7 +449,8 @@ def settings_told(
         sorted({cell for test in tests for cell in (test.better, test.worse)})
         for tests in (some, every)
     )
-    where = where_words(results, mine, among).rpartition(" (")[0].removeprefix("with ")
+    where, alike = values_told(results, mine, [results.study.cells[n] for n in among])
+    where = where if alike == len(mine) else ""
     if not where and len(some) <= MOST_TOLD:
         labels = (results.study.cells[test.better].labels for test in sorted(some))
         told = (escape(labels_title({key: each[key] for key in names})) for each in labels)

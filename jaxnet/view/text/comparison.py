@@ -17,8 +17,9 @@ from jaxnet.view.text.tables import missing_lines
 from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 
 MOST_NAMED_LANES = 20  # lanes of a kind
-FIRST_METRICS = {"tail_mean": TITLES["tail_mean"], "spread": "spread"}  # shown to the last
-SECOND_METRICS = {"tail_max": TITLES["tail_max"], "outside": "outside"}
+FIRST_METRICS = {"tail_mean": "mean", "spread": "spread"}  # metrics that are shown to the last
+SECOND_METRICS = {"tail_max": "max", "outside": "outside"}
+SHOWN_AS = {"mean": TITLES["tail_mean"], "max": TITLES["tail_max"]}  # of the words of a CSV table
 
 
 def of_metrics(metrics: dict[str, str], end: str, title: str) -> list[tuple[str, ...]]:
@@ -29,8 +30,8 @@ def of_metrics(metrics: dict[str, str], end: str, title: str) -> list[tuple[str,
     ]
 
 
-# Columns of differences.csv, what matters most first: name, title, and how the names of the ends of
-# its interval begin, there and as titles.
+# Columns of differences.csv, what matters most first: name, that in a CSV table, and how the names
+# of the ends of its interval begin, there and in a CSV table.
 DIFFERENCES = [
     *of_metrics(FIRST_METRICS, "median", " median"),
     ("saved", "only A off"),
@@ -72,13 +73,15 @@ def comparison_columns(found: Comparison) -> list[Column]:
         values = table[key].tolist()
         numbers = plain_column(key, values, key=key)
         columns.append(numbers if key == "cell_B" else key_column(key, values))
-    for name, title, *stems in DIFFERENCES:
+    for name, told, *stems in DIFFERENCES:
         if name not in table or table[name].isna().all():
             continue
-        column = plain_column(title, table[name].tolist())
+        first, gap, rest = told.partition(" ")
+        column = plain_column(told, table[name].tolist())
+        column = column._replace(title=f"{SHOWN_AS.get(first, first)}{gap}{rest}")
         if stems:
             entries = stored_values(table, [name, f"{stems[0]}_low", f"{stems[0]}_high"])
-            if "[m]" in title:
+            if "[m]" in told:
                 metric, entries["size"] = stems[0].removesuffix("_median"), 1.0
                 mean, most = table[f"{metric}_difference"], table[f"{metric}_max"]
                 entries["alike"] = all_alike(mean, most, table["pairs"], entries.loc[:, "size"])

@@ -524,7 +524,7 @@ def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
     )
 
 
-def misjudged_messages(found: list[Misjudged], scenario: Scenario) -> str:
+def misjudged_words(found: list[Misjudged], scenario: Scenario) -> str:
     """Probabilities after numbers of observations, exact where known, and their bounds."""
     told = "probabilities that an honest source is dropped, and a liar kept:"
     for number, each in enumerate(found):
@@ -544,7 +544,7 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "inverse norm": norm_words,
     "honest paths": path_words,
     "apart": lambda least, scenario: f"steered points that start {least:g} m apart or more stay so",
-    "misjudged": misjudged_messages,
+    "misjudged": misjudged_words,
     "cut off": lambda lost, scenario: f"{ranges(lost)} may be, if they drop the wrong sources",
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"

@@ -143,12 +143,18 @@ def narrow_columns(
     for first in [0] if together else range(len(quantities) - 1, 0, -1):
         bare = quantities[first:]
         steps.append([each.bare() if each.name in bare else each for each in whole])
-    going = [*reversed(quantities[1:]), "", *(each.name for each in reversed(keys))]
-    for name in going * (not asked):
-        steps += [[each.bare() for each in steps[-1]]] * (not name)
-        steps.append([each for each in steps[-1] if each.name != name])
+    if not asked:
+        steps += without_each(steps[-1], quantities[:0:-1])
+        steps.append([each.bare() for each in steps[-1]])
+        steps += without_each(steps[-1], [each.name for each in reversed(keys)])
     shown = next((each for each in steps if fits_terminal(*with_labels(each))), steps[-1])
     kept = {each.name: each for each in shown}
     lost = [each for each in whole if each.name in kept and each.ends and not kept[each.name].ends]
     which = f"{'some' if any(each.ends for each in shown) else 'all'} intervals"
     return shown, [which] * bool(lost) + [each.title for each in whole if each.name not in kept]
+
+
+def without_each(columns: Sequence["Column"], names: Sequence[str]) -> list[list["Column"]]:
+    """Columns without the first of the names, without the first two, and so on."""
+    gone = (names[:number] for number in range(1, len(names) + 1))
+    return [[each for each in columns if each.name not in some] for some in gone]

@@ -210,14 +210,14 @@ def off_lines(results: Results, shown: Sequence[Column]) -> list[str]:
     found = dict[str, list[int]]()
     for each in shown:
         if each.name.endswith("_q95") and "size" in each.entries:
-            title = each.title.partition(" [")[0]
-            most = results.cells[each.name.replace("_q95", "_max")].to_dict()
-            for cell, size in each.entries["size"].to_dict().items():
-                lanes = int(results.cells["ok"].to_dict()[cell])
-                of, few = count(lanes, "lane"), int(0.05 * (lanes - 1) + 1e-9)  # above 95 %
-                low = columns.without_rounding(each.entries["value"].to_dict()[cell], size) == 0
-                if low and columns.without_rounding(most[cell], size) > 0:
-                    found.setdefault(f"{title} 0: up to {few} of {of} are off", []).append(cell)
+            title, table = each.title.partition(" [")[0], each.entries[["value", "size"]]
+            beside = results.cells[["ok", each.name.replace("_q95", "_max")]]
+            for cell, value, size, lanes, most in table.join(beside).itertuples():
+                few = int(0.05 * (lanes - 1) + 1e-9)  # above 95 %
+                told = f"{title} 0: up to {few} of {count(int(lanes), 'lane')} are off"
+                low, high = (columns.without_rounding(each, size) for each in (value, most))
+                if low == 0 < high:
+                    found.setdefault(told, []).append(cell)
     return [f"{words}: {cells_named(cells)}" for words, cells in found.items()]
 
 
