@@ -419,6 +419,17 @@ def lanes_of(html: str) -> list[dict]:
     return [json.loads(each) for each in found]
 
 
+def test_what_is_alike_everywhere_is_not_drawn_first(folder):
+    """Where no lane recovers, the errors are drawn, and the heat map begins with them."""
+    results = jaxnet.open(folder)
+    for share in curves.SHARE_COLUMNS:
+        results.cells[share] = np.where(results.cells["attack.magnitude"] > 0, 1.0, np.nan)
+    title = sections.answer_section(results).title
+    assert title == "Error, median of lanes against attack magnitude"
+    heats = re.findall("<option>(.*?)</option>", sections.heat_section(results).body)
+    assert heats == ["greatest tail error / ā", "lanes unrecovered [%]"]
+
+
 def test_what_a_config_says_is_text(html):
     """A label never becomes markup, neither on the page nor in the data nor in a plot."""
     assert "<script>alert" not in html
