@@ -34,7 +34,7 @@ def misfit_words(results: Results, cells: Sequence[Cell]) -> list[str]:
         ends = dict.fromkeys(
             number_text(100 * end) for end in (min(shares.values()), max(shares.values()))
         )
-        why = "errors are not as its test supposes" if exact else "the observer does not fit"
+        why = "errors are not as the test supposes" if exact else "the observer does not fit"
         words = f"honest messages raise {' to '.join(ends)} % alarms, nominal"
         told.append(f"{words} {number_text(100 * nominal)} %: {why} ({cells_named([*shares])})")
     return told

@@ -20,6 +20,8 @@ from jaxtyping import Bool
 from jaxnet.config.cells import Cell, is_leaderless, to_plain
 from jaxnet.config.keys import Config, Recovery
 from jaxnet.kinds.metrics import AGREEMENT
+from jaxnet.kinds.metrics.collisions import COLLISIONS
+from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.lazy import special
 from jaxnet.statistics.curves import canonical_values
 from jaxnet.statistics.intervals import CONFIDENCE, ROUNDING_SPREAD, paired_share_interval
@@ -31,6 +33,7 @@ from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 SIDES = ("_A", "_B")
+OF_FILTERS = (MIN_SEPARATION.name, COLLISIONS.name)
 DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"} | {
     name: name for name in ("median", "median_low", "median_high", "max")
 }  # by name in `metric_statistics`
@@ -79,6 +82,8 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     _ = first.cells, second.cells  # refuses an unfinished run
     leaderless = all(is_leaderless(results.study.cells) for results in both)
     pairs, metrics = paired_cells(*both), AGREEMENT if leaderless else SUMMARISED
+    if any(a.scenario.filter != b.scenario.filter for a, b in pairs):
+        metrics = measured_apart(both) or metrics
     criteria = [results.study.config.recovery for results in both]
     each = [mark_unrecovered(join_lanes(both, pair, metrics), pair, criteria) for pair in pairs]
     lanes: Any = pd.concat(each, keys=range(len(pairs)))
@@ -106,6 +111,12 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         named(changed, ["sample", *sides]),
         named(~lanes["ok"], ["sample", "status_A", "status_B"]),
     )
+
+
+def measured_apart(both: Sequence[Results]) -> tuple[str, ...]:
+    """What filters are for, of the metrics that both studies measure."""
+    first, second = ({each.name for each in one.study.config.measured()} for one in both)
+    return tuple(name for name in OF_FILTERS if name in first & second)
 
 
 def paired_cells(first: Results, second: Results) -> list[CellPair]:

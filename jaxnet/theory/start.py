@@ -61,6 +61,12 @@ def start_decay(case: Case) -> Start | None:
     return Start(float(sizes[0]), times, np.maximum.accumulate(now[::-1])[::-1])
 
 
+def start_drive(case: Case) -> float | None:
+    """Bound on `‖E^(r)(0)‖ = ‖Σ_k k_k E^(k)(0)‖` [m/s^r] of a solved law; None without a bound."""
+    drive = float(np.abs(case.gain) @ start_sizes(case.scenario))
+    return drive if np.isfinite(drive) and not case.scenario.draws_gain else None
+
+
 class KeepsMoving(NamedTuple):
     """The condition on a start under which no vehicle comes to rest, without attack."""
 

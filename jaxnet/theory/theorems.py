@@ -24,7 +24,7 @@ from jaxnet.theory import (
 )
 from jaxnet.theory.case import Case
 from jaxnet.theory.clipping import never_global, unclipped
-from jaxnet.theory.start import keeps_moving, start_decay
+from jaxnet.theory.start import keeps_moving, start_decay, start_drive
 
 
 class Theorem(NamedTuple):
@@ -91,6 +91,7 @@ THEOREMS = (
     Theorem("Lemma 1", "decay", AT_LAST, solution.decay),
     Theorem("O18", "apart", OF_SEPARATION, kept_distance),
     START,
+    Theorem("O1", "start drive", ("leader", "solved", "flat", "one gain"), start_drive),
     Theorem("O1", "keeps moving", WITHIN, keeps_moving),
     Theorem("Sussmann and Yang 1991", "never global", (), never_global),
     Theorem("O1", "unclipped", WITHIN, unclipped),

@@ -52,7 +52,7 @@ def test_the_words_tell_rates_cells_and_what_does_not_fit():
     assert nominal.misfit_words(results, study.cells) == [
         "honest messages raise 2 to 48 % alarms, nominal 0.01 %: the observer does not fit"
         " (cells 0, 1)",
-        "honest messages raise 2 % alarms, nominal 0.01 %: errors are not as its test supposes"
+        "honest messages raise 2 % alarms, nominal 0.01 %: errors are not as the test supposes"
         " (cell 2)",
     ]
     table["false_alarms_mean"] = 1.1e-4

@@ -19,7 +19,8 @@ import jaxnet
 from jaxnet.api import writing
 from jaxnet.runs import watched
 from jaxnet.runs.replay import replay
-from jaxnet.statistics import curves
+from jaxnet.statistics import curves, pairs
+from jaxnet.statistics.separation import start_separations
 from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
@@ -30,6 +31,7 @@ from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import findings, sections, trajectories
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.plots import axis, plotted
+from jaxnet.view.text import comparison
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
@@ -161,9 +163,9 @@ def test_the_page_begins_with_what_was_found(html):
     text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
     text = text.replace("\xa0%", " %")
     for words in (
-        "): by topology 25 to 50 % with star, ",
-        "(peak gain 24 ā, once the transient is over). ",
-        "1 lane above its bound: see below.",
+        "): by topology the share is 25 to 50 % with star, ",
+        "(least bound: peak gain 24 ā, once the transient is over). ",
+        "1 lane above a bound: see below.",
     ):
         assert words in text
 
@@ -204,7 +206,11 @@ CUTS = {"detector.cuts": ["never", "message", "link", "both_ways"]}
 CUTS = {"sweep": CUTS, "detector": "chi_squared", "channel": {"noise": {"position": 0.1}}}
 CUTS |= ROTATING | {"tick": 0.1}
 TOLD = [
-    (FOUR, CUTS, " <b>0.1 ā</b> with link, <b>0.4 ā</b> with never, <b>2 ā</b> with message, "),
+    (
+        FOUR,
+        CUTS,
+        "By alarms cut the error is <b>0.1 ā</b> with link, <b>0.4 ā</b> with never, ",
+    ),
     (FOUR, CUTS, "smaller error with link than with never; "),
     (FOUR, CUTS, "smaller error with never than with message; "),
     (
@@ -219,7 +225,7 @@ TOLD = [
         "from <b>0.2 ā</b> (95 % interval 0.1 to 0.3 ā) with ā\xa0=\xa010\xa0m (cell 1) to <b>1 ā",
     ),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
-    (FOUR, DEFENCES, "By defence <b>1 to 2 ā</b> with W-MSR, <b>2 to 4 ā</b> with no\xa0defence."),
+    (FOUR, DEFENCES, "By defence the error is <b>1 to 2 ā</b> with W-MSR, <b>2 to 4 ā</b> with no"),
     (
         FOUR,
         DEFENCES,
@@ -230,13 +236,13 @@ TOLD = [
     (
         MANY,
         FALLING,
-        " With W-MSR (cell 1) the error still falls: it is 0.2 ā at the end of the run",
+        " With W-MSR (cell 1) the error still falls: 0.2 ā at the end of the run is no limit.",
     ),
     (
         FOUR,
         JUDGED,
-        "by defence <b>50 to 75 %</b> with no\xa0defence, <b>100 %</b> with W-MSR. No difference is"
-        " found with 12 pairs in a setting; a small one would not show.",
+        "by defence the share is <b>50 to 75 %</b> with no\xa0defence, <b>100 %</b> with W-MSR. No"
+        " difference by defence is found with 12 pairs in a setting, but a small one may be there.",
     ),
     (
         FOUR,
@@ -247,7 +253,7 @@ TOLD = [
     (
         MANY,
         SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.1}},
-        "No difference is found with 12 pairs",
+        "No difference by defence is found with 12 pairs",
     ),
     (
         MANY,
@@ -263,13 +269,17 @@ TOLD = [
     (
         [20.0],
         ALONE,
-        "Worst error of a vehicle, beside its least bound: <b>4 ā</b> (static 8 ā).",
+        "The worst error of a vehicle is <b>4 ā</b> (least bound: static 8 ā).",
     ),
     ([1e-12], UNATTACKED, "a mean over vehicles and the tail, is <b>0 (rounding) m</b>."),
     ([1e-12], UNATTACKED, "no cell has an attack of a fixed magnitude"),
-    ([np.nan], LOST, "No lane came to its end: there is no error."),
+    ([np.nan], LOST, "No lane came to its end, so no error is known."),
     ([np.nan], LOST, "<b>3 lanes of 3 failed</b>: 2 singular, 1 stuck."),
-    ([1e-9], ROUNDED, "its least bound: <b>0 (rounding) ā</b> (static 1 ā)."),
+    (
+        [1e-9],
+        ROUNDED,
+        "The worst error of a vehicle is <b>0 (rounding) ā</b> (least bound: static 1 ā).",
+    ),
     (
         [1e-9, 20.0],
         SIZES | {"sweep": {"defence": ["none", "w_msr"]}},
@@ -279,9 +289,10 @@ TOLD = [
         [0.01] * 4,
         HULL,
         "<b>Honest vehicles agree, but on a place that liars move out of the hull</b> within 30 s."
-        " Of a cell at most: 75 % of lanes with no\xa0defence (95 % interval 50 to 87.5 %), by 2 m"
-        " in the median lane and 3 m in the worst; 5 % of lanes with W-MSR (95 % interval 5 to 5"
-        " %), by 0.01 m in the median lane and 0.1 m in the worst; 10 % of lanes without an attack",
+        " In the worst cells vehicles leave the hull in 75 % of lanes with no\xa0defence (95 %"
+        " interval 50 to 87.5 %), by 2 m"
+        " in the median lane and 3 m in the worst; in 5 % of lanes with W-MSR (95 % interval 5 to 5"
+        " %), by 0.01 m in the median lane and 0.1 m in the worst; in 10 % of lanes without an",
     ),
     ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts within 30 s."),
     (
@@ -316,7 +327,7 @@ def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_pat
     attack = {"attack": {"kind": "rotating", "vehicles": sorted(liars)}}
     for defence in ("trusted_trim", "w_msr"):
         first = told(tmp_path, [1.0, 2.0], **cells, **attack, defence=defence)[0]
-        assert f"vehicles {', '.join(map(str, both))} with lattice (cell 1), with up to 2" in first
+        assert f"vehicles {', '.join(map(str, both))} with lattice (cell 1) hear up to 2" in first
     assert "assumptions" not in told(tmp_path, [1.0, 2.0], **cells, **attack, defence="none")[0]
 
 
@@ -332,6 +343,10 @@ def test_the_best_and_the_worst_vehicle_of_each_cell_stand_first(folder, tmp_pat
     whole, folded = sections.vehicles_section(results).body.split("<details>")
     assert [row[:2] for row in rows_of(whole)] == [[0, 2], [0, 1], [1, 1], [1, 2]]
     assert [row[1] for row in rows_of(folded)] == [2, 3, 1, 3, 1, 2]
+    table.loc[:2, "median"] = [1e-12, 3e-12, 2e-12]  # rounding has no order
+    whole = sections.vehicles_section(results).body
+    assert {row[0] for row in rows_of(whole)} == {1}
+    assert "In cell 0 the errors of all vehicles are rounding, and vehicles are not ranked" in whole
 
 
 def test_lanes_in_which_a_pair_comes_too_near_are_counted():
@@ -340,15 +355,28 @@ def test_lanes_in_which_a_pair_comes_too_near_are_counted():
     keys |= {"tail": 1.0, "samples": 6, "metrics": ["min_separation", settled], "attack": "none"}
     keys |= {"initial": {"position": {"uniform": [-2.0, 2.0]}}, "vehicles": 4}
     results = jaxnet.simulate(keys | {"sweep": {"filter": ["none", "barrier"]}}, progress=False)
-    text = findings.separation_sentence(results)
+    text = findings.separation_sentence(results, tests := [])
     for name, (_, lanes) in zip(
         ("no\xa0filter", "barrier"), results.lanes.groupby("cell"), strict=True
     ):
         near = lanes["min_separation"]
-        assert (
-            f"<b>{(near < 0.15).sum()}</b> of 6 with {name} (least distance {near.min():.3g}"
-            in text
-        )
+        told = f"in <b>{(near < 0.15).sum()}</b> of 6 lanes with {name} (least distance"
+        assert f"{told} {near.min():.3g}" in text
+    assert "By filter" not in findings.extremes_sentence(results, tests)  # filters are for distance
+    assert {each["compared"] for each in tests} == {"filter"}
+    alone = [
+        jaxnet.simulate(keys | {"filter": name}, progress=False) for name in ("none", "barrier")
+    ]
+    found = pairs.compare_studies(*alone)
+    np.testing.assert_allclose(
+        found.cells["min_separation_difference"],
+        np.mean(np.subtract(*(each.lanes["min_separation"] for each in alone[::-1]))),
+    )
+    assert "tail_mean_difference" not in found.cells
+    assert "[m] least distance:" in " ".join(comparison.comparison_text(found).split())
+    starts = jaxnet.simulate(keys | {"horizon": 0.05, "tail": 0.05, "tick": 0.05}, progress=False)
+    apart = start_separations(results.study.config, results.study.cells[1].scenario, range(6))
+    assert (starts.lanes["min_separation"] <= apart + 1e-12).all()
     listed = findings.metrics_list(results, "min_separation")
     assert re.search(r"settling time to 0.3 m: <b>1.\d* s</b>; infinite in 1 cell", listed), listed
 
@@ -497,9 +525,10 @@ def test_violations_and_failures_have_their_commands(folder, html):
 
 def test_certificates_say_once_what_all_cells_share(html):
     """The common part, then a table of each fact that differs between the graphs."""
-    (told,) = re.findall(r"<summary>Certificates</summary><pre.*?>(.*?)</pre>", html, re.DOTALL)
+    (told,) = re.findall(r"<summary>Certificates</summary>(.*?)</details>", html, re.DOTALL)
     assert told.count("Assumption 1") == told.count("in all cells") == 1
-    assert re.search(r"^topology +graph$", told, re.M)
+    assert "<h4>by topology</h4><dl><dt>graph</dt><dd>[star] 12 vehicles, 12 links: 1" in told
+    assert "\n" not in told  # the browser wraps
 
 
 def test_curves_have_the_groups_own_bounds_and_fits(folder):

@@ -252,7 +252,7 @@ class AnyDefence(DrawsAtTicks):
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Lines of `jaxnet check`: what the defence promises on this graph under this attack."""
-        return {"defence": f"{self.kind}: it may drop any source, so there is no bound"}
+        return {"defence": f"{self.kind} may drop any source, so there is no bound"}
 
 
 class ShareOfLinks(Record):

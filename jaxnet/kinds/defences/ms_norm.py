@@ -3,6 +3,7 @@ from jaxnet.kinds.fields import setting
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 from jaxnet.model.retained import any_untrusted
+from jaxnet.model.wording import count
 
 
 class MSNorm(Sparing):
@@ -39,4 +40,5 @@ class MSNorm(Sparing):
         return (attacked & ~self.spares(trusted)).sum(axis=1) > self.F
 
     def describe(self, graph, attacked, trusted):
-        return {"defence": f"the {self.F} farthest from one's own position are dropped"}
+        many = count(self.F, "source")
+        return {"defence": f"a vehicle drops the {many} farthest from its own position"}

@@ -25,4 +25,5 @@ class TrustedOnly(Defence):
         return DropPolicy(graph, links, links.sum(axis=1))
 
     def describe(self, graph, attacked, trusted):
-        return {"defence": "trusted sources only; a vehicle without one retains all its sources"}
+        told = "a vehicle without a trusted source retains all its sources"
+        return {"defence": f"trusted sources only; {told}"}

@@ -52,5 +52,5 @@ class WMSR(Sparing):
     def describe(self, graph, attacked, trusted):
         most = int((attacked & ~self.spares(trusted)).sum(axis=1).max())
         told = f", but a vehicle may hear {most} attacked sources" * (most > self.F)
-        told += "; it may drop any source, so there is no bound"
+        told += "; W-MSR may drop any source, so there is no bound"
         return {"defence": f"W-MSR, F = {self.F}{told}"}

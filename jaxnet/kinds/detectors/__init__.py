@@ -81,6 +81,10 @@ class AnyDetector(Kind):
         """The test of a link with so many orders with errors; by default None, which is unknown."""
         return None
 
+    def limit_words(self) -> str:
+        """When a test without a `rule` raises an alarm, in words with units; "" if not known."""
+        return ""
+
     def foretells(self) -> bool:
         """Whether messages are compared with the truth, as of nobody who tests none."""
         return not self.present or self.predicts.exact

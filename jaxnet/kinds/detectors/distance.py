@@ -1,5 +1,5 @@
 from jaxnet.kinds.detectors import Detector
-from jaxnet.kinds.fields import Positive, setting
+from jaxnet.kinds.fields import Positive, setting, value_range
 from jaxnet.model.plane import length
 
 
@@ -13,6 +13,10 @@ class Distance(Detector):
     whitens = False
 
     threshold: Positive = setting(1.0, "[m], the greatest distance without an alarm")
+
+    def limit_words(self):
+        ends = " to ".join(f"{end:g}" for end in dict.fromkeys(value_range(self.threshold)))
+        return f"an alarm is raised by a position over {ends} m from the expected one"
 
     def alarms(self, words, memory):
         return length(words.apart) > self.threshold[None, None], memory

@@ -18,6 +18,7 @@ from jaxnet.statistics.quantities import SPREAD_WORDS, unended_words
 from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows
 from jaxnet.store.results import Results
+from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, colours_of
 from jaxnet.view.drawings.scene import attacked_vehicles
 from jaxnet.view.drawings.words import distinct_titles
@@ -161,7 +162,7 @@ def vehicles_drawing(
     known = recovery is not None and np.isfinite(limits).any()
     notes = [share_definition(recovery, cells)] if recovery is not None and known else []
     words = "distance from the mean" if is_leaderless(cells) else "mean error"
-    y = Scale(f"{words} over the tail [m]", log=True)
+    y = Scale(f"{words} over the tail [m]", log=True, floor=ROUNDING_ERROR)
     there = [cell.labels for cell in cells], "cells"
     return Drawing(
         panels, Scale("vehicle", whole=True), y, notes, there=there, where="vehicles.zarr"

@@ -218,6 +218,12 @@ def filter_html(keys: Mapping[str, tuple[str, Sequence[str]]]) -> str:
     return f'<details class="filter"><summary>All cells</summary>{controls}</details>'
 
 
+def facts_html(facts: Mapping[str, Sequence[str]]) -> str:
+    """Names, each with its lines of text."""
+    told = ((escape(name), "<br>".join(map(escape, lines))) for name, lines in facts.items())
+    return f"<dl>{''.join(f'<dt>{name}</dt><dd>{lines}</dd>' for name, lines in told)}</dl>"
+
+
 def folded_text(name: str, text: str) -> str:
     return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
 

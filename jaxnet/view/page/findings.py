@@ -3,7 +3,7 @@
 import functools
 import itertools
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -16,7 +16,15 @@ from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, valu
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
-from jaxnet.model.wording import cells_named, count, count_between, counted, number_text, ranges
+from jaxnet.model.wording import (
+    cells_named,
+    count,
+    count_between,
+    counted,
+    number_text,
+    plural_s,
+    ranges,
+)
 from jaxnet.statistics import curves
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
@@ -33,6 +41,7 @@ from jaxnet.statistics.recovery import (
     share_name,
     threshold,
 )
+from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import LANE_STATISTICS, share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
@@ -44,14 +53,14 @@ from jaxnet.view.text.facts import attacked_at_once
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MEDIAN_LANE = {  # by `judged_word`
-    "error": "In the median lane of a cell the error, a mean over vehicles and the tail,",
-    "spread": "In the median lane of a cell the greatest spread over the tail",
+    "error": "In the median lane of a cell the error, a mean over vehicles and the tail{},",
+    "spread": "In the median lane of a cell the greatest spread over the tail{}",
 }
 BASELINE = " without an attack"
 MOVED = 10  # times as far as without an attack
 NEGLIGIBLE = 1e-3  # of the greatest value
 TestRows = list[dict[str, Any]]  # of the table of p values
-NO_DIFFERENCE = "no difference is found"
+NO_DIFFERENCE = "no difference by"
 MOST_TESTS = 200  # in the table of p values
 MOST_COMPARED, MOST_TOLD = 8, 3  # values of a swept key in one sentence, and of a few cells
 
@@ -91,7 +100,7 @@ def finding_sentences(
         kinds = escape(counted(sum(there.values(), Counter())))
         failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
         failed += f", {where_words(results, sorted(there))}".rstrip(", ") + "."
-    separated = separation_sentence(results)
+    separated = separation_sentence(results, tests)
     sentences = [
         outnumbered_sentence(results),
         outside_sentence(results) if alone else "",
@@ -121,11 +130,12 @@ def outnumbered_sentence(results: Results) -> str:
         return ""
     whom = (
         f"vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
+        + f" hear{plural_s(who)}"
         for who, cells in found.items()
     )
     return (
-        f"<b>Outside the assumptions of the defence: {'; '.join(whom)}, with up to"
-        f" {count(most, 'attacked source')} each: more than the defence can drop there</b>."
+        f"<b>Outside the assumptions of the defence: {'; '.join(whom)} up to"
+        f" {count(most, 'attacked source')}, more than the defence can drop</b>."
     )
 
 
@@ -152,7 +162,7 @@ def settled(
     others: Any = values[~is_left]
     ends = dict.fromkeys(map(told, (others["value"].min(), others["value"].max())))
     where = where_words(results, others.index.tolist())
-    now = f"it is {' to '.join(ends)}{unit} at the end of the run, which is no limit"
+    now = f"{' to '.join(ends)}{unit} at the end of the run is no limit"
     return (
         left,
         f" {sentence_case(where)} the {judged_word(results)} still falls: {now}.",
@@ -251,25 +261,25 @@ def extremes_sentence(results: Results, tests: TestRows) -> str:
     errors, unit = errors_per_size(results)
     word, per_size = judged_word(results), unit == "ā"
     if errors.empty:
-        none = f"No lane came to its end: there is no {word}."
+        none = f"No lane came to its end, so no {word} is known."
         return "No attacked lane came to its end." if results.manifest["lanes"]["ok"] else none
     asked = (
         int(np.sum(curves.cell_magnitudes(results) > 0)) if per_size else len(results.study.cells)
     )
     left = count(asked - len(errors), "attacked cell" if per_size else "cell")
-    without = f" {left} without a lane that ended." if len(errors) < asked else ""
+    without = f" No lane ended in {left}." if len(errors) < asked else ""
     among = errors.index.tolist()
     errors, falling = settled(results, errors, error_text, f" {unit}")
     compared = "" if compares_shares(results) else kinds_words(results, errors, unit, tests)
     span = span_words(results, errors, error_text, f" {unit}", among)
     offsets = any(cell.scenario.formation.present for cell in results.study.cells)
-    less = ", less the offsets of the formation," * offsets
+    less = ", less the offsets of the formation" * offsets
     limits = [threshold(cell, results.study.config.recovery) for cell in results.study.cells]
     least = np.fmin.reduce(limits, initial=np.inf)
     if not per_size and errors["value"].max() < NEGLIGIBLE * least < np.inf:
         most = above_text(float(errors["value"].to_numpy().max()))
         span, compared = f"is at most <b>{most} m</b>", ""
-    return f"{MEDIAN_LANE[word]}{less} {span}.{compared}{without}{falling}"
+    return f"{MEDIAN_LANE[word].format(less)} {span}.{compared}{without}{falling}"
 
 
 def outside_sentence(results: Results) -> str:
@@ -308,15 +318,15 @@ def outside_sentence(results: Results) -> str:
         most: Any = ways.loc[each].max()
         median, worst = (error_text(most[name], np.nan) for name in names[:2])
         if np.isnan(left["in_hull"]):
-            return f"{median} m in the median lane{when}, {worst} m in the worst"
-        out = f"{share} % of lanes{when} (95 % interval {low} to {high} %)"
+            return f"by {median} m in the median lane{when}, {worst} m in the worst"
+        out = f"in {share} % of lanes{when} (95 % interval {low} to {high} %)"
         half = f"{median} m in the median lane and " * (median != ROUNDED)
         return f"{out}, by {half}{worst} m in the worst"
 
     longest = max(cell.scenario.horizon for cell in cells)
     return (
-        f"{words} within {longest:g} s. Of a cell at most:"
-        f" {'; '.join(told(*each) for each in groups.items())}. A longer run may take them farther."
+        f"{words} within {longest:g} s. In the worst cells vehicles leave the hull"
+        f" {'; '.join(told(*each) for each in groups.items())}. A longer run may move them on."
     )
 
 
@@ -330,7 +340,11 @@ def kinds_words(results: Results, estimates: pd.DataFrame, unit: str, tests: Tes
         for key in swept
         if len({*swept[key]}) > 1 and (is_kind(key) or all(isinstance(v[key], str) for v in labels))
     ]
-    found = [compared_words(results, key, values, swept, unit, tests) for key in kinds]
+    found = [
+        compared_words(results, key, values, swept, unit, tests)
+        for key in kinds
+        if key != "filter"  # `separation_sentence` compares what filters are for
+    ]
     return "".join(f" {sentence_case(each)}." for each in found if each)
 
 
@@ -349,20 +363,25 @@ def compared_words(
     for label, some in sorted(of_labels.items(), key=lambda each: each[1].mean()):
         ends = dict.fromkeys(map(number, (some.min(), some.max())))
         parts[str(label)] = f"<b>{' to '.join(ends)} {unit}</b>"
-    tested = tested_words(results, key, [*parts], swept, unit, tests)
+    lanes, subject = judged_lanes(results, swept.index, unit), judged_word(results)
+    more = f"lanes more often have the smaller {subject}"
+    if unit == "%":
+        subject = "share"
+        more = f"more lanes {'agree' if is_leaderless(results.study.cells) else 'recover'}"
+    tested = tested_words(results, key, [*parts], swept, lanes, more, tests)
     texts, none = [*parts.values()], tested.startswith(NO_DIFFERENCE)
     if len({*texts}) == 1:
         if " to " in texts[0]:
             return "" if none else tested
         tested = f": {tested}" * (bool(tested) and not none)
-        return f"{texts[0]} whatever the {escape(key_name(key))}{tested}"
+        return f"the {subject} is {texts[0]} whatever the {escape(key_name(key))}{tested}"
     if unit != "%" and len(parts) == 2 and " to " not in "".join(texts):  # told in the span
         return tested
     names = (named(key, label) for label in parts)
     told = [f"{told} with {name}" for told, name in zip(texts, names, strict=True)][:MOST_COMPARED]
     told += [count(len(parts) - len(told), "other")] * (len(parts) > len(told))
     tested = f". {sentence_case(tested)}" * bool(tested)
-    return f"by {escape(key_name(key))} {', '.join(told)}{tested}"
+    return f"by {escape(key_name(key))} the {subject} is {', '.join(told)}{tested}"
 
 
 def named(key: str, label: str) -> str:
@@ -375,14 +394,16 @@ def tested_words(
     key: str,
     labels: Sequence[str],
     swept: pd.DataFrame,
-    unit: str,
+    lanes: Mapping[int, pd.Series],
+    more: str,
     rows: TestRows,
 ) -> str:
     """Which values of a swept kind are better than which, in which settings; `rows` get each p.
 
-    `labels` are the values, the best first. A setting is a combination of the other swept keys.
-    Lanes of a setting are compared in pairs of the same draw. Only differences that are found are
-    told: of up to eight pairs all, of more those with the first value. There is no test of
+    `labels` are the values, the best first. `lanes` are numbers of each cell's lanes, the less the
+    better; `more` says what lanes with smaller numbers do. A setting is a combination of the other
+    swept keys. Lanes of a setting are compared in pairs of the same draw. Only found differences
+    are told: of up to eight pairs all, of more those with the first value. There is no test of
     lanes that are not independent, and of a number of lanes that depends on them.
     """
     study, column = results.study.config, list(swept).index(key)
@@ -393,7 +414,7 @@ def tested_words(
     settings = [cells for cells in groups.values() if len(cells) > 1]
     if study.draws != "random" or isinstance(study.samples, Sequential) or not settings:
         return ""
-    tests = compared_cells(judged_lanes(results, swept.index, unit), settings)
+    tests = compared_cells(lanes, settings)
     of_pairs: dict[tuple[str, str], list[CellsCompared]] = {}
     for test in tests:
         pair = sorted((label_of[test.better], label_of[test.worse]), key=labels.index)
@@ -407,10 +428,6 @@ def tested_words(
     pairs = [pair for pair in itertools.combinations(labels, 2) if pair in of_pairs]
     if len(pairs) > MOST_COMPARED:
         pairs = [pair for pair in pairs if pair[0] == labels[0]][:MOST_COMPARED]
-    more = "lanes more often have the smaller spread" if is_leaderless(results.study.cells) else ""
-    more = more or "lanes more often have the smaller error"
-    if unit == "%":
-        more = f"more lanes {'agree' if is_leaderless(results.study.cells) else 'recover'}"
     told = []
     for pair in pairs:
         names = [named(key, each) for each in pair]
@@ -418,8 +435,9 @@ def tested_words(
             some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
             words = f"{more} with {names[good]} than with {names[bad]}"
             told += settings_told(results, words, some, of_pairs[pair], others)
-    lanes = count_between([test.lanes for test in tests], "pair")
-    none = f"{NO_DIFFERENCE} with {lanes} in a setting; a small one would not show"
+    many = count_between([test.lanes for test in tests], "pair")
+    name = escape(key_name(key))
+    none = f"{NO_DIFFERENCE} {name} is found with {many} in a setting, but a small one may be there"
     return "; ".join(told) or none
 
 
@@ -508,24 +526,37 @@ def unrecovered_sentence(results: Results, tests: TestRows) -> str:
     return f"{share_words(results)}{above}{settled_alone}{told}{falling}"
 
 
-def separation_sentence(results: Results) -> str:
-    """How many lanes have a pair nearer than the distance that a filter of the study asks for."""
+def separation_sentence(results: Results, tests: TestRows) -> str:
+    """How many lanes have a pair nearer than the distance that filters ask for, by filter."""
     cells, metrics = results.study.cells, results.study.config.metrics
     name = next((each.name for each in metrics if each.base == MIN_SEPARATION.name), None)
     limits = [each for cell in cells if (each := cell.scenario.filter.asks()) is not None]
-    if name is None or not limits:
+    if not limits:
         return ""
-    limit, least = max(limits), dict[str, list[np.ndarray]]()
-    for number, lanes in results.by_cell(name, where=rows.OK):
+    if name is None:
+        lacks = f"the study lacks <code>metrics: [{MIN_SEPARATION.name}]</code>"
+        return f"Filters are not compared: {lacks}."
+    limit, lanes, least = max(limits), dict[int, pd.Series](), dict[str, list[np.ndarray]]()
+    for number, each in results.by_cell("sample", name, where=rows.OK):
+        lanes[number] = -each.set_index("sample")[name]  # the farther apart the better
         label = cells[number].labels.get("filter")
-        by = "" if label is None else f" with {escape(value_name('filter', label))}"
-        least.setdefault(by, []).append(lanes[name].to_numpy(dtype=float))
-    told = []
-    for by, each in least.items():
+        least.setdefault("" if label is None else str(label), []).append(-lanes[number].to_numpy())
+    told = {}
+    for label, each in least.items():
         found = np.concatenate(each)
-        many = f"<b>{np.count_nonzero(found < limit)}</b> of {len(found)}"
-        told.append(f"{many}{by} (least distance {error_text(found.min())} m)")
-    return f"Lanes with a pair nearer than D = {limit:g} m, also at the start: {', '.join(told)}."
+        by = f" with {escape(value_name('filter', label))}" if label else ""
+        many = f"in <b>{np.count_nonzero(found < limit)}</b> of {len(found)} lanes{by}"
+        told[label] = f"{many} (least distance {error_text(found.min())} m)"
+    swept = pd.DataFrame([cells[n].labels for n in lanes], [*lanes]).map(str)
+    more = "lanes more often keep the greater least distance"
+    tested = ""
+    if len(told) > 1:
+        tested = tested_words(results, "filter", [*told], swept, lanes, more, tests)
+    starts = (near_starts_words(results.study.config, cell.scenario) for cell in cells)
+    more = (f" {sentence_case(each)}." for each in (tested, *dict.fromkeys(starts)) if each)
+    return (
+        f"Two vehicles come nearer than D = {limit:g} m {', '.join(told.values())}.{''.join(more)}"
+    )
 
 
 def metrics_list(results: Results, without: str) -> str:
@@ -576,8 +607,7 @@ def search_sentence(results: Results) -> str:
 def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -> str:
     """The least ratio of a bound to the worst error found."""
     if not found:
-        none = "none to compare with, for no cell has an attack of a fixed magnitude"
-        return f"Bounds of theory: {none}."
+        return "Errors have no bound beside them: no cell has an attack of a fixed magnitude."
     if not results.file("bounds.csv").exists():
         return f"Bounds are not fitted yet: <code>{fit}</code>"
     bounded = [curve for curve in found if sound_limits(curve)]
@@ -585,13 +615,11 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
     if len(bounded) > MOST_TOLD:
         shares = [100 * curve.worst / sound_limits(curve)[0][0] for curve in bounded]
         ends = f"{number_text(min(shares))} to {number_text(max(shares))} %"
-        beside = f"in {len(bounded)} groups of cells <b>{ends}</b> of it (table below)"
-    words = [f"Worst error of a vehicle, beside its least bound: {beside}."] * bool(bounded)
+        beside = f"<b>{ends}</b> of its least bound in {len(bounded)} groups of cells (table below)"
+    words = [f"The worst error of a vehicle is {beside}."] * bool(bounded)
     if bounded and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
-        above = (
-            f'<b>{count(many, "lane")}</b> above its bound: see <a href="#violations">below</a>.'
-        )
+        above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>.'
         words.append(above if many else "No lane is above its bound.")
     if unchecked := unchecked_words(results.study.cells):
         words.append(f"No bound is known for {escape(unchecked)}.")
@@ -610,4 +638,4 @@ def bound_words(curve: curves.Curve) -> str:
     slope, name = sound_limits(curve)[0]
     bound = f"{curves.BOUND_NAMES[name]} {number_text(slope)} ā"
     bound += ", once the transient is over" * (slope < curve.worst)
-    return f"<b>{error_text(curve.worst, 1.0)} ā</b>{where} ({bound})"
+    return f"<b>{error_text(curve.worst, 1.0)} ā</b>{where} (least bound: {bound})"

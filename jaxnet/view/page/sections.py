@@ -42,6 +42,7 @@ from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.page import findings, trajectories
 from jaxnet.view.page.elements import (
     Section,
+    facts_html,
     folded_text,
     notes_html,
     paragraph,
@@ -162,13 +163,14 @@ def run_section(results: Results) -> Section:
         }
     versions = (f"{package} {version}" for package, version in manifest["versions"].items())
     values |= {"seed": str(study.config.seed), "versions": ", ".join(versions)}
-    rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
+    rows = facts_html({key: [value] for key, value in values.items()})
     networks = known_or("", lambda: networks_html(study.cells))
     certified = known_or([], lambda: check.certificates(study.cells))
     written = (results.path / "study.yaml").read_text()
     folded = folded_text("The study, every default written out", written)
-    folded += folded_text("Certificates", "\n\n".join(certified))
-    return Section("run", "What was run", f"<dl>{rows}</dl>{networks}{folded}")
+    told = "".join(f"<h4>{escape(title)}</h4>{facts_html(known)}" for title, known in certified)
+    folded += f"<details><summary>Certificates</summary>{told}</details>"
+    return Section("run", "What was run", f"{rows}{networks}{folded}")
 
 
 def summary_section(results: Results) -> Section:
@@ -254,7 +256,15 @@ def vehicles_section(results: Results) -> Section | None:
     if found.empty:
         return None
     found = found.dropna(axis="columns", how="all")  # the share, without a threshold of recovery
-    ranked: Any = found.sort_values("median", ascending=False, kind="stable")
+    sizes, medians = cell_magnitudes(results), found.groupby("cell")["median"].max()
+    rounded = [
+        cell
+        for cell, error in medians.items()
+        if columns.without_rounding(error, sizes[cell] or np.nan) == 0
+    ]
+    ranked: Any = found[~found["cell"].isin(rounded)].sort_values(
+        "median", ascending=False, kind="stable"
+    )
     ends = ranked.groupby("cell").nth([0, -1]).sort_values("cell", kind="stable")
     name, note = "Error of each vehicle", "Mean error over the tail"
     if is_leaderless(results.study.cells):
@@ -265,9 +275,15 @@ def vehicles_section(results: Results) -> Section | None:
         criterion = escape(criterion_words(asked, results.study.cells))
         note += f" Lanes over threshold: recovery's, for the vehicle's own error ({criterion})."
 
+    if rounded:
+        where = "every cell" if ranked.empty else cells_named(rounded)
+        note += f" In {where} the errors of all vehicles are rounding, and vehicles are not ranked."
+    if ranked.empty:
+        return Section("vehicles", name, paragraph(note))
+
     def table(rows: Any) -> str:
-        sizes = cell_magnitudes(results)[rows["cell"].astype(int)]
-        lengths = {words: sizes for words in VEHICLE_WORDS.values() if "[m]" in words}
+        of_rows = sizes[rows["cell"].astype(int)]
+        lengths = {words: of_rows for words in VEHICLE_WORDS.values() if "[m]" in words}
         return sortable_table(rows.rename(columns=VEHICLE_WORDS), lengths)
 
     most = f"{min(MOST_LISTED, len(ranked))} of {count(len(ranked), 'row')}"

@@ -19,17 +19,16 @@ from jaxnet.kinds.kind import Kind
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.horizon import ending, errors_words
+from jaxnet.statistics.separation import near_starts_words
 from jaxnet.store import layout
 from jaxnet.view.text.facts import UNSTABLE, Facts, facts
-from jaxnet.view.text.printer import table_text
 from jaxnet.view.text.width import terminal_width
 
 MOST_NETWORKS = 20  # with searches over sets of vehicles
 MOST_NAMED_VALUES = 12  # values of a swept key that are named one by one
 MOST_DISTINCT = 6  # of a fact that are told one by one; of more, the ranges of their numbers
 MOST_OF_A_KEY = 3  # values in a row, where fewer are left out
-MOST_TABLE_ROWS = 8  # of the table of a fact
-MOST_KEY_LETTERS = 24  # of a key's column
+MOST_ROWS = 8  # of a fact
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
@@ -45,34 +44,30 @@ class AlikeCells(NamedTuple):
     cells: list[Cell]
     facts: Facts
 
-    @property
-    def text(self) -> str:
-        numbers = sorted(cell.number for cell in self.cells)
-        title = f"{self.cells[0].scenario.topology.kind}, {cells_named(numbers)}"
-        return titled(title, self.facts)
+
+Part = tuple[str, dict[str, list[str]]]  # a title, and the rows of each fact
 
 
 def check_text(study: Study, number: int | None = None) -> str:
     """The whole report; of one cell if `number` is given."""
     cells = study.cells if number is None else [study.cells[number]]
-    found = networks(cells)
-    noise = errors_words(study.config, study.cells)
-    warnings = [*unstable_words(found), *[wrap_lines(f"WARNING: {noise}")] * bool(noise)]
-    parts = ["\n".join([study_head(study), *warnings])]
+    found, (times, early) = networks(cells), endings(study, cells)
+    warnings = [*unstable_words(found), errors_words(study.config, study.cells), early]
+    head = [study_head(study), *(f"WARNING: {each}" for each in warnings if each)]
+    texts = ["\n".join(head)]
     if number is None or len(found) > 1:
-        parts.append(wrap_lines(swept_text(study)))
-    parts.append(wrap_lines(amplitude_note(study.cells) + amplitude_advice(study)))
-    parts += [wrap_lines(found[0].text)] if len(found) == 1 else differing(found)
-    parts.append(endings_text(study, cells))
+        texts.append(swept_text(study))
+    texts.append(amplitude_note(study.cells) + amplitude_advice(study))
+    texts.append("\n".join(part_text(*part) for part in parts(found, times)))
     if idle := idle_keys(study):
-        parts.append(wrap_lines(titled("keys without effect", idle)))
-    return "\n\n".join(filter(None, parts))
+        texts.append(part_text("keys without effect", {key: [why] for key, why in idle.items()}))
+    lines = "\n\n".join(filter(None, texts)).splitlines()
+    return "\n".join(fill(line, terminal_width()) for line in lines)
 
 
-def certificates(cells: Sequence[Cell]) -> list[str]:
+def certificates(cells: Sequence[Cell]) -> list[Part]:
     """What is known of all cells, then what differs, by the keys that decide it."""
-    found = networks(cells)
-    return differing(found) if len(found) > 1 else [found[0].text]
+    return parts(networks(cells), [{}] * len(cells))
 
 
 def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
@@ -122,7 +117,7 @@ def study_head(study: Study) -> str:
     disk = layout.disk_bytes(settled, study.cells, lanes)
     most = "at most " if isinstance(settled.samples, Sequential) else ""
     samples = f"{most}{count(settled.most_samples, 'sample')} = {count(lanes, 'lane')}"
-    return wrap_lines(
+    return (
         f"{settled.name}: {count(len(study.cells), 'cell')} × {samples},"
         f" {settled.engine.kind} engine, no faults\n"
         f"about {decimal(round(memory))} of memory; about {decimal(disk)} on disk"
@@ -136,11 +131,8 @@ def unstable_words(found: Sequence[AlikeCells]) -> list[str]:
         for name, line in each.facts.items():
             if UNSTABLE in line:
                 where.setdefault(name, []).extend(cell.number for cell in each.cells)
-    words = "WARNING: unstable, deviations grow, in"
-    return [
-        wrap_lines(f"{words} {cells_named(sorted(numbers))}: see {name}")
-        for name, numbers in where.items()
-    ]
+    words = "unstable, deviations grow, in"
+    return [f"{words} {cells_named(sorted(each))}: see {name}" for name, each in where.items()]
 
 
 def amplitude_advice(study: Study) -> str:
@@ -155,34 +147,27 @@ def amplitude_advice(study: Study) -> str:
     )
 
 
-def endings_text(study: Study, cells: Sequence[Cell]) -> str:
-    """From when a start is below what the study asks for, and which cells' tails begin sooner."""
-    lines, early, needed = [], list[int](), 0.0
+def endings(study: Study, cells: Sequence[Cell]) -> tuple[list[Facts], str]:
+    """For each cell what the study's own draws and lengths tell; a warning of early tails."""
+    found, early, needed = list[Facts](), list[int](), 0.0
     for cell in cells:
-        found = ending(cell, study.config)
-        if isinstance(found, str):
-            lines.append(f"it is not known when the effect of the start ends: {found}")
+        near = near_starts_words(study.config, cell.scenario)
+        known, apart = ending(cell, study.config), {"apart": near} if near else {}
+        if isinstance(known, str):
+            unknown = {"time": f"the end of the effect of the start is not known: {known}"}
+            found.append(apart | unknown)
             continue
-        when = f"the effect of the start is below {found.length:.3g} m after {found.after:.3g} s"
+        told = f"the effect of the start is below {known.length:.3g} m after {known.after:.3g} s"
         retained = situation_of(cell.scenario).retained
         if cell.scenario.attack.present and (retained is None or retained.fixed is None):
-            when += "; under attack this is not known, as the defence decides"
-        lines.append(f"{when}; the tail begins at {found.begins:g} s")
-        if found.after > found.begins:
+            told += "; under attack the end of the effect is not known, as the defence decides it"
+        found.append(apart | {"time": f"{told}; the tail begins at {known.begins:g} s"})
+        if known.after > known.begins:
             early.append(cell.number)
-            needed = max(needed, found.horizon)
-    labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell in cells]
-    told = "\n".join(
-        wrap_lines(f"time: {part[0]}")
-        if len(set(part)) == 1
-        else factor_table("time", labels, part)
-        for part in by_deciding_keys(labels, lines)
-    )
-    if early:
-        words = "WARNING: the tail begins before the effect of the start ends, in"
-        enough = f"horizon: {needed:g} is enough for the start"
-        told += "\n" + wrap_lines(f"{words} {cells_named(early)}: {enough}")
-    return told
+            needed = max(needed, known.horizon)
+    words = "the tail begins before the effect of the start ends, in"
+    warning = f"{words} {cells_named(early)}: horizon: {needed:g} is enough for the start"
+    return found, warning if early else ""
 
 
 def swept_text(study: Study) -> str:
@@ -196,18 +181,21 @@ def swept_text(study: Study) -> str:
     return "\n".join(["swept, the last fastest:", *lines] if lines else [])
 
 
-def titled(title: str, lines: Mapping[str, str]) -> str:
-    width = max(map(len, lines), default=0)
-    return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in lines.items())])
-
-
-def wrap_lines(text: str) -> str:
-    """Wrap lines to a terminal's width; continuation lines keep the indent of the text column."""
-    lines = []
-    for line in text.splitlines():
-        under = re.match(r"  \S.*?  +|", line)
-        indent = " " * (under.end() if under else 0)
-        lines.append(fill(line, terminal_width(), subsequent_indent=indent))
+def part_text(title: str, facts: Mapping[str, Sequence[str]]) -> str:
+    """Facts in a terminal's width, in two columns; short rows share a line."""
+    lines, width = [title], max(map(len, facts), default=0)
+    for name, rows in facts.items():
+        lead, line = f"  {name:<{width}}  ", ""
+        room = terminal_width() - len(lead)
+        packed = []
+        for row in rows:
+            if line and len(line) + len(row) + 2 > room:
+                packed, line = [*packed, line], ""
+            line += "  " * bool(line) + row
+        for row in [*packed, line]:
+            indent = " " * len(lead)
+            lines.append(fill(row, terminal_width(), initial_indent=lead, subsequent_indent=indent))
+            lead = indent
     return "\n".join(lines)
 
 
@@ -215,68 +203,86 @@ CellLabels = Sequence[Mapping[str, str]]  # of each cell, the values of the swep
 Combination = tuple[str, ...]  # values of some swept keys
 
 
-def differing(found: Sequence[AlikeCells]) -> list[str]:
-    """The facts of all cells, and a table for each fact that differs: where it is so."""
-    names = dict.fromkeys(name for network in found for name in network.facts)
-    by_cell = [(cell, network.facts) for network in found for cell in network.cells]
-    labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell, _ in by_cell]
-    common, tables = {}, []
+def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[Part]:
+    """The facts of all cells, then those that differ, under the keys that decide them.
+
+    `more` are other facts of each cell, in the order of the cells' numbers.
+    """
+    ordered = sorted(((cell, one.facts) for one in found for cell in one.cells), key=first_number)
+    known = [joined(each, other) for (_, each), other in zip(ordered, more, strict=True)]
+    labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell, _ in ordered]
+    names = dict.fromkeys(name for each in [*(one.facts for one in found), *more] for name in each)
+    title = "in all cells"
+    if len(found) == 1:
+        cells = found[0].cells
+        numbers = cells_named(sorted(cell.number for cell in cells))
+        title = f"{cells[0].scenario.topology.kind}, {numbers}"
+    by_keys: dict[Combination, dict[str, list[str]]] = {(): {}}
     for name in names:
-        lines = [known.get(name, "") for _, known in by_cell]
-        if any(line not in ("", one.get(name)) for line, one in zip(lines, labels, strict=True)):
-            for part in by_deciding_keys(labels, lines):
-                if len(set(part)) == 1:
-                    common[name] = part[0]
-                else:
-                    tables.append(factor_table(name, labels, part))
-    return [wrap_lines(titled("in all cells", common)) if common else "", "\n".join(tables)]
+        told = labels if len(found) > 1 else [{}] * len(known)  # what the label says already
+        lines = [each.get(name, "") for each in known]
+        lines = [
+            "" if line == own.get(name) else line for line, own in zip(lines, told, strict=True)
+        ]
+        for part in by_deciding_keys(labels, lines):
+            keys, rows = factor_rows(labels, part)
+            if rows:
+                by_keys.setdefault(keys, {}).setdefault(name, []).extend(rows)
+    shared, *others = sorted(by_keys.items(), key=lambda each: len(each[0]))
+    return [(title, shared[1]), *((f"by {'; '.join(keys)}", told) for keys, told in others)]
+
+
+def joined(facts: Facts, more: Facts) -> Facts:
+    """Facts with more clauses."""
+    return facts | {k: "; ".join(filter(None, (facts.get(k), v))) for k, v in more.items()}
+
+
+def first_number(each: tuple[Cell, Facts]) -> int:
+    return each[0].number
 
 
 def by_deciding_keys(labels: CellLabels, lines: Sequence[str]) -> list[list[str]]:
     """Lines in parts, each with the clauses that the same keys decide.
 
-    Lines that do not begin with the same words are told whole.
+    Clauses that begin alike are of one kind. Lines whose first clauses differ are told whole.
     """
-    found = [
-        [(MEASURED.sub("#", each).replace("# ticks", "# tick"), each) for each in line.split("; ")]
-        for line in lines
-    ]
-    if len({*lines}) == 1 or len({each[0][0] for each in found if each[0][0]}) > 1:
+    found = [[(clause_kind(each), each) for each in line.split("; ") if each] for line in lines]
+    if len({*lines}) == 1 or len({each[0][0] for each in found if each}) > 1:
         return [[*lines]]
     parts: dict[Combination, list[list[str]]] = {}
-    for words in dict.fromkeys(words for each in found for words, _ in each if words):
-        told = ["; ".join(clause for own, clause in each if own == words) for each in found]
+    for kind in dict.fromkeys(kind for each in found for kind, _ in each):
+        told = ["; ".join(clause for own, clause in each if own == kind) for each in found]
         parts.setdefault((*deciding_keys(labels, told),), []).append(told)
     return [
         ["; ".join(filter(None, row)) for row in zip(*part, strict=True)] for part in parts.values()
     ]
 
 
-def factor_table(name: str, labels: CellLabels, lines: Sequence[str]) -> str:
-    """A fact by the fewest keys that decide it."""
+def clause_kind(clause: str) -> str:
+    """The first words of a clause, without numbers."""
+    return " ".join([word for word in clause.split() if not any(map(str.isdigit, word))][:5])
+
+
+def factor_rows(labels: CellLabels, lines: Sequence[str]) -> tuple[Combination, list[str]]:
+    """The names of the fewest keys that decide a fact, and a row for each text with its values."""
     if len(set(lines)) > MOST_DISTINCT:
         lines = with_ranges(lines)
     keys = deciding_keys(labels, lines)
     where: dict[str, set[Combination]] = {}
     for one, line in zip(labels, lines, strict=True):
         where.setdefault(line, set()).add(tuple(one[key] for key in keys))
+    if not keys:
+        return (), [*filter(None, where)]
     every = [list(dict.fromkeys(one[key] for one in labels)) for key in keys]
+    rows = []
+    for line, combinations in where.items():
+        boxes = ("; ".join(map(values_text, box, every)) for box in boxes_of(combinations))
+        rows += [f"{' '.join(f'[{box}]' for box in boxes)} {line}"] * bool(line)
+    if len(rows) > MOST_ROWS:
+        rows[MOST_ROWS:] = [f"and {count(len(rows) - MOST_ROWS, 'row')} more …"]
     short = {key: key.rpartition(".")[2] for key in labels[0]}
     last_words = [*short.values()]
-    titles = [short[key] if last_words.count(short[key]) == 1 else key for key in keys]
-    boxes = [(box, line) for line, those in where.items() if line for box in boxes_of(those)]
-    rows, before = [], ""
-    for box, line in boxes[:MOST_TABLE_ROWS]:
-        told = "as above" if line == before else line
-        values = map(values_text, box, every)
-        rows.append([*(fill(each, MOST_KEY_LETTERS) for each in values), told])
-        before = line
-    if len(boxes) > MOST_TABLE_ROWS:
-        more = f"and {count(len(boxes) - MOST_TABLE_ROWS, 'row')} more …"
-        rows.append([*[""] * len(keys), more])
-    titles.append(f"{name} " if name in titles else name)  # a key and a fact may have one name
-    columns = dict(zip(titles, zip(*rows, strict=True), strict=True))
-    return table_text(columns, [*columns], terminal_width() - 2).replace("\n", "\n  ")
+    return tuple(short[key] if last_words.count(short[key]) == 1 else key for key in keys), rows
 
 
 def values_text(values: Combination, known: Sequence[str]) -> str:

@@ -7,6 +7,8 @@ from typing import Any
 import pandas as pd
 
 from jaxnet.kinds.metrics import CONTRACT
+from jaxnet.kinds.metrics.collisions import COLLISIONS
+from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.kinds.metrics.outside import OUTSIDE_HULL
 from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.statistics.pairs import Comparison
@@ -19,6 +21,7 @@ from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 MOST_NAMED_LANES = 20  # lanes of a kind
 FIRST_METRICS = {"tail_mean": "mean", "spread": "spread"}  # metrics that are shown to the last
 SECOND_METRICS = {"tail_max": "max", "outside": "outside"}
+OF_FILTERS = {MIN_SEPARATION.name: "least distance"}  # where studies differ in their filters
 SHOWN_AS = {"mean": TITLES["tail_mean"], "max": TITLES["tail_max"]}  # of the words of a CSV table
 
 
@@ -33,11 +36,12 @@ def of_metrics(metrics: dict[str, str], end: str, title: str) -> list[tuple[str,
 # Columns of differences.csv, what matters most first: name, that in a CSV table, and how the names
 # of the ends of its interval begin, there and in a CSV table.
 DIFFERENCES = [
-    *of_metrics(FIRST_METRICS, "median", " median"),
+    *of_metrics(OF_FILTERS | FIRST_METRICS, "median", " median"),
     ("saved", "only A off"),
     ("lost", "only B off"),
     ("unrecovered", "unrecovered", "unrecovered", "share"),
-    *of_metrics(FIRST_METRICS, "difference", ""),
+    *of_metrics(OF_FILTERS | FIRST_METRICS, "difference", ""),
+    (f"{COLLISIONS.name}_difference", "collisions", COLLISIONS.name, "collisions"),
     ("p", "p"),
     ("pairs", "pairs"),
     *of_metrics(SECOND_METRICS, "median", " median"),
@@ -59,6 +63,8 @@ SHARE_LEGEND = (
 def comparison_legend(found: Comparison, shown: Sequence[Column]) -> str:
     lanes: Any = found.cells.set_index("cell")
     measured = AGREEMENT_NOTES if "spread_difference" in lanes else ERROR_NOTES
+    if f"{MIN_SEPARATION.name}_difference" in lanes:
+        measured = [definition(MIN_SEPARATION)]
     independent = bool(lanes.filter(like="_median_low").notna().to_numpy().any())
     notes = [*measured, *missing_lines(shown, lanes["pairs"], independent)]
     return " ".join([LEGEND, SHARE_LEGEND, *(f"{each[0].upper()}{each[1:]}." for each in notes)])

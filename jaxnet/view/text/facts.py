@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.keys import Scenario
-from jaxnet.config.naming import words_of_kind
+from jaxnet.config.naming import value_name, words_of_kind
 from jaxnet.config.scenario import (
     MOST_DRAWN_SETS,
     MOTION,
@@ -20,7 +20,7 @@ from jaxnet.model.graph import Digraph, Links, unreachable
 from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, orders_in_words, plural_s, ranges
 from jaxnet.theory import integer
-from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie
+from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie, deviations, tested
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
 from jaxnet.theory.certificate import CutReach, HonestPaths
@@ -35,6 +35,7 @@ from jaxnet.theory.start import KeepsMoving, Start
 from jaxnet.theory.theorems import OF_ALARMS, OF_LAWS, OF_SEPARATION, values
 from jaxnet.theory.tolerance import Agreement, VehiclesAlone
 
+MOTION_UNITS = ("m", "m/s", "m/s²", "m/s³", "m/s⁴")  # by order
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_NAMED_VEHICLES = 60
 MOST_NAMED_SETS = 12
@@ -64,7 +65,7 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         "misjudged": told.get("misjudged", ""),
         "cut off": told.get("cut off", ""),
         "apart": told.get("apart", why_not_apart(scenario)),
-        "detector": detector_line(scenario, told) if scenario.detector.present else "",
+        "detector": detector_line(case, told) if scenario.detector.present else "",
         "alarms": told.get("runs", ""),
         "isolation": told.get("isolation", ""),
         "unseen": told.get("unseen lie", "") + told.get("unseen effect", ""),
@@ -86,7 +87,7 @@ def defence_lines(scenario: Scenario) -> Facts:
     """What a defence says of itself; of attackers that are drawn, for the worst draw."""
     defence, given = scenario.defence, attacked_at_once(scenario)
     drawn = not scenario.attack.targets() and defence.outnumbered(*given).any()
-    worst = "; this is the worst draw of attacked vehicles for each vehicle" * bool(drawn)
+    worst = "; each vehicle is told with its worst draw of attacked vehicles" * bool(drawn)
     return {name: line + worst for name, line in defence.describe(*given).items()}
 
 
@@ -116,9 +117,10 @@ def network_lines(case: Case, told: Facts) -> Facts:
         robust = "exactly 1-robust with the navigator, as is every graph that it reaches"
         if unreachable(graph):
             robust = "not 1-robust with the navigator, which does not reach every vehicle"
+        F = scenario.defence.tolerates()
         robust += (
-            "; W-MSR with F = 1 needs 3-robustness against F-local attackers, or"
-            " (2, 2)-robustness against F-total attackers"
+            f"; {defence_name(scenario)} with F = {F} needs {2 * F + 1}-robustness against F-local"
+            f" attackers, or ({F + 1}, {F + 1})-robustness against F-total attackers"
         )
     return {
         "graph": f"{size}: {'; '.join(hears)}",
@@ -143,18 +145,20 @@ def attack_line(case: Case) -> str:
     line += " in place of their inputs" if attack.misuses() else where
     line += ", in place of what is sent" * attack.replaces()
     line += ", and they move as they tell" * attack.as_told()
-    line += f"; {count(int(attacked.sum()), 'link')}"
+    links = count(int(attacked.sum()), "link")
     if periods:
-        line += " of all that are ever attacked"
+        line += f"; over all times the attack is on {links}"
     elif not attack.targets():
-        line += " of all that may be drawn"
+        line += f"; over all draws the attack is on {links}"
+    else:
+        line += f"; the attack is on {links}"
     if not attack.bounded:
-        line += "; not bounded by ā, so no bound says anything"
+        line += "; ā does not bound the attack, so no bound on errors holds"
     elif not (attack.consistent() or attack.misuses()):
         sizes = attack.by_order() or [1.0] * len(ORDER_NAMES)
         orders = [order for order in attack.falsified() if sum(sizes[order : order + 1])]
         which = ", ".join(ORDER_NAMES[order] for order in orders)
-        line += f"; {which} falsified each on its own, so the static bound says nothing"
+        line += f"; each order is falsified on its own ({which}), so the static bound does not hold"
     if periods:
         last = max(time for time, _ in periods if time < scenario.horizon)
         settled = scenario.horizon - scenario.tail - last
@@ -164,18 +168,42 @@ def attack_line(case: Case) -> str:
     return line
 
 
-def detector_line(scenario: Scenario, told: Facts) -> str:
-    """The test, what messages are compared with, and why nothing is known of its alarms."""
-    detector, predicts = scenario.detector, scenario.detector.predicts
+def threshold_words(case: Case) -> str:
+    """When a detector raises an alarm, with the units of its statistic; "" if not known."""
+    scenario = case.scenario
+    rule, orders = (None, 0) if missing(scenario, ("white",)) else tested(case)
+    if rule is None:
+        return scenario.detector.limit_words()
+    unit = "variances" if rule.squared else "standard deviations"
+    size = "squared residual" if rule.squared else "residual along the direction"
+    limit = f"{rule.limit:.4g} {unit}"
+    if rule.drift is not None:
+        return (
+            f"an alarm is raised by a sum of the {size} less {rule.drift:g} a message over {limit}"
+        )
+    if rule.window > 1:
+        return f"an alarm is raised by {rule.window} squared residuals together over {limit}"
+    told = f"an alarm is raised by a {size} over {limit}"
+    if orders == 1 and scenario.detector.predicts.exact:
+        told += f", a position {rule.limit**0.5 * deviations(case)[0]:.4g} m off"
+    return told
+
+
+def detector_line(case: Case, told: Facts) -> str:
+    """The test, its threshold, what starts add, and why nothing is known of its alarms."""
+    scenario, detector = case.scenario, case.scenario.detector
+    predicts, limit = detector.predicts, threshold_words(case)
     expected = "the true motion of the source (an ideal observer)"
     if not predicts.exact:
         expected = f"what {words_of_kind('detector.predicts', predicts.kind)} expects"
     line = f"{words_of_kind('detector', detector.kind)} against {expected}"
+    line += f"; {limit}" * bool(limit)
     if detector.whitens and predicts.presumes:
         line += f"; false alarms are as rare as asked only while {predicts.presumes}"
+    line += "; starts add nothing to residuals" if predicts.exact else told.get("start drive", "")
     if "runs" not in told:
         why = "; ".join(premise_words(scenario, each) for each in missing(scenario, OF_ALARMS))
-        line += "; mean times to its alarms are not known" + f": {why}" * bool(why)
+        line += "; mean times to alarms are not known" + f": {why}" * bool(why)
     return line
 
 
@@ -187,7 +215,7 @@ def world_lines(scenario: Scenario, told: Facts) -> Facts:
     late = f"{low:g} s"
     if is_drawn(channel.delay):
         late = f"{low:g} to {high:g} s, drawn for each {channel.delay_of},"
-    union = "the lines above hold for the union, not for a network alone"
+    union = "other lines hold for the union of all networks, not for one network"
     lines = {  # whether it is so, in words, and the quantities of theorems that are told beside
         "networks": (turns > 1, f"{count(turns, 'network')} take turns; {union}", OF_NETWORKS),
         "sensing": (not sensing.exact(), f"{sensing.kind}: vehicles sense with errors", OF_SENSORS),
@@ -197,7 +225,7 @@ def world_lines(scenario: Scenario, told: Facts) -> Facts:
         "delay": (channel.late, f"messages are {late} late", OF_DELAYS),
     }
     found = {
-        name: f"{line}; no bound holds" + "".join(told.get(each, "") for each in beside)
+        name: f"{line}; no bound on errors holds" + "".join(told.get(each, "") for each in beside)
         for name, (is_so, line, beside) in lines.items()
         if is_so
     }
@@ -207,7 +235,7 @@ def world_lines(scenario: Scenario, told: Facts) -> Facts:
         if isinstance(steps, EachOrder):
             size = orders_in_words([step / 2 for step in steps.root])
         where = "on each axis, on every link and in every order transmitted"
-        found["rounding"] += f"; they act like an attack of at most {size} {where}"
+        found["rounding"] += f"; rounding acts like an attack of at most {size} {where}"
     return found
 
 
@@ -255,31 +283,49 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", "")
-        + ("; times of `start` are sharper" * ({"decay", "start"} <= {*told})),
+        + ("; line `start` is sharper" * ({"decay", "start"} <= {*told})),
         "start": told.get("start", ""),
         "at rest": told.get("keeps moving", ""),
         "limits": "; ".join(filter(None, map(told.get, ("never global", "unclipped")))),
     }
 
 
+def defence_name(scenario: Scenario) -> str:
+    return value_name("defence", scenario.defence.kind)
+
+
 def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
-    """Robustness of the vehicles without the navigator, and the attackers that W-MSR tolerates."""
-    r, local, total = found.r, found.local, found.total
-    if r.high == 0:
-        return "not 1-robust, so not enough for W-MSR"
-    line = f"{r.high}-robust"
-    if found.pairs is not None:
-        line = ", ".join(f"({r}, {s})" for r, s in enumerate(found.pairs, 1)) + "-robust"
-    elif not r.known:
-        line = f"r-robust, with the greatest r between {r.low} and {r.high}"
-    if r.low == 0:
-        return f"{line}, so nothing is proved of W-MSR"
+    """Robustness of the vehicles alone, and what the defence gains by it."""
+    name = defence_name(scenario)
+    told = f"without the navigator the vehicles are {robustness_words(found)}"
+    local, total = found.local, found.total
+    enough = f"{told}; the vehicles are robust enough for {name}"
+    if scenario.defence.tolerates() is None:
+        whom = f"of {name}" if scenario.defence.decides else "without a defence"
+        return f"{told}; robustness proves nothing {whom}"
+    if found.r.low == 0:
+        known = (
+            "the vehicles are not robust enough for"
+            if found.r.high == 0
+            else "nothing is proved of"
+        )
+        return f"{told}; {known} {name}"
     if local.low == total.low == 0:
         if local.known and total.known:
-            return f"{line}, enough for W-MSR only without attackers"
-        return f"{line}, enough for W-MSR without attackers; with attackers it is not known"
+            return f"{enough} only without attackers"
+        return f"{enough} without attackers; with attackers this is not known"
     ends = f"F-local attackers up to {at_least(local)}, F-total up to {at_least(total)}"
-    return f"{line}, enough for W-MSR with {ends}"
+    return f"{enough} with {ends}"
+
+
+def robustness_words(found: VehiclesAlone) -> str:
+    if found.r.high == 0:
+        return "not 1-robust"
+    if found.pairs is not None:
+        return ", ".join(f"({r}, {s})" for r, s in enumerate(found.pairs, 1)) + "-robust"
+    if found.r.known:
+        return f"{found.r.high}-robust"
+    return f"r-robust, with the greatest r between {found.r.low} and {found.r.high}"
 
 
 def agreement_words(found: Agreement, scenario: Scenario) -> str:
@@ -297,8 +343,8 @@ def norm_words(norm: float, scenario: Scenario) -> str:
     if not np.isfinite(norm):
         return f"{norm}; the navigator does not reach every vehicle"
     return (
-        f"{norm:.4g}; ‖E‖ ≤ ‖L⁻¹‖₂ ‖d‖ under a steady attack while all sources are retained;"
-        " d: each vehicle's weighted sum of the attacks on its sources"
+        f"{norm:.4g}; ‖E‖ ≤ ‖L⁻¹‖₂ ‖d‖ under a steady attack while all sources are retained,"
+        " with d the weighted sum of the attacks on each vehicle's sources"
     )
 
 
@@ -334,7 +380,8 @@ def stable(is_stable: bool) -> str:
 def rms_words(each: np.ndarray, scenario: Scenario) -> str:
     who = f" (vehicle {int(each.argmax()) + 1})" if np.ptp(each) > 1e-9 * each.max() else ""
     return (
-        f"; without attack they leave at most {each.max():.4g} m rms on each axis in the end{who}"
+        f"; without attack such errors leave at most {each.max():.4g} m rms on each axis in the"
+        f" end{who}"
     )
 
 
@@ -362,21 +409,21 @@ def stability_words(found: Stability, scenario: Scenario) -> str:
         least += f", and every number from {surely} on" * (surely > few)
         line += f"; {least if found.least else 'no number of rounds is stable at this tick'}"
     if found.without_attack:
-        line += "; that is without the attack: once the messages of some vehicles are replaced, the"
-        line += " factor is another"
+        line += "; this factor counts no attack: messages that are replaced give another factor"
     elif scenario.attack.replaces():
-        line += f"; with the messages of {scenario.attack.whom()}, which are replaced, fixed"
-    return line + "; this holds while all sources are retained" * found.while_retained
+        line += f"; the factor takes the replaced messages of {scenario.attack.whom()} as fixed"
+    return line + "; the factor holds while all sources are retained" * found.while_retained
 
 
 def runs_words(found: AlarmRuns, scenario: Scenario) -> str:
-    line = f"a false one about one link after {ticks_of(found.link, scenario)}"
+    line = f"a false alarm about one link comes after {ticks_of(found.link, scenario)}"
     if found.fleet is not None:
         fleet = f"any of {count(found.number, f'honest {found.of}')}"
-        line += f"; a false one about {fleet} after {ticks_of(found.fleet, scenario)}"
+        line += f"; a false alarm about {fleet} comes after {ticks_of(found.fleet, scenario)}"
     if found.lie is not None:
         where = " along the direction" * found.along
-        line += f"; one about a steady lie of ā{where} after {ticks_of(found.lie, scenario)}"
+        line += f"; an alarm about a steady lie of ā{where} comes after"
+        line += f" {ticks_of(found.lie, scenario)}"
     return line
 
 
@@ -401,13 +448,13 @@ def isolation_words(found: CutReach, scenario: Scenario) -> str:
     if found.lost and scenario.law.couples() and not scenario.defence.coasts():
         who = "any of " * (len(found.lost) > 1) + ranges(found.lost)
         line += f"; a lane ends as disconnected once {who} is cut off"
-        line += "; a defence (not none) with isolated: coast keeps it"
+        line += "; a defence with isolated: coast keeps such a lane"
     if found.wrong:
         other = " other" * bool(found.lost)
         line += f"; no{other} vehicle is cut off from the navigator by fewer than"
         line += f" {count(found.wrong, 'wrong cut')}"
         if found.whom != kept:
-            line += f", {ranges(found.whom)} by as many"
+            line += f"; {count(found.wrong, 'wrong cut')} may cut off {ranges(found.whom)}"
     return line
 
 
@@ -415,15 +462,14 @@ def unseen_words(found: UnseenLie, scenario: Scenario) -> str:
     line = f"a liar that knows the errors may be {found.steady:.4g} m off at each tick"
     if found.first > found.steady:
         line += f", after one tick of {found.first:.4g} m,"
-    return f"{line} and raise no alarm"
+    return f"{line} and raise no alarm (an unseen lie)"
 
 
 def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:
-    line = f"; in phase such messages move a vehicle by {found.steady:.4g} m beside what errors do"
+    line = f"; unseen lies in phase move a vehicle by {found.steady:.4g} m beside what errors do"
     if np.isfinite(found.most):
-        line += "; lies about positions that raise no alarm move no vehicle by more than"
-        line += f" {found.most:.4g} m"
-    return line + "; this holds while alarms cut nothing" * scenario.detector.acts
+        line += f"; unseen lies about positions move no vehicle by more than {found.most:.4g} m"
+    return line + "; bounds on unseen lies hold while alarms cut nothing" * scenario.detector.acts
 
 
 def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
@@ -455,7 +501,7 @@ def ultimate_words(found: Ultimate, scenario: Scenario) -> str:
             else " and what the tolerance leaves"
         )
         told += rest
-    premise = "as long as no vehicle stands still and nobody is cut off, outside the set either"
+    premise = "this end holds if no vehicle stands still or is cut off, safe or not"
     return f"‖E‖ ends within ‖H‖₁ γ Λ h{told}; {premise}"
 
 
@@ -464,13 +510,19 @@ def margin_words(found: Margin, scenario: Scenario) -> str:
     by: dict[str, list[int]] = {}
     for number, sets in enumerate(found.sets, 1):
         if any(sets):
-            by.setdefault(set_words(sets), []).append(number)
-    words = [f"no proof for {ranges(those)} if {sets} attacked" for sets, those in by.items()]
+            own = [*sets] == [(number,)]
+            by.setdefault("" if own else f"{set_words(sets)} attacked", []).append(number)
+    words = [
+        f"no proof for {ranges(those)} if {sets or 'attacked itself'}" for sets, those in by.items()
+    ]
     for more in np.unique(found.further[found.further > 0]).tolist():
-        far = f"still if any {MOST_TRIED} more are attacked"
+        who = flagged(found.further == more)
+        far = f"a proof for {who} even if any {MOST_TRIED} more are attacked"
         if more <= MOST_TRIED:
-            far = f"perhaps none if {more} more {'is' if more == 1 else 'are'} attacked"
-        words.append(f"for {flagged(found.further == more)} {far}")
+            far = (
+                f"perhaps no proof for {who} if {more} more {'is' if more == 1 else 'are'} attacked"
+            )
+        words.append(far)
     return "; ".join([*words[:MOST_NAMED_SETS], *["…"] * (len(words) > MOST_NAMED_SETS)])
 
 
@@ -490,14 +542,14 @@ def decay_words(found: Decay, scenario: Scenario) -> str:
         least, most = min(found.norms), max(found.norms)
         line += f"; ‖H_i‖₁ of the vehicles from {least:.3g} to {most:.3g}"
     else:
-        line += ", x = (E, Ė, …)" + ", while nobody is cut off" * (not found.joined)
+        line += ", x = (E, Ė, …)" + "; Lemma 1 holds while nobody is cut off" * (not found.joined)
     return line
 
 
 def start_words(found: Start, scenario: Scenario) -> str:
     below = (f"{length:g} m after {found.after(length):.3g} s" for length in (1.0, 1e-3))
     told = f"vehicles start at most {found.distance:.4g} m from the navigator"
-    return f"{told}; without attack they are within {', '.join(below)}"
+    return f"{told}; without attack errors are below {', '.join(below)}"
 
 
 def moving_words(found: KeepsMoving, scenario: Scenario) -> str:
@@ -506,18 +558,18 @@ def moving_words(found: KeepsMoving, scenario: Scenario) -> str:
         size if factor == 1 else f"{factor:.4g} {size}"
         for factor, size in zip(found.factors.round(9), sizes, strict=False)
     ]
-    met = "every start meets it"
-    if not found.every_start:
-        met = "starts may break it, and then a vehicle may come to rest, but need not"
+    met = "other starts may bring a vehicle to rest"
+    if found.every_start:
+        met = "every start has this"
     alone = found.slowest / found.factors[0]
     return (
-        f"without attack no vehicle comes to rest if at its start {' + '.join(each)} <"
-        f" {found.slowest:.4g} m/s, so if ‖E‖ < {alone:.5g} m and it moves as the navigator; {met}"
+        f"no vehicle comes to rest without attack if its start has {' + '.join(each)} <"
+        f" {found.slowest:.4g} m/s (‖E‖ < {alone:.5g} m at the navigator's motion); {met}"
     )
 
 
 def within_limits_words(found: Unclipped, scenario: Scenario) -> str:
-    met = "every start is there" if found.every_start else "starts may be outside"
+    met = "every start is in this set" if found.every_start else "starts may be outside this set"
     return (
         f"no input saturates while x'Px ≤ {found.left:.4g}² / {found.ratio:.8g} ="
         f" {found.level:.4g} on each axis, with x = (E, Ė, …) and A'P + PA = -1; {met}"
@@ -545,7 +597,9 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "honest paths": path_words,
     "apart": lambda least, scenario: f"steered points that start {least:g} m apart or more stay so",
     "misjudged": misjudged_words,
-    "cut off": lambda lost, scenario: f"{ranges(lost)} may be, if they drop the wrong sources",
+    "cut off": lambda lost, scenario: (
+        f"{ranges(lost)} may be cut off from the navigator, if they drop the wrong sources"
+    ),
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"
         f" {vehicles_named(found.always, scenario)} in each of them"
@@ -588,6 +642,10 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "ultimate error": ultimate_words,
     "decay": decay_words,
     "start": start_words,
+    "start drive": lambda drive, scenario: (
+        f"; a start may ask for a derivative of {drive:.4g} {MOTION_UNITS[scenario.vehicle.order]}"
+        " that is not told"
+    ),
     "keeps moving": moving_words,
     "never global": lambda is_so, scenario: (
         "no saturated linear feedback stabilises three integrators globally (Sussmann and Yang"
