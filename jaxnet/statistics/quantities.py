@@ -14,7 +14,7 @@ from jaxtyping import Float
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
 from jaxnet.config.naming import choices_words
-from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.metrics import LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.kinds.refusals import suggestion
 from jaxnet.model.wording import count, counted
@@ -22,7 +22,6 @@ from jaxnet.statistics.curves import LOG_FLOOR, failed_kinds, log_ends
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
-    LANE_STATISTICS,
     asked_shares,
     independent_units,
     lane_estimate,

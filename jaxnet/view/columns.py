@@ -23,7 +23,7 @@ from jaxnet.config.naming import (
     value_alone,
     value_name,
 )
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS
 from jaxnet.kinds.refusals import suggestion
 from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
 from jaxnet.statistics.amplitude import attack_size, reduced_amplitudes
@@ -37,7 +37,7 @@ from jaxnet.statistics.quantities import (
     share_failed,
     stored_values,
 )
-from jaxnet.statistics.summary import LANE_STATISTICS, lane_shares, share_names, unsettled_shares
+from jaxnet.statistics.summary import lane_shares, share_names, unsettled_shares
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results

@@ -14,7 +14,7 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Sequential
 from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_alone, value_name
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, Metric
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import (
     cells_named,
@@ -42,7 +42,7 @@ from jaxnet.statistics.recovery import (
     threshold,
 )
 from jaxnet.statistics.separation import near_starts_words
-from jaxnet.statistics.summary import LANE_STATISTICS, share_names
+from jaxnet.statistics.summary import share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR

@@ -12,7 +12,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
 from jaxnet.config.naming import label_notes
 from jaxnet.config.sweep import is_joint
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
+from jaxnet.kinds.metrics import AGREEMENT, COLUMNS_OF_METRIC, CONTRACT
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
@@ -25,7 +25,6 @@ from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
-    COLUMNS_OF_METRIC,
     UNSETTLED_NOTE,
     hull_note,
     lane_shares,
