@@ -4,9 +4,7 @@ import base64
 import json
 import re
 import shutil
-import types
 from html import unescape
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -147,7 +145,8 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
 def test_cells_that_are_not_all_of_a_value_are_told_with_it():
     """Cells 0 and 1 of those without a defence; all of them; and some of each defence."""
     sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 3]}
-    results: Any = types.SimpleNamespace(study=systems.study(sweep=sweep, **ROTATING))
+    results = Results(UPath("nowhere"))
+    vars(results).update(study=systems.study(sweep=sweep, **ROTATING))
     for numbers, words in (
         ([0, 1], "with no\xa0defence, ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m (2 cells)"),
         ([0, 1, 2], "with no\xa0defence (3 cells)"),

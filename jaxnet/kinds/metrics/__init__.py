@@ -137,7 +137,7 @@ class Metric:
         own = self.of.model_dump() if isinstance(self.of, MetricKeys) else {}
         return own if self.name == self.base else {**own, "name": self.name}
 
-    def with_keys(self, name: str | None = None, **keys: object) -> "Metric":
+    def with_keys(self, name: object = None, **keys: object) -> "Metric":
         """The metric with these keys and its own others; raise ValueError where they are wrong.
 
         `name` is the name of its column, if it is not to be as before.
