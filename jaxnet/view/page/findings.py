@@ -18,6 +18,7 @@ from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text, ranges
 from jaxnet.statistics import curves
+from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.horizon import errors_words
@@ -36,7 +37,6 @@ from jaxnet.statistics.recovery import (
 from jaxnet.statistics.summary import LANE_STATISTICS, share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
 from jaxnet.view.text import worst
