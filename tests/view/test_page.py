@@ -596,7 +596,7 @@ def test_a_slope_stays_within_magnitudes_that_have_lanes(folder):
 
 
 def test_rounding_does_not_stretch_the_axis_of_errors(folder):
-    """It ends two decades below the least median; what is less stands there, and is told."""
+    """It ends two decades below the least median; a bar that goes on below has an arrow."""
     star, ring = curves.curves(jaxnet.open(folder))
     least = min((each.spread("tail_max", "median")[0] / each.sizes).min() for each in (star, ring))
     tiny = star._replace(cells=star.cells.assign(tail_max_q05=1e-11))
@@ -604,7 +604,7 @@ def test_rounding_does_not_stretch_the_axis_of_errors(folder):
         drawing = ultimate_drawing(found, "tail_max")
         assert least / 400 < drawing.y.ends[0] < least
         figure = printed(drawing)
-        told = f"values below {drawing.y.floor:g} ā are drawn there"
+        told = "arrows: intervals that go on beyond the axis"
         assert (told in figure.get_supxlabel().replace("\n", " ")) == is_low
         arrows = [line for line in figure.axes[0].lines if line.get_marker() == "v"]
         assert len(arrows) == is_low
@@ -753,7 +753,7 @@ def test_a_lane_in_motion_is_the_stores(opened, folder):
     assert shown.locator("#lanes input").input_value() == str(worst)
     np.testing.assert_allclose(drawn(shown, "vehicle"), off[worst, HONEST], rtol=1e-4)
     false = (told[worst] - centre[worst])[ATTACKED]
-    np.testing.assert_allclose(drawn(shown, "place that is told"), false, rtol=1e-4)
+    np.testing.assert_allclose(drawn(shown, "false place in messages"), false, rtol=1e-4)
     np.testing.assert_array_equal(drawn(shown, "navigator"), [[0.0, 0.0]])
     reach = shown.eval_on_selector("#lanes .plane", "plot => plot.layout.xaxis.range[1]")
     assert reach >= 1.1 * np.abs(off[5:]).max()
@@ -775,7 +775,7 @@ def test_a_lane_in_motion_is_the_stores(opened, folder):
     for place in (0, 4, 10):
         shown.locator("#lanes input").fill(str(place))
         settle(shown)
-        found = drawn(shown, "place that is told")
+        found = drawn(shown, "false place in messages")
         np.testing.assert_allclose(found, told[place, ATTACKED], rtol=1e-5)
         hold_links(shown, lane.isel(time=place), place)
 

@@ -26,6 +26,7 @@ from jaxnet.model.wording import (
     ranges,
 )
 from jaxnet.statistics import curves
+from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.horizon import errors_words
@@ -45,7 +46,6 @@ from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
 from jaxnet.view.text import worst
