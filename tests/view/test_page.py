@@ -264,7 +264,7 @@ TOLD = [
         ALONE,
         "In the median lane of a cell the error, a mean over vehicles and the tail, is <b>2 ā</b>.",
     ),
-    ([20.0], ALONE, "No share unrecovered: no attacked lane came to its end."),
+    ([20.0], ALONE, "No share unrecovered: no attacked cell has enough lanes that ended."),
     (
         [20.0],
         ALONE,
@@ -272,7 +272,7 @@ TOLD = [
     ),
     ([1e-12], UNATTACKED, "a mean over vehicles and the tail, is <b>0 (rounding) m</b>."),
     ([1e-12], UNATTACKED, "no cell has an attack of a fixed magnitude"),
-    ([np.nan], LOST, "No lane came to its end, so no error is known."),
+    ([np.nan], LOST, "No error: no lane came to its end."),
     ([np.nan], LOST, "<b>3 lanes of 3 failed</b>: 2 singular, 1 stuck."),
     (
         [1e-9],
@@ -287,13 +287,13 @@ TOLD = [
     (
         [0.01] * 4,
         HULL,
-        "<b>Honest vehicles agree, but on a place that liars move out of the hull</b> within 30 s."
-        " In the worst cells vehicles leave the hull in 75 % of lanes with no\xa0defence (95 %"
-        " interval 50 to 87.5 %), by 2 m"
-        " in the median lane and 3 m in the worst; in 5 % of lanes with W-MSR (95 % interval 5 to 5"
-        " %), by 0.01 m in the median lane and 0.1 m in the worst; in 10 % of lanes without an",
+        "<b>Honest vehicles agree, but on a place that liars move out of the hull</b> with"
+        " ā\xa0=\xa010\xa0m, no\xa0defence (cell 2) within 30 s, in 75 % of lanes (95 % interval 50"
+        " to 87.5 %). The way out of the median lane is <b>2 m</b> with ā\xa0=\xa010\xa0m,"
+        " no\xa0defence (cell 2); that of the worst lane is 3 m. In the other cells they leave it in up to 10 % of lanes (95 % interval 10 to 10 %), by at"
+        " most 0.1 m. A longer run may move them on.",
     ),
-    ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts within 30 s."),
+    ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts in every cell"),
     (
         [4.0, 20.0, 1.0, 20.0, 4.0, 20.0],
         {"sweep": {"defence": ["none", "w_msr", "centerpoint"], "attack.magnitude": [1, 10]}},

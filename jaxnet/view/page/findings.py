@@ -46,7 +46,7 @@ from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.view.drawings.words import ROUNDED, error_text
+from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
 from jaxnet.view.text import worst
 from jaxnet.view.text.facts import attacked_at_once
@@ -56,7 +56,7 @@ MEDIAN_LANE = {  # by `judged_word`
     "error": "In the median lane of a cell the error, a mean over vehicles and the tail{},",
     "spread": "In the median lane of a cell the greatest spread over the tail{}",
 }
-BASELINE = " without an attack"
+
 MOVED = 10  # times as far as without an attack
 NEGLIGIBLE = 1e-3  # of the greatest value
 TestRows = list[dict[str, Any]]  # of the table of p values
@@ -91,18 +91,13 @@ def finding_sentences(
     `tests` receives a row for each comparison of paired lanes.
     """
     cells = results.study.cells
-    lanes, alone = results.manifest["lanes"], is_leaderless(cells)
+    alone = is_leaderless(cells)
     warnings = [falling_words(results, cells), errors_words(results.study.config, cells)]
     warnings += misfit_words(results, cells)
-    failed = ""
-    if lanes["failed"]:
-        there = curves.failed_kinds(results)
-        kinds = escape(counted(sum(there.values(), Counter())))
-        failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
-        failed += f", {where_words(results, sorted(there))}".rstrip(", ") + "."
     separated = separation_sentence(results, tests)
     sentences = [
         outnumbered_sentence(results),
+        failed_sentence(results),
         outside_sentence(results) if alone else "",
         *(f"<b>{sentence_case(each)}</b>." for each in warnings if each),
         unrecovered_sentence(results, tests),
@@ -110,7 +105,6 @@ def finding_sentences(
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         search_sentence(results),
-        failed,
         "" if alone else bounds_sentence(results, found, fit),
     ]
     return [each for each in sentences if each]
@@ -139,6 +133,21 @@ def outnumbered_sentence(results: Results) -> str:
     )
 
 
+def failed_sentence(results: Results) -> str:
+    """How many lanes failed, where, and which cells no other finding is about."""
+    lanes, there = results.manifest["lanes"], curves.failed_kinds(results)
+    if not there:
+        return ""
+    kinds = escape(counted(sum(there.values(), Counter())))
+    failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
+    failed += f", {where_words(results, sorted(there))}".rstrip(", ")
+    left = sorted(mostly_failed(results))
+    if not left or not lanes["ok"]:
+        return f"{failed}."
+    where = "these cells" if left == sorted(there) else f"the cells {where_words(results, left)}"
+    return f"{failed}. Of {where} more lanes failed than ended: the errors below leave them out."
+
+
 def errors_per_size(results: Results) -> tuple[pd.DataFrame, str]:
     """Median errors of cells with intervals, and their unit: per ā, or in metres without ā."""
     metric = judged_metric(results.study.cells)
@@ -147,7 +156,22 @@ def errors_per_size(results: Results) -> tuple[pd.DataFrame, str]:
     known = curves.cell_magnitudes(results)
     per_size = metric != "spread" and not np.isnan(known).all()
     found: Any = errors.div(known, axis="index") if per_size else errors
+    found = found.drop(index=mostly_failed(results))
     return found.dropna(subset="value"), "ā" if per_size else "m"
+
+
+def mostly_failed(results: Results) -> list[int]:
+    """Cells of which more lanes failed than ended: few lanes stand for none of them."""
+    ended = results.cells["ok"].to_numpy()
+    failed = {cell: kinds.total() for cell, kinds in curves.failed_kinds(results).items()}
+    return [cell for cell, many in failed.items() if many > ended[cell]]
+
+
+def nothing_words(results: Results) -> str:
+    """Why no cell has a number."""
+    if not results.manifest["lanes"]["ok"]:
+        return "no lane came to its end"
+    return "no attacked cell has enough lanes that ended"
 
 
 def settled(
@@ -176,11 +200,9 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     if not labels:
         return ""
     if many == len(cells) > 1:
-        attacked = len(cells) < len(results.study.cells)
-        return f"in {f'all {many}' if attacked else 'every'} cell{'s' * attacked}"
-    varied = (
-        key for key, values in swept_values_of(results.study.cells).items() if len(values) > 1
-    )
+        part = len(cells) < len(results.study.cells)
+        return f"in each of {many} cells" if part else "in every cell"
+    varied = (key for key, values in swept_values_of(cells).items() if len(values) > 1)
     first = escape(labels_title({key: labels[key] for key in varied}) or labels_title(labels))
     if many == 1:
         return f"with {first} (cell {numbers[0]})"
@@ -261,16 +283,13 @@ def extremes_sentence(results: Results, tests: TestRows) -> str:
     errors, unit = errors_per_size(results)
     word, per_size = judged_word(results), unit == "ā"
     if errors.empty:
-        none = f"No lane came to its end, so no {word} is known."
-        return "No attacked lane came to its end." if results.manifest["lanes"]["ok"] else none
-    asked = (
-        int(np.sum(curves.cell_magnitudes(results) > 0)) if per_size else len(results.study.cells)
-    )
-    left = count(asked - len(errors), "attacked cell" if per_size else "cell")
-    without = f" No lane ended in {left}." if len(errors) < asked else ""
+        return f"No {word}: {nothing_words(results)}."
     among = errors.index.tolist()
     errors, falling = settled(results, errors, error_text, f" {unit}")
     compared = "" if compares_shares(results) else kinds_words(results, errors, unit, tests)
+    unrecovered = curves.unrecovered_shares(results)["unrecovered"]
+    if len(unrecovered) and not unrecovered.any():  # below what is asked; p values are in the table
+        compared = ""
     span = span_words(results, errors, error_text, f" {unit}", among)
     offsets = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation" * offsets
@@ -279,11 +298,11 @@ def extremes_sentence(results: Results, tests: TestRows) -> str:
     if not per_size and errors["value"].max() < NEGLIGIBLE * least < np.inf:
         most = above_text(float(errors["value"].to_numpy().max()))
         span, compared = f"is at most <b>{most} m</b>", ""
-    return f"{MEDIAN_LANE[word].format(less)} {span}.{compared}{without}{falling}"
+    return f"{MEDIAN_LANE[word].format(less)} {span}.{compared}{falling}"
 
 
 def outside_sentence(results: Results) -> str:
-    """How far liars move honest vehicles out of the hull of their starts, without a navigator."""
+    """How far honest vehicles leave the hull of their starts, and where, without a navigator."""
     cells, attacked = results.study.cells, attacked_mask(results.study.cells)
     names = ["outside_median", "outside_max", *share_names("in_hull")]
     ways: Any = results.cells.reindex(columns=names).reset_index(drop=True)
@@ -292,41 +311,42 @@ def outside_sentence(results: Results) -> str:
         return ""
     if ways["outside_max"].max() < ROUNDING_ERROR:
         return "No honest vehicle left the convex hull of the honest starts, in any lane."
-    groups: dict[str, list[int]] = {}
-    for place in sorted(ways.index, key=lambda place: not attacked[place]):
-        label = cells[place].labels.get("defence")
-        when = "" if label is None else f" with {escape(value_name('defence', label))}"
-        groups.setdefault(when if attacked[place] else BASELINE, []).append(place)
     # Without an attack to compare with, nobody knows who moved them
-    usual = ways["outside_median"][groups[BASELINE]].max() if BASELINE in groups else np.inf
-    moved = [
-        place
-        for place in ways.index[attacked[ways.index]]
-        if ways["outside_median"][place] > max(MOVED * usual, cells[place].scenario.engine.accuracy)
-    ]
-    shares: Any = curves.unrecovered_shares(results)["unrecovered"].reindex(moved)
+    usual: Any = ways["outside_median"][~attacked[ways.index]]
+    is_left = attacked & (
+        ways["outside_median"].reindex(range(len(cells))).to_numpy()
+        > [np.fmax(MOVED * usual.max(), each.scenario.engine.accuracy) for each in cells]
+    )
+    moved = [place for place in ways.index if is_left[place]] or ways.index.tolist()
+    rest = ways.index.difference(moved).tolist()
     words = "Honest vehicles leave the convex hull of their starts"
-    if moved:
+    if is_left.any() and len(usual):
         words = "Liars move honest vehicles out of the convex hull of their starts"
-        if (shares < 0.5).all():
+        if (curves.unrecovered_shares(results)["unrecovered"].reindex(moved) < 0.5).all():
             words = "Honest vehicles agree, but on a place that liars move out of the hull"
         words = f"<b>{words}</b>"
 
-    def told(when: str, each: list[int]) -> str:
-        left: Any = ways.loc[each].sort_values("in_hull").iloc[0]
-        share, high, low = (percent_text(100 * (1 - left[name])) for name in names[2:])
-        most: Any = ways.loc[each].max()
-        median, worst = (error_text(most[name], np.nan) for name in names[:2])
+    def share(places: Sequence[int]) -> str:
+        left: Any = ways.loc[places].sort_values("in_hull").iloc[0]
         if np.isnan(left["in_hull"]):
-            return f"by {median} m in the median lane{when}, {worst} m in the worst"
-        out = f"in {share} % of lanes{when} (95 % interval {low} to {high} %)"
-        half = f"{median} m in the median lane and " * (median != ROUNDED)
-        return f"{out}, by {half}{worst} m in the worst"
+            return "in some lanes"
+        found, high, low = (percent_text(100 * (1 - left[name])) for name in names[2:])
+        most = "up to " * (len(places) > 1)
+        return f"in {most}{found} % of lanes (95 % interval {low} to {high} %)"
 
     longest = max(cell.scenario.horizon for cell in cells)
+    medians = stored_values(ways.loc[moved], names[:1])
+    span = span_words(results, medians, error_text, " m", moved)
+    worst, least = (error_text(ways["outside_max"][each].max()) for each in (moved, rest))
+    elsewhere = ""
+    if rest:
+        elsewhere = f" In the other cells they leave it {share(rest)}, by at most {least} m."
+        if ways["outside_max"][rest].max() < ROUNDING_ERROR:
+            elsewhere = " In the other cells nobody leaves it."
     return (
-        f"{words} within {longest:g} s. In the worst cells vehicles leave the hull"
-        f" {'; '.join(told(*each) for each in groups.items())}. A longer run may move them on."
+        f"{words} {where_words(results, moved)} within {longest:g} s, {share(moved)}. The way out"
+        f" of the median lane {span}; that of the worst lane is {worst} m.{elsewhere} A longer run"
+        " may move them on."
     )
 
 
@@ -514,9 +534,10 @@ def unrecovered_sentence(results: Results, tests: TestRows) -> str:
     cells, confidence = results.study.cells, confidence_told(results.study.config.samples)
     if asked is None and found.empty:
         return ""
-    if found.empty:
-        return f"No share {share_name(cells)}: no attacked lane came to its end."
     known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
+    known = known.drop(index=mostly_failed(results), errors="ignore")
+    if known.empty:
+        return f"No share {share_name(cells)}: {nothing_words(results)}."
     share, falling = settled(results, known, percent_text, " %")
     compared = kinds_words(results, share, "%", tests) if compares_shares(results) else ""
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
@@ -565,20 +586,25 @@ def metrics_list(results: Results, without: str) -> str:
     asked = [each for each in own if each.name not in {*AGREEMENT, *DETECTION, without}]
 
     def told(metric: Metric) -> str:
-        medians: Any = results.cells[f"{metric.name}_median"].dropna()
-        values, unit = medians[np.isfinite(medians)], f" {metric.column_unit}".rstrip()
+        names = (f"{metric.name}_{each}" for each in LANE_STATISTICS["median"].columns)
+        medians = stored_values(results.cells.reset_index(drop=True), [*names])
+        medians = medians.dropna(subset="value")
         if medians.empty:
             return ""
-        if values.empty:
-            return f"<li>{escape(meaning(metric))}: <b>infinite</b> in every cell</li>"
+        endless: Any = medians.index[np.isinf(medians["value"])]
+        medians = medians.drop(index=endless)
+        unit = f" {metric.column_unit}".rstrip()
         number = functools.partial(error_text, scale=float(metric.column_unit == "m"))
-        ends = dict.fromkeys(map(number, (values.min(), values.max())))
-        endless = len(medians) - len(values)
-        apart = f"; infinite in {count(endless, 'cell')}" * bool(endless)
         greatest = float(results.cells[f"{metric.name}_max"].to_numpy().max())
-        least = metric.time == "min" or not np.isfinite(greatest)
-        most = "" if least else f", greatest lane {number(greatest)}{unit}"
-        return f"<li>{escape(meaning(metric))}: <b>{' to '.join(ends)}{unit}</b>{most}{apart}</li>"
+        parts = []
+        if not medians.empty:
+            among = medians.index.tolist() + endless.tolist()
+            parts.append(span_words(results, medians, number, unit, among))
+        if metric.time != "min" and np.isfinite(greatest):
+            parts.append(f"the greatest lane has {number(greatest)}{unit}")
+        if len(endless):
+            parts.append(f"is infinite {where_words(results, endless.tolist())}".rstrip())
+        return f"<li>{escape(sentence_case(meaning(metric)))} {'; '.join(parts)}.</li>"
 
     items = "".join(map(told, asked))
     return f"In the median lanes of cells:<ul>{items}</ul>" if items else ""
