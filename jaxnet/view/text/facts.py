@@ -304,7 +304,8 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
         gain += " only without attackers"
     else:
         gain += " without attackers; with attackers this is not known"
-    return f"without the navigator the vehicles are {line}; {gain}"
+    where = "without the navigator " * scenario.navigator.present
+    return f"{where}the vehicles are {line}; {gain}"
 
 
 def defence_name(scenario: Scenario) -> str:
