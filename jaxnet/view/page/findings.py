@@ -263,8 +263,8 @@ def extremes_sentence(results: Results, tests: TestRows) -> str:
     errors, falling = settled(results, errors, error_text, f" {unit}")
     compared = "" if compares_shares(results) else kinds_words(results, errors, unit, tests)
     span = span_words(results, errors, error_text, f" {unit}", among)
-    offsets = any(cell.scenario.formation.present for cell in results.study.cells)
-    less = ", less the offsets of the formation" * offsets
+    formed = any(cell.scenario.formation.present for cell in results.study.cells)
+    less = ", less the offsets of the formation" * formed
     limits = [threshold(cell, results.study.config.recovery) for cell in results.study.cells]
     least = np.fmin.reduce(limits, initial=np.inf)
     if not per_size and errors["value"].max() < NEGLIGIBLE * least < np.inf:
@@ -316,8 +316,8 @@ def outside_sentence(results: Results) -> str:
 
     longest = max(cell.scenario.horizon for cell in cells)
     return (
-        f"{words} within {longest:g} s. In the worst cells vehicles leave the hull"
-        f" {'; '.join(told(*each) for each in groups.items())}. A longer run may move them on."
+        f"{words} within {longest:g} s, and may go farther in a longer run. In the worst cells they"
+        f" leave the hull {'; '.join(told(*each) for each in groups.items())}."
     )
 
 
@@ -517,10 +517,8 @@ def separation_sentence(results: Results, tests: TestRows) -> str:
     cells, metrics = results.study.cells, results.study.config.metrics
     name = next((each.name for each in metrics if each.base == MIN_SEPARATION.name), None)
     limits = [each for cell in cells if (each := cell.scenario.filter.asks()) is not None]
-    if not limits:
+    if name is None or not limits:
         return ""
-    if name is None:
-        return f"Filters are compared by <code>metrics: [{MIN_SEPARATION.name}]</code> alone."
     limit, lanes, least = max(limits), dict[int, pd.Series](), dict[str, list[pd.Series]]()
     each: Any
     for number, each in results.by_cell("sample", name, where=rows.OK):
