@@ -290,8 +290,9 @@ TOLD = [
         HULL,
         "<b>Honest vehicles agree, but on a place that liars move out of the hull</b> within 30 s,"
         " and may go farther in a longer run. In the worst cells they leave the hull in 75 % of"
-        " lanes with no\xa0defence (95 % interval 50 to 87.5 %), by 2 m in the median lane and 3 m in the worst; in 5 % of lanes with W-MSR (95 % interval 5 to 5"
-        " %), by 0.01 m in the median lane and 0.1 m in the worst; in 10 % of lanes without an",
+        " lanes with no\xa0defence (95 % interval 50 to 87.5 %), by 2 m in the median lane"
+        " and 3 m in the worst; in 5 % of lanes with W-MSR (95 % interval 5 to 5 %), by"
+        " 0.01 m in the median lane and 0.1 m in the worst; in 10 % of lanes without an",
     ),
     ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts within 30 s,"),
     (
