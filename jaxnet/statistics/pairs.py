@@ -83,7 +83,8 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     leaderless = all(is_leaderless(results.study.cells) for results in both)
     pairs, metrics = paired_cells(*both), AGREEMENT if leaderless else SUMMARISED
     if any(a.scenario.filter != b.scenario.filter for a, b in pairs):
-        metrics = measured_apart(both) or metrics
+        measured = ({each.name for each in one.study.config.measured()} for one in both)
+        metrics = tuple(filter(set.intersection(*measured).__contains__, OF_FILTERS)) or metrics
     criteria = [results.study.config.recovery for results in both]
     each = [mark_unrecovered(join_lanes(both, pair, metrics), pair, criteria) for pair in pairs]
     lanes: Any = pd.concat(each, keys=range(len(pairs)))
@@ -111,12 +112,6 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         named(changed, ["sample", *sides]),
         named(~lanes["ok"], ["sample", "status_A", "status_B"]),
     )
-
-
-def measured_apart(both: Sequence[Results]) -> tuple[str, ...]:
-    """What filters are for, of the metrics that both studies measure."""
-    first, second = ({each.name for each in one.study.config.measured()} for one in both)
-    return tuple(name for name in OF_FILTERS if name in first & second)
 
 
 def paired_cells(first: Results, second: Results) -> list[CellPair]:

@@ -187,7 +187,7 @@ FACTS = [
         "by a sum of the residual along the direction less 0.5 a message over 5 stand",
     ),
     (TESTED | {"detector": "distance"}, "detector", "a position over 1 m from the expected one"),
-    (TESTED | FILTERED, "detector", "; a start may ask for a derivative of "),
+    (TESTED | FILTERED, "detector", "; a start may ask for an untold derivative of "),
     (TESTED, "detector", "χ² test against the true motion of the source (an ideal observer)"),
     (TESTED | FILTERED, "detector", "only while the derivative that is not told stays within"),
     (TESTED | FILTERED, "detector", "not known: messages are compared with what kalman expects"),

@@ -16,15 +16,7 @@ from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, valu
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
-from jaxnet.model.wording import (
-    cells_named,
-    count,
-    count_between,
-    counted,
-    number_text,
-    plural_s,
-    ranges,
-)
+from jaxnet.model.wording import cells_named, count, count_between, counted, number_text, ranges
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.falling import falling_words
@@ -123,13 +115,12 @@ def outnumbered_sentence(results: Results) -> str:
     if not found:
         return ""
     whom = (
-        f"vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
-        + f" hear{plural_s(who)}"
+        f"{'vehicle' if who.isdigit() else 'vehicles'} {who} {where_words(results, cells)}".rstrip()
         for who, cells in found.items()
     )
     return (
-        f"<b>Outside the assumptions of the defence: {'; '.join(whom)} up to"
-        f" {count(most, 'attacked source')}, more than the defence can drop</b>."
+        f"<b>Outside the assumptions of the defence: {'; '.join(whom)}, with up to"
+        f" {count(most, 'attacked source')} each, more than the defence can drop</b>."
     )
 
 
@@ -291,8 +282,8 @@ def extremes_sentence(results: Results, tests: TestRows) -> str:
     if len(unrecovered) and not unrecovered.any():  # below what is asked; p values are in the table
         compared = ""
     span = span_words(results, errors, error_text, f" {unit}", among)
-    offsets = any(cell.scenario.formation.present for cell in results.study.cells)
-    less = ", less the offsets of the formation" * offsets
+    formed = any(cell.scenario.formation.present for cell in results.study.cells)
+    less = ", less the offsets of the formation" * formed
     limits = [threshold(cell, results.study.config.recovery) for cell in results.study.cells]
     least = np.fmin.reduce(limits, initial=np.inf)
     if not per_size and errors["value"].max() < NEGLIGIBLE * least < np.inf:
@@ -345,8 +336,8 @@ def outside_sentence(results: Results) -> str:
             elsewhere = " In the other cells nobody leaves it."
     return (
         f"{words} {where_words(results, moved)} within {longest:g} s, {share(moved)}. The way out"
-        f" of the median lane {span}; that of the worst lane is {worst} m.{elsewhere} A longer run"
-        " may move them on."
+        f" of the median lane {span}; that of the worst lane is {worst} m.{elsewhere}"
+        " In a longer run they may go farther."
     )
 
 
@@ -360,11 +351,8 @@ def kinds_words(results: Results, estimates: pd.DataFrame, unit: str, tests: Tes
         for key in swept
         if len({*swept[key]}) > 1 and (is_kind(key) or all(isinstance(v[key], str) for v in labels))
     ]
-    found = [
-        compared_words(results, key, values, swept, unit, tests)
-        for key in kinds
-        if key != "filter"  # `separation_sentence` compares what filters are for
-    ]
+    kinds = [key for key in kinds if key != "filter"]  # compared by `separation_sentence`
+    found = [compared_words(results, key, values, swept, unit, tests) for key in kinds]
     return "".join(f" {sentence_case(each)}." for each in found if each)
 
 
@@ -383,11 +371,10 @@ def compared_words(
     for label, some in sorted(of_labels.items(), key=lambda each: each[1].mean()):
         ends = dict.fromkeys(map(number, (some.min(), some.max())))
         parts[str(label)] = f"<b>{' to '.join(ends)} {unit}</b>"
-    lanes, subject = judged_lanes(results, swept.index, unit), judged_word(results)
-    more = f"lanes more often have the smaller {subject}"
+    lanes, word = judged_lanes(results, swept.index, unit), judged_word(results)
+    subject, more = word, f"lanes more often have the smaller {word}"
     if unit == "%":
-        subject = "share"
-        more = f"more lanes {'agree' if is_leaderless(results.study.cells) else 'recover'}"
+        subject, more = "share", f"more lanes {'agree' if word == 'spread' else 'recover'}"
     tested = tested_words(results, key, [*parts], swept, lanes, more, tests)
     texts, none = [*parts.values()], tested.startswith(NO_DIFFERENCE)
     if len({*texts}) == 1:
@@ -455,9 +442,8 @@ def tested_words(
             some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
             words = f"{more} with {names[good]} than with {names[bad]}"
             told += settings_told(results, words, some, of_pairs[pair], others)
-    many = count_between([test.lanes for test in tests], "pair")
-    name = escape(key_name(key))
-    none = f"{NO_DIFFERENCE} {name} is found with {many} in a setting, but a small one may be there"
+    many = f"with {count_between([test.lanes for test in tests], 'pair')} in a setting"
+    none = f"{NO_DIFFERENCE} {escape(key_name(key))} is found {many}; a small one would not show"
     return "; ".join(told) or none
 
 
@@ -552,32 +538,26 @@ def separation_sentence(results: Results, tests: TestRows) -> str:
     cells, metrics = results.study.cells, results.study.config.metrics
     name = next((each.name for each in metrics if each.base == MIN_SEPARATION.name), None)
     limits = [each for cell in cells if (each := cell.scenario.filter.asks()) is not None]
-    if not limits:
+    if name is None or not limits:
         return ""
-    if name is None:
-        lacks = f"the study lacks <code>metrics: [{MIN_SEPARATION.name}]</code>"
-        return f"Filters are not compared: {lacks}."
-    limit, lanes, least = max(limits), dict[int, pd.Series](), dict[str, list[np.ndarray]]()
+    limit, lanes, least = max(limits), dict[int, pd.Series](), dict[str, list[pd.Series]]()
+    each: Any
     for number, each in results.by_cell("sample", name, where=rows.OK):
         lanes[number] = -each.set_index("sample")[name]  # the farther apart the better
-        label = cells[number].labels.get("filter")
-        least.setdefault("" if label is None else str(label), []).append(-lanes[number].to_numpy())
+        least.setdefault(str(cells[number].labels.get("filter", "")), []).append(each[name])
     told = {}
     for label, each in least.items():
         found = np.concatenate(each)
         by = f" with {escape(value_name('filter', label))}" if label else ""
         many = f"in <b>{np.count_nonzero(found < limit)}</b> of {len(found)} lanes{by}"
         told[label] = f"{many} (least distance {error_text(found.min())} m)"
-    swept = pd.DataFrame([cells[n].labels for n in lanes], [*lanes]).map(str)
-    more = "lanes more often keep the greater least distance"
-    tested = ""
+    found = [f"two vehicles come nearer than D = {limit:g} m {', '.join(told.values())}"]
     if len(told) > 1:
-        tested = tested_words(results, "filter", [*told], swept, lanes, more, tests)
-    starts = (near_starts_words(results.study.config, cell.scenario) for cell in cells)
-    more = (f" {sentence_case(each)}." for each in (tested, *dict.fromkeys(starts)) if each)
-    return (
-        f"Two vehicles come nearer than D = {limit:g} m {', '.join(told.values())}.{''.join(more)}"
-    )
+        swept = pd.DataFrame([cells[n].labels for n in lanes], [*lanes]).map(str)
+        more = "lanes more often keep the greater least distance"
+        found.append(tested_words(results, "filter", [*told], swept, lanes, more, tests))
+    found += dict.fromkeys(near_starts_words(results.study.config, cell.scenario) for cell in cells)
+    return " ".join(f"{sentence_case(each)}." for each in found if each)
 
 
 def metrics_list(results: Results, without: str) -> str:
@@ -600,7 +580,7 @@ def metrics_list(results: Results, without: str) -> str:
         if not medians.empty:
             among = medians.index.tolist() + endless.tolist()
             parts.append(span_words(results, medians, number, unit, among))
-        if metric.time != "min" and np.isfinite(greatest):
+        if metric.time != "min" and medians["value"].max() < greatest < np.inf:
             parts.append(f"the greatest lane has {number(greatest)}{unit}")
         if len(endless):
             parts.append(f"is infinite {where_words(results, endless.tolist())}".rstrip())

@@ -256,15 +256,11 @@ def vehicles_section(results: Results) -> Section | None:
     if found.empty:
         return None
     found = found.dropna(axis="columns", how="all")  # the share, without a threshold of recovery
-    sizes, medians = cell_magnitudes(results), found.groupby("cell")["median"].max()
-    rounded = [
-        cell
-        for cell, error in medians.items()
-        if columns.without_rounding(error, sizes[cell] or np.nan) == 0
-    ]
-    ranked: Any = found[~found["cell"].isin(rounded)].sort_values(
-        "median", ascending=False, kind="stable"
-    )
+    sizes = cell_magnitudes(results)
+    per_size: Any = found["median"] / np.where(sizes > 0, sizes, 1.0)[found["cell"].astype(int)]
+    known: Any = found[per_size.groupby(found["cell"]).transform("max") >= columns.ROUNDING_ERROR]
+    ranked = known.sort_values("median", ascending=False, kind="stable")
+    rounded = sorted(map(int, {*found["cell"]} - {*known["cell"]}))
     ends = ranked.groupby("cell").nth([0, -1]).sort_values("cell", kind="stable")
     name, note = "Error of each vehicle", "Mean error over the tail"
     if is_leaderless(results.study.cells):
@@ -276,8 +272,7 @@ def vehicles_section(results: Results) -> Section | None:
         note += f" Lanes over threshold: recovery's, for the vehicle's own error ({criterion})."
 
     if rounded:
-        where = "every cell" if ranked.empty else cells_named(rounded)
-        note += f" In {where} the errors of all vehicles are rounding, and vehicles are not ranked."
+        note += f" In {cells_named(rounded)} the errors of all vehicles are rounding: no ranks."
     if ranked.empty:
         return Section("vehicles", name, paragraph(note))
 

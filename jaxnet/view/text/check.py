@@ -154,8 +154,8 @@ def endings(study: Study, cells: Sequence[Cell]) -> tuple[list[Facts], str]:
         near = near_starts_words(study.config, cell.scenario)
         known, apart = ending(cell, study.config), {"apart": near} if near else {}
         if isinstance(known, str):
-            unknown = {"time": f"the end of the effect of the start is not known: {known}"}
-            found.append(apart | unknown)
+            told = f"the end of the effect of the start is not known: {known}"
+            found.append(apart | {"time": told})
             continue
         told = f"the effect of the start is below {known.length:.3g} m after {known.after:.3g} s"
         retained = situation_of(cell.scenario).retained
@@ -208,8 +208,13 @@ def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[Part]:
 
     `more` are other facts of each cell, in the order of the cells' numbers.
     """
-    ordered = sorted(((cell, one.facts) for one in found for cell in one.cells), key=first_number)
-    known = [joined(each, other) for (_, each), other in zip(ordered, more, strict=True)]
+    ordered = sorted(
+        ((cell, one.facts) for one in found for cell in one.cells), key=lambda each: each[0].number
+    )
+    known = [
+        facts | {k: "; ".join(filter(None, (facts.get(k), told))) for k, told in other.items()}
+        for (_, facts), other in zip(ordered, more, strict=True)
+    ]
     labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell, _ in ordered]
     names = dict.fromkeys(name for each in [*(one.facts for one in found), *more] for name in each)
     title = "in all cells"
@@ -230,15 +235,6 @@ def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[Part]:
                 by_keys.setdefault(keys, {}).setdefault(name, []).extend(rows)
     shared, *others = sorted(by_keys.items(), key=lambda each: len(each[0]))
     return [(title, shared[1]), *((f"by {'; '.join(keys)}", told) for keys, told in others)]
-
-
-def joined(facts: Facts, more: Facts) -> Facts:
-    """Facts with more clauses."""
-    return facts | {k: "; ".join(filter(None, (facts.get(k), v))) for k, v in more.items()}
-
-
-def first_number(each: tuple[Cell, Facts]) -> int:
-    return each[0].number
 
 
 def by_deciding_keys(labels: CellLabels, lines: Sequence[str]) -> list[list[str]]:

@@ -35,7 +35,6 @@ from jaxnet.theory.start import KeepsMoving, Start
 from jaxnet.theory.theorems import OF_ALARMS, OF_LAWS, OF_SEPARATION, values
 from jaxnet.theory.tolerance import Agreement, VehiclesAlone
 
-MOTION_UNITS = ("m", "m/s", "m/s²", "m/s³", "m/s⁴")  # by order
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_NAMED_VEHICLES = 60
 MOST_NAMED_SETS = 12
@@ -113,11 +112,11 @@ def network_lines(case: Case, told: Facts) -> Facts:
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)
         navigator = f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)"
-    if scenario.navigator.present and scenario.defence.tolerates() is not None:
+    F = scenario.defence.tolerates()
+    if scenario.navigator.present and F is not None:
         robust = "exactly 1-robust with the navigator, as is every graph that it reaches"
         if unreachable(graph):
             robust = "not 1-robust with the navigator, which does not reach every vehicle"
-        F = scenario.defence.tolerates()
         robust += (
             f"; {defence_name(scenario)} with F = {F} needs {2 * F + 1}-robustness against F-local"
             f" attackers, or ({F + 1}, {F + 1})-robustness against F-total attackers"
@@ -145,13 +144,8 @@ def attack_line(case: Case) -> str:
     line += " in place of their inputs" if attack.misuses() else where
     line += ", in place of what is sent" * attack.replaces()
     line += ", and they move as they tell" * attack.as_told()
-    links = count(int(attacked.sum()), "link")
-    if periods:
-        line += f"; over all times the attack is on {links}"
-    elif not attack.targets():
-        line += f"; over all draws the attack is on {links}"
-    else:
-        line += f"; the attack is on {links}"
+    over = "over all times " if periods else "over all draws " * (not attack.targets())
+    line += f"; {over}the attack is on {count(int(attacked.sum()), 'link')}"
     if not attack.bounded:
         line += "; ā does not bound the attack, so no bound on errors holds"
     elif not (attack.consistent() or attack.misuses()):
@@ -174,17 +168,15 @@ def threshold_words(case: Case) -> str:
     rule, orders = (None, 0) if missing(scenario, ("white",)) else tested(case)
     if rule is None:
         return scenario.detector.limit_words()
-    unit = "variances" if rule.squared else "standard deviations"
-    size = "squared residual" if rule.squared else "residual along the direction"
-    limit = f"{rule.limit:.4g} {unit}"
+    size, unit = "squared residual", "variances"
+    if not rule.squared:
+        size, unit = "residual along the direction", "standard deviations"
     if rule.drift is not None:
-        return (
-            f"an alarm is raised by a sum of the {size} less {rule.drift:g} a message over {limit}"
-        )
-    if rule.window > 1:
-        return f"an alarm is raised by {rule.window} squared residuals together over {limit}"
-    told = f"an alarm is raised by a {size} over {limit}"
-    if orders == 1 and scenario.detector.predicts.exact:
+        size = f"sum of the {size} less {rule.drift:g} a message"
+    elif rule.window > 1:
+        size = f"sum of {rule.window} squared residuals"
+    told = f"an alarm is raised by a {size} over {rule.limit:.4g} {unit}"
+    if size == "squared residual" and orders == 1 and scenario.detector.predicts.exact:
         told += f", a position {rule.limit**0.5 * deviations(case)[0]:.4g} m off"
     return told
 
@@ -290,42 +282,34 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
     }
 
 
+def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
+    """Robustness of the vehicles without the navigator, and what the defence gains by it."""
+    r, local, total, defence = found.r, found.local, found.total, scenario.defence
+    line, name = f"{r.high}-robust" if r.high else "not 1-robust", defence_name(scenario)
+    if found.pairs:
+        line = ", ".join(f"({r}, {s})" for r, s in enumerate(found.pairs, 1)) + "-robust"
+    elif not r.known:
+        line = f"r-robust, with the greatest r between {r.low} and {r.high}"
+    gain = f"the vehicles are robust enough for {name}"
+    if defence.tolerates() is None:
+        gain = (
+            f"robustness proves nothing {f'of {name}' if defence.decides else 'without a defence'}"
+        )
+    elif r.low == 0:
+        gain = f"nothing is proved of {name}" if r.high else gain.replace("are", "are not")
+    elif local.low or total.low:
+        ends = f"F-local attackers up to {at_least(local)}, F-total up to {at_least(total)}"
+        gain += f" with {ends}"
+    elif local.known and total.known:
+        gain += " only without attackers"
+    else:
+        gain += " without attackers; with attackers this is not known"
+    where = "without the navigator " * scenario.navigator.present
+    return f"{where}the vehicles are {line}; {gain}"
+
+
 def defence_name(scenario: Scenario) -> str:
     return value_name("defence", scenario.defence.kind)
-
-
-def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
-    """Robustness of the vehicles alone, and what the defence gains by it."""
-    name = defence_name(scenario)
-    told = f"without the navigator the vehicles are {robustness_words(found)}"
-    local, total = found.local, found.total
-    enough = f"{told}; the vehicles are robust enough for {name}"
-    if scenario.defence.tolerates() is None:
-        whom = f"of {name}" if scenario.defence.decides else "without a defence"
-        return f"{told}; robustness proves nothing {whom}"
-    if found.r.low == 0:
-        known = (
-            "the vehicles are not robust enough for"
-            if found.r.high == 0
-            else "nothing is proved of"
-        )
-        return f"{told}; {known} {name}"
-    if local.low == total.low == 0:
-        if local.known and total.known:
-            return f"{enough} only without attackers"
-        return f"{enough} without attackers; with attackers this is not known"
-    ends = f"F-local attackers up to {at_least(local)}, F-total up to {at_least(total)}"
-    return f"{enough} with {ends}"
-
-
-def robustness_words(found: VehiclesAlone) -> str:
-    if found.r.high == 0:
-        return "not 1-robust"
-    if found.pairs is not None:
-        return ", ".join(f"({r}, {s})" for r, s in enumerate(found.pairs, 1)) + "-robust"
-    if found.r.known:
-        return f"{found.r.high}-robust"
-    return f"r-robust, with the greatest r between {found.r.low} and {found.r.high}"
 
 
 def agreement_words(found: Agreement, scenario: Scenario) -> str:
@@ -519,9 +503,8 @@ def margin_words(found: Margin, scenario: Scenario) -> str:
         who = flagged(found.further == more)
         far = f"a proof for {who} even if any {MOST_TRIED} more are attacked"
         if more <= MOST_TRIED:
-            far = (
-                f"perhaps no proof for {who} if {more} more {'is' if more == 1 else 'are'} attacked"
-            )
+            are = "is" if more == 1 else "are"
+            far = f"perhaps no proof for {who} if {more} more {are} attacked"
         words.append(far)
     return "; ".join([*words[:MOST_NAMED_SETS], *["…"] * (len(words) > MOST_NAMED_SETS)])
 
@@ -558,9 +541,7 @@ def moving_words(found: KeepsMoving, scenario: Scenario) -> str:
         size if factor == 1 else f"{factor:.4g} {size}"
         for factor, size in zip(found.factors.round(9), sizes, strict=False)
     ]
-    met = "other starts may bring a vehicle to rest"
-    if found.every_start:
-        met = "every start has this"
+    met = "every start has this" if found.every_start else "other starts may bring one to rest"
     alone = found.slowest / found.factors[0]
     return (
         f"no vehicle comes to rest without attack if its start has {' + '.join(each)} <"
@@ -643,8 +624,7 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "decay": decay_words,
     "start": start_words,
     "start drive": lambda drive, scenario: (
-        f"; a start may ask for a derivative of {drive:.4g} {MOTION_UNITS[scenario.vehicle.order]}"
-        " that is not told"
+        f"; a start may ask for an untold derivative of {drive:.4g} m/s^{scenario.vehicle.order}"
     ),
     "keeps moving": moving_words,
     "never global": lambda is_so, scenario: (
