@@ -159,7 +159,7 @@ def test_what_has_no_room_is_told(many, results, monkeypatch):
     vars(made).update(study=many)
     figure = panels.panels_figure(made, many.cells, trajectories=False, errors=True)
     titles = [plain(axes.get_title()) for axes in figure.axes[::2]]
-    assert titles[1] == "(b) rotating attack, ā = 4 m, attack frequency = 0.1 rad/s"
+    assert titles[1] == "(b) attack: rotating, ā = 4 m, attack frequency = 0.1 rad/s"
     assert len(titles) == 4
     told = plain(figure.get_supxlabel()).replace("\n", " ")
     gone = "13 of 15 values of attack frequency, ā = 2 m, ā = 3 m, graph 2"

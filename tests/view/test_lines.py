@@ -247,6 +247,13 @@ def test_bars_show_both_ends_or_that_they_go_on(low, high, arrows):
     assert (value + bars["error_y"]["array"] <= 10.0).all()
 
 
+def test_a_narrow_title_breaks_no_word_that_fits():
+    """A key is parted from its value before a word is."""
+    words = "in place of lost\N{NO-BREAK SPACE}messages\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}drop"
+    lines = multiples.wrapped(words, 12).split("\n")
+    assert lines == ["in place of", "lost", "messages =", "drop"]
+
+
 def test_labels_of_axes_do_not_touch_in_larger_type():
     """Two panels in one column of a journal, in matplotlib's own style and in a larger one."""
     labels = [{"defence": "none"}, {"defence": "w_msr"}]

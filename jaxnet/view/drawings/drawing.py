@@ -131,8 +131,8 @@ class Scale(NamedTuple):
         if self.log:
             first, last = max(first, self.floor), min(last, GREATEST_SHOWN)
         known = np.isfinite(value) & (np.isfinite(low) | np.isfinite(high))
-        below = known & ~(low >= first) & np.isfinite(first)
-        above = known & ~(high <= last) & np.isfinite(last)
+        below = known & ~(low >= first) & (value > first) & np.isfinite(first)
+        above = known & ~(high <= last) & (value < last) & np.isfinite(last)
         low, high = np.where(below, first, low), np.where(above, last, high)
         return (low, high), (below, above)
 

@@ -32,6 +32,7 @@ MOST_TAIL_ROWS = 40  # cells that one figure takes
 MOST_DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other
 MOST_MAGNITUDES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 JITTER = 0.22  # of a row
+NO_LANE = "no lane ended"
 OVER_TIME_WORDS = {
     "tracking": "mean error of the fleet [m]",
     "spread": "spread of honest vehicles [m]",
@@ -108,7 +109,8 @@ def bands_drawing(
                 thin = looks[name]._replace(dash=(), width=0.5) if sizes > 1 else GREATEST
                 greatest = thin if most <= MOST_MAGNITUDES else None
                 series += band_series(bands[cell.number], name, looks[name], greatest)
-        panels.append(Panel(group.labels, [cell.number for cell in group.cells], series))
+        words = "" if series else NO_LANE
+        panels.append(Panel(group.labels, [cell.number for cell in group.cells], series, words))
     lanes = sorted({band.lanes for band in bands.values()})
     notes = [f"over {count_between(lanes, 'lane')} of a cell"] if lanes else []
     notes += [SPREAD_WORDS] * (variable == "spread")
@@ -158,7 +160,7 @@ def vehicles_drawing(
             whose = "of the spread" if is_leaderless(cells) else "of the fleet's mean"
             named = f"threshold of recovery, {whose}"
             series.append(Trace(named, LIMIT, ends, np.full(2, limit), "level"))
-        panels.append(Panel(cell.labels, [cell.number], series))
+        panels.append(Panel(cell.labels, [cell.number], series, "" if len(at) else NO_LANE))
     known = recovery is not None and np.isfinite(limits).any()
     notes = [share_definition(recovery, cells)] if recovery is not None and known else []
     words = "distance from the mean" if is_leaderless(cells) else "mean error"

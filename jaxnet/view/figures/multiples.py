@@ -18,6 +18,7 @@ from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
+from jaxnet.config.naming import NO_BREAK
 from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.statistics.groups import Label, evenly_over
 from jaxnet.view.drawings.drawing import Selection
@@ -33,6 +34,7 @@ ROW_HEIGHT, LEAST_ROW_HEIGHT = 0.28, 0.17  # [in] of a named row, and of one of 
 LINE_HEIGHT = 0.13  # [in] of each line of its name
 AXIS_ROOM = 0.7  # [in] for axis and legend
 LETTERS_PER_INCH = 17  # of a note
+LEGEND_LINE = 0.16  # [in]
 LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
@@ -91,8 +93,14 @@ def escape_dollars(words: str) -> str:
 
 
 def wrapped(words: str, letters: int | float) -> str:
-    """Wrap words to lines of so many letters; dollar signs are no formula."""
-    return textwrap.fill(escape_dollars(words), max(1, int(letters)))
+    """Wrap words to lines of so many letters, which may part a number from its unit, or its key.
+
+    Dollar signs are no formula.
+    """
+    letters = max(1, int(letters))
+    if any(len(each) > letters for each in words.split(" ")):
+        words = words.replace(NO_BREAK, " ")
+    return textwrap.fill(escape_dollars(words), letters)
 
 
 def show_unparsed(drawn: Figure) -> None:
@@ -144,11 +152,12 @@ def legend_grid(labels: Sequence[str], width: float) -> tuple[int, int]:
     return 1, len(labels)
 
 
-def write_legend(drawn: Figure, handles: Sequence[Any], **look: Any) -> None:
-    """Write a legend above the panels."""
-    columns, _ = legend_grid([each.get_label() for each in handles], drawn.get_figwidth())
+def write_legend(drawn: Figure, handles: Sequence[Any], **look: Any) -> float:
+    """Write a legend above the panels; return the height [in] of its lines after the first."""
+    columns, rows = legend_grid([each.get_label() for each in handles], drawn.get_figwidth())
     look = {"ncols": columns, "handlelength": 2.6} | look
     drawn.legend(handles=handles, loc="outside upper center", **look)
+    return LEGEND_LINE * type_scale("legend.fontsize") * (rows - 1)
 
 
 def panels_across(width: float) -> int:
@@ -226,7 +235,7 @@ def panel_grid(
     letters = title_letters(within - margin, across)
     x, y = (each.replace(" [", "\N{NO-BREAK SPACE}[") for each in (x, y))  # beside its unit
     beside = y if is_math_text(y) else textwrap.fill(y, LETTERS_PER_PANEL)
-    below = textwrap.fill(x, max(1, int(0.85 * letters)))
+    below = wrapped(x, 0.85 * letters)
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
         is_lowest = place + across >= len(labels)
         panel.set_title(wrapped(named, letters), pad=3, fontsize=7.5 * size)

@@ -111,12 +111,16 @@ def panels_figure(
             words = caption
             if trajectories:
                 words = "" if number else judged + "s" * (judged == "error")
-            title, key = f"{titles[-1]} {words}".rstrip(), number == 0 and not narrow
+            title, key = (
+                f"{titles[-1]} {words}".rstrip(),
+                number == 0 and not narrow and len(row) > 1,
+            )
             draw_errors(drawn, spots[-1], row, results.errors, title, key)
     if trajectories:
         handles = panels_legend(rows, [*scenes.values()])
         handles += error_keys(rows[0], f"{judged}, ") * (errors and narrow)
-        multiples.write_legend(drawn, handles, handlelength=2.2)
+        higher = multiples.write_legend(drawn, handles, handlelength=2.2)
+        drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + higher))
     if shown:
         whose = lanes_told(results.study.config.save.trajectories, shown)
         multiples.write_note(drawn, f"paths: {whose}; all on one scale")

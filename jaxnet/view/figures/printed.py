@@ -42,7 +42,6 @@ ROOM_FOR_TWENTIES = 1.25  # [in] of an axis of shares with ticks at 0, 20 to 100
 ROOM_OF_TICK = 0.4  # [in] for each of the round ticks
 TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
 DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
-LEGEND_LINE = 0.16  # [in]
 
 
 class Layout(NamedTuple):
@@ -195,7 +194,7 @@ def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], flo
         else:
             handles.append(Line2D([], [], label=label, **line_style(look, one.form)))
     lines = rows * max(1 + label.count("\n") for label in labels)
-    return handles, LEGEND_LINE * (lines + bool(drawing.key))
+    return handles, multiples.LEGEND_LINE * (lines + bool(drawing.key))
 
 
 def line_style(look: Look, kind: str) -> dict[str, Any]:
@@ -228,7 +227,7 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
         alpha = 0.2 if series.form == "band" else 0.15
         panel.fill_between(x, low, high, color=look.color, alpha=alpha, linewidth=0)
     elif series.form == "range":
-        panel.vlines(x, low, high, color=look.color, linewidth=look.width)
+        panel.vlines(x, np.asarray(low), np.asarray(high), color=look.color, linewidth=look.width)
     if series.form in ("band", "range"):
         return
     if series.form == "level":

@@ -165,7 +165,7 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     most = MOST_IN_ROW if len(wanted) == len(there) else MATRICES_IN_ROW
     across = max(1, min(most, int(72 * width / max(wanted, default=1.0))))
     columns = min(across, len(there))
-    size = width / max(columns, min(3, across))
+    size = width / max(columns, min(across, 3 * width / style.FIGURE_WIDTH))
     most = columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))
     labels = [graph_labels(each.cell) for each in there]
     places = evenly_over(labels, most)
@@ -180,7 +180,8 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
         letters = int(multiples.TITLE_LETTERS_PER_INCH * size)
         panel.set_title("\n".join(fill(line, letters) for line in network.title.split("\n")), pad=2)
         (draw_matrix if network.is_large else draw_graph)(panel, network, 72 * size)
-    multiples.write_legend(drawn, topology_legend(shown), handlelength=2.4)
+    higher = multiples.write_legend(drawn, topology_legend(shown), handlelength=2.4)
+    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + higher))
     small = [each for each in shown if not each.is_large]
     if any(each.diameter(72 * size) < LEAST_NUMBERED_NODE for each in small):
         words = "There is no room for the numbers of vehicles that are not attacked"
