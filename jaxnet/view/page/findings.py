@@ -278,7 +278,7 @@ def extremes_sentence(results: Results, tests: TestRows) -> str:
     among = errors.index.tolist()
     errors, falling = settled(results, errors, error_text, f" {unit}")
     compared = "" if compares_shares(results) else kinds_words(results, errors, unit, tests)
-    unrecovered = curves.unrecovered_shares(results)["unrecovered"]
+    unrecovered: Any = curves.unrecovered_shares(results)["unrecovered"]
     if len(unrecovered) and not unrecovered.any():  # below what is asked; p values are in the table
         compared = ""
     span = span_words(results, errors, error_text, f" {unit}", among)
@@ -313,7 +313,8 @@ def outside_sentence(results: Results) -> str:
     words = "Honest vehicles leave the convex hull of their starts"
     if is_left.any() and len(usual):
         words = "Liars move honest vehicles out of the convex hull of their starts"
-        if (curves.unrecovered_shares(results)["unrecovered"].reindex(moved) < 0.5).all():
+        shares: Any = curves.unrecovered_shares(results)["unrecovered"].reindex(moved)
+        if (shares < 0.5).all():
             words = "Honest vehicles agree, but on a place that liars move out of the hull"
         words = f"<b>{words}</b>"
 
@@ -580,7 +581,10 @@ def metrics_list(results: Results, without: str) -> str:
         if not medians.empty:
             among = medians.index.tolist() + endless.tolist()
             parts.append(span_words(results, medians, number, unit, among))
-        if metric.time != "min" and medians["value"].max() < greatest < np.inf:
+        if (
+            metric.time != "min"
+            and medians["value"].to_numpy().max(initial=0.0) < greatest < np.inf
+        ):
             parts.append(f"the greatest lane has {number(greatest)}{unit}")
         if len(endless):
             parts.append(f"is infinite {where_words(results, endless.tolist())}".rstrip())
