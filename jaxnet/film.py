@@ -131,7 +131,7 @@ def film_legend(film: LaneScene) -> list[Line2D]:
         "navigator": {"marker": "s", "color": DARK},
         "vehicle": {"marker": marker, "color": DARK, "markerfacecolor": "white"},
         "attacked vehicle": {"marker": marker, **rim},
-        "place that is told falsely": {"marker": "x", "color": style.RED},
+        "false place in messages": {"marker": "x", "color": style.RED},
         "place in the formation": SHAPE_LOOK,
         "input saturated": {"marker": marker, "color": DARK, "markerfacecolor": style.LIMITED},
         "touches another": {"marker": "o", "color": style.PURPLE, "markerfacecolor": "none"},

@@ -75,7 +75,9 @@ def parts_of(note):
 
 if "JAXNET_CHECK_SHAPES" in os.environ:  # a quarter of the time of all tests
     jaxtyping.jaxtyped = checked
-    jaxtyping.install_import_hook("jaxnet", "beartype.beartype")
+    # PEP 484: where a float is asked for, a whole number does.
+    conf = "beartype.BeartypeConf(is_pep484_tower=True)"
+    jaxtyping.install_import_hook("jaxnet", f"beartype.beartype(conf={conf})")
 
 settings.register_profile("jaxnet", deadline=None, max_examples=40, derandomize=True)
 settings.load_profile("jaxnet")

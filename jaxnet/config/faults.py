@@ -17,7 +17,7 @@ from jaxnet.config.scenario import greatest_strength
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import EachOrder, EachPosition, EachVehicle, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.metrics import WITH_DETECTOR, Metric
+from jaxnet.kinds.metrics import COLUMNS_OF_METRIC, WITH_DETECTOR, Metric
 from jaxnet.kinds.refusals import shorten_value
 from jaxnet.model import axis
 from jaxnet.model.wording import count
@@ -112,7 +112,9 @@ def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]
 def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     """Yield faults of columns that share a name, of odd names, of shares that nobody counts."""
     own = [metric.name for metric in study.measured()]
-    names = [*TAKEN_COLUMNS, *study.swept, *own]
+    columns = {f"{name}_{end}" for name in own for end in COLUMNS_OF_METRIC}
+    columns |= {f"{each.name}_unsettled" for each in study.metrics if each.base == "settling_time"}
+    names = [*TAKEN_COLUMNS, *study.swept, *own, *columns]
     if doubled := sorted({name for name in own if names.count(name) > 1}):
         told = f"two columns would be called {', '.join(doubled)}: give one metric another `name`"
         yield Fault(("metrics",), told)

@@ -46,6 +46,8 @@ from jaxnet.model.plane import Jets
 from jaxnet.model.polynomial import Polynomial
 from jaxnet.model.signal import Basis, Vectors
 
+SILENT = 1e-300  # of ā, in each component: no position changes by it
+
 
 class Strength(eqx.Module):
     """How strongly vehicles follow those whom they retain and hear (`model.retained`)."""
@@ -362,8 +364,10 @@ def bounded(vectors: Vectors, lane: Lane) -> Vectors:
     """Vectors scaled to ā; a norm over 1 is scaled down to 1.
 
     The Frobenius norm is no less than the spectral norm. The vectors are divided by their greatest
-    component first, because the square of a large number is infinite.
+    component first, because the square of a large number is infinite. An attacked vehicle that
+    sends 0 sends `SILENT` ā instead, because links with a signal count as attacked.
     """
+    vectors = jnp.where((vectors != 0).any(axis=(0, 2), keepdims=True), vectors, SILENT)
     greatest = jnp.maximum(1.0, jnp.abs(vectors).max(axis=(0, 2), keepdims=True))
     unit = vectors / greatest
     norm = jnp.sqrt((unit**2).sum(axis=(0, 2), keepdims=True))

@@ -238,7 +238,7 @@ class KindOf:
         except KindError as error:
             context = {"error": str(error), "family": self.family}
             raise PydanticCustomError("kind_name", "{error}", context) from error
-        return self.made(found, {key: each for key, each in value.items() if key != "kind"})
+        return self.made(found, {str(key): each for key, each in value.items() if key != "kind"})
 
     @staticmethod
     def made(found: Any, keys: dict[str, object]) -> Any:

@@ -137,7 +137,7 @@ class Lane(NamedTuple):
         """Whether attacked vehicles put the signal in place of their inputs."""
         return isinstance(self.signal, OfInputs)
 
-    def offsets(self, time: Numbers) -> Float[Array, "derivatives 2 m ..."]:
+    def offsets(self, time: Numbers) -> Float[Any, "derivatives 2 m ..."]:
         """The formation's offsets at times [s] with derivatives, up to the order at least."""
 
         def jets(time: Numbers) -> Any:
@@ -145,7 +145,7 @@ class Lane(NamedTuple):
 
         return up_to(len(self.gain), jets, time)
 
-    def path(self, time: Numbers) -> Float[Array, "derivatives 2 ..."]:
+    def path(self, time: Numbers) -> Float[Any, "derivatives 2 ..."]:
         """The navigator's jets at times [s], up to the vehicles' order at least."""
         return up_to(len(self.gain), self.navigator.jets, time)
 

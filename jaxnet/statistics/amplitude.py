@@ -11,6 +11,21 @@ from jaxnet.kinds.fields import is_drawn
 from jaxnet.store.looking import known_or
 
 MOST_CELLS = 3_000  # whose amplitudes are worked out
+# Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through
+# thousands of ticks, some 1e-12 m: smaller errors are rounding, and far below what a robot has.
+ROUNDING_ERROR = 1e-9
+
+
+def is_rounding(value: float, size: float) -> bool:
+    """Whether an error is rounding beside an attack of this size.
+
+    An unknown size counts as 1 m. A size of 0 switches the test off.
+    """
+    return bool(0 < abs(value) < ROUNDING_ERROR * (1.0 if np.isnan(size) else size))
+
+
+def without_rounding(value: float, size: float) -> float:
+    return 0.0 if is_rounding(value, size) else value
 
 
 def attack_size(cell: Cell) -> float:

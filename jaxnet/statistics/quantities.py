@@ -14,15 +14,14 @@ from jaxtyping import Float
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
 from jaxnet.config.naming import choices_words
-from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.metrics import LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.kinds.refusals import suggestion
 from jaxnet.model.wording import count, counted
-from jaxnet.statistics.curves import LOG_FLOOR, failed_kinds, log_ends
+from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, failed_kinds, log_ends
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
-    LANE_STATISTICS,
     asked_shares,
     independent_units,
     lane_estimate,
@@ -45,6 +44,7 @@ class Quantity(NamedTuple):
     """A number of each cell with an interval, and its words.
 
     `values` has the columns value, low and high by cell; an end that is not known is not-a-number.
+    An error may be rounding beside the column `size`, the cell's ā; 0 where it is no length.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Quantity(NamedTuple):
         known = self.values[VALUE_COLUMNS].to_numpy(dtype=float)
         known = known[np.isfinite(known)]
         if self.log:
-            return log_ends(known)
+            return log_ends(self.known, known[known > LOG_FLOOR])  # an interval may go on below
         if self.unit == "m" and np.abs(known).max() < LOG_FLOOR:  # rounding needs no own scale
             return 0.0, 1.0
         return min(0.0, float(known.min())), float(known.max())
@@ -140,6 +140,8 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         found = Quantity(name, words, metric.column_unit, False, CONFIDENCE, values, note)
     note = "; ".join(filter(None, [found.note, unended_words(results, cells)]))
     found = found._replace(note=note)
+    sizes = cell_magnitudes(results)[found.values.index] if found.unit == "m" else 0.0
+    found = found._replace(values=found.values.assign(size=sizes))
     lanes = set(table.loc[values["value"].dropna().index, of].tolist())
     return found._replace(lanes=int(lanes.pop()) if len(lanes) == 1 else 0)
 

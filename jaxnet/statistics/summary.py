@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
-from jaxnet.kinds.metrics import CONTRACT, Metric
+from jaxnet.kinds.metrics import CONTRACT, LANE_STATISTICS, Metric
 from jaxnet.statistics.amplitude import amplitude_note, attack_size
 from jaxnet.statistics.falling import still_falls
 from jaxnet.statistics.intervals import (
@@ -41,23 +41,6 @@ QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 Estimated = tuple[float, float, float]  # value and both ends; an end that is not known is NaN
 Units = Int[np.ndarray, " lanes"] | None  # independent units of the lanes; None: each lane is one
 Counted = Bool[np.ndarray, " lanes"] | None  # None in a cell that has no such share
-
-
-class Statistic(NamedTuple):
-    """A statistic of a metric over lanes: its words, and the ends of its columns' names."""
-
-    words: str
-    columns: tuple[str, ...]  # value, and both ends of the interval if `cells.csv` has them
-
-
-LANE_STATISTICS = {
-    "mean": Statistic("mean of lanes", ("mean", "low", "high")),
-    "median": Statistic("median of lanes", ("median", "median_low", "median_high")),
-    "q05": Statistic("5 % quantile of lanes", ("q05",)),
-    "q95": Statistic("95 % quantile of lanes", ("q95",)),
-    "max": Statistic("greatest of lanes", ("max",)),
-}
-COLUMNS_OF_METRIC = tuple(name for each in LANE_STATISTICS.values() for name in each.columns)
 
 
 class Share(NamedTuple):

@@ -11,9 +11,9 @@ from jaxtyping import Int
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import RESULT_DIGITS, count_between, counted, number_text
-from jaxnet.statistics.amplitude import attack_size
+from jaxnet.statistics.amplitude import attack_size, without_rounding
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
-from jaxnet.statistics.curves import LOG_FLOOR, SHARE_COLUMNS, cell_magnitudes, failed_kinds
+from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kinds
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.recovery import confidence_told, share_definition
 from jaxnet.store.results import Results
@@ -59,15 +59,16 @@ def tile_table(results: Results) -> pd.DataFrame:
     """Share unrecovered with its interval [%], and the worst tail error per ā, by cell.
 
     Without a navigator the greatest spread [m] stands in place of the error per ā. Further columns
-    are the interval as text, the numbers of ok and failed lanes, and the reason for a tile without
-    numbers.
+    are the `size` beside which it may be rounding, the interval as text, the numbers of ok and
+    failed lanes, and the reason for a tile without numbers.
     """
     cells: Any = results.cells
-    worst = cells["tail_max_max"] / cell_magnitudes(results)
+    sizes = cell_magnitudes(results)
+    worst, size = cells["tail_max_max"] / sizes, np.ones(len(sizes))
     if is_leaderless(results.study.cells):
-        worst = cells["spread_max"]
+        worst, size = cells["spread_max"], sizes
     found = 100 * cells.reindex(columns=SHARE_COLUMNS).astype(float)
-    found = found.assign(worst=worst, ok=cells["ok"], failed=cells["failed"])
+    found = found.assign(worst=worst, size=size, ok=cells["ok"], failed=cells["failed"])
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
     found["interval"] = [
         "–".join(number_text(end, whole=100.0) for end in pair) if pair[0] < pair[1] else ""
@@ -110,13 +111,14 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
     return words
 
 
-def tile_text(metric: str, value: float) -> str:
+def tile_text(metric: str, value: float, size: float = 1.0) -> str:
     """A value as in tables, only all lanes are 100 %, and small errors are powers of ten.
 
-    What is rounding is 0.
+    What is rounding beside an attack of this size is 0.
     """
     if metric == "unrecovered":
         return number_text(value, whole=100.0)
     if value >= LEAST_TILE_ERROR:
         return number_text(value)
-    return "0" if value < LOG_FLOOR else f"{value:.{RESULT_DIGITS - 1}e}".replace("e-0", "e-")
+    value = without_rounding(value, size)
+    return f"{value:.{RESULT_DIGITS - 1}e}".replace("e-0", "e-") if value else "0"

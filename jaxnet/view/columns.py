@@ -23,10 +23,16 @@ from jaxnet.config.naming import (
     value_alone,
     value_name,
 )
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS
 from jaxnet.kinds.refusals import suggestion
 from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
-from jaxnet.statistics.amplitude import attack_size, reduced_amplitudes
+from jaxnet.statistics.amplitude import (
+    ROUNDING_ERROR,
+    attack_size,
+    is_rounding,
+    reduced_amplitudes,
+    without_rounding,
+)
 from jaxnet.statistics.choice import Where, select_cells, swept_key
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.intervals import ROUNDING_SPREAD
@@ -37,7 +43,7 @@ from jaxnet.statistics.quantities import (
     share_failed,
     stored_values,
 )
-from jaxnet.statistics.summary import LANE_STATISTICS, lane_shares, share_names, unsettled_shares
+from jaxnet.statistics.summary import lane_shares, share_names, unsettled_shares
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
@@ -58,9 +64,6 @@ LATEX_SYMBOLS = {
     "tick": "$h$",
     "vehicles": "$m$",
 }
-# Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through
-# thousands of ticks, some 1e-12 m: smaller errors are rounding, and far below what a robot has.
-ROUNDING_ERROR = 1e-9
 UNITS = {"m/s²": "m/s$^2$", "m/s³": "m/s$^3$"}
 LATEX_ESCAPES = str.maketrans(
     {
@@ -163,18 +166,6 @@ def plain_column(
     entries = pd.DataFrame({"value": pd.Series(list(values), dtype=object)})
     title = title or name
     return Column(name, title, latex or title.translate(LATEX_ESCAPES), entries, key=key)
-
-
-def is_rounding(value: float, size: float) -> bool:
-    """Whether an error is rounding beside an attack of this size.
-
-    An unknown size counts as 1 m. A size of 0 switches the test off.
-    """
-    return bool(0 < abs(value) < ROUNDING_ERROR * (1.0 if np.isnan(size) else size))
-
-
-def without_rounding(value: float, size: float) -> float:
-    return 0.0 if is_rounding(value, size) else value
 
 
 def is_unknown(value: object) -> bool:

@@ -13,8 +13,9 @@ def test_a_score_is_the_mean_distance_to_the_trusted_messages():
     trusted = np.zeros((4, 3, 5), bool)
     trusted[[0, 2], 0], trusted[1, 1] = True, True
     references = np.array([[0, 1, 0], [2, 3, 1]])
-    shares = trimming.trusted_shares(jnp.asarray(trusted), references)
-    found = trimming.deviation(jnp.asarray(received), shares, references)
+    given = jnp.asarray(references)
+    shares = trimming.trusted_shares(jnp.asarray(trusted), given)
+    found = trimming.deviation(jnp.asarray(received), shares, given)
     for slot, vehicle, lane in np.ndindex(4, 3, 5):
         mine = received[:, :, vehicle, lane]
         apart = [

@@ -8,8 +8,9 @@ import pytest
 from scipy import special, stats
 
 from experiments import means as experiment
+from jaxnet.kinds.metrics import COLUMNS_OF_METRIC
 from jaxnet.statistics import intervals
-from jaxnet.statistics.summary import COLUMNS_OF_METRIC, metric_statistics
+from jaxnet.statistics.summary import metric_statistics
 from jaxnet.view import columns
 
 

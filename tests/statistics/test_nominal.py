@@ -1,13 +1,13 @@
 """The warning that false alarms are far more often than a detector is asked for."""
 
-import types
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import binomtest
+from upath import UPath
 
 from jaxnet.statistics import nominal
+from jaxnet.store.results import Results
 from tests import systems
 
 NOISE = {"channel": {"noise": {"position": 0.05}}, "tick": 0.1}
@@ -48,7 +48,8 @@ def test_the_words_tell_rates_cells_and_what_does_not_fit():
     study = systems.study(samples=3, sweep=sweep, attack={"kind": "bias", "vehicles": [2]}, **NOISE)
     table = pd.DataFrame({"ok": [3, 3, 3, 0, 3, 3]})
     table["false_alarms_mean"] = [0.02, 0.48, 0.02, np.nan, 0.02, 0.02]
-    results = types.SimpleNamespace(cells=table, study=study)
+    results = Results(UPath("nowhere"))
+    vars(results).update(cells=table, study=study)
     assert nominal.misfit_words(results, study.cells) == [
         "honest messages raise 2 to 48 % alarms, nominal 0.01 %: the observer does not fit"
         " (cells 0, 1)",

@@ -101,7 +101,7 @@ def test_csv_files_read_back_equal_the_arrays(tmp_path, results):
         assert path.stem == f"cell-{cell}-sample-{sample}"
         labels = results.study.cells[cell].labels
         assert all((table[key] == value).all() for key, value in labels.items())
-        lane = lane_in(results.trajectories, cell, sample)
+        lane = lane_in(results.trajectories, int(cell), int(sample))
         read = table.set_index(["time", "vehicle"]).to_xarray()
         for array, dim, before in ARRAYS:
             for label in lane[dim].values:

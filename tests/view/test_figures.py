@@ -52,7 +52,7 @@ def test_panels(results):
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in planes}) == 1
     assert plain(planes[0].get_ylabel()) == "no attack\ny [m]"
     written = [text.get_text() for text in figure.legends[0].get_texts()]
-    attacked = ["attacked: moves", "attacked: tells"]
+    attacked = ["attacked vehicle", "false place in messages"]
     assert written == ["navigator", "vehicle", *attacked, "start", "end"]
     for place, axes in enumerate(planes):  # 12 vehicles with path, start and end, the navigator
         told = [line.get_xydata() for line in axes.lines if line.get_color() == style.RED]
@@ -89,6 +89,18 @@ def test_the_worst_lane_is_told_as_such(tmp_path):
     paths = [line.get_xydata() for line in cyclic.lines if line.get_linewidth() == 0.8]
     (shift,) = {tuple(np.round(path[-1] - lane["states"].values[-1, 1, :2], 6)) for path in paths}
     assert np.hypot(*shift) == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_false_place_that_stands_still_has_a_mark(tmp_path):
+    """All of its path is one place; the row says in words what is false."""
+    attack = {"kind": "own_path", "vehicles": [2], "centre": [30, 40], "swing": [0, 0]}
+    keys = {"horizon": 1.0, "tail": 0.5, "save": {"trajectories": "all"}, "attack": attack}
+    results = jaxnet.run(systems.study(engine="exact", **keys), tmp_path / "out", progress=False)
+    panel = results.plot.panels().axes[0]
+    (still,) = (line for line in panel.lines if line.get_marker() == "x")
+    assert {*map(tuple, still.get_xydata().round(9))} == {(30.0, 40.0)}
+    assert still.get_markevery() == [-1]
+    assert "attack: path of its own, ā = 5 m" in plain(panel.get_ylabel()).replace("\n", " ")
 
 
 def test_topologies(results):

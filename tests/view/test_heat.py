@@ -163,6 +163,27 @@ def test_a_tile_has_room_for_small_errors(value, words):
     assert tiles.tile_text("worst", value) == words
 
 
+def test_rounding_is_zero_in_text_figure_and_page():
+    """A spread below 1e-9 ā, however it is shown; one beside a smaller attack is not."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 10]}
+    keys = {"navigator": "none", "topology": "complete", "vehicle": "single_integrator"}
+    keys |= {"law": "local", "gain": [1], "vehicles": 4, "attack": ROTATING}
+    study = systems.study(sweep=sweep, **keys)
+    spread = np.full(4, 3.61e-9)
+    results = made(study, spread_max=spread, spread_median=spread)
+    table = tiles.tile_table(results)
+    texts = [tiles.tile_text("worst", *row) for row in table[["worst", "size"]].to_numpy()]
+    assert texts == ["3.61e-9", "0"] * 2
+    (shown,) = columns.summary_columns(results, ["spread_max"])[-1:]
+    assert shown.texts() == ["3.61e-09", "0"] * 2
+    drawn = heat.heat_drawing(results, tiling(study.cells), "worst")
+    tile = drawn.panels[0].tiles
+    assert sorted({*tile.texts.ravel()}) == ["0", "3.61e-9"]
+    assert all(
+        ("0 (rounding)" in words) == ("ā = 10" in plain(words)) for words in tile.told.ravel()
+    )
+
+
 @pytest.mark.parametrize(
     ("value", "words"),
     [(1234.5, "1235"), (999.96, "1000"), (1e-7, "1e-07"), (2.5e12, "2.5e+12"), (-0.0, "0")],

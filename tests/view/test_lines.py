@@ -32,9 +32,10 @@ def study_cells(**sweep):
 
 
 def numbered(cells, share=True):
-    """A quantity that is the number of the cell, with an interval of 2 below and 1 above."""
+    """A quantity that is the number of the cell, with an interval, 2 below at most and 1 above."""
     numbers = np.array([cell.number for cell in cells], float) % 97
-    values = pd.DataFrame({"value": numbers, "low": numbers - 2, "high": numbers + 1})
+    ends = {"low": np.maximum(numbers - 2, 0), "high": numbers + 1}
+    values = pd.DataFrame({"value": numbers, **ends})
     return Quantity("unrecovered", "lanes unrecovered", "%" if share else "m", share, 0.95, values)
 
 
@@ -211,6 +212,39 @@ def test_what_is_below_the_floor_of_a_log_axis_is_drawn_there():
     above = found._replace(values=values.replace(1e-12, 1e-8))
     drawn = printed(swept_drawing(above, choose_axes(cells), cells))
     assert "drawn there" not in drawn.get_supxlabel()
+
+
+def arrows_of(panel) -> dict[str, list[float]]:
+    """Places along y of the arrows of error bars, by their symbol."""
+    marks = (line for line in panel.lines if line.get_marker() in ("v", "^"))
+    return {line.get_marker(): line.get_ydata().tolist() for line in marks}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "arrows"),
+    [
+        ([0.0, 1.0], [4.0, 5.0], {"v": [1.0]}),  # on a log axis that ends at a least value of 1
+        ([1.0, 1.0], [4.0, 500.0], {"^": [10.0]}),
+        ([np.nan, 1.0], [4.0, np.nan], {"v": [1.0], "^": [10.0]}),  # an end that is not known
+        ([np.nan, 2.0], [np.nan, 4.0], {}),  # no interval
+    ],
+)
+def test_bars_show_both_ends_or_that_they_go_on(low, high, arrows):
+    """In print and on the page, said once below all panels."""
+    at, value = np.array([1.0, 2.0]), np.array([2.0, 3.0])
+    look = LOOKS[0]._replace(marker="o")
+    series = Trace("", look, at, value, "both", np.array(low), np.array(high))
+    scale = Scale("error [m]", (1.0, 10.0), log=True)
+    drawing = Drawing([Panel({}, [0], [series])] * 2, Scale("x"), scale)
+    figure = printed(drawing)
+    assert [arrows_of(panel) for panel in figure.axes] == [arrows] * 2
+    assert figure.get_supxlabel().count("go on beyond the axis") == bool(arrows)
+    (page,) = re.findall(r"<script[^>]*>(.*?)</script>", plotted(drawing), re.DOTALL)[:1]
+    bars, *marks = json.loads(page)["data"]
+    sides = {"v": "triangle-down", "^": "triangle-up"}
+    assert [mark["marker"]["symbol"] for mark in marks] == [sides[each] for each in arrows]
+    assert (value - bars["error_y"]["arrayminus"] >= 1.0).all()
+    assert (value + bars["error_y"]["array"] <= 10.0).all()
 
 
 def test_labels_of_axes_do_not_touch_in_larger_type():

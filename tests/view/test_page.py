@@ -4,9 +4,7 @@ import base64
 import json
 import re
 import shutil
-import types
 from html import unescape
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -147,7 +145,8 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
 def test_cells_that_are_not_all_of_a_value_are_told_with_it():
     """Cells 0 and 1 of those without a defence; all of them; and some of each defence."""
     sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 2, 3]}
-    results: Any = types.SimpleNamespace(study=systems.study(sweep=sweep, **ROTATING))
+    results = Results(UPath("nowhere"))
+    vars(results).update(study=systems.study(sweep=sweep, **ROTATING))
     for numbers, words in (
         ([0, 1], "with no\xa0defence, ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m (2 cells)"),
         ([0, 1, 2], "with no\xa0defence (3 cells)"),
@@ -449,6 +448,17 @@ def lanes_of(html: str) -> list[dict]:
     return [json.loads(each) for each in found]
 
 
+def test_what_is_alike_everywhere_is_not_drawn_first(folder):
+    """Where no lane recovers, the errors are drawn, and the heat map begins with them."""
+    results = jaxnet.open(folder)
+    for share in curves.SHARE_COLUMNS:
+        results.cells[share] = np.where(results.cells["attack.magnitude"] > 0, 1.0, np.nan)
+    title = sections.answer_section(results).title
+    assert title == "Error, median of lanes against attack magnitude"
+    heats = re.findall("<option>(.*?)</option>", sections.heat_section(results).body)
+    assert heats == ["greatest tail error / ā", "lanes unrecovered [%]"]
+
+
 def test_what_a_config_says_is_text(html):
     """A label never becomes markup, neither on the page nor in the data nor in a plot."""
     assert "<script>alert" not in html
@@ -588,7 +598,7 @@ def test_a_slope_stays_within_magnitudes_that_have_lanes(folder):
 
 
 def test_rounding_does_not_stretch_the_axis_of_errors(folder):
-    """It ends two decades below the least median; what is less stands there, and is told."""
+    """It ends two decades below the least median; a bar that goes on below has an arrow."""
     star, ring = curves.curves(jaxnet.open(folder))
     least = min((each.spread("tail_max", "median")[0] / each.sizes).min() for each in (star, ring))
     tiny = star._replace(cells=star.cells.assign(tail_max_q05=1e-11))
@@ -596,7 +606,7 @@ def test_rounding_does_not_stretch_the_axis_of_errors(folder):
         drawing = ultimate_drawing(found, "tail_max")
         assert least / 400 < drawing.y.ends[0] < least
         figure = printed(drawing)
-        told = f"values below {drawing.y.floor:g} ā are drawn there"
+        told = "arrows: intervals that go on beyond the axis"
         assert (told in figure.get_supxlabel().replace("\n", " ")) == is_low
         arrows = [line for line in figure.axes[0].lines if line.get_marker() == "v"]
         assert len(arrows) == is_low
@@ -745,7 +755,7 @@ def test_a_lane_in_motion_is_the_stores(opened, folder):
     assert shown.locator("#lanes input").input_value() == str(worst)
     np.testing.assert_allclose(drawn(shown, "vehicle"), off[worst, HONEST], rtol=1e-4)
     false = (told[worst] - centre[worst])[ATTACKED]
-    np.testing.assert_allclose(drawn(shown, "place that is told"), false, rtol=1e-4)
+    np.testing.assert_allclose(drawn(shown, "false place in messages"), false, rtol=1e-4)
     np.testing.assert_array_equal(drawn(shown, "navigator"), [[0.0, 0.0]])
     reach = shown.eval_on_selector("#lanes .plane", "plot => plot.layout.xaxis.range[1]")
     assert reach >= 1.1 * np.abs(off[5:]).max()
@@ -767,7 +777,7 @@ def test_a_lane_in_motion_is_the_stores(opened, folder):
     for place in (0, 4, 10):
         shown.locator("#lanes input").fill(str(place))
         settle(shown)
-        found = drawn(shown, "place that is told")
+        found = drawn(shown, "false place in messages")
         np.testing.assert_allclose(found, told[place, ATTACKED], rtol=1e-5)
         hold_links(shown, lane.isel(time=place), place)
 

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import binomtest
 from upath import UPath
 
+from jaxnet.kinds.metrics import COLUMNS_OF_METRIC
 from jaxnet.statistics.curves import Curve
 from jaxnet.statistics.groups import Group
-from jaxnet.statistics.summary import COLUMNS_OF_METRIC
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 from jaxnet.view import columns

@@ -3,8 +3,6 @@ from jaxnet.kinds.fields import Angle, Number, Positive, Probability, setting
 from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lazy import jnp
 
-ASLEEP = 1e-300  # of ā: a vehicle that sends exactly 0 would not count as a liar
-
 
 class Sleeper(HeldOffset):
     """No offset before `start`, then ā for `burst` seconds, then a share of ā for ever.
@@ -26,6 +24,6 @@ class Sleeper(HeldOffset):
         awake = seen.time >= self.start - TICK_ROUNDING
         first = jnp.where(awake, jnp.minimum(memory, seen.time), memory)
         bursts = seen.time < first + self.burst - TICK_ROUNDING
-        part = jnp.where(awake, jnp.where(bursts, 1.0, self.share), ASLEEP)
+        part = jnp.where(awake, jnp.where(bursts, 1.0, self.share), 0.0)
         unit = jnp.broadcast_to(unit_vectors(self.direction), seen.errors[0].shape)
         return (part[None, None] * unit)[:, :, None], first

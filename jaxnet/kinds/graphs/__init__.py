@@ -217,6 +217,8 @@ class Graph(Kind):
         lost, least = check_reach(self, scenario.vehicles)
         if lost:
             message = f"the navigator does not reach {', '.join(map(str, lost))}"
+            if len(lost) == scenario.vehicles:
+                message += "; `navigator: none` makes a fleet without one"
             yield Fault((self.linked_by, "topology"), message)
         elif least < LEAST_WEIGHT:
             message = f"a link has less than {LEAST_WEIGHT:g} of the weights of its listener"

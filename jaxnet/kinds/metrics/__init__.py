@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from jaxnet.kinds.fields import Record
 from jaxnet.kinds.kind import Fault
@@ -20,6 +20,23 @@ Over = Literal["run", "tail"]
 Reduction = Literal["mean", "max", "min"]
 OverTime = Literal["mean", "max", "min", "sum", "integral", "last"]
 Undefined = Literal["error", "infinite", "blank"]
+
+
+class Statistic(NamedTuple):
+    """A statistic of a metric over lanes: its words, and the ends of its columns' names."""
+
+    words: str
+    columns: tuple[str, ...]  # value, and both ends of the interval if `cells.csv` has them
+
+
+LANE_STATISTICS = {
+    "mean": Statistic("mean of lanes", ("mean", "low", "high")),
+    "median": Statistic("median of lanes", ("median", "median_low", "median_high")),
+    "q05": Statistic("5 % quantile of lanes", ("q05",)),
+    "q95": Statistic("95 % quantile of lanes", ("q95",)),
+    "max": Statistic("greatest of lanes", ("max",)),
+}
+COLUMNS_OF_METRIC = tuple(name for each in LANE_STATISTICS.values() for name in each.columns)
 
 
 class MetricKeys(Record):
@@ -120,7 +137,7 @@ class Metric:
         own = self.of.model_dump() if isinstance(self.of, MetricKeys) else {}
         return own if self.name == self.base else {**own, "name": self.name}
 
-    def with_keys(self, name: str | None = None, **keys: object) -> "Metric":
+    def with_keys(self, name: object = None, **keys: object) -> "Metric":
         """The metric with these keys and its own others; raise ValueError where they are wrong.
 
         `name` is the name of its column, if it is not to be as before.

@@ -14,7 +14,9 @@ class FirstAlarm(MetricKeys):
     count.
     """
 
-    of: Literal["attacked", "honest"] = setting("attacked", "about which messages")
+    of: Literal["attacked", "honest"] | None = setting(
+        None, "about which messages: null, attacked ones, or all of one link"
+    )
     which: Literal["first", "last"] = setting("first", "of these links the first, or the last")
     listener: int | None = setting(None, "the vehicle that hears the link, with `source`", ge=1)
     source: int | None = setting(None, "the source of the link, 0 is the navigator", ge=0)
@@ -26,15 +28,17 @@ class FirstAlarm(MetricKeys):
     def words(self):
         link = "" if self.source is None else f" of {self.listener} about {self.source}"
         told = "first alarm" if self.which == "first" else "first alarm on the last link,"
-        return f"{told} about {self.of} messages{link}"
+        of = self.of or ("attacked" if self.source is None else "")
+        return f"{told} about {f'{of} messages'.lstrip()}{link}"
 
     def __call__(self, seen: FleetView) -> VehicleNumbers:
         """The time until now, (m, lanes) [s]."""
         xp = seen.error.__array_namespace__()
         if seen.links is None:
             return of_fleet(seen, xp.inf)
-        time = seen.links.first[["attacked", "honest"].index(self.of)]
+        time = seen.links.first[int(self.of == "honest")]
         if self.listener is not None:
+            time = xp.fmin(*seen.links.first) if self.of is None else time
             time = time[:, self.listener - 1 : self.listener]
             there = seen.hearing.sources[:, self.listener - 1 : self.listener] == self.source
             time = xp.where(there[..., None], time, xp.nan)

@@ -18,6 +18,7 @@ from jaxnet.view.figures import style
 MOST_NOTED = 3  # choices of panels by a note
 MOST_BARS = 24  # points of a line that have error bars; more have a band
 DODGE = 0.012  # of the axis, between neighbouring colours
+BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
 MOVED_NOTE = "points are shifted sideways for legibility"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
 
@@ -65,6 +66,13 @@ class Trace(NamedTuple):
     high: Any = None
     cells: Sequence[int] | None = None  # of each point
     moved: tuple[float, float] = (1.0, 0.0)  # factor and shift along x, by which it is drawn
+    sizes: Any = 1.0  # of each point, beside which an error may be rounding
+
+    @property
+    def barred(self) -> bool:
+        """Whether it has error bars."""
+        few = self.form == "points" or (self.form == "both" and len(self.x) <= MOST_BARS)
+        return self.low is not None and few
 
     @property
     def apart(self) -> Any:
@@ -113,6 +121,20 @@ class Scale(NamedTuple):
     def is_low(self, values: Any) -> Any:
         """Which values a log axis shows at its floor."""
         return self.log & (np.asarray(values, float) <= self.floor)
+
+    def bars(self, low: Any, value: Any, high: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        """Lower and upper ends of error bars within the axis, and which bars go on beyond it.
+
+        A bar with one unknown end goes on to the end of the axis.
+        """
+        first, last = self.ends or (-np.inf, np.inf)
+        if self.log:
+            first, last = max(first, self.floor), min(last, GREATEST_SHOWN)
+        known = np.isfinite(value) & (np.isfinite(low) | np.isfinite(high))
+        below = known & ~(low >= first) & np.isfinite(first)
+        above = known & ~(high <= last) & np.isfinite(last)
+        low, high = np.where(below, first, low), np.where(above, last, high)
+        return (low, high), (below, above)
 
 
 def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
@@ -173,7 +195,10 @@ class Drawing(NamedTuple):
             *[MOVED_NOTE] * any(each.moved != (1.0, 0.0) for each in series),
         ]
         middle = [each.x if self.y.names else each.y for each in series]
-        ends = [end for each in series for end in (each.low, each.high)]
+        ends = [end for each in series if not each.barred for end in (each.low, each.high)]
+        bars = zip(series, middle, strict=True)
+        if any(np.any(scale.bars(each.low, at, each.high)[1]) for each, at in bars if each.barred):
+            found.append(BEYOND_NOTE)
         if not any(scale.is_low(each).any() for each in (*middle, *ends) if each is not None):
             return found
         pairs = zip(series, middle, strict=True)

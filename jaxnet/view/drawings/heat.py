@@ -43,7 +43,7 @@ def heat_drawing(results: Results, tiling: Tiling, metric: str) -> Drawing:
     texts, words = [], []
     for cell, row in found.iterrows():
         known, star = bool(np.isfinite(row[metric])), "*" * (cell in failed)
-        text = tile_text(metric, row[metric]) if known else ""
+        text = tile_text(metric, row[metric], row["size"]) if known else ""
         texts.append([text + star, row["interval"] * (known and is_share)])
         words.append(tile_words(results, metric, row, failed))
     texts, words = np.array([*texts, ["", ""]]), np.array([*words, "Not run."])
@@ -79,7 +79,7 @@ def tile_words(results: Results, metric: str, row: Any, failed: Mapping[int, str
         share = number_text(value, whole=100.0)
         what = f"{share} % {share_name(cells)}, {sure:g} % interval {low} to {high} %"
     elif is_leaderless(cells):
-        what = f"greatest spread {error_text(value)} m"
+        what = f"greatest spread {error_text(value, row['size'])} m"
     else:
         what = f"greatest tail error {error_text(value)} ā"
     lost = f"failed: {failed[cell]}" if cell in failed else "none failed"

@@ -50,8 +50,8 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         at: list[Any] = labels if numbers or not x else [*map(values.index, labels)]
         order = np.argsort(at, kind="stable")
         about = [mine[n].number for n in order]
-        table = found.values.reindex(about)[VALUE_COLUMNS].to_numpy(dtype=float)
-        value, low, high = table.T
+        table = found.values.reindex(about, columns=[*VALUE_COLUMNS, "size"])
+        value, low, high, sizes = table.to_numpy(dtype=float).T
         where = np.array(at, dtype=float)[order]
         moved = 1.0, 0.0
         if numbers:
@@ -59,7 +59,7 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         else:
             shift = ROW_SHARE * ((place + 0.5) / len(looks) - 0.5)
             points = value, where + shift, "points"
-        return Trace(names[place], looks[place], *points, low, high, about, moved=moved)
+        return Trace(names[place], looks[place], *points, low, high, about, moved, sizes)
 
     panels = []
     for labels, mine in panels_of(cells, axes):

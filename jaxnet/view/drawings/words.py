@@ -6,8 +6,8 @@ import numpy as np
 
 from jaxnet.config.naming import key_name, labels_title, value_name
 from jaxnet.model.wording import RESULT_DIGITS, number_text
+from jaxnet.statistics.amplitude import is_rounding
 from jaxnet.statistics.groups import Label, numeric
-from jaxnet.view.columns import is_rounding
 
 ROUNDED = "0 (rounding)"
 MOST_GONE = 4  # numbers of one key that are not drawn and are named

@@ -33,6 +33,7 @@ ROW_HEIGHT, LEAST_ROW_HEIGHT = 0.28, 0.17  # [in] of a named row, and of one of 
 LINE_HEIGHT = 0.13  # [in] of each line of its name
 AXIS_ROOM = 0.7  # [in] for axis and legend
 LETTERS_PER_INCH = 17  # of a note
+LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
 
@@ -132,10 +133,20 @@ def make_room(drawn: Figure) -> None:
     drawn.set_figheight(min(style.GREATEST_HEIGHT, higher))
 
 
-def write_legend(drawn: Figure, handles: Sequence[Any], most: int, **look: Any) -> None:
-    """Write a legend above the panels, of `most` columns where the figure is as wide as a page."""
-    width = drawn.get_figwidth() / type_scale("legend.fontsize")
-    columns = max(2, round(most * width / style.FIGURE_WIDTH))
+def legend_grid(labels: Sequence[str], width: float) -> tuple[int, int]:
+    """Columns and rows of a legend, as many columns as its type has room for in a width [in]."""
+    room = LEGEND_LETTERS_PER_INCH * width / type_scale("legend.fontsize")
+    widths = [max(map(len, label.split("\n"))) + HANDLE_LETTERS for label in labels]
+    for columns in range(len(labels), 1, -1):
+        split = np.array_split(widths, columns)  # as matplotlib splits entries
+        if sum(map(max, split)) <= room:
+            return columns, len(split[0])
+    return 1, len(labels)
+
+
+def write_legend(drawn: Figure, handles: Sequence[Any], **look: Any) -> None:
+    """Write a legend above the panels."""
+    columns, _ = legend_grid([each.get_label() for each in handles], drawn.get_figwidth())
     look = {"ncols": columns, "handlelength": 2.6} | look
     drawn.legend(handles=handles, loc="outside upper center", **look)
 

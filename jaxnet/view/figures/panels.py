@@ -52,6 +52,7 @@ CROWDED_PATHS: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "rasterized"
 CROWD_INK, CROWD_OPACITY = 150, (0.03, 0.15)  # of all paths of a crowd together, and of one of them
 ATTACKED_PATH: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
 TOLD_PATH: dict[str, Any] = {"color": style.RED, "linewidth": 0.8, "linestyle": (0, (1, 1.5))}
+TOLD_PATH |= {"marker": "x", "markersize": 4}  # at its end, for it may stand still
 LIMITED_PATH: dict[str, Any] = {"color": style.LIMITED, "linewidth": 2.0, "zorder": 0.5}
 TOUCHING_PATH = LIMITED_PATH | {"color": style.PURPLE, "zorder": 0.4, "linewidth": 3.5}
 END_SIZE = 5
@@ -115,7 +116,7 @@ def panels_figure(
     if trajectories:
         handles = panels_legend(rows, [*scenes.values()])
         handles += error_keys(rows[0], f"{judged}, ") * (errors and narrow)
-        multiples.write_legend(drawn, handles, 6, handlelength=2.2)
+        multiples.write_legend(drawn, handles, handlelength=2.2)
     if shown:
         whose = lanes_told(results.study.config.save.trajectories, shown)
         multiples.write_note(drawn, f"paths: {whose}; all on one scale")
@@ -185,7 +186,8 @@ def row_caption(cell: Cell) -> str:
     attack = cell.scenario.attack
     words = [magnitude_words(cell).replace(" ", NO_BREAK)]
     if attack.amplitude() != 0:
-        words = [f"{cell.labels.get('attack', attack.label or attack.kind)} attack", *words]
+        kind = str(cell.labels.get("attack", attack.label or attack.kind))
+        words = [f"attack: {value_name('attack', kind)}", *words]
     told = ("topology", "attack", "attack.magnitude")
     words += [value_name(key, value) for key, value in cell.labels.items() if key not in told]
     return multiples.escape_dollars(", ".join(words))
@@ -220,7 +222,7 @@ def draw_plane(
         x, y = lane.arena
         panel.add_patch(Rectangle((-x, -y), 2 * x, 2 * y, fill=False, edgecolor="0.6"))
     for path in lane.told.swapaxes(0, 1):
-        panel.plot(*path.T, **TOLD_PATH, zorder=1.5)
+        panel.plot(*path.T, **TOLD_PATH, markevery=[-1], zorder=1.5)
     apart = list(range(positions.shape[1]))
     if len(apart) > MOST_APART:
         apart = [vehicle - 1 for vehicle in attacked]
@@ -253,8 +255,8 @@ def panels_legend(rows: Sequence[Sequence[Cell]], lanes: Sequence[LaneScene]) ->
         "navigator": (NAVIGATOR_PATH, any(each.navigator.present for each in scenarios)),
         "vehicle": (HONEST_PATH, min(fleets) <= MOST_APART),
         "vehicles": ({"color": "0.6", "linewidth": 2.0}, max(fleets) > MOST_APART),
-        "attacked: moves": (ATTACKED_PATH, lies),
-        "attacked: tells": (TOLD_PATH, lies),
+        "attacked vehicle": (ATTACKED_PATH, lies),
+        "false place in messages": (TOLD_PATH, lies),
         "start": (END | {"marker": "o", "markerfacecolor": "white"}, True),
         "end": (END | {"marker": pointer, "markersize": END_SIZE}, True),
         "input saturated": (LIMITED_PATH, any(lane.saturated.any() for lane in lanes)),

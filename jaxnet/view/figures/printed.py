@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
 from jaxnet.statistics.groups import evenly, evenly_over
-from jaxnet.view.drawings.drawing import MOST_BARS, Drawing, Look, Scale, Selection, Tiles, Trace
+from jaxnet.view.drawings.drawing import Drawing, Look, Scale, Selection, Tiles, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -43,7 +43,6 @@ ROOM_OF_TICK = 0.4  # [in] for each of the round ticks
 TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
 DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
 LEGEND_LINE = 0.16  # [in]
-LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 
 
 class Layout(NamedTuple):
@@ -67,7 +66,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     """
     size = multiples.type_scale("font.size")
     within = width / size
-    handles, columns, below = legend_of(drawing, within)
+    handles, below = legend_of(drawing, width)
     page = layout_of(drawing, within, below)
     panels, rows = [drawing.panels[place] for place in page.shown], page.rows
     labels = [panel.labels for panel in panels]
@@ -113,7 +112,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
         drawn.legend(handles=[hatched], loc="outside upper right")
     if handles:
         look = {"title": multiples.escape_dollars(drawing.key)} if drawing.key else {}
-        multiples.write_legend(drawn, handles, columns, ncols=columns, **look)
+        multiples.write_legend(drawn, handles, **look)
     for note in drawing.told(panels):
         multiples.write_note(drawn, multiples.escape_dollars(note))
     named = drawing.y.labels or [{"": name} for name in drawing.y.names]
@@ -175,25 +174,18 @@ def seen_of(series: Trace, rows: Sequence[int]) -> Trace:
     return series._replace(x=series.x[seen], y=y, low=ends[0], high=ends[1])
 
 
-def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int, float]:
-    """Handles of the legend, its columns, and its height [in]; an entry of many colours is grey."""
+def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], float]:
+    """Handles of the legend and its height [in]; an entry of many colours is grey."""
     named: dict[str, list[Trace]] = {}
     for panel in drawing.panels:
         for series in panel.series:
             if series.name:
                 named.setdefault(series.name, []).append(series)
     if not named:
-        return [], 1, 0.0
-    larger = multiples.type_scale("legend.fontsize") / multiples.type_scale("font.size")
-    room = int(LEGEND_LETTERS_PER_INCH * width / larger)
-    labels = [multiples.wrapped(name, room - HANDLE_LETTERS) for name in named]
-    widths = [max(map(len, label.split("\n"))) + HANDLE_LETTERS for label in labels]
-    columns, rows = 1, len(named)
-    for columns in range(len(named), 0, -1):
-        split = np.array_split(widths, columns)  # as matplotlib splits entries
-        rows = len(split[0])
-        if sum(map(max, split)) <= room:
-            break
+        return [], 0.0
+    room = multiples.LEGEND_LETTERS_PER_INCH * width / multiples.type_scale("legend.fontsize")
+    labels = [multiples.wrapped(name, room - multiples.HANDLE_LETTERS) for name in named]
+    _, rows = multiples.legend_grid(labels, width)
     handles: list[Line2D | Patch] = []
     for label, (one, *others) in zip(labels, named.values(), strict=True):
         many = any(each.look.color != one.look.color for each in others)
@@ -203,7 +195,7 @@ def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], int
         else:
             handles.append(Line2D([], [], label=label, **line_style(look, one.form)))
     lines = rows * max(1 + label.count("\n") for label in labels)
-    return handles, columns, LEGEND_LINE * (lines + bool(drawing.key))
+    return handles, LEGEND_LINE * (lines + bool(drawing.key))
 
 
 def line_style(look: Look, kind: str) -> dict[str, Any]:
@@ -222,19 +214,21 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
     low, high = within(series.low), within(series.high)
     x = within(series.x) if rows else series.apart
     y = series.y if rows else within(series.y)
-    if series.form == "band" or (series.form == "both" and len(x) > MOST_BARS):
+    if series.barred:
+        value = x if rows else y
+        sides, beyond = scale.bars(series.low, value, series.high)
+        ends = np.nan_to_num(np.stack([value - sides[0], sides[1] - value]).clip(min=0))
+        panel.errorbar(x, y, **{"xerr" if rows else "yerr": ends}, ecolor=look.color, **BAR_STYLE)
+        arrow: dict[str, Any] = {"color": look.color, "markersize": 4, "clip_on": False}
+        for end, there, symbol in zip(sides, beyond, "<>" if rows else "v^", strict=True):
+            if there.any():
+                at = (end, y) if rows else (x, end)
+                panel.plot(*(each[there] for each in at), symbol, **arrow)
+    elif series.form == "band" or (series.form == "both" and low is not None):
         alpha = 0.2 if series.form == "band" else 0.15
         panel.fill_between(x, low, high, color=look.color, alpha=alpha, linewidth=0)
     elif series.form == "range":
         panel.vlines(x, low, high, color=look.color, linewidth=look.width)
-    elif low is not None:
-        value = x if rows else y
-        ends = np.nan_to_num(np.stack([value - low, high - value]).clip(min=0))
-        panel.errorbar(x, y, **{"xerr" if rows else "yerr": ends}, ecolor=look.color, **BAR_STYLE)
-        if (below := scale.is_low(series.low)).any():
-            at = (low[below], y[below]) if rows else (x[below], low[below])
-            arrow: dict[str, Any] = {"color": look.color, "markersize": 4, "clip_on": False}
-            panel.plot(*at, "<" if rows else "v", **arrow)
     if series.form in ("band", "range"):
         return
     if series.form == "level":

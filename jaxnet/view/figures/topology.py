@@ -15,7 +15,7 @@ from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
 
 from jaxnet.config.cells import Cell, is_leaderless
-from jaxnet.config.naming import labels_title
+from jaxnet.config.naming import labels_title, value_name
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.sweep import keys_in
 from jaxnet.model.graph import Digraph
@@ -61,7 +61,8 @@ WEIGHT_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
 
 def topology_name(cell: Cell) -> str:
     topology = cell.scenario.topology
-    return str(cell.labels.get("topology", topology.label or topology.kind))
+    name = cell.labels.get("topology", topology.label or topology.kind)
+    return value_name("topology", name)
 
 
 def graph_labels(cell: Cell) -> dict[str, Label]:
@@ -179,7 +180,7 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
         letters = int(multiples.TITLE_LETTERS_PER_INCH * size)
         panel.set_title("\n".join(fill(line, letters) for line in network.title.split("\n")), pad=2)
         (draw_matrix if network.is_large else draw_graph)(panel, network, 72 * size)
-    multiples.write_legend(drawn, topology_legend(shown), 5, handlelength=2.4)
+    multiples.write_legend(drawn, topology_legend(shown), handlelength=2.4)
     small = [each for each in shown if not each.is_large]
     if any(each.diameter(72 * size) < LEAST_NUMBERED_NODE for each in small):
         words = "There is no room for the numbers of vehicles that are not attacked"

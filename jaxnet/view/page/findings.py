@@ -14,10 +14,11 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Sequential
 from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_alone, value_name
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, Metric
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text, ranges
 from jaxnet.statistics import curves
+from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.horizon import errors_words
@@ -34,10 +35,9 @@ from jaxnet.statistics.recovery import (
     threshold,
 )
 from jaxnet.statistics.separation import near_starts_words
-from jaxnet.statistics.summary import LANE_STATISTICS, share_names
+from jaxnet.statistics.summary import share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
 from jaxnet.view.text import worst

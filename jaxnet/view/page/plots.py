@@ -170,15 +170,24 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
         found["connectgaps"] = True
     if series.form == "steps":
         found["line"]["shape"] = "hv"
-    if series.low is not None:
-        middle = x if rows else y
-        above, below = within(series.high) - middle, middle - within(series.low)
-        bars = {"symmetric": False, "array": np.nan_to_num(above), "thickness": 1.3, "width": 2}
-        bars |= {"arrayminus": np.nan_to_num(below), "color": found["line"]["color"]}
-        found["error_x" if rows else "error_y"] = bars
     if series.cells is not None:
         found["meta"] = {"cells": series.cells}
-    return [found]
+    if series.low is None:
+        return [found]
+    middle, color = x if rows else y, found["line"]["color"]
+    (low, high), beyond = scale.bars(series.low, middle, series.high)
+    bars = {"symmetric": False, "array": np.nan_to_num(high - middle), "thickness": 1.3, "width": 2}
+    bars |= {"arrayminus": np.nan_to_num(middle - low), "color": color}
+    arrows, sides = [], ("left", "right") if rows else ("down", "up")
+    for end, there, side in zip((low, high), beyond, sides, strict=True):
+        if there.any():
+            at = {"x": end[there], "y": y[there]} if rows else {"x": x[there], "y": end[there]}
+            mark = {"color": color, "symbol": f"triangle-{side}", "size": MARKER_SIZE}
+            arrow = at | {"mode": "markers", "marker": mark, "showlegend": False}
+            if series.cells is not None:
+                arrow["meta"] = {"cells": np.array(series.cells)[there]}
+            arrows.append(line_trace(series.name, look, [], []) | arrow)
+    return [found | {"error_x" if rows else "error_y": bars}, *arrows]
 
 
 def hints(drawing: Drawing, series: Trace) -> list[str]:
@@ -190,9 +199,10 @@ def hints(drawing: Drawing, series: Trace) -> list[str]:
     ends = zip(*(nothing if end is None else end for end in (series.low, series.high)), strict=True)
     found = []
     whole = 100.0 if scale.unit == "%" else np.inf
-    for place, value, (low, high) in zip(at, values, ends, strict=True):
+    sizes = np.broadcast_to(series.sizes, len(values))
+    for place, value, (low, high), size in zip(at, values, ends, sizes, strict=True):
         where = across.names[int(place + 0.5)] if rows else f"{across.title}: {number_text(place)}"
-        told, *both = (error_text(each, whole=whole) for each in (value, low, high))
+        told, *both = (error_text(each, size, whole=whole) for each in (value, low, high))
         told += f" {scale.unit}"
         if not np.isnan([low, high]).all():
             told += f" ({' to '.join(both)} {scale.unit})"

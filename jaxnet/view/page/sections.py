@@ -33,6 +33,7 @@ from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results
 from jaxnet.store.rows import OK
 from jaxnet.view import columns
+from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.analyses import course_drawing
 from jaxnet.view.drawings.heat import METRICS, heat_drawing, metric_label
 from jaxnet.view.drawings.spreads import bands_drawing
@@ -131,14 +132,20 @@ def left_out_section(results: Results) -> Section | None:
 
 
 def answer_section(results: Results) -> Section | None:
-    """What the study asks for, or None if no lane tells it."""
-    cells, asked = results.study.cells, asked_quantity(results.study.config)
-    found = quantity_of(results, cells, asked)
-    if not found.known.size:
-        return None
-    axes = choose_axes(cells)
+    """What the study asks for, or None if no lane tells it.
+
+    If it is the same in all cells, what else lanes are judged by, if that differs.
+    """
+    cells = results.study.cells
     if len(cells) == 1:
         return None  # a finding says it
+    asked = [asked_quantity(results.study.config), *["outside"] * is_leaderless(cells)]
+    every = (quantity_of(results, cells, name) for name in [*asked, judged_metric(cells)])
+    known = [each for each in every if each.known.size]
+    if not known:
+        return None
+    found = next((each for each in known if np.ptp(each.known) > ROUNDING_ERROR), known[0])
+    axes = choose_axes(cells)
     over = f" against {key_name(axes.x)}" if axes.x else ""
     drawn = plotted(swept_drawing(found, axes, cells))
     return Section("answer", escape(sentence_case(found.words) + over), drawn)
@@ -288,9 +295,10 @@ def heat_section(results: Results) -> Section | None:
         return None
     known: Any = tile_table(results)
     cells = results.study.cells
+    differing = sorted(METRICS, key=lambda metric: known[metric].nunique() < 2)
     views = {
         metric_label(metric, cells): tiled(heat_drawing(results, tiles, metric))
-        for metric in METRICS
+        for metric in differing
         if known[metric].notna().any()
     }
     if not views:

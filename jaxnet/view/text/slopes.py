@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxnet.config.naming import quantity, value_alone
 from jaxnet.model.wording import number_text
+from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVAL, whole_draws
@@ -14,7 +15,6 @@ from jaxnet.statistics.intervals import below_greatest
 from jaxnet.statistics.limits import unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
-from jaxnet.view.columns import without_rounding
 from jaxnet.view.text.printer import fitted_columns, fitted_text
 from jaxnet.view.text.tables import lane_title
 from jaxnet.view.text.width import filled

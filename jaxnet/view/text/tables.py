@@ -12,10 +12,10 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config, Sequential
 from jaxnet.config.naming import label_notes
 from jaxnet.config.sweep import is_joint
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
+from jaxnet.kinds.metrics import AGREEMENT, COLUMNS_OF_METRIC, CONTRACT
 from jaxnet.model.wording import cells_named, count, count_between, counted, number_text
 from jaxnet.statistics import recovery
-from jaxnet.statistics.amplitude import amplitude_note
+from jaxnet.statistics.amplitude import amplitude_note, without_rounding
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.curves import failed_kinds
 from jaxnet.statistics.falling import falling_words
@@ -25,7 +25,6 @@ from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
-    COLUMNS_OF_METRIC,
     UNSETTLED_NOTE,
     hull_note,
     lane_shares,
@@ -215,7 +214,7 @@ def off_lines(results: Results, shown: Sequence[Column]) -> list[str]:
             for cell, value, size, lanes, most in table.join(beside).itertuples():
                 few = int(0.05 * (lanes - 1) + 1e-9)  # above 95 %
                 told = f"{title} 0: up to {few} of {count(int(lanes), 'lane')} are off"
-                low, high = (columns.without_rounding(each, size) for each in (value, most))
+                low, high = (without_rounding(each, size) for each in (value, most))
                 if low == 0 < high:
                     found.setdefault(told, []).append(cell)
     return [f"{words}: {cells_named(cells)}" for words, cells in found.items()]

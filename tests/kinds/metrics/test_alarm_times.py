@@ -67,6 +67,8 @@ def first(**keys):
         (first(of="honest"), 0.75),
         (first(of="honest", which="last"), np.inf),
         (first(listener=3, source=2), 1.15),
+        (first(listener=2, source=1), 0.75),  # an honest link
+        (first(of="attacked", listener=2, source=1), np.inf),
         (first(of="honest", listener=4, source=3), np.inf),
         ("isolation_time", 1.15),
         # of 5 honest links; the tail begins at 1 s
@@ -88,6 +90,19 @@ def test_a_link_that_returns_raises_alarms_again():
     both = Planned(plan=[[2, 1, 0.4]], cuts="both_ways")
     assert measured("wrongly_cut", detector=both) == 1 / 5  # and an attacked one
     assert measured("isolation_time", detector=both) == np.inf
+
+
+def test_a_liar_that_sends_0_stays_attacked():
+    """Its links are cut while it lies for a tick. Then they carry the truth, but are not honest.
+
+    A detector of what is more than 0.5 m off sees it once, from 0.4 s on.
+    """
+    lie = {"kind": "sleeper", "magnitude": 1.0, "vehicles": [2], "start": 0.4, "burst": 0.05}
+    keys = {"attack": {**lie, "share": 0.0}, "detector": {"kind": "distance", "threshold": 0.5}}
+    keys["detector"] |= {"cuts": "link"}
+    assert measured("isolation_time", **keys) == pytest.approx(0.4)
+    assert measured("wrongly_cut", **keys) == 0.0
+    assert measured({"kind": "run_length", "of": "attacked"}, **keys) == 9
 
 
 @pytest.mark.long
