@@ -230,7 +230,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
         for labels in (curve.group.labels for curve in found)
     )
     about = [[cell.number for cell in curve.group.cells] for curve in found]
-    table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about, names=labels)
+    table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about, names=[*labels])
     return paragraph(SLOPES_NOTE) + table
 
 
