@@ -56,7 +56,7 @@ WITH_MEMORY = {
     "filter, late": ("exact", ROUNDS, 3, LATE | NOISE, WINDOW | KALMAN | {"cuts": "link"}, TRIM),
 }
 CELLS |= {name: (*c[:4], {"detector": c[4]} | c[5]) for name, c in WITH_MEMORY.items()}
-SHORT = {"filter", "messages that are also lost", "sampled"}
+SHORT = {"filter", "messages that are also lost"}
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ NETWORKS = {
 
 @pytest.mark.parametrize(
     "name",
-    ["exact", "weights as they are", pytest.param("a weight on itself", marks=pytest.mark.long)],
+    ["exact", *[pytest.param(each, marks=pytest.mark.long) for each in [*NETWORKS][1:]]],
 )
 def test_a_cut_link_leaves_the_network_without_it(name):
     """The bias is seen at 0 s. The strength of local rows changes, too."""

@@ -165,7 +165,11 @@ def start_of(one, number):
 
 @pytest.mark.parametrize(
     ("engine", "kind", "accuracy"),
-    [("exact", Alike, 1e-9), ("nonlinear", Filtered, 1e-5)],
+    [
+        pytest.param("exact", Alike, 1e-9, marks=pytest.mark.long),
+        ("exact", Filtered, 1e-9),
+        pytest.param("nonlinear", Filtered, 1e-5, marks=pytest.mark.long),
+    ],
 )
 def test_weights_that_are_numbers_and_an_attack_that_chooses_at_ticks(engine, kind, accuracy):
     """Weights follow received positions, velocities, accelerations and the gain; each lane's own

@@ -31,8 +31,11 @@ def rotated(first, time, k):
 
 @pytest.mark.parametrize(
     ("engine", "gain"),
-    [("exact", COUPLED), ("exact", BY_AXIS), ("nonlinear", COUPLED)],
-    ids=["exact-coupled", "exact-by_axis", "nonlinear-coupled"],
+    [
+        pytest.param("exact", COUPLED, id="exact-coupled"),
+        pytest.param("exact", BY_AXIS, id="exact-by_axis"),
+        pytest.param("nonlinear", COUPLED, id="nonlinear-coupled", marks=pytest.mark.long),
+    ],
 )
 def test_the_closed_loop_is_a_matrix_exponential(engine, gain):
     """`ẋ = (A + B K) (x - G) + Ġ` of each vehicle, with η = (x, y, ẋ, ẏ) as the paper orders it."""

@@ -45,7 +45,10 @@ def subsequence(own, received, weights, spared, F):
     return kept, np.dot(received[kept], weights[kept]) / weights[kept].sum() if kept else own
 
 
-@pytest.mark.parametrize(("share", "F", "navigator"), [(1.0, 1, "all"), (0.8, 2, [1, 6])])
+@pytest.mark.parametrize(
+    ("share", "F", "navigator"),
+    [pytest.param(1.0, 1, "all", marks=pytest.mark.long), (0.8, 2, [1, 6])],
+)
 def test_single_integrators_step_by_their_weights(share, F, navigator):
     """Steps of W-MSR by a plain program, with k0 = share/tick and five liars.
 

@@ -198,6 +198,8 @@ LONG |= {"damped", "damped, late", "damped, held messages", "damped and held, la
 LONG |= {"misused, held and late", "nonlinear, misused", "stacked, misused"}
 LONG |= {"own delay", "own delay by message", "nonlinear, own delay"}
 LONG |= {"nonlinear, damped", "stacked, damped"}
+LONG |= {"lost and held, trimmed", "local and held, late", "local, continued", "misused"}
+LONG |= {"rounds, held", "vote, local and held"}
 
 
 def cell(engine, law, order, channel, keys):
@@ -251,7 +253,7 @@ def test_a_cell_moves_as_the_plain_fleet(name):
 SEEDS = [(seed, "exact", H) for seed in (8, 24, 34, 43, 51, 54, 57, 58, 61, 69, 71)]
 SEEDS += [(seed, "exact", 1e-4) for seed in (34, 51, 54, 58, 61, 71)]  # late, or continued
 SEEDS += [(seed, "nonlinear", H) for seed in (8, 51, 61)]
-FAST = [(24, "exact", H), (51, "exact", 1e-4)]
+FAST = [(51, "exact", 1e-4)]
 
 
 @pytest.mark.parametrize(

@@ -214,9 +214,9 @@ def test_the_message_that_arrived_last_is_held(law, delay):
 @pytest.mark.parametrize(
     ("law", "engine"),
     [
-        ({"kind": "local", "hold": False}, "sampled"),
         ("exact", "sampled"),
-        ("rounds", "sampled"),
+        pytest.param({"kind": "local", "hold": False}, "sampled", marks=pytest.mark.long),
+        pytest.param("rounds", "sampled", marks=pytest.mark.long),
         ("rounds", "nonlinear"),  # q is held in both
     ],
 )

@@ -98,7 +98,11 @@ TURN = np.exp(1j * np.pi / 3)  # of the ring of six, in which each hears the nex
     ("topology", "radius"),
     [
         ({"edges": CYCLE + LOOPS}, abs(1 + TURN) / 2),
-        ({"edges": QUARTERS, "normalised": False}, abs(0.75 + 0.25 * TURN)),
+        pytest.param(
+            {"edges": QUARTERS, "normalised": False},
+            abs(0.75 + 0.25 * TURN),
+            marks=pytest.mark.long,
+        ),
         ({"edges": CYCLE, "own_weight": 3.0}, abs(3 + TURN) / 4),
     ],
 )

@@ -69,6 +69,7 @@ def test_trimmed(trimmed):
     assert trimmed.switches.any()
 
 
+@pytest.mark.long  # short: held decisions above; the field, tests/runs/test_field.py
 def test_deciding_in_the_vector_field():
     """`tick: 0` as `jaxnet.field` has it, at all times; to the tolerances.
 

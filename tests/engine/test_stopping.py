@@ -133,7 +133,8 @@ def test_a_vehicle_cut_off_stops_where_it_stands_still(engine, vehicle, order):
         assert all(np.isfinite(value).all() for value in outcome.metrics.values())
 
 
-@pytest.mark.parametrize("move", ["euler", pytest.param("exact", marks=pytest.mark.long)])
+@pytest.mark.long  # short: at rest by a held input, tests/engine/test_standstill.py
+@pytest.mark.parametrize("move", ["euler", "exact"])
 def test_with_held_inputs_a_vehicle_cut_off_stops_on_its_way(move):
     """A plain loop along its course: `v̇ = -k1 (v - v(0)) - k0 s`, held over a tick."""
     (k0, k1), heading, speed = GAINS[2][0], 0.7, 1.5

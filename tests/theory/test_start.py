@@ -57,14 +57,16 @@ def test_a_start_283_m_away_is_within_a_millimetre_after_18_s():
     [
         {},
         {"gain": [8, 5, 2.6]},  # oscillates
-        {"topology": "path", "vehicles": 5},
         {"vehicle": "single_integrator"},
-        {"vehicle": "car"},
         {"vehicle": "look_ahead", "engine": "exact"},
         {"initial": {"position": [[3 * i, -40] for i in range(12)], "speed": 1.0}},
         *[
-            pytest.param({**keys, "engine": "nonlinear"}, marks=pytest.mark.long)
-            for keys in (AXES, COUPLED, APART)
+            pytest.param(keys, marks=pytest.mark.long)
+            for keys in (
+                {"topology": "path", "vehicles": 5},
+                {"vehicle": "car"},
+                *({**keys, "engine": "nonlinear"} for keys in (AXES, COUPLED, APART)),
+            )
         ],
     ],
 )
@@ -98,9 +100,16 @@ def test_nothing_is_told_without_a_bound(keys):
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_every_config_is_long_enough_or_says_why_not(path):
-    """Its tail begins when a start has died away below what is asked for; without simulating."""
+    """Its tail begins when a start has died away below what is asked for; without simulating.
+
+    Nobody lies before a start has died away, so one attack of each network and defence does.
+    """
     study = jaxnet.load(path)
-    found = [ending(cell, study.config) for cell in study.cells]
+    cells = {}
+    for cell in study.cells:
+        others = [f"{key}: {each}" for key, each in cell.labels.items() if "attack" not in key]
+        cells.setdefault(tuple(others), cell)
+    found = [ending(cell, study.config) for cell in cells.values()]
     early = [each for each in found if isinstance(each, Ending) and each.after > each.begins]
     told = [line for line in path.read_text().splitlines() if "too short" in line]
     assert bool(early) == bool(told), early[:1]

@@ -41,7 +41,7 @@ def results(tmp_path_factory):
             "attack.magnitude": [1, 10],
             "defence": [
                 {"kind": "none", "label": FORMULA},
-                {"kind": "trusted_only", "label": ESCAPES},
+                {"kind": "none", "label": ESCAPES},
             ],
         },
     }

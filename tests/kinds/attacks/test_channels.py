@@ -69,8 +69,11 @@ def plain(kind, lane, links, navigator):
     return choose
 
 
-# What a kind adds, and that a link carries nothing else, are short ones.
+# One of each: a constant that adds, a choice at ticks, a path of before, a message in the place of
+# another. The formulas of the other kinds: test_signals, test_strategic.
 LONG = [(kind, "replaces", *EARS) for kind in ("spoof", "mimic", "greedy")]
+LONG += [("spoof", "adds", *EARS), ("mimic", "adds", *EARS)]
+LONG += [("freeze", "replaces", "navigator", "star", 0)]
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,10 @@ def states(starts, heard, liars, engine="exact", steps=80, **keys):
     return systems.outcome(1, **KEYS, **given).series["state"][0]
 
 
-@pytest.mark.parametrize("engine", ["exact", {"kind": "sampled", "move": "euler"}])
+@pytest.mark.parametrize(
+    "engine",
+    ["exact", pytest.param({"kind": "sampled", "move": "euler"}, marks=pytest.mark.long)],
+)
 def test_published_example(engine):
     """After 1 and 5 steps and in the end (Ramos, Silvestre and Silvestre, arXiv 2107.00431)."""
     found = states(STARTS, HEARD, [0, 8], engine, f=2, epsilon=0.1)[..., 0]

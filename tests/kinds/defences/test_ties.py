@@ -39,7 +39,9 @@ def test_the_last_bit_moves_nobody(defence):
     np.testing.assert_array_equal(ours.switches, theirs.switches)
 
 
-@pytest.mark.parametrize("defence", ["trusted_trim", "ms_norm"])
+@pytest.mark.parametrize(
+    "defence", ["trusted_trim", pytest.param("ms_norm", marks=pytest.mark.long)]
+)
 def test_of_equal_ones_the_lower_number_is_dropped(defence):
     """At t = 0, by whoever hears two of four liars as far from the navigator, whom it trusts."""
     attack = {"kind": "rotating", "threat": "replaces", "magnitude": 1e3}

@@ -23,6 +23,7 @@ def alone(samples, **keys):
     return study.config.navigator.jets, outcome.series["state"][:, :, 0]
 
 
+@pytest.mark.long  # short: the closed form below
 def test_the_heading_follows_a_plain_integration():
     """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by Runge–Kutta here."""
     path, data = alone(2, navigator=Powers(x=[3.0, 9.0, -4.0, 0.5], y=[0.0, -5.0, 3.0, 0.2]))
