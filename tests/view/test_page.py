@@ -26,7 +26,7 @@ from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
-from jaxnet.view.page import findings, sections, trajectories
+from jaxnet.view.page import findings, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.plots import axis, plotted
 from jaxnet.view.text import comparison
@@ -153,7 +153,7 @@ def test_cells_that_are_not_all_of_a_value_are_told_with_it():
         ([0, 2, 4], "in cells 0, 2, 4"),
         ([0, 1, 3], "in 3 of 4 cells with ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m"),
     ):
-        assert findings.where_words(results, numbers) == words
+        assert where.where_words(results, numbers) == words
 
 
 def test_the_page_begins_with_what_was_found(html):

@@ -1,31 +1,26 @@
 """Findings about a results folder, in sentences."""
 
 import functools
-import itertools
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.cells import Cell, is_leaderless, judged_metric
-from jaxnet.config.keys import Sequential
-from jaxnet.config.naming import NO_BREAK, is_kind, key_name, labels_title, value_alone, value_name
+from jaxnet.config.cells import is_leaderless, judged_metric
+from jaxnet.config.naming import NO_BREAK, labels_title, value_name
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
-from jaxnet.model.wording import cells_named, count, count_between, counted, number_text, ranges
+from jaxnet.model.wording import count, counted, number_text, ranges
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.horizon import errors_words
-from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.nominal import misfit_words
-from jaxnet.statistics.pairs import CellsCompared, compared_cells
 from jaxnet.statistics.quantities import VALUE_COLUMNS, meaning, stored_values
 from jaxnet.statistics.recovery import (
     attacked_mask,
@@ -39,7 +34,17 @@ from jaxnet.statistics.summary import share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
+from jaxnet.view.page.compared import (
+    TestRows,
+    compares_shares,
+    judged_word,
+    kinds_words,
+    p_words,
+    percent_text,
+    tested_words,
+)
 from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
+from jaxnet.view.page.where import MOST_TOLD, NEGLIGIBLE, above_text, span_words, where_words
 from jaxnet.view.text import worst
 from jaxnet.view.text.facts import attacked_at_once
 
@@ -50,11 +55,7 @@ MEDIAN_LANE = {  # by `judged_word`
 }
 
 MOVED = 10  # times as far as without an attack
-NEGLIGIBLE = 1e-3  # of the greatest value
-TestRows = list[dict[str, Any]]  # of the table of p values
-NO_DIFFERENCE = "no difference by"
 MOST_TESTS = 200  # in the table of p values
-MOST_COMPARED, MOST_TOLD = 8, 3  # values of a swept key in one sentence, and of a few cells
 
 
 def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
@@ -184,91 +185,6 @@ def settled(
     )
 
 
-def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] = ()) -> str:
-    """The swept values that some of the cells `among` have alone; else the number of cells."""
-    cells = [results.study.cells[n] for n in among or range(len(results.study.cells))]
-    labels, many = results.study.cells[numbers[0]].labels, len(numbers)
-    if not labels:
-        return ""
-    if many == len(cells) > 1:
-        part = len(cells) < len(results.study.cells)
-        return f"in each of {many} cells" if part else "in every cell"
-    varied = (key for key, values in swept_values_of(cells).items() if len(values) > 1)
-    first = escape(labels_title({key: labels[key] for key in varied}) or labels_title(labels))
-    if many == 1:
-        return f"with {first} (cell {numbers[0]})"
-    words, alike = values_told(results, numbers, cells)
-    if not words:
-        return f"in {cells_named(numbers)}"
-    if alike > many:
-        return f"in {many} of {alike} cells with {words}"
-    return f"with {words} ({many} cells)"
-
-
-def values_told(results: Results, numbers: Sequence[int], among: Sequence[Cell]) -> tuple[str, int]:
-    """The few swept values that these of the cells `among` have, and how many cells have them."""
-    mine, there = (
-        swept_values_of(each) for each in ([results.study.cells[n] for n in numbers], among)
-    )
-    alike = sum(all(cell.labels[key] in mine[key] for key in mine) for cell in among)
-    told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
-    if max(map(len, told.values()), default=0) > MOST_TOLD:
-        return "", alike
-    words = (" or ".join(value_name(key, each) for each in told[key]) for key in told)
-    return escape(", ".join(words)), alike
-
-
-def span_words(
-    results: Results,
-    values: pd.DataFrame,
-    told: Callable[[float], str],
-    unit: str,
-    among: Sequence[int],
-    sure: float = CONFIDENCE,
-) -> str:
-    """The least and the greatest value, each with its interval and cells; one if they read alike.
-
-    `values` have the columns value, low and high; `told` is the text of a number. Where the least
-    are negligible beside the greatest, one number above them stands for them.
-    """
-    texts: Any = values["value"].map(told)
-
-    def part(place: Any) -> str:
-        alike: Any = values[texts == texts[place]]
-        ends = [dict.fromkeys(map(told, alike[end].dropna())) for end in ("low", "high")]
-        interval = ""
-        if all(ends) and {*ends[0], *ends[1]} != {texts[place]}:
-            within = "s within" * (max(map(len, ends)) > 1)
-            low, high = told(alike["low"].min()), told(alike["high"].max())
-            interval = f" ({100 * sure:g} % interval{within} {low} to {high}{unit})"
-        where = where_words(results, alike.index.tolist(), among)
-        return f"<b>{texts[place]}{unit}</b>{interval} {where}".rstrip()
-
-    least, most = values["value"].idxmin(), values["value"].idxmax()
-    if texts[least] == texts[most]:
-        return f"is {part(most)}"
-    above: Any = values["high"].fillna(values["value"])
-    small: Any = above[above < NEGLIGIBLE * values["value"].max()]
-    if small.empty or unit.strip() not in ("m", "ā"):
-        return f"ranges from {part(least)} to {part(most)}"
-    where = where_words(results, small.index.tolist(), among)
-    return (
-        f"is at most <b>{above_text(float(small.max()))}{unit}</b> {where}, and up to {part(most)}"
-    )
-
-
-def above_text(value: float) -> str:
-    """A number of one digit that is not below a value, nor below rounding."""
-    least = max(float(value), ROUNDING_ERROR)
-    digit = 10.0 ** np.floor(np.log10(least))
-    return number_text(digit * np.ceil(round(least / digit, 9)))
-
-
-def judged_word(results: Results) -> str:
-    """The word for what lanes are judged by."""
-    return "spread" if is_leaderless(results.study.cells) else "error"
-
-
 def extremes_sentence(results: Results, tests: TestRows) -> str:
     """The cells with the least and the greatest error of the median lane."""
     errors, unit = errors_per_size(results)
@@ -340,172 +256,6 @@ def outside_sentence(results: Results) -> str:
         f" of the median lane {span}; that of the worst lane is {worst} m.{elsewhere}"
         " In a longer run they may go farther."
     )
-
-
-def kinds_words(results: Results, estimates: pd.DataFrame, unit: str, tests: TestRows) -> str:
-    """Sentences that compare the values of each swept kind; "" if none has two."""
-    values: Any = estimates["value"]
-    labels = [results.study.cells[n].labels for n in values.index]
-    swept = pd.DataFrame(labels, values.index, list(results.study.cells[0].labels)).map(str)
-    kinds = [
-        str(key)
-        for key in swept
-        if len({*swept[key]}) > 1 and (is_kind(key) or all(isinstance(v[key], str) for v in labels))
-    ]
-    kinds = [key for key in kinds if key != "filter"]  # compared by `separation_sentence`
-    found = [compared_words(results, key, values, swept, unit, tests) for key in kinds]
-    return "".join(f" {sentence_case(each)}." for each in found if each)
-
-
-def compared_words(
-    results: Results,
-    key: str,
-    values: pd.Series,
-    swept: pd.DataFrame,
-    unit: str,
-    tests: TestRows,
-) -> str:
-    """The range of each value of a swept kind, and which values are found better than which."""
-    of_labels: Any = {label: values[swept[key] == label] for label in dict.fromkeys(swept[key])}
-    parts: dict[str, str] = {}
-    number = percent_text if unit == "%" else error_text
-    for label, some in sorted(of_labels.items(), key=lambda each: each[1].mean()):
-        ends = dict.fromkeys(map(number, (some.min(), some.max())))
-        parts[str(label)] = f"<b>{' to '.join(ends)} {unit}</b>"
-    lanes, word = judged_lanes(results, swept.index, unit), judged_word(results)
-    subject, more = word, f"lanes more often have the smaller {word}"
-    if unit == "%":
-        subject, more = "share", f"more lanes {'agree' if word == 'spread' else 'recover'}"
-    tested = tested_words(results, key, [*parts], swept, lanes, more, tests)
-    texts, none = [*parts.values()], tested.startswith(NO_DIFFERENCE)
-    if len({*texts}) == 1:
-        if " to " in texts[0]:
-            return "" if none else tested
-        tested = f": {tested}" * (bool(tested) and not none)
-        return f"the {subject} is {texts[0]} whatever the {escape(key_name(key))}{tested}"
-    if unit != "%" and len(parts) == 2 and " to " not in "".join(texts):  # told in the span
-        return tested
-    names = (named(key, label) for label in parts)
-    told = [f"{told} with {name}" for told, name in zip(texts, names, strict=True)][:MOST_COMPARED]
-    told += [count(len(parts) - len(told), "other")] * (len(parts) > len(told))
-    tested = f". {sentence_case(tested)}" * bool(tested)
-    return f"by {escape(key_name(key))} the {subject} is {', '.join(told)}{tested}"
-
-
-def named(key: str, label: str) -> str:
-    """The value of a kind, or of another key that the sentence has named."""
-    return escape(value_name(key, label) if is_kind(key) else value_alone(key, label))
-
-
-def tested_words(
-    results: Results,
-    key: str,
-    labels: Sequence[str],
-    swept: pd.DataFrame,
-    lanes: Mapping[int, pd.Series],
-    more: str,
-    rows: TestRows,
-) -> str:
-    """Which values of a swept kind are better than which, in which settings; `rows` get each p.
-
-    `labels` are the values, the best first. `lanes` are numbers of each cell's lanes, the less the
-    better; `more` says what lanes with smaller numbers do. A setting is a combination of the other
-    swept keys. Lanes of a setting are compared in pairs of the same draw. Only found differences
-    are told: of up to eight pairs all, of more those with the first value. There is no test of
-    lanes that are not independent, and of a number of lanes that depends on them.
-    """
-    study, column = results.study.config, list(swept).index(key)
-    label_of = {cell: str(swept.iat[at, column]) for at, cell in enumerate(swept.index.tolist())}
-    others, groups = swept.drop(columns=key), dict[Any, list[int]]()
-    for cell, rest in zip(swept.index.tolist(), others.to_numpy().tolist(), strict=True):
-        groups.setdefault(tuple(rest), []).append(cell)
-    settings = [cells for cells in groups.values() if len(cells) > 1]
-    if study.draws != "random" or isinstance(study.samples, Sequential) or not settings:
-        return ""
-    tests = compared_cells(lanes, settings)
-    of_pairs: dict[tuple[str, str], list[CellsCompared]] = {}
-    for test in tests:
-        pair = sorted((label_of[test.better], label_of[test.worse]), key=labels.index)
-        of_pairs.setdefault((pair[0], pair[1]), []).append(test)
-        ends = (value_name(key, label_of[cell]) for cell in (test.better, test.worse))
-        mine = results.study.cells[test.better].labels
-        setting = labels_title({name: mine[name] for name in others if len({*others[name]}) > 1})
-        names = "compared", "better", "worse", "setting", "pairs", "p"
-        told_of = key_name(key), *ends, setting, test.lanes, test.p
-        rows.append(dict(zip(names, told_of, strict=True)))
-    pairs = [pair for pair in itertools.combinations(labels, 2) if pair in of_pairs]
-    if len(pairs) > MOST_COMPARED:
-        pairs = [pair for pair in pairs if pair[0] == labels[0]][:MOST_COMPARED]
-    told = []
-    for pair in pairs:
-        names = [named(key, each) for each in pair]
-        for good, bad in ((0, 1), (1, 0)):
-            some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
-            words = f"{more} with {names[good]} than with {names[bad]}"
-            told += settings_told(results, words, some, of_pairs[pair], others)
-    many = f"with {count_between([test.lanes for test in tests], 'pair')} in a setting"
-    none = f"{NO_DIFFERENCE} {escape(key_name(key))} is found {many}; a small one would not show"
-    return "; ".join(told) or none
-
-
-def p_words(results: Results) -> str:
-    """What the p values of findings are."""
-    name = "McNemar's exact test" if compares_shares(results) else "the exact sign test"
-    return (
-        f"test: {name} on paired lanes, adjusted by Holm over the comparisons of a key in which"
-        " enough lanes differ"
-    )
-
-
-def settings_told(
-    results: Results,
-    words: str,
-    some: Sequence[CellsCompared],
-    every: Sequence[CellsCompared],
-    others: pd.DataFrame,
-) -> list[str]:
-    """The words with the settings of some tests; [] of none."""
-    if not some:
-        return []
-    names = [name for name in others if len({*others[name]}) > 1]
-    if len(some) == len(every):
-        return [words + f" in all {len(every)} settings of the other keys" * (len(every) > 1)]
-    mine, among = (
-        sorted({cell for test in tests for cell in (test.better, test.worse)})
-        for tests in (some, every)
-    )
-    where, alike = values_told(results, mine, [results.study.cells[n] for n in among])
-    where = where if alike == len(mine) else ""
-    if not where and len(some) <= MOST_TOLD:
-        labels = (results.study.cells[test.better].labels for test in sorted(some))
-        told = (escape(labels_title({key: each[key] for key in names})) for each in labels)
-        where = "; ".join(told)
-    told_of = f"in {len(some)} of {len(every)} settings of the other keys"
-    return [f"{words} {f'({where})' if where else told_of}"]
-
-
-def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
-    """Errors of lanes that ended, by sample, or with "%" whether they are over the threshold."""
-    found, cells = {}, results.study.cells
-    metric, sizes = judged_metric(cells), curves.cell_magnitudes(results)
-    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells={*numbers}):
-        errors: Any = lanes.set_index("sample")[metric]
-        if unit == "%":
-            found[cell] = errors > threshold(cells[cell], results.study.config.recovery)
-        else:
-            errors = errors / (sizes[cell] if unit == "ā" else 1.0)
-            found[cell] = errors.where(errors.abs() >= ROUNDING_ERROR, 0.0)
-    return found
-
-
-def compares_shares(results: Results) -> bool:
-    """Whether kinds are compared by the share unrecovered, not by the error."""
-    shares = {*curves.unrecovered_shares(results)["unrecovered"]}
-    return results.study.config.recovery is not None and len(shares) > 1
-
-
-def percent_text(share: float) -> str:
-    return number_text(share, whole=100.0)
 
 
 def share_words(results: Results) -> str:
