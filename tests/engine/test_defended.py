@@ -52,7 +52,7 @@ def test_two_who_trust_each_other_know_nothing():
     assert safe(study).tolist() == [False, False, True, True]
     text = check.check_text(study)
     assert "safe          3, 4 untouched; not known for 1, 2" in text
-    told = "no proof for 1, 2 if 4 is attacked; for 3, 4 still if any 3 more are attacked"
+    told = "no proof for 1, 2 if 4 is attacked; a proof for 3, 4 even if any 3 more are attacked"
     assert told in " ".join(text.split())
 
 
