@@ -46,7 +46,7 @@ from jaxnet.model.plane import Jets
 from jaxnet.model.polynomial import Polynomial
 from jaxnet.model.signal import Basis, Vectors
 
-SILENT = 1e-300  # of ā, in each component: no position changes by it
+SILENCE = 1e-300  # of ā, in each component: no position changes by it
 
 
 class Strength(eqx.Module):
@@ -365,9 +365,9 @@ def bounded(vectors: Vectors, lane: Lane) -> Vectors:
 
     The Frobenius norm is no less than the spectral norm. The vectors are divided by their greatest
     component first, because the square of a large number is infinite. An attacked vehicle that
-    sends 0 sends `SILENT` ā instead, because links with a signal count as attacked.
+    sends 0 sends `SILENCE` ā instead, because links with a signal count as attacked.
     """
-    vectors = jnp.where((vectors != 0).any(axis=(0, 2), keepdims=True), vectors, SILENT)
+    vectors = jnp.where((vectors != 0).any(axis=(0, 2), keepdims=True), vectors, SILENCE)
     greatest = jnp.maximum(1.0, jnp.abs(vectors).max(axis=(0, 2), keepdims=True))
     unit = vectors / greatest
     norm = jnp.sqrt((unit**2).sum(axis=(0, 2), keepdims=True))

@@ -447,7 +447,7 @@ def test_one_cell_is_told_in_full():
         assert f"{name} {line}" in told
     ((first, told_each),) = check.certificates(study.cells[:1])
     certified = "".join(lines).partition("\n  time ")[0]
-    assert one_line(check.part_text(first, told_each)) == one_line(title + certified)
+    assert one_line(check.facts_text(first, told_each)) == one_line(title + certified)
 
 
 def test_what_differs_is_told_by_the_keys_that_decide_it():

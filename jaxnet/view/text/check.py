@@ -28,7 +28,7 @@ MOST_NETWORKS = 20  # with searches over sets of vehicles
 MOST_NAMED_VALUES = 12  # values of a swept key that are named one by one
 MOST_DISTINCT = 6  # of a fact that are told one by one; of more, the ranges of their numbers
 MOST_OF_A_KEY = 3  # values in a row, where fewer are left out
-MOST_ROWS = 8  # of a fact
+MOST_FACT_ROWS = 8  # of a fact
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
@@ -45,7 +45,7 @@ class AlikeCells(NamedTuple):
     facts: Facts
 
 
-Part = tuple[str, dict[str, list[str]]]  # a title, and the rows of each fact
+TitledFacts = tuple[str, dict[str, list[str]]]  # a title, and the rows of each fact
 
 
 def check_text(study: Study, number: int | None = None) -> str:
@@ -58,14 +58,14 @@ def check_text(study: Study, number: int | None = None) -> str:
     if number is None or len(found) > 1:
         texts.append(swept_text(study))
     texts.append(amplitude_note(study.cells) + amplitude_advice(study))
-    texts.append("\n".join(part_text(*part) for part in parts(found, times)))
+    texts.append("\n".join(facts_text(*part) for part in parts(found, times)))
     if idle := idle_keys(study):
-        texts.append(part_text("keys without effect", {key: [why] for key, why in idle.items()}))
+        texts.append(facts_text("keys without effect", {key: [why] for key, why in idle.items()}))
     lines = "\n\n".join(filter(None, texts)).splitlines()
     return "\n".join(fill(line, terminal_width()) for line in lines)
 
 
-def certificates(cells: Sequence[Cell]) -> list[Part]:
+def certificates(cells: Sequence[Cell]) -> list[TitledFacts]:
     """What is known of all cells, then what differs, by the keys that decide it."""
     return parts(networks(cells), [{}] * len(cells))
 
@@ -181,7 +181,7 @@ def swept_text(study: Study) -> str:
     return "\n".join(["swept, the last fastest:", *lines] if lines else [])
 
 
-def part_text(title: str, facts: Mapping[str, Sequence[str]]) -> str:
+def facts_text(title: str, facts: Mapping[str, Sequence[str]]) -> str:
     """Facts in a terminal's width, in two columns; short rows share a line."""
     lines, width = [title], max(map(len, facts), default=0)
     for name, rows in facts.items():
@@ -203,7 +203,7 @@ CellLabels = Sequence[Mapping[str, str]]  # of each cell, the values of the swep
 Combination = tuple[str, ...]  # values of some swept keys
 
 
-def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[Part]:
+def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[TitledFacts]:
     """The facts of all cells, then those that differ, under the keys that decide them.
 
     `more` are other facts of each cell, in the order of the cells' numbers.
@@ -274,8 +274,8 @@ def factor_rows(labels: CellLabels, lines: Sequence[str]) -> tuple[Combination, 
     for line, combinations in where.items():
         boxes = ("; ".join(map(values_text, box, every)) for box in boxes_of(combinations))
         rows += [f"{' '.join(f'[{box}]' for box in boxes)} {line}"] * bool(line)
-    if len(rows) > MOST_ROWS:
-        rows[MOST_ROWS:] = [f"and {count(len(rows) - MOST_ROWS, 'row')} more …"]
+    if len(rows) > MOST_FACT_ROWS:
+        rows[MOST_FACT_ROWS:] = [f"and {count(len(rows) - MOST_FACT_ROWS, 'row')} more …"]
     short = {key: key.rpartition(".")[2] for key in labels[0]}
     last_words = [*short.values()]
     return tuple(short[key] if last_words.count(short[key]) == 1 else key for key in keys), rows

@@ -21,7 +21,7 @@ from jaxnet.view.text.width import MOST_ROWS, filled, left_out_note
 MOST_NAMED_LANES = 20  # lanes of a kind
 FIRST_METRICS = {"tail_mean": "mean", "spread": "spread"}  # metrics that are shown to the last
 SECOND_METRICS = {"tail_max": "max", "outside": "outside"}
-OF_FILTERS = {MIN_SEPARATION.name: "least distance"}  # where studies differ in their filters
+FILTER_METRICS = {MIN_SEPARATION.name: "least distance"}  # where studies differ in their filters
 SHOWN_AS = {"mean": TITLES["tail_mean"], "max": TITLES["tail_max"]}  # of the words of a CSV table
 
 
@@ -36,11 +36,11 @@ def of_metrics(metrics: dict[str, str], end: str, title: str) -> list[tuple[str,
 # Columns of differences.csv, what matters most first: name, that in a CSV table, and how the names
 # of the ends of its interval begin, there and in a CSV table.
 DIFFERENCES = [
-    *of_metrics(OF_FILTERS | FIRST_METRICS, "median", " median"),
+    *of_metrics(FILTER_METRICS | FIRST_METRICS, "median", " median"),
     ("saved", "only A off"),
     ("lost", "only B off"),
     ("unrecovered", "unrecovered", "unrecovered", "share"),
-    *of_metrics(OF_FILTERS | FIRST_METRICS, "difference", ""),
+    *of_metrics(FILTER_METRICS | FIRST_METRICS, "difference", ""),
     (f"{COLLISIONS.name}_difference", "collisions", COLLISIONS.name, "collisions"),
     ("p", "p"),
     ("pairs", "pairs"),
