@@ -85,6 +85,10 @@ settings.load_profile("jaxnet")
 gc.set_threshold(200_000, 50, 1000)  # programs are traced into millions of objects, which stay
 
 ROOM = 601  # output times; 30 s by default are 301
+# XLA would look seventeen times for what can leave a loop, and verify what it has after each pass:
+# half of the time to compile.
+COSTLY = "simplify-while-loops,while-loop-invariant-code-motion,while-loop-constant-sinking"
+COSTLY += ",hlo-verifier"
 MOST_LINKS = 400  # of fleets for whom all series are saved
 MOST_MAPPINGS = 35_000  # of memory; a file of tests adds some thousands
 BROWSER = next(
@@ -116,7 +120,10 @@ def few_side_by_side():
         cut = {name: each[: plan.rows] for name, each in saved.items() if name in SERIES}
         return outcome._replace(series=saved | cut)
 
+    cpu = programs.COMPILER["cpu"]
+    passes = f"{cpu['xla_disable_hlo_passes']},{COSTLY}"
     with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(programs.COMPILER, "cpu", cpu | {"xla_disable_hlo_passes": passes})
         patch.setattr(programs, "advance_load", in_much_room)
         for engine, lanes in {"exact": 16, "nonlinear": 8, "sampled": 8}.items():
             patch.setattr(registry.find("engine", engine), "chunk", lanes)

@@ -22,6 +22,7 @@ def navigator_jets(results, times):
     return np.asarray(results.study.config.navigator.jets(np.asarray(times)))
 
 
+@pytest.mark.long  # short: order 3, tests/engine/test_exactness.py
 def test_static_gains_do_not_depend_on_the_order():
     """3.0000 in the mean and 3.1034 for the worst on the ring."""
     keys = {"vehicle": "planar_quadrotor", "defence": "none", "horizon": 60.0, "samples": 2}

@@ -198,7 +198,7 @@ LONG |= {"damped", "damped, late", "damped, held messages", "damped and held, la
 LONG |= {"misused, held and late", "nonlinear, misused", "stacked, misused"}
 LONG |= {"own delay", "own delay by message", "nonlinear, own delay"}
 LONG |= {"nonlinear, damped", "stacked, damped"}
-LONG |= {"lost and held, trimmed", "local and held, late", "local, continued", "misused"}
+LONG |= {"lost and held, trimmed", "local and held, late", "misused"}
 LONG |= {"rounds, held", "vote, local and held"}
 
 

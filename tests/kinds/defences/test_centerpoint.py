@@ -96,10 +96,10 @@ def least(positions, weights, point):
 
 
 def test_it_is_the_middle_with_the_least_weights():
-    """100 points to 1e-6 m of a cut polygon, 20 weights to 1e-5 against all sets of sources."""
+    """40 points to 1e-6 m of a cut polygon, 20 weights to 1e-5 against all sets of sources."""
     position, weights = drawn(2)
     found = np.asarray(WEIGHTS(position, weights))
-    for lane in range(100):
+    for lane in range(40):
         heard = weights[:, 0, lane] > 0
         of = weights[heard, 0, lane] / weights[:, 0, lane].sum()
         positions, ours = position[:, heard, 0, lane].T, found[heard, 0, lane]
