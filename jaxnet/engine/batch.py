@@ -28,7 +28,7 @@ CHOOSING = 8_000  # most vehicles side by side in a plan that chooses at ticks, 
 LEAST_CHUNK = 2
 MOST_LANES = 2**32
 SLOW_CHUNK = 8  # lanes side by side where vehicles decide inside the vector field
-LATE_CHUNK = 64  # most lanes side by side where messages are delayed, and histories kept
+REMEMBERING_CHUNK = 64  # most lanes side by side where each link has a history or an estimate
 # On accelerators: as many lanes side by side as have work for all its units, where memory allows.
 ACCELERATOR_CHUNK = 2**17
 VEHICLE_BYTES = 4_096  # at most, of a vehicle in a lane: 240 to 1,500 are measured
@@ -78,7 +78,7 @@ class Machine(NamedTuple):
             most = min(self.chunk or ACCELERATOR_CHUNK, 2 ** math.floor(math.log2(held)))
             return min(most, 2 ** math.ceil(math.log2(max(LEAST_CHUNK, lanes))))
         chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
-        chunk = min(chunk, LATE_CHUNK) if plan.late else chunk
+        chunk = min(chunk, REMEMBERING_CHUNK) if plan.late or plan.estimates else chunk
         cached = min(plan.engine.cached, CHOOSING if plan.choosing else math.inf)
         few = min(
             chunk * math.sqrt(TYPICAL_FLEET / max(TYPICAL_FLEET, vehicles)), cached / vehicles

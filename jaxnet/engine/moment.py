@@ -70,7 +70,8 @@ def tell(errors: Jets) -> Sent:
 
 def attacked_links(hearing: Hearing, vectors: Vectors) -> LinkFlags:
     """Links that carry a signal with these vectors."""
-    return (hearing.added(jnp.abs(vectors).sum(axis=2)) != 0).any(axis=0)
+    along, across = hearing.added(jnp.abs(vectors).sum(axis=2)) != 0
+    return along | across
 
 
 def misusing(vectors: Vectors) -> VehicleFlags:

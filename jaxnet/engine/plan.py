@@ -23,6 +23,7 @@ class Plan(NamedTuple):
     consistent: bool = True  # whether an attack's signals come with their true derivatives
     missing: str = "drop"  # what stands in for a lost message: a key of `channel.MISSING`
     late: int = 0  # most ticks by which messages are delayed
+    estimates: bool = False  # whether listeners estimate the motion of their sources
     own_delay: bool = False  # whether delayed messages are compared with what was so long ago
     extrapolate: str = "none"  # what listeners make of delayed messages (`late.message_gains`)
     as_told: bool = False  # whether attacked vehicles move as they tell

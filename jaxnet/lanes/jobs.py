@@ -56,6 +56,7 @@ def job(
         consistent=scenario.attack.consistent(),
         missing=scenario.channel.missing,
         late=late_ticks(scenario),
+        estimates=not scenario.detector.foretells(),
         own_delay=scenario.channel.own_delay and scenario.channel.late,
         extrapolate=scenario.channel.extrapolate if scenario.channel.late else "none",
         as_told=scenario.attack.as_told(),

@@ -16,6 +16,13 @@ def whitened(
     """
     if variances is None:
         return jnp.zeros_like(residuals), jnp.zeros(residuals.shape[2:], int)
-    noisy = variances > 0
-    scale = jnp.where(noisy, 1.0 / jnp.sqrt(jnp.where(noisy, variances, 1.0)), 0.0)
-    return scale[:, None] * residuals, noisy.sum(axis=0)
+    noisy, white = [each > 0 for each in variances], []
+    for some, variance, each in zip(noisy, variances, residuals, strict=True):
+        scale = 1.0 / jnp.sqrt(jnp.where(some, variance, 1.0))
+        white.append(jnp.where(some[None], scale[None] * each, 0.0))  # no work without any errors
+    return jnp.stack(white), sum(some.astype(int) for some in noisy)
+
+
+def squared_lengths(residuals: Float[Any, "orders 2 *links"]) -> Float[Any, "*links"]:
+    """Sum of the squares of both axes of all orders, term by term: XLA makes no array of them."""
+    return sum(axis**2 for order in residuals for axis in order)

@@ -40,6 +40,11 @@ def materialised(work: Callable[[], Tree]) -> Tree:
     return on_cpus(in_a_loop, work)
 
 
+def stored(values: Tree) -> Tree:
+    """Values, each computed only once."""
+    return materialised(lambda: values)
+
+
 def add_slice(array: jax.Array, place: tuple[int | LoopIndex, ...], by: jax.Array) -> jax.Array:
     """Add `by` to a slice of an array without a scatter, and return the array.
 
@@ -53,11 +58,25 @@ def add_slice(array: jax.Array, place: tuple[int | LoopIndex, ...], by: jax.Arra
 def in_any_row(flags: jax.Array) -> jax.Array:
     """For each lane, the last axis, whether any of its flags is set."""
     rows = flags.reshape(-1, flags.shape[-1])
-
-    def one(number: LoopIndex, found: jax.Array) -> jax.Array:
-        return found | rows[number]
-
     return on_cpus(  # 10 times, 36 rows
-        lambda: jax.lax.fori_loop(0, len(rows), one, jnp.zeros(rows.shape[-1:], bool)),
+        lambda: row_by_row(jnp.bitwise_or, rows, jnp.zeros(rows.shape[-1:], bool)),
         lambda: rows.any(axis=0),
     )
+
+
+def rows_set(flags: jax.Array) -> jax.Array:
+    """For each lane, the last axis, how many of its flags are set."""
+    rows = flags.reshape(-1, flags.shape[-1])
+    return on_cpus(
+        lambda: row_by_row(jnp.add, rows, jnp.zeros(rows.shape[-1:], int)),
+        lambda: rows.sum(axis=0),
+    )
+
+
+def row_by_row(
+    join: Callable[[jax.Array, jax.Array], jax.Array], rows: jax.Array, start: jax.Array
+) -> jax.Array:
+    def one(number: LoopIndex, found: jax.Array) -> jax.Array:
+        return join(found, rows[number].astype(start.dtype))
+
+    return jax.lax.fori_loop(0, len(rows), one, start)

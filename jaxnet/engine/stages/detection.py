@@ -21,7 +21,7 @@ from jaxnet.kinds.detectors import JudgedWords
 from jaxnet.kinds.observers import Compared, HeardMessages
 from jaxnet.kinds.shapes import Memory
 from jaxnet.kinds.ticks import TICK_ROUNDING
-from jaxnet.model import plane, whitening
+from jaxnet.model import plane, whitening, xla
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane
 from jaxnet.model.shapes import LoopIndex
@@ -106,18 +106,19 @@ class Detection(Alarms):
             compared = compared._replace(known=known)
         words = judged_messages(lane, heard, compared)
         alarms, memory = detector.alarms(words, self.memory)
-        attacked = late.attacked(now)
-        each = jnp.stack([attacked & words.judged, ~attacked & words.judged])
-        with_alarm = each & alarms[None]
+        judged, attacked = words.judged, late.attacked(now)
+        each = jnp.stack([attacked & judged, ~attacked & judged])
+        raised, each = xla.stored((alarms & judged, each))
+        with_alarm = each & raised[None]
         first = jnp.where(each & jnp.isnan(self.first), jnp.inf, self.first)
         counted = replace(
             self,
-            alarms=self.alarms + with_alarm.sum(axis=(1, 2)),
-            judged=self.judged + each.sum(axis=(1, 2)),
+            alarms=self.alarms + jnp.stack([*map(xla.rows_set, with_alarm)]),
+            judged=self.judged + jnp.stack([*map(xla.rows_set, each)]),
             first=jnp.where(with_alarm & jnp.isinf(first), now.time[None, None, None], first),
             memory=memory,
         )
-        return counted.acting(now, heard, alarms & words.judged, whole)
+        return counted.acting(now, heard, raised, whole)
 
     def acting(
         self, now: Moment, heard: HeardMessages, raised: LinkFlags, whole: Lane
@@ -140,7 +141,7 @@ class Detection(Alarms):
             cut, first = is_cut(until, now.time), first_memories(lane, heard)
             memories = jax.tree.map(lambda new, old: anew(cut, new, old), first, memories)
             attacked = (whole.weights > 0) & now.attacked_links()
-            isolated = attacked.any(axis=(0, 1)) & ~(attacked & ~cut).any(axis=(0, 1))
+            isolated = xla.in_any_row(attacked) & ~xla.in_any_row(attacked & ~cut)
             since = jnp.where(isolated, now.time, jnp.inf)
             found = replace(found, isolated=jnp.minimum(self.isolated, since))
         return replace(found, memory=memories[0], observed=memories[1])
@@ -220,14 +221,15 @@ def heard_at(
     errors = tuple(one - hearing.sent(told) for one, told in zip(carried, sent, strict=True))
     still = tuple(jnp.zeros_like(jet) for jet in now.errors)
     errors = plane.plus(errors, tuple(map(hearing.sent, tell(sensed.of(still)))))
-    path = now.navigator[: now.order, :, None, None]
+    told, path = links.of(late.jets(now, carried)), now.navigator[: now.order, :, None, None]
+    received = xla.stored(plane.plus(told, path))
     return HeardMessages(
         now.time,
         lane.interval,
         hearing.sources,
         lane.weights,
         lane.weights > 0 if came.links is None else came.links,
-        jnp.stack(links.of(late.jets(now, carried))) + path,
+        jnp.stack(received),
         jnp.stack(links.of(late.errors(now, errors))),
         error_variances(lane, hearing),
         jnp.stack(sensed.of(now.own)),

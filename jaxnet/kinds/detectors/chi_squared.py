@@ -3,8 +3,11 @@ from typing import Annotated
 from jaxnet.kinds.detectors import AlarmRule, Detector
 from jaxnet.kinds.fields import Number, Within, setting
 from jaxnet.kinds.shapes import AnyCounts, AnyNumbers
-from jaxnet.lazy import jnp, stats
+from jaxnet.lazy import jax, jnp, stats
+from jaxnet.model.shapes import LoopIndex
+from jaxnet.model.whitening import squared_lengths
 
+NEWTON_STEPS = 30  # from x = 2n
 MOST_HALVED = 700.0  # half a squared residual: no window holds as many degrees, and e^-700 is no 0
 
 
@@ -32,24 +35,43 @@ class ChiSquared(Detector):
         return AlarmRule(float(limit), window=self.window)
 
     def start(self, words):
-        """Squared residuals of the last messages, and their number."""
+        """The limits; in a window also squared residuals of the last messages, and their number."""
+        found = limits(self.false_alarms, self.window * len(words.residuals))
         if self.window == 1:
-            return None
+            return found
         squares = jnp.zeros((self.window, *words.judged.shape))
-        return squares, jnp.zeros(words.judged.shape, int)
+        return found, squares, jnp.zeros(words.judged.shape, int)
 
     def alarms(self, words, memory):
         """Where the p-value is below `false_alarms`, with 2n degrees for n orders of a message."""
-        squared, counted = (words.residuals**2).sum(axis=(0, 1)), words.orders
-        if self.window > 1:
-            squares, number = memory
-            latest = jnp.concatenate([squares[1:], squared[None]])
-            squares = jnp.where(words.judged[None], latest, squares)
-            number = jnp.minimum(number + words.judged.astype(int), self.window)
-            squared, counted = squares.sum(axis=0), number * words.orders
-            memory = squares, number
-        most = self.window * len(words.residuals)
-        return p_value(squared, counted, most) < self.false_alarms[None, None], memory
+        squared, counted = squared_lengths(words.residuals), words.orders
+        if self.window == 1:
+            return squared > limit_of(memory, counted), memory
+        found, squares, number = memory
+        latest = jnp.concatenate([squares[1:], squared[None]])
+        squares = jnp.where(words.judged[None], latest, squares)
+        number = jnp.minimum(number + words.judged.astype(int), self.window)
+        alarms = squares.sum(axis=0) > limit_of(found, number * words.orders)
+        return alarms, (found, squares, number)
+
+
+def limit_of(limits: AnyNumbers, orders: AnyCounts) -> AnyNumbers:
+    """The limit of each link, of those of 1, 2, … orders."""
+    found = jnp.broadcast_to(limits[0], orders.shape)
+    for k, limit in enumerate(limits[1:], 2):
+        found = jnp.where(orders == k, limit[None, None], found)
+    return found
+
+
+def limits(rate: AnyNumbers, most: int) -> AnyNumbers:
+    """The x at which `p_value` is a rate, of 1 to `most` orders, by Newton: log p is concave."""
+    orders = jnp.broadcast_to(jnp.arange(1, most + 1)[:, None], (most, *rate.shape))
+
+    def step(_: LoopIndex, x: AnyNumbers) -> AnyNumbers:
+        p, less = (p_value(x, orders - k, most) for k in (0, 1))
+        return jnp.minimum(x + 2 * p / (p - less) * jnp.log(p / rate[None]), 2 * MOST_HALVED)
+
+    return jax.lax.fori_loop(0, NEWTON_STEPS, step, 2.0 * orders.astype(float))
 
 
 def p_value(squared: AnyNumbers, orders: AnyCounts, most: int) -> AnyNumbers:

@@ -7,6 +7,7 @@ from jaxnet.kinds.fields import Number, Positive, is_drawn, setting, value_range
 from jaxnet.kinds.kind import Fault
 from jaxnet.lazy import jnp
 from jaxnet.model.plane import length
+from jaxnet.model.whitening import squared_lengths
 
 
 class Cusum(Detector):
@@ -34,7 +35,7 @@ class Cusum(Detector):
 
     def alarms(self, words, memory):
         if self.direction is None:
-            z = (words.residuals**2).sum(axis=(0, 1))
+            z = squared_lengths(words.residuals)
         else:
             along = (self.direction / length(self.direction)[None])[:, None, None]
             z = (along * words.residuals[0]).sum(axis=0)

@@ -1,11 +1,16 @@
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jaxnet.kinds.fields import NotNegative, is_drawn, setting
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.observers import Compared, HeardMessages, Observer
 from jaxnet.kinds.shapes import LaneNumbers, SlotMask, SlotNumbers, SlotVectors
-from jaxnet.lazy import jax, jnp
+from jaxnet.lazy import LazyModule, jax, jnp
 from jaxnet.model.polynomial import powers_of, scaled
+
+if TYPE_CHECKING:
+    from jaxnet.model import xla
+else:
+    xla = LazyModule("jaxnet.model.xla")
 
 SINGULAR = 1e-10  # of a variance: what is left of it once the orders before are known counts as 0
 
@@ -99,11 +104,11 @@ def learnt(heard: HeardMessages, estimate: LinkEstimate) -> Learnt:
     jets, covariance, residuals, variances = [*estimate.jets], estimate.covariance, [], []
     each = range(len(jets))
     for k in each:
-        column = [of(covariance, k, i) for i in each]
+        column, residual = [of(covariance, k, i) for i in each], heard.received[k] - jets[k]
         variance = column[k] + heard.variances[k]
         noisy = variance > SINGULAR * (estimate.covariance[k, k] + heard.variances[k])
         by = jnp.where(noisy, 1.0 / jnp.where(noisy, variance, 1.0), 0.0)
-        residual = heard.received[k] - jets[k]
+        by, residual = xla.stored((by, residual))
         residuals.append(residual)
         variances.append(jnp.where(noisy, variance, 0.0))
         jets = [jets[i] + (by * column[i])[None] * residual for i in each]

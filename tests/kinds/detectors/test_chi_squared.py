@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from jaxnet.kinds.detectors import Detector, JudgedWords
-from jaxnet.kinds.detectors.chi_squared import ChiSquared
+from jaxnet.kinds.detectors.chi_squared import ChiSquared, limits
 from tests import systems
 
 SIGMA = 0.1
@@ -98,7 +98,14 @@ def test_p_values_are_those_of_chi_squared():
         for vehicle in range(4):
             share = jnp.asarray(known[vehicle : vehicle + 1] * factor)
             rule = ChiSquared.filled({"false_alarms": share, "window": 1})
-            assert bool(rule.alarms(words, None)[0][0, vehicle, 0]) is expected
+            assert bool(rule.alarms(words, rule.start(words))[0][0, vehicle, 0]) is expected
+
+
+@pytest.mark.parametrize("most", [1, 3, 150])
+def test_limits_are_those_of_scipy(most):
+    rates = np.array([1e-100, 1e-12, 5e-5, 0.01, 0.5, 0.999])
+    known = stats.chi2.isf(rates, 2 * np.arange(1, most + 1)[:, None])
+    np.testing.assert_allclose(limits(jnp.asarray(rates), most), known, rtol=1e-12)
 
 
 def test_a_vehicle_that_moves_as_it_tells_is_covert():
