@@ -115,7 +115,7 @@ def test_a_stranger_s_kinds_work_end_to_end(folder):
     )
     assert "Fading on 2 in what they transmit" in said
     assert "Nearest may drop any source, so there is no bound" in said
-    assert "how errors over the tail depend on ā" in said
+    assert "slope s of error = s ā over the tail" in said
     assert "the same as the stored row" in said
     ours = jaxnet.open(folder / "results" / "nonlinear").lanes
     np.testing.assert_allclose(

@@ -53,11 +53,10 @@ def test_statistics_are_those_of_the_rows(results, name):
 def test_shares_are_in_percent_and_what_has_none_is_blank(results):
     """Nobody is attacked in the first cell, so nothing is there to recover from."""
     found = quantity_of(results, results.study.cells, "unrecovered")
-    assert np.isnan(found.values.loc[0].to_numpy(dtype=float)).all()
+    values = found.values[["value", "low", "high"]].to_numpy(dtype=float)
+    assert np.isnan(values[0]).all()
     share = 100 * results.cells.loc[1, ["unrecovered", "unrecovered_low", "unrecovered_high"]]
-    np.testing.assert_allclose(
-        found.values.loc[1].to_numpy(dtype=float), share.to_numpy(dtype=float)
-    )
+    np.testing.assert_allclose(values[1], share.to_numpy(dtype=float))
     assert found.ends == (0, 100)
     failed = quantity_of(results, results.study.cells, "failed").values
     assert failed["value"].tolist() == [0, 0]

@@ -44,7 +44,7 @@ def test_the_figure_has_what_the_table_says(cells, width):
         for order, line in zip(("first", "total"), marked, strict=True):
             np.testing.assert_array_equal(line.get_xdata(), table[table["cell"] == cell][order])
     assert (
-        len(panels) == cells or f"{len(panels)} of {cells} cells are drawn" in drawn.get_supxlabel()
+        len(panels) == cells or f"{len(panels)} of {cells} cells are drawn" in drawn.get_supxlabel().replace("\n", " ")
     )
     assert drawn.get_figheight() <= 9.5
 
