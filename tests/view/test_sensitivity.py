@@ -43,8 +43,10 @@ def test_the_figure_has_what_the_table_says(cells, width):
         marked = [line for line in panel.lines if line.get_marker() in ("o", "s")]
         for order, line in zip(("first", "total"), marked, strict=True):
             np.testing.assert_array_equal(line.get_xdata(), table[table["cell"] == cell][order])
-    assert (
-        len(panels) == cells or f"{len(panels)} of {cells} cells are drawn" in drawn.get_supxlabel().replace("\n", " ")
+    assert len(
+        panels
+    ) == cells or f"{len(panels)} of {cells} cells are drawn" in drawn.get_supxlabel().replace(
+        "\n", " "
     )
     assert drawn.get_figheight() <= 9.5
 

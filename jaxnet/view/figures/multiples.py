@@ -92,15 +92,17 @@ def escape_dollars(words: str) -> str:
     return words.replace("$", r"\$")
 
 
-def wrapped(words: str, letters: int | float) -> str:
-    """Wrap words to lines of so many letters, which may part a number from its unit, or its key.
-
-    Dollar signs are no formula.
-    """
+def filled_lines(words: str, letters: int | float) -> str:
+    """Wrap words to lines of so many letters, which may part a number from its unit, or its key."""
     letters = max(1, int(letters))
     if any(len(each) > letters for each in words.split(" ")):
         words = words.replace(NO_BREAK, " ")
-    return textwrap.fill(escape_dollars(words), letters)
+    return textwrap.fill(words, letters)
+
+
+def wrapped(words: str, letters: int | float) -> str:
+    """Words on lines of so many letters, in which dollar signs are no formula."""
+    return filled_lines(escape_dollars(words), letters)
 
 
 def show_unparsed(drawn: Figure) -> None:
@@ -235,7 +237,7 @@ def panel_grid(
     letters = title_letters(within - margin, across)
     x, y = (each.replace(" [", "\N{NO-BREAK SPACE}[") for each in (x, y))  # beside its unit
     beside = y if is_math_text(y) else textwrap.fill(y, LETTERS_PER_PANEL)
-    below = wrapped(x, 0.85 * letters)
+    below = filled_lines(x, 0.85 * letters)
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
         is_lowest = place + across >= len(labels)
         panel.set_title(wrapped(named, letters), pad=3, fontsize=7.5 * size)
