@@ -1,4 +1,4 @@
-"""Monte Carlo attack studies on networks of two-wheeled robots.
+"""Monte Carlo attack studies on networks of vehicles.
 
 - `load` reads a study, `network` makes a topology of a matrix or a networkx graph.
 - `run` simulates a study into a results folder, `run_part` a part of it, `simulate` in memory.

@@ -68,7 +68,7 @@ class Sections(click.Group):
 @click.group(cls=Sections, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="jaxnet")
 def main() -> None:
-    """Monte Carlo attack studies on networks of two-wheeled robots.
+    """Monte Carlo attack studies on networks of vehicles.
 
     A study is a YAML file; its first line is the command that runs it. Try `jaxnet check
     configs/quick.yaml`, then `jaxnet run configs/quick.yaml`.
