@@ -21,7 +21,8 @@ class StepCount(MetricKeys):
 
     def faults(self, scenario):
         if scenario.engine.samples and scenario.output_step != scenario.tick:
-            told = "counts the steps of a robot: output_step must be equal to tick"
+            told = "the sampled engine's steps, which a metric counts, are ticks"
+            told += ": output_step must be equal to tick"
             yield Fault(("output_step", "tick", "metrics"), told)
 
 
