@@ -310,6 +310,7 @@ def curve_of(ended: int, fits: dict, power: float = 1.0) -> Curve:
         ((2.2, 2.1, 2.3), 1.0, 1, "one ā: 2.2 [2.1, 2.3]"),
         ((math.nan,) * 3, 1.0, 2, "does not rise"),
         (None, 1.0, 2, "-"),
+        (None, 1.0, 0, "all lanes failed"),
     ],
 )
 def test_a_slope_is_told_or_why_there_is_none(fit, power, ended, words):

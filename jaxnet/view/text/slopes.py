@@ -99,6 +99,8 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
 
 def slope_text(curve: Curve, metric: str) -> str:
     """How the mean error depends on ā: its slope, or why it has none."""
+    if not curve.ended.any():
+        return "all lanes failed"
     if curve.is_flat(metric):
         return NO_EFFECT
     if curve.is_bent(metric):
