@@ -23,7 +23,7 @@ def number_text(value: float, digits: int = RESULT_DIGITS, whole: float = math.i
         return f"{value:.{digits}g}"
     last = given.adjusted() - digits + 1
     if whole < math.inf:
-        least = min(given, Decimal(whole) - given)
+        least = min(abs(given), Decimal(whole) - abs(given))
         last = -1 if least > HALF_A_DECIMAL else least.adjusted()
     shown = given.quantize(Decimal(1).scaleb(min(last, 0)), ROUND_HALF_UP)
     return f"{shown.normalize():f}"

@@ -23,7 +23,8 @@ from jaxnet.kinds.metrics import AGREEMENT
 from jaxnet.kinds.metrics.collisions import COLLISIONS
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.lazy import special
-from jaxnet.statistics.curves import canonical_values
+from jaxnet.model.wording import cells_named
+from jaxnet.statistics.curves import canonical_value, canonical_values
 from jaxnet.statistics.intervals import CONFIDENCE, ROUNDING_SPREAD, paired_share_interval
 from jaxnet.statistics.recovery import threshold
 from jaxnet.statistics.summary import SUMMARISED, independent_units, metric_statistics
@@ -50,7 +51,7 @@ class Comparison(NamedTuple):
     settings
         The differing keys, with A's and B's values.
     alone
-        Cells without a partner in the other study.
+        Cells without a partner in the other study, those together that share a value it lacks.
     cells
         A row for each pair of cells.
     changed
@@ -98,12 +99,8 @@ def compare_studies(first: Results, second: Results) -> Comparison:
 
     sides = [f"{name}{side}" for name in (metrics[0], "unrecovered") for side in SIDES]
     changed = lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])
-    alone = [
-        f"{cell} of {'AB'[side]}"
-        for side, results in enumerate(both)
-        for cell in results.study.cells
-        if all(pair[side] is not cell for pair in pairs)
-    ]
+    studies = zip("AB", both, both[::-1], zip(*pairs, strict=True), strict=True)
+    alone = [f"{each} of {side}" for side, *mine in studies for each in unpaired(*mine)]
     return Comparison(
         (str(first.path), str(second.path)),
         differing_settings(first, second),
@@ -144,6 +141,21 @@ def paired_cells(first: Results, second: Results) -> list[CellPair]:
         )
         raise FolderError(f"sweep: no cell of one study has a like in the other: {swept}")
     return pairs
+
+
+def unpaired(mine: Results, other: Results, paired: Sequence[Cell]) -> list[str]:
+    """Names of the cells that are in no pair, together those of a value that the other lacks."""
+    found, numbers = list[str](), {each.number for each in paired}
+    left = [each for each in mine.study.cells if each.number not in numbers]
+    others = [each.labels for each in other.study.cells]
+    for key in [key for key in mine.study.cells[0].labels if key in others[0]]:
+        known = {canonical_value(labels[key]) for labels in others}
+        lacked = [each for each in left if canonical_value(each.labels[key]) not in known]
+        left = [each for each in left if canonical_value(each.labels[key]) in known]
+        values = ", ".join(dict.fromkeys(str(each.labels[key]) for each in lacked))
+        named = cells_named([each.number for each in lacked])
+        found += [f"{named} ({key}={values})"] * bool(lacked)
+    return [*found, *map(str, left)]
 
 
 def by_values(

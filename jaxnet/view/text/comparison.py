@@ -52,22 +52,27 @@ LEGEND = (
     "All differences are B - A, of the same draws: their means, and medians where so named; [low,"
     " high]: 95 % intervals."
 )
-ERROR_NOTES = [*map(definition, CONTRACT[:2])]
-AGREEMENT_NOTES = [definition(SPREAD), definition(OUTSIDE_HULL), "unrecovered: without agreement"]
-SHARE_LEGEND = (
-    "Only A off, only B off: lanes that failed to recover only in A, only in B; p: McNemar's exact"
-    " test that both are equally likely."
-)
+NOTES = {  # of columns whose titles begin so
+    "error": definition(CONTRACT[0]),
+    "worst vehicle": definition(CONTRACT[1]),
+    "least distance": definition(MIN_SEPARATION),
+    "spread": definition(SPREAD),
+    "outside": definition(OUTSIDE_HULL),
+    "only": "only A off, only B off: lanes that failed to recover only in A, only in B",
+    "p": "McNemar's exact test has this p if both are equally likely",
+}
 
 
 def comparison_legend(found: Comparison, shown: Sequence[Column]) -> str:
+    """What the columns that are shown have, in sentences."""
     lanes: Any = found.cells.set_index("cell")
-    measured = AGREEMENT_NOTES if "spread_difference" in lanes else ERROR_NOTES
-    if f"{MIN_SEPARATION.name}_difference" in lanes:
-        measured = [definition(MIN_SEPARATION)]
     independent = bool(lanes.filter(like="_median_low").notna().to_numpy().any())
-    notes = [*measured, *missing_lines(shown, lanes["pairs"], independent)]
-    return " ".join([LEGEND, SHARE_LEGEND, *(f"{each[0].upper()}{each[1:]}." for each in notes)])
+    titles = [f"{each.title} " for each in shown]
+    notes = [
+        note for begin, note in NOTES.items() if any(t.startswith(f"{begin} ") for t in titles)
+    ]
+    notes += missing_lines(shown, lanes["pairs"], independent)
+    return " ".join([LEGEND, *(f"{each[0].upper()}{each[1:]}." for each in notes)])
 
 
 def comparison_columns(found: Comparison) -> list[Column]:
@@ -94,6 +99,8 @@ def comparison_columns(found: Comparison) -> list[Column]:
             ends = f"{stems[1]} low", f"{stems[1]} high"
             known = ends if entries[["low", "high"]].notna().to_numpy().any() else None
             column = column._replace(entries=entries, ends=known)
+        if name == "unrecovered":
+            column = column._replace(title="unrecovered [%]", scale=100.0)
         columns.append(column)
     return columns
 
@@ -101,7 +108,7 @@ def comparison_columns(found: Comparison) -> list[Column]:
 def comparison_text(found: Comparison) -> str:
     columns = comparison_columns(found)
     shown, left_out = narrow_columns([each.at(slice(MOST_ROWS)) for each in columns])
-    lines = [columns_text(shown), "", filled(comparison_legend(found, columns))]
+    lines = [columns_text(shown), "", filled(comparison_legend(found, shown))]
     if len(found.cells) > MOST_ROWS:
         lines.append(f"… {len(found.cells) - MOST_ROWS} more pairs of cells in differences.csv")
     lines += left_out_note(left_out, "differences.csv")
@@ -123,7 +130,8 @@ def settings_lines(found: Comparison) -> list[str]:
     told = [f"  {row.key}: {shorten(row.A, 60)} in A, {shorten(row.B, 60)} in B" for row in keys]
     head = [f"A: {a}", f"B: {b}", "they differ in" if told else "they are the same study", *told]
     if found.alone:
-        head.append(f"not compared, for the other has none like it: {first_names(found.alone)}")
+        alone = first_names(found.alone)
+        head.append(filled(f"not compared, for the other has none like it: {alone}"))
     return head
 
 
