@@ -280,6 +280,26 @@ def test_flags_of_xla_that_are_set_stand(monkeypatch):
     assert "small_while_loop" in os.environ["XLA_FLAGS"]
 
 
+SLOW_CODE = """
+from jaxnet.runs.cache import enable; enable()
+import jax, jax.numpy as jnp, numpy as np
+big = np.ones((100, 100), np.float32)
+window = (31, 31), (1, 1), "SAME"  # folded for seconds; XLA tells of it after one
+total = lambda x: x + jax.lax.reduce_window(jnp.asarray(big), 0.0, jax.lax.add, *window)
+jax.jit(total).lower(1.0).compile()
+"""
+
+
+@pytest.mark.long
+def test_slow_compilation_is_no_news_to_a_user(tmp_path):
+    """XLA asks for a report of it, as of a fault of its own."""
+    code, environment = [sys.executable, "-c", SLOW_CODE], os.environ | {"JAX_PLATFORMS": "cpu"}
+    environment |= {"XDG_CACHE_HOME": str(tmp_path)}
+    environment.pop("TF_CPP_MIN_LOG_LEVEL", None)
+    done = subprocess.run(code, env=environment, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+
+
 # --- results --------------------------------------------------------------------------------------
 
 

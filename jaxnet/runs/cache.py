@@ -30,6 +30,7 @@ def enable() -> None:
     """
     refuse_low_limit(OF_JAX)
     os.environ.setdefault("XLA_FLAGS", FLAGS)
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # slow compilation is logged as an error
     if "jax" in sys.modules and sys.modules["jax"].config.jax_compilation_cache_dir is not None:
         return
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
