@@ -11,7 +11,7 @@ import io
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,6 +58,7 @@ REDUCTIONS = {"tail_max": np.max, "tail_mean": np.mean}  # from vehicles' bounds
 
 Objectives = Float[np.ndarray, " lanes"]
 Metrics = Mapping[str, Float[Array | np.ndarray, " lanes"]]
+Step = Callable[[int, int], None]  # arguments: simulations of the worst done, and in all
 
 
 class WorstChoice(NamedTuple):
@@ -166,14 +167,15 @@ class CellSearch:
             content |= {name: np.array(value) for name, value in more.items()}
             self.folder.put(self.file, lambda file: np.savez_compressed(file, **content))  # pyright: ignore[reportArgumentType]
 
-    def worst(self, results: Results) -> tuple[Study, WorstChoice]:
+    def worst(self, results: Results, step: Step) -> tuple[Study, WorstChoice]:
         """Study of the worst choice and its row; both are stored."""
         if "worst" in self.stored:
             found = WorstChoice(*json.loads(str(self.stored["worst"])))
             return self.study_of(self.stored["point"]), found
+        step(0, 3)
         choice = self.trials.choose_finalist(self.settings.until)
         study = self.study_of(choice.point)
-        found = self.verify(choice, study, results)
+        found = self.verify(choice, study, results, step)
         self.save(worst=json.dumps(found), point=choice.point)
         return study, found
 
@@ -201,13 +203,16 @@ class CellSearch:
         with self.study.scope():
             return load(keys, overrides)
 
-    def verify(self, choice: LateChoice, study: Study, results: Results) -> WorstChoice:
+    def verify(self, choice: LateChoice, study: Study, results: Results, step: Step) -> WorstChoice:
         """The choice beside random lanes, the bound, further starts and the nonlinear engine."""
         starts, trials = self.settings.starts, self.trials
         (found,) = study.cells
         fresh = self.box.lanes(np.tile(choice.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
         same = job(with_engine(found, "nonlinear").scenario, Keyed(self.study.seed), range(starts))
-        outcomes = [batch.simulate(each, self.machine) for each in (fresh, same)]
+        outcomes = []
+        for each in (fresh, same):
+            step(1 + len(outcomes), 3)
+            outcomes.append(batch.simulate(each, self.machine))
         again, nonlinear = map(self.values, outcomes)
         allowed = self.allowed(outcomes[0].metrics) & ~np.isnan(again)
         given, finite = found.scenario.attack.amplitude(), again[~np.isnan(again)]
@@ -275,9 +280,8 @@ def search_each(
             words = f"{cell}: {config.search.maximise} {generation.best:.4g}"
             progress(words, generation.lanes, config.search.budget)
             generations.append({**labels, **generation._asdict()})
-        words = f"{cell}: at a late time, and again from other starts"
-        progress(words, config.search.budget, config.search.budget)
-        choice, answer = search.worst(results)
+        words = f"{cell}: at a late time, from other starts, with the nonlinear engine"
+        choice, answer = search.worst(results, functools.partial(progress, words))
         found.append({**labels, **answer._asdict()})
         yield simulate_choice(
             choice, Folder(folder.path / f"worst/{cell.number}", folder.holds), machine
@@ -306,5 +310,5 @@ def search_cell(folder: Folder, chunk: int | None, number: int) -> int:
     search = CellSearch(results.study.config, cell, folder, machine)
     for _ in search.generations():
         pass
-    search.worst(results)
+    search.worst(results, lambda done, total: None)
     return number

@@ -177,8 +177,10 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch, count
     with pytest.raises(KeyboardInterrupt):
         list(writing.write_search(random, stop))
     assert len(counts) > 1
-    list(writing.write_search(random))
+    told = []
+    list(writing.write_search(random, lambda *step: told.append(step)))
     assert_as(results, tmp_path / "s")
+    assert [step[1:] for step in told if "starts" in step[0]] == 2 * [(0, 3), (1, 3), (2, 3)]
     assert len(counts) == len(results.searched)
     monkeypatch.setattr(worst.CellSearch, "verify", lambda *_: pytest.fail("again"))
     list(writing.write_search(random))  # what has ended is kept
@@ -189,7 +191,7 @@ def contents(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("when", ["again from other starts", "tail_max"])
+@pytest.mark.parametrize("when", ["from other starts", "tail_max"])
 def test_a_search_whose_folder_is_taken_over_writes_no_more(whole, tmp_path, when):
     """Neither what it has tried nor what it has found."""
     shutil.copytree(
