@@ -132,23 +132,24 @@ def left_out_section(results: Results) -> Section | None:
 
 
 def answer_section(results: Results) -> Section | None:
-    """What the study asks for, or None if no lane tells it.
+    """What lanes are judged by, and what the study asks for, or None if no lane tells it.
 
-    If it is the same in all cells, what else lanes are judged by, if that differs.
+    What is the same in all cells is left out, if something else differs.
     """
-    cells = results.study.cells
+    cells, alone = results.study.cells, is_leaderless(results.study.cells)
     if len(cells) == 1:
         return None  # a finding says it
-    asked = [asked_quantity(results.study.config), *["outside"] * is_leaderless(cells)]
-    every = (quantity_of(results, cells, name) for name in [*asked, judged_metric(cells)])
+    names = ["outside"] * alone + [judged_metric(cells), asked_quantity(results.study.config)]
+    every = (quantity_of(results, cells, name) for name in dict.fromkeys(names))
     known = [each for each in every if each.known.size]
     if not known:
         return None
-    found = next((each for each in known if np.ptp(each.known) > ROUNDING_ERROR), known[0])
+    shown = [each for each in known if np.ptp(each.known) > ROUNDING_ERROR] or known[-1:]
     axes = choose_axes(cells)
     over = f" against {key_name(axes.x)}" if axes.x else ""
-    drawn = plotted(swept_drawing(found, axes, cells))
-    return Section("answer", escape(sentence_case(found.words) + over), drawn)
+    views = {each.words: plotted(swept_drawing(each, axes, cells)) for each in shown}
+    title = sentence_case(shown[0].words) + over
+    return Section("answer", escape(title), views_html(views))
 
 
 def run_section(results: Results) -> Section:
