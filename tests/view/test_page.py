@@ -228,7 +228,7 @@ TOLD = [
         [2.0, 2.1, 20.0, 200.0],
         {"sweep": {"defence": ["w_msr", "none"], "attack.magnitude": [10, 100]}},
         "is <b>2 ā</b> (95 % interval 1 to 3 ā) with no\xa0defence (2 cells). With W-MSR (2 cells)"
-        " it does not rise with ā, and ranges from <b>2 m</b> (95 % interval 1 to 3 m) with ā\xa0=\xa010\xa0m (cell 0) to",
+        " it does not rise with ā, and ranges from <b>2 m</b> (95 % interval 1 to 3 m) with ā",
     ),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
     (FOUR, DEFENCES, "By defence the error is <b>1 to 2 ā</b> with W-MSR, <b>2 to 4 ā</b> with no"),
