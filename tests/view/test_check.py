@@ -61,6 +61,10 @@ FILTERED = {"detector": {"kind": "chi_squared", "predicts": "kalman"}}
 ALONG = TESTED | {"detector": ONE_WAY}
 
 
+def losing(loss, **channel):
+    return {"defence": "trusted_trim", "channel": {"loss": loss, **channel}}
+
+
 def of_drawn(number, **keys):
     attack = {"kind": "rotating", "vehicles": {"random": number}}
     return LATTICE | {"attack": attack, "defence": "none"} | keys
@@ -216,10 +220,21 @@ FACTS = [
     ),
     (of_drawn(2, defence="w_msr"), "defence", "F = 1, but a vehicle may hear 2 attacked sources;"),
     (of_drawn(2, defence={"kind": "w_msr", "F": 2}), "defence", "W-MSR, F = 2; W-MSR may drop"),
+    ({"defence": {"kind": "w_msr", "drop_trusted": True}}, "defence", "may drop any source, so"),
+    ({"defence": "reputation"}, "defence", "reputation may drop any source, so there is no bound"),
+    ({"defence": "clipping"}, "defence", "clipping drops no source, so there is no bound"),
+    # 0.9³ on a ring; of a channel that is bad for 1/6 of the time (5/6)³
+    (losing({"kind": "bernoulli", "probability": 0.1}), "trimming", "holds; in up to 27.1 % of"),
+    (losing({"kind": "gilbert_elliott", "fail": 0.1, "recover": 0.5}), "trimming", "up to 42.1 %"),
+    (
+        losing({"kind": "range", "radius": 9}),
+        "trimming",
+        "at some ticks a vehicle may lack messages and",
+    ),
     (
         of_drawn(1, defence="w_msr"),
         "defence",
-        "F = 1; W-MSR may drop any source, so there is no bound",
+        "F = 1; W-MSR may drop any source that is not trusted, so there is no bound",
     ),
     (of_drawn(7, vehicles=24), "safe", "more than 1,000 sets of vehicles may be drawn"),
     (of_drawn(7, vehicles=24), "attack", "on 7 drawn for each lane"),
@@ -249,6 +264,13 @@ def test_without_an_attack_every_link_is_honest():
 def test_facts(keys, fact, told):
     searched = 2.0 if fact == "alone" else 0.0
     assert told in known(searched, **keys)[fact]
+
+
+@pytest.mark.parametrize("keys", [{"of": "all"}, {"probability": 0.0}])
+@pytest.mark.parametrize("missing", ["drop", "hold"])
+def test_messages_that_are_lost_together_or_replaced_keep_nobody_from_trimming(keys, missing):
+    loss = {"kind": "bernoulli", "probability": 0.1} | (keys if missing == "drop" else {})
+    assert known(**losing(loss, missing=missing))["trimming"].endswith("Assumption 2 holds")
 
 
 @pytest.mark.parametrize(

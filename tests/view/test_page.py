@@ -333,8 +333,21 @@ def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_pat
     attack = {"attack": {"kind": "rotating", "vehicles": sorted(liars)}}
     for defence in ("trusted_trim", "w_msr"):
         first = told(tmp_path, [1.0, 2.0], **cells, **attack, defence=defence)[0]
-        assert f"vehicles {', '.join(map(str, both))} with lattice (cell 1), with up to 2" in first
+        named = f"vehicles {', '.join(map(str, both))} with lattice (cell 1) (more than it can"
+        assert f"defence, with up to 2 attacked sources each: {named}" in first
     assert "assumptions" not in told(tmp_path, [1.0, 2.0], **cells, **attack, defence="none")[0]
+
+
+def test_why_nothing_is_dropped_is_told(tmp_path):
+    """On a star nobody may trim; on a ring a vehicle needs all of its three sources, 0.9³."""
+    cells = {"sweep": {"topology": ["star", "cyclic"]}, "defence": "trusted_trim"}
+    lossy = {"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}
+    first = told(tmp_path, [1.0, 2.0], **cells, **lossy)[0]
+    few, starved = first.split("</b>. ")
+    assert few.endswith("(it drops nobody: the rule asks |N_i| ≥ 2ϑ + 1 with ϑ trusted)")
+    assert "of the defence at some ticks: in up to 27.1 % of ticks" in starved
+    assert "cyclic" in starved
+    assert "at some ticks" not in told(tmp_path, [1.0, 2.0], **cells)[0]
 
 
 def test_the_best_and_the_worst_vehicle_of_each_cell_stand_first(folder, tmp_path, monkeypatch):

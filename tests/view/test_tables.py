@@ -198,6 +198,33 @@ def test_what_attacks_leave_of_the_papers_is_said_with_the_cells():
     ]
 
 
+@pytest.mark.parametrize("width", [40, 80, 120])
+@pytest.mark.parametrize("last", [["tail_mean_median"], ["outside_max", "spread_median"]])
+def test_the_asked_share_and_the_median_error_go_last(last, width, monkeypatch):
+    """Metrics that stand before the error go first; failed lanes keep their share."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    pair = pd.DataFrame({"value": [1.0, 2.0], "low": [0.1234, 1.234], "high": [1.234, 2.345]})
+    first = ["failed_share", "unrecovered"]
+    names = [*first, *(f"alarms_{each}" for each in range(20)), *last, "tail_mean_q95"]
+    whole = [columns.Column(name, name, name, pair, ("low", "high")) for name in names]
+    left = [each.name for each in printer.narrow_columns(whole)[0]]
+    assert left[:2] == first
+    assert {*last} <= {*left} or {*left} <= {*first, *last}
+    assert width == 40 or {*last} <= {*left} != {*names}
+
+
+@pytest.mark.parametrize("names", [(), ["tail_mean", "tail_max", "unrecovered"]])
+def test_a_pivoted_table_keeps_to_the_width_and_has_every_column(names, monkeypatch):
+    """As several tables, each with the other keys."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": range(1, 13)}
+    monkeypatch.setenv("COLUMNS", "80")
+    text = tables.summary_text(results_of(sweep, True, 24), names, pivot="attack.magnitude")
+    assert max(map(len, text.splitlines())) <= 80
+    rows = [line for line in text.splitlines() if line.startswith(("no\xa0defence", "W-MSR"))]
+    numbers = sum(len(row.replace("no\xa0", "").split()) - 1 for row in rows)
+    assert numbers == 24 * max(1, len(names))
+
+
 def test_a_narrow_table_drops_intervals_and_says_so(monkeypatch):
     """And says nothing of ends that it does not show."""
     results = results_of(LONG, True, 8)

@@ -100,11 +100,13 @@ class AnyDefence(DrawsAtTicks):
             "safe",
             "describe",
             "outnumbered",
+            "starved",
             "tolerates",
             "observes",
         }
     )
     guarantee: ClassVar[str] = "none is known"
+    asks: ClassVar[str] = ""  # of the sources of a vehicle that may drop any, in words
 
     def promise(self) -> str:
         """The guarantee of the defence with its keys, in words; by default `guarantee`."""
@@ -113,6 +115,13 @@ class AnyDefence(DrawsAtTicks):
     def outnumbered(self, graph: Digraph, attacked: Links, trusted: Links) -> Vehicles:
         """Vehicles (m,) that hear more attacked sources than the defence is set for."""
         return np.zeros(graph.vehicles, bool)
+
+    def starved(self, graph: Digraph, trusted: Links, share: float) -> float:
+        """The greatest share of ticks in which a vehicle lacks messages that the rule asks for.
+
+        Each message is lost with the probability `share`, apart from the others.
+        """
+        return 0.0
 
     def tolerates(self) -> int | None:
         """The F of W-MSR's theorems on agreement (theorems.md O9); None for other defences."""
@@ -252,7 +261,10 @@ class AnyDefence(DrawsAtTicks):
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Lines of `jaxnet check`: what the defence promises on this graph under this attack."""
-        return {"defence": f"{self.kind} may drop any source, so there is no bound"}
+        dropped = self.may_drop(graph, trusted).links
+        told = "may drop any source" if dropped.any() else "drops no source"
+        told += " that is not trusted" * bool(dropped.any() and (graph.heard & ~dropped).any())
+        return {"defence": f"{self.words or self.kind} {told}, so there is no bound"}
 
 
 class ShareOfLinks(Record):

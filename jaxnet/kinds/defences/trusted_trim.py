@@ -1,5 +1,6 @@
 """Trimming by trusted redundancy, the paper's defence (section 5.1)."""
 
+from functools import reduce
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -218,9 +219,25 @@ class TrustedTrim(Sparing):
         links = graph.heard & ~self.spares(trusted) & self.protected(graph, trusted)[:, None]
         return DropPolicy(graph, links, np.minimum(theta, links.sum(axis=1)))
 
+    @property
+    def asks(self):
+        return "|N_i| > ϑ" if self.announcing() else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
+
     def protected(self, graph: Digraph, trusted: Links) -> Bool[np.ndarray, " m"]:
         theta = by_listener(self.theta, graph.vehicles)
         return self.trims(graph.heard.sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
+
+    def starved(self, graph, trusted, share):
+        """By the binomial distributions of the trusted and of the other messages that arrive."""
+        theta, trusts = by_listener(self.theta, graph.vehicles), trusted.sum(axis=1)
+        numbers = np.stack([theta, trusts, graph.heard.sum(axis=1) - trusts], axis=1)
+        found = [0.0]
+        for most, *sources in np.unique(numbers[self.protected(graph, trusted)], axis=0):
+            known, others = (np.arange(number + 1) for number in sources)
+            likely = (reduce(np.convolve, [[share, 1 - share]] * n, [1.0]) for n in sources)
+            trims = self.trims(known[:, None] + others, known[:, None], most)
+            found.append(float(np.outer(*likely)[~trims].sum()))
+        return max(found)
 
     def safe(self, graph, attacked, trusted):
         """The default reasons, and "by majority" of theorem 3 for announcements without blur."""
@@ -249,8 +266,7 @@ class TrustedTrim(Sparing):
         theta, meets = by_listener(self.theta, graph.vehicles), self.protected(graph, trusted)
         outnumbered = meets & self.outnumbered(graph, attacked, trusted)
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
-        asked = "|N_i| > ϑ" if self.announcing() else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
-        line = f"ϑ = {values}; the rule asks {asked}"
+        line = f"ϑ = {values}; the rule asks {self.asks}"
         broken = []
         if not meets.any():
             broken.append("no vehicle is protected, each retains all its sources")

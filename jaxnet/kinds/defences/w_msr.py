@@ -52,5 +52,5 @@ class WMSR(Sparing):
     def describe(self, graph, attacked, trusted):
         most = int((attacked & ~self.spares(trusted)).sum(axis=1).max())
         told = f", but a vehicle may hear {most} attacked sources" * (most > self.F)
-        told += "; W-MSR may drop any source, so there is no bound"
-        return {"defence": f"W-MSR, F = {self.F}{told}"}
+        any_source = super().describe(graph, attacked, trusted)["defence"]
+        return {"defence": f"W-MSR, F = {self.F}{told}; {any_source}"}

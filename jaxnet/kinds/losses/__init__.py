@@ -26,7 +26,7 @@ class Loss(DrawsAtTicks):
     and divides the other weights by their sum. A vehicle that hears nobody keeps its last drive.
     """
 
-    claims: ClassVar[frozenset[str]] = frozenset({"perfect", "of_whole_ticks"})
+    claims: ClassVar[frozenset[str]] = frozenset({"perfect", "of_whole_ticks", "lost_apart"})
 
     def perfect(self) -> bool:
         """Whether no message is ever lost."""
@@ -36,6 +36,13 @@ class Loss(DrawsAtTicks):
         """The probability with which all messages of a tick are lost together.
 
         None if messages are lost otherwise, or if ticks depend on each other.
+        """
+        return None
+
+    def lost_apart(self) -> float | None:
+        """The share of messages lost in the long run, each apart from others to its listener.
+
+        0 if all are lost together; None, the default, if it is not known.
         """
         return None
 

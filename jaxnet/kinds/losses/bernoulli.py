@@ -17,6 +17,10 @@ class Bernoulli(DrawsTogether, Loss):
         known = self.of == "all" and not is_drawn(self.probability)
         return float(self.probability) if known else None
 
+    def lost_apart(self):
+        known = None if is_drawn(self.probability) else float(self.probability)
+        return 0.0 if self.of == "all" else known
+
     def draws(self):
         return not self.perfect()
 

@@ -23,6 +23,10 @@ class GilbertElliott(DrawsTogether, Loss):
     def perfect(self):
         return self.fail == 0
 
+    def lost_apart(self):
+        known = None if self.drawn_keys() else self.fail / (self.fail + self.recover)
+        return 0.0 if self.of == "all" else known
+
     def draws(self):
         return not self.perfect()
 

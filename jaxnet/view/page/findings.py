@@ -49,7 +49,7 @@ from jaxnet.view.page.compared import (
 from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
 from jaxnet.view.page.where import MOST_TOLD, NEGLIGIBLE, above_text, span_words, where_words
 from jaxnet.view.text import worst
-from jaxnet.view.text.facts import attacked_at_once
+from jaxnet.view.text.facts import attacked_at_once, starved_words
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MEDIAN_LANE = {  # by `judged_word`
@@ -108,25 +108,29 @@ def finding_sentences(
 
 
 def outnumbered_sentence(results: Results) -> str:
-    """Where vehicles hear more attacked sources than their defence is set for."""
-    found: dict[str, list[int]] = {}
+    """Where vehicles hear more attacked sources than they can drop, or at some ticks too few."""
+    found, starved = dict[tuple[str, str], list[int]](), dict[str, list[int]]()
     most = 0
     for cell in results.study.cells:
-        graph, attacked, trusted = attacked_at_once(cell.scenario)
-        which = cell.scenario.defence.outnumbered(graph, attacked, trusted)
-        if which.any():
-            found.setdefault(ranges(vehicle_numbers(which)), []).append(cell.number)
-            most = max(most, int(attacked[which].sum(axis=1).max()))
-    if not found:
-        return ""
+        defence, given = cell.scenario.defence, attacked_at_once(cell.scenario)
+        (graph, attacked, trusted), which = given, defence.outnumbered(*given)
+        drops = defence.may_drop(graph, trusted).links.any(axis=1)
+        few = f"it drops nobody: the rule asks {defence.asks}"
+        for each, why in (which & drops, "more than it can drop"), (which & ~drops, few):
+            if each.any():
+                found.setdefault((ranges(vehicle_numbers(each)), why), []).append(cell.number)
+                most = max(most, int(attacked[each].sum(axis=1).max()))
+        if attacked.any() and (words := starved_words(cell.scenario)):
+            starved.setdefault(words, []).append(cell.number)
     whom = (
-        f"{'vehicle' if who.isdigit() else 'vehicles'} {who} {where_words(results, cells)}".rstrip()
-        for who, cells in found.items()
+        f"vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
+        + f" ({why})"
+        for (who, why), cells in found.items()
     )
-    return (
-        f"<b>Outside the assumptions of the defence: {'; '.join(whom)}, with up to"
-        f" {count(most, 'attacked source')} each, more than the defence can drop</b>."
-    )
+    told = [f", with up to {count(most, 'attacked source')} each: {'; '.join(whom)}"] * bool(found)
+    ticks = (f" at some ticks: {w} {where_words(results, n)}".rstrip() for w, n in starved.items())
+    assumed = "Outside the assumptions of the defence"
+    return " ".join(f"<b>{assumed}{each}</b>." for each in (*told, *ticks))
 
 
 def failed_sentence(results: Results) -> str:

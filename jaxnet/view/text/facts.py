@@ -18,7 +18,7 @@ from jaxnet.kinds.fields import EachOrder, is_drawn, value_range
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.graph import Digraph, Links, unreachable
 from jaxnet.model.safety import Vehicles
-from jaxnet.model.wording import count, orders_in_words, plural_s, ranges
+from jaxnet.model.wording import count, number_text, orders_in_words, plural_s, ranges
 from jaxnet.theory import integer
 from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie, deviations, tested
 from jaxnet.theory.announced import Ultimate
@@ -87,7 +87,21 @@ def defence_lines(scenario: Scenario) -> Facts:
     defence, given = scenario.defence, attacked_at_once(scenario)
     drawn = not scenario.attack.targets() and defence.outnumbered(*given).any()
     worst = "; each vehicle is told with its worst draw of attacked vehicles" * bool(drawn)
-    return {name: line + worst for name, line in defence.describe(*given).items()}
+    lost = f"; {starved_words(scenario)}".removesuffix("; ")
+    return {name: line + worst + lost for name, line in defence.describe(*given).items()}
+
+
+def starved_words(scenario: Scenario) -> str:
+    """How often lost messages, which nothing replaces, keep a vehicle from trimming, or ""."""
+    (graph, _, trusted), loss = attacked_at_once(scenario), scenario.channel.loss
+    if scenario.channel.missing != "drop" or loss.perfect():
+        return ""
+    share = None if len(scenario.topology.turns()) > 1 else loss.lost_apart()
+    starved = scenario.defence.starved(graph, trusted, 0.5 if share is None else share)
+    told = f"in up to {number_text(100 * starved, whole=100)} % of ticks a vehicle lacks messages"
+    if share is None:
+        told = "at some ticks a vehicle may lack messages"
+    return f"{told} and cannot trim" * bool(starved)
 
 
 def network_lines(case: Case, told: Facts) -> Facts:

@@ -20,6 +20,7 @@ from jaxnet.view.text.width import (
 if TYPE_CHECKING:
     from jaxnet.view.columns import Column
 
+ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go after others
 LEAST_TITLE = 9  # letters of a line of a title
 LEAST_LABEL = 20  # letters that a label is wrapped to, at least
 GAP = 2  # letters between columns
@@ -133,10 +134,13 @@ def narrow_columns(
     """Columns that fit the terminal, and what is left out; the share failed always stays.
 
     The last quantities lose their intervals, but not the first; pivoted ones lose them together.
-    Then, unless they are `asked` for, the last columns go, all intervals, keys of numbers, labels.
+    Then, unless they are `asked` for, the last columns go, all intervals, ERRORS, keys of numbers,
+    labels.
     """
     stay = ("cell", "failed_share")
     quantities = [each.name for each in whole if each.key is None and each.name not in stay]
+    quantities[1:] = sorted(quantities[1:], key=lambda name: name not in ERRORS)
+    kept = 1 + sum(name in ERRORS for name in quantities[1:])
     together = any(each.across for each in whole)
     keys = sorted((each for each in whole if each.key is not None), key=lambda each: each.numeric)
     steps = [[*whole]]
@@ -144,14 +148,26 @@ def narrow_columns(
         bare = quantities[first:]
         steps.append([each.bare() if each.name in bare else each for each in whole])
     if not asked:
-        steps += without_each(steps[-1], quantities[:0:-1])
-        steps.append([each.bare() for each in steps[-1]])
+        steps += without_each(steps[-1], quantities[: kept - 1 : -1])
+        for spared in (quantities[0], ""):
+            steps.append([each if each.name == spared else each.bare() for each in steps[-1]])
+        steps += without_each(steps[-1], quantities[kept - 1 : 0 : -1])
         steps += without_each(steps[-1], [each.name for each in reversed(keys)])
     shown = next((each for each in steps if fits_terminal(*with_labels(each))), steps[-1])
-    kept = {each.name: each for each in shown}
-    lost = [each for each in whole if each.name in kept and each.ends and not kept[each.name].ends]
+    left = {each.name: each for each in shown}
+    lost = [each for each in whole if each.name in left and each.ends and not left[each.name].ends]
     which = f"{'some' if any(each.ends for each in shown) else 'all'} intervals"
-    return shown, [which] * bool(lost) + [each.title for each in whole if each.name not in kept]
+    return shown, [which] * bool(lost) + [each.title for each in whole if each.name not in left]
+
+
+def parted(shown: Sequence["Column"]) -> list[list["Column"]]:
+    """Tables that fit the terminal: all columns, or some that are pivoted beside all others."""
+    beside, tables = [each for each in shown if not each.across], list[list["Column"]]()
+    for each in (each for each in shown if each.across):
+        if not tables or not fits_terminal(*with_labels([*tables[-1], each])):
+            tables.append([*beside])
+        tables[-1].append(each)
+    return tables or [beside]
 
 
 def without_each(columns: Sequence["Column"], names: Sequence[str]) -> list[list["Column"]]:

@@ -36,7 +36,7 @@ from jaxnet.store.results import Part, Results
 from jaxnet.view import columns
 from jaxnet.view.columns import Column
 from jaxnet.view.text.formats import in_format
-from jaxnet.view.text.printer import columns_text, narrow_columns
+from jaxnet.view.text.printer import columns_text, narrow_columns, parted
 from jaxnet.view.text.width import (
     MOST_ROWS,
     cell_title,
@@ -83,8 +83,9 @@ def summary_text(
     whole = columns.pivoted(asked, pivot) if pivot else asked
     varied, constant = columns.split_constant(whole)
     rows = len(whole[0].entries)
-    shown, left_out = narrow_columns([each.at(slice(most)) for each in varied], bool(names))
-    lines = [columns_text(shown)]
+    head = [each.at(slice(most)) for each in varied]
+    shown, left_out = narrow_columns(head, bool(names or pivot))
+    lines = ["\n\n".join(map(columns_text, parted(shown)))]
     if most is not None and most < rows:
         hint = "`show --all` has all, `show --where KEY=VALUE` some"
         lines.append(f"… {rows - most} more rows: {hint}")
