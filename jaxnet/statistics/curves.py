@@ -28,6 +28,7 @@ METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean 
 NOT_PROPORTIONAL = 0.2  # of the power p of c·ā^p beside 1
 BOUND_NAMES = {
     "static": "static",
+    "harmonic": "harmonic",
     "peak_gain": "peak gain",
     "star_norm": "star norm",
     "lyapunov_best": "Lyapunov, best Q",

@@ -11,6 +11,7 @@ from jaxnet.view.figures import style
 
 BOUND_LOOKS = {
     "static": Look(style.GREEN),
+    "harmonic": Look(style.GREEN, (6, 2)),
     "peak_gain": Look(style.BLUE, (6, 2)),
     "star_norm": Look(style.PURPLE, (1, 1.2)),
     "lyapunov_best": Look(style.ORANGE, (3, 1.2)),

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
-from jaxnet.config.naming import key_name, quantity, value_alone
+from jaxnet.config.naming import key_name, quantity, worded
 from jaxnet.explore.courses import search_courses
 from jaxnet.model.wording import cells_named, count, count_between, number_text
 from jaxnet.runs.replay import worst_of_cells
@@ -225,10 +225,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     same = [fleet for name, fleet in fleets.items() if shown[name].equals(shown[fleet])]
     shown = shown.drop(columns=same).dropna(axis=1, how="all")
     slopes = dict.fromkeys(shown, np.ones(len(shown)))
-    labels = pd.DataFrame(  # text is a name too, numbers sort as numbers
-        {quantity(k): value_alone(k, v) if isinstance(v, str) else v for k, v in labels.items()}
-        for labels in (curve.group.labels for curve in found)
-    )
+    labels = pd.DataFrame(worded(curve.group.labels) for curve in found)
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about, names=[*labels])
     return paragraph(SLOPES_NOTE) + table
@@ -324,7 +321,7 @@ def search_section(results: Results) -> Section | None:
     )
     courses, unit = list(search_courses(results, cells)), worst.metric_with_unit(results)
     drawn = plotted(course_drawing(courses, cells, unit)) if courses else ""
-    table = sortable_table(rows, names=cells[0].labels)
+    table = sortable_table(rows, names=[*map(quantity, cells[0].labels)])
     body = paragraph(note) + table + notes_html(worst.search_notes(results)) + drawn
     return Section("search", name, body)
 
