@@ -33,7 +33,7 @@ BOUND_NAMES = {
     "star_norm": "star norm",
     "lyapunov_best": "Lyapunov, best Q",
     "lyapunov_corrected": "Lyapunov, corrected",
-    "lyapunov_printed": "Lyapunov, as printed",
+    "lyapunov_printed": "Lyapunov, as printed (false)",
 }
 Fit = tuple[float, float, float]  # a parameter and the ends of its interval
 

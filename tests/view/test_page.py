@@ -583,6 +583,7 @@ def test_text_figure_and_page_say_that_there_is_no_slope(folder):
         words = "rrors do not rise with ā: no line is fitted (all)"
         assert (words in drawn.get_supxlabel().replace("\n", " ")) is told
         assert (words in shown) is told
+        assert ("rey lines" in shown) is not told
         legend = [each.get_text() for each in drawn.legends[0].get_texts()]
         assert ("fit of the means" in legend) is not told
         assert legend == re.findall('data-name="(.*?)"', shown)  # the page has the same series
@@ -878,7 +879,7 @@ def test_lanes_say_why_they_are_shown(folder, monkeypatch):
         assert why[least] in ("stored", "replayed")
     monkeypatch.setattr(watched, "worst_of", lambda results: [(5, 2)])
     first = watched.watched(results)[0]
-    assert first[:3] == (5, 2, "worst of the study")
+    assert first[:3] == (5, 2, "worst per ā of the study")
 
 
 SHORT = {"engine": "exact", "horizon": 0.5, "tail": 0.1}

@@ -68,21 +68,23 @@ ULTIMATE_NOTE = "Error over the tail, with the bounds of theory where there are 
 NOT_ON_A_LOG_AXIS = " Cells with ā = 0 have no place on a log axis."
 SLOPES_NOTE = (
     "The greatest error of any vehicle as a multiple of ā: the worst found, what was fitted, and"
-    " the bounds of theory. A dash: there is no such number."
+    " the bounds of theory. Lyapunov's as printed is false in general. A dash: there is no such"
+    " number."
 )
 HEAT_NOTE = (
     "One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and"
     " arrow keys for its interval and lanes."
 )
-SOME_FAILED = " * Some of its lanes failed; they are in no number."
+SOME_FAILED = " * Lanes that failed are in no number."
 TOO_LARGE = (
     "The page has no room for a lane of so large a fleet: see <code>jaxnet animate</code>, and"
     " <code>trajectories.zarr</code>."
 )
 CHOICE_OF_LANES = (
     f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most,"
-    " spread evenly over the study, and the worst lanes of the study if it asks for recovery. The"
-    " worst lane has the greatest {}; of equal lanes it is the one of the lowest sample."
+    " spread evenly over the study, and the worst lanes per ā of the study if it asks for"
+    " recovery. The worst lane of a cell has the greatest {}; of equal lanes it is the one of the"
+    " lowest sample."
 )
 
 
