@@ -29,7 +29,7 @@ from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import findings, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.plots import axis, plotted
-from jaxnet.view.text import comparison
+from jaxnet.view.text import comparison, worst
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
@@ -325,6 +325,27 @@ def test_groups_without_a_bound_are_not_listed(tmp_path):
     assert "least bound" not in "".join(found)
 
 
+def test_a_search_names_its_bounds_and_kinds(tmp_path):
+    """As in all other tables; errors below rounding are 0."""
+    numbers = dict.fromkeys(worst.LENGTHS, 20.0) | {"fresh_low": 1e-9, "until": 100.0, "lanes": 8}
+    numbers |= {"magnitude": 10.0, "attacked": "2 5", "bound_name": ["static", "harmonic"]}
+    results = Results(UPath(tmp_path))
+    search = {"over": {"attack.phase": "each"}, "budget": 100}
+    made = systems.study(sweep={"defence": ["none", "trusted_trim"]}, search=search, **ROTATING)
+    vars(results).update(study=made, manifest={"finished": False})
+    table = pd.DataFrame({"cell": [0, 1], **numbers})
+    table.to_csv(tmp_path / "worst.csv", index=False)
+    rows = worst.worst_rows(results)
+    assert rows["defence"].tolist() == ["no\xa0defence", "trusted trimming"]
+    assert rows["other starts, 5 %"].tolist() == [0, 0]
+    assert worst.bounds_told(results) == (
+        "bound of theory, the least that holds for the attack: harmonic (trusted trimming),"
+        " static (no\xa0defence)"
+    )
+    table.drop(columns="bound_name").to_csv(tmp_path / "worst.csv", index=False)  # an older one
+    assert worst.bounds_told(results) == ""
+
+
 def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_path):
     """By a count of neighbours one and two places away on a ring of twelve."""
     liars, cells = {2, 5, 8, 11}, {"sweep": {"topology": ["cyclic", LATTICE]}}
@@ -585,6 +606,7 @@ def test_text_figure_and_page_say_that_there_is_no_slope(folder):
         words = "rrors do not rise with ā: no line is fitted (all)"
         assert (words in drawn.get_supxlabel().replace("\n", " ")) is told
         assert (words in shown) is told
+        assert ("rey lines" in shown) is not told
         legend = [each.get_text() for each in drawn.legends[0].get_texts()]
         assert ("fit of the means" in legend) is not told
         assert legend == re.findall('data-name="(.*?)"', shown)  # the page has the same series
@@ -880,7 +902,7 @@ def test_lanes_say_why_they_are_shown(folder, monkeypatch):
         assert why[least] in ("stored", "replayed")
     monkeypatch.setattr(watched, "worst_of", lambda results: [(5, 2)])
     first = watched.watched(results)[0]
-    assert first[:3] == (5, 2, "worst of the study")
+    assert first[:3] == (5, 2, "worst per ā of the study")
 
 
 SHORT = {"engine": "exact", "horizon": 0.5, "tail": 0.1}

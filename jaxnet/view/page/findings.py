@@ -424,7 +424,8 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         shares = [100 * curve.worst / sound_limits(curve)[0][0] for curve in bounded]
         ends = f"{number_text(min(shares))} to {number_text(max(shares))} %"
         beside = f"<b>{ends}</b> of its least bound in {len(bounded)} groups of cells (table below)"
-    words = [f"The worst error of a vehicle is {beside}."] * bool(bounded)
+    searched = "Of random lanes the" if results.file("worst.csv").exists() else "The"
+    words = [f"{searched} worst error of a vehicle is {beside}."] * bool(bounded)
     if bounded and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
         above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>.'
