@@ -43,10 +43,11 @@ def kinds_words(
     `left_out` are cells without an estimate, as their lanes failed. With `listed` the range of the
     estimates is told for each value.
     """
-    swept = swept_texts(results, [*estimates.index, *left_out])
-    kinds = [key for key in swept_kinds(results, estimates.index) if key != "filter"]
+    values, numbers = estimates.loc[:, "value"], estimates.index.tolist()
+    swept = swept_texts(results, [*numbers, *left_out])
+    kinds = [key for key in swept_kinds(results, numbers) if key != "filter"]
     parts = [
-        compared_words(results, key, estimates["value"], swept, unit, tests, listed=listed)
+        compared_words(results, key, values, swept, unit, tests, listed=listed)
         for key in kinds  # but filters, which `separation_sentence` compares
     ]
     return "".join(f" {sentence_case(each)}." for each in parts if each)
@@ -55,7 +56,7 @@ def kinds_words(
 def swept_texts(results: Results, numbers: Sequence[int]) -> pd.DataFrame:
     """Values of the swept keys in these cells, as text."""
     labels = [results.study.cells[n].labels for n in numbers]
-    return pd.DataFrame(labels, numbers, list(results.study.cells[0].labels)).map(str)
+    return pd.DataFrame(labels, [*numbers], list(results.study.cells[0].labels)).map(str)
 
 
 def swept_kinds(results: Results, numbers: Sequence[int]) -> list[str]:

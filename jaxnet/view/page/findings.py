@@ -115,7 +115,7 @@ def outnumbered_sentence(results: Results) -> str:
         defence, given = cell.scenario.defence, attacked_at_once(cell.scenario)
         (graph, attacked, trusted), which = given, defence.outnumbered(*given)
         drops = defence.may_drop(graph, trusted).links.any(axis=1)
-        few = f"it drops nobody: the rule asks {defence.asks}"
+        few = f"it drops nobody: the rule asks {defence.asks()}"
         for each, why in (which & drops, "more than it can drop"), (which & ~drops, few):
             if each.any():
                 found.setdefault((ranges(vehicle_numbers(each)), why), []).append(cell.number)
