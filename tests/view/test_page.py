@@ -1110,6 +1110,7 @@ def test_the_networks_are_drawn_in_the_colours_of_the_page(html):
     """Beside the setting: attacked links and vehicles, and in the dark too."""
     text = section(html, "run")
     assert "<dt>topology</dt><dd>star, " in text
+    assert "s, without interrupted runs and searches</dd>" in text
     drawn = re.search(r'<svg role="img".*?</svg>', text, re.DOTALL)[0]
     assert "var(--red)" in drawn
     assert not re.search(r"#(000000|ffffff|262626|d55e00)", drawn, re.IGNORECASE)

@@ -162,7 +162,8 @@ def run_section(results: Results) -> Section:
         values |= {
             "samples": f"{count_between(results.samples, 'lane')} of each cell",
             "device": manifest["device"],
-            "wall time": f"{number_text(manifest['wall_seconds'])} s",
+            "wall time": f"{number_text(manifest['wall_seconds'])} s, without interrupted runs"
+            " and searches",
         }
     versions = (f"{package} {version}" for package, version in manifest["versions"].items())
     values |= {"seed": str(study.config.seed), "versions": ", ".join(versions)}
