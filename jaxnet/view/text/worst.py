@@ -7,7 +7,7 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless
 from jaxnet.config.keys import SearchSettings
-from jaxnet.config.naming import choices_words, quantity, worded
+from jaxnet.config.naming import choices_words, key_name, quantity, worded
 from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES
 from jaxnet.statistics.recovery import criterion_words
@@ -49,9 +49,10 @@ def search_notes(results: Results) -> list[str]:
     asked = asked_search(results)
     late = " or ".join(f"{time:g} s" for time in sorted(set(results.worst["until"])))
     start = "one start" if asked.starts == 1 else f"{asked.starts:,} starts, their mean"
+    over = ", ".join(map(key_name, asked.over))
     return [
-        f"found by the search: the worst choice from {start}, over {', '.join(asked.over)}; later:"
-        f" the same choice at {late}, when transients have died away",
+        f"found by the search: the worst choice from {start}, over {over}; later: the same choice"
+        f" at {late}, when transients have died away",
         "worst random lane: the worst of as many random choices, each from one random start; it may"
         " exceed what was found, from a worse start",
         "other starts: the found choice from 10,000 further starts",
