@@ -128,9 +128,9 @@ def outnumbered_sentence(results: Results) -> str:
         for (who, why), cells in found.items()
     )
     told = [f", with up to {count(most, 'attacked source')} each: {'; '.join(whom)}"] * bool(found)
-    ticks = (f" at some ticks: {w} {where_words(results, n)}".rstrip() for w, n in starved.items())
-    assumed = "Outside the assumptions of the defence"
-    return " ".join(f"<b>{assumed}{each}</b>." for each in (*told, *ticks))
+    ticks = "; ".join(f"{w} {where_words(results, n)}".rstrip() for w, n in starved.items())
+    told += [f" at some ticks: {ticks}"] * bool(ticks)
+    return " ".join(f"<b>Outside the assumptions of the defence{each}</b>." for each in told)
 
 
 def failed_sentence(results: Results) -> str:
