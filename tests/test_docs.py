@@ -158,6 +158,17 @@ def test_what_the_tutorial_shows_works(home):
     assert (home / "errors.pdf").stat().st_size > 1000
 
 
+def test_the_tutorial_shows_what_check_prints():
+    """Line by line, at 80 columns."""
+    section = (DOCS / "tutorial.md").read_text().split("\n## ")[2]
+    command, *shown = re.findall(r"^    (.*)$", section, re.M)
+    assert command == "jaxnet check configs/quick.yaml"
+    config = str(ROOT / "configs" / "quick.yaml")
+    printed = CliRunner().invoke(main, ["check", config], env={"COLUMNS": "80"}).output.splitlines()
+    assert len(shown) == 6
+    assert [line for line in shown if line not in printed] == []
+
+
 @pytest.mark.parametrize(
     "name",
     [
