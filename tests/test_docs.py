@@ -153,9 +153,20 @@ def test_the_config_begins_with_fifteen_keys_and_a_study_that_has_them_and_runs(
 def test_what_the_tutorial_shows_works(home):
     """From the first check to the figure; the faulty study is refused in these words."""
     reader = Reader(home).reads((DOCS / "tutorial.md").read_text())
-    assert reader.done.count("check") == 7
+    assert reader.done.count("check") == 6
     assert {"run", "show", "replay", "fit", "report", "python"} < set(reader.done)
     assert (home / "errors.pdf").stat().st_size > 1000
+
+
+def test_the_tutorial_shows_what_check_prints():
+    """Line by line, at 80 columns."""
+    section = (DOCS / "tutorial.md").read_text().split("\n## ")[2]
+    command, *shown = re.findall(r"^    (.*)$", section, re.M)
+    assert command == "jaxnet check configs/quick.yaml"
+    config = str(ROOT / "configs" / "quick.yaml")
+    printed = CliRunner().invoke(main, ["check", config], env={"COLUMNS": "80"}).output.splitlines()
+    assert len(shown) == 6
+    assert [line for line in shown if line not in printed] == []
 
 
 @pytest.mark.parametrize(

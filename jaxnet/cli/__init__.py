@@ -272,7 +272,7 @@ def report_command(
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
     Fits what is not fitted yet, and simulates lanes again that the page shows: the median and the
-    worst of a dozen cells at most, and the worst of the study if it has `recovery`. Most of the
+    worst of a dozen cells at most, and the worst per ā if the study has `recovery`. Most of the
     time goes into these lanes; --no-replay leaves them out.
     """
     opened = jaxnet.open(results, out, **code)

@@ -199,6 +199,14 @@ def value_alone(key: str, value: object) -> str:
     return magnitudes_with_units(key, value) or format_value(value)
 
 
+def worded(labels: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table's row of swept values: text is a name, numbers stay numbers."""
+    return {
+        quantity(key): value_alone(key, value) if isinstance(value, str) else value
+        for key, value in labels.items()
+    }
+
+
 def quantity(key: str) -> str:
     """Return the label of the axis of a swept key."""
     symbol = " ā" if key == MAGNITUDE and own_name(key) is None else ""

@@ -80,6 +80,7 @@ class WorstChoice(NamedTuple):
     nonlinear: float  # mean over the starts, by the nonlinear engine if it moves the vehicles
     lanes: int
     failed: int
+    bound_name: str = ""  # of `bound`
 
 
 class CellSearch:
@@ -217,10 +218,12 @@ class CellSearch:
         allowed = self.allowed(outcomes[0].metrics) & ~np.isnan(again)
         given, finite = found.scenario.attack.amplitude(), again[~np.isnan(again)]
         amplitude, nothing = math.nan if is_drawn(given) else float(given), not finite.size
-        bound, metric = math.nan, self.settings.maximise  # the sharpest that is valid, per ā
+        bound, which, metric = math.nan, "", self.settings.maximise  # the least that holds, per ā
         if metric in REDUCTIONS and scenario_gain(found.scenario) is not None:
-            known = limits.valid_bounds(found.scenario).values()
-            bound = min(float(REDUCTIONS[metric](each.vehicles)) for each, _ in known)
+            known = limits.valid_bounds(found.scenario).items()
+            reduced = {name: REDUCTIONS[metric](each.vehicles) for name, (each, _) in known}
+            which = min(reduced, key=lambda name: reduced[name])
+            bound = float(reduced[which])
         return WorstChoice(
             cell=self.cell.number,
             found=choice.found,
@@ -238,6 +241,7 @@ class CellSearch:
             nonlinear=float(nonlinear.mean()),
             lanes=trials.lanes,
             failed=trials.failed + int(np.isnan(again).sum()),
+            bound_name=which,
         )
 
     def best_random(self, results: Results) -> float:

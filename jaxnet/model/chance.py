@@ -11,6 +11,7 @@ times, uniform numbers; 16 times, normal numbers.
 import functools
 import zlib
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +21,7 @@ from jaxtyping import Array, Float, Float32, UInt32
 from jaxnet.model import xla
 from jaxnet.model.circle import polynomial
 
-LaneValues = Float[Array, " lanes"]
+LaneValues = Float[Any, " lanes"]  # of JAX, or of NumPy where a kind is tried
 Jet = Float[Array, "2 slots m lanes"]
 Bits = tuple[UInt32[Array, "..."], UInt32[Array, "..."]]
 

@@ -18,6 +18,7 @@ from jaxnet.store import layout, rows
 from jaxnet.store.arrays import lane_in, lanes_in, open_store
 from jaxnet.store.results import Results
 
+WORST = "worst per ā of the study"
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
 MOST_BYTES = 2**28  # that such a lane may take
 MOST_VEHICLES = 300  # of a fleet of which each can be told from the others where it is drawn
@@ -100,11 +101,11 @@ def watched_stores(results: Results) -> dict[tuple[int, int, str | None], UPath]
 
 def watched(results: Results) -> list[Watched]:
     worst, known = set(worst_of(results)), exemplary(results)
-    order = ["worst of the study", "replayed", *dict.fromkeys(known.values()), "stored"]
+    order = [WORST, "replayed", *dict.fromkeys(known.values()), "stored"]
     found: dict[tuple[int, int, str | None], Watched] = {}
     for each in [*replayed_lanes(results), *stored_lanes(results)]:
         place = each[:2]
-        why = "worst of the study" if place in worst else known.get(place, each.why)
+        why = WORST if place in worst else known.get(place, each.why)
         found.setdefault((*place, each.engine), each._replace(why=why))
     return sorted(found.values(), key=lambda each: order.index(each.why))
 

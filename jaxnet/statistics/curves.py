@@ -28,11 +28,12 @@ METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean 
 NOT_PROPORTIONAL = 0.2  # of the power p of c·ā^p beside 1
 BOUND_NAMES = {
     "static": "static",
+    "harmonic": "harmonic",
     "peak_gain": "peak gain",
     "star_norm": "star norm",
     "lyapunov_best": "Lyapunov, best Q",
     "lyapunov_corrected": "Lyapunov, corrected",
-    "lyapunov_printed": "Lyapunov, as printed",
+    "lyapunov_printed": "Lyapunov, as printed (false)",
 }
 Fit = tuple[float, float, float]  # a parameter and the ends of its interval
 

@@ -50,6 +50,8 @@ Response = Callable[[np.ndarray], np.ndarray | float]
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
     """Return the slopes per ā of every bound for each group of attacked cells.
 
+    The harmonic bound has rows where the attack has one frequency.
+
     A bound has a slope for each vehicle, for the worst vehicle and for the fleet. Slopes are blank
     where lanes have bounds of their own, because weights or gains are drawn. They are also blank
     where nothing is known of the retained neighbours, and where the law holds a jerk.
@@ -61,6 +63,8 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
         known = dict.fromkeys(bounds.BOUND_KEYS, unknown)
         if reach is not None:
             known = bounds.ultimate_bounds(reach, np.array(scenario.gain))
+            if of_one_frequency(scenario):
+                known["harmonic"] = bounds.harmonic(reach, np.array(scenario.gain))
         vehicles = [*map(str, range(1, scenario.vehicles + 1)), "worst", "fleet"]
         for name, bound in known.items():
             slopes = [*bound.vehicles.tolist(), bound.worst, bound.fleet]
@@ -182,7 +186,7 @@ def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
     found: dict[str, tuple[Bound, Response]] = {
         "peak_gain": (bounds.peak_gain(reach, gain), lambda attack: 0.0)
     }
-    if scenario.attack.harmonic() and scenario.attack.consistent():
+    if of_one_frequency(scenario):
         found["harmonic"] = bounds.harmonic(reach, gain), lambda attack: 0.0
     if reach.fixed is not None and not np.isinf(reach.norms):
         word = reach.fixed.only(~(known.attacked & scenario.attack.replaces()))
@@ -191,6 +195,10 @@ def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
             forced_response(scenario, word, reach.fixed.only(known.attacked)),
         )
     return found
+
+
+def of_one_frequency(scenario: Scenario) -> bool:
+    return scenario.attack.harmonic() and scenario.attack.consistent()
 
 
 def forced_response(scenario: Scenario, word: Digraph, added: Digraph) -> Response:

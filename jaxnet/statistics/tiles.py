@@ -107,7 +107,7 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
             f"{sure:g} % intervals, half-widths at most {number_text(half)} percentage points"
         )
     if failed := sum((kinds[cell] for cell in cells & kinds.keys()), Counter()):
-        words.append(f"* other lanes failed, and are in no number: {counted(failed)}")
+        words.append(f"* lanes that failed are in no number: {counted(failed)}")
     return words
 
 

@@ -175,7 +175,7 @@ def lane_numbers(scenario: Scenario, sample: int, config: Config) -> dict[str, A
         at, steps = (slot, listener), int(one.clock.ticks * one.clock.outputs)
         lost = np.zeros((steps, len(slot)), bool)
         if lane.loss is not None:
-            lost = lost_messages(one, jax.tree.map(jnp.asarray, lane), steps)[:, *at]
+            lost = lost_messages(one, lane, steps)[:, *at]
     start, robots, own_path = np.zeros(1), scenario.vehicles, not attack.bounded
     path, places = lane.path(start), np.zeros((3, 2, robots))
     if lane.formation is not None:

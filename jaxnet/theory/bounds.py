@@ -6,7 +6,7 @@ axis in E = y - y_0 obeys `‖ρ_i‖ ≤ β γ_i ā` for every sequence of kept
 only some of the received derivatives, β has only their terms.
 
 - static: consistent derivatives, kept sets that cannot switch.
-- harmonic: attacks of one frequency each, consistent derivatives, switching too (not in tables).
+- harmonic: attacks of one frequency each, consistent derivatives, switching too.
 - peak_gain, lyapunov_corrected, lyapunov_best, star_norm: any ρ within its bound, so inconsistent
   derivatives and switching too.
 - lyapunov_printed: no case in general, for it is false (see `lyapunov`).

@@ -137,6 +137,7 @@ def test_the_worst_is_a_study_of_its_own(whole):
         assert row["lanes"] <= 200
         random = results.lanes.query(f"cell == {cell}")["tail_max"]
         assert row["random"] == random.max()
+        assert row["bound_name"] == "harmonic"
         assert row["fresh_low"] <= row["fresh"] <= row["fresh_high"]
     assert (
         results.searched.groupby("cell")["best"].last().tolist()

@@ -23,13 +23,16 @@ def test_the_table_has_a_block_for_each_group():
     study = jaxnet.load({"sweep": {"topology": ["star", "cyclic"], "attack.magnitude": [1, 2]}})
     slopes = slopes_table(study.cells)
     assert slopes.columns.tolist() == ["topology", "bound", "vehicle", "slope"]
-    assert len(slopes) == 2 * 6 * 14
+    assert len(slopes) == 2 * 7 * 14
     star = slopes[(slopes["topology"] == "star") & (slopes["bound"] == "static")]
     assert star["vehicle"].tolist() == [*map(str, range(1, 13)), "worst", "fleet"]
     assert star["slope"].tolist() == [0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 1, 2]
     ring = slopes[slopes["topology"] == "cyclic"].set_index(["bound", "vehicle"])["slope"]
     assert ring["peak_gain", "worst"] == pytest.approx(19.8)
+    assert ring["harmonic", "worst"] == pytest.approx(7.0, abs=1e-3)  # one frequency, as by default
     assert ring["static"].isna().all()
+    several = jaxnet.load({"attack": "multisine"})
+    assert "harmonic" not in set(slopes_table(several.cells)["bound"])
     assert slopes_table(jaxnet.load({"attack": "none"}).cells).empty
 
 

@@ -103,8 +103,8 @@ def test_a_study_differs_from_itself_by_nothing(without):
     assert "they are the same study" in told
     measured = [each for each in comparison.comparison_columns(found) if "[m]" in each.title]
     assert {text for each in measured[1:] for text in each.texts()} == {"0 (alike)"}
-    assert "the lanes, 12 at least, have one value of " in told
-    assert "(cells 0-3); with 95 %" in told
+    assert "lanes of a cell, at least 12, have the same " in told
+    assert "(cells 0-3); of all possible lanes" in told
 
 
 def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):

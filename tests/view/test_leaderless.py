@@ -114,7 +114,7 @@ def test_the_share_in_the_hull_is_that_of_a_plain_search(monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     text = tables.summary_text(results)
     assert "leaves the convex hull of the honest starts by over 1e-08 m" in text
-    assert "[low, high] of without agreement, in the hull: exact binomial 95 % intervals" in text
+    assert "[low, high] of without agreement; in the hull: exact binomial 95 % intervals" in text
 
 
 def test_links_of_a_network_without_a_navigator_are_just_links(results):

@@ -247,6 +247,11 @@ def test_bars_show_both_ends_or_that_they_go_on(low, high, arrows):
     assert (value + bars["error_y"]["array"] <= 10.0).all()
 
 
+def test_a_bar_of_rounding_does_not_leave_the_axis():
+    """It begins where its mark stands, at the floor."""
+    assert Scale("error [m]", log=True).bars(1e-20, 1e-9, 1.0)[0] == (1e-9, 1.0)
+
+
 def test_a_narrow_title_breaks_no_word_that_fits():
     """A key is parted from its value before a word is."""
     words = "in place of lost\N{NO-BREAK SPACE}messages\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}drop"

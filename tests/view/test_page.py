@@ -29,7 +29,7 @@ from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import findings, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.plots import axis, plotted
-from jaxnet.view.text import comparison
+from jaxnet.view.text import comparison, worst
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
@@ -148,10 +148,10 @@ def test_cells_that_are_not_all_of_a_value_are_told_with_it():
     results = Results(UPath("nowhere"))
     vars(results).update(study=systems.study(sweep=sweep, **ROTATING))
     for numbers, words in (
-        ([0, 1], "with no\xa0defence, ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m (2 cells)"),
+        ([0, 1], "with no\xa0defence, ā\xa0=\xa01 or 2\xa0m (2 cells)"),
         ([0, 1, 2], "with no\xa0defence (3 cells)"),
         ([0, 2, 4], "in cells 0, 2, 4"),
-        ([0, 1, 3], "in 3 of 4 cells with ā\xa0=\xa01\xa0m or ā\xa0=\xa02\xa0m"),
+        ([0, 1, 3], "in 3 of 4 cells with ā\xa0=\xa01 or 2\xa0m"),
     ):
         assert where.where_words(results, numbers) == words
 
@@ -210,25 +210,32 @@ TOLD = [
         CUTS,
         "By alarms cut the error is <b>0.1 ā</b> with link, <b>0.4 ā</b> with never, ",
     ),
-    (FOUR, CUTS, "smaller error with link than with never; "),
-    (FOUR, CUTS, "smaller error with never than with message; "),
+    (FOUR, CUTS, "error is smaller with link than with never; "),
+    (FOUR, CUTS, "error is smaller with never than with message; "),
     (
         MANY,
         SIZES,
-        "In the median lane of a cell the error, a mean over vehicles and the tail, ranges from"
-        " <b>0.5 ā</b> (95 % interval 0.25 to 0.75 ā) with ā\xa0=\xa010\xa0m (cell 2) to <b>2",
+        "In the median lane of a cell the error, a mean over vehicles and the tail, is not"
+        " proportional to ā, and ranges from <b>2 m</b> (95 % interval 1 to 3 m) with"
+        " ā\xa0=\xa01\xa0m (cell 1) to <b>5 m</b>",
     ),
     (
         [1.0, 2.0],
         {"sweep": {"defence": ["none"], "attack.magnitude": [1, 10]}},
-        "from <b>0.2 ā</b> (95 % interval 0.1 to 0.3 ā) with ā\xa0=\xa010\xa0m (cell 1) to <b>1 ā",
+        "ranges from <b>1 m</b> (95 % interval 0.5 to 1.5 m) with ā\xa0=\xa01\xa0m (cell 0) to",
+    ),
+    (
+        [2.0, 2.1, 20.0, 200.0],
+        {"sweep": {"defence": ["w_msr", "none"], "attack.magnitude": [10, 100]}},
+        "is <b>2 ā</b> (95 % interval 1 to 3 ā) with no\xa0defence (2 cells). With W-MSR (2 cells)"
+        " it does not rise with ā, and ranges from <b>2 m</b> (95 % interval 1 to 3 m) with ā",
     ),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
     (FOUR, DEFENCES, "By defence the error is <b>1 to 2 ā</b> with W-MSR, <b>2 to 4 ā</b> with no"),
     (
         FOUR,
         DEFENCES,
-        ". Lanes more often have the smaller error with W-MSR than with no\xa0defence"
+        ". In more lanes the error is smaller with W-MSR than with no\xa0defence"
         " (ā\xa0=\xa01\xa0m).",
     ),
     (MANY, FALLING, "from <b>0.5 ā</b> (95 % interval 0.25 to 0.75 ā) with "),
@@ -240,8 +247,7 @@ TOLD = [
     (
         FOUR,
         JUDGED,
-        "by defence the share is <b>50 to 75 %</b> with no\xa0defence, <b>100 %</b> with W-MSR. No"
-        " difference by defence is found with 12 pairs in a setting; a small one would not show.",
+        "by defence the share is <b>50 to 75 %</b> with no\xa0defence, <b>100 %</b> with W-MSR.",
     ),
     (
         FOUR,
@@ -252,7 +258,7 @@ TOLD = [
     (
         MANY,
         SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.1}},
-        "No difference by defence is found with 12 pairs",
+        "by defence the share is <b>10 %</b> with no\xa0defence, <b>20 %</b> with W-MSR, <b>30",
     ),
     (
         MANY,
@@ -291,14 +297,15 @@ TOLD = [
         " ā\xa0=\xa010\xa0m, no\xa0defence (cell 2) within 30 s, in 75 % of lanes (95 % interval 50"
         " to 87.5 %). The way out of the median lane is <b>2 m</b> with ā\xa0=\xa010\xa0m,"
         " no\xa0defence (cell 2); that of the worst lane is 3 m. In the other cells they leave it"
-        " in up to 10 % of lanes (95 % interval 10 to 10 %), by at most 0.1 m. In a longer",
+        " in up to 10 % of lanes (95 % interval 10 to 10 %), by at most 0.1 m. By"
+        " defence the worst lane goes 3 m with no\xa0defence, 0.1 m with W-MSR. In a longer run",
     ),
     ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts in every cell"),
     (
         [4.0, 20.0, 1.0, 20.0, 4.0, 20.0],
         {"sweep": {"defence": ["none", "w_msr", "centerpoint"], "attack.magnitude": [1, 10]}},
-        " with centerpoint. Lanes more often have the smaller error with W-MSR than with"
-        " no\xa0defence (ā\xa0=\xa01\xa0m); lanes more often have the smaller error with W-MSR than"
+        " with centerpoint. In more lanes the error is smaller with W-MSR than with"
+        " no\xa0defence (ā\xa0=\xa01\xa0m); in more lanes the error is smaller with W-MSR than"
         " with centerpoint (ā\xa0=\xa01\xa0m).",
     ),
 ]
@@ -316,6 +323,27 @@ def test_groups_without_a_bound_are_not_listed(tmp_path):
     found = told(tmp_path, [20.0], **ALONE | {"bounds": {"lyapunov_printed": 1.0}})
     assert "least bound" in "".join(told(tmp_path, [20.0], **ALONE))
     assert "least bound" not in "".join(found)
+
+
+def test_a_search_names_its_bounds_and_kinds(tmp_path):
+    """As in all other tables; errors below rounding are 0."""
+    numbers = dict.fromkeys(worst.LENGTHS, 20.0) | {"fresh_low": 1e-9, "until": 100.0, "lanes": 8}
+    numbers |= {"magnitude": 10.0, "attacked": "2 5", "bound_name": ["static", "harmonic"]}
+    results = Results(UPath(tmp_path))
+    search = {"over": {"attack.phase": "each"}, "budget": 100}
+    made = systems.study(sweep={"defence": ["none", "trusted_trim"]}, search=search, **ROTATING)
+    vars(results).update(study=made, manifest={"finished": False})
+    table = pd.DataFrame({"cell": [0, 1], **numbers})
+    table.to_csv(tmp_path / "worst.csv", index=False)
+    rows = worst.worst_rows(results)
+    assert rows["defence"].tolist() == ["no\xa0defence", "trusted trimming"]
+    assert rows["other starts, 5 %"].tolist() == [0, 0]
+    assert worst.bounds_told(results) == (
+        "bound of theory, the least that holds for the attack: harmonic (trusted trimming),"
+        " static (no\xa0defence)"
+    )
+    table.drop(columns="bound_name").to_csv(tmp_path / "worst.csv", index=False)  # an older one
+    assert worst.bounds_told(results) == ""
 
 
 def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_path):
@@ -374,7 +402,9 @@ def test_lanes_in_which_a_pair_comes_too_near_are_counted():
         near = lanes["min_separation"]
         told = f"in <b>{(near < 0.15).sum()}</b> of 6 lanes with {name} (least distance"
         assert f"{told} {near.min():.3g}" in text
-    assert "By filter" not in findings.extremes_sentence(results, tests)  # filters are for distance
+    assert "By filter" not in findings.extremes_sentence(
+        results, [], tests
+    )  # filters are for distance
     assert {each["compared"] for each in tests} == {"filter"}
     alone = [
         jaxnet.simulate(keys | {"filter": name}, progress=False) for name in ("none", "barrier")
@@ -505,7 +535,8 @@ def test_plotly_accepts_every_figure(html):
 def test_the_figures_have_the_numbers_of_cells_csv(folder, html):
     """A point a cell with its share and interval; the errors to the last digit."""
     stored = pd.read_csv(folder / "cells.csv")
-    (answer,) = figures_of(html, "answer")
+    error, answer = figures_of(html, "answer")
+    assert [*error["columns"]][:2] == ["topology", "attack magnitude ā [m]"]
     assert answer["layout"]["xaxis"]["title"]["text"] == "attack magnitude ā [m]"
     assert answer["data"][0]["name"] == "star"
     points = pd.DataFrame(answer["columns"]).set_index("cell").sort_index()
@@ -575,6 +606,7 @@ def test_text_figure_and_page_say_that_there_is_no_slope(folder):
         words = "rrors do not rise with ā: no line is fitted (all)"
         assert (words in drawn.get_supxlabel().replace("\n", " ")) is told
         assert (words in shown) is told
+        assert ("rey lines" in shown) is not told
         legend = [each.get_text() for each in drawn.legends[0].get_texts()]
         assert ("fit of the means" in legend) is not told
         assert legend == re.findall('data-name="(.*?)"', shown)  # the page has the same series
@@ -870,7 +902,7 @@ def test_lanes_say_why_they_are_shown(folder, monkeypatch):
         assert why[least] in ("stored", "replayed")
     monkeypatch.setattr(watched, "worst_of", lambda results: [(5, 2)])
     first = watched.watched(results)[0]
-    assert first[:3] == (5, 2, "worst of the study")
+    assert first[:3] == (5, 2, "worst per ā of the study")
 
 
 SHORT = {"engine": "exact", "horizon": 0.5, "tail": 0.1}
@@ -1078,6 +1110,7 @@ def test_the_networks_are_drawn_in_the_colours_of_the_page(html):
     """Beside the setting: attacked links and vehicles, and in the dark too."""
     text = section(html, "run")
     assert "<dt>topology</dt><dd>star, " in text
+    assert "s, without interrupted runs and searches</dd>" in text
     drawn = re.search(r'<svg role="img".*?</svg>', text, re.DOTALL)[0]
     assert "var(--red)" in drawn
     assert not re.search(r"#(000000|ffffff|262626|d55e00)", drawn, re.IGNORECASE)

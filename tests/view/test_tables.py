@@ -81,8 +81,8 @@ def test_lanes_that_agree_are_told_so():
     shown = columns.summary_columns(results, ["tail_mean"])
     assert shown[-1].texts() == ["0.123 [0.123, 0.123]", "1.12 (alike)"]
     (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
-    assert "5 at least, have one value of error, median (cell 1);" in note
-    assert "at most 45.1 % of all differ" in note
+    assert "at least 5, have the same error, median (cell 1); of all possible" in note
+    assert "at most 45.1 % have another value" in note
     rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
     results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
     shown = columns.summary_columns(results, ["tail_mean", "tail_mean_mean"])

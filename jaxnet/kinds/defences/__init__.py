@@ -101,16 +101,20 @@ class AnyDefence(DrawsAtTicks):
             "describe",
             "outnumbered",
             "starved",
+            "asks",
             "tolerates",
             "observes",
         }
     )
     guarantee: ClassVar[str] = "none is known"
-    asks: ClassVar[str] = ""  # of the sources of a vehicle that may drop any, in words
 
     def promise(self) -> str:
         """The guarantee of the defence with its keys, in words; by default `guarantee`."""
         return self.guarantee
+
+    def asks(self) -> str:
+        """What the rule asks of the sources of a vehicle that may drop any; "" if nothing."""
+        return ""
 
     def outnumbered(self, graph: Digraph, attacked: Links, trusted: Links) -> Vehicles:
         """Vehicles (m,) that hear more attacked sources than the defence is set for."""

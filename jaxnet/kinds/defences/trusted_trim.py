@@ -219,7 +219,6 @@ class TrustedTrim(Sparing):
         links = graph.heard & ~self.spares(trusted) & self.protected(graph, trusted)[:, None]
         return DropPolicy(graph, links, np.minimum(theta, links.sum(axis=1)))
 
-    @property
     def asks(self):
         return "|N_i| > ϑ" if self.announcing() else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
 
@@ -234,9 +233,11 @@ class TrustedTrim(Sparing):
         found = [0.0]
         for most, *sources in np.unique(numbers[self.protected(graph, trusted)], axis=0):
             known, others = (np.arange(number + 1) for number in sources)
-            likely = (reduce(np.convolve, [[share, 1 - share]] * n, [1.0]) for n in sources)
+            arrive = [
+                reduce(np.convolve, [[share, 1 - share]] * n, np.ones(1)) for n in sources
+            ]  # the probability of each number of messages
             trims = self.trims(known[:, None] + others, known[:, None], most)
-            found.append(float(np.outer(*likely)[~trims].sum()))
+            found.append(float((arrive[0][:, None] * arrive[1])[~trims].sum()))
         return max(found)
 
     def safe(self, graph, attacked, trusted):
@@ -266,7 +267,7 @@ class TrustedTrim(Sparing):
         theta, meets = by_listener(self.theta, graph.vehicles), self.protected(graph, trusted)
         outnumbered = meets & self.outnumbered(graph, attacked, trusted)
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
-        line = f"ϑ = {values}; the rule asks {self.asks}"
+        line = f"ϑ = {values}; the rule asks {self.asks()}"
         broken = []
         if not meets.any():
             broken.append("no vehicle is protected, each retains all its sources")

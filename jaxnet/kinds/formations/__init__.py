@@ -7,6 +7,8 @@ depend on its formation.
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, StackedJets
 
@@ -71,7 +73,7 @@ class Still(Formation):
         raise KindError(f"{self.kind}: a formation that stands gives places(self, vehicles)")
 
     def greatest(self, order):
-        return 0.0
+        return np.zeros(())
 
     def jets(self, time, vehicles):
         xp, zero = time.__array_namespace__(), 0.0 * time

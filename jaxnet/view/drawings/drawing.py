@@ -134,7 +134,7 @@ class Scale(NamedTuple):
         below = known & ~(low >= first) & (value > first) & np.isfinite(first)
         above = known & ~(high <= last) & (value < last) & np.isfinite(last)
         low, high = np.where(below, first, low), np.where(above, last, high)
-        return (low, high), (below, above)
+        return (self.within(low), self.within(high)), (below, above)
 
 
 def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:

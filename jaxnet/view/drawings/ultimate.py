@@ -11,6 +11,7 @@ from jaxnet.view.figures import style
 
 BOUND_LOOKS = {
     "static": Look(style.GREEN),
+    "harmonic": Look(style.GREEN, (6, 2)),
     "peak_gain": Look(style.BLUE, (6, 2)),
     "star_norm": Look(style.PURPLE, (1, 1.2)),
     "lyapunov_best": Look(style.ORANGE, (3, 1.2)),
@@ -25,10 +26,8 @@ MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
 BOUNDS_TOLD = "coloured lines: bounds of theory"
-FITS_TOLD = (
-    "grey lines: slope s of s ā fitted to the lanes; the interval of a mean may be narrower than"
-    " its mark"
-)
+FITS_TOLD = "grey lines: slope s of s ā fitted to the lanes"
+NARROW = "the interval of a mean may be narrower than its mark"
 NO_INTERVAL = "some means have no interval: too few lanes, or a few great errors make them up"
 LEAST_SHOWN = 0.01  # of the least median: what is less stands at the lower end of the axis
 FEW_STATISTICS = ("q05", "median", "max")
@@ -69,7 +68,9 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     x = Scale("attack magnitude ā [m]", log=True)
     y = Scale(ULTIMATE_WORDS[metric], (max(first, floor), last), log=True, floor=floor)
     there = [curve.group.labels for curve in found]
-    notes = [BOUNDS_TOLD] * any(curve.limits(metric) for curve in found) + [FITS_TOLD]
+    notes = [BOUNDS_TOLD] * any(curve.limits(metric) for curve in found)
+    drawn = {each.name for panel in panels for each in panel.series}
+    notes += [FITS_TOLD] * (not drawn.isdisjoint(FITS)) + [NARROW]
     notes += [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
     return Drawing(panels, x, y, notes, there=(there, "groups"))
 

@@ -324,8 +324,10 @@ class Plots:
     def search_worst(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw a row per cell: the worst choice found, the worst of random lanes, the bound."""
         need_search(self.results, cells)
-        words = f"worst {worst.maximised_text(self.results)}"
-        return printed(analyses.worst_drawing(worst.worst_rows(self.results), cells, words), width)
+        words = worst.maximised_text(self.results).replace(", per ā", " / ā")
+        drawing = analyses.worst_drawing(worst.worst_rows(self.results), cells, words)
+        told = filter(None, [*drawing.notes, worst.bounds_told(self.results)])
+        return printed(drawing._replace(notes=[*told]), width)
 
     @plot
     def sensitivity(self, cells: Sequence[Cell], width: float) -> Figure:

@@ -13,6 +13,7 @@ from jaxnet.config.naming import is_kind, key_name, labels_title, value_alone, v
 from jaxnet.model.wording import count, count_between, number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
+from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.pairs import CellsCompared, compared_cells
 from jaxnet.statistics.recovery import (
     threshold,
@@ -28,19 +29,45 @@ NO_DIFFERENCE = "no difference by"
 MOST_COMPARED = 8  # values of a swept key in one sentence
 
 
-def kinds_words(results: Results, estimates: pd.DataFrame, unit: str, tests: TestRows) -> str:
-    """Sentences that compare the values of each swept kind; "" if none has two."""
-    values: Any = estimates["value"]
-    labels = [results.study.cells[n].labels for n in values.index]
-    swept = pd.DataFrame(labels, values.index, list(results.study.cells[0].labels)).map(str)
-    kinds = [
-        str(key)
-        for key in swept
-        if len({*swept[key]}) > 1 and (is_kind(key) or all(isinstance(v[key], str) for v in labels))
+def kinds_words(
+    results: Results,
+    estimates: pd.DataFrame,
+    unit: str,
+    tests: TestRows,
+    left_out: Sequence[int] = (),
+    *,
+    listed: bool = True,
+) -> str:
+    """Sentences that compare the values of each swept kind; "" if none has two.
+
+    `left_out` are cells without an estimate, as their lanes failed. With `listed` the range of the
+    estimates is told for each value.
+    """
+    values, numbers = estimates.loc[:, "value"], estimates.index.tolist()
+    swept = swept_texts(results, [*numbers, *left_out])
+    kinds = [key for key in swept_kinds(results, numbers) if key != "filter"]
+    parts = [
+        compared_words(results, key, values, swept, unit, tests, listed=listed)
+        for key in kinds  # but filters, which `separation_sentence` compares
     ]
-    kinds = [key for key in kinds if key != "filter"]  # compared by `separation_sentence`
-    found = [compared_words(results, key, values, swept, unit, tests) for key in kinds]
-    return "".join(f" {sentence_case(each)}." for each in found if each)
+    return "".join(f" {sentence_case(each)}." for each in parts if each)
+
+
+def swept_texts(results: Results, numbers: Sequence[int]) -> pd.DataFrame:
+    """Values of the swept keys in these cells, as text."""
+    labels = [results.study.cells[n].labels for n in numbers]
+    return pd.DataFrame(labels, [*numbers], list(results.study.cells[0].labels)).map(str)
+
+
+def swept_kinds(results: Results, numbers: Sequence[int]) -> list[str]:
+    """Swept keys of kinds or texts that have two values in these cells."""
+    labels = [results.study.cells[n].labels for n in numbers]
+    return [
+        key
+        for key in results.study.cells[0].labels
+        if len({str(each[key]) for each in labels}) > 1
+        and (is_kind(key) or all(isinstance(each[key], str) for each in labels))
+    ]
 
 
 def compared_words(
@@ -50,20 +77,27 @@ def compared_words(
     swept: pd.DataFrame,
     unit: str,
     tests: TestRows,
+    *,
+    listed: bool,
 ) -> str:
     """The range of each value of a swept kind, and which values are found better than which."""
-    of_labels: Any = {label: values[swept[key] == label] for label in dict.fromkeys(swept[key])}
+    there: Any = swept.loc[values.index, key]
+    of_labels: Any = {label: values[there == label] for label in dict.fromkeys(there)}
     parts: dict[str, str] = {}
     number = percent_text if unit == "%" else error_text
     for label, some in sorted(of_labels.items(), key=lambda each: each[1].mean()):
         ends = dict.fromkeys(map(number, (some.min(), some.max())))
         parts[str(label)] = f"<b>{' to '.join(ends)} {unit}</b>"
-    lanes, word = judged_lanes(results, swept.index, unit), judged_word(results)
-    subject, more = word, f"lanes more often have the smaller {word}"
+    lanes, word = judged_lanes(results, values.index, unit), judged_word(results)
+    subject, more = word, f"in more lanes the {word} is smaller"
     if unit == "%":
         subject, more = "share", f"more lanes {'agree' if word == 'spread' else 'recover'}"
     tested = tested_words(results, key, [*parts], swept, lanes, more, tests)
     texts, none = [*parts.values()], tested.startswith(NO_DIFFERENCE)
+    if not listed:
+        return tested
+    if unit == "%" and none:  # shares near 0 or 100 % hide differences of errors
+        tested = ""
     if len({*texts}) == 1:
         if " to " in texts[0]:
             return "" if none else tested
@@ -96,28 +130,31 @@ def tested_words(
 
     `labels` are the values, the best first. `lanes` are numbers of each cell's lanes, the less the
     better; `more` says what lanes with smaller numbers do. A setting is a combination of the other
-    swept keys. Lanes of a setting are compared in pairs of the same draw. Only found differences
-    are told: of up to eight pairs all, of more those with the first value. There is no test of
-    lanes that are not independent, and of a number of lanes that depends on them.
+    swept keys; those of `swept` without lanes are told apart, not compared. Lanes of a setting are
+    compared in pairs of the same draw. Only found differences are told: of up to eight pairs all,
+    of more those with the first value. There is no test of lanes that are not independent, and of a
+    number of lanes that depends on them.
     """
-    study, column = results.study.config, list(swept).index(key)
-    label_of = {cell: str(swept.iat[at, column]) for at, cell in enumerate(swept.index.tolist())}
-    others, groups = swept.drop(columns=key), dict[Any, list[int]]()
+    study, others = results.study.config, swept.drop(columns=key)
+    label_of: dict[int, str] = swept[key].to_dict()
+    groups = dict[Any, list[int]]()
     for cell, rest in zip(swept.index.tolist(), others.to_numpy().tolist(), strict=True):
         groups.setdefault(tuple(rest), []).append(cell)
-    settings = [cells for cells in groups.values() if len(cells) > 1]
-    if study.draws != "random" or isinstance(study.samples, Sequential) or not settings:
+    compared = [[cell for cell in cells if cell in lanes] for cells in groups.values()]
+    compared = [cells for cells in compared if len(cells) > 1]
+    if study.draws != "random" or isinstance(study.samples, Sequential) or not compared:
         return ""
-    tests = compared_cells(lanes, settings)
+    tests = compared_cells(lanes, compared)
     of_pairs: dict[tuple[str, str], list[CellsCompared]] = {}
     for test in tests:
         pair = sorted((label_of[test.better], label_of[test.worse]), key=labels.index)
         of_pairs.setdefault((pair[0], pair[1]), []).append(test)
-        ends = (value_name(key, label_of[cell]) for cell in (test.better, test.worse))
         mine = results.study.cells[test.better].labels
         setting = labels_title({name: mine[name] for name in others if len({*others[name]}) > 1})
-        names = "compared", "better", "worse", "setting", "pairs", "p"
-        told_of = key_name(key), *ends, setting, test.lanes, test.p
+        better = value_name(key, label_of[test.better]) if test.found else "not found"
+        names = "compared", "first", "second", "setting", "better", "how", "pairs", "p"
+        ends = (value_name(key, each) for each in pair)
+        told_of = key_name(key), *ends, setting, better, more, test.lanes, test.p
         rows.append(dict(zip(names, told_of, strict=True)))
     pairs = [pair for pair in itertools.combinations(labels, 2) if pair in of_pairs]
     if len(pairs) > MOST_COMPARED:
@@ -125,47 +162,50 @@ def tested_words(
     told = []
     for pair in pairs:
         names = [named(key, each) for each in pair]
+        both = [cells for cells in groups.values() if {*pair} <= {label_of[cell] for cell in cells}]
         for good, bad in ((0, 1), (1, 0)):
             some = [t for t in of_pairs[pair] if t.found and label_of[t.better] == pair[good]]
             words = f"{more} with {names[good]} than with {names[bad]}"
-            told += settings_told(results, words, some, of_pairs[pair], others)
+            every = [[cell for cell in cells if label_of[cell] in pair] for cells in both]
+            told += settings_told(results, words, some, every, key)
     many = f"with {count_between([test.lanes for test in tests], 'pair')} in a setting"
-    none = f"{NO_DIFFERENCE} {escape(key_name(key))} is found {many}; a small one would not show"
+    part = " that is compared" * (len(compared) < len(groups))
+    none = (
+        f"{NO_DIFFERENCE} {escape(key_name(key))} is found {many}{part}; a small one would not show"
+    )
     return "; ".join(told) or none
 
 
-def p_words(results: Results) -> str:
-    """What the p values of findings are."""
-    name = "McNemar's exact test" if compares_shares(results) else "the exact sign test"
-    return (
-        f"test: {name} on paired lanes, adjusted by Holm over the comparisons of a key in which"
-        " enough lanes differ"
-    )
+P_WORDS = (
+    "tests on paired lanes: McNemar's exact test of lanes that recover, or agree, and the exact"
+    " sign test of errors and distances; p is adjusted by Holm over the comparisons of a key in"
+    " which enough lanes differ"
+)
 
 
 def settings_told(
     results: Results,
     words: str,
     some: Sequence[CellsCompared],
-    every: Sequence[CellsCompared],
-    others: pd.DataFrame,
+    every: Sequence[Sequence[int]],
+    key: str,
 ) -> list[str]:
-    """The words with the settings of some tests; [] of none."""
+    """The words with the settings of some tests; [] of none.
+
+    `every` has the cells of each setting, which differ in `key`.
+    """
     if not some:
         return []
-    names = [name for name in others if len({*others[name]}) > 1]
     if len(some) == len(every):
         return [words + f" in all {len(every)} settings of the other keys" * (len(every) > 1)]
-    mine, among = (
-        sorted({cell for test in tests for cell in (test.better, test.worse)})
-        for tests in (some, every)
-    )
-    where, alike = values_told(results, mine, [results.study.cells[n] for n in among])
+    mine = sorted({cell for test in some for cell in (test.better, test.worse)})
+    among = [results.study.cells[cell] for cells in every for cell in cells]
+    where, alike = values_told(results, mine, among)
     where = where if alike == len(mine) else ""
     if not where and len(some) <= MOST_TOLD:
+        varied = [k for k, values in swept_values_of(among).items() if len(values) > 1 and k != key]
         labels = (results.study.cells[test.better].labels for test in sorted(some))
-        told = (escape(labels_title({key: each[key] for key in names})) for each in labels)
-        where = "; ".join(told)
+        where = "; ".join(escape(labels_title({k: each[k] for k in varied})) for each in labels)
     told_of = f"in {len(some)} of {len(every)} settings of the other keys"
     return [f"{words} {f'({where})' if where else told_of}"]
 
@@ -185,7 +225,7 @@ def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd
 
 
 def compares_shares(results: Results) -> bool:
-    """Whether kinds are compared by the share unrecovered, not by the error."""
+    """Whether kinds are compared by the share unrecovered too."""
     shares = {*curves.unrecovered_shares(results)["unrecovered"]}
     return results.study.config.recovery is not None and len(shares) > 1
 

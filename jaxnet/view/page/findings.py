@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
-from jaxnet.config.naming import NO_BREAK, labels_title, value_name
+from jaxnet.config.naming import NO_BREAK, key_name, labels_title, value_name
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
@@ -35,12 +35,15 @@ from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.compared import (
+    P_WORDS,
     TestRows,
     compares_shares,
     judged_word,
     kinds_words,
-    p_words,
+    named,
     percent_text,
+    swept_kinds,
+    swept_texts,
     tested_words,
 )
 from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
@@ -55,6 +58,7 @@ MEDIAN_LANE = {  # by `judged_word`
 }
 
 MOVED = 10  # times as far as without an attack
+NEARLY = 1.2  # times one another
 MOST_TESTS = 200  # in the table of p values
 
 
@@ -66,7 +70,7 @@ def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) 
     if tests:
         table = pd.DataFrame(sorted(tests, key=lambda each: each["p"])[:MOST_TESTS])
         what = f"p values of {count(len(tests), 'comparison')}"
-        body = sortable_table(table) + notes_html([p_words(results)])
+        body = sortable_table(table) + notes_html([P_WORDS])
         folded = f"<details><summary>{what}</summary>{body}</details>"
     return Section(
         "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>{folded}"
@@ -94,7 +98,7 @@ def finding_sentences(
         outside_sentence(results) if alone else "",
         *(f"<b>{sentence_case(each)}</b>." for each in warnings if each),
         unrecovered_sentence(results, tests),
-        extremes_sentence(results, tests),
+        extremes_sentence(results, found, tests),
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         search_sentence(results),
@@ -111,7 +115,7 @@ def outnumbered_sentence(results: Results) -> str:
         defence, given = cell.scenario.defence, attacked_at_once(cell.scenario)
         (graph, attacked, trusted), which = given, defence.outnumbered(*given)
         drops = defence.may_drop(graph, trusted).links.any(axis=1)
-        few = f"it drops nobody: the rule asks {defence.asks}"
+        few = f"it drops nobody: the rule asks {defence.asks()}"
         for each, why in (which & drops, "more than it can drop"), (which & ~drops, few):
             if each.any():
                 found.setdefault((ranges(vehicle_numbers(each)), why), []).append(cell.number)
@@ -124,9 +128,9 @@ def outnumbered_sentence(results: Results) -> str:
         for (who, why), cells in found.items()
     )
     told = [f", with up to {count(most, 'attacked source')} each: {'; '.join(whom)}"] * bool(found)
-    ticks = (f" at some ticks: {w} {where_words(results, n)}".rstrip() for w, n in starved.items())
-    assumed = "Outside the assumptions of the defence"
-    return " ".join(f"<b>{assumed}{each}</b>." for each in (*told, *ticks))
+    ticks = "; ".join(f"{w} {where_words(results, n)}".rstrip() for w, n in starved.items())
+    told += [f" at some ticks: {ticks}"] * bool(ticks)
+    return " ".join(f"<b>Outside the assumptions of the defence{each}</b>." for each in told)
 
 
 def failed_sentence(results: Results) -> str:
@@ -163,6 +167,12 @@ def mostly_failed(results: Results) -> list[int]:
     return [cell for cell, many in failed.items() if many > ended[cell]]
 
 
+def failed_cells(results: Results) -> list[int]:
+    """The attacked cells among those of which more lanes failed than ended; all without attacks."""
+    attacked, failed = attacked_mask(results.study.cells), mostly_failed(results)
+    return [cell for cell in failed if attacked[cell] or not attacked.any()]
+
+
 def nothing_words(results: Results) -> str:
     """Why no cell has a number."""
     if not results.manifest["lanes"]["ok"]:
@@ -189,27 +199,52 @@ def settled(
     )
 
 
-def extremes_sentence(results: Results, tests: TestRows) -> str:
-    """The cells with the least and the greatest error of the median lane."""
+def extremes_sentence(results: Results, found: Sequence[curves.Curve], tests: TestRows) -> str:
+    """The cells with the least and the greatest error of the median lane: per ā where it rises so.
+
+    Errors that do not rise with ā, or not in proportion, are told in metres.
+    """
     errors, unit = errors_per_size(results)
-    word, per_size = judged_word(results), unit == "ā"
+    word = judged_word(results)
     if errors.empty:
         return f"No {word}: {nothing_words(results)}."
-    among = errors.index.tolist()
+    among, sizes = errors.index.tolist(), curves.cell_magnitudes(results)
     errors, falling = settled(results, errors, error_text, f" {unit}")
-    compared = "" if compares_shares(results) else kinds_words(results, errors, unit, tests)
+    groups = [[cell.number for cell in curve.group.cells] for curve in found]
+    apart = [[n for n in group if n in errors.index] for group in groups if unit == "ā"]
+    bent = [group for group in apart if group and not is_proportional(errors.loc[group])]
+    metres: Any = errors.mul(sizes[errors.index], axis="index")
+    metres = metres.where(errors.abs() >= ROUNDING_ERROR, 0.0)
+    level: Any = metres["value"]
+    flat = [n for group in bent if level[group].max() <= NEARLY * level[group].min() for n in group]
+    odd = [n for group in bent for n in group if n not in flat]
+    compared = kinds_words(results, errors, unit, tests, failed_cells(results), listed=not bent)
     unrecovered: Any = curves.unrecovered_shares(results)["unrecovered"]
     if len(unrecovered) and not unrecovered.any():  # below what is asked; p values are in the table
         compared = ""
-    span = span_words(results, errors, error_text, f" {unit}", among)
+    parts = []
+    rising = errors.drop(index=[*flat, *odd])
+    if not rising.empty:
+        parts.append(span_words(results, rising, error_text, f" {unit}", among))
+    for cells, words in ((flat, "does not rise with ā"), (odd, "is not proportional to ā")):
+        if cells:
+            where = f"{where_words(results, cells)} it " * bool(parts)
+            span = span_words(results, metres.loc[cells], error_text, " m", cells)
+            parts.append(f"{sentence_case(where)}{words}, and {span}")
     formed = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation" * formed
     limits = [threshold(cell, results.study.config.recovery) for cell in results.study.cells]
     least = np.fmin.reduce(limits, initial=np.inf)
-    if not per_size and errors["value"].max() < NEGLIGIBLE * least < np.inf:
+    if unit == "m" and errors["value"].max() < NEGLIGIBLE * least < np.inf:
         most = above_text(float(errors["value"].to_numpy().max()))
-        span, compared = f"is at most <b>{most} m</b>", ""
-    return f"{MEDIAN_LANE[word].format(less)} {span}.{compared}{falling}"
+        parts, compared = [f"is at most <b>{most} m</b>"], ""
+    return f"{MEDIAN_LANE[word].format(less)} {'. '.join(parts)}.{compared}{falling}"
+
+
+def is_proportional(values: pd.DataFrame) -> bool:
+    """Whether errors per ā are the same but for their intervals, or nearly so."""
+    low, high = values["low"].fillna(values["value"]), values["high"].fillna(values["value"])
+    return bool(low.max() <= high.min() or values["value"].max() <= NEARLY * values["value"].min())
 
 
 def outside_sentence(results: Results) -> str:
@@ -255,6 +290,13 @@ def outside_sentence(results: Results) -> str:
         elsewhere = f" In the other cells they leave it {share(rest)}, by at most {least} m."
         if ways["outside_max"][rest].max() < ROUNDING_ERROR:
             elsewhere = " In the other cells nobody leaves it."
+    for key in swept_kinds(results, ways.index):
+        texts = swept_texts(results, ways.index.tolist())[key]
+        told = [
+            f"{error_text(ways['outside_max'][texts == label].max())} m with {named(key, label)}"
+            for label in dict.fromkeys(texts)
+        ]
+        elsewhere += f" By {escape(key_name(key))} the worst lane goes {', '.join(told)}."
     return (
         f"{words} {where_words(results, moved)} within {longest:g} s, {share(moved)}. The way out"
         f" of the median lane {span}; that of the worst lane is {worst} m.{elsewhere}"
@@ -280,7 +322,9 @@ def unrecovered_sentence(results: Results, tests: TestRows) -> str:
     if known.empty:
         return f"No share {share_name(cells)}: {nothing_words(results)}."
     share, falling = settled(results, known, percent_text, " %")
-    compared = kinds_words(results, share, "%", tests) if compares_shares(results) else ""
+    compared = ""
+    if compares_shares(results):
+        compared = kinds_words(results, share, "%", tests, failed_cells(results))
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
     span = span_words(results, share, percent_text, " %", known.index.tolist(), confidence)
     told = f":{compared}".replace(": By", ": by") if compared else f" {span}."
@@ -309,7 +353,7 @@ def separation_sentence(results: Results, tests: TestRows) -> str:
     found = [f"two vehicles come nearer than D = {limit:g} m {', '.join(told.values())}"]
     if len(told) > 1:
         swept = pd.DataFrame([cells[n].labels for n in lanes], [*lanes]).map(str)
-        more = "lanes more often keep the greater least distance"
+        more = "in more lanes the least distance is greater"
         found.append(tested_words(results, "filter", [*told], swept, lanes, more, tests))
     found += dict.fromkeys(near_starts_words(results.study.config, cell.scenario) for cell in cells)
     return " ".join(f"{sentence_case(each)}." for each in found if each)
@@ -380,7 +424,8 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         shares = [100 * curve.worst / sound_limits(curve)[0][0] for curve in bounded]
         ends = f"{number_text(min(shares))} to {number_text(max(shares))} %"
         beside = f"<b>{ends}</b> of its least bound in {len(bounded)} groups of cells (table below)"
-    words = [f"The worst error of a vehicle is {beside}."] * bool(bounded)
+    searched = "Of random lanes the" if results.file("worst.csv").exists() else "The"
+    words = [f"{searched} worst error of a vehicle is {beside}."] * bool(bounded)
     if bounded and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
         above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>.'

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
-from jaxnet.config.naming import key_name, quantity, value_alone
+from jaxnet.config.naming import key_name, quantity, worded
 from jaxnet.explore.courses import search_courses
 from jaxnet.model.wording import cells_named, count, count_between, number_text
 from jaxnet.runs.replay import worst_of_cells
@@ -68,21 +68,23 @@ ULTIMATE_NOTE = "Error over the tail, with the bounds of theory where there are 
 NOT_ON_A_LOG_AXIS = " Cells with ā = 0 have no place on a log axis."
 SLOPES_NOTE = (
     "The greatest error of any vehicle as a multiple of ā: the worst found, what was fitted, and"
-    " the bounds of theory. A dash: there is no such number."
+    " the bounds of theory. Lyapunov's as printed is false in general. A dash: there is no such"
+    " number."
 )
 HEAT_NOTE = (
     "One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and"
     " arrow keys for its interval and lanes."
 )
-SOME_FAILED = " * Some of its lanes failed; they are in no number."
+SOME_FAILED = " * Lanes that failed are in no number."
 TOO_LARGE = (
     "The page has no room for a lane of so large a fleet: see <code>jaxnet animate</code>, and"
     " <code>trajectories.zarr</code>."
 )
 CHOICE_OF_LANES = (
     f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most,"
-    " spread evenly over the study, and the worst lanes of the study if it asks for recovery. The"
-    " worst lane has the greatest {}; of equal lanes it is the one of the lowest sample."
+    " spread evenly over the study, and the worst lanes per ā of the study if it asks for"
+    " recovery. The worst lane of a cell has the greatest {}; of equal lanes it is the one of the"
+    " lowest sample."
 )
 
 
@@ -132,23 +134,24 @@ def left_out_section(results: Results) -> Section | None:
 
 
 def answer_section(results: Results) -> Section | None:
-    """What the study asks for, or None if no lane tells it.
+    """What lanes are judged by, and what the study asks for, or None if no lane tells it.
 
-    If it is the same in all cells, what else lanes are judged by, if that differs.
+    What is the same in all cells is left out, if something else differs.
     """
-    cells = results.study.cells
+    cells, alone = results.study.cells, is_leaderless(results.study.cells)
     if len(cells) == 1:
         return None  # a finding says it
-    asked = [asked_quantity(results.study.config), *["outside"] * is_leaderless(cells)]
-    every = (quantity_of(results, cells, name) for name in [*asked, judged_metric(cells)])
+    names = ["outside"] * alone + [judged_metric(cells), asked_quantity(results.study.config)]
+    every = (quantity_of(results, cells, name) for name in dict.fromkeys(names))
     known = [each for each in every if each.known.size]
     if not known:
         return None
-    found = next((each for each in known if np.ptp(each.known) > ROUNDING_ERROR), known[0])
+    shown = [each for each in known if np.ptp(each.known) > ROUNDING_ERROR] or known[-1:]
     axes = choose_axes(cells)
     over = f" against {key_name(axes.x)}" if axes.x else ""
-    drawn = plotted(swept_drawing(found, axes, cells))
-    return Section("answer", escape(sentence_case(found.words) + over), drawn)
+    views = {each.words: plotted(swept_drawing(each, axes, cells)) for each in shown}
+    title = sentence_case(shown[0].words) + over
+    return Section("answer", escape(title), views_html(views))
 
 
 def run_section(results: Results) -> Section:
@@ -159,7 +162,8 @@ def run_section(results: Results) -> Section:
         values |= {
             "samples": f"{count_between(results.samples, 'lane')} of each cell",
             "device": manifest["device"],
-            "wall time": f"{number_text(manifest['wall_seconds'])} s",
+            "wall time": f"{number_text(manifest['wall_seconds'])} s, without interrupted runs"
+            " and searches",
         }
     versions = (f"{package} {version}" for package, version in manifest["versions"].items())
     values |= {"seed": str(study.config.seed), "versions": ", ".join(versions)}
@@ -225,10 +229,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     same = [fleet for name, fleet in fleets.items() if shown[name].equals(shown[fleet])]
     shown = shown.drop(columns=same).dropna(axis=1, how="all")
     slopes = dict.fromkeys(shown, np.ones(len(shown)))
-    labels = pd.DataFrame(  # text is a name too, numbers sort as numbers
-        {quantity(k): value_alone(k, v) if isinstance(v, str) else v for k, v in labels.items()}
-        for labels in (curve.group.labels for curve in found)
-    )
+    labels = pd.DataFrame(worded(curve.group.labels) for curve in found)
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about, names=[*labels])
     return paragraph(SLOPES_NOTE) + table
@@ -324,7 +325,7 @@ def search_section(results: Results) -> Section | None:
     )
     courses, unit = list(search_courses(results, cells)), worst.metric_with_unit(results)
     drawn = plotted(course_drawing(courses, cells, unit)) if courses else ""
-    table = sortable_table(rows, names=cells[0].labels)
+    table = sortable_table(rows, names=[*map(quantity, cells[0].labels)])
     body = paragraph(note) + table + notes_html(worst.search_notes(results)) + drawn
     return Section("search", name, body)
 

@@ -1,6 +1,6 @@
 """Words for some cells of a study: the swept values that they share, and ranges of numbers."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from typing import Any
 
@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import labels_title, value_name
+from jaxnet.config.naming import NO_BREAK, labels_title, value_alone, value_name
 from jaxnet.model.wording import cells_named, number_text
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
-from jaxnet.statistics.groups import swept_values_of
+from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.store.results import Results
 
@@ -49,8 +49,18 @@ def values_told(results: Results, numbers: Sequence[int], among: Sequence[Cell])
     told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
     if max(map(len, told.values()), default=0) > MOST_TOLD:
         return "", alike
-    words = (" or ".join(value_name(key, each) for each in told[key]) for key in told)
+    words = (values_named(key, values) for key, values in told.items())
     return escape(", ".join(words)), alike
+
+
+def values_named(key: str, values: Iterable[Label]) -> str:
+    """Values of a key joined by "or", with the key's name and unit told once."""
+    *others, last = values
+    name, equals, value = value_name(key, last).partition(f"={NO_BREAK}")
+    if not others or not equals:
+        return " or ".join(value_name(key, each) for each in (*others, last))
+    alone = ", ".join(value_alone(key, each) for each in others)
+    return f"{name}{equals}{alone} or {value}"
 
 
 def span_words(

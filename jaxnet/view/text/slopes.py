@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.config.naming import quantity, value_alone
+from jaxnet.config.naming import worded
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
@@ -53,8 +53,12 @@ def fit_text(results: Results) -> str:
     if results.file("bounds.csv").exists():
         title = "bounds of theory, as multiples of the worst error found"
         rows = [(curve, group_ratios(curve)) for curve in found]
-        if any(np.isfinite(row[name]) for _, row in rows for name in BOUND_COLUMNS):
+        told = [name for name in BOUND_COLUMNS if any(np.isfinite(row[name]) for _, row in rows)]
+        if told:
             table, labels = group_columns(rows)
+            table = {
+                name: table[name] for name in table if name in told or name not in BOUND_COLUMNS
+            }
             text = fitted_text(table, labels, BOUNDS_DROP_ORDER, "bounds.csv")
             parts.append("\n".join([filled(title), text, filled(BOUNDS_LEGEND)]))
     if results.file("violations.csv").exists():
@@ -114,13 +118,7 @@ def group_columns(
     rows: Sequence[tuple[Curve, dict[str, Any]]],
 ) -> tuple[dict[str, list[Any]], list[str]]:
     """Columns of a table of groups, and the names of swept keys; values read as in `show`."""
-    named = [
-        {
-            quantity(key): value_alone(key, value) if isinstance(value, str) else value
-            for key, value in curve.group.labels.items()
-        }
-        for curve, _ in rows
-    ]
+    named = [worded(curve.group.labels) for curve, _ in rows]
     whole = [labels | told for labels, (_, told) in zip(named, rows, strict=True)]
     return {name: [row[name] for row in whole] for name in whole[0]}, list(named[0])
 

@@ -171,7 +171,7 @@ def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
             kind = "share" if each.name in lane_shares(config) else each.name.rpartition("_")[2]
             found.setdefault(kind, []).append(each.title.partition(" [")[0])
     return [
-        f"[low, high] of {', '.join(found[kind])}: {words}{at_once}"
+        f"[low, high] of {'; '.join(found[kind])}: {words}{at_once}"
         for kind, words in kinds.items()
         if kind in found
     ]
@@ -198,10 +198,11 @@ def missing_lines(shown: Sequence[Column], lanes: pd.Series, independent: bool) 
     ]
     alike.pop((), None)
     if alike and independent:
-        told = (f"{' and '.join(mine)} ({cells_named(some)})" for some, mine in alike.items())
+        told = (f"{'; '.join(mine)} ({cells_named(some)})" for some, mine in alike.items())
         fewest = min(int(many[cell]) for some in alike for cell in some)
-        words = f"alike: the lanes, {fewest} at least, have one value of {'; of '.join(told)}"
-        notes.append(f"{words}; with 95 % confidence at most {share_beyond(fewest)} of all differ")
+        words = f"alike: all lanes of a cell, at least {fewest}, have the same {'; '.join(told)}"
+        most = f"of all possible lanes at most {share_beyond(fewest)} have another value"
+        notes.append(f"{words}; {most}, with 95 % confidence")
     return notes
 
 

@@ -7,6 +7,9 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless
 from jaxnet.config.keys import SearchSettings
+from jaxnet.config.naming import choices_words, key_name, quantity, worded
+from jaxnet.statistics.amplitude import without_rounding
+from jaxnet.statistics.curves import BOUND_NAMES
 from jaxnet.statistics.recovery import criterion_words
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_text
@@ -29,7 +32,7 @@ SEARCH_DROP_ORDER = ((SEARCH_LANES,), *((LENGTHS[name],) for name in LESS_ASKED)
 
 
 def search_text(results: Results) -> str:
-    labels, file = list(results.study.cells[0].labels), str(results.path / "worst.csv")
+    labels, file = [*map(quantity, results.study.cells[0].labels)], str(results.path / "worst.csv")
     text = fitted_text(worst_rows(results).to_dict("list"), labels, SEARCH_DROP_ORDER, file)
     notes = [*search_notes(results), *limit_lines(results)]
     return "\n".join([f"{maximised_text(results)}, by search", text, *map(filled, notes)])
@@ -46,13 +49,27 @@ def search_notes(results: Results) -> list[str]:
     asked = asked_search(results)
     late = " or ".join(f"{time:g} s" for time in sorted(set(results.worst["until"])))
     start = "one start" if asked.starts == 1 else f"{asked.starts:,} starts, their mean"
+    over = ", ".join(map(key_name, asked.over))
     return [
-        f"found by the search: the worst choice from {start}, over {', '.join(asked.over)}; later:"
-        f" the same choice at {late}, when transients have died away",
+        f"found by the search: the worst choice from {start}, over {over}; later: the same choice"
+        f" at {late}, when transients have died away",
         "worst random lane: the worst of as many random choices, each from one random start; it may"
         " exceed what was found, from a worse start",
         "other starts: the found choice from 10,000 further starts",
+        *filter(None, [bounds_told(results)]),
     ]
+
+
+def bounds_told(results: Results) -> str:
+    """Which bound of theory stands in the table; "" if none does."""
+    found: Any = results.worst.reindex(columns=["cell", "bound_name"]).dropna()
+    cells = [cell.labels for cell in results.study.cells]
+    told = [
+        f"{BOUND_NAMES[name]} ({' / '.join(choices_words([cells[n] for n in mine], cells))})"
+        for name, mine in found.groupby("bound_name")["cell"]
+    ]
+    words = f"bound of theory, the least that holds for the attack: {', '.join(told)}"
+    return words.removesuffix(" (all)") if told else ""
 
 
 def limit_lines(results: Results) -> list[str]:
@@ -116,9 +133,12 @@ def worst_rows(results: Results) -> pd.DataFrame:
     ratio = found["bound"] / found["found"]
     lengths = found.assign(ratio=ratio)[list(LENGTHS)]
     if is_per_size(results):
-        lengths = lengths.div(found["magnitude"], axis="index").assign(ratio=ratio)
+        lengths = lengths.div(found["magnitude"], axis="index")
+        lengths = lengths.map(lambda each: without_rounding(each, 1.0)).assign(ratio=ratio)
     if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
         lengths = lengths.drop(columns=["bound", "ratio"])
-    who = found[["cell", *results.study.cells[0].labels, "attacked"]]
-    lanes = found["lanes"].rename(SEARCH_LANES)
-    return pd.concat([who, lengths.rename(columns=LENGTHS), lanes], axis="columns")
+    swept = pd.DataFrame([worded(results.study.cells[number].labels) for number in found["cell"]])
+    who, lanes = found[["cell"]].join(swept).join(found["attacked"]), found["lanes"]
+    return pd.concat(
+        [who, lengths.rename(columns=LENGTHS), lanes.rename(SEARCH_LANES)], axis="columns"
+    )
