@@ -99,8 +99,9 @@ def compare_studies(first: Results, second: Results) -> Comparison:
 
     sides = [f"{name}{side}" for name in (metrics[0], "unrecovered") for side in SIDES]
     changed = lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])
-    studies = zip("AB", both, both[::-1], zip(*pairs, strict=True), strict=True)
-    alone = [f"{each} of {side}" for side, *mine in studies for each in unpaired(*mine)]
+    in_a, in_b = zip(*pairs, strict=True)
+    alone = [f"{each} of A" for each in unpaired(first, second, in_a)]
+    alone += [f"{each} of B" for each in unpaired(second, first, in_b)]
     return Comparison(
         (str(first.path), str(second.path)),
         differing_settings(first, second),

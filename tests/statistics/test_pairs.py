@@ -83,10 +83,19 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
     told = comparison.comparison_text(found)
     assert "defence.kind: none in A, trusted_trim in B" in told
     words = " ".join(told.split())
-    assert "Alike: the lanes, 10 at least, have one" in words
+    assert "Alike: all lanes of a cell, at least 10, have the same" in words
+    table, legend = words.partition(" All differences")[::2]
+    legend, left_out = legend.partition("left out: ")[::2]
+    for column, note in {"worst vehicle": "Worst vehicle (", "pairs": "McNemar"}.items():
+        assert column in table or (column in left_out and note not in legend)
     assert all(len(line) <= 80 for line in told.splitlines())
     assert f"recovered only in B: {found.changed['unrecovered_A'].astype(bool).sum()} lanes" in told
-    assert "defence.kind" in page.comparison_page(found)
+    html = page.comparison_page(found)
+    assert "defence.kind" in html
+    assert "unrecovered [%]" in html
+    assert "McNemar" in html
+    (shares,) = (e for e in comparison.comparison_columns(found) if e.name == "unrecovered")
+    assert shares.scaled() == (100 * found.cells["unrecovered"]).tolist()
 
 
 def test_a_study_differs_from_itself_by_nothing(without):
