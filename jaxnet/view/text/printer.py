@@ -20,7 +20,7 @@ from jaxnet.view.text.width import (
 if TYPE_CHECKING:
     from jaxnet.view.columns import Column
 
-ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go after others
+MEDIAN_ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go after others
 LEAST_TITLE = 9  # letters of a line of a title
 LEAST_LABEL = 20  # letters that a label is wrapped to, at least
 GAP = 2  # letters between columns
@@ -134,13 +134,13 @@ def narrow_columns(
     """Columns that fit the terminal, and what is left out; the share failed always stays.
 
     The last quantities lose their intervals, but not the first; pivoted ones lose them together.
-    Then, unless they are `asked` for, the last columns go, all intervals, ERRORS, keys of numbers,
+    Then, unless they are `asked` for, the last columns go, all intervals, MEDIAN_ERRORS, keys of numbers,
     labels.
     """
     stay = ("cell", "failed_share")
     quantities = [each.name for each in whole if each.key is None and each.name not in stay]
-    quantities[1:] = sorted(quantities[1:], key=lambda name: name not in ERRORS)
-    kept = 1 + sum(name in ERRORS for name in quantities[1:])
+    quantities[1:] = sorted(quantities[1:], key=lambda name: name not in MEDIAN_ERRORS)
+    kept = 1 + sum(name in MEDIAN_ERRORS for name in quantities[1:])
     together = any(each.across for each in whole)
     keys = sorted((each for each in whole if each.key is not None), key=lambda each: each.numeric)
     steps = [[*whole]]
