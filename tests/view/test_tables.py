@@ -208,6 +208,7 @@ def test_the_asked_share_and_the_median_error_go_last(last, width, monkeypatch):
     names = [*first, *(f"alarms_{each}" for each in range(20)), *last, "tail_mean_q95"]
     whole = [columns.Column(name, name, name, pair, ("low", "high")) for name in names]
     left = [each.name for each in printer.narrow_columns(whole)[0]]
+    assert [each.name for each in printer.narrow_columns(whole[:1])[0]] == first[:1]
     assert left[:2] == first
     assert {*last} <= {*left} or {*left} <= {*first, *last}
     assert width == 40 or {*last} <= {*left} != {*names}

@@ -134,8 +134,8 @@ def narrow_columns(
     """Columns that fit the terminal, and what is left out; the share failed always stays.
 
     The last quantities lose their intervals, but not the first; pivoted ones lose them together.
-    Then, unless they are `asked` for, the last columns go, all intervals, MEDIAN_ERRORS, keys of numbers,
-    labels.
+    Then, unless they are `asked` for, the last columns go, all intervals, median errors, keys of
+    numbers, labels.
     """
     stay = ("cell", "failed_share")
     quantities = [each.name for each in whole if each.key is None and each.name not in stay]
@@ -149,8 +149,8 @@ def narrow_columns(
         steps.append([each.bare() if each.name in bare else each for each in whole])
     if not asked:
         steps += without_each(steps[-1], quantities[: kept - 1 : -1])
-        for spared in (quantities[0], ""):
-            steps.append([each if each.name == spared else each.bare() for each in steps[-1]])
+        for spared in (quantities[:1], []):
+            steps.append([each if each.name in spared else each.bare() for each in steps[-1]])
         steps += without_each(steps[-1], quantities[kept - 1 : 0 : -1])
         steps += without_each(steps[-1], [each.name for each in reversed(keys)])
     shown = next((each for each in steps if fits_terminal(*with_labels(each))), steps[-1])
