@@ -191,6 +191,13 @@ def failed_kinds(results: Results) -> dict[int, Counter[str]]:
     return {number: Counter(map(str, failed["status"])) for number, failed in found}
 
 
+def mostly_failed(results: Results) -> list[int]:
+    """Cells of which more lanes failed than ended: few lanes stand for none of them."""
+    ended = results.cells["ok"].to_numpy()
+    failed = {cell: kinds.total() for cell, kinds in failed_kinds(results).items()}
+    return [cell for cell, many in failed.items() if many > ended[cell]]
+
+
 def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:
     """ā of each cell [m]; not-a-number without an attack and where ā is drawn."""
     return np.array([attack_size(cell) for cell in results.study.cells])

@@ -18,7 +18,13 @@ from jaxnet.kinds.metrics import LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.kinds.refusals import suggestion
 from jaxnet.model.wording import count, counted
-from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, failed_kinds, log_ends
+from jaxnet.statistics.curves import (
+    LOG_FLOOR,
+    cell_magnitudes,
+    failed_kinds,
+    log_ends,
+    mostly_failed,
+)
 from jaxnet.statistics.intervals import CONFIDENCE, clopper_pearson
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import (
@@ -147,14 +153,22 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
 
 
 def unended_words(results: Results, cells: Sequence[Cell]) -> str:
-    """Which of these cells have no lane that ended, and why; no figure has a point of them."""
-    ok, kinds = results.cells["ok"].to_numpy(), failed_kinds(results)
-    lost = [cell for cell in cells if ok[cell.number] == 0]
-    if not lost:
-        return ""
-    where = choices_words([cell.labels for cell in lost], [cell.labels for cell in cells])
-    failed = sum((kinds.get(cell.number, Counter()) for cell in lost), Counter[str]())
-    return f"no lane ended: {' / '.join(where)} ({counted(failed)})"
+    """Which of these cells have no lane that ended, so no point in a figure, or few, and why."""
+    ended, kinds, failed = (
+        results.cells["ok"].to_numpy(),
+        failed_kinds(results),
+        mostly_failed(results),
+    )
+    lost = [cell for cell in cells if ended[cell.number] == 0]
+    few = [cell for cell in cells if cell.number in failed and cell not in lost]
+
+    def told(words: str, some: Sequence[Cell]) -> str:
+        where = choices_words([cell.labels for cell in some], [cell.labels for cell in cells])
+        why = sum((kinds.get(cell.number, Counter()) for cell in some), Counter[str]())
+        return f"{words}: {' / '.join(where)} ({counted(why)})"
+
+    parts = {"no lane ended": lost, "most lanes failed": few}
+    return "; ".join(told(words, some) for words, some in parts.items() if some)
 
 
 def share_failed(table: pd.DataFrame) -> pd.DataFrame:

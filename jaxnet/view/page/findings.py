@@ -141,7 +141,7 @@ def failed_sentence(results: Results) -> str:
     kinds = escape(counted(sum(there.values(), Counter())))
     failed = f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {kinds}"
     failed += f", {where_words(results, sorted(there))}".rstrip(", ")
-    left = sorted(mostly_failed(results))
+    left = sorted(curves.mostly_failed(results))
     if not left or not lanes["ok"]:
         return f"{failed}."
     where = "these cells" if left == sorted(there) else f"the cells {where_words(results, left)}"
@@ -156,20 +156,13 @@ def errors_per_size(results: Results) -> tuple[pd.DataFrame, str]:
     known = curves.cell_magnitudes(results)
     per_size = metric != "spread" and not np.isnan(known).all()
     found: Any = errors.div(known, axis="index") if per_size else errors
-    found = found.drop(index=mostly_failed(results))
+    found = found.drop(index=curves.mostly_failed(results))
     return found.dropna(subset="value"), "ā" if per_size else "m"
-
-
-def mostly_failed(results: Results) -> list[int]:
-    """Cells of which more lanes failed than ended: few lanes stand for none of them."""
-    ended = results.cells["ok"].to_numpy()
-    failed = {cell: kinds.total() for cell, kinds in curves.failed_kinds(results).items()}
-    return [cell for cell, many in failed.items() if many > ended[cell]]
 
 
 def failed_cells(results: Results) -> list[int]:
     """The attacked cells among those of which more lanes failed than ended; all without attacks."""
-    attacked, failed = attacked_mask(results.study.cells), mostly_failed(results)
+    attacked, failed = attacked_mask(results.study.cells), curves.mostly_failed(results)
     return [cell for cell in failed if attacked[cell] or not attacked.any()]
 
 
@@ -318,7 +311,7 @@ def unrecovered_sentence(results: Results, tests: TestRows) -> str:
     if asked is None and found.empty:
         return ""
     known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
-    known = known.drop(index=mostly_failed(results), errors="ignore")
+    known = known.drop(index=curves.mostly_failed(results), errors="ignore")
     if known.empty:
         return f"No share {share_name(cells)}: {nothing_words(results)}."
     share, falling = settled(results, known, percent_text, " %")

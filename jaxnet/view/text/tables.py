@@ -17,7 +17,7 @@ from jaxnet.model.wording import cells_named, count, count_between, counted, num
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note, without_rounding
 from jaxnet.statistics.choice import Where
-from jaxnet.statistics.curves import failed_kinds
+from jaxnet.statistics.curves import failed_kinds, mostly_failed
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.horizon import errors_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
@@ -145,7 +145,8 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes.append("errors below 1e-9 ā (1e-9 m without an attack) are shown as 0")
         notes += off_lines(results, shown)
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
-        many = lanes[lanes > 0].astype(int)
+        most = lanes.drop(index=mostly_failed(results))
+        many = (most if most.any() else lanes)[lanes > 0].astype(int)
         beyond = share_beyond(int(many.min()))
         words = f"at most {beyond} of all lanes are above, with 95 % confidence"
         notes.append(f"greatest: of {count_between(many.tolist(), 'lane')} of a cell; {words}")
@@ -230,6 +231,8 @@ def share_beyond(lanes: int) -> str:
 def setting_note(results: Results) -> str:
     study = results.study
     samples = f"{count_between(results.samples, 'lane')} a cell"
+    if failed := results.manifest["lanes"]["failed"]:
+        samples += f", of which {failed:,} of {results.manifest['lanes']['total']:,} failed"
     horizons = sorted({cell.scenario.horizon for cell in study.cells})
     tails = sorted({cell.scenario.tail for cell in study.cells})
     told = (" or ".join(f"{each:g}" for each in values) for values in (horizons, tails))
