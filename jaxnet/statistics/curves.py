@@ -193,9 +193,8 @@ def failed_kinds(results: Results) -> dict[int, Counter[str]]:
 
 def mostly_failed(results: Results) -> list[int]:
     """Cells of which more lanes failed than ended: few lanes stand for none of them."""
-    ended = results.cells["ok"].to_numpy()
-    failed = {cell: kinds.total() for cell, kinds in failed_kinds(results).items()}
-    return [cell for cell, many in failed.items() if many > ended[cell]]
+    table: Any = results.cells
+    return np.flatnonzero(table["failed"] > table["ok"]).tolist()
 
 
 def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:

@@ -122,6 +122,7 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
     table = {"ok": np.where(np.isnan(errors), 0, 3), "tail_mean_median": errors}
     table |= {"tail_max_max": 2 * errors, "tail_mean_median_low": 0.5 * errors}
     table |= {"tail_mean_median_high": 1.5 * errors, **dict(cells)}
+    table["failed"] = np.where(np.isnan(errors), 3, 0)
 
     def by_cell(*_columns, where, cells=None):
         if cells is None:
@@ -365,7 +366,7 @@ def test_why_nothing_is_dropped_is_told(tmp_path):
     lossy = {"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}
     first = told(tmp_path, [1.0, 2.0], **cells, **lossy)[0]
     few, starved = first.split("</b>. ")
-    assert few.endswith("(it drops nobody: the rule asks |N_i| ≥ 2ϑ + 1 with ϑ trusted)")
+    assert few.endswith("(it drops nobody: the rule asks 2ϑ + 1 sources, of which ϑ are trusted)")
     assert "of the defence at some ticks: in up to 27.1 % of ticks" in starved
     assert "cyclic" in starved
     assert "at some ticks" not in told(tmp_path, [1.0, 2.0], **cells)[0]
@@ -902,7 +903,7 @@ def test_lanes_say_why_they_are_shown(folder, monkeypatch):
         assert why[least] in ("stored", "replayed")
     monkeypatch.setattr(watched, "worst_of", lambda results: [(5, 2)])
     first = watched.watched(results)[0]
-    assert first[:3] == (5, 2, "worst per ā of the study")
+    assert first[:3] == (5, 2, "worst per ā over all ā")
 
 
 SHORT = {"engine": "exact", "horizon": 0.5, "tail": 0.1}

@@ -220,7 +220,7 @@ class TrustedTrim(Sparing):
         return DropPolicy(graph, links, np.minimum(theta, links.sum(axis=1)))
 
     def asks(self):
-        return "|N_i| > ϑ" if self.announcing() else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
+        return "over ϑ sources" if self.announcing() else "2ϑ + 1 sources, of which ϑ are trusted"
 
     def protected(self, graph: Digraph, trusted: Links) -> Bool[np.ndarray, " m"]:
         theta = by_listener(self.theta, graph.vehicles)

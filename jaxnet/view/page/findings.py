@@ -289,7 +289,8 @@ def outside_sentence(results: Results) -> str:
             f"{error_text(ways['outside_max'][texts == label].max())} m with {named(key, label)}"
             for label in dict.fromkeys(texts)
         ]
-        elsewhere += f" By {escape(key_name(key))} the worst lane goes {', '.join(told)}."
+        if len({each.split(" with ")[0] for each in told}) > 1:
+            elsewhere += f" By {escape(key_name(key))} the worst lane goes {', '.join(told)}."
     return (
         f"{words} {where_words(results, moved)} within {longest:g} s, {share(moved)}. The way out"
         f" of the median lane {span}; that of the worst lane is {worst} m.{elsewhere}"
@@ -410,7 +411,7 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
     if not found:
         return "Errors have no bound beside them: no cell has an attack of a fixed magnitude."
     if not results.file("bounds.csv").exists():
-        return f"Bounds are not fitted yet: <code>{fit}</code>"
+        return f"{worst_words(results)}Bounds are not fitted yet: <code>{fit}</code>"
     bounded = [curve for curve in found if sound_limits(curve)]
     beside = "; ".join(map(bound_words, bounded))
     if len(bounded) > MOST_TOLD:
@@ -418,7 +419,9 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         ends = f"{number_text(min(shares))} to {number_text(max(shares))} %"
         beside = f"<b>{ends}</b> of its least bound in {len(bounded)} groups of cells (table below)"
     searched = "Of random lanes the" if results.file("worst.csv").exists() else "The"
-    words = [f"{searched} worst error of a vehicle is {beside}."] * bool(bounded)
+    words = [f"{searched} worst error of a vehicle is {beside}."]
+    if not bounded:
+        words = [worst_words(results).strip()]
     if bounded and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
         above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>.'
@@ -426,6 +429,18 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
     if unchecked := unchecked_words(results.study.cells):
         words.append(f"No bound is known for {escape(unchecked)}.")
     return " ".join(words)
+
+
+def worst_words(results: Results) -> str:
+    """The greatest error of a vehicle in any lane, and its cell; "" if no lane ended."""
+    worst: Any = results.cells["tail_max_max"].reset_index(drop=True).dropna()
+    if worst.empty:
+        return ""
+    where = where_words(results, [int(worst.idxmax())])
+    return (
+        f"The worst error of a vehicle is <b>{error_text(worst.max())} m</b> {where}".rstrip()
+        + ". "
+    )
 
 
 def sound_limits(curve: curves.Curve) -> list[tuple[float, str]]:

@@ -231,8 +231,8 @@ def share_beyond(lanes: int) -> str:
 def setting_note(results: Results) -> str:
     study = results.study
     samples = f"{count_between(results.samples, 'lane')} a cell"
-    if failed := results.manifest["lanes"]["failed"]:
-        samples += f", of which {failed:,} of {results.manifest['lanes']['total']:,} failed"
+    failed, total = (int(results.cells[name].sum()) for name in ("failed", "lanes"))
+    samples += f", {failed:,} of all {total:,} failed" * bool(failed)
     horizons = sorted({cell.scenario.horizon for cell in study.cells})
     tails = sorted({cell.scenario.tail for cell in study.cells})
     told = (" or ".join(f"{each:g}" for each in values) for values in (horizons, tails))

@@ -173,7 +173,7 @@ def test_protected_vehicles_hear_and_trust_enough(heard, trusted, theta):
         assert found.number[i - 1] == min(drops, len(others))
 
 
-CONDITION = "ϑ = 1; the rule asks |N_i| ≥ 2ϑ + 1 with ϑ trusted; Assumption 2 "
+CONDITION = "ϑ = 1; the rule asks 2ϑ + 1 sources, of which ϑ are trusted; Assumption 2 "
 NOBODY = "broken: no vehicle is protected, each retains all its sources"
 SOME = "broken: the rule applies at 3, 5 only (1, 2, 4, 6-12 unprotected), and "
 TWO_THETAS = CONDITION.replace("1", "0, 1", 1)
