@@ -436,11 +436,10 @@ def worst_words(results: Results) -> str:
     worst: Any = results.cells["tail_max_max"].reset_index(drop=True).dropna()
     if worst.empty:
         return ""
-    where = where_words(results, [int(worst.idxmax())])
-    return (
-        f"The worst error of a vehicle is <b>{error_text(worst.max())} m</b> {where}".rstrip()
-        + ". "
-    )
+    values, numbers = worst.to_numpy(float), worst.index.tolist()
+    where = where_words(results, [numbers[values.argmax()]])
+    told = f"The worst error of a vehicle is <b>{error_text(values.max())} m</b> {where}".rstrip()
+    return f"{told}. "
 
 
 def sound_limits(curve: curves.Curve) -> list[tuple[float, str]]:
