@@ -83,8 +83,8 @@ TOO_LARGE = (
 CHOICE_OF_LANES = (
     f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most,"
     " spread evenly over the study, and the worst lanes per ā of cells that differ in ā alone if it"
-    " asks for recovery. The worst lane of a cell has the greatest {}; of equal lanes it is the one of the"
-    " lowest sample."
+    " asks for recovery. The worst lane of a cell has the greatest {}; of equal lanes it is the one"
+    " of the lowest sample."
 )
 
 

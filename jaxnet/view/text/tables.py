@@ -231,7 +231,7 @@ def share_beyond(lanes: int) -> str:
 def setting_note(results: Results) -> str:
     study = results.study
     samples = f"{count_between(results.samples, 'lane')} a cell"
-    failed, total = (int(results.cells[name].sum()) for name in ("failed", "lanes"))
+    failed, total = results.cells[["failed", "lanes"]].to_numpy(int).sum(axis=0)
     samples += f", {failed:,} of all {total:,} failed" * bool(failed)
     horizons = sorted({cell.scenario.horizon for cell in study.cells})
     tails = sorted({cell.scenario.tail for cell in study.cells})
