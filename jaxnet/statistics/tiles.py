@@ -102,10 +102,8 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
             words.insert(0, share_definition(asked, results.study.cells))
         middle, low, high = (known[name] for name in SHARE_COLUMNS)
         sure = 100 * confidence_told(results.study.config.samples)
-        half = max((high - middle).max(), (middle - low).max())
-        words.append(
-            f"{sure:g} % intervals, half-widths at most {number_text(half)} percentage points"
-        )
+        reach = max((high - middle).max(), (middle - low).max())
+        words.append(f"{sure:g} % intervals end at most {number_text(reach)} percentage points off")
     if failed := sum((kinds[cell] for cell in cells & kinds.keys()), Counter()):
         words.append(f"* lanes that failed are in no number: {counted(failed)}")
     return words

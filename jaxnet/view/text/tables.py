@@ -141,6 +141,9 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     notes += [UNSETTLED_NOTE] * bool(names & unsettled_shares(config).keys())
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
+    failed, total = results.cells[["failed", "lanes"]].to_numpy(int).sum(axis=0)
+    if failed and not names & {columns.SHARE_FAILED, "failed", "ok"}:
+        notes.append(f"{failed:,} of {count(int(total), 'lane')} failed, and are in no number")
     if any(each.has_rounding() for each in shown):
         notes.append("errors below 1e-9 ā (1e-9 m without an attack) are shown as 0")
         notes += off_lines(results, shown)
