@@ -345,7 +345,7 @@ def observe(fleet: Fleet, motion: Motion) -> Observation:
     later = clock.at(ticks + clock.ticks)
     speed, turn_rate = motion.pace(fleet.state, decided)
     weights = drive.weights
-    if decided.late.present or decided.heard.stands:
+    if decided.late.present or decided.heard.stands or decided.anchor.present:
         weights = decided.listened(lane)
     seen = Observation(
         error=error_of(fleet.state),

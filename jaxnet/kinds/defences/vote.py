@@ -49,8 +49,9 @@ class Vote(Defence):
     source; where messages are lost and fewer than 2ϑ + 1 are left, or no trusted one, it believes
     nobody and keeps its drive, or has q = 0 under a local law.
 
-    A message that stands in for a lost one counts as one. R is `y‴ + P(y)`, P alone under a local
-    law. docs/guarantees.md has the proof (theorem 7), which asks nothing of announcements.
+    A message that stands in for a lost one counts as one. R is `y‴ + P(y)`. Under a local law
+    vehicles tell P alone, the navigator both. docs/guarantees.md has the proof (theorem 7), which
+    asks nothing of announcements.
     """
 
     words = "vote"

@@ -63,6 +63,14 @@ def test_nobody_moves_before_the_wait():
     assert (np.abs(states[7, :4] - states[0, :4]) > 0.1).any(axis=-1).all()
 
 
+def test_an_anchor_leaves_the_weights_of_sources():
+    """While all wait at 0, 1, 2, 3 and 10, they are 4, 2.75, 1.5, 0.25, 8.5 m from the others."""
+    keys = {**FIVE, "attack": LIAR, "engine": "exact", "horizon": 4.0}
+    outcome = systems.outcome(1, **keys, defence={"kind": "trust", "wait": 6.0})
+    np.testing.assert_allclose(outcome.series["disagreement"][0], 3.4, rtol=1e-12)
+    np.testing.assert_allclose(outcome.series["kept"].sum(axis=-1), 1.0, rtol=1e-12)
+
+
 SPEED = 0.5  # [m/s] of double integrators at the start
 
 
