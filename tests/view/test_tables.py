@@ -94,7 +94,8 @@ def test_notes_are_of_the_metrics_that_are_shown():
     """A metric whose name begins as another's brings none of its notes; titles have its words."""
     keys = {"navigator": "none", "law": "local", "metrics": ["outside_arena"], "attack": "none"}
     made = systems.study(**keys)
-    table = {f"outside_arena_{end}": [1.0] for end in COLUMNS_OF_METRIC} | {"ok": [5]}
+    table = {f"outside_arena_{end}": [1.0] for end in COLUMNS_OF_METRIC}
+    table |= {"ok": [5], "failed": [0], "lanes": [5]}
     results = Results(UPath("here"))
     vars(results).update(study=made, cells=pd.DataFrame(table | {"outside_max": [1.0]}))
     shown = columns.summary_columns(results, ["outside_arena"])
@@ -103,6 +104,15 @@ def test_notes_are_of_the_metrics_that_are_shown():
     shown = columns.summary_columns(results, ["outside_max"])
     (note,) = [each for each in tables.summary_notes(results, shown) if "outside: " in each]
     assert "how far an honest vehicle leaves" in note
+
+
+def test_lanes_that_failed_are_told_where_no_column_does():
+    results = results_of({"attack.magnitude": [1, 2]}, True, 4)
+    results.cells["failed"], results.cells["lanes"] = [2, 0], [5, 5]
+    asked = columns.summary_columns(results, ["tail_mean"])
+    assert "2 of 10 lanes failed, and are in no number" in tables.summary_notes(results, asked)
+    asked = columns.summary_columns(results, ["tail_mean", "failed"])
+    assert "in no number" not in " ".join(tables.summary_notes(results, asked))
 
 
 def test_what_is_the_same_in_all_cells_is_one_line():
