@@ -26,7 +26,7 @@ from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
-from jaxnet.view.page import findings, sections, trajectories, where
+from jaxnet.view.page import compared, findings, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.plots import axis, plotted
 from jaxnet.view.text import comparison, worst
@@ -318,6 +318,23 @@ def test_findings(tmp_path, errors, given, sentence):
     found = "\n".join(told(tmp_path, errors, **given))
     assert sentence in found
     assert "nan" not in found
+
+
+def test_settings_whose_lanes_failed_are_told_apart():
+    """By lanes given here: the defence is better on the ring, and no lane of the star ended."""
+    sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
+    results = Results(UPath("nowhere"))
+    vars(results)["study"] = systems.study(sweep=sweep, **ROTATING)
+    swept = compared.swept_texts(results, range(4))
+    better = {0: pd.Series([2.0] * 12), 1: pd.Series([1.0] * 12)}
+    asked = results, "defence", ["w_msr", "none"], swept
+    told = compared.tested_words(*asked, better, "more lanes recover", rows := [])
+    assert told == "more lanes recover with W-MSR than with no\xa0defence (cyclic)"
+    assert [each["better"] for each in rows] == ["W-MSR"]
+    mixed = {0: pd.Series([1.0] * 12), 1: pd.Series([0.5, 1.5] * 6)}
+    told = compared.tested_words(*asked, mixed, "more lanes recover", rows := [])
+    assert told.startswith("no difference by defence is found with 12 pairs in a setting that is")
+    assert [each["better"] for each in rows] == ["not found"]
 
 
 def test_groups_without_a_bound_are_not_listed(tmp_path):

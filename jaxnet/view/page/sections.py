@@ -14,6 +14,7 @@ from jaxnet.explore.courses import search_courses
 from jaxnet.model.wording import cells_named, count, count_between, number_text
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
+from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import error_bands, variable_over_time, vehicle_table
 from jaxnet.statistics.curves import (
@@ -33,7 +34,6 @@ from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results
 from jaxnet.store.rows import OK
 from jaxnet.view import columns
-from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.analyses import course_drawing
 from jaxnet.view.drawings.heat import METRICS, heat_drawing, metric_label
 from jaxnet.view.drawings.spreads import bands_drawing
@@ -259,7 +259,7 @@ def vehicles_section(results: Results) -> Section | None:
     found = found.dropna(axis="columns", how="all")  # the share, without a threshold of recovery
     sizes = cell_magnitudes(results)
     per_size: Any = found["median"] / np.where(sizes > 0, sizes, 1.0)[found["cell"].astype(int)]
-    known: Any = found[per_size.groupby(found["cell"]).transform("max") >= columns.ROUNDING_ERROR]
+    known: Any = found[per_size.groupby(found["cell"]).transform("max") >= ROUNDING_ERROR]
     ranked = known.sort_values("median", ascending=False, kind="stable")
     rounded = sorted(map(int, {*found["cell"]} - {*known["cell"]}))
     ends = ranked.groupby("cell").nth([0, -1]).sort_values("cell", kind="stable")
