@@ -28,6 +28,7 @@ from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import compared, findings, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
+from jaxnet.view.page.judged import ComparedBy
 from jaxnet.view.page.plots import axis, plotted
 from jaxnet.view.text import comparison, worst
 from jaxnet.view.text.slopes import slopes_text
@@ -112,7 +113,7 @@ def test_the_summary_has_the_numbers_of_cells_csv(folder, html):
     assert "Each cell: lanes ok 3, lanes failed 0." in text
 
 
-def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str]:
+def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> str:
     """Findings of a study of three samples whose cells have these mean tail errors."""
     made, errors = systems.study(samples=3, **keys), np.array(errors)
     statuses = [*failed, *["ok"] * (3 - len(failed))]
@@ -140,7 +141,7 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
     if bounds is not None:
         slopes = [[name, "worst", slope] for name, slope in bounds.items()]
         pd.DataFrame(slopes, columns=["bound", "vehicle", "slope"]).to_csv(tmp_path / "bounds.csv")
-    return findings.finding_sentences(results, curves.curves(results), "jaxnet fit x", [])
+    return findings.findings_section(results, curves.curves(results), "jaxnet fit x").body
 
 
 def test_cells_that_are_not_all_of_a_value_are_told_with_it():
@@ -163,7 +164,7 @@ def test_the_page_begins_with_what_was_found(html):
     text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
     text = text.replace("\xa0%", " %")
     for words in (
-        "): by topology the share is 25 to 50 % with star, ",
+        "ranges from 25 % (95 % interval 15 to 25 %) with star, ",
         "(least bound: peak gain 24 ā, once the transient is over). ",
         "1 lane above a bound: see below.",
     ):
@@ -206,70 +207,61 @@ CUTS = {"detector.cuts": ["never", "message", "link", "both_ways"]}
 CUTS = {"sweep": CUTS, "detector": "chi_squared", "channel": {"noise": {"position": 0.1}}}
 CUTS |= ROTATING | {"tick": 0.1}
 TOLD = [
+    (FOUR, CUTS, "<b>Alarms cut</b>, by error: <b>link</b> is better than each other one."),
     (
         FOUR,
         CUTS,
-        "By alarms cut the error is <b>0.1 ā</b> with link, <b>0.4 ā</b> with never, ",
+        "<td>never</td><td>0.4</td><td>message, both_ways</td>",
     ),
-    (FOUR, CUTS, "error is smaller with link than with never; "),
-    (FOUR, CUTS, "error is smaller with never than with message; "),
     (
         MANY,
         SIZES,
-        "In the median lane of a cell the error, a mean over vehicles and the tail, is not"
-        " proportional to ā, and ranges from <b>2 m</b> (95 % interval 1 to 3 m) with"
-        " ā\xa0=\xa01\xa0m (cell 1) to <b>5 m</b>",
+        "In the median lane of a cell the error (a mean over vehicles and the tail) ranges from"
+        " <b>2 m</b> (95 % interval 1 to 3 m) with ā\xa0=\xa01\xa0m (cell 1) to <b>5 m</b>",
     ),
     (
         [1.0, 2.0],
         {"sweep": {"defence": ["none"], "attack.magnitude": [1, 10]}},
-        "ranges from <b>1 m</b> (95 % interval 0.5 to 1.5 m) with ā\xa0=\xa01\xa0m (cell 0) to",
+        "ā\xa0=\xa010\xa0m (cell 1). It rises with ā, but not in proportion.",
     ),
     (
         [2.0, 2.1, 20.0, 200.0],
         {"sweep": {"defence": ["w_msr", "none"], "attack.magnitude": [10, 100]}},
-        "is <b>2 ā</b> (95 % interval 1 to 3 ā) with no\xa0defence (2 cells). With W-MSR (2 cells)"
-        " it does not rise with ā, and ranges from <b>2 m</b> (95 % interval 1 to 3 m) with ā",
+        "to <b>200 m</b> (95 % interval 100 to 300 m) with no\xa0defence, ā\xa0=\xa0100\xa0m"
+        " (cell 3). With W-MSR (2 cells) it does not rise with ā.",
+    ),
+    (
+        [2.0, 2.1, 20.0, 200.0],
+        {"sweep": {"defence": ["w_msr", "none"], "attack.magnitude": [10, 100]}},
+        "by error: <b>W-MSR</b> is better than no\xa0defence in both settings.",
     ),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
-    (FOUR, DEFENCES, "By defence the error is <b>1 to 2 ā</b> with W-MSR, <b>2 to 4 ā</b> with no"),
-    (
-        FOUR,
-        DEFENCES,
-        ". In more lanes the error is smaller with W-MSR than with no\xa0defence"
-        " (ā\xa0=\xa01\xa0m).",
-    ),
+    (FOUR, DEFENCES, "<td>W-MSR</td><td>1 to 2</td><td>no\xa0defence in 1 of 2 (ā\xa0=\xa01\xa0m)"),
+    (FOUR, DEFENCES, "is better than no\xa0defence in 1 of 2 settings, and worse in none."),
     (MANY, FALLING, "from <b>0.5 ā</b> (95 % interval 0.25 to 0.75 ā) with "),
-    (
-        MANY,
-        FALLING,
-        " With W-MSR (cell 1) the error still falls: 0.2 ā at the end of the run is no limit.",
-    ),
+    (MANY, FALLING, "<b>In 1 of 3 cells (cell 1) errors still fall when the run ends."),
+    (MANY, FALLING, "In the median lane of a cell that has settled the error (a mean over"),
     (
         FOUR,
         JUDGED,
-        "by defence the share is <b>50 to 75 %</b> with no\xa0defence, <b>100 %</b> with W-MSR.",
+        "from 62.5 % with no\xa0defence to 100 % with W-MSR; from 75 % with ā\xa0=\xa01\xa0m to",
     ),
+    (FOUR, JUDGED, "by lanes unrecovered: no difference is found with 12 pairs in a setting; a"),
     (
         FOUR,
         JUDGED | {"recovery": {"tau": 2.0}},
-        "More lanes recover with W-MSR than with no\xa0defence (ā\xa0=\xa01\xa0m)",
+        "by lanes unrecovered and error: <b>W-MSR</b> is better than no\xa0defence in 1 of 2 sett",
     ),
-    (MANY, SEVERAL | {"cells": ALIKE, "recovery": {"tau": 0.1}}, "W-MSR, "),
-    (
-        MANY,
-        SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.1}},
-        "by defence the share is <b>10 %</b> with no\xa0defence, <b>20 %</b> with W-MSR, <b>30",
-    ),
+    (MANY, SEVERAL | {"cells": ALIKE, "recovery": {"tau": 0.1}}, "is <b>100 %</b> in every cell"),
     (
         MANY,
         SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.7}},
-        "More lanes recover with W-MSR than with no\xa0defence; more lanes recover with cent",
+        "by lanes unrecovered: no other is better than <b>W-MSR</b> and <b>centerpoint</b>; by",
     ),
     (
         [20.0],
         ALONE,
-        "In the median lane of a cell the error, a mean over vehicles and the tail, is <b>2 ā</b>.",
+        "In the median lane of a cell the error (a mean over vehicles and the tail) is <b>2 ā</b>.",
     ),
     ([20.0], ALONE, "No share unrecovered: no attacked cell has enough lanes that ended."),
     (
@@ -277,7 +269,7 @@ TOLD = [
         ALONE,
         "The worst error of a vehicle is <b>4 ā</b> (least bound: static 8 ā).",
     ),
-    ([1e-12], UNATTACKED, "a mean over vehicles and the tail, is <b>0 (rounding) m</b>."),
+    ([1e-12], UNATTACKED, "a mean over vehicles and the tail) is <b>0 (rounding) m</b>."),
     ([1e-12], UNATTACKED, "no cell has an attack of a fixed magnitude"),
     ([np.nan], LOST, "No error: no lane came to its end."),
     ([np.nan], LOST, "<b>3 lanes of 3 failed</b>: 2 singular, 1 stuck."),
@@ -298,16 +290,14 @@ TOLD = [
         " ā\xa0=\xa010\xa0m, no\xa0defence (cell 2) within 30 s, in 75 % of lanes (95 % interval 50"
         " to 87.5 %). The way out of the median lane is <b>2 m</b> with ā\xa0=\xa010\xa0m,"
         " no\xa0defence (cell 2); that of the worst lane is 3 m. In the other cells they leave it"
-        " in up to 10 % of lanes (95 % interval 10 to 10 %), by at most 0.1 m. By"
-        " defence the worst lane goes 3 m with no\xa0defence, 0.1 m with W-MSR. In a longer run",
+        " in up to 10 % of lanes (95 % interval 10 to 10 %), by at most 0.1 m. In a longer",
     ),
+    ([0.01] * 4, HULL, "<td>no\xa0defence</td><td>0.001 to 3</td>"),
     ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts in every cell"),
     (
         [4.0, 20.0, 1.0, 20.0, 4.0, 20.0],
         {"sweep": {"defence": ["none", "w_msr", "centerpoint"], "attack.magnitude": [1, 10]}},
-        " with centerpoint. In more lanes the error is smaller with W-MSR than with"
-        " no\xa0defence (ā\xa0=\xa01\xa0m); in more lanes the error is smaller with W-MSR than"
-        " with centerpoint (ā\xa0=\xa01\xa0m).",
+        "<b>W-MSR</b> is better than each other one in 1 of 2 settings, and worse in none.",
     ),
 ]
 
@@ -315,7 +305,7 @@ TOLD = [
 @pytest.mark.parametrize(("errors", "given", "sentence"), TOLD)
 def test_findings(tmp_path, errors, given, sentence):
     """Errors per ā, kinds compared, bounds, failures; no number that is not there."""
-    found = "\n".join(told(tmp_path, errors, **given))
+    found = told(tmp_path, errors, **given).replace("\xa0%", " %")
     assert sentence in found
     assert "nan" not in found
 
@@ -327,20 +317,35 @@ def test_settings_whose_lanes_failed_are_told_apart():
     vars(results)["study"] = systems.study(sweep=sweep, **ROTATING)
     swept = compared.swept_texts(results, range(4))
     better = {0: pd.Series([2.0] * 12), 1: pd.Series([1.0] * 12)}
-    asked = results, "defence", ["w_msr", "none"], swept
-    told = compared.tested_words(*asked, better, "more lanes recover", rows := [])
-    assert told == "more lanes recover with W-MSR than with no\xa0defence (cyclic)"
-    assert [each["better"] for each in rows] == ["W-MSR"]
     mixed = {0: pd.Series([1.0] * 12), 1: pd.Series([0.5, 1.5] * 6)}
-    told = compared.tested_words(*asked, mixed, "more lanes recover", rows := [])
-    assert told.startswith("no difference by defence is found with 12 pairs in a setting that is")
-    assert [each["better"] for each in rows] == ["not found"]
+    labels = ["w_msr", "none"]
+    for lanes, found, verdict, cell in (
+        (better, "W-MSR", "<b>W-MSR</b> is better than no\xa0defence in 1 of 2 settings", "cyclic"),
+        (mixed, "not found", "no difference is found with 12 pairs in a setting", "–"),
+    ):
+        judged = ComparedBy("error", "m", "smaller error than with", pd.Series(dtype=float), lanes)
+        won = compared.wins(results, "defence", judged, swept, rows := [])
+        assert compared.verdict_words("defence", labels, won).startswith(verdict)
+        assert cell in compared.better_words(results, "defence", "w_msr", won)
+        assert [(each["setting"], each["better"]) for each in rows] == [("cyclic", found)]
+
+
+def test_values_that_beat_one_another_depend_on_the_other_keys():
+    sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
+    results = Results(UPath("nowhere"))
+    vars(results)["study"] = systems.study(sweep=sweep, **ROTATING)
+    lanes = {cell: pd.Series([error] * 12) for cell, error in enumerate((2.0, 1.0, 1.0, 2.0))}
+    judged = ComparedBy("error", "m", "smaller error than with", pd.Series(dtype=float), lanes)
+    won = compared.wins(results, "defence", judged, compared.swept_texts(results, range(4)), [])
+    told = compared.verdict_words("defence", ["none", "w_msr"], won)
+    assert told == "which is better depends on the other keys (table)"
+    assert compared.better_words(results, "defence", "none", won) == "W-MSR in 1 of 2 (star)"
 
 
 def test_groups_without_a_bound_are_not_listed(tmp_path):
+    assert "least bound" in told(tmp_path, [20.0], **ALONE)
     found = told(tmp_path, [20.0], **ALONE | {"bounds": {"lyapunov_printed": 1.0}})
-    assert "least bound" in "".join(told(tmp_path, [20.0], **ALONE))
-    assert "least bound" not in "".join(found)
+    assert "least bound" not in found
 
 
 def test_a_search_names_its_bounds_and_kinds(tmp_path):
@@ -371,22 +376,22 @@ def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_pat
     both = [i for i, heard in ring.items() if len(heard & liars) == 2]
     attack = {"attack": {"kind": "rotating", "vehicles": sorted(liars)}}
     for defence in ("trusted_trim", "w_msr"):
-        first = told(tmp_path, [1.0, 2.0], **cells, **attack, defence=defence)[0]
+        first = told(tmp_path, [1.0, 2.0], **cells, **attack, defence=defence).split("<li>")[1]
         named = f"vehicles {', '.join(map(str, both))} with lattice (cell 1) (more than it can"
         assert f"defence, with up to 2 attacked sources each: {named}" in first
-    assert "assumptions" not in told(tmp_path, [1.0, 2.0], **cells, **attack, defence="none")[0]
+    assert "assumptions" not in told(tmp_path, [1.0, 2.0], **cells, **attack, defence="none")
 
 
 def test_why_nothing_is_dropped_is_told(tmp_path):
     """On a star nobody may trim; on a ring a vehicle needs all of its three sources, 0.9³."""
     cells = {"sweep": {"topology": ["star", "cyclic"]}, "defence": "trusted_trim"}
     lossy = {"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}
-    first = told(tmp_path, [1.0, 2.0], **cells, **lossy)[0]
-    few, starved = first.split("</b>. ")
+    first = told(tmp_path, [1.0, 2.0], **cells, **lossy).split("<li>")[1]
+    few, starved, *_ = first.split("</b>. ")
     assert few.endswith("(it drops nobody: the rule asks 2ϑ + 1 sources, of which ϑ are trusted)")
-    assert "of the defence at some ticks: in up to 27.1 % of ticks" in starved
+    assert "of the defence at some ticks: in up to 27.1\xa0% of ticks" in starved
     assert "cyclic" in starved
-    assert "at some ticks" not in told(tmp_path, [1.0, 2.0], **cells)[0]
+    assert "at some ticks" not in told(tmp_path, [1.0, 2.0], **cells)
 
 
 def test_the_best_and_the_worst_vehicle_of_each_cell_stand_first(folder, tmp_path, monkeypatch):
@@ -413,17 +418,15 @@ def test_lanes_in_which_a_pair_comes_too_near_are_counted():
     keys |= {"tail": 1.0, "samples": 6, "metrics": ["min_separation", settled], "attack": "none"}
     keys |= {"initial": {"position": {"uniform": [-2.0, 2.0]}}, "vehicles": 4}
     results = jaxnet.simulate(keys | {"sweep": {"filter": ["none", "barrier"]}}, progress=False)
-    text = findings.separation_sentence(results, tests := [])
+    text, _ = findings.separation_sentence(results)
     for name, (_, lanes) in zip(
         ("no\xa0filter", "barrier"), results.lanes.groupby("cell"), strict=True
     ):
         near = lanes["min_separation"]
         told = f"in <b>{(near < 0.15).sum()}</b> of 6 lanes with {name} (least distance"
         assert f"{told} {near.min():.3g}" in text
-    assert "By filter" not in findings.extremes_sentence(
-        results, [], tests
-    )  # filters are for distance
-    assert {each["compared"] for each in tests} == {"filter"}
+    tests = findings.all_findings(results, [], "jaxnet fit x").tests
+    assert {each["by"] for each in tests} == {"least distance"}  # filters are for distance
     alone = [
         jaxnet.simulate(keys | {"filter": name}, progress=False) for name in ("none", "barrier")
     ]

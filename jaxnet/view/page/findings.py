@@ -2,15 +2,15 @@
 
 import functools
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.cells import is_leaderless, judged_metric
-from jaxnet.config.naming import NO_BREAK, key_name, labels_title, value_name
+from jaxnet.config.cells import is_leaderless
+from jaxnet.config.naming import NO_BREAK, labels_title, value_name
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
@@ -21,13 +21,12 @@ from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.horizon import errors_words
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.nominal import misfit_words
-from jaxnet.statistics.quantities import VALUE_COLUMNS, meaning, stored_values
+from jaxnet.statistics.quantities import meaning, stored_values
 from jaxnet.statistics.recovery import (
     attacked_mask,
     confidence_told,
     criterion_words,
     share_name,
-    threshold,
 )
 from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import share_names
@@ -37,74 +36,89 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.compared import (
     P_WORDS,
     TestRows,
-    compares_shares,
-    judged_word,
-    kinds_words,
-    named,
-    percent_text,
+    averages_words,
+    comparisons,
     swept_kinds,
-    swept_texts,
-    tested_words,
+    tables_html,
 )
 from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
-from jaxnet.view.page.where import MOST_TOLD, NEGLIGIBLE, above_text, span_words, where_words
+from jaxnet.view.page.judged import (
+    CellErrors,
+    ComparedBy,
+    failed_cells,
+    is_negligible,
+    judged_errors,
+    judged_word,
+    known_shares,
+    measures_compared,
+    percent_text,
+    settled,
+)
+from jaxnet.view.page.where import MOST_TOLD, above_text, span_words, where_words
 from jaxnet.view.text import worst
 from jaxnet.view.text.facts import attacked_at_once, starved_words
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MEDIAN_LANE = {  # by `judged_word`
-    "error": "In the median lane of a cell the error, a mean over vehicles and the tail{},",
-    "spread": "In the median lane of a cell the greatest spread over the tail{}",
+    "error": "In the median lane of a cell{} the error (a mean over vehicles and the tail{})",
+    "spread": "In the median lane of a cell{} the greatest spread over the tail{}",
 }
 
 MOVED = 10  # times as far as without an attack
-NEARLY = 1.2  # times one another
 MOST_TESTS = 200  # in the table of p values
 
 
+class Findings(NamedTuple):
+    """What a folder tells: sentences and tables as HTML, and a row for each test of lanes."""
+
+    sentences: list[str]
+    tables: list[str]
+    tests: TestRows
+
+
 def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
-    tests = TestRows()
-    sentences = finding_sentences(results, found, fit, tests)
-    told = [each.replace(" %", f"{NO_BREAK}%") for each in sentences]
+    told = all_findings(results, found, fit)
+    items = (f"<li>{each.replace(' %', f'{NO_BREAK}%')}</li>" for each in told.sentences)
     folded = ""
-    if tests:
-        table = pd.DataFrame(sorted(tests, key=lambda each: each["p"])[:MOST_TESTS])
-        what = f"p values of {count(len(tests), 'comparison')}"
+    if told.tests:
+        table = pd.DataFrame(sorted(told.tests, key=lambda each: each["p"])[:MOST_TESTS])
+        what = f"p values of {count(len(told.tests), 'comparison')}"
         body = sortable_table(table) + notes_html([P_WORDS])
         folded = f"<details><summary>{what}</summary>{body}</details>"
-    return Section(
-        "findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>{folded}"
-    )
+    body = f"<ul>{''.join(items)}</ul>{tables_html(told.tables, tested=bool(told.tests))}{folded}"
+    return Section("findings", "Findings", body)
 
 
-def finding_sentences(
-    results: Results,
-    found: Sequence[curves.Curve],
-    fit: str,
-    tests: TestRows,
-) -> list[str]:
-    """Each finding as HTML; `fit` is the command that computes the bounds.
-
-    `tests` receives a row for each comparison of paired lanes.
-    """
+def all_findings(results: Results, found: Sequence[curves.Curve], fit: str) -> Findings:
+    """Every finding; `fit` is the command that computes the bounds."""
     cells = results.study.cells
     alone = is_leaderless(cells)
     warnings = [falling_words(results, cells), errors_words(results.study.config, cells)]
     warnings += misfit_words(results, cells)
-    separated = separation_sentence(results, tests)
+    errors = judged_errors(results, found)
+    judged = measures_compared(results, errors)
+    separated, distances = separation_sentence(results)
+    tests = TestRows()
+    kinds = [key for key in swept_kinds(results, range(len(cells))) if key != "filter"]
+    failed = failed_cells(results)
+    verdicts, tables = comparisons(results, judged, kinds, tests, failed)
+    if distances:  # filters are for distances, not for errors
+        apart = comparisons(results, [distances], ["filter"], tests)
+        verdicts, tables = verdicts + apart[0], tables + apart[1]
     sentences = [
         outnumbered_sentence(results),
         failed_sentence(results),
         outside_sentence(results) if alone else "",
         *(f"<b>{sentence_case(each)}</b>." for each in warnings if each),
-        unrecovered_sentence(results, tests),
-        extremes_sentence(results, found, tests),
+        unrecovered_sentence(results),
+        extremes_sentence(results, errors),
+        *verdicts,
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         search_sentence(results),
         "" if alone else bounds_sentence(results, found, fit),
     ]
-    return [each for each in sentences if each]
+    return Findings([each for each in sentences if each], tables, tests)
 
 
 def outnumbered_sentence(results: Results) -> str:
@@ -148,24 +162,6 @@ def failed_sentence(results: Results) -> str:
     return f"{failed}. Of {where} more lanes failed than ended: the errors below leave them out."
 
 
-def errors_per_size(results: Results) -> tuple[pd.DataFrame, str]:
-    """Median errors of cells with intervals, and their unit: per ā, or in metres without ā."""
-    metric = judged_metric(results.study.cells)
-    names = [f"{metric}_{name}" for name in LANE_STATISTICS["median"].columns]
-    errors = stored_values(results.cells.reset_index(drop=True), names)
-    known = curves.cell_magnitudes(results)
-    per_size = metric != "spread" and not np.isnan(known).all()
-    found: Any = errors.div(known, axis="index") if per_size else errors
-    found = found.drop(index=curves.mostly_failed(results))
-    return found.dropna(subset="value"), "ā" if per_size else "m"
-
-
-def failed_cells(results: Results) -> list[int]:
-    """The attacked cells among those of which more lanes failed than ended; all without attacks."""
-    attacked, failed = attacked_mask(results.study.cells), curves.mostly_failed(results)
-    return [cell for cell in failed if attacked[cell] or not attacked.any()]
-
-
 def nothing_words(results: Results) -> str:
     """Why no cell has a number."""
     if not results.manifest["lanes"]["ok"]:
@@ -173,71 +169,20 @@ def nothing_words(results: Results) -> str:
     return "no attacked cell has enough lanes that ended"
 
 
-def settled(
-    results: Results, values: pd.DataFrame, told: Callable[[float], str], unit: str
-) -> tuple[pd.DataFrame, str]:
-    """The values of cells whose errors do not fall any more, if there are any, and a sentence."""
-    falls: Any = results.cells.reindex(columns=["falling"])["falling"]
-    is_left: Any = falls[values.index] != 1
-    if is_left.all() or not is_left.any():
-        return values, ""
-    left: Any = values[is_left]
-    others: Any = values[~is_left]
-    ends = dict.fromkeys(map(told, (others["value"].min(), others["value"].max())))
-    where = where_words(results, others.index.tolist())
-    now = f"{' to '.join(ends)}{unit} at the end of the run is no limit"
-    return (
-        left,
-        f" {sentence_case(where)} the {judged_word(results)} still falls: {now}.",
-    )
-
-
-def extremes_sentence(results: Results, found: Sequence[curves.Curve], tests: TestRows) -> str:
-    """The cells with the least and the greatest error of the median lane: per ā where it rises so.
-
-    Errors that do not rise with ā, or not in proportion, are told in metres.
-    """
-    errors, unit = errors_per_size(results)
+def extremes_sentence(results: Results, errors: CellErrors) -> str:
+    """The cells with the least and the greatest error of the median lane."""
     word = judged_word(results)
-    if errors.empty:
+    if errors.values.empty:
         return f"No {word}: {nothing_words(results)}."
-    among, sizes = errors.index.tolist(), curves.cell_magnitudes(results)
-    errors, falling = settled(results, errors, error_text, f" {unit}")
-    groups = [[cell.number for cell in curve.group.cells] for curve in found]
-    apart = [[n for n in group if n in errors.index] for group in groups if unit == "ā"]
-    bent = [group for group in apart if group and not is_proportional(errors.loc[group])]
-    metres: Any = errors.mul(sizes[errors.index], axis="index")
-    metres = metres.where(errors.abs() >= ROUNDING_ERROR, 0.0)
-    level: Any = metres["value"]
-    flat = [n for group in bent if level[group].max() <= NEARLY * level[group].min() for n in group]
-    odd = [n for group in bent for n in group if n not in flat]
-    compared = kinds_words(results, errors, unit, tests, failed_cells(results), listed=not bent)
-    unrecovered: Any = curves.unrecovered_shares(results)["unrecovered"]
-    if len(unrecovered) and not unrecovered.any():  # below what is asked; p values are in the table
-        compared = ""
-    parts = []
-    rising = errors.drop(index=[*flat, *odd])
-    if not rising.empty:
-        parts.append(span_words(results, rising, error_text, f" {unit}", among))
-    for cells, words in ((flat, "does not rise with ā"), (odd, "is not proportional to ā")):
-        if cells:
-            where = f"{where_words(results, cells)} it " * bool(parts)
-            span = span_words(results, metres.loc[cells], error_text, " m", cells)
-            parts.append(f"{sentence_case(where)}{words}, and {span}")
     formed = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation" * formed
-    limits = [threshold(cell, results.study.config.recovery) for cell in results.study.cells]
-    least = np.fmin.reduce(limits, initial=np.inf)
-    if unit == "m" and errors["value"].max() < NEGLIGIBLE * least < np.inf:
-        most = above_text(float(errors["value"].to_numpy().max()))
-        parts, compared = [f"is at most <b>{most} m</b>"], ""
-    return f"{MEDIAN_LANE[word].format(less)} {'. '.join(parts)}.{compared}{falling}"
-
-
-def is_proportional(values: pd.DataFrame) -> bool:
-    """Whether errors per ā are the same but for their intervals, or nearly so."""
-    low, high = values["low"].fillna(values["value"]), values["high"].fillna(values["value"])
-    return bool(low.max() <= high.min() or values["value"].max() <= NEARLY * values["value"].min())
+    alone = " that has settled" * (len(errors.values) < len(errors.among))
+    start = MEDIAN_LANE[word].format(alone, less)
+    if is_negligible(results, errors):
+        most = above_text(float(errors.values["value"].to_numpy().max()))
+        return f"{start} is at most <b>{most} m</b>."
+    span = span_words(results, errors.values, error_text, f" {errors.unit}", errors.among)
+    return f"{start} {span}.{errors.rising}"
 
 
 def outside_sentence(results: Results) -> str:
@@ -256,7 +201,8 @@ def outside_sentence(results: Results) -> str:
         ways["outside_median"].reindex(range(len(cells))).to_numpy()
         > [np.fmax(MOVED * usual.max(), each.scenario.engine.accuracy) for each in cells]
     )
-    moved = [place for place in ways.index if is_left[place]] or ways.index.tolist()
+    some = is_left if is_left.any() else ways["outside_max"] >= ROUNDING_ERROR
+    moved = [place for place in ways.index if some[place]]
     rest = ways.index.difference(moved).tolist()
     words = "Honest vehicles leave the convex hull of their starts"
     if is_left.any() and len(usual):
@@ -283,14 +229,6 @@ def outside_sentence(results: Results) -> str:
         elsewhere = f" In the other cells they leave it {share(rest)}, by at most {least} m."
         if ways["outside_max"][rest].max() < ROUNDING_ERROR:
             elsewhere = " In the other cells nobody leaves it."
-    for key in swept_kinds(results, ways.index):
-        texts = swept_texts(results, ways.index.tolist())[key]
-        told = [
-            f"{error_text(ways['outside_max'][texts == label].max())} m with {named(key, label)}"
-            for label in dict.fromkeys(texts)
-        ]
-        if len({each.split(" with ")[0] for each in told}) > 1:
-            elsewhere += f" By {escape(key_name(key))} the worst lane goes {', '.join(told)}."
     return (
         f"{words} {where_words(results, moved)} within {longest:g} s, {share(moved)}. The way out"
         f" of the median lane {span}; that of the worst lane is {worst} m.{elsewhere}"
@@ -304,53 +242,48 @@ def share_words(results: Results) -> str:
     return f"The share of lanes that {ended}"
 
 
-def unrecovered_sentence(results: Results, tests: TestRows) -> str:
+def unrecovered_sentence(results: Results) -> str:
     """The least and the greatest share of lanes unrecovered, if the study asks for it."""
     found: Any = curves.unrecovered_shares(results)
     asked = results.study.config.recovery
     cells, confidence = results.study.cells, confidence_told(results.study.config.samples)
     if asked is None and found.empty:
         return ""
-    known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
-    known = known.drop(index=curves.mostly_failed(results), errors="ignore")
-    if known.empty:
+    known = known_shares(results)
+    share: Any = settled(results, known)
+    if share.empty:
         return f"No share {share_name(cells)}: {nothing_words(results)}."
-    share, falling = settled(results, known, percent_text, " %")
-    compared = ""
-    if compares_shares(results):
-        compared = kinds_words(results, share, "%", tests, failed_cells(results))
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
+    alone = " in cells that have settled" * (len(share) < len(known))
     span = span_words(results, share, percent_text, " %", known.index.tolist(), confidence)
-    told = f":{compared}".replace(": By", ": by") if compared else f" {span}."
-    settled_alone = ", where it has settled" * bool(falling)
-    return f"{share_words(results)}{above}{settled_alone}{told}{falling}"
+    told = f"{share_words(results)}{above}{alone} {span}."
+    return f"{told} {averages_words(results, share['value'])}".rstrip()
 
 
-def separation_sentence(results: Results, tests: TestRows) -> str:
-    """How many lanes have a pair nearer than the distance that filters ask for, by filter."""
+def separation_sentence(results: Results) -> tuple[str, ComparedBy | None]:
+    """How many lanes have a pair nearer than filters ask for; distances to compare filters by."""
     cells, metrics = results.study.cells, results.study.config.metrics
     name = next((each.name for each in metrics if each.base == MIN_SEPARATION.name), None)
     limits = [each for cell in cells if (each := cell.scenario.filter.asks()) is not None]
     if name is None or not limits:
-        return ""
+        return "", None
     limit, lanes, least = max(limits), dict[int, pd.Series](), dict[str, list[pd.Series]]()
     each: Any
     for number, each in results.by_cell("sample", name, where=rows.OK):
         lanes[number] = -each.set_index("sample")[name]  # the farther apart the better
         least.setdefault(str(cells[number].labels.get("filter", "")), []).append(each[name])
-    told = {}
+    told = []
     for label, each in least.items():
         found = np.concatenate(each)
         by = f" with {escape(value_name('filter', label))}" if label else ""
         many = f"in <b>{np.count_nonzero(found < limit)}</b> of {len(found)} lanes{by}"
-        told[label] = f"{many} (least distance {error_text(found.min())} m)"
-    found = [f"two vehicles come nearer than D = {limit:g} m {', '.join(told.values())}"]
-    if len(told) > 1:
-        swept = pd.DataFrame([cells[n].labels for n in lanes], [*lanes]).map(str)
-        more = "in more lanes the least distance is greater"
-        found.append(tested_words(results, "filter", [*told], swept, lanes, more, tests))
-    found += dict.fromkeys(near_starts_words(results.study.config, cell.scenario) for cell in cells)
-    return " ".join(f"{sentence_case(each)}." for each in found if each)
+        told.append(f"{many} (least distance {error_text(found.min())} m)")
+    parts = [f"two vehicles come nearer than D = {limit:g} m {', '.join(told)}"]
+    parts += dict.fromkeys(near_starts_words(results.study.config, cell.scenario) for cell in cells)
+    values = pd.Series({number: -each.max() for number, each in lanes.items()})
+    head = "least distance greater, in more lanes, than with"
+    distances = ComparedBy("least distance", "m", head, values, lanes) if len(least) > 1 else None
+    return " ".join(f"{sentence_case(each)}." for each in parts if each), distances
 
 
 def metrics_list(results: Results, without: str) -> str:
@@ -409,7 +342,7 @@ def search_sentence(results: Results) -> str:
 def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -> str:
     """The least ratio of a bound to the worst error found."""
     if not found:
-        return "Errors have no bound beside them: no cell has an attack of a fixed magnitude."
+        return "CellErrors have no bound beside them: no cell has an attack of a fixed magnitude."
     if not results.file("bounds.csv").exists():
         return f"{worst_words(results)}Bounds are not fitted yet: <code>{fit}</code>"
     bounded = [curve for curve in found if sound_limits(curve)]

@@ -197,7 +197,7 @@ def ultimate_section(results: Results, found: Sequence[Curve]) -> Section | None
     """The error over the tail against ā; None if no two cells differ in ā alone."""
     if not any(len(curve.cells) > 1 for curve in found):
         return None
-    name = "Error against attack magnitude"
+    name = "Bounds and fits"
     if reason := no_magnitudes(found):
         return Section("ultimate", name, paragraph(escape(reason)))
     unattacked = bool((cell_magnitudes(results) == 0).any())

@@ -36,8 +36,8 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
     if not words:
         return f"in {cells_named(numbers)}"
     if alike > many:
-        return f"in {many} of {alike} cells with {words}"
-    return f"with {words} ({many} cells)"
+        return f"in {many} of {alike} cells with {escape(words)}"
+    return f"with {escape(words)} ({many} cells)"
 
 
 def values_told(results: Results, numbers: Sequence[int], among: Sequence[Cell]) -> tuple[str, int]:
@@ -50,7 +50,7 @@ def values_told(results: Results, numbers: Sequence[int], among: Sequence[Cell])
     if max(map(len, told.values()), default=0) > MOST_TOLD:
         return "", alike
     words = (values_named(key, values) for key, values in told.items())
-    return escape(", ".join(words)), alike
+    return ", ".join(words), alike
 
 
 def values_named(key: str, values: Iterable[Label]) -> str:

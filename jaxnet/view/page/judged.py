@@ -1,0 +1,188 @@
+"""What the lanes of a study are judged by: errors and shares of cells, and what is compared."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from jaxnet.config.cells import is_leaderless, judged_metric
+from jaxnet.kinds.metrics import LANE_STATISTICS
+from jaxnet.model.wording import number_text
+from jaxnet.statistics import curves
+from jaxnet.statistics.amplitude import ROUNDING_ERROR
+from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
+from jaxnet.statistics.recovery import attacked_mask, share_name, threshold
+from jaxnet.store import rows
+from jaxnet.store.results import Results
+from jaxnet.view.drawings.words import error_text
+from jaxnet.view.page.elements import sentence_case
+from jaxnet.view.page.where import NEGLIGIBLE, where_words
+
+NEARLY = 1.2  # times one another
+
+
+class ComparedBy(NamedTuple):
+    """A number of each lane, the less the better, by which values of a key are compared.
+
+    Attributes
+    ----------
+    name
+        What is compared, the subject of a sentence.
+    unit
+        Unit of the numbers of cells; "%" of shares.
+    better
+        The head of the column that names the values to which a value is better.
+    values
+        The number of each cell, by its number.
+    lanes
+        Numbers of each cell's lanes, by sample.
+    """
+
+    name: str
+    unit: str
+    better: str
+    values: pd.Series
+    lanes: Mapping[int, pd.Series]
+
+    def told(self, value: float) -> str:
+        return percent_text(value) if self.unit == "%" else error_text(value)
+
+
+class CellErrors(NamedTuple):
+    """Median errors of cells with intervals, per ā where they all rise in proportion to it.
+
+    Attributes
+    ----------
+    values
+        Columns value, low and high, by number of the cell; cells whose lanes failed have none.
+    unit
+        "ā" or "m".
+    among
+        The cells with errors, also where these still fall.
+    rising
+        A sentence that tells how errors rise with ā, if not in proportion.
+    """
+
+    values: pd.DataFrame
+    unit: str
+    among: list[int]
+    rising: str
+
+
+def judged_errors(results: Results, found: Sequence[curves.Curve]) -> CellErrors:
+    """What the fleet's error is judged by; `found` are the curves over ā."""
+    metric = judged_metric(results.study.cells)
+    names = [f"{metric}_{name}" for name in LANE_STATISTICS["median"].columns]
+    errors: Any = stored_values(results.cells.reset_index(drop=True), names)
+    errors = errors.drop(index=curves.mostly_failed(results)).dropna(subset="value")
+    known, rising, unit = curves.cell_magnitudes(results), "", "m"
+    if metric != "spread" and not np.isnan(known).all():
+        errors = errors[~np.isnan(known[errors.index])]
+        rising = rising_words(results, errors, found, errors.index.tolist())
+        if not rising:
+            errors, unit = errors.div(known[errors.index], axis="index"), "ā"
+    return CellErrors(settled(results, errors), unit, errors.index.tolist(), rising)
+
+
+def rising_words(
+    results: Results, errors: pd.DataFrame, found: Sequence[curves.Curve], among: Sequence[int]
+) -> str:
+    """Where errors [m] do not rise with ā, or not in proportion; "" if all are proportional."""
+    groups = [[cell.number for cell in curve.group.cells] for curve in found]
+    there = ([n for n in group if n in errors.index] for group in groups)
+    sizes = curves.cell_magnitudes(results)
+    flat, odd = list[int](), list[int]()
+    for group in filter(None, there):
+        level: Any = errors.loc[group, "value"]
+        if not is_proportional(errors.loc[group].div(sizes[group], axis="index")):
+            (flat if level.max() <= NEARLY * level.min() else odd).extend(group)
+    told = {"does not rise with ā": flat, "rises with ā, but not in proportion": odd}
+    clauses = [
+        f"{where_words(results, sorted(cells), among) * (len(cells) < len(among))} it {words}"
+        for words, cells in told.items()
+        if cells
+    ]
+    return f" {sentence_case('; '.join(clauses).strip())}." * bool(clauses)
+
+
+def is_proportional(values: pd.DataFrame) -> bool:
+    """Whether errors per ā are the same but for their intervals, or nearly so."""
+    low, high = values["low"].fillna(values["value"]), values["high"].fillna(values["value"])
+    return bool(low.max() <= high.min() or values["value"].max() <= NEARLY * values["value"].min())
+
+
+def settled(results: Results, values: pd.DataFrame) -> pd.DataFrame:
+    """The values of cells whose errors do not fall any more; all where every one falls."""
+    falls: Any = results.cells.reindex(columns=["falling"])["falling"]
+    is_left: Any = falls[values.index] != 1
+    left: Any = values[is_left] if is_left.any() else values
+    return left
+
+
+def known_shares(results: Results) -> pd.DataFrame:
+    """Shares unrecovered [%] with intervals, by number of the cell, where they are known."""
+    found: Any = curves.unrecovered_shares(results)
+    known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
+    return known.drop(index=curves.mostly_failed(results), errors="ignore")
+
+
+def failed_cells(results: Results) -> list[int]:
+    """The attacked cells among those of which more lanes failed than ended; all without attacks."""
+    attacked, failed = attacked_mask(results.study.cells), curves.mostly_failed(results)
+    return [cell for cell in failed if attacked[cell] or not attacked.any()]
+
+
+def is_negligible(results: Results, errors: CellErrors) -> bool:
+    """Whether all errors are far below what the study asks for."""
+    asked = results.study.config.recovery
+    limits = [threshold(cell, asked) for cell in results.study.cells]
+    least = np.fmin.reduce(limits, initial=np.inf)
+    most = errors.values["value"].to_numpy().max()
+    return errors.unit == "m" and bool(most < NEGLIGIBLE * least < np.inf)
+
+
+def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
+    """What the values of a swept kind are compared by; nothing where all errors are negligible."""
+    if errors.values.empty or is_negligible(results, errors):
+        return []
+    word, found = judged_word(results), list[ComparedBy]()
+    shares: Any = settled(results, known_shares(results))["value"]
+    if results.study.config.recovery is not None and shares.nunique() > 1:
+        what = "agree" if word == "spread" else "recover"
+        lanes = judged_lanes(results, shares.index, "%")
+        name = f"lanes {share_name(results.study.cells)}"
+        found += [ComparedBy(name, "%", f"more lanes {what} than with", shares, lanes)]
+    if shares.empty or shares.any():  # else all errors are below what is asked
+        values: Any = errors.values["value"]
+        unit = errors.unit
+        lanes = judged_lanes(results, values.index, unit)
+        found += [ComparedBy(word, unit, f"smaller {word} than with", values, lanes)]
+    ways: Any = results.cells.reindex(columns=["outside_max"]).reset_index(drop=True)
+    ways = ways["outside_max"].reindex(errors.values.index).dropna()
+    if len(ways) and ways.max() >= ROUNDING_ERROR:
+        found += [ComparedBy("worst way out of the hull", "m", "", ways, {})]
+    return found
+
+
+def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
+    """Errors of lanes that ended, by sample, or with "%" whether they are over the threshold."""
+    found, cells = {}, results.study.cells
+    metric, sizes = judged_metric(cells), curves.cell_magnitudes(results)
+    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells={*numbers}):
+        errors: Any = lanes.set_index("sample")[metric]
+        if unit == "%":
+            found[cell] = errors > threshold(cells[cell], results.study.config.recovery)
+        else:
+            errors = errors / (sizes[cell] if unit == "ā" else 1.0)
+            found[cell] = errors.where(errors.abs() >= ROUNDING_ERROR, 0.0)
+    return found
+
+
+def judged_word(results: Results) -> str:
+    """The word for what lanes are judged by."""
+    return "spread" if is_leaderless(results.study.cells) else "error"
+
+
+def percent_text(share: float) -> str:
+    return number_text(share, whole=100.0)
