@@ -81,10 +81,10 @@ TOO_LARGE = (
     " <code>trajectories.zarr</code>."
 )
 CHOICE_OF_LANES = (
-    f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most,"
-    " spread evenly over the study, and the worst lanes per ā of cells that differ in ā alone if it"
-    " asks for recovery. The worst lane of a cell has the greatest {}; of equal lanes it is the one"
-    " of the lowest sample."
+    "The worst lane of the study is first. The report simulates it again, and the median and the"
+    f" worst lane of {MOST_REPLAYED} cells at most, spread evenly over the study, and the worst"
+    " lanes per ā of cells that differ in ā alone if it asks for recovery. The worst lane has the"
+    " greatest {}; of equal lanes it is the one of the lowest sample."
 )
 
 
