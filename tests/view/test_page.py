@@ -678,6 +678,25 @@ def test_rounding_does_not_stretch_the_axis_of_errors(folder):
         assert len(arrows) == is_low
 
 
+def test_a_panel_of_errors_per_magnitude_shows_what_the_legend_names(folder):
+    """Ticks at the magnitudes; a bound below the axis and lanes that failed have no entry."""
+    star, ring = curves.curves(jaxnet.open(folder))
+    drawing = ultimate_drawing([star, ring], "tail_max")
+    assert printed(drawing).axes[0].get_xticks().tolist() == [1, 10]
+    *_, means, median, most = drawing.panels[0].series
+    assert (means.apart < median.apart).all()
+    assert (most.apart == median.apart).all()
+    lanes = [name for name in ring.cells if name.startswith(("tail_max", "tail_mean"))]
+    lost = ring._replace(cells=ring.cells.assign(**dict.fromkeys(lanes, np.nan)), bounds={})
+    drawing = ultimate_drawing([star, lost], "tail_max")
+    assert (drawing.panels[1].series, drawing.panels[1].words) == ([], "no lane ended")
+    assert "no lane ended" in plotted(drawing)
+    low = star._replace(bounds={("static", "worst"): 1e-8})
+    drawing = ultimate_drawing([low], "tail_max")
+    assert "static" not in [each.name for each in drawing.panels[0].series]
+    assert "coloured lines" not in printed(drawing).get_supxlabel()
+
+
 def test_missing_files_leave_their_sections_out(folder, tmp_path):
     """A folder of rows alone still makes a page, which says what to run."""
     bare = tmp_path / "bare folder"

@@ -118,7 +118,8 @@ def lanes_html(lanes: Sequence[dict[str, Any]]) -> str:
 def lanes_data(results: Results) -> tuple[list[dict[str, Any]], int]:
     """As many lanes as MOST_PAGE_BYTES permits, and the number of stored trajectories.
 
-    The study's worst lane is first, then what a search found. Lanes of more than MOST_VEHICLES vehicles are left out.
+    The study's worst lane is first, then what a search found. Lanes of more than MOST_VEHICLES
+    vehicles are left out.
     """
     there = [*searched_lanes(results), *((results, each) for each in watched(results))]
     there.sort(key=lambda pair: pair[0] is not results or pair[1].why != WORST_OF_ALL)
