@@ -10,7 +10,7 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.config.cells import judged_metric
-from jaxnet.runs.replay import replay_each, store_of, worst_of
+from jaxnet.runs.replay import replay_each, store_of, worst_of, worst_of_cells
 from jaxnet.statistics.groups import evenly
 from jaxnet.statistics.recovery import worst_first
 from jaxnet.statistics.steps import Steps, no_progress
@@ -18,6 +18,7 @@ from jaxnet.store import layout, rows
 from jaxnet.store.arrays import lane_in, lanes_in, open_store
 from jaxnet.store.results import Results
 
+WORST_OF_ALL = "worst lane of the study"
 WORST = "worst per ā over all ā"
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
 MOST_BYTES = 2**28  # that such a lane may take
@@ -40,13 +41,15 @@ class Watched(NamedTuple):
 
 
 def exemplary(results: Results) -> dict[tuple[int, int], str]:
-    """The median and the worst ok lane of up to MOST_REPLAYED cells, evenly over the study."""
+    """The study's worst ok lane, and of up to MOST_REPLAYED cells the median and the worst one."""
     ended = np.flatnonzero(results.cells["ok"]).tolist()
-    found: dict[tuple[int, int], str] = {}
     metric, chosen = judged_metric(results.study.cells), evenly(ended, MOST_REPLAYED)
+    first = worst_first(worst_of_cells(results, 1), metric).head(1)
+    places = zip(first["cell"].tolist(), first["sample"].tolist(), strict=True)
+    found = dict.fromkeys(places, WORST_OF_ALL)
     for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=chosen):
         samples = worst_first(lanes, metric)["sample"].tolist()
-        found[cell, samples[0]] = "worst of its cell"
+        found.setdefault((cell, samples[0]), "worst of its cell")
         found.setdefault((cell, samples[len(samples) // 2]), "median of its cell")
     return found
 
@@ -100,14 +103,15 @@ def watched_stores(results: Results) -> dict[tuple[int, int, str | None], UPath]
 
 
 def watched(results: Results) -> list[Watched]:
-    worst, known = set(worst_of(results)), exemplary(results)
-    order = [WORST, "replayed", *dict.fromkeys(known.values()), "stored"]
+    known = exemplary(results)
+    order = [WORST_OF_ALL, WORST, "replayed", *dict.fromkeys(known.values()), "stored"]
+    first = {place: why for place, why in known.items() if why == WORST_OF_ALL}
+    known |= dict.fromkeys(worst_of(results), WORST) | first
     found: dict[tuple[int, int, str | None], Watched] = {}
     for each in [*replayed_lanes(results), *stored_lanes(results)]:
-        place = each[:2]
-        why = WORST if place in worst else known.get(place, each.why)
-        found.setdefault((*place, each.engine), each._replace(why=why))
-    return sorted(found.values(), key=lambda each: order.index(each.why))
+        why = known.get(each[:2], each.why)
+        found.setdefault((*each[:2], each.engine), each._replace(why=why))
+    return sorted(found.values(), key=lambda each: (order.index(each.why), bool(each.engine)))
 
 
 def replayed_lanes(results: Results) -> Iterator[Watched]:

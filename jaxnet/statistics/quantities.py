@@ -17,7 +17,7 @@ from jaxnet.config.naming import choices_words
 from jaxnet.kinds.metrics import LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.spread import SPREAD
 from jaxnet.kinds.refusals import suggestion
-from jaxnet.model.wording import count, counted
+from jaxnet.model.wording import count, count_between, counted
 from jaxnet.statistics.curves import (
     LOG_FLOOR,
     cell_magnitudes,
@@ -60,7 +60,7 @@ class Quantity(NamedTuple):
     confidence: float
     values: pd.DataFrame
     note: str = ""  # what the words leave open
-    lanes: int = 0  # of each cell, 0 if the cells differ
+    lanes: Sequence[int] = ()  # of each cell with a value
 
     @property
     def known(self) -> Float[np.ndarray, " known"]:
@@ -97,7 +97,7 @@ class Quantity(NamedTuple):
         """What a figure of the quantity has to say below its title."""
         known = self.values[["low", "high"]].notna().to_numpy().any()
         bars = f"bars: {100 * self.confidence:g} % intervals" if known else "no interval is known"
-        lanes = f"{count(self.lanes, 'lane')} a point" if self.lanes else ""
+        lanes = f"{count_between(self.lanes, 'lane')} a point" if self.lanes else ""
         return "; ".join(filter(None, [self.note, lanes, bars]))
 
     @property
@@ -148,8 +148,7 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     found = found._replace(note=note)
     sizes = cell_magnitudes(results)[found.values.index] if found.unit == "m" else 0.0
     found = found._replace(values=found.values.assign(size=sizes))
-    lanes = set(table.loc[values["value"].dropna().index, of].tolist())
-    return found._replace(lanes=int(lanes.pop()) if len(lanes) == 1 else 0)
+    return found._replace(lanes=table.loc[values["value"].dropna().index, of].tolist())
 
 
 def unended_words(results: Results, cells: Sequence[Cell]) -> str:

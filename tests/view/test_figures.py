@@ -15,10 +15,12 @@ from jaxnet.api import writing
 from jaxnet.config.scenario import situation_of
 from jaxnet.statistics.bands import error_bands
 from jaxnet.statistics.groups import Group, scenes
+from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 from jaxnet.view.drawings import spreads
 from jaxnet.view.figures import FIGURE_NAMES, every, multiples, panels, style, topology
 from jaxnet.view.figures.printed import printed
+from jaxnet.view.page import sections
 from jaxnet.view.page.plots import plotted
 from tests import systems
 
@@ -189,6 +191,22 @@ def test_one_lane_is_a_line_and_no_band(results):
         assert (len(figure.axes[0].collections), len(figure.axes[0].lines)) == drawn
         page = plotted(spreads.bands_drawing(groups, found, "tracking"))
         assert ("one lane" in page) == (not many)
+
+
+def test_cells_without_a_lane_that_ended_are_told_beside_errors_over_time(tmp_path):
+    """Which and why, in the figure and on the page; alone, they are refused."""
+    keys = {"horizon": 1.0, "tail": 0.5, "samples": 3, "topology": "path"}
+    sweep = {"defence": ["none", "w_msr"]}  # W-MSR cuts a vehicle of one source off at once
+    study = systems.study(engine="exact", sweep=sweep, save={"errors": True}, **keys)
+    results = jaxnet.run(study, tmp_path / "out", progress=False)
+    assert results.cells["ok"].tolist() == [3, 0]
+    words = "o lane ended: W-MSR (3 disconnected)"
+    figure = results.plot.bands()
+    assert words in figure.get_supxlabel().replace("\n", " ")
+    assert [text.get_text() for axes in figure.axes for text in axes.texts] == ["no lane ended"]
+    assert words in sections.bands_section(results).body
+    with pytest.raises(FolderError, match="no lane of these cells came to its end"):
+        results.plot.bands({"defence": "w_msr"})
 
 
 @pytest.mark.parametrize("ends", [(2.1, 4.5), (80.0, 210.0), (0.9, 9.5), (1.0, 99.0), (1e-3, 1e3)])

@@ -181,14 +181,73 @@ def test_labels_of_ticks_have_the_digits_that_fit(values, log, room, texts):
     assert value_ticks(Scale("", log=log, ticks=values), room) == texts
 
 
-def test_the_note_says_what_a_point_is():
-    """Moved sideways with several colours; the lanes of each where all have as many."""
-    for sweep, told in ((OF_RULES, True), (RATES, False)):
-        cells = study_cells(**sweep)
-        drawn = printed(swept_drawing(numbered(cells), choose_axes(cells), cells))
-        assert (MOVED_NOTE in drawn.get_supxlabel()) == told
-        assert "200 lanes a point" in numbered(cells)._replace(lanes=200).notes
-        assert "lanes a point" not in numbered(cells).notes
+@pytest.mark.parametrize(("apart", "moved"), [(0.0, True), (2.5, True), (10.0, False)])
+@pytest.mark.parametrize("log", [False, True])
+def test_points_are_moved_only_where_they_would_hide_one_another(apart, moved, log):
+    """At the frequency where two of three curves overlap, and nowhere else; a note says it."""
+    cells = study_cells(**RATES | {"defence": RULES[:3]})
+    found = numbered(cells)
+    value = {"none": 20.0, "w_msr": 45.0, "ms_norm": 70.0}
+    values = np.array([value[cell.labels["defence"]] for cell in cells])
+    rates = np.array([cell.labels["attack.frequency"] for cell in cells])
+    there = np.array([cell.labels["defence"] for cell in cells]) == "w_msr"
+    values[there & (rates == 0.3)] = 20.0 + apart
+    table = pd.DataFrame({"value": values, "low": values - 2.0, "high": values + 2.0})
+    found = found._replace(values=table, share=not log, unit="" if log else "%")
+    if log:
+        found = found._replace(values=10 ** (table / 10))
+    drawing = swept_drawing(found, choose_axes(cells), cells)
+    none, w_msr, ms_norm = (np.asarray(each.drawn_x) for each in drawing.panels[0].series)
+    assert ms_norm.tolist() == [0.1, 0.3, 1.0]
+    assert (none[1] < 0.3 < w_msr[1]) if moved else (none[1] == w_msr[1] == 0.3)
+    assert none[::2].tolist() == w_msr[::2].tolist() == [0.1, 1.0]
+    told = printed(drawing).get_supxlabel().replace("\n", " ")
+    assert (MOVED_NOTE in told) == moved
+
+
+def test_a_curve_without_a_point_has_no_entry_in_the_legend():
+    """In print and on the page; a panel without any says so."""
+    cells = study_cells(**RATES | {"defence": RULES[:3], "tick": [0.05, 0.1]})
+    found = numbered(cells)
+    values = found.values.copy()
+    for cell in cells:
+        if cell.labels["defence"] == "w_msr" or cell.labels["tick"] == 0.1:
+            values.loc[cell.number] = np.nan
+    drawing = swept_drawing(found._replace(values=values), choose_axes(cells), cells)
+    figure = printed(drawing)
+    legend = [each.get_text() for each in figure.legends[0].get_texts()]
+    assert legend == re.findall('data-name="(.*?)"', plotted(drawing))
+    assert legend == ["no\N{NO-BREAK SPACE}defence", "ms_norm"]
+    assert [text.get_text() for text in figure.axes[1].texts] == ["no value"]
+
+
+def test_a_legend_names_what_the_drawn_panels_show():
+    """Not what stands in panels for which the page has no room, nor in rows that are not drawn."""
+    at = np.array([1.0, 2.0])
+    common = Trace("everywhere", LOOKS[0], at, at)
+    rare = Trace("in one panel", LOOKS[1], at, at)
+    panels = [Panel({"tick": n}, [n], [common, rare] if n == 2 else [common]) for n in range(60)]
+    figure = printed(Drawing(panels, Scale("x"), Scale("y")))
+    assert len(figure.axes) < 60
+    assert "tick = 2" not in [
+        axes.get_title().replace("\N{NO-BREAK SPACE}", " ") for axes in figure.axes
+    ]
+    assert [each.get_text() for each in figure.legends[0].get_texts()] == ["everywhere"]
+    names = [str(n) for n in range(200)]
+    mark = LOOKS[0]._replace(marker="o")
+    every = Trace("everywhere", mark, np.arange(200.0), np.arange(200.0), "points")
+    few = Trace("in one row", mark, np.array([1.0]), np.array([2.0]), "points")
+    rows = Drawing([Panel({}, [0], [every, few])], Scale("x"), Scale("", names=names))
+    figure = printed(rows)
+    assert [each.get_text() for each in figure.legends[0].get_texts()] == ["everywhere"]
+
+
+def test_the_note_says_of_how_many_lanes_a_point_is():
+    """Of as many, or between how many."""
+    found = numbered(study_cells(**RATES))
+    assert "lanes a point" not in found.notes
+    assert "; 200 lanes a point; " in f"; {found._replace(lanes=[200, 200]).notes}"
+    assert "24 to 30 lanes a point" in found._replace(lanes=[30, 24, 25]).notes
 
 
 def test_what_is_below_the_floor_of_a_log_axis_is_drawn_there():

@@ -681,6 +681,25 @@ def test_rounding_does_not_stretch_the_axis_of_errors(folder):
         assert len(arrows) == is_low
 
 
+def test_a_panel_of_errors_per_magnitude_shows_what_the_legend_names(folder):
+    """Ticks at the magnitudes; a bound below the axis and lanes that failed have no entry."""
+    star, ring = curves.curves(jaxnet.open(folder))
+    drawing = ultimate_drawing([star, ring], "tail_max")
+    assert printed(drawing).axes[0].get_xticks().tolist() == [1, 10]
+    *_, means, median, most = drawing.panels[0].series
+    assert (means.apart < median.apart).all()
+    assert (most.apart == median.apart).all()
+    lanes = [name for name in ring.cells if name.startswith(("tail_max", "tail_mean"))]
+    lost = ring._replace(cells=ring.cells.assign(**dict.fromkeys(lanes, np.nan)), bounds={})
+    drawing = ultimate_drawing([star, lost], "tail_max")
+    assert (drawing.panels[1].series, drawing.panels[1].words) == ([], "no lane ended")
+    assert "no lane ended" in plotted(drawing)
+    low = star._replace(bounds={("static", "worst"): 1e-8})
+    drawing = ultimate_drawing([low], "tail_max")
+    assert "static" not in [each.name for each in drawing.panels[0].series]
+    assert "coloured lines" not in printed(drawing).get_supxlabel()
+
+
 def test_missing_files_leave_their_sections_out(folder, tmp_path):
     """A folder of rows alone still makes a page, which says what to run."""
     bare = tmp_path / "bare folder"
@@ -910,7 +929,7 @@ def test_headings_are_those_of_the_states():
 
 
 def test_lanes_say_why_they_are_shown(folder, monkeypatch):
-    """Median or worst of its cell, stored or replayed; a study's own worst are first."""
+    """Median or worst of its cell, stored or replayed; before them the worst of all cells."""
     results = jaxnet.open(folder)
     with monkeypatch.context() as without:
         without.setattr(watched, "worst_of", lambda results: [])
@@ -919,25 +938,36 @@ def test_lanes_say_why_they_are_shown(folder, monkeypatch):
     for cell, mine in results.lanes.sort_values("tail_mean").groupby("cell"):
         why = {one.sample: one.why for one in each if one.cell == cell}
         least, median, worst = mine["sample"]
-        assert (why[median], why[worst]) == ("median of its cell", "worst of its cell")
+        of_all = mine["tail_mean"].max() == results.lanes["tail_mean"].max()
+        told = "worst lane of the study" if of_all else "worst of its cell"
+        assert (why[median], why[worst]) == ("median of its cell", told)
         assert why[least] in ("stored", "replayed")
-    monkeypatch.setattr(watched, "worst_of", lambda results: [(5, 2)])
-    first = watched.watched(results)[0]
-    assert first[:3] == (5, 2, "worst per ā over all ā")
+    row = results.lanes.loc[results.lanes["tail_mean"].idxmax()]
+    greatest = row["cell"], row["sample"]
+    other = (0, 1)  # of another ā: worst per ā, yet of a smaller error
+    monkeypatch.setattr(watched, "worst_of", lambda results: [other, greatest])
+    first, second = watched.watched(results)[:2]
+    assert first[:3] == (*greatest, "worst lane of the study")
+    assert second[:3] == (*other, "worst per ā over all ā")
+    lanes, _ = trajectories.lanes_data(results)
+    assert "(worst lane of the study): error" in lanes[0]["label"]
 
 
 SHORT = {"engine": "exact", "horizon": 0.5, "tail": 0.1}
 
 
 def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
-    """The median and the worst lane of two of three cells; no lane twice."""
+    """The worst lane of all; the median and the worst lane of two of three cells; none twice."""
     monkeypatch.setattr(watched, "MOST_REPLAYED", 2)
-    study = systems.study(samples=3, sweep={"attack.magnitude": [1, 2, 3]}, **SHORT)
+    study = systems.study(samples=3, sweep={"attack.magnitude": [1, 30, 2]}, **SHORT)
     results = jaxnet.run(study, tmp_path / "out")
     ranked = results.lanes.sort_values("tail_mean").groupby("cell")["sample"]
     wanted = [(cell, sample) for cell in (0, 2) for sample in ranked.get_group(cell).tolist()[1:]]
+    row = results.lanes.loc[results.lanes["tail_mean"].idxmax()]
+    assert row["cell"] == 1
+    wanted.append((1, row["sample"]))
     times = []
-    for many in (4, 0):
+    for many in (5, 0):
         assert watched.lanes_again(results) == many
         paths = list(watched.replay_watched(results))
         times.append([(path / "zarr.json").stat().st_mtime_ns for path in paths])

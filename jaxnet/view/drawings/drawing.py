@@ -3,7 +3,7 @@
 `figures.printed` makes a matplotlib figure of it, `page.plots` makes plotly figures.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -17,9 +17,10 @@ from jaxnet.view.figures import style
 
 MOST_NOTED = 3  # choices of panels by a note
 MOST_BARS = 24  # points of a line that have error bars; more have a band
-DODGE = 0.012  # of the axis, between neighbouring colours
+DODGE, MARK = 0.025, 0.02  # of the axis: between points side by side; half of a mark
+LONE_REACH = 100.0  # of a log axis with one value, its ends' ratio
 BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
-MOVED_NOTE = "points are shifted sideways for legibility"
+MOVED_NOTE = "points that would hide one another are shifted sideways"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
 
 
@@ -65,7 +66,7 @@ class Trace(NamedTuple):
     low: Any = None
     high: Any = None
     cells: Sequence[int] | None = None  # of each point
-    moved: tuple[float, float] = (1.0, 0.0)  # factor and shift along x, by which it is drawn
+    apart: Any = None  # x where points are drawn that would lie on others
     sizes: Any = 1.0  # of each point, beside which an error may be rounding
 
     @property
@@ -75,9 +76,8 @@ class Trace(NamedTuple):
         return self.low is not None and few
 
     @property
-    def apart(self) -> Any:
-        """Values of x where they are drawn."""
-        return self.x * self.moved[0] + self.moved[1]
+    def drawn_x(self) -> Any:
+        return self.x if self.apart is None else self.apart
 
 
 class Tiles(NamedTuple):
@@ -118,6 +118,14 @@ class Scale(NamedTuple):
             return values
         return np.clip(values, self.floor, GREATEST_SHOWN)
 
+    def part(self, values: Any) -> Any:
+        """Where values stand between the ends of the axis, 0 to 1."""
+        assert self.ends is not None
+        low, high, values = (self.within(each) for each in (*self.ends, values))
+        if self.log:
+            low, high, values = np.log(low), np.log(high), np.log(values)
+        return (values - low) / ((high - low) or 1.0)
+
     def is_low(self, values: Any) -> Any:
         """Which values a log axis shows at its floor."""
         return self.log & (np.asarray(values, float) <= self.floor)
@@ -137,15 +145,42 @@ class Scale(NamedTuple):
         return (self.within(low), self.within(high)), (below, above)
 
 
-def dodge(place: int, many: int, scale: Scale) -> tuple[float, float]:
-    """Factor and shift on x of one colour, so that error bars lie side by side."""
-    values = scale.ticks
-    if many == 1 or len(values) < 2 or len(values) > MOST_BARS:
-        return 1.0, 0.0
-    step = (place - (many - 1) / 2) * min(DODGE, 0.6 / len(values) / many)
-    if scale.log:
-        return float((values[-1] / values[0]) ** step), 0.0
-    return 1.0, float(step * (values[-1] - values[0]))
+def side_by_side(series: Sequence[Trace], x: Scale, y: Scale) -> list[Trace]:
+    """Series of a panel; points at one x whose marks or error bars overlap are moved sideways."""
+    if len(series) < 2 or not x.ticks or not all(each.barred for each in series):
+        return [*series]
+    points = dict[float, list[tuple[float, float, int, int]]]()
+    for number, each in enumerate(series):
+        (low, high), _ = y.bars(each.low, each.y, each.high)
+        at = y.part(each.y)
+        ends = np.fmin(y.part(low), at - MARK), np.fmax(y.part(high), at + MARK)
+        for place, (at, first, last) in enumerate(zip(each.x, *ends, strict=True)):
+            if np.isfinite([first, last]).all():
+                points.setdefault(float(at), []).append((first, last, number, place))
+    steps = [np.zeros(len(each.x)) for each in series]
+    for here in points.values():
+        for group in overlapping(here):
+            for place, (_, _, number, point) in enumerate(sorted(group, key=lambda one: one[2])):
+                steps[number][point] = place - (len(group) - 1) / 2
+    most, first, last = min(DODGE, 0.6 / len(x.ticks) / len(series)), x.ticks[0], x.ticks[-1]
+    reach = last / first if last > first else LONE_REACH
+    found = []
+    for each, step in zip(series, (most * step for step in steps), strict=True):
+        apart = each.x * reach**step if x.log else each.x + (last - first) * step
+        found.append(each._replace(apart=apart) if step.any() else each)
+    return found
+
+
+def overlapping(spans: Iterable[tuple[float, float, int, int]]) -> Iterator[list[Any]]:
+    """Yield groups of spans, each from its first to its second number, that overlap."""
+    group, top = list[Any](), -np.inf
+    for span in sorted(spans):
+        if span[0] > top:
+            yield group
+            group = []
+        group.append(span)
+        top = max(top, span[1])
+    yield group
 
 
 class Panel(NamedTuple):
@@ -192,7 +227,7 @@ class Drawing(NamedTuple):
         found = [
             *self.notes,
             *notes,
-            *[MOVED_NOTE] * any(each.moved != (1.0, 0.0) for each in series),
+            *[MOVED_NOTE] * any(each.apart is not None for each in series),
         ]
         middle = [each.x if self.y.names else each.y for each in series]
         ends = [end for each in series if not each.barred for end in (each.low, each.high)]

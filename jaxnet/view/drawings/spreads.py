@@ -21,7 +21,7 @@ from jaxnet.store.results import Results
 from jaxnet.view.columns import ROUNDING_ERROR
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, colours_of
 from jaxnet.view.drawings.scene import attacked_vehicles
-from jaxnet.view.drawings.words import distinct_titles
+from jaxnet.view.drawings.words import NO_LANE, distinct_titles
 from jaxnet.view.figures import style
 
 JUDGED_WORDS = {
@@ -32,7 +32,6 @@ MOST_TAIL_ROWS = 40  # cells that one figure takes
 MOST_DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other
 MOST_MAGNITUDES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 JITTER = 0.22  # of a row
-NO_LANE = "no lane ended"
 OVER_TIME_WORDS = {
     "tracking": "mean error of the fleet [m]",
     "spread": "spread of honest vehicles [m]",

@@ -53,19 +53,21 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
         table = found.values.reindex(about, columns=[*VALUE_COLUMNS, "size"])
         value, low, high, sizes = table.to_numpy(dtype=float).T
         where = np.array(at, dtype=float)[order]
-        moved = 1.0, 0.0
-        if numbers:
-            points, moved = (where, value, "both"), drawing.dodge(place, len(looks), across)
-        else:
-            shift = ROW_SHARE * ((place + 0.5) / len(looks) - 0.5)
-            points = value, where + shift, "points"
-        return Trace(names[place], looks[place], *points, low, high, about, moved, sizes)
+        shift = ROW_SHARE * ((place + 0.5) / len(looks) - 0.5)
+        points = (where, value, "both") if numbers else (value, where + shift, "points")
+        return Trace(names[place], looks[place], *points, low, high, about, sizes=sizes)
 
     panels = []
     for labels, mine in panels_of(cells, axes):
         numbers_of = [cell.number for cell in mine]
-        drawn = [series(place, each) for place, each in enumerate(by_hue(mine, axes, hues)) if each]
-        words = "" if there.isin(numbers_of).any() else "no value"
+        drawn = [
+            series(place, each)
+            for place, each in enumerate(by_hue(mine, axes, hues))
+            if there.isin([cell.number for cell in each]).any()
+        ]
+        if numbers:
+            drawn = drawing.side_by_side(drawn, across, shown)
+        words = "" if drawn else "no value"
         panels.append(Panel(labels, numbers_of, drawn, words))
     x_scale, y_scale = (across, shown) if numbers else (shown, rows)
     key, notes = key_name(axes.hue) if axes.hue else "", [found.notes]

@@ -1,12 +1,14 @@
 """The ultimate error δ̂(ā) per ā: quantiles of simulated lanes, bounds, and fitted slopes."""
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import Any
 
 import numpy as np
 
 from jaxnet.statistics.curves import BOUND_NAMES, LOG_FLOOR, Curve, log_ends
-from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, side_by_side
+from jaxnet.view.drawings.words import NO_LANE
 from jaxnet.view.figures import style
 
 BOUND_LOOKS = {
@@ -40,7 +42,7 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
 
     A line of a fit ends with the magnitudes at which lanes ended.
     """
-    shown, medians, panels = list[Any](), list[Any](), []
+    shown, medians, lines = list[Any](), list[Any](), list[list[Trace]]()
     for curve in found:
         slopes = {
             BOUND_NAMES[name]: (slope, BOUND_LOOKS[name])
@@ -50,27 +52,34 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
             fitted = curve.fit(metric, quantile)
             if fitted:
                 slopes[name] = fitted[0], look
-        lines = []
+        lines.append([])
         for name, (slope, look) in slopes.items():
             x = curve.sizes[curve.ended] if name in FITS else curve.sizes
-            lines.append(Trace(name, look, x, np.full(len(x), slope), "slope"))
-        labels, about = curve.group.labels, [*curve.group.attacked]
-        series = [*lines, *lane_series(curve, metric)]
+            lines[-1].append(Trace(name, look, x, np.full(len(x), slope), "slope"))
         low, median, most = (each / curve.sizes for each in curve.spread(metric, *FEW_STATISTICS))
-        shown += [low, most, [*curve.limits(metric).values()]]
+        shown += [low, most, [slope for slope, _ in slopes.values()]]
         medians += median[median > LOG_FLOOR].tolist()
-        panels.append(Panel(labels, about, series, note=slope_note(curve, metric)))
     first, last = log_ends(*shown)
     every = np.concatenate(shown)
     last = min(last, 1.5 * every[np.isfinite(every)].max(initial=first))
     floor = 10.0 ** float(np.round(np.log10(LEAST_SHOWN * min(medians, default=1.0))))
     floor = floor if first < floor else LOG_FLOOR
-    x = Scale("attack magnitude ā [m]", log=True)
-    y = Scale(ULTIMATE_WORDS[metric], (max(first, floor), last), log=True, floor=floor)
+    first = max(first, floor)
+    y = Scale(ULTIMATE_WORDS[metric], (first, last), log=True, floor=floor)
+    drawn = [curve.sizes[curve.ended] for curve in found]
+    drawn += [each.x for some in lines for each in some]
+    x = Scale("attack magnitude ā [m]", log=True, ticks=np.unique(np.concatenate(drawn)).tolist())
+    panels = []
+    for curve, some in zip(found, lines, strict=True):
+        within = [each for each in some if len(each.x) and first <= each.y[0]]
+        series = [*within, *lane_series(curve, metric, x, y)]
+        words = "" if curve.ended.any() else NO_LANE
+        note = slope_note(curve, metric)
+        panels.append(Panel(curve.group.labels, [*curve.group.attacked], series, words, note))
     there = [curve.group.labels for curve in found]
-    notes = [BOUNDS_TOLD] * any(curve.limits(metric) for curve in found)
-    drawn = {each.name for panel in panels for each in panel.series}
-    notes += [FITS_TOLD] * (not drawn.isdisjoint(FITS)) + [NARROW]
+    names = {each.name for panel in panels for each in panel.series}
+    notes = [BOUNDS_TOLD] * (not names.isdisjoint(BOUND_NAMES.values()))
+    notes += [FITS_TOLD] * (not names.isdisjoint(FITS)) + [NARROW]
     notes += [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
     return Drawing(panels, x, y, notes, there=(there, "groups"))
 
@@ -89,14 +98,19 @@ def lacks_interval(curve: Curve, metric: str) -> bool:
     return bool((np.isfinite(mean) & np.isnan(low)).any())
 
 
-def lane_series(curve: Curve, metric: str) -> list[Trace]:
-    """Mean, median, 5 to 95 % and maximum of the lanes."""
-    sizes = curve.sizes
-    statistics = (each / sizes for each in curve.spread(metric, *CURVE_STATISTICS))
+def lane_series(curve: Curve, metric: str, x: Scale, y: Scale) -> list[Trace]:
+    """Mean, median, 5 to 95 % and maximum of the lanes, where any lane ended."""
+    if not curve.ended.any():
+        return []
+    sizes, cells = curve.sizes[curve.ended], [*compress(curve.group.attacked, curve.ended)]
+    statistics = (each[curve.ended] / sizes for each in curve.spread(metric, *CURVE_STATISTICS))
     q05, median, q95, most, mean, low, high = statistics
+    middle = Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, low=q05, high=most)
     found = [
-        Trace("mean, 95 % interval", MEAN, sizes, mean, low=low, high=high, moved=(1.1, 0.0)),
-        Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, low=q05, high=q95),
-        Trace("maximum", MAXIMUM, sizes, most),
+        Trace("mean, 95 % interval", MEAN, sizes, mean, low=low, high=high),
+        middle,
     ]
-    return [each._replace(form="points", cells=[*curve.group.attacked]) for each in found]
+    found = [each._replace(form="points", cells=cells) for each in found]
+    means, lanes = side_by_side(found, x, y)
+    ends = lanes._replace(name="maximum", look=MAXIMUM, y=most, low=None, high=None)
+    return [means, lanes._replace(high=q95), ends]

@@ -9,6 +9,7 @@ from jaxnet.model.wording import RESULT_DIGITS, number_text
 from jaxnet.statistics.amplitude import is_rounding
 from jaxnet.statistics.groups import Label, numeric
 
+NO_LANE = "no lane ended"
 ROUNDED = "0 (rounding)"
 MOST_GONE = 4  # numbers of one key that are not drawn and are named
 

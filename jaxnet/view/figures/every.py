@@ -82,6 +82,12 @@ def need_store(results: Results, name: str) -> None:
         raise lacking_error(results, f"{name}.zarr", f"save.{name}=true")
 
 
+def need_lanes(results: Results, cells: Sequence[Cell]) -> None:
+    """Raise LackingError if no lane of these cells ended."""
+    if not results.cells["ok"].iloc[[cell.number for cell in cells]].any():
+        raise LackingError(f"{results.place}: no lane of these cells came to its end")
+
+
 def has_store(results: Results, name: str) -> bool:
     return (results.path / f"{name}.zarr").exists()
 
@@ -251,6 +257,7 @@ class Plots:
         colour; other keys have panels. None takes the error, and three magnitudes of the attack.
         """
         need_store(self.results, "errors")
+        need_lanes(self.results, cells)
         stored, name = self.results.errors, y or variable_over_time(cells)
         if name not in stored:
             known = [*map(str, stored)]
@@ -266,10 +273,8 @@ class Plots:
     def vehicles(self, cells: Sequence[Cell], width: float) -> Figure:
         """Draw the mean error of each vehicle over the tail: median, 5 to 95 % and maximum."""
         need_store(self.results, "vehicles")
-        found = vehicle_table(self.results, cells)
-        if found.empty:
-            raise LackingError(f"{self.results.place}: no lane of these cells came to its end")
-        recovery = self.results.study.config.recovery
+        need_lanes(self.results, cells)
+        found, recovery = vehicle_table(self.results, cells), self.results.study.config.recovery
         return printed(spreads.vehicles_drawing(found, cells, recovery), width)
 
     @plot

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.statistics.axes import numeric
 from jaxnet.statistics.groups import evenly, evenly_over
-from jaxnet.view.drawings.drawing import Drawing, Look, Scale, Selection, Tiles, Trace
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Selection, Tiles, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, text_colour
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -65,9 +65,11 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     """
     size = multiples.type_scale("font.size")
     within = width / size
-    handles, below = legend_of(drawing, width)
-    page = layout_of(drawing, within, below)
+    page = layout_of(drawing, within, legend_of(drawing.panels, drawing.key, width)[1])
     panels, rows = [drawing.panels[place] for place in page.shown], page.rows
+    if rows:
+        panels = [each._replace(series=seen_series(each.series, rows)) for each in panels]
+    handles, below = legend_of(panels, drawing.key, width)
     labels = [panel.labels for panel in panels]
     titles, sizes = (drawing.x.title, drawing.y.title), (page.height, page.most, page.margin)
     drawn, axes = multiples.panel_grid(labels, *titles, width, *sizes)
@@ -77,12 +79,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     room = (within - page.margin - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
     for place, panel in zip(axes, panels, strict=True):
         for series in panel.series:
-            if rows:
-                seen = seen_of(series, rows)
-                if len(seen.x):  # the mark of no point would take room in the corner
-                    draw_series(place, seen, drawing.x, rows=True)
-            else:
-                draw_series(place, series, drawing.y)
+            draw_series(place, series, drawing.x if rows else drawing.y, bool(rows))
         if panel.tiles is not None and drawing.colours is not None:
             along = (within - page.margin) / across / len(drawing.x.names)
             tile = along, (page.height - TITLE_ROOM) / len(rows)
@@ -173,10 +170,21 @@ def seen_of(series: Trace, rows: Sequence[int]) -> Trace:
     return series._replace(x=series.x[seen], y=y, low=ends[0], high=ends[1])
 
 
-def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], float]:
-    """Handles of the legend and its height [in]; an entry of many colours is grey."""
+def seen_series(many: Sequence[Trace], rows: Sequence[int]) -> list[Trace]:
+    """The series that have points at the named rows that are drawn."""
+    seen = (seen_of(each, rows) for each in many)
+    return [each for each in seen if len(each.x)]
+
+
+def legend_of(
+    panels: Sequence[Panel], key: str, width: float
+) -> tuple[list[Line2D | Patch], float]:
+    """Handles of the legend of these panels and its height [in]; an entry of many colours is grey.
+
+    `key` is its title.
+    """
     named: dict[str, list[Trace]] = {}
-    for panel in drawing.panels:
+    for panel in panels:
         for series in panel.series:
             if series.name:
                 named.setdefault(series.name, []).append(series)
@@ -194,7 +202,7 @@ def legend_of(drawing: Drawing, width: float) -> tuple[list[Line2D | Patch], flo
         else:
             handles.append(Line2D([], [], label=label, **line_style(look, one.form)))
     lines = rows * max(1 + label.count("\n") for label in labels)
-    return handles, multiples.LEGEND_LINE * (lines + bool(drawing.key))
+    return handles, multiples.LEGEND_LINE * (lines + bool(key))
 
 
 def line_style(look: Look, kind: str) -> dict[str, Any]:
@@ -211,7 +219,7 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
     look = series.look
     within = Scale("").within if series.form == "slope" else scale.within
     low, high = within(series.low), within(series.high)
-    x = within(series.x) if rows else series.apart
+    x = within(series.x) if rows else series.drawn_x
     y = series.y if rows else within(series.y)
     if series.barred:
         value = x if rows else y

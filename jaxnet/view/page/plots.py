@@ -139,7 +139,7 @@ def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
         columns |= {"low": series.low, "high": series.high, "cell": series.cells}
         given = {name: each for name, each in columns.items() if each is not None}
         found.append(pd.DataFrame(given))
-    columns = dict(pd.concat(found).dropna(axis="columns", how="all"))
+    columns = dict(pd.concat(found or [pd.DataFrame()]).dropna(axis="columns", how="all"))
     return Plot(title, about, {"data": traces, "layout": layout, "columns": columns})
 
 
@@ -158,7 +158,7 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
     rows = bool(drawing.y.names)
     scale = drawing.x if rows else drawing.y
     within = Scale("").within if series.form == "slope" else scale.within
-    x, y = (within(series.x), series.y) if rows else (series.apart, within(series.y))
+    x, y = (within(series.x), series.y) if rows else (series.drawn_x, within(series.y))
     found = line_trace(series.name, look, x, y, "%{text}")
     found["text"] = hints(drawing, series)
     if series.form in ("points", "both"):

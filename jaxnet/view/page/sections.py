@@ -27,7 +27,7 @@ from jaxnet.statistics.curves import (
     no_magnitudes,
 )
 from jaxnet.statistics.groups import Group
-from jaxnet.statistics.quantities import asked_quantity, quantity_of
+from jaxnet.statistics.quantities import asked_quantity, quantity_of, unended_words
 from jaxnet.statistics.recovery import criterion_words
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.looking import MissingKindError, known_or
@@ -81,10 +81,10 @@ TOO_LARGE = (
     " <code>trajectories.zarr</code>."
 )
 CHOICE_OF_LANES = (
-    f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most,"
-    " spread evenly over the study, and the worst lanes per ā of cells that differ in ā alone if it"
-    " asks for recovery. The worst lane of a cell has the greatest {}; of equal lanes it is the one"
-    " of the lowest sample."
+    "The worst lane of the study is first. The report simulates it again, and the median and the"
+    f" worst lane of {MOST_REPLAYED} cells at most, spread evenly over the study, and the worst"
+    " lanes per ā of cells that differ in ā alone if it asks for recovery. The worst lane has the"
+    " greatest {}; of equal lanes it is the one of the lowest sample."
 )
 
 
@@ -246,7 +246,9 @@ def bands_section(results: Results) -> Section | None:
         return None
     name = "Spread over time" if is_leaderless(cells) else "Error over time"
     groups = [Group(dict(cells[number].labels), (cells[number],)) for number in found]
-    return Section("bands", name, plotted(bands_drawing(groups, found, variable)))
+    drawing = bands_drawing(groups, found, variable)
+    drawing = drawing._replace(notes=[*drawing.notes, unended_words(results, cells)])
+    return Section("bands", name, plotted(drawing))
 
 
 def vehicles_section(results: Results) -> Section | None:

@@ -12,7 +12,7 @@ from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import labels_title
 from jaxnet.config.scenario import situation_of
 from jaxnet.runs.replay import pictured
-from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
+from jaxnet.runs.watched import MOST_VEHICLES, WORST_OF_ALL, Watched, watched
 from jaxnet.statistics.curves import LOG_FLOOR, cell_magnitudes, log_ends
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.scene import LaneScene, scene_of
@@ -118,9 +118,11 @@ def lanes_html(lanes: Sequence[dict[str, Any]]) -> str:
 def lanes_data(results: Results) -> tuple[list[dict[str, Any]], int]:
     """As many lanes as MOST_PAGE_BYTES permits, and the number of stored trajectories.
 
-    Lanes of more than MOST_VEHICLES vehicles are left out.
+    The study's worst lane is first, then what a search found. Lanes of more than MOST_VEHICLES
+    vehicles are left out.
     """
     there = [*searched_lanes(results), *((results, each) for each in watched(results))]
+    there.sort(key=lambda pair: pair[0] is not results or pair[1].why != WORST_OF_ALL)
     found = [
         (of, each)
         for of, each in there
