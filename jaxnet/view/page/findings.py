@@ -26,6 +26,7 @@ from jaxnet.statistics.recovery import (
     attacked_mask,
     confidence_told,
     criterion_words,
+    lowered_words,
     share_name,
     threshold,
 )
@@ -90,7 +91,7 @@ def finding_sentences(
     cells = results.study.cells
     alone = is_leaderless(cells)
     warnings = [falling_words(results, cells), errors_words(results.study.config, cells)]
-    warnings += misfit_words(results, cells)
+    warnings += [lowered_words(results, cells), *misfit_words(results, cells)]
     separated = separation_sentence(results, tests)
     sentences = [
         outnumbered_sentence(results),
