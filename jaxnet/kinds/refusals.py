@@ -8,6 +8,7 @@ from pydantic_core import ErrorDetails
 
 from jaxnet.kinds.fields import MARK, names_distribution
 
+LEAST_PART = 3  # letters of a name that tell which was meant
 WORDS = {
     "float_type": "must be a number",
     "int_type": "must be a whole number",
@@ -75,13 +76,16 @@ def value_text(value: object) -> str:
 
 
 def suggestion(word: str, known: list[str] | dict[str, str], fallback: bool = True) -> str:
-    """The known word that was probably meant, or a list of the known words if there are any.
+    """The known words that were probably meant, or a list of the known words if there are any.
 
-    The keys of a mapping are compared, and its values told.
+    The nearest word was meant, else those that contain the given one. The keys of a mapping are
+    compared, and its values told.
     """
     told = known if isinstance(known, dict) else dict(zip(known, known, strict=True))
     near = difflib.get_close_matches(word, told, n=1, cutoff=0.6)
     near = near or [each for each in told if each.lower() == word.lower()]
-    if near:
-        return f" (did you mean '{told[near[0]]}'?)"
+    if not near and len(word) >= LEAST_PART:
+        near = [each for each in told if word.lower() in each.lower()]
+    if meant := dict.fromkeys(f"'{told[each]}'" for each in near):
+        return f" (did you mean {' or '.join(meant)}?)"
     return f" (known here: {', '.join(known)})" if fallback and known else ""

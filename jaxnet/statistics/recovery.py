@@ -23,9 +23,13 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Criterion, Recovery, Sequential
 from jaxnet.config.naming import NO_BREAK
 from jaxnet.config.study import Study
+from jaxnet.model.wording import cells_named
 from jaxnet.statistics.amplitude import attack_size
-from jaxnet.statistics.groups import labels_without_magnitude
+from jaxnet.statistics.curves import mostly_failed, unrecovered_shares
+from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
 from jaxnet.statistics.intervals import CONFIDENCE, ROUNDING_SPREAD, clopper_pearson
+from jaxnet.store.looking import known_or
+from jaxnet.store.results import Results
 
 FIRST_LOOK = 256  # samples of a cell
 LEAST_APART = 1e-9  # [m], or of ā; lanes that differ by less are equally bad
@@ -66,6 +70,31 @@ def share_definition(asked: Recovery, cells: Sequence[Cell]) -> str:
     """Define the share unrecovered: its name, in files too if that differs, and its criterion."""
     also = " (unrecovered)" if is_leaderless(cells) else ""
     return f"{share_name(cells)}{also}: {criterion_words(asked, cells)}"
+
+
+def lowered_words(results: Results, cells: Sequence[Cell]) -> str:
+    """Tell where the share unrecovered surely falls as ā grows, and why that may be; else "".
+
+    The threshold τ ā allows an error that does not depend on ā at a great ā, not at a small one.
+    """
+    asked, shares = results.study.config.recovery, unrecovered_shares(results)
+    shares = shares.drop(index=mostly_failed(results), errors="ignore")
+    low, high = shares["unrecovered_low"].to_dict(), shares["unrecovered_high"].to_dict()
+    groups = known_or([], lambda: [[*each.attacked] for each in attacked_groups(cells)])
+    known = ([number for number in group if number in low] for group in groups)
+    pairs = itertools.chain.from_iterable(itertools.combinations(group, 2) for group in known)
+    falls = [(small, great) for small, great in pairs if low[small] > high[great]]
+    if asked is None or not falls:
+        return ""
+    small, great = (cells_named(sorted({*numbers})) for numbers in zip(*falls, strict=True))
+    what = "spread" if is_leaderless(cells) else "error"
+    size = "ā" if asked.of == "magnitude" else "times the amplitude in force"
+    return (
+        f"the share {share_name(cells)} falls as ā grows: it is greater in {small} than in cells"
+        f" that differ in ā alone ({great}). The threshold of {asked.tau:g}{NO_BREAK}{size} grows"
+        f" with ā, the {what} does not grow in proportion. At a small ā noise, loss, delay or a"
+        f" transient may decide, or only great attacks are stopped: compare the {what}s in metres"
+    )
 
 
 def same_thresholds(study: Study, table: pd.DataFrame) -> Bool[np.ndarray, " rows"]:

@@ -4,6 +4,10 @@ The axis is `ẋ = A_c x + B ρ` with B = [0, …, 0, 1]' and the position error
 response is h, with the transfer function `1 / (s^r + … + k1 s + k0)` for a vehicle of order r.
 """
 
+import functools
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -11,14 +15,32 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from jaxnet.model.axis import companion
 
 LawGain = Float[np.ndarray, "r"]
+Value = TypeVar("Value")
 StatesInTime = Float[np.ndarray, "states times"]
 
 DECAYED = 40.0  # exponent of a decayed mode: what is left of it is below rounding
 STEP_TURN = 0.25  # [rad] by which the fastest mode turns from one time to the next
 TIMES = 2**16  # most times that are computed together
 BISECTIONS = 26  # between two times; ∫|h| errs by the square of what is left
+MOST_GAINS = 64  # whose values are kept: cells that differ by network or attack share their gains
 
 
+def kept_by_gain(function: Callable[..., Value]) -> Callable[..., Value]:
+    """Keep the last values of a function of gains and numbers; callers must not write into them."""
+
+    @functools.lru_cache(MOST_GAINS)
+    def value(shape: tuple[int, ...], gain: bytes, *numbers: float) -> Value:
+        return function(np.frombuffer(gain).reshape(shape), *numbers)
+
+    @functools.wraps(function)
+    def kept(gain: Any, *numbers: float) -> Value:
+        gain = np.asarray(gain, float)
+        return value(gain.shape, gain.tobytes(), *numbers)
+
+    return kept
+
+
+@kept_by_gain
 def impulse_norm(gain: LawGain) -> float:
     """`‖H‖₁ = ∫|h| dt` [s^r], h the impulse response: the greatest output for a ρ of size 1.
 

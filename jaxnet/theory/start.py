@@ -18,7 +18,7 @@ from jaxnet.kinds.kind import is_number
 from jaxnet.model import graph
 from jaxnet.model.axis import PlaneGains, companion
 from jaxnet.theory.case import Case
-from jaxnet.theory.response import DECAYED
+from jaxnet.theory.response import DECAYED, kept_by_gain
 
 FLOW_TIMES = 2**13  # at which flows are known
 HEADINGS = 64  # of a start that are tried
@@ -98,6 +98,7 @@ def keeps_moving(case: Case) -> KeepsMoving | None:
     return KeepsMoving(factors, slowest, bool(most < slowest))
 
 
+@kept_by_gain
 def flow_norms(gain: PlaneGains, step: float, row: int = 0) -> Float[np.ndarray, "times r"]:
     """‖Φ_0k‖, from the k-th derivative at the start to the position, at multiples of a step [s].
 

@@ -155,6 +155,16 @@ def test_a_transient_is_told_wherever_results_are(short, monkeypatch):
     assert page.count("still fall when the run ends") >= 2
 
 
+def test_a_share_that_falls_as_the_attack_grows_is_told_wherever_results_are(short, monkeypatch):
+    """A transient is over τ ā at 0.1 m and 1 m, and not at 100 m, whatever the attack does."""
+    told = "the share unrecovered falls as ā grows: it is greater in cells 0, 1 than in cells"
+    assert told in one_line(summary_text(short))
+    monkeypatch.setattr(fits, "RESAMPLES", 2)
+    short.fit()
+    assert told in one_line(fit_text(short))
+    assert told[1:] in short.report(replay=False).read_text()
+
+
 def test_a_run_that_is_long_enough_is_not_marked():
     results = jaxnet.simulate({**SHORT, "horizon": 40.0}, 20, progress=False)
     assert results.cells["unrecovered"].tolist() == [0, 0, 0]

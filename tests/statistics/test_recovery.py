@@ -52,6 +52,29 @@ def test_counts():
     assert np.isnan(summary.share_estimate(counted[:0], 0.95)).all()
 
 
+def test_only_shares_that_surely_fall_as_the_attack_grows_are_told(tmp_path, monkeypatch):
+    """By hand: intervals that touch, a share that rises, and other defences tell nothing."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [3, 0, 1]}
+    results = jaxnet.run(systems.study(samples=1, **keys(sweep=sweep)), tmp_path / "out")
+
+    def told(intervals):
+        table = pd.DataFrame(intervals, columns=["unrecovered_low", "unrecovered_high"])
+        table = table.assign(unrecovered=table.mean(axis=1))
+        monkeypatch.setattr(recovery, "unrecovered_shares", lambda _: table.dropna())
+        return recovery.lowered_words(results, results.study.cells)
+
+    none = (np.nan, np.nan)
+    for low, high in ((0.0, 0.5), (0.2, 0.6), (0.6, 1.0), none):
+        other = (0.0, 0.1) if high != high else (low, high)
+        assert told([(low, high), none, (0.1, 0.5), other, none, (0.0, 0.05)]) == ""
+    rest = [(0.5, 0.6), none, (0.4, 0.5)]
+    words = told([(0.0, 0.2), none, (0.5, 0.9), *rest])
+    assert "it is greater in cell 2 than in cells that differ in ā alone (cell 0)" in words
+    assert "The threshold of 1\N{NO-BREAK SPACE}ā grows with ā" in words
+    monkeypatch.setattr(recovery, "mostly_failed", lambda _: [2])
+    assert told([(0.0, 0.2), none, (0.5, 0.9), *rest]) == ""
+
+
 def test_the_table_has_the_shares(tmp_path):
     """Counted from the rows, with the exact interval; nothing where nobody is attacked."""
     results = jaxnet.run(systems.study(samples=40, **keys()), tmp_path / "out")

@@ -4,9 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import jaxnet
 from jaxnet.statistics.horizon import Ending, ending
+from jaxnet.theory import start
 from jaxnet.theory.case import Case
 from jaxnet.theory.start import start_decay
 from tests import systems
@@ -33,6 +35,16 @@ def three_poles(t):
     modes = np.array([[1, 1, 1], [-1, -2, -3], [1, 4, 9]])
     flows = np.exp(-np.outer(t, [1, 2, 3])) @ np.linalg.inv(modes)
     return np.abs(flows[:, :2]) @ [CORNER, SPEED]
+
+
+def test_cells_with_the_same_gains_share_what_takes_long(monkeypatch):
+    """Other attacks and networks ask for no new flow, other gains do."""
+    made = []
+    monkeypatch.setattr(start, "expm", lambda each: made.append(each) or expm(each))
+    for gain in ([2.25, 1.5, 3.25], [2.25, 1.5, 3.75]):
+        for keys in ({}, {"topology": "complete"}, {"attack": "sinusoid"}):
+            known(gain=gain, **keys)
+    assert len(made) == 2
 
 
 @pytest.mark.parametrize(("gain", "form"), [([1, 3, 3], triple_pole), ([6, 11, 6], three_poles)])

@@ -26,6 +26,7 @@ from jaxnet.statistics.recovery import (
     attacked_mask,
     confidence_told,
     criterion_words,
+    lowered_words,
     share_name,
 )
 from jaxnet.statistics.separation import near_starts_words
@@ -94,7 +95,7 @@ def all_findings(results: Results, found: Sequence[curves.Curve], fit: str) -> F
     cells = results.study.cells
     alone = is_leaderless(cells)
     warnings = [falling_words(results, cells), errors_words(results.study.config, cells)]
-    warnings += misfit_words(results, cells)
+    warnings += [lowered_words(results, cells), *misfit_words(results, cells)]
     errors = judged_errors(results, found)
     judged = measures_compared(results, errors)
     separated, distances = separation_sentence(results)

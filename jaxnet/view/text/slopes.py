@@ -13,6 +13,7 @@ from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVAL, whole_draws
 from jaxnet.statistics.intervals import below_greatest
 from jaxnet.statistics.limits import unchecked, unchecked_words, unclipped_words
+from jaxnet.statistics.recovery import lowered_words
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_columns, fitted_text
@@ -63,7 +64,9 @@ def fit_text(results: Results) -> str:
             parts.append("\n".join([filled(title), text, filled(BOUNDS_LEGEND)]))
     if results.file("violations.csv").exists():
         parts.append(violations_text(results))
-    parts += map(filled, (no_magnitudes(found), falling_words(results, results.study.cells)))
+    cells = results.study.cells
+    told = no_magnitudes(found), falling_words(results, cells), lowered_words(results, cells)
+    parts += map(filled, told)
     return "\n\n".join(filter(None, parts))
 
 

@@ -154,6 +154,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         words = f"at most {beyond} of all lanes are above, with 95 % confidence"
         notes.append(f"greatest: of {count_between(many.tolist(), 'lane')} of a cell; {words}")
     about = falling_words(results, cells), errors_words(results.study.config, cells)
+    about += (recovery.lowered_words(results, cells),)
     first = [*filter(None, about), *misfit_words(results, cells)]
     return [*first, *notes, *caveat_lines(cells)]
 
