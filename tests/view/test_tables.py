@@ -12,6 +12,7 @@ from upath import UPath
 from jaxnet.kinds.metrics import COLUMNS_OF_METRIC
 from jaxnet.statistics.curves import Curve
 from jaxnet.statistics.groups import Group
+from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 from jaxnet.view import columns
@@ -316,7 +317,7 @@ def curve_of(ended: int, fits: dict, power: float = 1.0) -> Curve:
     ("fit", "power", "ended", "words"),
     [
         ((2.2, 2.1, 2.3), 1.0, 2, "2.2 [2.1, 2.3]"),
-        ((2.2, math.nan, math.nan), 0.9, 2, "2.2"),
+        ((2.2, math.nan, math.nan), 0.9, 2, "2.2 [-]"),
         ((2.2, math.nan, math.nan), 0.3, 2, "not proportional"),
         ((2.2, 2.1, 2.3), 1.0, 1, "one ā: 2.2 [2.1, 2.3]"),
         ((math.nan,) * 3, 1.0, 2, "does not rise"),
@@ -330,6 +331,27 @@ def test_a_slope_is_told_or_why_there_is_none(fit, power, ended, words):
     curve = curve_of(ended, fits, power)
     assert slopes.slope_text(curve, "tail_mean") == words
     assert (curve.fit("tail_mean", 0.5) is None) == (not words.startswith("2.2"))
+
+
+@pytest.mark.parametrize(("draws", "why"), [("random", "too few lanes"), ("sobol", "Sobol")])
+def test_a_slope_without_an_interval_says_so(draws, why, monkeypatch):
+    """Beside one with an interval; the worst lane never has one."""
+    fit = {None: (0.5, 0.4, 0.6), 0.5: (0.5, 0.4, 0.6), 0.95: (0.7, math.nan, math.nan)}
+    fit[1.0] = (0.8, math.nan, math.nan)
+    fits = {(metric, quantile): each for metric in SUMMARISED for quantile, each in fit.items()}
+    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
+    results.study.config = results.study.config.model_copy(update={"draws": draws})
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 7)
+    text = slopes.slopes_text(results, [curve_of(2, fits)])
+    row = next(line for line in text.splitlines() if line.startswith("greatest"))
+    assert " ".join(row.split()) == "greatest 0.5 [0.4, 0.6] 0.5 [0.4, 0.6] 0.7 [-] 0.8 -"
+    assert "[-]: no interval" in text
+    assert why in text
+    assert ("worst lane: of the 7 lanes of each ā" in text) is (draws == "random")
+    fits |= {(metric, 0.95): (0.7, 0.6, 0.8) for metric in SUMMARISED}
+    whole = curve_of(2, fits)._replace(exponents={})
+    assert "[-]" not in slopes.slopes_text(results, [whole])
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():
@@ -352,7 +374,7 @@ def test_fits_show_swept_values_as_the_summary_does():
     assert [str(each) for (each,) in table.values()] == ["1 drawn", "W-MSR", "0.1"]
     assert "attacked" in labels[0]
     assert slopes.estimate_text((5e-20, 4e-20, 0.35)) == "0 [0, 0.35]"
-    assert slopes.estimate_text((0.4, math.nan, math.nan)) == "0.4"
+    assert slopes.estimate_text((0.4, math.nan, math.nan)) == "0.4 [-]"
 
 
 def test_a_quantile_of_nothing_beside_a_great_lane_says_how_many_are_off():
