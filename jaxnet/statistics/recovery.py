@@ -90,10 +90,10 @@ def lowered_words(results: Results, cells: Sequence[Cell]) -> str:
     what = "spread" if is_leaderless(cells) else "error"
     size = "ā" if asked.of == "magnitude" else "times the amplitude in force"
     return (
-        f"the share {share_name(cells)} falls as ā grows: it is greater in {small} than in cells"
-        f" that differ in ā alone ({great}). The threshold of {asked.tau:g}{NO_BREAK}{size} grows"
-        f" with ā, the {what} does not grow in proportion. At a small ā noise, loss, delay or a"
-        f" transient may decide, or only great attacks are stopped: compare the {what}s in metres"
+        f"the share {share_name(cells)} falls as ā grows: it is greater in {small} than in {great},"
+        f" which have the same keys but a greater ā. The threshold of {asked.tau:g}{NO_BREAK}{size}"
+        f" grows with ā, the {what} does not grow in proportion. At a small ā noise, loss, delay or"
+        f" a transient may decide, or only great attacks are stopped: compare the {what}s in metres"
     )
 
 

@@ -310,6 +310,7 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
         if of == "s":
             endless = f"> {max(cell.scenario.horizon for cell in cells):g}"
         plain = LANE_STATISTICS[statistic].words.removesuffix(" of lanes")
+        plain = plain.replace("greatest", "max")  # titles are narrow
         which = f", {plain if end == statistic else end.replace('_', ' ')}"
         title = f"{metric_title(metric)}{which}"
         symbol = title.translate(LATEX_ESCAPES)

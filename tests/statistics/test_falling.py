@@ -157,7 +157,7 @@ def test_a_transient_is_told_wherever_results_are(short, monkeypatch):
 
 def test_a_share_that_falls_as_the_attack_grows_is_told_wherever_results_are(short, monkeypatch):
     """A transient is over τ ā at 0.1 m and 1 m, and not at 100 m, whatever the attack does."""
-    told = "the share unrecovered falls as ā grows: it is greater in cells 0, 1 than in cells"
+    told = "the share unrecovered falls as ā grows: it is greater in cells 0, 1 than in cell 2"
     assert told in one_line(summary_text(short))
     monkeypatch.setattr(fits, "RESAMPLES", 2)
     short.fit()

@@ -136,13 +136,13 @@ def test_the_table_is_about_the_spread(results, monkeypatch):
     for words in (
         "without agreement [%]",
         "spread, mean [m]",
-        "spread, greatest [m]",
-        "outside, greatest [m]",
+        "spread, max [m]",
+        "outside, max [m]",
     ):
         assert words in titles
     assert "without agreement (unrecovered): spread over the tail > 0.01\N{NO-BREAK SPACE}ā" in text
     assert "spread: greatest distance of two honest vehicles over the tail" in text
-    assert "greatest: of " in text
+    assert "max: greatest of " in text
 
 
 def words_of(figure):

@@ -12,6 +12,7 @@ from upath import UPath
 from jaxnet.kinds.metrics import COLUMNS_OF_METRIC
 from jaxnet.statistics.curves import Curve
 from jaxnet.statistics.groups import Group
+from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 from jaxnet.view import columns
@@ -50,9 +51,9 @@ def test_the_summary_fits_a_terminal_or_says_what_it_left_out(swept, recovery, w
     assert max(map(len, lines)) <= width
     words, _, left_out = " ".join(" ".join(lines).split()).partition("left out: ")
     assert ("unrecovered" if recovery else "error, median") in words
-    for title in ("error, mean [m]", "error, 95 % quantile [m]", "worst vehicle, greatest [m]"):
+    for title in ("error, mean [m]", "error, 95 % quantile [m]", "worst vehicle, max [m]"):
         assert title.split()[-2].strip(",") in words or title in left_out
-    assert bool(left_out) == (width < 160 and (width == 60 or recovery))
+    assert bool(left_out) == (width < 160)
 
 
 def test_the_headline_is_the_median_with_its_interval():
@@ -83,6 +84,9 @@ def test_lanes_that_agree_are_told_so():
     (note,) = [each for each in tables.summary_notes(results, shown) if each.startswith("alike")]
     assert "at least 5, have the same error, median (cell 1); of all possible" in note
     assert "at most 45.1 % have another value" in note
+    results.study.config = results.study.config.model_copy(update={"draws": "sobol"})
+    notes = tables.summary_notes(results, shown)
+    assert "alike: all lanes of a cell, at least 5, have the same error, median (cell 1)" in notes
     rounding = [f"tail_mean_{end}" for end in COLUMNS_OF_METRIC]
     results.cells.loc[:, rounding] = np.linspace(1e-12, 1e-11, len(rounding))
     shown = columns.summary_columns(results, ["tail_mean", "tail_mean_mean"])
@@ -181,7 +185,7 @@ def test_a_table_for_a_paper():
         "% each cell: lanes ok 5",
         r"\begin{tabular}{rlrr}",
         r"\toprule",
-        r"$\bar a$ [m] & defence & error, median [m] & worst vehicle, greatest [m] \\",
+        r"$\bar a$ [m] & defence & error, median [m] & worst vehicle, max [m] \\",
         r"\midrule",
         r"1 & no~defence & 0.123 [0.123, 0.123] & 1.12 \\",
         r" & W-MSR & 1.12 [1.12, 1.12] & 2.12 \\",
@@ -316,7 +320,7 @@ def curve_of(ended: int, fits: dict, power: float = 1.0) -> Curve:
     ("fit", "power", "ended", "words"),
     [
         ((2.2, 2.1, 2.3), 1.0, 2, "2.2 [2.1, 2.3]"),
-        ((2.2, math.nan, math.nan), 0.9, 2, "2.2"),
+        ((2.2, math.nan, math.nan), 0.9, 2, "2.2 [-]"),
         ((2.2, math.nan, math.nan), 0.3, 2, "not proportional"),
         ((2.2, 2.1, 2.3), 1.0, 1, "one ā: 2.2 [2.1, 2.3]"),
         ((math.nan,) * 3, 1.0, 2, "does not rise"),
@@ -332,13 +336,54 @@ def test_a_slope_is_told_or_why_there_is_none(fit, power, ended, words):
     assert (curve.fit("tail_mean", 0.5) is None) == (not words.startswith("2.2"))
 
 
+def test_the_share_the_median_and_the_worst_vehicle_stay_in_a_narrow_terminal(monkeypatch):
+    """What a study measures besides goes first; titles take three lines at most."""
+    monkeypatch.setenv("COLUMNS", "80")
+    sweep = {"topology": ["cyclic"], "defence": ["trusted_trim"], "attack.magnitude": [1, 2]}
+    results = results_of(sweep, True, 2)
+    own = [{"kind": "settling_time", "below": 0.5}, "alarms", "false_alarms"]
+    detector = {"kind": "distance", "threshold": 0.1}
+    keys = {"recovery": {"tau": 0.1}, "metrics": own, "detector": detector}
+    results.study.config = systems.study(**keys).config
+    names = ["settling_time", "alarms", "false_alarms"]
+    for name in (f"{each}_{end}" for each in names for end in COLUMNS_OF_METRIC):
+        results.cells[name] = [0.25, 0.5]
+    results.cells["unsettled"] = 0.1
+    lines = tables.summary_text(results).splitlines()
+    head = lines[: next(n for n, line in enumerate(lines) if line.startswith("   0"))]
+    assert len(head) == 3
+    assert {"unrecovered", "median", "worst", "vehicle,"} <= {*" ".join(head).split()}
+    assert "alarms, mean" in " ".join(" ".join(lines).partition("left out: ")[2].split())
+
+
+@pytest.mark.parametrize(("draws", "why"), [("random", "too few lanes"), ("sobol", "Sobol")])
+def test_a_slope_without_an_interval_says_so(draws, why, monkeypatch):
+    """Beside one with an interval; the worst lane never has one."""
+    fit = {None: (0.5, 0.4, 0.6), 0.5: (0.5, 0.4, 0.6), 0.95: (0.7, math.nan, math.nan)}
+    fit[1.0] = (0.8, math.nan, math.nan)
+    fits = {(metric, quantile): each for metric in SUMMARISED for quantile, each in fit.items()}
+    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
+    results.study.config = results.study.config.model_copy(update={"draws": draws})
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 7)
+    text = slopes.slopes_text(results, [curve_of(2, fits)])
+    row = next(line for line in text.splitlines() if line.startswith("greatest"))
+    assert " ".join(row.split()) == "greatest 0.5 [0.4, 0.6] 0.5 [0.4, 0.6] 0.7 [-] 0.8 -"
+    assert "[-]: no interval" in text
+    assert why in text
+    assert ("worst lane: of the 7 lanes of each ā" in text) is (draws == "random")
+    fits |= {(metric, 0.95): (0.7, 0.6, 0.8) for metric in SUMMARISED}
+    whole = curve_of(2, fits)._replace(exponents={})
+    assert "[-]" not in slopes.slopes_text(results, [whole])
+
+
 def test_a_worst_lane_comes_with_the_number_of_lanes():
     """Of how many it is the greatest, and what this number says of all others."""
     results = results_of({"attack.magnitude": [1, 2]}, False, 2)
     results.cells["ok"] = [3, 5]
     note = tables.summary_notes(results, columns.summary_columns(results))[-1]
     assert note == (
-        "greatest: of 3 to 5 lanes of a cell; at most 63.2 % of all lanes are above, with 95 %"
+        "max: greatest of 3 to 5 lanes of a cell; at most 63.2 % of all lanes are above, with 95 %"
         " confidence"
     )
 
@@ -352,7 +397,7 @@ def test_fits_show_swept_values_as_the_summary_does():
     assert [str(each) for (each,) in table.values()] == ["1 drawn", "W-MSR", "0.1"]
     assert "attacked" in labels[0]
     assert slopes.estimate_text((5e-20, 4e-20, 0.35)) == "0 [0, 0.35]"
-    assert slopes.estimate_text((0.4, math.nan, math.nan)) == "0.4"
+    assert slopes.estimate_text((0.4, math.nan, math.nan)) == "0.4 [-]"
 
 
 def test_a_quantile_of_nothing_beside_a_great_lane_says_how_many_are_off():

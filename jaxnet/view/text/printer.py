@@ -20,11 +20,12 @@ from jaxnet.view.text.width import (
 if TYPE_CHECKING:
     from jaxnet.view.columns import Column
 
-MEDIAN_ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go after others
-LEAST_TITLE = 9  # letters of a line of a title
+MEDIAN_ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go last
+WORST_ERRORS = ("tail_max_max", "spread_max")  # that go just before
+LEAST_TITLE, MOST_LINES = 9, 3  # letters of a line of a title, and its lines
 LEAST_LABEL = 20  # letters that a label is wrapped to, at least
 GAP = 2  # letters between columns
-NUMBER = re.compile(r"-?(\d|inf|nan).*|-|")
+NUMBER = re.compile(r"(> )?-?(\d|inf|nan).*|-|")
 
 TableColumns = Mapping[
     Any, Sequence[object]
@@ -77,9 +78,11 @@ def texts_of(table: TableColumns, labels: Sequence[str]) -> dict[str, list[str]]
 
 
 def title_lines(title: str, texts: Sequence[str]) -> list[str]:
-    """A title on lines about as long as the values; no word is broken."""
+    """A title on lines about as long as the values, three at most; no word is broken."""
     room = max([LEAST_TITLE, *map(len, texts)])
-    return wrap(title, room, break_long_words=False, break_on_hyphens=False) or [""]
+    widths = range(room, max(room, len(title)) + 1)
+    tried = (wrap(title, each, break_long_words=False, break_on_hyphens=False) for each in widths)
+    return next(lines for lines in tried if len(lines) <= MOST_LINES) or [""]
 
 
 def fits_terminal(table: TableColumns, labels: Sequence[str]) -> bool:
@@ -134,12 +137,13 @@ def narrow_columns(
     """Columns that fit the terminal, and what is left out; the share failed always stays.
 
     The last quantities lose their intervals, but not the first; pivoted ones lose them together.
-    Then, unless they are `asked` for, the last columns go, all intervals, median errors, keys of
-    numbers, labels.
+    Then, unless they are `asked` for, the last columns go, the worst errors, all intervals, median
+    errors, keys of numbers, labels.
     """
     stay = ("cell", "failed_share")
     quantities = [each.name for each in whole if each.key is None and each.name not in stay]
-    quantities[1:] = sorted(quantities[1:], key=lambda name: name not in MEDIAN_ERRORS)
+    ranks = {name: rank for rank, each in enumerate((MEDIAN_ERRORS, WORST_ERRORS)) for name in each}
+    quantities[1:] = sorted(quantities[1:], key=lambda name: ranks.get(name, len(ranks)))
     kept = 1 + sum(name in MEDIAN_ERRORS for name in quantities[1:])
     together = any(each.across for each in whole)
     keys = sorted((each for each in whole if each.key is not None), key=lambda each: each.numeric)

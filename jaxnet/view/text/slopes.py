@@ -10,7 +10,7 @@ from jaxnet.model.wording import number_text
 from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVAL, whole_draws
+from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVALS, whole_draws
 from jaxnet.statistics.intervals import below_greatest
 from jaxnet.statistics.limits import unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.recovery import lowered_words
@@ -22,7 +22,8 @@ from jaxnet.view.text.width import filled
 
 MOST_VIOLATIONS = 20
 LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
-QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, "all below": ENVELOPE}
+WORST = "worst lane"
+QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, WORST: ENVELOPE}
 ERROR_NAMES = {"tail_mean": "mean", "tail_max": "greatest"}
 SLOPE = "mean of the lanes"
 POWER = "power p of c ā^p"
@@ -31,9 +32,11 @@ SLOPES_TITLE = (
     " greatest: of any vehicle"
 )
 NO_EFFECT, NOT_PROPORTIONAL, ONE_MAGNITUDE = "does not rise", "not proportional", "one ā: "
+NO_INTERVAL, OF_SEQUENCES = "[-]", "[-]: no interval is known for draws of Sobol's sequences"
 SLOPE_NOTES = {
     NO_EFFECT: "does not rise: errors of greater ā are not greater",
     NOT_PROPORTIONAL: "not proportional: errors rise with ā, but not as s ā",
+    NO_INTERVAL: NO_SLOPE_INTERVALS,
     ONE_MAGNITUDE: "one ā: lanes ended at one magnitude alone; the error per ā there, no slope",
 }
 SLOPES_DROP_ORDER = tuple((name,) for name in (POWER, *QUANTILE_COLUMNS))
@@ -74,33 +77,26 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     """The error as a multiple of ā, what share of lanes is below which multiple, and notes."""
     if not any(curve.fits for curve in found):
         return ""
-    rows, fits = [], {name: [] for name in (SLOPE, *QUANTILE_COLUMNS)}
+    rows = []
     for curve in found:
         for metric in SUMMARISED:
-            slopes = {name: curve.fit(metric, each) for name, each in QUANTILE_COLUMNS.items()}
             texts = {"error": ERROR_NAMES[metric], SLOPE: slope_text(curve, metric)}
-            texts |= {name: estimate_text(fit) for name, fit in slopes.items()}
+            for name, each in QUANTILE_COLUMNS.items():
+                texts[name] = estimate_text(curve.fit(metric, each), name != WORST)
             texts[POWER] = estimate_text(curve.exponents.get(metric))
             rows.append((curve, texts))
-            for name, fit in (slopes | {SLOPE: curve.fit(metric)}).items():
-                fits[name] += [fit] * (fit is not None)
     table, labels = group_columns(rows)
     shown = fitted_columns(table, labels, SLOPES_DROP_ORDER)
-    fits = {name: fit for name, fit in fits.items() if name in shown}
     lines = [filled(SLOPES_TITLE), fitted_text(table, labels, SLOPES_DROP_ORDER, "fit.csv")]
-    told = {text for _, texts in rows for text in texts.values()}
-    lines += [filled(note) for text, note in SLOPE_NOTES.items() if any(text in t for t in told)]
-    if any(np.isnan(fit[1]) for name in fits if name != "all below" for fit in fits[name]):
-        lines.append(filled(NO_SLOPE_INTERVAL))
+    told = [str(text) for values in shown.values() for text in values]
     independent = results.study.config.draws == "random"
+    notes = SLOPE_NOTES if independent else SLOPE_NOTES | {NO_INTERVAL: OF_SEQUENCES}
+    lines += [filled(note) for text, note in notes.items() if any(text in t for t in told)]
     draws = independent and min(whole_draws(results, curve.group) for curve in found)
-    if draws and fits.get("all below"):
+    if draws and {*shown.get(WORST, ())} - {"-"}:
         share = number_text(100 * below_greatest(draws), whole=100.0)
-        words = (
-            f"all below: the {draws} lanes of each ā are; at least {share} % of all possible lanes,"
-        )
-        words += " with 95 % confidence"
-        lines.append(filled(words))
+        words = f"{WORST}: of the {draws} lanes of each ā; at least {share} % of all possible lanes"
+        lines.append(filled(f"{words} are below, with 95 % confidence"))
     return "\n".join(lines)
 
 
@@ -126,12 +122,13 @@ def group_columns(
     return {name: [row[name] for row in whole] for name in whole[0]}, list(named[0])
 
 
-def estimate_text(found: Fit | None) -> str:
-    """An estimate with its interval, or a dash for None."""
+def estimate_text(found: Fit | None, has_ends: bool = True) -> str:
+    """An estimate with its interval, [-] if it could have one but has none; or a dash for None."""
     if found is None:
         return "-"
     estimate, low, high = (number_text(without_rounding(each, 1.0)) for each in found)
-    return estimate + (f" [{low}, {high}]" if np.isfinite(found[1]) else "")
+    ends = f" [{low}, {high}]" if np.isfinite(found[1]) else f" {NO_INTERVAL}"
+    return estimate + ends * has_ends
 
 
 def group_ratios(curve: Curve) -> dict[str, float]:

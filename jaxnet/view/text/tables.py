@@ -90,7 +90,8 @@ def summary_text(
         hint = "`show --all` has all, `show --where KEY=VALUE` some"
         lines.append(f"… {rows - most} more rows: {hint}")
     if pivot:
-        shown = asked if any(each.ends for each in shown) else [each.bare() for each in asked]
+        beside = any(any(each.intervals()) for each in shown)
+        shown = asked if beside else [each.bare() for each in asked]
     notes = filter(None, [constant, *summary_notes(results, shown)])
     return "\n".join([*lines, *map(filled, notes), *left_out_note(left_out, "cells.csv")])
 
@@ -152,7 +153,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         many = (most if most.any() else lanes)[lanes > 0].astype(int)
         beyond = share_beyond(int(many.min()))
         words = f"at most {beyond} of all lanes are above, with 95 % confidence"
-        notes.append(f"greatest: of {count_between(many.tolist(), 'lane')} of a cell; {words}")
+        notes.append(f"max: greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}")
     about = falling_words(results, cells), errors_words(results.study.config, cells)
     about += (recovery.lowered_words(results, cells),)
     first = [*filter(None, about), *misfit_words(results, cells)]
@@ -202,12 +203,12 @@ def missing_lines(shown: Sequence[Column], lanes: pd.Series, independent: bool) 
         if some
     ]
     alike.pop((), None)
-    if alike and independent:
+    if alike:
         told = (f"{'; '.join(mine)} ({cells_named(some)})" for some, mine in alike.items())
         fewest = min(int(many[cell]) for some in alike for cell in some)
         words = f"alike: all lanes of a cell, at least {fewest}, have the same {'; '.join(told)}"
-        most = f"of all possible lanes at most {share_beyond(fewest)} have another value"
-        notes.append(f"{words}; {most}, with 95 % confidence")
+        most = f"; of all possible lanes at most {share_beyond(fewest)} have another value"
+        notes.append(words + f"{most}, with 95 % confidence" * independent)
     return notes
 
 
