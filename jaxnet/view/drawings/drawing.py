@@ -145,7 +145,7 @@ class Scale(NamedTuple):
         return (self.within(low), self.within(high)), (below, above)
 
 
-def side_by_side(series: Sequence[Trace], x: Scale, y: Scale) -> list[Trace]:
+def moved_sideways(series: Sequence[Trace], x: Scale, y: Scale) -> list[Trace]:
     """Series of a panel; points at one x whose marks or error bars overlap are moved sideways."""
     if len(series) < 2 or not x.ticks or not all(each.barred for each in series):
         return [*series]
@@ -163,7 +163,7 @@ def side_by_side(series: Sequence[Trace], x: Scale, y: Scale) -> list[Trace]:
             for place, (_, _, number, point) in enumerate(sorted(group, key=lambda one: one[2])):
                 steps[number][point] = place - (len(group) - 1) / 2
     most, first, last = min(DODGE, 0.6 / len(x.ticks) / len(series)), x.ticks[0], x.ticks[-1]
-    reach = last / first if last > first else LONE_REACH
+    reach = last / first if x.log and last > first else LONE_REACH
     found = []
     for each, step in zip(series, (most * step for step in steps), strict=True):
         apart = each.x * reach**step if x.log else each.x + (last - first) * step

@@ -66,7 +66,7 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
             if there.isin([cell.number for cell in each]).any()
         ]
         if numbers:
-            drawn = drawing.side_by_side(drawn, across, shown)
+            drawn = drawing.moved_sideways(drawn, across, shown)
         words = "" if drawn else "no value"
         panels.append(Panel(labels, numbers_of, drawn, words))
     x_scale, y_scale = (across, shown) if numbers else (shown, rows)

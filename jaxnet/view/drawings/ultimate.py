@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jaxnet.statistics.curves import BOUND_NAMES, LOG_FLOOR, Curve, log_ends
-from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, side_by_side
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, moved_sideways
 from jaxnet.view.drawings.words import NO_LANE
 from jaxnet.view.figures import style
 
@@ -111,6 +111,6 @@ def lane_series(curve: Curve, metric: str, x: Scale, y: Scale) -> list[Trace]:
         middle,
     ]
     found = [each._replace(form="points", cells=cells) for each in found]
-    means, lanes = side_by_side(found, x, y)
+    means, lanes = moved_sideways(found, x, y)
     ends = lanes._replace(name="maximum", look=MAXIMUM, y=most, low=None, high=None)
     return [means, lanes._replace(high=q95), ends]
