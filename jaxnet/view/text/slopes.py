@@ -95,8 +95,9 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     draws = independent and min(whole_draws(results, curve.group) for curve in found)
     if draws and {*shown.get(WORST_LANE, ())} - {"-"}:
         share = number_text(100 * below_greatest(draws), whole=100.0)
-        words = f"{WORST_LANE}: of the {draws} lanes of each ā; at least {share} % of all possible lanes"
-        lines.append(filled(f"{words} are below, with 95 % confidence"))
+        words = f"{WORST_LANE}: of the {draws} lanes of each ā"
+        below = f"at least {share} % of all possible lanes are below, with 95 % confidence"
+        lines.append(filled(f"{words}; {below}"))
     return "\n".join(lines)
 
 
