@@ -20,8 +20,9 @@ def shelf(tmp_path_factory):
     home = tmp_path_factory.mktemp("analyses")
     jaxnet.sensitivity(STUDY, 30, home / "sens")
     jaxnet.rare(STUDY, 100, home / "rare")
-    jaxnet.run(STUDY | {"samples": 4}, home / "both", progress=False)
-    jaxnet.sensitivity(STUDY | {"samples": 4}, 30, home / "both")
+    both = STUDY | {"samples": 4, "sweep": {"defence": ["none"]}}
+    jaxnet.run(both, home / "both", progress=False)
+    jaxnet.sensitivity(both, 30, home / "both")
     return home
 
 
@@ -62,8 +63,10 @@ def test_the_page_and_the_figure_need_no_run(shelf, tmp_path):
 def test_beside_a_run_both_are_told(shelf, tmp_path):
     """The report has the run's figures and sections too."""
     said("report", shelf / "both", "--no-replay", "--out", tmp_path)
-    ids = re.findall(r'<section id="(.*?)"', (tmp_path / "report.html").read_text())
-    assert {"sensitivity", "run", "summary"} <= set(ids)
+    html = (tmp_path / "report.html").read_text()
+    assert {"sensitivity", "run", "summary"} <= {*re.findall(r'<section id="(.*?)"', html)}
+    table = html[html.index('<section id="sensitivity"') :]
+    assert "<td>no\xa0defence</td><td>tail mean</td>" in table
     assert (tmp_path / "figures" / "tails.pdf").exists()
 
 

@@ -373,7 +373,7 @@ def sensitivity_section(results: Results) -> Section | None:
     if "sensitivity" not in results.analyses:
         return None
     rows: Any = results.sensitivity.dropna(subset="first")
-    swept = {key: quantity(key) for key in results.study.cells[0].labels}
+    swept = [*results.study.cells[0].labels]
     shown = rows[["cell", *swept, "metric", "quantity", "first", "total", "samples"]].copy()
     shown["metric"] = shown["metric"].str.replace("_", " ")
     shown["quantity"] = shown["quantity"].map(key_name)
@@ -384,7 +384,8 @@ def sensitivity_section(results: Results) -> Section | None:
         ]
         for order in ("first", "total")
     }
-    named = shown.rename(columns=swept | {"metric": "of", "quantity": "quantity drawn"})
+    named = swept_named(shown, swept)
+    named = named.rename(columns={"metric": "of", "quantity": "quantity drawn"})
     note = f"Sobol's indices: {escape(SENSITIVITY_LEGEND)} A click on a header sorts."
     table = sortable_table(named, intervals=intervals)
     return Section("sensitivity", "What matters", paragraph(note) + table)
@@ -394,9 +395,17 @@ def rare_section(results: Results) -> Section | None:
     """Rare failures, None if they were not counted."""
     if "rare" not in results.analyses:
         return None
-    swept = {key: quantity(key) for key in results.study.cells[0].labels}
-    table = sortable_table(rare_rows(results.rare).rename(columns=swept))
-    return Section("rare", "Rare failures", table + notes_html([RARE_LEGEND]))
+    rows = swept_named(rare_rows(results.rare), [*results.study.cells[0].labels])
+    return Section("rare", "Rare failures", sortable_table(rows) + notes_html([RARE_LEGEND]))
+
+
+def swept_named(rows: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
+    """Rows with the names of swept keys and of their values."""
+    labels: Any = rows[[*keys]]
+    named = rows.rename(columns={key: quantity(key) for key in keys})
+    for name, words in pd.DataFrame(map(worded, labels.to_dict("records")), rows.index).items():
+        named[name] = words
+    return named
 
 
 def failed_section(results: Results) -> Section | None:
