@@ -73,16 +73,19 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     labels = [panel.labels for panel in panels]
     titles, sizes = (drawing.x.title, drawing.y.title), (page.height, page.most, page.margin)
     drawn, axes = multiples.panel_grid(labels, *titles, width, *sizes)
-    below += COLOUR_BAR_ROOM * (drawing.colours is not None)
-    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + size * below))
     across = multiples.panel_columns(labels, page.most)
     room = (within - page.margin - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
+    longest = DIGIT_OF_NAME * min(max(map(len, drawing.x.names), default=0), TILE_LETTERS)
+    is_steep = longest * len(drawing.x.names) > room
+    below += COLOUR_BAR_ROOM * (drawing.colours is not None) + longest * is_steep
+    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + size * below))
     for place, panel in zip(axes, panels, strict=True):
         for series in panel.series:
             draw_series(place, series, drawing.x if rows else drawing.y, bool(rows))
         if panel.tiles is not None and drawing.colours is not None:
             along = (within - page.margin) / across / len(drawing.x.names)
-            tile = along, (page.height - TITLE_ROOM) / len(rows)
+            titles = multiples.title_height(labels, within - page.margin, page.most)
+            tile = along, (page.height - TITLE_ROOM - titles) / len(rows)
             draw_tiles(place, panel.tiles, colour_norm(drawing.colours), tile)
         if panel.words:
             place.text(0.5, 0.5, panel.words, transform=place.transAxes, ha="center", color="0.4")
@@ -95,8 +98,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     else:
         set_scale(axes[0], drawing.y, "y", page.height)
     set_scale(axes[0], drawing.x, "x", room)
-    longest = max(map(len, drawing.x.names), default=0)
-    if min(longest, TILE_LETTERS) * DIGIT_OF_NAME * len(drawing.x.names) > room:
+    if is_steep:
         for place in axes:
             place.tick_params(axis="x", labelrotation=90)
     if drawing.colours is not None:
@@ -150,7 +152,8 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     margin, found = margin + TITLE_ROOM, list[Layout]()
     for across, up in TILE_SIZES:
         most = max(1, int((width - margin) / (across * len(drawing.x.names) + PANEL_FRAME[1])))
-        height = min(max(up, least) * len(rows), room) + TITLE_ROOM
+        titles = multiples.title_height(labels, width - margin, most)
+        height = min(max(up, least) * len(rows), room) + TITLE_ROOM + titles
         shown = multiples.panels_fitting(labels, width, height, most)
         found.append(Layout(shown, most, height, margin, places, rows))
 
