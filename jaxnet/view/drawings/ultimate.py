@@ -105,12 +105,14 @@ def lane_series(curve: Curve, metric: str, x: Scale, y: Scale) -> list[Trace]:
     sizes, cells = curve.sizes[curve.ended], [*compress(curve.group.attacked, curve.ended)]
     statistics = (each[curve.ended] / sizes for each in curve.spread(metric, *CURVE_STATISTICS))
     q05, median, q95, most, mean, low, high = statistics
-    middle = Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, low=q05, high=most)
-    found = [
-        Trace("mean, 95 % interval", MEAN, sizes, mean, low=low, high=high),
-        middle,
+    told = {
+        "mean, 95 % interval": (MEAN, mean, low, high),
+        "median, 5 to 95 % of lanes": (MEDIAN, median, q05, most),
+    }
+    series = [
+        Trace(name, look, sizes, value, "points", *ends, cells)
+        for name, (look, value, *ends) in told.items()
     ]
-    found = [each._replace(form="points", cells=cells) for each in found]
-    means, lanes = side_by_side(found, x, y)
+    means, lanes = side_by_side(series, x, y)
     ends = lanes._replace(name="maximum", look=MAXIMUM, y=most, low=None, high=None)
     return [means, lanes._replace(high=q95), ends]
