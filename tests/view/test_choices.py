@@ -131,6 +131,7 @@ def test_a_column_has_no_hole():
         max(o.get_position().x1 for o in others), abs=0.02
     )
     assert last.get_position().width > 1.5 * others[0].get_position().width
+    assert others[-1].xaxis.label.get_window_extent().y0 > last.title.get_window_extent().y1
 
 
 def test_rows_are_evenly_apart_where_the_last_is_not_full():

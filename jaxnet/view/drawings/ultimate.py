@@ -105,14 +105,8 @@ def lane_series(curve: Curve, metric: str, x: Scale, y: Scale) -> list[Trace]:
     sizes, cells = curve.sizes[curve.ended], [*compress(curve.group.attacked, curve.ended)]
     statistics = (each[curve.ended] / sizes for each in curve.spread(metric, *CURVE_STATISTICS))
     q05, median, q95, most, mean, low, high = statistics
-    told = {
-        "mean, 95 % interval": (MEAN, mean, low, high),
-        "median, 5 to 95 % of lanes": (MEDIAN, median, q05, most),
-    }
-    series = [
-        Trace(name, look, sizes, value, "points", *ends, cells)
-        for name, (look, value, *ends) in told.items()
-    ]
-    means, lanes = side_by_side(series, x, y)
+    mean = Trace("mean, 95 % interval", MEAN, sizes, mean, "points", low, high, cells)
+    median = Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, "points", q05, most, cells)
+    means, lanes = side_by_side([mean, median], x, y)
     ends = lanes._replace(name="maximum", look=MAXIMUM, y=most, low=None, high=None)
     return [means, lanes._replace(high=q95), ends]

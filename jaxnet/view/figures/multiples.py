@@ -246,7 +246,8 @@ def panel_grid(
         panel.set_axisbelow(True)
         panel.tick_params(labelbottom=is_lowest, labelleft=place % across == 0)
         panel.set(xlabel=below * is_lowest, ylabel=beside * (place % across == 0))
-        panel.xaxis.set_in_layout(place // across == rows - 1 or not is_lowest)  # room is below
+        if is_lowest and across > 2:
+            panel.xaxis.set_in_layout(place // across == rows - 1)  # else a hole has room below
     return drawn, panels
 
 
