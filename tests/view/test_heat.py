@@ -299,6 +299,18 @@ def test_words_stay_within_their_tiles():
         assert max(box.height for box in boxes) < frame.height / 3
 
 
+@pytest.mark.parametrize(("column", "told"), [("one", True), ("two", False)])
+def test_a_number_that_has_no_room_is_told(column, told):
+    """Errors of seven letters in ten columns; those of four have room."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": list(range(1, 11))}
+    results = made(study_of(sweep))
+    results.cells["tail_max_max"] = [1.0] * 19 + [0.00723]
+    figure = drawn(results, "worst", column=column)
+    note = "tiles of a value without its number have no room for it"
+    assert (note in figure.get_supxlabel().replace("\n", " ")) == told
+    assert (len(figure.axes[0].texts) < 20) == told
+
+
 def test_tiles_keep_their_height_below_long_titles_and_above_steep_names():
     """Numbers stay within them; the names of the rows' axes do not touch."""
     sweep = {"topology": ["star", "cyclic"], "channel.missing": ["drop", "hold"]}
