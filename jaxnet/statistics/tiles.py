@@ -19,7 +19,7 @@ from jaxnet.statistics.recovery import confidence_told, share_definition
 from jaxnet.store.results import Results
 
 NO_CELL = -1
-LEAST_TILE_ERROR = 0.01  # that a tile has room for without its power of ten
+SHORT_ERRORS = 0.01, 1e5  # between which a tile has room for them without their power of ten
 
 
 class Tiling(NamedTuple):
@@ -110,13 +110,14 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
 
 
 def tile_text(metric: str, value: float, size: float = 1.0) -> str:
-    """A value as in tables, only all lanes are 100 %, and small errors are powers of ten.
+    """A value as in tables, only all lanes are 100 %, and errors of many digits are powers of ten.
 
     What is rounding beside an attack of this size is 0.
     """
     if metric == "unrecovered":
         return number_text(value, whole=100.0)
-    if value >= LEAST_TILE_ERROR:
+    if SHORT_ERRORS[0] <= value < SHORT_ERRORS[1]:
         return number_text(value)
     value = without_rounding(value, size)
-    return f"{value:.{RESULT_DIGITS - 1}e}".replace("e-0", "e-") if value else "0"
+    text = f"{value:.{RESULT_DIGITS - 1}e}".replace("e+", "e").replace("e0", "e")
+    return text.replace("e-0", "e-") if value else "0"

@@ -131,6 +131,18 @@ def test_a_column_has_no_hole():
         max(o.get_position().x1 for o in others), abs=0.02
     )
     assert last.get_position().width > 1.5 * others[0].get_position().width
+    assert others[-1].xaxis.label.get_window_extent().y0 > last.title.get_window_extent().y1
+
+
+def test_rows_are_evenly_apart_where_the_last_is_not_full():
+    """The labels above its hole stand in the hole."""
+    panels = grid_of(11, 7.16).axes
+    tops = sorted({round(panel.get_position().y1, 3) for panel in panels})
+    assert len(tops) == 3
+    assert np.ptp(np.diff(tops)) < 0.02
+    box = panels[7].xaxis.label.get_window_extent()
+    assert panels[10].get_window_extent().y0 < box.y0 < box.y1 < panels[7].get_window_extent().y0
+    assert panels[10].get_window_extent().x1 < box.x0
 
 
 def test_titles_stay_on_one_line_where_the_page_has_room():

@@ -55,7 +55,8 @@ def test_panels(results):
     assert plain(planes[0].get_ylabel()) == "no attack\ny [m]"
     written = [text.get_text() for text in figure.legends[0].get_texts()]
     attacked = ["attacked vehicle", "false place in messages"]
-    assert written == ["navigator", "vehicle", *attacked, "start", "end"]
+    graphs = ["error, star", "error, cyclic"]
+    assert written == ["navigator", "vehicle", *attacked, "start", "end", *graphs]
     for place, axes in enumerate(planes):  # 12 vehicles with path, start and end, the navigator
         told = [line.get_xydata() for line in axes.lines if line.get_color() == style.RED]
         assert len(axes.lines) == 37 + 4 * (place > 1)
@@ -69,6 +70,7 @@ def test_panels(results):
     assert "lines: median of the lanes, bands: 5 to 95 % of lanes; ẽ: mean error" in told
     errors = [axes for axes in figure.axes if axes.get_yscale() == "log"]
     assert len(errors) == 4
+    assert not any(axes.get_legend() for axes in figure.axes)  # it would hide lines
     tracked = results.errors["tracking"].values[[1, 3]].mean(axis=1)  # the median of two samples
     np.testing.assert_allclose([line.get_ydata() for line in errors[2].lines], tracked, rtol=1e-6)
 
@@ -127,7 +129,7 @@ def test_tails_are_rows_of_dots(results):
     named = [plain(label.get_text()) for label in figure.axes[0].get_yticklabels()]
     assert named == ["ā = 0 m", "ā = 5 m"]
     told = "all with cyclic; one dot per lane; median and 5 to 95 %; tail: the last 0.5 of 1 s"
-    assert figure.get_supxlabel() == told
+    assert plain(figure.get_supxlabel()) == told
     kept = results.lanes.loc[results.lanes["topology"] == "cyclic", "tail_mean"]
     np.testing.assert_allclose(dots_of(figure.axes[0]), np.sort(kept))
 
@@ -274,6 +276,14 @@ def test_graphs_that_differ_by_a_key_are_all_drawn():
     links = [len(axes.patches) - axes.get_title().count("navigator") for axes in figure.axes]
     assert len(set(links)) == 4
     assert figure.get_supxlabel() == ""
+
+
+def test_rows_of_graphs_are_alike():
+    """Three and two rather than four and one."""
+    rings = [{"kind": "cyclic", "label": f"ring {n}"} for n in range(5)]
+    figure, _ = graphs_of(8, [2], rings)
+    rows = [round(axes.get_position().y0, 2) for axes in figure.axes]
+    assert sorted(map(rows.count, {*rows})) == [2, 3]
 
 
 def test_a_ring_with_few_informed_vehicles_is_a_circle():

@@ -1,5 +1,6 @@
 """Heat maps: every cell in its place, numbers that do not flatter, colours that all can read."""
 
+import itertools
 import json
 import re
 from collections import Counter
@@ -156,9 +157,19 @@ def test_a_share_reads_the_same_everywhere(value, words):
 
 @pytest.mark.parametrize(
     ("value", "words"),
-    [(3.14159, "3.14"), (0.114, "0.114"), (0.01234, "0.0123"), (7.234e-4, "7.23e-4"), (1e-12, "0")],
+    [
+        (3.14159, "3.14"),
+        (0.114, "0.114"),
+        (0.01234, "0.0123"),
+        (7.234e-4, "7.23e-4"),
+        (1e-12, "0"),
+        (8274.4, "8274"),
+        (253038.0, "2.53e5"),
+        (2.1e16, "2.10e16"),
+        (np.inf, "inf"),
+    ],
 )
-def test_a_tile_has_room_for_small_errors(value, words):
+def test_a_tile_has_room_for_small_and_great_errors(value, words):
     """With three digits and the power of ten; below 1e-9 of ā they are rounding."""
     assert tiles.tile_text("worst", value) == words
 
@@ -286,6 +297,34 @@ def test_words_stay_within_their_tiles():
         boxes = [text.get_window_extent() for text in panel.texts]
         assert max(box.width for box in boxes) < frame.width / 5
         assert max(box.height for box in boxes) < frame.height / 3
+
+
+@pytest.mark.parametrize(("column", "told"), [("one", True), ("two", False)])
+def test_a_number_that_has_no_room_is_told(column, told):
+    """Errors of seven letters in ten columns; those of four have room."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": list(range(1, 11))}
+    results = made(study_of(sweep))
+    results.cells["tail_max_max"] = [1.0] * 19 + [0.00723]
+    figure = drawn(results, "worst", column=column)
+    note = "tiles of a value without its number have no room for it"
+    assert (note in figure.get_supxlabel().replace("\n", " ")) == told
+    assert (len(figure.axes[0].texts) < 20) == told
+
+
+def test_tiles_keep_their_height_below_long_titles_and_above_steep_names():
+    """Numbers stay within them; the names of the rows' axes do not touch."""
+    sweep = {"topology": ["star", "cyclic"], "channel.missing": ["drop", "hold"]}
+    sweep |= {"channel.delay": [0.1, 0.2, 0.3, 0.4, 0.5]}
+    sweep |= {"attack.magnitude": np.geomspace(0.0123, 45, 10).tolist()}
+    figure = drawn(made(study_of(sweep)))
+    maps = [panel for panel in figure.axes if panel.get_title()]
+    assert "\n" in maps[0].get_title()
+    assert maps[-1].get_xticklabels()[0].get_rotation() == 90
+    for panel in maps:
+        tile = panel.get_window_extent().height / 2
+        assert max(text.get_window_extent().height for text in panel.texts) < tile / 2
+    named = [panel.yaxis.label.get_window_extent() for panel in maps if panel.get_ylabel()]
+    assert all(upper.y0 > lower.y1 for upper, lower in itertools.pairwise(named))
 
 
 @pytest.mark.long

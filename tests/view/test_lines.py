@@ -205,6 +205,18 @@ def test_points_are_moved_only_where_they_would_hide_one_another(apart, moved, l
     assert (MOVED_NOTE in told) == moved
 
 
+def test_points_at_zero_are_moved_too():
+    """On a linear axis, as far as others."""
+    cells = study_cells(**{"channel.delay": [0.0, 0.1, 0.3], "defence": RULES[:2]})
+    table = pd.DataFrame({"value": [50.0] * 6, "low": 40.0, "high": 60.0})
+    drawing = swept_drawing(numbered(cells)._replace(values=table), choose_axes(cells), cells)
+    none, w_msr = (each.drawn_x for each in drawing.panels[0].series)
+    shift = (w_msr - none) / 2
+    assert shift[0] > 0
+    np.testing.assert_allclose(shift, shift[0])
+    np.testing.assert_allclose((w_msr + none) / 2, [0.0, 0.1, 0.3], atol=1e-12)
+
+
 def test_a_curve_without_a_point_has_no_entry_in_the_legend():
     """In print and on the page; a panel without any says so."""
     cells = study_cells(**RATES | {"defence": RULES[:3], "tick": [0.05, 0.1]})

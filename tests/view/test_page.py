@@ -693,7 +693,10 @@ def test_a_panel_of_errors_per_magnitude_shows_what_the_legend_names(folder):
     lost = ring._replace(cells=ring.cells.assign(**dict.fromkeys(lanes, np.nan)), bounds={})
     drawing = ultimate_drawing([star, lost], "tail_max")
     assert (drawing.panels[1].series, drawing.panels[1].words) == ([], "no lane ended")
-    assert "no lane ended" in plotted(drawing)
+    page = plotted(drawing)
+    assert "no lane ended" in page
+    empty = re.findall(r'<script type="application/json">(.*?)</script>', page)[1]
+    assert json.loads(empty)["columns"] == {drawing.x.title: [], drawing.y.title: []}  # for CSV
     low = star._replace(bounds={("static", "worst"): 1e-8})
     drawing = ultimate_drawing([low], "tail_max")
     assert "static" not in [each.name for each in drawing.panels[0].series]

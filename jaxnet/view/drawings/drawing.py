@@ -163,10 +163,12 @@ def moved_sideways(series: Sequence[Trace], x: Scale, y: Scale) -> list[Trace]:
             for place, (_, _, number, point) in enumerate(sorted(group, key=lambda one: one[2])):
                 steps[number][point] = place - (len(group) - 1) / 2
     most, first, last = min(DODGE, 0.6 / len(x.ticks) / len(series)), x.ticks[0], x.ticks[-1]
-    reach = last / first if x.log and last > first else LONE_REACH
     found = []
     for each, step in zip(series, (most * step for step in steps), strict=True):
-        apart = each.x * reach**step if x.log else each.x + (last - first) * step
+        if x.log:
+            apart = each.x * (last / first if last > first else LONE_REACH) ** step
+        else:
+            apart = each.x + (last - first) * step
         found.append(each._replace(apart=apart) if step.any() else each)
     return found
 

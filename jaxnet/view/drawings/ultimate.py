@@ -105,12 +105,8 @@ def lane_series(curve: Curve, metric: str, x: Scale, y: Scale) -> list[Trace]:
     sizes, cells = curve.sizes[curve.ended], [*compress(curve.group.attacked, curve.ended)]
     statistics = (each[curve.ended] / sizes for each in curve.spread(metric, *CURVE_STATISTICS))
     q05, median, q95, most, mean, low, high = statistics
-    middle = Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, low=q05, high=most)
-    found = [
-        Trace("mean, 95 % interval", MEAN, sizes, mean, low=low, high=high),
-        middle,
-    ]
-    found = [each._replace(form="points", cells=cells) for each in found]
-    means, lanes = moved_sideways(found, x, y)
+    mean = Trace("mean, 95 % interval", MEAN, sizes, mean, "points", low, high, cells)
+    median = Trace("median, 5 to 95 % of lanes", MEDIAN, sizes, median, "points", q05, most, cells)
+    means, lanes = moved_sideways([mean, median], x, y)
     ends = lanes._replace(name="maximum", look=MAXIMUM, y=most, low=None, high=None)
     return [means, lanes._replace(high=q95), ends]

@@ -11,7 +11,7 @@ from upath import UPath
 
 from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Config
-from jaxnet.config.naming import label_notes
+from jaxnet.config.naming import NO_BREAK, label_notes
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
@@ -137,7 +137,11 @@ def indices_figure(results: Results, metric: str, cells: Sequence[Cell], width: 
 def tail_words(cells: Sequence[Cell]) -> str:
     """What the tail is, if all cells have the same."""
     spans = {(cell.scenario.tail, cell.scenario.horizon) for cell in cells}
-    return "tail: the last {:g} of {:g} s".format(*spans.pop()) if len(spans) == 1 else ""
+    return (
+        f"tail: the last {{:g}} of {{:g}}{NO_BREAK}s".format(*spans.pop())
+        if len(spans) == 1
+        else ""
+    )
 
 
 def about_curve(study: Config, y: str | None) -> tuple[bool, bool]:

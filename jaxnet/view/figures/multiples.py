@@ -235,7 +235,8 @@ def panel_grid(
         shared: Any = dict.fromkeys(("sharex", "sharey"), panels[0]) if panels else {}
         panels.append(drawn.add_subplot(grid[row, :] if is_alone else grid[row, column], **shared))
     letters = title_letters(within - margin, across)
-    x, y = (each.replace(" [", "\N{NO-BREAK SPACE}[") for each in (x, y))  # beside its unit
+    for unit in (" [", " / "):  # stays beside its quantity
+        x, y = (each.replace(unit, unit.replace(" ", NO_BREAK)) for each in (x, y))
     beside = y if is_math_text(y) else textwrap.fill(y, LETTERS_PER_PANEL)
     below = filled_lines(x, 0.85 * letters)
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
@@ -245,6 +246,8 @@ def panel_grid(
         panel.set_axisbelow(True)
         panel.tick_params(labelbottom=is_lowest, labelleft=place % across == 0)
         panel.set(xlabel=below * is_lowest, ylabel=beside * (place % across == 0))
+        if is_lowest and across > 2:
+            panel.xaxis.set_in_layout(place // across == rows - 1)  # else a hole has room below
     return drawn, panels
 
 

@@ -111,14 +111,13 @@ def panels_figure(
             words = caption
             if trajectories:
                 words = "" if number else judged + "s" * (judged == "error")
-            title, key = (
-                f"{titles[-1]} {words}".rstrip(),
-                number == 0 and not narrow and len(row) > 1,
-            )
-            draw_errors(drawn, spots[-1], row, results.errors, title, key)
+            draw_errors(drawn, spots[-1], row, results.errors, f"{titles[-1]} {words}".rstrip())
+    handles, longest = list[Line2D](), max(rows, key=len)
     if trajectories:
-        handles = panels_legend(rows, [*scenes.values()])
-        handles += error_keys(rows[0], f"{judged}, ") * (errors and narrow)
+        handles += panels_legend(rows, [*scenes.values()])
+    if errors and len(longest) > 1:
+        handles += error_keys(longest, f"{judged}, ")
+    if handles:
         higher = multiples.write_legend(drawn, handles, handlelength=2.2)
         drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + higher))
     if shown:
@@ -284,7 +283,6 @@ def draw_errors(
     cells: Sequence[Cell],
     data: xr.Dataset,
     title: str,
-    key: bool,
 ) -> None:
     """Draw ẽ, or the spread, above ε̃ on log axes: a median over lanes, a band from 5 to 95 %."""
     inner = place.subgridspec(2, 1, hspace=0.0)
@@ -301,8 +299,5 @@ def draw_errors(
         panel.grid(True, axis="y", color="0.9", linewidth=0.5)
     upper.tick_params(labelbottom=False)
     upper.set_title(title, pad=3)
-    if key:
-        look = {"handlelength": 2.2, "labelspacing": 0.2, "borderpad": 0.1}
-        upper.legend(handles=error_keys(cells, ""), loc="best", **look)
     lower.set_xlabel("t [s]")
     lower.locator_params(axis="x", nbins=4)

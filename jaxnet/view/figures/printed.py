@@ -29,6 +29,7 @@ TILE_SIZES = (0.42, 0.26), (0.3, 0.17), (0.24, 0.17)  # [in] of a tile; the firs
 LEAST_TILE = 0.22, 0.1  # [in] of a tile whose number can be read
 DIGIT_WIDTH = 0.05  # [in] of a letter in a tile
 INTERVAL_DIGIT, TILE_PAD = 0.042, 0.04  # [in] of a letter of an interval, and of what is beside it
+NO_ROOM = "tiles of a value without its number have no room for it"
 TILE_LETTERS = 12  # of a line of a column's name
 HIGH = 4  # rows of panels, from which smaller tiles in fewer rows are better
 COLOUR_BAR_ROOM = 0.35  # [in]
@@ -73,17 +74,22 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     labels = [panel.labels for panel in panels]
     titles, sizes = (drawing.x.title, drawing.y.title), (page.height, page.most, page.margin)
     drawn, axes = multiples.panel_grid(labels, *titles, width, *sizes)
-    below += COLOUR_BAR_ROOM * (drawing.colours is not None)
-    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + size * below))
     across = multiples.panel_columns(labels, page.most)
     room = (within - page.margin - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
+    longest = DIGIT_OF_NAME * min(max(map(len, drawing.x.names), default=0), TILE_LETTERS)
+    is_steep = longest * len(drawing.x.names) > room
+    below += COLOUR_BAR_ROOM * (drawing.colours is not None) + longest * is_steep
+    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + size * below))
+    notes = dict.fromkeys(drawing.told(panels))
     for place, panel in zip(axes, panels, strict=True):
         for series in panel.series:
             draw_series(place, series, drawing.x if rows else drawing.y, bool(rows))
         if panel.tiles is not None and drawing.colours is not None:
             along = (within - page.margin) / across / len(drawing.x.names)
-            tile = along, (page.height - TITLE_ROOM) / len(rows)
-            draw_tiles(place, panel.tiles, colour_norm(drawing.colours), tile)
+            titles = multiples.title_height(labels, within - page.margin, page.most)
+            tile = along, (page.height - TITLE_ROOM - titles) / len(rows)
+            if not draw_tiles(place, panel.tiles, colour_norm(drawing.colours), tile):
+                notes.setdefault(NO_ROOM)
         if panel.words:
             place.text(0.5, 0.5, panel.words, transform=place.transAxes, ha="center", color="0.4")
     if rows:
@@ -95,8 +101,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     else:
         set_scale(axes[0], drawing.y, "y", page.height)
     set_scale(axes[0], drawing.x, "x", room)
-    longest = max(map(len, drawing.x.names), default=0)
-    if min(longest, TILE_LETTERS) * DIGIT_OF_NAME * len(drawing.x.names) > room:
+    if is_steep:
         for place in axes:
             place.tick_params(axis="x", labelrotation=90)
     if drawing.colours is not None:
@@ -109,7 +114,7 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     if handles:
         look = {"title": multiples.escape_dollars(drawing.key)} if drawing.key else {}
         multiples.write_legend(drawn, handles, **look)
-    for note in drawing.told(panels):
+    for note in notes:
         multiples.write_note(drawn, multiples.escape_dollars(note))
     named = drawing.y.labels or [{"": name} for name in drawing.y.names]
     parts: list[Selection] = [(labels, [panel.labels for panel in drawing.panels], "panels")]
@@ -150,7 +155,8 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     margin, found = margin + TITLE_ROOM, list[Layout]()
     for across, up in TILE_SIZES:
         most = max(1, int((width - margin) / (across * len(drawing.x.names) + PANEL_FRAME[1])))
-        height = min(max(up, least) * len(rows), room) + TITLE_ROOM
+        titles = multiples.title_height(labels, width - margin, most)
+        height = min(max(up, least) * len(rows), room) + TITLE_ROOM + titles
         shown = multiples.panels_fitting(labels, width, height, most)
         found.append(Layout(shown, most, height, margin, places, rows))
 
@@ -252,10 +258,11 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
         panel.plot(np.asarray(x)[low], np.asarray(y)[low], **hollow, **front)
 
 
-def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, float]) -> None:
-    """Draw one map of tiles of a size [in]; those without a value are hatched.
+def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, float]) -> bool:
+    """Draw one map of tiles of a size [in]; return whether all values have their number.
 
-    Small tiles have no interval, and no number where none could be read.
+    Tiles without a value are hatched. Small ones have no interval, and no number where none could
+    be read.
     """
     down, along = tiles.values.shape
     corner = -0.5, -0.5
@@ -272,6 +279,7 @@ def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, fl
     legible, wide = ((np.array(size) * 1.01 >= each).all() for each in (LEAST_TILE, TILE_SIZES[0]))
     longest, scale = max(map(len, tiles.intervals.ravel())), multiples.type_scale("font.size")
     wide &= INTERVAL_DIGIT * longest + TILE_PAD <= size[0]
+    is_whole = True
     for (row, column), value in np.ndenumerate(tiles.values):
         ink = "black" if np.isnan(value) else text_colour(to_hex(COLOUR_MAP(norm(value))))
         written: dict[str, Any] = {"ha": "center", "color": ink}
@@ -281,6 +289,9 @@ def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, fl
         if legible and DIGIT_WIDTH * len(tiles.texts[row, column]) <= size[0]:
             at = "bottom" if interval else "center"
             panel.text(column, row, tiles.texts[row, column], fontsize=6 * scale, va=at, **written)
+        else:
+            is_whole &= bool(np.isnan(value))
+    return is_whole
 
 
 def set_scale(panel: Axes, scale: Scale, letter: str, room: float) -> None:

@@ -164,7 +164,7 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     wanted = [WANTED_SPACING / each.spacing for each in there if not each.is_large]
     most = MOST_IN_ROW if len(wanted) == len(there) else MATRICES_IN_ROW
     across = max(1, min(most, int(72 * width / max(wanted, default=1.0))))
-    columns = min(across, len(there))
+    columns = -(-len(there) // -(-len(there) // across))  # rows of alike length
     size = width / max(columns, min(across, 3 * width / style.FIGURE_WIDTH))
     most = columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))
     labels = [graph_labels(each.cell) for each in there]

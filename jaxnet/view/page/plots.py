@@ -139,7 +139,9 @@ def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
         columns |= {"low": series.low, "high": series.high, "cell": series.cells}
         given = {name: each for name, each in columns.items() if each is not None}
         found.append(pd.DataFrame(given))
-    columns = dict(pd.concat(found or [pd.DataFrame()]).dropna(axis="columns", how="all"))
+    columns: dict[Any, Any] = {drawing.x.title: [], drawing.y.title: []}
+    if found:
+        columns = dict(pd.concat(found).dropna(axis="columns", how="all"))
     return Plot(title, about, {"data": traces, "layout": layout, "columns": columns})
 
 
