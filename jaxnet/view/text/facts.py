@@ -260,9 +260,9 @@ def why_not_apart(scenario: Scenario) -> str:
 def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Facts:
     """Stability of the law, safe vehicles with what they presume, draws, and decay."""
     law, broken = told.get("stability", ""), missing(scenario, OF_LAWS)
-    if scenario.law.solves() or {*broken} & ONE_LIVE_NETWORK:
+    if {*broken} & ONE_LIVE_NETWORK:
         law = ""
-    elif not law:
+    elif not law and not scenario.law.solves():
         why = ": " + premise_words(scenario, broken[0]) if broken else ""
         law = f"{scenario.law.kind}: nothing is known of its stability{why}"
     why = [premise_words(scenario, each) for each in missing(scenario, MOTION)]
