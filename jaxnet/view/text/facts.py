@@ -289,7 +289,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", "")
-        + ("; line `start` is sharper" * ({"decay", "start"} <= {*told})),
+        + ("; the bound of line `start` is sharper" * ({"decay", "start"} <= {*told})),
         "start": told.get("start", ""),
         "at rest": told.get("keeps moving", ""),
         "limits": "; ".join(filter(None, map(told.get, ("never global", "unclipped")))),
@@ -478,7 +478,7 @@ def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
         left &= ~vehicles
     known = "; ".join(words) + ", whichever vehicles are drawn" * (found.drawn and bool(words))
     if left.all() and found.tried:
-        return f"none is proved{' in every lane' * found.drawn}"
+        return f"no vehicle is proved safe{' in every lane' * found.drawn}"
     whose = "not known in every lane for" if found.drawn else "not known for"
     unknown = f"{whose} {ranges(vehicle_numbers(left))}" if left.any() else ""
     return "; ".join(filter(None, [known, unknown, "" if found.tried else NOT_TRIED]))
