@@ -156,8 +156,8 @@ def search_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         yield Fault(("search.may_exceed",), "there is no limit to exceed: give search.subject_to")
     least = LEAST_CHOICES * search.starts
     if search.budget < least:
-        told = f"must be at least {least:,} lanes, {LEAST_CHOICES} choices from {search.starts}"
-        told += f" starts each (got {search.budget:,})"
+        told = f"must be at least {least:,} lanes, {LEAST_CHOICES} choices from"
+        told += f" {count(search.starts, 'start')} each (got {search.budget:,})"
         yield Fault(("search.budget", "search.starts"), told)
 
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float
 
+from jaxnet.config.keys import Scenario
 from jaxnet.model.graph import Digraph, Weights, dense
 from jaxnet.theory.case import Case
 from jaxnet.theory.response import LawGain
@@ -160,12 +161,19 @@ def deviating(case: Case, weights: Weights) -> Complex[np.ndarray, " some"]:
 
 
 def stability(case: Case) -> Stability | None:
-    """Stability of the fleet's law, of which the strict rows are those of honest sources."""
+    """Stability of the fleet's law, of which the strict rows are those of honest sources.
+
+    A law that is solved at every instant is stable. If vehicles hold their inputs for a tick, the
+    solved law has the loop of μ = 0, whatever they retain.
+    """
     scenario, (graph, attacked, _, kept) = case.scenario, case.situation
     law, attack = scenario.law, scenario.attack
     (gain, damping), tick = case.parts, scenario.tick
-    if law.solves() or attack.misuses():
+    sampled = scenario.engine.samples
+    if attack.misuses() or (not keeps_drive(scenario) if sampled else law.solves()):
         return None
+    if law.solves():
+        return Stability(growth(0.0, gain, tick), tick, False, None, False, False)
     fixed = None if kept is None else kept.fixed
     elsewhere = attack.replaces() and (bool(attack.periods()) or not attack.targets())
     honest = ~(attacked & (attack.replaces() and not elsewhere))
@@ -178,7 +186,7 @@ def stability(case: Case) -> Stability | None:
         return None
     iterates, while_retained = law.iterates(), fixed is None
     least = least_rounds(weights, gain, tick) if iterates else None
-    if not law.needs_ticks():
+    if not law.needs_ticks() and not sampled:
         rate = local_rate(along, gain, damping)
         return Stability(rate, None, iterates, least, False, while_retained)
     if left is None:
@@ -186,6 +194,12 @@ def stability(case: Case) -> Stability | None:
     else:
         grown = growth(left, gain, tick)
     return Stability(grown, tick, iterates, least, elsewhere, while_retained)
+
+
+def keeps_drive(scenario: Scenario) -> bool:
+    """Whether held inputs move vehicles by `held_rates`: Euler's step does so for order 1 alone."""
+    vehicle = scenario.vehicle
+    return vehicle.holds_drive and (vehicle.order == 1 or "euler" not in scenario.engine.options())
 
 
 def followed_weights(case: Case, fixed: Digraph | None, weights: Weights) -> Weights:

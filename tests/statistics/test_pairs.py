@@ -10,6 +10,7 @@ from scipy import stats
 
 import jaxnet
 from jaxnet.config.keys import Recovery
+from jaxnet.model.wording import count
 from jaxnet.statistics import pairs
 from jaxnet.store.folder import FolderError
 from jaxnet.view.page import comparison as page
@@ -89,7 +90,8 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
     for column, note in {"worst vehicle": "Worst vehicle (", "pairs": "McNemar"}.items():
         assert column in table or (column in left_out and note not in legend)
     assert all(len(line) <= 80 for line in told.splitlines())
-    assert f"recovered only in B: {found.changed['unrecovered_A'].astype(bool).sum()} lanes" in told
+    recovered = count(found.changed["unrecovered_A"].astype(bool).sum(), "lane")
+    assert f"recovered only in B: {recovered}" in told
     html = page.comparison_page(found)
     assert "defence.kind" in html
     assert "unrecovered [%]" in html
@@ -129,7 +131,7 @@ def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
     assert row["tail_mean_difference"] == pytest.approx(kept.mean())
     named = judged[~judged["ok"]].assign(cell=0)
     said = comparison.comparison_text(whole._replace(failed=named))
-    assert "failed: 1 lanes: cell 0 sample 3 (ok in A, max_steps in B)" in said
+    assert "failed: 1 lane: cell 0 sample 3 (ok in A, max_steps in B)" in said
 
 
 def test_the_interval_leaves_out_no_change_where_mcnemars_test_does():

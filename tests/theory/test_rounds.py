@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+import jaxnet
 from experiments.rounds import greatest_tick, least_rate, spectral_radius
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
@@ -152,6 +153,38 @@ def test_the_local_law_grows_by_the_spectral_radius_of_the_whole_fleet(gain, kin
     motion[-12:] -= pull
     rate = np.linalg.eigvals(motion).real.max()
     assert rounds.local_rate(values, gain) == pytest.approx(rate, abs=1e-6)
+
+
+ALONE = {"law": "local", "navigator": "none"}
+
+
+@pytest.mark.parametrize("move", ["exact", "euler"])
+@pytest.mark.parametrize(
+    ("vehicle", "gain", "more"),
+    [
+        ("single_integrator", [4.2], {}),
+        ("double_integrator", [1.0, 4.2], {}),
+        ("single_integrator", [2.0], ALONE),
+        ("single_integrator", [3.3], ALONE),
+        ("double_integrator", [1.0, 3.0], ALONE),
+    ],
+)
+def test_fleets_with_held_inputs_grow_as_told(vehicle, gain, more, move):
+    """As simulated, over 60 ticks after the start; nothing is known of Euler's step at order 2."""
+    keys = {"vehicle": vehicle, "gain": gain, "engine": {"kind": "sampled", "move": move}, **more}
+    keys |= {"tick": 0.5, "output_step": 0.5, "tail": 10.0, "attack": "none", "defence": "none"}
+    told = rounds.stability(case_of(**keys))
+    if (vehicle, move) == ("double_integrator", "euler"):
+        assert told is None
+        return
+    what = "spread_max" if more else "tail_max_max"
+    ends = [jaxnet.simulate({**keys, "horizon": end}, 1).cells[what][0] for end in (30.0, 60.0)]
+    assert told.growth == pytest.approx((ends[1] / ends[0]) ** (1 / 60), rel=1e-3)
+
+
+def test_other_vehicles_with_held_inputs_have_no_known_factor():
+    keys = {"engine": "sampled", "attack": "none", "defence": "none", "output_step": 0.05}
+    assert rounds.stability(case_of(**keys, vehicle="two_wheeled")) is None
 
 
 def test_of_a_fleet_that_hears_nobody_no_stability_is_known():

@@ -212,7 +212,7 @@ FACTS = [
         "safe",
         "every vehicle by majority, whichever vehicles are drawn",
     ),
-    (of_drawn(2, defence=ANNOUNCED), "safe", "none is proved in every lane"),
+    (of_drawn(2, defence=ANNOUNCED), "safe", "no vehicle is proved safe in every lane"),
     (
         of_drawn(2, defence=ANNOUNCED),
         "trimming",
@@ -304,7 +304,7 @@ def test_where_nothing_is_proved_no_proof_ends(topology, ends):
     attack = {"kind": "rotating", "vehicles": [5]}
     found = known(2.0, topology=topology, attack=attack, defence="none")
     assert ("proof ends" in found) is ends
-    assert (found["safe"] == "none is proved") is not ends
+    assert (found["safe"] == "no vehicle is proved safe") is not ends
 
 
 TRUSTED = {"defence": "trusted_only", "recovery": {"tau": 0.01}, "name": "short"}
@@ -514,6 +514,15 @@ def test_a_threshold_below_what_errors_leave_is_told(errors, known):
     text = one_line(check.check_text(systems.study(**keys, **errors)))
     told = f"errors alone leave a mean error of {left:.3g} m or more, recovery allows less, in"
     assert f"WARNING: {told} cells 0, 2 swept" in text
+
+
+def test_swept_gains_are_named_in_full():
+    """A number alone names no key."""
+    sweep = {"gain.0": [1.0, 2.0], "defence": ["none", "w_msr"]}
+    text = check.check_text(systems.study(sweep=sweep))
+    titles = [line for line in text.splitlines() if line.startswith("by ")]
+    assert "by gain.0" in titles
+    assert "by 0" not in titles
 
 
 def test_hundreds_of_cells_fit_a_screen():

@@ -362,8 +362,8 @@ def test_a_search_names_its_bounds_and_kinds(tmp_path):
     assert rows["defence"].tolist() == ["no\xa0defence", "trusted trimming"]
     assert rows["other starts, 5 %"].tolist() == [0, 0]
     assert worst.bounds_told(results) == (
-        "bound of theory, the least that holds for the attack: harmonic (trusted trimming),"
-        " static (no\xa0defence)"
+        "bound of theory after transients, the least for the attack: harmonic (trusted"
+        " trimming), static (no\xa0defence)"
     )
     table.drop(columns="bound_name").to_csv(tmp_path / "worst.csv", index=False)  # an older one
     assert worst.bounds_told(results) == ""

@@ -383,8 +383,8 @@ def test_a_worst_lane_comes_with_the_number_of_lanes():
     results.cells["ok"] = [3, 5]
     note = tables.summary_notes(results, columns.summary_columns(results))[-1]
     assert note == (
-        "max: greatest of 3 to 5 lanes of a cell; at most 63.2 % of all lanes are above, with 95 %"
-        " confidence"
+        "max: greatest of 3 to 5 lanes of a cell; at most 63.2 % of all possible lanes are above,"
+        " with 95 % confidence"
     )
 
 

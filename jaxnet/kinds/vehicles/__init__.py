@@ -180,6 +180,11 @@ class Vehicle(Kind):
         return self.order > 2 and self.singular == 1
 
     @property
+    def holds_drive(self) -> bool:
+        """Whether `y^(r)` stays what the law asked for while the inputs are held."""
+        return False
+
+    @property
     def holds_velocity(self) -> bool:
         """Whether a held input holds the output's velocity."""
         return False
@@ -205,8 +210,12 @@ class Integrators(Vehicle):
     limitable = ("input",)
 
     @property
+    def holds_drive(self):
+        return type(self).drift is Integrators.drift
+
+    @property
     def holds_velocity(self):
-        return self.order == 1 and type(self).drift is Integrators.drift
+        return self.order == 1 and self.holds_drive
 
     def within_limits(self, inputs):
         """The inputs, saturated on each axis."""

@@ -276,7 +276,8 @@ def factor_rows(labels: CellLabels, lines: Sequence[str]) -> tuple[Combination, 
         rows += [f"{' '.join(f'[{box}]' for box in boxes)} {line}"] * bool(line)
     if len(rows) > MOST_FACT_ROWS:
         rows[MOST_FACT_ROWS:] = [f"and {count(len(rows) - MOST_FACT_ROWS, 'row')} more …"]
-    short = {key: key.rpartition(".")[2] for key in labels[0]}
+    last = {key: key.rpartition(".")[2] for key in labels[0]}
+    short = {key: key if each.isdigit() else each for key, each in last.items()}
     last_words = [*short.values()]
     return tuple(short[key] if last_words.count(short[key]) == 1 else key for key in keys), rows
 

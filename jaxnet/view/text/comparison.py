@@ -11,6 +11,7 @@ from jaxnet.kinds.metrics.collisions import COLLISIONS
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.kinds.metrics.outside import OUTSIDE_HULL
 from jaxnet.kinds.metrics.spread import SPREAD
+from jaxnet.model.wording import count
 from jaxnet.statistics.pairs import Comparison
 from jaxnet.statistics.quantities import TITLES, definition, stored_values
 from jaxnet.view.columns import Column, all_alike, key_column, plain_column
@@ -58,7 +59,7 @@ NOTES = {  # of columns whose titles begin so
     "least distance": definition(MIN_SEPARATION),
     "spread": definition(SPREAD),
     "outside": definition(OUTSIDE_HULL),
-    "only": "only A off, only B off: lanes that failed to recover only in A, only in B",
+    "only": "only A off: unrecovered in A and recovered in B; only B off: the reverse",
     "p": "McNemar's exact test has this p if both are equally likely",
 }
 
@@ -140,7 +141,7 @@ def named_lanes(what: str, lanes: pd.DataFrame) -> str:
     for lane in lanes.to_dict("records"):
         ends = f" ({lane['status_A']} in A, {lane['status_B']} in B)" if "status_A" in lane else ""
         named.append(f"cell {lane['cell']} sample {lane['sample']}{ends}")
-    return filled(f"{what}: {len(named)} lanes: {first_names(named)}") if named else ""
+    return filled(f"{what}: {count(len(named), 'lane')}: {first_names(named)}") if named else ""
 
 
 def first_names(named: Sequence[str]) -> str:

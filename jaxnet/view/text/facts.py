@@ -260,9 +260,9 @@ def why_not_apart(scenario: Scenario) -> str:
 def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Facts:
     """Stability of the law, safe vehicles with what they presume, draws, and decay."""
     law, broken = told.get("stability", ""), missing(scenario, OF_LAWS)
-    if scenario.law.solves() or {*broken} & ONE_LIVE_NETWORK:
+    if {*broken} & ONE_LIVE_NETWORK:
         law = ""
-    elif not law:
+    elif not law and not scenario.law.solves():
         why = ": " + premise_words(scenario, broken[0]) if broken else ""
         law = f"{scenario.law.kind}: nothing is known of its stability{why}"
     why = [premise_words(scenario, each) for each in missing(scenario, MOTION)]
@@ -289,7 +289,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
         "decay": told.get("decay", "")
-        + ("; line `start` is sharper" * ({"decay", "start"} <= {*told})),
+        + ("; the bound of line `start` is sharper" * ({"decay", "start"} <= {*told})),
         "start": told.get("start", ""),
         "at rest": told.get("keeps moving", ""),
         "limits": "; ".join(filter(None, map(told.get, ("never global", "unclipped")))),
@@ -478,7 +478,7 @@ def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
         left &= ~vehicles
     known = "; ".join(words) + ", whichever vehicles are drawn" * (found.drawn and bool(words))
     if left.all() and found.tried:
-        return f"none is proved{' in every lane' * found.drawn}"
+        return f"no vehicle is proved safe{' in every lane' * found.drawn}"
     whose = "not known in every lane for" if found.drawn else "not known for"
     unknown = f"{whose} {ranges(vehicle_numbers(left))}" if left.any() else ""
     return "; ".join(filter(None, [known, unknown, "" if found.tried else NOT_TRIED]))

@@ -152,7 +152,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         most = lanes.drop(index=mostly_failed(results))
         many = (most if most.any() else lanes)[lanes > 0].astype(int)
         beyond = share_beyond(int(many.min()))
-        words = f"at most {beyond} of all lanes are above, with 95 % confidence"
+        words = f"at most {beyond} of all possible lanes are above, with 95 % confidence"
         notes.append(f"max: greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}")
     about = falling_words(results, cells), errors_words(results.study.config, cells)
     about += (recovery.lowered_words(results, cells),)

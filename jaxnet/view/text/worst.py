@@ -68,7 +68,7 @@ def bounds_told(results: Results) -> str:
         f"{BOUND_NAMES[name]} ({' / '.join(choices_words([cells[n] for n in mine], cells))})"
         for name, mine in found.groupby("bound_name")["cell"]
     ]
-    words = f"bound of theory, the least that holds for the attack: {', '.join(told)}"
+    words = f"bound of theory after transients, the least for the attack: {', '.join(told)}"
     return words.removesuffix(" (all)") if told else ""
 
 
