@@ -8,7 +8,7 @@ from pydantic_core import ErrorDetails
 
 from jaxnet.kinds.fields import MARK, names_distribution
 
-LEAST_PART = 3  # letters of a name that tell which was meant
+LEAST_LETTERS = 3  # letters of a name that tell which was meant
 WORDS = {
     "float_type": "must be a number",
     "int_type": "must be a whole number",
@@ -84,7 +84,7 @@ def suggestion(word: str, known: list[str] | dict[str, str], fallback: bool = Tr
     told = known if isinstance(known, dict) else dict(zip(known, known, strict=True))
     near = difflib.get_close_matches(word, told, n=1, cutoff=0.6)
     near = near or [each for each in told if each.lower() == word.lower()]
-    if not near and len(word) >= LEAST_PART:
+    if not near and len(word) >= LEAST_LETTERS:
         near = [each for each in told if word.lower() in each.lower()]
     if meant := dict.fromkeys(f"'{told[each]}'" for each in near):
         return f" (did you mean {' or '.join(meant)}?)"

@@ -22,8 +22,8 @@ from jaxnet.view.text.width import filled
 
 MOST_VIOLATIONS = 20
 LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
-WORST = "worst lane"
-QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, WORST: ENVELOPE}
+WORST_LANE = "worst lane"
+QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, WORST_LANE: ENVELOPE}
 ERROR_NAMES = {"tail_mean": "mean", "tail_max": "greatest"}
 SLOPE = "mean of the lanes"
 POWER = "power p of c ā^p"
@@ -82,7 +82,7 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
         for metric in SUMMARISED:
             texts = {"error": ERROR_NAMES[metric], SLOPE: slope_text(curve, metric)}
             for name, each in QUANTILE_COLUMNS.items():
-                texts[name] = estimate_text(curve.fit(metric, each), name != WORST)
+                texts[name] = estimate_text(curve.fit(metric, each), name != WORST_LANE)
             texts[POWER] = estimate_text(curve.exponents.get(metric))
             rows.append((curve, texts))
     table, labels = group_columns(rows)
@@ -93,10 +93,10 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     notes = SLOPE_NOTES if independent else SLOPE_NOTES | {NO_INTERVAL: OF_SEQUENCES}
     lines += [filled(note) for text, note in notes.items() if any(text in t for t in told)]
     draws = independent and min(whole_draws(results, curve.group) for curve in found)
-    if draws and {*shown.get(WORST, ())} - {"-"}:
+    if draws and {*shown.get(WORST_LANE, ())} - {"-"}:
         share = number_text(100 * below_greatest(draws), whole=100.0)
-        words = f"{WORST}: of the {draws} lanes of each ā; at least {share} % of all possible lanes"
-        lines.append(filled(f"{words} are below, with 95 % confidence"))
+        words = f"{WORST_LANE}: of the {draws} lanes of each ā; at least {share} % of all possible"
+        lines.append(filled(f"{words} lanes are below, with 95 % confidence"))
     return "\n".join(lines)
 
 
