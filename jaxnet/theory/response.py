@@ -15,7 +15,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from jaxnet.model.axis import companion
 
 LawGain = Float[np.ndarray, "r"]
-Kept = TypeVar("Kept")
+OfGain = TypeVar("OfGain")
 StatesInTime = Float[np.ndarray, "states times"]
 
 DECAYED = 40.0  # exponent of a decayed mode: what is left of it is below rounding
@@ -25,15 +25,15 @@ BISECTIONS = 26  # between two times; ∫|h| errs by the square of what is left
 MOST_GAINS = 64  # whose values are kept: cells that differ by network or attack share their gains
 
 
-def kept_by_gain(function: Callable[..., Kept]) -> Callable[..., Kept]:
+def kept_by_gain(function: Callable[..., OfGain]) -> Callable[..., OfGain]:
     """Keep the last values of a function of gains and numbers; callers must not write into them."""
 
     @functools.lru_cache(MOST_GAINS)
-    def value(shape: tuple[int, ...], gain: bytes, *numbers: float) -> Kept:
+    def value(shape: tuple[int, ...], gain: bytes, *numbers: float) -> OfGain:
         return function(np.frombuffer(gain).reshape(shape), *numbers)
 
     @functools.wraps(function)
-    def kept(gain: Any, *numbers: float) -> Kept:
+    def kept(gain: Any, *numbers: float) -> OfGain:
         gain = np.asarray(gain, float)
         return value(gain.shape, gain.tobytes(), *numbers)
 

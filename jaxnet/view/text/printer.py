@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.cells import cell_len, chop_cells, set_cell_size
 
+from jaxnet.config.naming import NO_BREAK
 from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
 from jaxnet.view.text.width import (
     GREATEST_WIDTH,
@@ -78,11 +79,13 @@ def texts_of(table: TableColumns, labels: Sequence[str]) -> dict[str, list[str]]
 
 
 def title_lines(title: str, texts: Sequence[str]) -> list[str]:
-    """A title on lines about as long as the values, three at most; no word is broken."""
+    """A title on lines about as long as the values, three at most; no word or share is broken."""
     room = max([LEAST_TITLE, *map(len, texts)])
     widths = range(room, max(room, len(title)) + 1)
-    tried = (wrap(title, each, break_long_words=False, break_on_hyphens=False) for each in widths)
-    return next(lines for lines in tried if len(lines) <= MOST_LINES) or [""]
+    whole = title.replace(" %", f"{NO_BREAK}%")
+    tried = (wrap(whole, each, break_long_words=False, break_on_hyphens=False) for each in widths)
+    lines = next(lines for lines in tried if len(lines) <= MOST_LINES)
+    return [line.replace(f"{NO_BREAK}%", " %") for line in lines] or [""]
 
 
 def fits_terminal(table: TableColumns, labels: Sequence[str]) -> bool:
