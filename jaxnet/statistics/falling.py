@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell, is_leaderless
-from jaxnet.model.wording import cells_named, count
+from jaxnet.model.wording import cells_named
 from jaxnet.store.results import Results
 
 CHANGES = (0.05, 0.2)  # of the error; what is smaller is no change
@@ -71,5 +71,4 @@ def falling_words(results: Results, cells: Sequence[Cell]) -> str:
 def those_of(found: Sequence[Cell], cells: Sequence[Cell]) -> str:
     if len(found) == len(cells):
         return "in all cells"
-    named = cells_named([cell.number for cell in found])
-    return f"in {len(found)} of {count(len(cells), 'cell')} ({named})"
+    return f"in {cells_named([cell.number for cell in found])} of {len(cells):,}"

@@ -239,7 +239,7 @@ TOLD = [
     (FOUR, DEFENCES, "<td>W-MSR</td><td>1 to 2</td><td>no\xa0defence in 1 of 2 (ā\xa0=\xa01\xa0m)"),
     (FOUR, DEFENCES, "is better than no\xa0defence in 1 of 2 settings, and worse in none."),
     (MANY, FALLING, "from <b>0.5 ā</b> (95 % interval 0.25 to 0.75 ā) with "),
-    (MANY, FALLING, "<b>In 1 of 3 cells (cell 1) errors still fall when the run ends."),
+    (MANY, FALLING, "<b>In cell 1 of 3 errors still fall when the run ends."),
     (MANY, FALLING, "In the median lane of a cell that has settled the error (a mean over"),
     (
         FOUR,

@@ -159,8 +159,9 @@ def failed_sentence(results: Results) -> str:
     left = sorted(curves.mostly_failed(results))
     if not left or not lanes["ok"]:
         return f"{failed}."
-    where = "these cells" if left == sorted(there) else f"the cells {where_words(results, left)}"
-    return f"{failed}. Of {where} more lanes failed than ended: the errors below leave them out."
+    where = "there" if left == sorted(there) else where_words(results, left)
+    told = f"{failed}. More lanes failed than ended {where}".rstrip()
+    return f"{told}: the errors below leave these cells out."
 
 
 def nothing_words(results: Results) -> str:

@@ -93,7 +93,7 @@ def span_words(
     if texts[least] == texts[most]:
         return f"is {part(most)}"
     above: Any = values["high"].fillna(values["value"])
-    small: Any = above[above < NEGLIGIBLE * values["value"].max()]
+    small: Any = above[above < NEGLIGIBLE * min(1.0, values["value"].max())]
     if small.empty or unit.strip() not in ("m", "ā"):
         return f"ranges from {part(least)} to {part(most)}"
     where = where_words(results, small.index.tolist(), among)

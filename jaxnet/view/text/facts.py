@@ -210,6 +210,8 @@ def detector_line(case: Case, told: Facts) -> str:
     if "runs" not in told:
         why = "; ".join(premise_words(scenario, each) for each in missing(scenario, OF_ALARMS))
         line += "; mean times to alarms are not known" + f": {why}" * bool(why)
+    if scenario.leaderless and detector.acts:
+        line += "; if cuts divide the fleet, each part agrees on a place of its own: no lane fails"
     return line
 
 
