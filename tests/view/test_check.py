@@ -191,6 +191,12 @@ FACTS = [
         "by a sum of the residual along the direction less 0.5 a message over 5 stand",
     ),
     (TESTED | {"detector": "distance"}, "detector", "a position over 1 m from the expected one"),
+    (
+        CUTTING
+        | {"navigator": "none", "vehicle": "single_integrator", "gain": [1], "law": "local"},
+        "detector",
+        "if cuts divide the fleet, each part agrees on a place of its own: no lane fails",
+    ),
     (TESTED | FILTERED, "detector", "; a start may ask for an untold derivative of "),
     (TESTED, "detector", "χ² test against the true motion of the source (an ideal observer)"),
     (TESTED | FILTERED, "detector", "only while the derivative that is not told stays within"),
