@@ -28,7 +28,7 @@ from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import compared, findings, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
-from jaxnet.view.page.judged import ComparedBy
+from jaxnet.view.page.judged import ComparedBy, failed_lanes
 from jaxnet.view.page.plots import axis, plotted
 from jaxnet.view.text import comparison, worst
 from jaxnet.view.text.slopes import slopes_text
@@ -235,12 +235,18 @@ TOLD = [
         {"sweep": {"defence": ["w_msr", "none"], "attack.magnitude": [10, 100]}},
         "by error: <b>W-MSR</b> is better than no\xa0defence in both settings.",
     ),
+    (
+        [1.0, 9.0, 2.0],
+        {"sweep": {"attack.magnitude": [1, 10, 100]}},
+        " It is less at the greatest ā than at a smaller one.",
+    ),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
     (FOUR, DEFENCES, "<td>W-MSR</td><td>1 to 2</td><td>no\xa0defence in 1 of 2 (ā\xa0=\xa01\xa0m)"),
     (FOUR, DEFENCES, "is better than no\xa0defence in 1 of 2 settings, and worse in none."),
     (MANY, FALLING, "from <b>0.5 ā</b> (95 % interval 0.25 to 0.75 ā) with "),
-    (MANY, FALLING, "<b>In cell 1 of 3 errors still fall when the run ends."),
+    (MANY, FALLING, "<b>Warning:</b> in cell 1 of 3 errors still fall when the run ends."),
     (MANY, FALLING, "In the median lane of a cell that has settled the error (a mean over"),
+    (MANY, FALLING, "<li>Left out, as the error still falls: cell 1.</li>"),
     (
         FOUR,
         JUDGED,
@@ -256,7 +262,7 @@ TOLD = [
     (
         MANY,
         SEVERAL | {"cells": WIDE, "recovery": {"tau": 0.7}},
-        "by lanes unrecovered: no other is better than <b>W-MSR</b> and <b>centerpoint</b>; by",
+        "unrecovered: <b>W-MSR</b> and <b>centerpoint</b> are better than no\xa0defence; by error",
     ),
     (
         [20.0],
@@ -267,7 +273,7 @@ TOLD = [
     (
         [20.0],
         ALONE,
-        "The worst error of a vehicle is <b>4 ā</b> (least bound: static 8 ā).",
+        "The worst error of a vehicle is <b>40 m</b>. Per ā it is <b>4 ā</b> (least bound: static",
     ),
     ([1e-12], UNATTACKED, "a mean over vehicles and the tail) is <b>0 (rounding) m</b>."),
     ([1e-12], UNATTACKED, "no cell has an attack of a fixed magnitude"),
@@ -276,12 +282,12 @@ TOLD = [
     (
         [1e-9],
         ROUNDED,
-        "The worst error of a vehicle is <b>0 (rounding) ā</b> (least bound: static 1 ā).",
+        "Per ā it is <b>0 (rounding) ā</b> (least bound: static 1 ā).",
     ),
     (
         [1e-9, 20.0],
         SIZES | {"sweep": {"defence": ["none", "w_msr"]}},
-        "is at most <b>1e-09 ā</b> with no\xa0defence (cell 0), and up to <b>4 ā</b> (95 %",
+        "ranges from <b>0 (rounding) ā</b> with no\xa0defence (cell 0) to <b>4 ā</b> (95 %",
     ),
     (
         [0.01] * 4,
@@ -289,8 +295,8 @@ TOLD = [
         "<b>Honest vehicles agree, but on a place that liars move out of the hull</b> with"
         " ā\xa0=\xa010\xa0m, no\xa0defence (cell 2) within 30 s, in 75 % of lanes (95 % interval 50"
         " to 87.5 %). The way out of the median lane is <b>2 m</b> with ā\xa0=\xa010\xa0m,"
-        " no\xa0defence (cell 2); that of the worst lane is 3 m. In the other cells they leave it"
-        " in up to 10 % of lanes (95 % interval 10 to 10 %), by at most 0.1 m. In a longer",
+        " no\xa0defence (cell 2). In the other cells they leave it in up to 10 % of lanes"
+        " (95 % interval 10 to 10 %). The worst lane of the study goes <b>3 m</b> out, with",
     ),
     ([0.01] * 4, HULL, "<td>no\xa0defence</td><td>0.001 to 3</td>"),
     ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts in every cell"),
@@ -310,7 +316,7 @@ def test_findings(tmp_path, errors, given, sentence):
     assert "nan" not in found
 
 
-def test_settings_whose_lanes_failed_are_told_apart():
+def test_settings_whose_lanes_failed_are_not_compared():
     """By lanes given here: the defence is better on the ring, and no lane of the star ended."""
     sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
     results = Results(UPath("nowhere"))
@@ -319,15 +325,38 @@ def test_settings_whose_lanes_failed_are_told_apart():
     better = {0: pd.Series([2.0] * 12), 1: pd.Series([1.0] * 12)}
     mixed = {0: pd.Series([1.0] * 12), 1: pd.Series([0.5, 1.5] * 6)}
     labels = ["w_msr", "none"]
+    none = "no difference is found with 12 pairs in a setting; a small one would not show"
     for lanes, found, verdict, cell in (
-        (better, "W-MSR", "<b>W-MSR</b> is better than no\xa0defence in 1 of 2 settings", "cyclic"),
-        (mixed, "not found", "no difference is found with 12 pairs in a setting", "–"),
+        (better, "W-MSR", "<b>W-MSR</b> is better than no\xa0defence", "no\xa0defence"),
+        (mixed, "not found", none, "–"),
     ):
         judged = ComparedBy("error", "m", "smaller error than with", pd.Series(dtype=float), lanes)
         won = compared.wins(results, "defence", judged, swept, rows := [])
-        assert compared.verdict_words("defence", labels, won).startswith(verdict)
-        assert cell in compared.better_words(results, "defence", "w_msr", won)
+        assert compared.verdict_words("defence", labels, won) == verdict
+        assert compared.better_words(results, "defence", "w_msr", won) == cell
         assert [(each["setting"], each["better"]) for each in rows] == [("cyclic", found)]
+
+
+def test_lanes_that_fail_count_against_a_defence():
+    """By statuses given here: all lanes of W-MSR on the star failed, and one elsewhere."""
+    sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
+    results = Results(UPath("nowhere"))
+    failing = {0: 0, 1: 1, 2: 0, 3: 12}
+    lanes = {
+        cell: pd.DataFrame({"sample": range(12), "status": ["stuck"] * n + ["ok"] * (12 - n)})
+        for cell, n in failing.items()
+    }
+    vars(results).update(
+        study=systems.study(sweep=sweep, **ROTATING),
+        manifest={"lanes": {"failed": 13, "total": 48}},
+        by_cell=lambda *_columns: lanes.items(),
+    )
+    found = failed_lanes(results)
+    assert found.values.to_dict() == {0: 0.0, 1: pytest.approx(100 / 12), 2: 0.0, 3: 100.0}
+    sentences, tables = compared.comparisons(results, [found], ["defence"], [])
+    told = "<b>no\xa0defence</b> is better than W-MSR in 1 of 2 settings, and worse in none."
+    assert sentences == [f"<b>Defence</b>, by lanes failed: {told}"]
+    assert "<td>W-MSR in 1 of 2 (star)</td>" in tables[0]
 
 
 def test_values_that_beat_one_another_depend_on_the_other_keys():
@@ -376,9 +405,9 @@ def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_pat
     both = [i for i, heard in ring.items() if len(heard & liars) == 2]
     attack = {"attack": {"kind": "rotating", "vehicles": sorted(liars)}}
     for defence in ("trusted_trim", "w_msr"):
-        first = told(tmp_path, [1.0, 2.0], **cells, **attack, defence=defence).split("<li>")[1]
+        first = told(tmp_path, [1.0, 2.0], **cells, **attack, defence=defence)
         named = f"vehicles {', '.join(map(str, both))} with lattice (cell 1) (more than it can"
-        assert f"defence, with up to 2 attacked sources each: {named}" in first
+        assert f"defence</b>, with up to 2 attacked sources each: {named}" in first
     assert "assumptions" not in told(tmp_path, [1.0, 2.0], **cells, **attack, defence="none")
 
 
@@ -386,10 +415,9 @@ def test_why_nothing_is_dropped_is_told(tmp_path):
     """On a star nobody may trim; on a ring a vehicle needs all of its three sources, 0.9³."""
     cells = {"sweep": {"topology": ["star", "cyclic"]}, "defence": "trusted_trim"}
     lossy = {"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}
-    first = told(tmp_path, [1.0, 2.0], **cells, **lossy).split("<li>")[1]
-    few, starved, *_ = first.split("</b>. ")
-    assert few.endswith("(it drops nobody: the rule asks 2ϑ + 1 sources, of which ϑ are trusted)")
-    assert "of the defence at some ticks: in up to 27.1\xa0% of ticks" in starved
+    few, starved = told(tmp_path, [1.0, 2.0], **cells, **lossy).split("Outside the")[1:]
+    assert "(it drops nobody: the rule asks 2ϑ + 1 sources, of which ϑ are trusted)" in few
+    assert "of the defence</b> at some ticks: in up to 27.1\xa0% of ticks" in starved
     assert "cyclic" in starved
     assert "at some ticks" not in told(tmp_path, [1.0, 2.0], **cells)
 
@@ -490,8 +518,8 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     assert [row[7] for row in shown][:3] == [zero] * 3
     assert rows_of(section(text, "summary"))[0][4] == 2e-10
     star, ring = cells_of(section(text, "ultimate"))
-    assert star[1:6] == [zero] * 5
-    assert ring[2] == "7"
+    assert star[1:7] == [zero] * 6
+    assert ring[3] == "7"
     assert "<b>0 (rounding) ā</b> with star (" in section(text, "findings")
 
 

@@ -1,5 +1,6 @@
 """Swept kinds compared: which value does better, by tests of paired lanes, as words and tables."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -10,12 +11,12 @@ import pandas as pd
 
 from jaxnet.config.keys import Sequential
 from jaxnet.config.naming import is_kind, key_name, labels_title, value_alone, value_name
-from jaxnet.model.wording import count_between
+from jaxnet.model.wording import cells_named, count_between
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.pairs import CellsCompared, compared_cells
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import notes_html, sentence_case, sortable_table
-from jaxnet.view.page.judged import ComparedBy, percent_text
+from jaxnet.view.page.judged import ComparedBy, falling_cells, judged_word, percent_text
 from jaxnet.view.page.where import MOST_TOLD, values_told
 
 Pair = tuple[str, str]  # two values of a key as text: the better, the worse
@@ -40,14 +41,18 @@ class Wins(NamedTuple):
     found
         The tests that find a difference, by the better and the worse value.
     settings
-        The cells of each setting, a combination of the other swept keys.
+        The cells of each setting, a combination of the other swept keys, that are compared.
     lanes
         Numbers of paired lanes in the settings.
     """
 
     found: Mapping[Pair, Sequence[CellsCompared]]
-    settings: Sequence[Sequence[int]]
+    settings: Sequence[Mapping[str, int]]
     lanes: Sequence[int]
+
+    def of(self, pair: Pair) -> int:
+        """In how many settings two values are compared."""
+        return sum({*pair} <= {*cells} for cells in self.settings)
 
 
 def swept_texts(results: Results, numbers: Sequence[int]) -> pd.DataFrame:
@@ -77,21 +82,20 @@ def wins(
 ) -> Wins | None:
     """Compare the values of a swept kind in every setting; `tests` gets a row for each pair.
 
-    Lanes of a setting are compared in pairs of the same draw. Cells of `swept` without lanes, as
-    these failed, are not compared. There is no test (None) of lanes that are not independent, and
-    of a number of lanes that depends on them.
+    Lanes of a setting are compared in pairs of the same draw. There is no test (None) of lanes that
+    are not independent, and of a number of lanes that depends on them.
     """
     study, others = results.study.config, swept.drop(columns=key)
     label_of: dict[int, str] = swept[key].to_dict()
-    groups = dict[Any, list[int]]()
+    groups = dict[Any, dict[str, int]]()
     for cell, rest in zip(swept.index.tolist(), others.to_numpy().tolist(), strict=True):
-        groups.setdefault(tuple(rest), []).append(cell)
-    compared = [[cell for cell in cells if cell in quantity.lanes] for cells in groups.values()]
-    compared = [cells for cells in compared if len(cells) > 1]
-    if study.draws != "random" or isinstance(study.samples, Sequential) or not compared:
+        if cell in quantity.lanes:
+            groups.setdefault(tuple(rest), {})[label_of[cell]] = cell
+    settings = [cells for cells in groups.values() if len(cells) > 1]
+    if study.draws != "random" or isinstance(study.samples, Sequential) or not settings:
         return None
     found, lanes = dict[Pair, list[CellsCompared]](), list[int]()
-    for test in compared_cells(quantity.lanes, compared):
+    for test in compared_cells(quantity.lanes, [[*cells.values()] for cells in settings]):
         ends = label_of[test.better], label_of[test.worse]
         lanes.append(test.lanes)
         if test.found:
@@ -104,7 +108,7 @@ def wins(
         row = dict(zip(names, told, strict=True))
         row |= {"better": better if test.found else "not found", "pairs": test.lanes, "p": test.p}
         tests.append(row)
-    return Wins(found, [cells for cells in groups.values() if len(cells) > 1], lanes)
+    return Wins(found, settings, lanes)
 
 
 def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
@@ -117,30 +121,29 @@ def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
     if not best:
         return "which is better depends on the other keys (table)"
     told = " and ".join(f"<b>{escape(named(key, each))}</b>" for each in best)
-    if len(best) > 1:
-        return f"no other is better than {told}"
-    others = [label for label in labels if label != best[0]]
-    times = [len(won.found.get((best[0], each), ())) for each in others]
+    others = [label for label in labels if label in beaten]
+    pairs = [*itertools.product(best, others)]
+    times = [len(won.found.get(pair, ())) for pair in pairs]
     if not min(times):
         return f"no other is better than {told}"
-    than = "each other one" if len(others) > 1 else escape(named(key, others[0]))
-    return f"{told} is better than {than}{settings_words(times, won)}"
+    than = escape(named(key, others[0])) if len(others) == 1 else "each other one"
+    verb = "is" if len(best) == 1 else "are"
+    return f"{told} {verb} better than {than}{settings_words(times, [*map(won.of, pairs)])}"
 
 
-def settings_words(times: Sequence[int], won: Wins) -> str:
+def settings_words(times: Sequence[int], every: Sequence[int]) -> str:
     """In how many settings something is found; "" of a study with one."""
-    least, most, every = min(times), max(times), len(won.settings)
-    if every == 1:
+    if max(every) == 1:
         return ""
-    if least == every:
-        return " in both settings" if every == 2 else f" in all {every} settings"
-    between = f"{least} to {most}" if least < most else f"{most}"
-    return f" in {between} of {every} settings, and worse in none"
+    if [*times] == [*every]:
+        return " in both settings" if min(every) == 2 else " in all settings"
+    found, there = (f"{min(n)} to {max(n)}" if min(n) < max(n) else max(n) for n in (times, every))
+    return f" in {found} of {there} settings, and worse in none"
 
 
 def better_words(results: Results, key: str, label: str, won: Wins) -> str:
     """The values of a key to which one is better, with the settings; a dash if there are none."""
-    there = [results.study.cells[cell] for cells in won.settings for cell in cells]
+    there = [results.study.cells[cell] for cells in won.settings for cell in cells.values()]
     grouped = dict[str, list[str]]()
     for (better, worse), found in won.found.items():
         if better != label:
@@ -148,8 +151,8 @@ def better_words(results: Results, key: str, label: str, won: Wins) -> str:
         mine = sorted({cell for test in found for cell in (test.better, test.worse)})
         among = [cell for cell in there if str(cell.labels[key]) in (better, worse)]
         words, alike = values_told(results, mine, among)
-        where = f" ({words})" * bool(words and alike == len(mine))
-        where = f" in {len(found)} of {len(won.settings)}{where}" * (len(won.settings) > 1)
+        where, every = f" ({words})" * bool(words and alike == len(mine)), won.of((better, worse))
+        where = f" in {len(found)} of {every}{where}" * (every > 1)
         grouped.setdefault(where, []).append(named(key, worse))
     return "; ".join(f"{', '.join(names)}{where}" for where, names in grouped.items()) or "–"
 
@@ -159,14 +162,13 @@ def comparisons(
     quantities: Sequence[ComparedBy],
     keys: Sequence[str],
     tests: TestRows,
-    failed: Sequence[int] = (),
 ) -> tuple[list[str], list[str]]:
-    """A sentence and a table for each swept kind; the cells `failed` have no number."""
+    """A sentence and a table for each swept kind."""
     sentences, tables = list[str](), list[str]()
     for key in keys:
         verdicts, heads, labels = dict[str, list[str]](), dict[str, dict[str, str]](), list[str]()
         for each in quantities:
-            swept = swept_texts(results, [*each.values.index, *failed])
+            swept = swept_texts(results, each.values.index.tolist())
             there: Any = swept.loc[each.values.index, key]
             values: Any = each.values.groupby(there, sort=False)
             order: list[str] = values.mean().sort_values(kind="stable").index.tolist()
@@ -212,7 +214,11 @@ def averages_words(results: Results, shares: pd.Series) -> str:
     return f"Averaged over the other keys, the share goes from {'; from '.join(told)}."
 
 
-def tables_html(tables: Sequence[str], *, tested: bool) -> str:
+def tables_html(results: Results, tables: Sequence[str], *, tested: bool) -> str:
+    """Tables of `comparisons`, with notes below them."""
     if not tables:
         return ""
-    return "".join(tables) + notes_html([RANGE_WORDS, *[SETTING_WORDS] * tested])
+    notes = [RANGE_WORDS, *[SETTING_WORDS] * tested]
+    if falling := falling_cells(results):
+        notes.append(f"left out, as the {judged_word(results)} still falls: {cells_named(falling)}")
+    return "".join(tables) + notes_html(notes)

@@ -46,7 +46,6 @@ from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortab
 from jaxnet.view.page.judged import (
     CellErrors,
     ComparedBy,
-    failed_cells,
     is_negligible,
     judged_errors,
     judged_word,
@@ -55,7 +54,7 @@ from jaxnet.view.page.judged import (
     percent_text,
     settled,
 )
-from jaxnet.view.page.where import MOST_TOLD, above_text, span_words, where_words
+from jaxnet.view.page.where import MOST_TOLD, span_words, where_words
 from jaxnet.view.text import worst
 from jaxnet.view.text.facts import attacked_at_once, starved_words
 
@@ -86,40 +85,45 @@ def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) 
         what = f"p values of {count(len(told.tests), 'comparison')}"
         body = sortable_table(table) + notes_html([P_WORDS])
         folded = f"<details><summary>{what}</summary>{body}</details>"
-    body = f"<ul>{''.join(items)}</ul>{tables_html(told.tables, tested=bool(told.tests))}{folded}"
-    return Section("findings", "Findings", body)
+    body = f"<ul>{''.join(items)}</ul>{tables_html(results, told.tables, tested=bool(told.tests))}"
+    return Section("findings", "Findings", body + folded)
 
 
 def all_findings(results: Results, found: Sequence[curves.Curve], fit: str) -> Findings:
     """Every finding; `fit` is the command that computes the bounds."""
     cells = results.study.cells
     alone = is_leaderless(cells)
-    warnings = [falling_words(results, cells), errors_words(results.study.config, cells)]
-    warnings += [lowered_words(results, cells), *misfit_words(results, cells)]
+    falling = falling_words(results, cells)
+    others = [errors_words(results.study.config, cells), lowered_words(results, cells)]
+    others += misfit_words(results, cells)
     errors = judged_errors(results, found)
     judged = measures_compared(results, errors)
     separated, distances = separation_sentence(results)
     tests = TestRows()
     kinds = [key for key in swept_kinds(results, range(len(cells))) if key != "filter"]
-    failed = failed_cells(results)
-    verdicts, tables = comparisons(results, judged, kinds, tests, failed)
+    verdicts, tables = comparisons(results, judged, kinds, tests)
     if distances:  # filters are for distances, not for errors
         apart = comparisons(results, [distances], ["filter"], tests)
         verdicts, tables = verdicts + apart[0], tables + apart[1]
     sentences = [
-        outnumbered_sentence(results),
         failed_sentence(results),
+        warning(falling),
         outside_sentence(results) if alone else "",
-        *(f"<b>{sentence_case(each)}</b>." for each in warnings if each),
         unrecovered_sentence(results),
         extremes_sentence(results, errors),
         *verdicts,
+        "" if alone else bounds_sentence(results, found, fit),
+        search_sentence(results),
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
-        search_sentence(results),
-        "" if alone else bounds_sentence(results, found, fit),
+        outnumbered_sentence(results),
+        *map(warning, others),
     ]
     return Findings([each for each in sentences if each], tables, tests)
+
+
+def warning(words: str) -> str:
+    return f"<b>Warning:</b> {words}." * bool(words)
 
 
 def outnumbered_sentence(results: Results) -> str:
@@ -145,7 +149,7 @@ def outnumbered_sentence(results: Results) -> str:
     told = [f", with up to {count(most, 'attacked source')} each: {'; '.join(whom)}"] * bool(found)
     ticks = "; ".join(f"{w} {where_words(results, n)}".rstrip() for w, n in starved.items())
     told += [f" at some ticks: {ticks}"] * bool(ticks)
-    return " ".join(f"<b>Outside the assumptions of the defence{each}</b>." for each in told)
+    return " ".join(f"<b>Outside the assumptions of the defence</b>{each}." for each in told)
 
 
 def failed_sentence(results: Results) -> str:
@@ -181,7 +185,7 @@ def extremes_sentence(results: Results, errors: CellErrors) -> str:
     alone = " that has settled" * (len(errors.values) < len(errors.among))
     start = MEDIAN_LANE[word].format(alone, less)
     if is_negligible(results, errors):
-        most = above_text(float(errors.values["value"].to_numpy().max()))
+        most = error_text(float(errors.values["value"].to_numpy().max()))
         return f"{start} is at most <b>{most} m</b>."
     span = span_words(results, errors.values, error_text, f" {errors.unit}", errors.among)
     return f"{start} {span}.{errors.rising}"
@@ -225,16 +229,16 @@ def outside_sentence(results: Results) -> str:
     longest = max(cell.scenario.horizon for cell in cells)
     medians = stored_values(ways.loc[moved], names[:1])
     span = span_words(results, medians, error_text, " m", moved)
-    worst, least = (error_text(ways["outside_max"][each].max()) for each in (moved, rest))
-    elsewhere = ""
+    worst, elsewhere = ways["outside_max"], ""
     if rest:
-        elsewhere = f" In the other cells they leave it {share(rest)}, by at most {least} m."
-        if ways["outside_max"][rest].max() < ROUNDING_ERROR:
+        elsewhere = f" In the other cells they leave it {share(rest)}."
+        if worst[rest].max() < ROUNDING_ERROR:
             elsewhere = " In the other cells nobody leaves it."
     return (
         f"{words} {where_words(results, moved)} within {longest:g} s, {share(moved)}. The way out"
-        f" of the median lane {span}; that of the worst lane is {worst} m.{elsewhere}"
-        " In a longer run they may go farther."
+        f" of the median lane {span}.{elsewhere} The worst lane of the study goes"
+        f" <b>{error_text(worst.max())} m</b> out, {where_words(results, [worst.idxmax()])}. In a"
+        " longer run they may go farther."
     )
 
 
@@ -345,25 +349,24 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
     """The least ratio of a bound to the worst error found."""
     if not found:
         return "CellErrors have no bound beside them: no cell has an attack of a fixed magnitude."
+    told = worst_words(results)
     if not results.file("bounds.csv").exists():
-        return f"{worst_words(results)}Bounds are not fitted yet: <code>{fit}</code>"
+        return f"{told}Bounds are not fitted yet: <code>{fit}</code>"
     bounded = [curve for curve in found if sound_limits(curve)]
-    beside = "; ".join(map(bound_words, bounded))
     if len(bounded) > MOST_TOLD:
         shares = [100 * curve.worst / sound_limits(curve)[0][0] for curve in bounded]
-        ends = f"{number_text(min(shares))} to {number_text(max(shares))} %"
-        beside = f"<b>{ends}</b> of its least bound in {len(bounded)} groups of cells (table below)"
-    searched = "Of random lanes the" if results.file("worst.csv").exists() else "The"
-    words = [f"{searched} worst error of a vehicle is {beside}."]
-    if not bounded:
-        words = [worst_words(results).strip()]
+        ends = f"<b>{number_text(min(shares))} to {number_text(max(shares))} %</b>"
+        groups = f"{len(bounded)} groups of cells that differ in ā alone"
+        told += f"In {groups} it is {ends} of the least bound (table below). "
+    elif bounded:
+        told += f"Per ā it is {'; '.join(map(bound_words, bounded))}. "
     if bounded and results.file("violations.csv").exists():
         many = len(results.violations[["cell", "sample"]].drop_duplicates())
-        above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>.'
-        words.append(above if many else "No lane is above its bound.")
+        above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>. '
+        told += above if many else "No lane is above its bound. "
     if unchecked := unchecked_words(results.study.cells):
-        words.append(f"No bound is known for {escape(unchecked)}.")
-    return " ".join(words)
+        told += f"No bound is known for {escape(unchecked)}."
+    return told.strip()
 
 
 def worst_words(results: Results) -> str:
@@ -373,8 +376,9 @@ def worst_words(results: Results) -> str:
         return ""
     values, numbers = worst.to_numpy(float), worst.index.tolist()
     where = where_words(results, [numbers[values.argmax()]])
-    told = f"The worst error of a vehicle is <b>{error_text(values.max())} m</b> {where}".rstrip()
-    return f"{told}. "
+    lanes = "Of random lanes the" if results.file("worst.csv").exists() else "The"
+    told = f"{lanes} worst error of a vehicle is <b>{error_text(values.max())} m</b> {where}"
+    return f"{told.rstrip()}. "
 
 
 def sound_limits(curve: curves.Curve) -> list[tuple[float, str]]:

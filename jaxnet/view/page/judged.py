@@ -12,14 +12,15 @@ from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
-from jaxnet.statistics.recovery import attacked_mask, share_name, threshold
+from jaxnet.statistics.recovery import share_name, threshold
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
-from jaxnet.view.page.where import NEGLIGIBLE, where_words
+from jaxnet.view.page.where import where_words
 
 NEARLY = 1.2  # times one another
+NEGLIGIBLE = 1e-3  # of what a study asks for
 
 
 class ComparedBy(NamedTuple):
@@ -92,12 +93,20 @@ def rising_words(
     groups = [[cell.number for cell in curve.group.cells] for curve in found]
     there = ([n for n in group if n in errors.index] for group in groups)
     sizes = curves.cell_magnitudes(results)
-    flat, odd = list[int](), list[int]()
+    flat, falls, odd = list[int](), list[int](), list[int]()
     for group in filter(None, there):
         level: Any = errors.loc[group, "value"]
-        if not is_proportional(errors.loc[group].div(sizes[group], axis="index")):
-            (flat if level.max() <= NEARLY * level.min() else odd).extend(group)
-    told = {"does not rise with ā": flat, "rises with ā, but not in proportion": odd}
+        if is_proportional(errors.loc[group].div(sizes[group], axis="index")):
+            continue
+        if level.max() <= NEARLY * level.min():
+            flat += group
+        else:
+            (falls if NEARLY * level.iloc[-1] < level.max() else odd).extend(group)
+    told = {
+        "does not rise with ā": flat,
+        "is less at the greatest ā than at a smaller one": falls,
+        "rises with ā, but not in proportion": odd,
+    }
     clauses = [
         f"{where_words(results, sorted(cells), among) * (len(cells) < len(among))} it {words}"
         for words, cells in told.items()
@@ -112,12 +121,16 @@ def is_proportional(values: pd.DataFrame) -> bool:
     return bool(low.max() <= high.min() or values["value"].max() <= NEARLY * values["value"].min())
 
 
+def falling_cells(results: Results) -> list[int]:
+    """Cells whose errors still fall, if others do not; these are not ultimate."""
+    falls: Any = results.cells.reindex(columns=["falling"]).reset_index(drop=True)["falling"] == 1
+    return [] if falls.all() else falls.index[falls].tolist()
+
+
 def settled(results: Results, values: pd.DataFrame) -> pd.DataFrame:
     """The values of cells whose errors do not fall any more; all where every one falls."""
-    falls: Any = results.cells.reindex(columns=["falling"])["falling"]
-    is_left: Any = falls[values.index] != 1
-    left: Any = values[is_left] if is_left.any() else values
-    return left
+    left: Any = values.drop(index=falling_cells(results), errors="ignore")
+    return values if left.empty else left
 
 
 def known_shares(results: Results) -> pd.DataFrame:
@@ -127,10 +140,17 @@ def known_shares(results: Results) -> pd.DataFrame:
     return known.drop(index=curves.mostly_failed(results), errors="ignore")
 
 
-def failed_cells(results: Results) -> list[int]:
-    """The attacked cells among those of which more lanes failed than ended; all without attacks."""
-    attacked, failed = attacked_mask(results.study.cells), curves.mostly_failed(results)
-    return [cell for cell in failed if attacked[cell] or not attacked.any()]
+def failed_lanes(results: Results) -> ComparedBy | None:
+    """Which lanes failed; None if none did, or all."""
+    lanes = results.manifest["lanes"]
+    if not 0 < lanes["failed"] < lanes["total"]:
+        return None
+    flags: dict[int, Any] = {
+        cell: each.set_index("sample")["status"] != "ok"
+        for cell, each in results.by_cell("sample", "status")
+    }
+    values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
+    return ComparedBy("lanes failed", "%", "fewer lanes fail than with", values, flags)
 
 
 def is_negligible(results: Results, errors: CellErrors) -> bool:
@@ -144,9 +164,10 @@ def is_negligible(results: Results, errors: CellErrors) -> bool:
 
 def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
     """What the values of a swept kind are compared by; nothing where all errors are negligible."""
+    found = [each for each in [failed_lanes(results)] if each]
     if errors.values.empty or is_negligible(results, errors):
-        return []
-    word, found = judged_word(results), list[ComparedBy]()
+        return found
+    word, ended = judged_word(results), " of lanes that ended" * bool(found)
     shares: Any = settled(results, known_shares(results))["value"]
     if results.study.config.recovery is not None and shares.nunique() > 1:
         what = "agree" if word == "spread" else "recover"
@@ -157,7 +178,7 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
         values: Any = errors.values["value"]
         unit = errors.unit
         lanes = judged_lanes(results, values.index, unit)
-        found += [ComparedBy(word, unit, f"smaller {word} than with", values, lanes)]
+        found += [ComparedBy(word + ended, unit, f"smaller {word} than with", values, lanes)]
     ways: Any = results.cells.reindex(columns=["outside_max"]).reset_index(drop=True)
     ways = ways["outside_max"].reindex(errors.values.index).dropna()
     if len(ways) and ways.max() >= ROUNDING_ERROR:

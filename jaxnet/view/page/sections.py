@@ -68,9 +68,10 @@ ULTIMATE_NOTE = "Error over the tail, with the bounds of theory where there are 
 NOT_ON_A_LOG_AXIS = " Cells with ā = 0 have no place on a log axis."
 SLOPES_NOTE = (
     "The greatest error of any vehicle as a multiple of ā: the worst found, what was fitted, and"
-    " the bounds of theory. Lyapunov's as printed is false in general. A dash: there is no such"
-    " number."
+    " the bounds of theory, if any. A dash: there is no such number."
 )
+FLEET_NOTE = " A bound of the fleet is one on the mean error of its vehicles."
+PRINTED_NOTE = " Lyapunov's bound as printed is false in general."
 HEAT_NOTE = (
     "One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and"
     " arrow keys for its interval and lanes."
@@ -218,6 +219,8 @@ def slopes_html(found: Sequence[Curve]) -> str:
     for curve in found:
         fitted = curve.fit("tail_max") or (np.nan,) * 3
         row = {"worst found": curve.worst}
+        least = min((slope for slope, _ in findings.sound_limits(curve)), default=np.nan)
+        row["of the least bound [%]"] = 100 * curve.worst / least
         row |= dict(zip(("fit of the means", "fit, low", "fit, high"), fitted, strict=True))
         row["95 % of lanes below"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
         for bound, name in BOUND_NAMES.items():
@@ -232,7 +235,8 @@ def slopes_html(found: Sequence[Curve]) -> str:
     labels = pd.DataFrame(worded(curve.group.labels) for curve in found)
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     table = sortable_table(pd.concat([labels, shown], axis=1), slopes, cells=about, names=[*labels])
-    return paragraph(SLOPES_NOTE) + table
+    note = SLOPES_NOTE + FLEET_NOTE * any(name.endswith(", fleet") for name in shown)
+    return paragraph(note + PRINTED_NOTE * (BOUND_NAMES[findings.UNSOUND_BOUND] in shown)) + table
 
 
 def bands_section(results: Results) -> Section | None:

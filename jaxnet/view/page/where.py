@@ -4,18 +4,15 @@ from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import NO_BREAK, labels_title, value_alone, value_name
-from jaxnet.model.wording import cells_named, number_text
-from jaxnet.statistics.amplitude import ROUNDING_ERROR
+from jaxnet.model.wording import cells_named
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.store.results import Results
 
-NEGLIGIBLE = 1e-3  # of the greatest value
 MOST_TOLD = 3  # values of a swept key for a few cells
 
 
@@ -73,8 +70,7 @@ def span_words(
 ) -> str:
     """The least and the greatest value, each with its interval and cells; one if they read alike.
 
-    `values` have the columns value, low and high; `told` is the text of a number. Where the least
-    are negligible beside the greatest, one number above them stands for them.
+    `values` have the columns value, low and high; `told` is the text of a number.
     """
     texts: Any = values["value"].map(told)
 
@@ -92,18 +88,4 @@ def span_words(
     least, most = values["value"].idxmin(), values["value"].idxmax()
     if texts[least] == texts[most]:
         return f"is {part(most)}"
-    above: Any = values["high"].fillna(values["value"])
-    small: Any = above[above < NEGLIGIBLE * min(1.0, values["value"].max())]
-    if small.empty or unit.strip() not in ("m", "ā"):
-        return f"ranges from {part(least)} to {part(most)}"
-    where = where_words(results, small.index.tolist(), among)
-    return (
-        f"is at most <b>{above_text(float(small.max()))}{unit}</b> {where}, and up to {part(most)}"
-    )
-
-
-def above_text(value: float) -> str:
-    """A number of one digit that is not below a value, nor below rounding."""
-    least = max(float(value), ROUNDING_ERROR)
-    digit = 10.0 ** np.floor(np.log10(least))
-    return number_text(digit * np.ceil(round(least / digit, 9)))
+    return f"ranges from {part(least)} to {part(most)}"
