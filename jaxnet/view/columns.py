@@ -51,8 +51,9 @@ from jaxnet.view.text.width import digits_text
 
 SHARE_FAILED = "failed_share"
 COUNTS = {"ok": "lanes ok", "failed": "lanes failed", "lanes": "lanes"}  # with their titles
-ERROR_COLUMNS = ("tail_mean_median", "tail_mean_mean", "tail_mean_q95", "tail_max_max")
-AGREEMENT_COLUMNS = ("outside_max", "spread_median", "spread_max", "spread_q95", "spread_mean")
+# The first stand before a study's own metrics, the others after these
+ERROR_COLUMNS = ("tail_mean_median", "tail_max_max"), ("tail_mean_mean", "tail_mean_q95")
+AGREEMENT_COLUMNS = ("outside_max", "spread_median", "spread_max"), ("spread_q95", "spread_mean")
 LATEX_SYMBOLS = {
     "attack.magnitude": r"$\bar a$",
     "attack.frequency": r"$\omega$",
@@ -275,10 +276,10 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
     ]
     own += unsettled_shares(study)
     first = asked if asked in table else f"{asked}_median"
-    tail = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
+    before, after = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
     hull = ["in_hull"] * alone  # beside agreement: liars may move the place
     fell = [SHARE_FAILED] * bool(table["failed"].any())
-    names = dict.fromkeys([*fell, first, *hull, *own, *tail, "ok", "failed"])
+    names = dict.fromkeys([*fell, first, *hull, *before, *own, *after, "ok", "failed"])
     return [name for name in names if name in table or name in fell]
 
 

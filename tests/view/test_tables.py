@@ -57,12 +57,13 @@ def test_the_summary_fits_a_terminal_or_says_what_it_left_out(swept, recovery, w
 
 
 def test_the_headline_is_the_median_with_its_interval():
-    """Then the mean, which five lanes give no interval."""
+    """Then the worst, and the mean, which five lanes give no interval."""
     results = results_of({"attack.magnitude": [1, 2]}, False, 2)
     results.cells[["tail_mean_low", "tail_mean_high"]] = float("nan")
     shown = columns.summary_columns(results)
-    assert [each.name for each in shown[2:4]] == ["tail_mean_median", "tail_mean_mean"]
-    assert [each.texts()[0] for each in shown[2:4]] == ["0.123 [0.123, 0.123]", "0.123"]
+    names = ["tail_mean_median", "tail_max_max", "tail_mean_mean"]
+    assert [each.name for each in shown[2:5]] == names
+    assert [each.texts()[0] for each in shown[2:5]] == ["0.123 [0.123, 0.123]", "0.123", "0.123"]
     notes = tables.summary_notes(results, shown)
     assert notes[0] == "[low, high] of error, median: 95 % intervals of order statistics"
     assert notes[1] == "mean without interval: fewer than 28 lanes: cells 0, 1"

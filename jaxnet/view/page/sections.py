@@ -89,6 +89,12 @@ CHOICE_OF_LANES = (
 )
 
 
+OTHER_ENGINE = (
+    " The nonlinear engine simulates the worst lanes, whatever the engine of the study: it shows"
+    " whether vehicles come to rest, where their law is singular."
+)
+
+
 def page_sections(results: Results) -> list[Section]:
     """Every section for which the folder has data."""
     makers: list[Callable[[Results], Section | None]]
@@ -142,7 +148,8 @@ def answer_section(results: Results) -> Section | None:
     cells, alone = results.study.cells, is_leaderless(results.study.cells)
     if len(cells) == 1:
         return None  # a finding says it
-    names = ["outside"] * alone + [judged_metric(cells), asked_quantity(results.study.config)]
+    names = [judged_metric(cells), asked_quantity(results.study.config)]
+    names = ["in_hull", *names, "outside"] if alone else names
     every = (quantity_of(results, cells, name) for name in dict.fromkeys(names))
     known = [each for each in every if each.known.size]
     if not known:
@@ -350,6 +357,7 @@ def lanes_section(results: Results) -> Section | None:
             f" <code>{again}</code>, then <code>{report}</code>."
             f" {CHOICE_OF_LANES.format(tables.CRITERIA[judged_metric(results.study.cells)])}"
         )
+        note += OTHER_ENGINE * any("nonlinear engine)" in lane["label"] for lane in found)
         body = paragraph(note) + trajectories.lanes_html(found)
     elif many:
         body = paragraph(TOO_LARGE)
