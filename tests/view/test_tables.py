@@ -63,7 +63,7 @@ def test_the_headline_is_the_median_with_its_interval():
     shown = columns.summary_columns(results)
     names = ["tail_mean_median", "tail_max_max", "tail_mean_mean"]
     assert [each.name for each in shown[2:5]] == names
-    assert [each.texts()[0] for each in shown[2:5]] == ["0.123 [0.123, 0.123]", "0.123", "0.123"]
+    assert [each.texts()[0] for each in shown[2:5]] == ["0.123 [0.123, 0.123]", "1.12", "0.123"]
     notes = tables.summary_notes(results, shown)
     assert notes[0] == "[low, high] of error, median: 95 % intervals of order statistics"
     assert notes[1] == "mean without interval: fewer than 28 lanes: cells 0, 1"
