@@ -185,6 +185,7 @@ LOST = ROTATING | {"failed": ["singular", "stuck", "singular"], "bounds": {"stat
 SEVERAL = {"sweep": {"defence": ["none", "w_msr", "centerpoint"]}} | ROTATING
 ALIKE = {key: [1.0, 1.0, 1.0] for key in curves.SHARE_COLUMNS}
 WIDE = {"unrecovered": [0.1, 0.2, 0.3], "unrecovered_low": 0.0, "unrecovered_high": 0.5}
+NONE_OFF = {key: [0.0] * 4 for key in curves.SHARE_COLUMNS}
 MANY, FOUR = [9.0, 2.0, 5.0], [4.0, 20.0, 1.0, 20.0]
 JUDGED = DEFENCES | {"cells": SHARES, "recovery": {"tau": 0.1}}
 FALLING = SEVERAL | {"cells": {"falling": [0.0, 1.0, 0.0]}}
@@ -240,6 +241,7 @@ TOLD = [
         {"sweep": {"attack.magnitude": [1, 10, 100]}},
         " It is less at the greatest ā than at a smaller one.",
     ),
+    ([1e-12, 1e-11, 1e-12], {"sweep": {"attack.magnitude": [1, 10, 100]}}, "is <b>0 (rounding) ā"),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
     (FOUR, DEFENCES, "<td>W-MSR</td><td>1 to 2</td><td>no\xa0defence in 1 of 2 (ā\xa0=\xa01\xa0m)"),
     (FOUR, DEFENCES, "is better than no\xa0defence in 1 of 2 settings, and worse in none."),
@@ -251,6 +253,11 @@ TOLD = [
         FOUR,
         JUDGED,
         "from 62.5 % with no\xa0defence to 100 % with W-MSR; from 75 % with ā\xa0=\xa01\xa0m to",
+    ),
+    (
+        FOUR,
+        JUDGED | {"cells": NONE_OFF},
+        "(mean error over the tail > 0.1\xa0ā) is <b>0 %</b> in every cell.</li>",
     ),
     (FOUR, JUDGED, "by lanes unrecovered: no difference is found with 12 pairs in a setting; a"),
     (
@@ -276,7 +283,7 @@ TOLD = [
         "The worst error of a vehicle is <b>40 m</b>. Per ā it is <b>4 ā</b> (least bound: static",
     ),
     ([1e-12], UNATTACKED, "a mean over vehicles and the tail) is <b>0 (rounding) m</b>."),
-    ([1e-12], UNATTACKED, "no cell has an attack of a fixed magnitude"),
+    ([1e-12], UNATTACKED, "<li>Errors have no bound beside them: no cell has an attack of a fixed"),
     ([np.nan], LOST, "No error: no lane came to its end."),
     ([np.nan], LOST, "<b>3 lanes of 3 failed</b>: 2 singular, 1 stuck."),
     (
@@ -296,9 +303,15 @@ TOLD = [
         " ā\xa0=\xa010\xa0m, no\xa0defence (cell 2) within 30 s, in 75 % of lanes (95 % interval 50"
         " to 87.5 %). The way out of the median lane is <b>2 m</b> with ā\xa0=\xa010\xa0m,"
         " no\xa0defence (cell 2). In the other cells they leave it in up to 10 % of lanes"
-        " (95 % interval 10 to 10 %). The worst lane of the study goes <b>3 m</b> out, with",
+        " (95 % interval 10 to 10 %). The worst lane of the study goes <b>3 m</b> out with",
     ),
     ([0.01] * 4, HULL, "<td>no\xa0defence</td><td>0.001 to 3</td>"),
+    (
+        [0.01],
+        HULL | {"sweep": {}, "cells": {key: values[2:3] for key, values in OUTSIDE.items()}},
+        "hull of their starts within 30 s, in 75 % of lanes (95 % interval 50 to 87.5 %). The way"
+        " out of the median lane is <b>2 m</b>. The worst lane of the study goes <b>3 m</b> out. ",
+    ),
     ([0.01] * 4, CALM, "Honest vehicles leave the convex hull of their starts in every cell"),
     (
         [4.0, 20.0, 1.0, 20.0, 4.0, 20.0],

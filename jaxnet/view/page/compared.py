@@ -210,7 +210,9 @@ def averages_words(results: Results, shares: pd.Series) -> str:
             for place in (int(np.argmin(means)), int(np.argmax(means)))
         )
         spans.append((float(np.ptp(means)), " to ".join(ends)))
-    told = [words for _, words in sorted(spans, reverse=True)][:MOST_TOLD]
+    told = [words for span, words in sorted(spans, reverse=True) if span][:MOST_TOLD]
+    if not told:
+        return ""
     return f"Averaged over the other keys, the share goes from {'; from '.join(told)}."
 
 

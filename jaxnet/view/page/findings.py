@@ -234,11 +234,11 @@ def outside_sentence(results: Results) -> str:
         elsewhere = f" In the other cells they leave it {share(rest)}."
         if worst[rest].max() < ROUNDING_ERROR:
             elsewhere = " In the other cells nobody leaves it."
+    there = f"{where_words(results, moved)} within {longest:g} s".lstrip()
+    most = f"<b>{error_text(worst.max())} m</b> out {where_words(results, [worst.idxmax()])}"
     return (
-        f"{words} {where_words(results, moved)} within {longest:g} s, {share(moved)}. The way out"
-        f" of the median lane {span}.{elsewhere} The worst lane of the study goes"
-        f" <b>{error_text(worst.max())} m</b> out, {where_words(results, [worst.idxmax()])}. In a"
-        " longer run they may go farther."
+        f"{words} {there}, {share(moved)}. The way out of the median lane {span}.{elsewhere} The"
+        f" worst lane of the study goes {most.rstrip()}. In a longer run they may go farther."
     )
 
 
@@ -348,7 +348,7 @@ def search_sentence(results: Results) -> str:
 def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -> str:
     """The least ratio of a bound to the worst error found."""
     if not found:
-        return "CellErrors have no bound beside them: no cell has an attack of a fixed magnitude."
+        return "Errors have no bound beside them: no cell has an attack of a fixed magnitude."
     told = worst_words(results)
     if not results.file("bounds.csv").exists():
         return f"{told}Bounds are not fitted yet: <code>{fit}</code>"

@@ -93,6 +93,7 @@ def rising_words(
     groups = [[cell.number for cell in curve.group.cells] for curve in found]
     there = ([n for n in group if n in errors.index] for group in groups)
     sizes = curves.cell_magnitudes(results)
+    errors = errors.where(errors.abs().ge(ROUNDING_ERROR * sizes[errors.index], axis="index"), 0.0)
     flat, falls, odd = list[int](), list[int](), list[int]()
     for group in filter(None, there):
         level: Any = errors.loc[group, "value"]
