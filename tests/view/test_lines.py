@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+from collections import Counter
 
 import matplotlib as mpl
 import numpy as np
@@ -170,6 +171,29 @@ def test_each_line_of_a_bound_or_fit_has_its_own_look(eye):
     seen = [np.clip(np.array(EYES[eye]) @ to_rgb(look.color), 0, 1) for look in bounds]
     apart = (np.linalg.norm(one - other) for one, other in itertools.combinations(seen, 2))
     assert min(apart) > 0.1
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (3, 3), (2, 5), (4, 4), (5, 6), (4, 2), (2, 8)])
+def test_no_row_of_panels_mixes_values_of_the_first_key(shape):
+    """In print, and on the page where it has room; all rows are full."""
+    graphs = ["cyclic", "lattice of 4", "complete", "star", "random of 5"][: shape[0]]
+    rules = ["no defence", "trusted trimming", "W-MSR", "clipping", *"abcd"][: shape[1]]
+    labels = [{"topology": graph, "defence": rule} for graph in graphs for rule in rules]
+    line = Trace("", LOOKS[0], np.arange(3.0), np.arange(3.0))
+    drawing = Drawing([Panel(each, [], [line]) for each in labels], Scale("x"), Scale("y"))
+    with mpl.rc_context(style.PRINT_STYLE):
+        figure = printed(drawing)
+        figure.draw_without_rendering()
+    rows = {}
+    for panel in figure.axes:
+        title = panel.get_title().replace("\n", " ")
+        rows.setdefault(round(panel.get_position().y0, 2), []).append(title.split(",")[0])
+    rows = [Counter(row) for row in rows.values()]
+    assert len({row.total() for row in rows}) == 1
+    assert all(len({*row.values()}) == 1 for row in rows)  # each value has as many panels
+    assert any(len(row) == 1 for row in rows) or shape[1] == 2
+    across = int(re.search(r"--columns: (\d+)", plotted(drawing))[1])
+    assert across % shape[1] == 0 or shape[1] % across == 0 or shape[1] == 5
 
 
 def test_ticks_stand_at_the_values_where_they_are_few():
