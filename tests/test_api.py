@@ -42,7 +42,13 @@ KEYS = {
     "sweep": {"attack.magnitude": [1, 5.5]},
     "save": {"errors": True, "vehicles": True, "trajectories": "all"},
 }
-NOT_HERE = {"curve_median", "heat", "heat_worst", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
+NOT_HERE = {
+    "curve_median",
+    "heat",
+    "heat_worst",
+    *SEARCH,
+    *SENSITIVITY,
+}  # of two swept keys, other commands
 PAGE = (Path(__file__).parents[1] / "docs" / "api.md").read_text()
 PUBLIC = re.findall(r"^::: (\S+)$", PAGE, re.M)
 
