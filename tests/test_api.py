@@ -42,7 +42,13 @@ KEYS = {
     "sweep": {"attack.magnitude": [1, 5.5]},
     "save": {"errors": True, "vehicles": True, "trajectories": "all"},
 }
-NOT_HERE = {"heat", "heat_worst", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
+NOT_HERE = {
+    "curve_median",
+    "heat",
+    "heat_worst",
+    *SEARCH,
+    *SENSITIVITY,
+}  # of two swept keys, other commands
 PAGE = (Path(__file__).parents[1] / "docs" / "api.md").read_text()
 PUBLIC = re.findall(r"^::: (\S+)$", PAGE, re.M)
 
@@ -431,6 +437,8 @@ def test_a_figure_without_data_says_what_gives_them(tmp_path):
         with pytest.raises(FolderError, match=re.escape(remedy)):
             getattr(bare.plot, name)()
     assert bare.plot.tails().axes
+    with pytest.raises(FolderError, match="curve draws the first median on the page"):
+        bare.plot.curve_median()
     with pytest.raises(
         FolderError, match=r"y: must be one of failed, tail_mean, .* \(got unrecovered\)"
     ):

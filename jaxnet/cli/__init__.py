@@ -325,9 +325,10 @@ def figure_command(
     """Write the figure NAME, as PNG and PDF, into figures/ of RESULTS.
 
     \b
-    curve       a metric or share with its interval against a swept key
-    heat        the share of lanes unrecovered over two swept keys
-    heat_worst  the greatest error over two swept keys
+    curve         a metric or share with its interval against a swept key
+    curve_median  the median error, or without a navigator the spread
+    heat          the share of lanes unrecovered over two swept keys
+    heat_worst    the greatest error over two swept keys
     ultimate, ultimate_mean              the error over the tail against ā
     tails, bands, panels                 lanes by cell; errors over time; trajectories
     vehicles                             the error of each vehicle over the tail
@@ -335,7 +336,7 @@ def figure_command(
     search, search_worst                 of jaxnet search
     sensitivity, sensitivity_unrecovered of jaxnet sensitivity
 
-    The first three take --x, --hue and --panel; curve takes --y too, and bands takes --y and --hue.
+    The first four take --x, --hue and --panel; curve takes --y too, and bands takes --y and --hue.
     A choice of cells, axes, size or type is part of the files' names.
     """  # noqa: D301
     chosen = {key: list(each) if key == "panel" else each for key, each in chosen.items() if each}

@@ -103,7 +103,8 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
         middle, low, high = (known[name] for name in SHARE_COLUMNS)
         sure = 100 * confidence_told(results.study.config.samples)
         reach = max((high - middle).max(), (middle - low).max())
-        words.append(f"{sure:g} % intervals end at most {number_text(reach)} percentage points off")
+        most = f"at most {number_text(reach)} percentage points from the value"
+        words.append(f"{sure:g} % intervals reach {most}")
     if failed := sum((kinds[cell] for cell in cells & kinds.keys()), Counter()):
         words.append(f"* lanes that failed are in no number: {counted(failed)}")
     return words

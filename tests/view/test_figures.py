@@ -18,6 +18,7 @@ from jaxnet.statistics.groups import Group, scenes
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 from jaxnet.view.drawings import spreads
+from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.figures import FIGURE_NAMES, every, multiples, panels, style, topology
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import sections
@@ -132,6 +133,44 @@ def test_tails_are_rows_of_dots(results):
     assert plain(figure.get_supxlabel()) == told
     kept = results.lanes.loc[results.lanes["topology"] == "cyclic", "tail_mean"]
     np.testing.assert_allclose(dots_of(figure.axes[0]), np.sort(kept))
+
+
+def test_what_rows_of_dots_would_repeat_is_a_title(tmp_path):
+    """A panel per value of a third key, with the lanes of its cells; one panel if rows differ."""
+    sweep = {"topology": ["star", "cyclic"], "defence": ["none", "trusted_only"]}
+    sweep |= {"attack.magnitude": [1, 5], "tick": [0.05]}
+    keys = {"samples": 3, "horizon": 1.0, "tail": 0.5, "sweep": sweep}
+    found = jaxnet.run(systems.study(engine="exact", **keys), tmp_path / "out", progress=False)
+    figure = found.plot.tails()
+    titles = [plain(panel.get_title()) for panel in figure.axes]
+    assert titles == ["no defence", "trusted only"]
+    named = [plain(label.get_text()) for label in figure.axes[0].get_yticklabels()]
+    assert named == [f"{graph}, ā = {size} m" for graph in sweep["topology"] for size in (1, 5)]
+    assert "all with tick = 0.05 s; one dot" in plain(figure.get_supxlabel())
+    for panel, defence in zip(figure.axes, sweep["defence"], strict=True):
+        mine = found.lanes[found.lanes["defence"] == defence]
+        np.testing.assert_allclose(dots_of(panel), np.sort(mine["tail_mean"]))
+        for row, (_, lanes) in enumerate(mine.groupby("cell")):
+            dots = [line for line in panel.lines if line.get_marker() == "."][row]
+            assert {*np.rint(dots.get_ydata())} == {row}
+            np.testing.assert_allclose(np.sort(dots.get_xdata()), np.sort(lanes["tail_mean"]))
+    some = [cell for cell in found.study.cells if cell.number != 3]
+    ((told, mine),), labels = spreads.tail_panels(some)
+    assert (told, mine, labels) == ({}, some, [cell.labels for cell in some])
+
+
+@mpl.rc_context(style.PRINT_STYLE)
+def test_cells_in_rows_of_panels_are_counted():
+    """What is drawn of them are the rows of the panels that have room."""
+    line = Trace("", Look(), np.ones(30), np.arange(30), "points")
+    there = [{"tick": n, "horizon": row} for n in range(9) for row in range(30)]
+    panels = [Panel({"tick": n}, [], [line]) for n in range(9)]
+    rows = Scale("", names=["a row"] * 30, labels=[{"horizon": row} for row in range(30)])
+    figure = printed(Drawing(panels, Scale("x"), rows, there=(there, "cells")))
+    many = len(figure.axes) * len(figure.axes[0].get_yticklabels())
+    assert 1 < many < 270
+    assert f"{many} of 270 cells are drawn" in plain(figure.get_supxlabel())
+    assert figure.get_figheight() <= style.GREATEST_HEIGHT
 
 
 def test_few_dots_stand_for_many_lanes():

@@ -254,7 +254,7 @@ def test_a_tile_tells_its_cells_share_and_interval():
     assert {word for each in tile_words(panels[0]).values() for word in each} == {""}
     assert tile_words(panels[3])[0, 1] == ["*"]
     assert plain(figure.get_supxlabel()) == (
-        "38 to 40 lanes a tile; 95 % intervals end at most 16.6 percentage points off;"
+        "38 to 40 lanes a tile; 95 % intervals reach at most 16.6 percentage points from the value;"
         " * lanes that failed are in no number: 40 nonfinite, 2 disconnected;"
         " tail: the last 5 of 30 s"
     )

@@ -3,17 +3,20 @@
 import itertools
 import json
 import re
+from collections import Counter
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib import text as mpl_text
+from matplotlib.colors import to_rgb
 
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.quantities import Quantity
 from jaxnet.view.drawings.drawing import LOOKS, MARKERS, MOVED_NOTE, Drawing, Panel, Scale, Trace
 from jaxnet.view.drawings.swept import hue_looks, swept_drawing
+from jaxnet.view.drawings.ultimate import BOUND_LOOKS, FITS
 from jaxnet.view.figures import COLUMN_WIDTHS, multiples, style
 from jaxnet.view.figures.printed import printed, value_ticks
 from jaxnet.view.page.plots import plotted
@@ -23,6 +26,14 @@ LONG = [
     {"kind": "cyclic", "label": f"a rather long name of the graph, number {number}"}
     for number in range(6)
 ]
+
+
+EYES = {  # of RGB, by Machado, Oliveira and Fernandes (2009)
+    "all": np.eye(3),
+    "no red": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "no green": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "no blue": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
 
 
 def study_cells(**sweep):
@@ -149,6 +160,40 @@ def test_more_colours_than_a_palette_has_are_a_scale():
     axes = choose_axes(cells, x="attack.frequency", hue="attack.magnitude")
     page = plotted(swept_drawing(numbered(cells), axes, cells))
     assert page.count("aria-pressed") == len({*re.findall(r"<svg.*?</svg>", page)}) == 12
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_each_line_of_a_bound_or_fit_has_its_own_look(eye):
+    """Dashes alone tell one from another in grey; colours tell bounds apart for all eyes."""
+    bounds = [*BOUND_LOOKS.values()]
+    dashes = [look.dash for look in (*bounds, FITS["fit below which 95 % of lanes are"][1])]
+    assert len({*dashes}) == len(dashes)
+    seen = [np.clip(np.array(EYES[eye]) @ to_rgb(look.color), 0, 1) for look in bounds]
+    apart = (np.linalg.norm(one - other) for one, other in itertools.combinations(seen, 2))
+    assert min(apart) > 0.1
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (3, 3), (2, 5), (4, 4), (5, 6), (4, 2), (2, 8)])
+def test_no_row_of_panels_mixes_values_of_the_first_key(shape):
+    """In print, and on the page where it has room; all rows are full."""
+    graphs = ["cyclic", "lattice of 4", "complete", "star", "random of 5"][: shape[0]]
+    rules = ["no defence", "trusted trimming", "W-MSR", "clipping", *"abcd"][: shape[1]]
+    labels = [{"topology": graph, "defence": rule} for graph in graphs for rule in rules]
+    line = Trace("", LOOKS[0], np.arange(3.0), np.arange(3.0))
+    drawing = Drawing([Panel(each, [], [line]) for each in labels], Scale("x"), Scale("y"))
+    with mpl.rc_context(style.PRINT_STYLE):
+        figure = printed(drawing)
+        figure.draw_without_rendering()
+    rows = {}
+    for panel in figure.axes:
+        title = panel.get_title().replace("\n", " ")
+        rows.setdefault(round(panel.get_position().y0, 2), []).append(title.split(",")[0])
+    rows = [Counter(row) for row in rows.values()]
+    assert len({row.total() for row in rows}) == 1
+    assert all(len({*row.values()}) == 1 for row in rows)  # each value has as many panels
+    assert any(len(row) == 1 for row in rows) or shape[1] == 2
+    across = int(re.search(r"--columns: (\d+)", plotted(drawing))[1])
+    assert across % shape[1] == 0 or shape[1] % across == 0 or shape[1] == 5
 
 
 def test_ticks_stand_at_the_values_where_they_are_few():

@@ -567,6 +567,18 @@ def test_what_is_alike_everywhere_is_not_drawn_first(folder):
     assert heats == ["greatest tail error / ā", "lanes unrecovered [%]"]
 
 
+def test_what_is_first_on_the_page_is_drawn_in_print(folder):
+    """The errors, beside the share that `curve` draws."""
+    results = jaxnet.open(folder)
+    drawn = results.plot.curve_median()
+    first = figures_of(sections.answer_section(results).body)[0]
+    axes = drawn.axes[0]
+    assert " ".join(axes.get_ylabel().split()) == "error, median of lanes [m]"
+    lines = [line.get_ydata() for line in axes.lines if line.get_linestyle() != "None"]
+    known = [trace["y"] for trace in first["data"] if trace.get("mode") == "lines+markers"]
+    np.testing.assert_allclose(lines, known, rtol=1e-6)
+
+
 def test_what_a_config_says_is_text(html):
     """A label never becomes markup, neither on the page nor in the data nor in a plot."""
     assert "<script>alert" not in html

@@ -11,9 +11,10 @@ from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Recovery
 from jaxnet.config.naming import value_name
 from jaxnet.model.wording import count_between
+from jaxnet.statistics.axes import choose_axes, panels_of
 from jaxnet.statistics.bands import Band
-from jaxnet.statistics.curves import log_ends, magnitude_words
-from jaxnet.statistics.groups import Group, evenly, evenly_over
+from jaxnet.statistics.curves import MOST_PANELS, log_ends, magnitude_words
+from jaxnet.statistics.groups import Group, Label, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS, unended_words
 from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows
@@ -28,7 +29,7 @@ JUDGED_WORDS = {
     "tail_mean": "mean error over the tail and the vehicles [m]",
     "spread": "spread of honest vehicles over the tail [m]",
 }
-MOST_TAIL_ROWS = 40  # cells that one figure takes
+MOST_TAIL_ROWS = 40  # cells that one panel takes
 MOST_DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other
 MOST_MAGNITUDES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 JITTER = 0.22  # of a row
@@ -49,30 +50,53 @@ LIMIT = Look(style.RED, (4, 1.5), width=0.8)
 def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     """The judged metric of the lanes that ended: a row per cell, a dot per lane.
 
-    Of many cells MOST_TAIL_ROWS are shown, evenly along each swept key.
+    Of many rows and panels some are shown, evenly along each swept key.
     """
     metric, there = judged_metric(cells), [cell.labels for cell in cells]
-    shown = [cells[at] for at in evenly_over(there, MOST_TAIL_ROWS)]
-    places = {cell.number: place for place, cell in enumerate(shown)}
-    series = []
+    groups, labels = tail_panels(cells)
+    groups = [groups[at] for at in evenly_over([told for told, _ in groups], MOST_PANELS)]
+    shown = evenly_over(labels, MOST_TAIL_ROWS)
+    labels = [labels[at] for at in shown]
+    numbers = [[mine[at].number for at in shown] for _, mine in groups]
+    places = {cell: place for each in numbers for place, cell in enumerate(each)}
+    series = dict.fromkeys(places, ())
     for cell, lanes in results.by_cell(metric, where=rows.OK, cells=places):
         values, row = lanes[metric].to_numpy(), [places[cell]]
         dots = thin_by_rank(values)
         jitter = np.random.default_rng(0).uniform(-JITTER, JITTER, len(dots))
         low, median, high = np.quantile(values, [[0.05], [0.5], [0.95]])
-        series += [
+        series[cell] = (
             Trace("", DOT, dots, row + jitter, "points"),
             Trace("", MIDDLE, median, np.array(row), "points", low, high),
-        ]
-    labels = [cell.labels for cell in shown]
+        )
+    panels = []
+    for (told, _), mine in zip(groups, numbers, strict=True):
+        drawn = [each for cell in mine for each in series[cell]]
+        panels.append(Panel(told, mine, drawn, "" if drawn else NO_LANE))
     titles, common = distinct_titles(labels)
     many = max(results.samples) > MOST_DOTS
     dot = f"{MOST_DOTS:,} dots evenly by rank" if many else "one dot per lane"
     notes = [common, f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
     notes.append(unended_words(results, cells))
-    panel, x = Panel({}, [*places], series), Scale(JUDGED_WORDS[metric], log=True)
-    y = Scale("", names=titles, labels=labels)
-    return Drawing([panel], x, y, notes, there=(there, "cells"), where="lanes/")
+    x, y = Scale(JUDGED_WORDS[metric], log=True), Scale("", names=titles, labels=labels)
+    return Drawing(panels, x, y, notes, there=(there, "cells"), where="lanes/")
+
+
+def tail_panels(
+    cells: Sequence[Cell],
+) -> tuple[list[tuple[dict[str, Label], list[Cell]]], list[dict[str, Label]]]:
+    """The panels that a curve has, and the labels of their rows; one panel if rows differ."""
+    axes = choose_axes(cells)
+    keys = tuple(key for key in axes.panel if len({cell.labels[key] for cell in cells}) > 1)
+    for told in (keys, ()):
+        groups = panels_of(cells, axes._replace(panel=told))
+        first, *others = (
+            [{key: cell.labels[key] for key in cell.labels if key not in told} for cell in mine]
+            for _, mine in groups
+        )
+        if all(other == first for other in others):
+            break
+    return groups, first
 
 
 def thin_by_rank(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dots"]:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.naming import key_name, quantity, value_alone
 from jaxnet.config.sweep import is_joint
+from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.axes import (
     Axes,
     by_hue,
@@ -21,11 +22,24 @@ from jaxnet.statistics.axes import (
     panels_of,
 )
 from jaxnet.statistics.groups import Label
-from jaxnet.statistics.quantities import VALUE_COLUMNS, Quantity
+from jaxnet.statistics.quantities import VALUE_COLUMNS, Quantity, asked_quantity, quantity_of
+from jaxnet.store.results import Results
 from jaxnet.view.drawings import drawing
 from jaxnet.view.drawings.drawing import LOOKS, MARKERS, Drawing, Look, Panel, Scale, Trace
 
 ROW_SHARE = 0.7  # of a named row, that its colours take
+
+
+def answers(results: Results, cells: Sequence[Cell]) -> list[Quantity]:
+    """What lanes are judged by, and what the study asks for, where lanes tell it.
+
+    What is the same in all cells is left out, if something else differs.
+    """
+    names = [judged_metric(cells), asked_quantity(results.study.config)]
+    names = ["in_hull", *names, "outside"] if is_leaderless(cells) else names
+    every = (quantity_of(results, cells, name) for name in dict.fromkeys(names))
+    known = [each for each in every if each.known.size]
+    return [each for each in known if np.ptp(each.known) > ROUNDING_ERROR] or known[-1:]
 
 
 def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing:

@@ -13,10 +13,10 @@ from jaxnet.view.figures import style
 
 BOUND_LOOKS = {
     "static": Look(style.GREEN),
-    "harmonic": Look(style.GREEN, (6, 2)),
-    "peak_gain": Look(style.BLUE, (6, 2)),
+    "harmonic": Look(style.BROWN, (8, 2)),
+    "peak_gain": Look(style.BLUE, (4, 1.5)),
     "star_norm": Look(style.PURPLE, (1, 1.2)),
-    "lyapunov_best": Look(style.ORANGE, (3, 1.2)),
+    "lyapunov_best": Look(style.ORANGE, (2, 3)),
     "lyapunov_corrected": Look(style.RED, (6, 1.5, 1, 1.5)),
     "lyapunov_printed": Look(style.SKY, (6, 1.5, 1, 1.5, 1, 1.5)),
 }

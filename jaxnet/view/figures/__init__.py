@@ -1,11 +1,12 @@
 """Figures for print, as PNG and PDF. Their names stand here: the command line need not draw."""
 
+CURVES = ("curve", "curve_median")
 ULTIMATE = ("ultimate", "ultimate_mean")
 HEAT = ("heat", "heat_worst")
 SEARCH = ("search", "search_worst")
 SENSITIVITY = ("sensitivity", "sensitivity_unrecovered")
 FIGURE_NAMES = (
-    "curve",
+    *CURVES,
     "topologies",
     "tails",
     "panels",
@@ -19,6 +20,6 @@ FIGURE_NAMES = (
 AXES_OF = {  # arguments of figures that are axes
     "curve": ("x", "y", "hue", "panel"),
     "bands": ("y", "hue"),
-    **dict.fromkeys(HEAT, ("x", "hue", "panel")),
+    **dict.fromkeys(("curve_median", *HEAT), ("x", "hue", "panel")),
 }
 COLUMN_WIDTHS = {"one": 3.5, "two": 7.16}  # [in] widths that a two-column journal has

@@ -38,14 +38,17 @@ from jaxnet.store.looking import MissingKindError
 from jaxnet.store.results import Results
 from jaxnet.view.drawings import analyses, spreads
 from jaxnet.view.drawings.heat import heat_drawing
-from jaxnet.view.drawings.swept import swept_drawing
+from jaxnet.view.drawings.swept import answers, swept_drawing
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import (
     AXES_OF,
     COLUMN_WIDTHS,
+    CURVES,
     FIGURE_NAMES,
+    HEAT,
     SEARCH,
     SENSITIVITY,
+    ULTIMATE,
     multiples,
     panels,
     style,
@@ -62,8 +65,8 @@ TWO_KEYS = (
     "a sweep of two values at least of two keys, such as defence and attack.frequency",
 )
 NOT_OF_ERRORS = (*SEARCH, *SENSITIVITY, "topologies")
-OF_THE_TAIL = ("tails", "vehicles", "curve", "heat", "heat_worst", "ultimate", "ultimate_mean")
-OF_ENDED_LANES = ("vehicles", "ultimate", "ultimate_mean", "bands")
+OF_THE_TAIL = ("tails", "vehicles", *CURVES, *HEAT, *ULTIMATE)
+OF_ENDED_LANES = ("vehicles", *ULTIMATE, "bands")
 NO_CHOICE: Mapping[str, object] = {}
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
 LONGEST_FILE_NAME = 100  # letters of a file's name
@@ -214,7 +217,7 @@ class Plots:
     Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or
     "two", the figure's width in columns of a journal. `size`, a pair in inches or text like
     "86x64mm", sets width and height; `font_size` [pt] and `font` set the type. `note=False` leaves
-    out the small lines below, for a paper whose caption says it. `curve` and the heat maps take
+    out the small lines below, for a paper whose caption says it. Curves and the heat maps take
     `x`, `hue` and `panel`, swept keys; `curve` takes `y` too, and `bands` takes `y` and `hue`. Each
     method returns a matplotlib figure.
 
@@ -300,6 +303,14 @@ class Plots:
             lacking = NO_SHARE if found.name == "unrecovered" else NO_ERROR
             raise lacking_error(self.results, *lacking)
         return printed(swept_drawing(found, chosen, cells), width)
+
+    @plot
+    def curve_median(self, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
+        """Draw the first median on the page: the error, or without a navigator the spread."""
+        first = next((each for each in answers(self.results, cells) if not each.share), None)
+        if first is None or first.name == asked_quantity(self.results.study.config):
+            raise LackingError(f"{self.results.place}: curve draws the first median on the page")
+        return printed(swept_drawing(first, choose_axes(cells, **axes), cells), width)
 
     @plot
     def heat(self, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:

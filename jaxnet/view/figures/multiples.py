@@ -4,6 +4,7 @@ Small multiples are a panel per group of cells; the first swept key chooses the 
 """
 
 import textwrap
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -40,15 +41,21 @@ TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for t
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
 
 
+def sharing_first(labels: Sequence[Labels]) -> int:
+    """Panels that share the first swept value; 1 if values have unlike numbers of panels."""
+    firsts = Counter(next(iter(each.values()), None) for each in labels)
+    return min(firsts.values()) if len({*firsts.values()}) == 1 else 1
+
+
 def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
-    """Panels in a row; those that share the first swept value stay together, or rows are alike."""
-    firsts = [next(iter(each.values()), None) for each in labels]
-    run = firsts.count(firsts[0])
-    if 2 <= run <= most and len(firsts) % run == 0:
-        is_many = len(firsts) >= 2 * most and len(firsts) % (2 * run) == 0
+    """Panels in a row: no row mixes first swept values if it can be whole, or rows are alike."""
+    run, many = sharing_first(labels), len(labels)
+    if 2 <= run <= most:
+        is_many = many >= 2 * most and many % (2 * run) == 0
         return 2 * run if is_many and 2 * run <= most else run
-    rows = -(-len(firsts) // most)
-    return -(-len(firsts) // rows)
+    parts = [columns for columns in range(2, most + 1) if run % columns == 0]
+    rows = -(-many // most)
+    return max(parts, default=-(-many // rows))
 
 
 def set_size(drawn: Figure, size: tuple[float, float]) -> None:
@@ -166,6 +173,12 @@ def panels_across(width: float) -> int:
     return max(1, round(PANELS_PER_ROW * width / style.FIGURE_WIDTH))
 
 
+def most_columns(labels: Sequence[Labels], most: int) -> int:
+    """The most panels in a row; half more, if a row then has all of one first swept value."""
+    run = sharing_first(labels)
+    return run if most < run <= 1.5 * most else most
+
+
 def page_height() -> float:
     """Height that panels may take [in], were the type that of the style for print."""
     return float(mpl.rcParams["figure.figsize"][1] / type_scale("font.size"))
@@ -195,13 +208,18 @@ def title_height(labels: Sequence[Labels], width: float, most: int) -> float:
 
 
 def columns_of_titles(labels: Sequence[Labels], width: float) -> int:
-    """Panels in a row: fewer where titles then stay on one line and a page holds as many panels."""
-    most, longest = panels_across(width), max(map(len, distinct_titles(labels)[0]))
-    there = len(panels_fitting(labels, width))
+    """Panels in a row: fewer where titles then stay on one line, if no row mixes first values.
+
+    A page holds as many panels then.
+    """
+    most, run = most_columns(labels, panels_across(width)), sharing_first(labels)
+    longest = max(map(len, distinct_titles(labels)[0]))
+    there = len(panels_fitting(labels, width, most=most))
     for across in range(most, 0, -1):
         across = panel_columns(labels, across)
         is_whole = len(panels_fitting(labels, width, most=across)) == there
-        if is_whole and longest <= title_letters(width, across):
+        mixes = run % across and across % run
+        if is_whole and not mixes and longest <= title_letters(width, across):
             return across
     return most
 

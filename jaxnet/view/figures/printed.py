@@ -120,7 +120,9 @@ def printed(drawing: Drawing, width: float = style.FIGURE_WIDTH) -> Figure:
     parts: list[Selection] = [(labels, [panel.labels for panel in drawing.panels], "panels")]
     parts.append(([named[row] for row in rows], named, "rows"))
     if drawing.there is not None:
-        parts = [(parts[bool(rows) and len(panels) == 1][0], *drawing.there)]
+        within = parts[1][0] if drawing.y.labels else [{}]
+        cells = [{**panel, **row} for panel in labels for row in within]
+        parts = [(cells, *drawing.there)]
     multiples.write_left_out(drawn, *parts, *drawing.left_out, where=drawing.where)
     return drawn
 
@@ -142,16 +144,19 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     room = multiples.page_height() - multiples.AXIS_ROOM - TITLE_ROOM - below
     places = range(len(rows))
     if drawing.colours is None:
-        row = np.clip(room / len(rows), multiples.LEAST_ROW_HEIGHT, multiples.ROW_HEIGHT)
+        across = max(1, min(MOST_ROWS_PANELS, int((width - margin) / LEAST_ROWS_WIDTH)))
+        titles = multiples.title_height(labels, width - margin, across)
+        deep = -(-len(labels) // multiples.panel_columns(labels, across))
+        row = ((room + TITLE_ROOM) / deep - TITLE_ROOM - titles) / len(rows)
+        row = np.clip(row, multiples.LEAST_ROW_HEIGHT, multiples.ROW_HEIGHT)
         row = max(float(row), ROW_OF_SERIES * drawing.beside, least)
-        most = max(1, int(room / row + 1e-9))
+        most = max(1, int((room - titles) / row + 1e-9))
         labels_of_rows = drawing.y.labels
         places = evenly_over(labels_of_rows, most) if labels_of_rows else evenly(places, most)
         rows = [rows[place] for place in places]
-        height = row * len(rows) + TITLE_ROOM
-        most = max(1, min(MOST_ROWS_PANELS, int((width - margin) / LEAST_ROWS_WIDTH)))
-        shown = multiples.panels_fitting(labels, width, height, most)
-        return Layout(shown, most, height, margin, places, rows)
+        height = row * len(rows) + TITLE_ROOM + titles
+        shown = multiples.panels_fitting(labels, width, height, across)
+        return Layout(shown, across, height, margin, places, rows)
     margin, found = margin + TITLE_ROOM, list[Layout]()
     for across, up in TILE_SIZES:
         most = max(1, int((width - margin) / (across * len(drawing.x.names) + PANEL_FRAME[1])))

@@ -27,7 +27,7 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
     "#56B4E9",
     "#000000",
 )
-
+BROWN = "#6B3E00"  # of one line more, by all eyes told from the palette
 
 SERIES_LOOKS: list[tuple[str, tuple[float, ...]]] = [
     (BLUE, ()),

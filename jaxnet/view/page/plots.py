@@ -31,7 +31,7 @@ from jaxnet.view.figures.printed import value_ticks
 from jaxnet.view.figures.topology import topology_figure
 from jaxnet.view.page.elements import Plot, notes_html, packed, plain, plots_html
 
-COLOUR_NAMES = ("BLUE", "ORANGE", "GREEN", "RED", "PURPLE", "SKY", "BLACK")
+COLOUR_NAMES = ("BLUE", "ORANGE", "GREEN", "RED", "PURPLE", "SKY", "BLACK", "BROWN")
 COLOURS = {getattr(style, name): f"--{name.lower()}" for name in COLOUR_NAMES}
 PLOTLY_SYMBOLS = {
     "o": "circle",

@@ -27,7 +27,7 @@ from jaxnet.statistics.curves import (
     no_magnitudes,
 )
 from jaxnet.statistics.groups import Group
-from jaxnet.statistics.quantities import asked_quantity, quantity_of, unended_words
+from jaxnet.statistics.quantities import unended_words
 from jaxnet.statistics.recovery import criterion_words
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.looking import MissingKindError, known_or
@@ -37,7 +37,7 @@ from jaxnet.view import columns
 from jaxnet.view.drawings.analyses import course_drawing
 from jaxnet.view.drawings.heat import METRICS, heat_drawing, metric_label
 from jaxnet.view.drawings.spreads import bands_drawing
-from jaxnet.view.drawings.swept import swept_drawing
+from jaxnet.view.drawings.swept import answers, swept_drawing
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.page import findings, trajectories
 from jaxnet.view.page.elements import (
@@ -141,20 +141,13 @@ def left_out_section(results: Results) -> Section | None:
 
 
 def answer_section(results: Results) -> Section | None:
-    """What lanes are judged by, and what the study asks for, or None if no lane tells it.
-
-    What is the same in all cells is left out, if something else differs.
-    """
-    cells, alone = results.study.cells, is_leaderless(results.study.cells)
+    """The answers of the study, None if no lane tells one."""
+    cells = results.study.cells
     if len(cells) == 1:
         return None  # a finding says it
-    names = [judged_metric(cells), asked_quantity(results.study.config)]
-    names = ["in_hull", *names, "outside"] if alone else names
-    every = (quantity_of(results, cells, name) for name in dict.fromkeys(names))
-    known = [each for each in every if each.known.size]
-    if not known:
+    shown = answers(results, cells)
+    if not shown:
         return None
-    shown = [each for each in known if np.ptp(each.known) > ROUNDING_ERROR] or known[-1:]
     axes = choose_axes(cells)
     over = f" against {key_name(axes.x)}" if axes.x else ""
     views = {each.words: plotted(swept_drawing(each, axes, cells)) for each in shown}
