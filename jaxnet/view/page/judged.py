@@ -19,8 +19,6 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import NEGLIGIBLE, where_words
 
-NEARLY = 1.2  # times one another
-
 
 class ComparedBy(NamedTuple):
     """A number of each lane, the less the better, by which values of a key are compared.
@@ -95,8 +93,9 @@ def rising_words(
     flat, odd = list[int](), list[int]()
     for group in filter(None, there):
         level: Any = errors.loc[group, "value"]
-        if not is_proportional(errors.loc[group].div(sizes[group], axis="index")):
-            (flat if level.max() <= NEARLY * level.min() else odd).extend(group)
+        ratios = errors.loc[group].div(sizes[group], axis="index")
+        if not curves.is_proportional(*(ratios[name] for name in VALUE_COLUMNS)):
+            (flat if level.max() <= curves.NEARLY * level.min() else odd).extend(group)
     told = {"does not rise with ā": flat, "rises with ā, but not in proportion": odd}
     clauses = [
         f"{where_words(results, sorted(cells), among) * (len(cells) < len(among))} it {words}"
@@ -104,12 +103,6 @@ def rising_words(
         if cells
     ]
     return f" {sentence_case('; '.join(clauses).strip())}." * bool(clauses)
-
-
-def is_proportional(values: pd.DataFrame) -> bool:
-    """Whether errors per ā are the same but for their intervals, or nearly so."""
-    low, high = values["low"].fillna(values["value"]), values["high"].fillna(values["value"])
-    return bool(low.max() <= high.min() or values["value"].max() <= NEARLY * values["value"].min())
 
 
 def settled(results: Results, values: pd.DataFrame) -> pd.DataFrame:

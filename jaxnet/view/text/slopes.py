@@ -8,7 +8,14 @@ import numpy as np
 from jaxnet.config.naming import worded
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.amplitude import without_rounding
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
+from jaxnet.statistics.curves import (
+    BOUND_NAMES,
+    LEAST_UNRECOVERED,
+    Curve,
+    Fit,
+    curves,
+    no_magnitudes,
+)
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVALS, whole_draws
 from jaxnet.statistics.intervals import below_greatest
@@ -21,7 +28,6 @@ from jaxnet.view.text.tables import lane_title
 from jaxnet.view.text.width import filled
 
 MOST_VIOLATIONS = 20
-LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 WORST_LANE = "worst lane"
 QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, WORST_LANE: ENVELOPE}
 ERROR_NAMES = {"tail_mean": "mean", "tail_max": "greatest"}
