@@ -391,10 +391,27 @@ def test_a_slope_without_an_interval_says_so(draws, why, monkeypatch):
     assert " ".join(row.split()) == "greatest 0.5 [0.4, 0.6] 0.5 [0.4, 0.6] 0.7 [-] 0.8 -"
     assert "[-]: no interval" in text
     assert why in text
+    assert ("too few lanes: 95 % below takes 200" in text) is (draws == "random")
     assert ("worst lane: of the 7 lanes of each ā" in text) is (draws == "random")
     fits |= {(metric, 0.95): (0.7, 0.6, 0.8) for metric in SUMMARISED}
     whole = curve_of(2, fits)._replace(exponents={})
     assert "[-]" not in slopes.slopes_text(results, [whole])
+
+
+def test_a_slope_of_skewed_errors_is_told_apart_from_one_of_equal_lanes(monkeypatch):
+    """Few errors of many are small, so no rule of great errors applies; equal lanes need no rule."""
+    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
+    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 60)
+    for most, shown, note in (
+        (0.158, "0.139 [-]", "too few lanes: the mean takes 28 + 25 G², G: skewness of their"),
+        (0.139, "0.139 (alike)", "(alike): all lanes have the same error per ā"),
+    ):
+        fits = {(each, None): (0.139, math.nan, math.nan) for each in SUMMARISED}
+        fits |= {(each, 1.0): (most, math.nan, math.nan) for each in SUMMARISED}
+        text = slopes.slopes_text(results, [curve_of(2, fits)._replace(exponents={})])
+        assert shown in text
+        assert note in " ".join(text.split())
+        assert ("[-]" in text) == ("[-]" in shown)
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():
