@@ -320,7 +320,7 @@ def curve_of(
     """
     sizes, there = np.array([1.0, 2.0]), np.where(np.arange(2) < ended, 1.0, math.nan)
     counts = {"ok": 40 * (there == 1), "failed": 40 * (there != 1)}
-    cells = {name: sizes * there for name in ("tail_max_max", "tail_mean_max")}
+    cells = dict.fromkeys(("tail_max_max", "tail_mean_max"), sizes * there)
     for metric in SUMMARISED:
         for name, last, each in (("", greater, width), ("_median", median, 0.3)):
             value, half = sizes * there * [1.0, last], sizes * each
@@ -399,7 +399,7 @@ def test_a_slope_without_an_interval_says_so(draws, why, monkeypatch):
 
 
 def test_a_slope_of_skewed_errors_is_told_apart_from_one_of_equal_lanes(monkeypatch):
-    """Few errors of many are small, so no rule of great errors applies; equal lanes need no rule."""
+    """Few errors may be small, not great; equal lanes need no rule."""
     results = results_of({"attack.magnitude": [1, 2]}, False, 2)
     monkeypatch.setattr(slopes, "whole_draws", lambda *_: 60)
     for most, shown, note in (

@@ -109,7 +109,9 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     told = [str(text) for values in shown.values() for text in values]
     independent = results.study.config.draws == "random"
     needed = (
-        words for name, words in LANES_NEEDED.items() if NO_INTERVAL in "".join(shown.get(name, ()))
+        words
+        for name, words in LANES_NEEDED.items()
+        if any(NO_INTERVAL in str(text) for text in shown.get(name, ()))
     )
     missing = TOO_FEW + "; ".join(needed) if independent else OF_SEQUENCES
     notes = SLOPE_NOTES | {NO_INTERVAL: missing}

@@ -19,7 +19,7 @@ from jaxnet.statistics.amplitude import amplitude_note, without_rounding
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.curves import failed_kinds, mostly_failed
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.horizon import errors_words
+from jaxnet.statistics.horizon import cuts_words, errors_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
 from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition
@@ -155,7 +155,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         words = f"at most {beyond} of all possible lanes are above, with 95 % confidence"
         notes.append(f"max: greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}")
     about = falling_words(results, cells), errors_words(results.study.config, cells)
-    about += (recovery.lowered_words(results, cells),)
+    about += cuts_words(cells), recovery.lowered_words(results, cells)
     first = [*filter(None, about), *misfit_words(results, cells)]
     return [*first, *notes, *caveat_lines(cells)]
 
