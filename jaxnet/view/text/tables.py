@@ -324,10 +324,12 @@ def failures_text(results: Results) -> str:
     for row in first:
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
-        lines.append(f"the first: {lane_title(results, row.cell, row.sample)}: {row.status}{since}")
+        title = lane_title(results, row.cell, row.sample)
+        lines.append(filled(f"the first: {title}: {row.status}{since}"))
         lines.append(f"  {results.replay_command(row.cell, row.sample)}")
     every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
-    lines += [f"{kind}: {FAILURE_REASONS[kind]}" for kind in every if kind in FAILURE_REASONS]
+    known = (f"{kind}: {FAILURE_REASONS[kind]}" for kind in every if kind in FAILURE_REASONS)
+    lines += map(filled, known)
     held = [cell for cell, kinds in by_cell.items() if {*kinds} & {*HELD_TOO_LONG}]
     if any(results.study.cells[number].scenario.engine.samples for number in held):
         lines.append(filled(ON_SAMPLED))
