@@ -259,7 +259,7 @@ def peak_gain(gain):
             "attacked vehicles have several identities",
         ),
         ({"law": "rounds"}, "the law is rounds (theorems need the law solved at every instant)"),
-        ({"defence": "w_msr"}, "the defence may retain any neighbour"),
+        ({"defence": "w_msr"}, "the defence may drop neighbours or change weights"),
     ],
 )
 def test_cells_without_a_bound_have_their_own_reason(keys, why):

@@ -228,7 +228,7 @@ FACTS = [
     (of_drawn(2, defence={"kind": "w_msr", "F": 2}), "defence", "W-MSR, F = 2; W-MSR may drop"),
     ({"defence": {"kind": "w_msr", "drop_trusted": True}}, "defence", "may drop any source, so"),
     ({"defence": "reputation"}, "defence", "reputation may drop any source, so there is no bound"),
-    ({"defence": "clipping"}, "defence", "clipping drops no source but weighs them anew, so there"),
+    ({"defence": "clipping"}, "defence", "clipping drops no source but changes weights, so there"),
     ({"defence": "w_msr", "topology": "star"}, "defence", "W-MSR changes no weight in this"),
     # 0.9³ on a ring; of a channel that is bad for 1/6 of the time (5/6)³
     (losing({"kind": "bernoulli", "probability": 0.1}), "trimming", "holds; in up to 27.1 % of"),

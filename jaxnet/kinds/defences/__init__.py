@@ -266,7 +266,7 @@ class AnyDefence(DrawsAtTicks):
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Lines of `jaxnet check`: what the defence promises on this graph under this attack."""
         dropped, known = self.may_drop(graph, trusted).links, self.retained(graph, trusted)
-        told = "may drop any source" if dropped.any() else "drops no source but weighs them anew"
+        told = "may drop any source" if dropped.any() else "drops no source but changes weights"
         told += " that is not trusted" * bool(dropped.any() and (graph.heard & ~dropped).any())
         told += ", so there is no bound"
         if known is not None and not dropped.any():
