@@ -250,6 +250,9 @@ def test_failed_lanes_are_named_and_strict_says_so(config, tmp_path):
     assert "failed: 2 max_steps of 2 lanes in cell 0" in done.stderr
     assert f"jaxnet replay {tmp_path / 'out'} --cell 0 --sample 0" in done.stderr
     assert jaxnet_does(*words, "--strict").exit_code == 3
+    shown = jaxnet_does("show", tmp_path / "out").stdout
+    assert "failed: 2 max_steps of 2 lanes in cell 0" in shown
+    assert "max_steps: more steps than engine.max_steps allows" in shown
 
 
 def test_mistakes_of_the_user_end_with_status_2(config, finished, tmp_path):

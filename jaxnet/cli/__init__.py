@@ -236,8 +236,11 @@ def show_command(
     chosen = columns.split(",") if columns else (), where, sort, pivot
     if form == "text":
         most = None if whole or not sys.stdout.isatty() else texts.width.MOST_ROWS
-        table = texts.tables.summary_text(opened, *chosen, most) if opened.has_run else ""
-        errors.echo("\n\n".join(filter(None, [table, texts.analyses.analyses_text(opened)])))
+        told = [texts.analyses.analyses_text(opened)]
+        if opened.has_run:
+            table = texts.tables.summary_text(opened, *chosen, most)
+            told = [table, texts.tables.failures_text(opened), *told]
+        errors.echo("\n\n".join(filter(None, told)))
     elif opened.has_run:
         errors.echo(texts.tables.formatted(opened, form, *chosen))
     else:

@@ -199,7 +199,7 @@ PREMISES = {  # what a theorem may need: what is said of a scenario without it
     "true places": "attacked vehicles tell false places",
     "continuous": "the {one.engine.kind} engine holds inputs from tick to tick",
     "settled": "gains differ by vehicle, and weights may switch",
-    "retained": "the defence may retain any neighbour",
+    "retained": "the defence may drop neighbours or change weights",
     "consistent": "attacked links announce {announced}, not what they carry",
     "added path": "the attack adds no given path with its derivatives",
     "no decisions": "the defence decides",

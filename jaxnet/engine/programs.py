@@ -64,12 +64,9 @@ def trace_program(plan: Plan, arguments: Arguments) -> None:
 
 @contextmanager
 def computing_on(device: Any) -> Iterator[None]:
-    """Compute in double precision on a device; afterwards the thread compiles nothing."""
+    """Compute in double precision on a device."""
     with jax.enable_x64(True), jax.default_device(device):
-        try:
-            yield
-        finally:
-            COMPILING.discard(threading.get_ident())
+        yield
 
 
 def compiling() -> bool:
@@ -87,11 +84,14 @@ def compiled(
     plan: Plan, structure: Any, shapes: ArrayShapes, device: Any
 ) -> Callable[..., Outcome]:
     COMPILING.add(threading.get_ident())
-    described = description_of(plan, jax.tree.unflatten(structure, shapes))
-    function = jitted(plan, structure)
-    if described is None:
-        return function.lower(*shapes).compile()
-    return by_kept_trace(described, function, shapes)
+    try:
+        described = description_of(plan, jax.tree.unflatten(structure, shapes))
+        function = jitted(plan, structure)
+        if described is None:
+            return function.lower(*shapes).compile()
+        return by_kept_trace(described, function, shapes)
+    finally:
+        COMPILING.discard(threading.get_ident())
 
 
 def by_kept_trace(described: bytes, function: Any, shapes: ArrayShapes) -> Callable[..., Any]:

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
+from jaxnet.kinds.metrics import LANE_STATISTICS
 from jaxnet.model.wording import orders_in_words
 from jaxnet.statistics.amplitude import attack_size
 from jaxnet.statistics.groups import Group, attacked_groups, labels_without_magnitude
@@ -25,7 +26,8 @@ LOG_FLOOR = 1e-9  # the least that a log axis shows: smaller errors [m], or per 
 GREATEST_SHOWN = 1e100  # [m] end of a log axis, 1 over it the other end; beyond, the ticks overflow
 SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
-NOT_PROPORTIONAL = 0.2  # of the power p of c·ā^p beside 1
+NEARLY = 1.2  # times one another
+LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 BOUND_NAMES = {
     "static": "static",
     "harmonic": "harmonic",
@@ -101,11 +103,24 @@ class Curve(NamedTuple):
     def is_bent(self, metric: str) -> bool:
         """Whether errors are not proportional to ā, so that no slope tells of them.
 
-        Where those of the other metric are not, a slope without an interval proves nothing.
+        The means decide if all have intervals, else the medians. Cells of which more lanes failed
+        than ended do not count.
         """
-        bent = {name for name, p in self.exponents.items() if abs(p[0] - 1.0) > NOT_PROPORTIONAL}
-        slope = self.fits.get((metric, None))
-        return metric in bent or bool(bent and slope is not None and np.isnan(slope[1]))
+        lanes = self.cells[["ok", "failed"]].to_numpy()
+        kept = self.ended & (lanes[:, 0] >= lanes[:, 1])
+        means, medians = (
+            [each[kept] / self.sizes[kept] for each in self.spread(metric, *names.columns)]
+            for names in (LANE_STATISTICS["mean"], LANE_STATISTICS["median"])
+        )
+        values = medians if np.isnan(means[1]).any() else means
+        floored = (np.where(each < LEAST_UNRECOVERED, 0.0, each) for each in values)
+        return kept.sum() > 1 and not is_proportional(*floored)
+
+
+def is_proportional(values: Any, low: Any, high: Any) -> bool:
+    """Whether errors per ā are the same but for their intervals, or nearly so."""
+    low, high = (np.where(np.isnan(end), values, end) for end in (low, high))
+    return bool(max(low) <= min(high) or max(values) <= NEARLY * min(values))
 
 
 def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:

@@ -55,10 +55,6 @@ MOST_FIT_WEIGHTS = 2**22  # of resamples fitted side by side
 FEWEST, FEWEST_BEYOND = 50, 10  # draws that make up the variance of a mean; beyond a quantile
 LEAST_RESIDUAL = 1e-12  # smaller errors per ā are rounding
 EXACT_FIT = 1e-9  # of the greatest error, or of ā; smaller ones are rounding
-NO_SLOPE_INTERVALS = (
-    "[-]: no interval, so the value is rough: too few lanes (95 % below takes"
-    f" {FEWEST_BEYOND / 0.05:.0f}), or a few great errors make it up; or all lanes agree"
-)
 
 DrawCounts = Shaped[np.ndarray, "n samples"]  # how often each resample draws each sample
 FitRow = dict[str, object]

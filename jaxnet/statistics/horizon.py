@@ -7,13 +7,15 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config, Scenario
-from jaxnet.config.scenario import broken_premise, for_any_signal
+from jaxnet.config.scenario import broken_premise, for_any_signal, missing
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.recovery import threshold
 from jaxnet.store.looking import known_or
+from jaxnet.theory.alarms import tested
 from jaxnet.theory.case import Case
+from jaxnet.theory.run_lengths import mean_run
 from jaxnet.theory.start import Start
-from jaxnet.theory.theorems import START, errors_leave
+from jaxnet.theory.theorems import OF_ALARMS, START, errors_leave
 
 LEAST_LEFT = 1e-3  # of a start, where a study asks for no length
 
@@ -71,6 +73,33 @@ def errors_words(study: Config, cells: Sequence[Cell]) -> str:
     least = min(above.values())
     words = f"errors alone leave a mean error of {least:.3g} m or more, recovery allows less"
     return f"{words}, in {cells_named([*above])}"
+
+
+@for_any_signal
+def cut_falsely(scenario: Scenario) -> bool:
+    """Whether a false alarm has cut an honest link for good before the end, more likely than not.
+
+    The first alarm comes by a geometric law, with the known mean (its upper end, if two are known).
+    """
+    detector = scenario.detector
+    stays = detector.cuts_links and detector.return_after is None
+    if not stays or missing(scenario, OF_ALARMS):
+        return False
+    rule, orders = tested(Case(scenario))
+    run = rule and mean_run(rule, orders)
+    ticks = 1 + scenario.horizon / scenario.tick
+    return bool(run) and (1 - 1 / run.most) ** ticks < 0.5
+
+
+def cuts_words(cells: Sequence[Cell]) -> str:
+    """Where false alarms cut most honest links before the end; else ""."""
+    found = [
+        cell.number
+        for cell in cells
+        if known_or(False, lambda cell=cell: cut_falsely(cell.scenario))
+    ]
+    words = "false alarms will cut most honest links before the run ends, in"
+    return f"{words} {cells_named(found)}" if found else ""
 
 
 def asked_length(cell: Cell, study: Config, distance: float) -> float:

@@ -76,7 +76,8 @@ def test_rows_tell_who_since_when_and_how_long(results):
     count, failed = results.failed(9)
     assert count == 2
     assert failed["cut_off"].tolist() == [3, 4]
-    assert "disconnected, vehicle 3 since 0 s" in tables.failures_text(results)
+    told = " ".join(tables.failures_text(results).split())
+    assert "disconnected, vehicle 3 since 0 s" in told
     cut_off = ["cut_off", "cut_off_at"]
     for law, defence, known in (
         ("local", "w_msr", []),

@@ -36,6 +36,30 @@ def test_the_table_has_a_block_for_each_group():
     assert slopes_table(jaxnet.load({"attack": "none"}).cells).empty
 
 
+JUDGES = ("w_msr", "clipping", "coordinate_median", "centerpoint", "geometric_median")
+
+
+@pytest.mark.parametrize("defence", JUDGES)
+def test_a_defence_that_can_change_no_weight_has_the_bounds_of_none(defence):
+    """On a star, where the navigator alone is heard; not on a ring, nor where it may be dropped."""
+    keys = {"engine": "exact", "topology": "star", "horizon": 20.0, "tail": 2.0}
+    keys["attack"] = {"kind": "sinusoid", "vehicles": {"random": 2}}
+    keys["sweep"] = {"defence": ["none", defence], "attack.magnitude": [1, 50]}
+    results = jaxnet.simulate(systems.study(**keys), samples=4, progress=False)
+    cells = results.study.cells
+    table = slopes_table(cells).set_index(["defence", "bound", "vehicle"])["slope"]
+    pd.testing.assert_series_equal(table[defence], table["none"])
+    assert table["none"].xs("peak_gain").notna().all()
+    assert bounds.unchecked_words(cells) == ""
+    assert violations_table(results).empty
+    errors = results.cells["tail_max_max"].to_numpy().reshape(2, 2)
+    np.testing.assert_allclose(errors[1], errors[0], rtol=1e-9)
+    for more in ({"topology": "cyclic"}, {"defence": {"kind": defence, "trusted": "none"}}):
+        if defence != "geometric_median" or "topology" in more:
+            ring = systems.study(**keys | {"sweep": {}, "defence": defence} | more)
+            assert "the defence may" in bounds.unchecked_words(ring.cells)
+
+
 @pytest.mark.parametrize(
     "drawn",
     [
@@ -235,7 +259,7 @@ def peak_gain(gain):
             "attacked vehicles have several identities",
         ),
         ({"law": "rounds"}, "the law is rounds (theorems need the law solved at every instant)"),
-        ({"defence": "w_msr"}, "the defence may retain any neighbour"),
+        ({"defence": "w_msr"}, "the defence may drop neighbours or change weights"),
     ],
 )
 def test_cells_without_a_bound_have_their_own_reason(keys, why):

@@ -228,7 +228,8 @@ FACTS = [
     (of_drawn(2, defence={"kind": "w_msr", "F": 2}), "defence", "W-MSR, F = 2; W-MSR may drop"),
     ({"defence": {"kind": "w_msr", "drop_trusted": True}}, "defence", "may drop any source, so"),
     ({"defence": "reputation"}, "defence", "reputation may drop any source, so there is no bound"),
-    ({"defence": "clipping"}, "defence", "clipping drops no source, so there is no bound"),
+    ({"defence": "clipping"}, "defence", "clipping drops no source but changes weights, so there"),
+    ({"defence": "w_msr", "topology": "star"}, "defence", "W-MSR changes no weight in this"),
     # 0.9³ on a ring; of a channel that is bad for 1/6 of the time (5/6)³
     (losing({"kind": "bernoulli", "probability": 0.1}), "trimming", "holds; in up to 27.1 % of"),
     (losing({"kind": "gilbert_elliott", "fail": 0.1, "recover": 0.5}), "trimming", "up to 42.1 %"),
@@ -520,6 +521,22 @@ def test_a_threshold_below_what_errors_leave_is_told(errors, known):
     text = one_line(check.check_text(systems.study(**keys, **errors)))
     told = f"errors alone leave a mean error of {left:.3g} m or more, recovery allows less, in"
     assert f"WARNING: {told} cells 0, 2 swept" in text
+
+
+def test_false_alarms_that_cut_most_honest_links_are_told():
+    """After 41 tests 1 - (1 - α)^41 of the links are cut: half at α = 0.0168; or they return."""
+    rates = [0.0165, 0.0171]
+    assert [round(1 - (1 - rate) ** 41, 2) for rate in rates] == [0.49, 0.51]
+    sweep = {"detector.cuts": ["never", "message", "link", "both_ways"]}
+    keys = TESTED | {"tick": 0.05, "horizon": 2.0, "tail": 0.0}
+    keys["sweep"] = sweep | {"detector.false_alarms": rates}
+    words = "false alarms will cut most honest links before the run ends, in cells 5, 7 swept"
+    assert f"WARNING: {words}" in one_line(check.check_text(systems.study(**keys)))
+    for spared in ({"return_after": 1.0}, {"predicts": "kalman"}, {"kind": "distance"}):
+        detector = {"kind": "chi_squared", "cuts": "link"} | spared
+        detector |= {"threshold": 0.1} if "kind" in spared else {"false_alarms": 0.5}
+        study = systems.study(**TESTED | {"detector": detector})
+        assert "false alarms will cut" not in check.check_text(study)
 
 
 def test_swept_gains_are_named_in_full():

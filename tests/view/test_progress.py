@@ -34,12 +34,9 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
     with progress.report_progress(True) as report:
         assert line_of("preparing") == "preparing"
         report(tally := tally_of(0, 100))
-        assert line_of("0/100") == "0/100 lanes  first lanes under way  0 failed  unknown time left"
+        assert line_of("0/100") == "0/100 lanes  first lanes under way  0 failed"
         programs.COMPILING.add(0)
-        assert (
-            line_of("0/100 lanes  compiling")
-            == "0/100 lanes  compiling  0 failed  unknown time left"
-        )
+        assert line_of("0/100 lanes  compiling") == "0/100 lanes  compiling  0 failed"
         programs.COMPILING.clear()
         tally.record([Done(0, 0, Sums(50, 48, 0, 0.0))])
         report(tally)
@@ -70,8 +67,29 @@ def test_work_without_a_terminal_is_named(capsys, monkeypatch):
         assert next_line(capsys, "comparing") == "comparing lanes"
     with progress.report_steps() as note:
         assert next_line(capsys, "preparing") == "preparing"
+        note("curves fitted", 0, 12)
+        assert next_line(capsys, "curves") == "curves fitted: 0/12"
         note("curves fitted", 3, 12)
-        assert next_line(capsys, "curves") == "curves fitted: 3/12"
+        assert re.fullmatch(
+            r"curves fitted: 3/12  0:00:\d\d left", next_line(capsys, "curves fitted: 3")
+        )
+
+
+def test_nothing_compiles_while_lanes_move(monkeypatch):
+    """A program is compiled, then runs; its first load is not told as compiling."""
+    told, compile_one = list[bool](), programs.by_kept_trace
+
+    def watched(described, *given):
+        program = compile_one(described, *given)
+        if described == b"bits":  # draws lanes
+            return program
+        told.append(programs.compiling())
+        return lambda *leaves: (told.append(programs.compiling()), program(*leaves))[1]
+
+    monkeypatch.setattr(programs, "by_kept_trace", watched)
+    keys = {"horizon": 1.0, "tail": 0.4, "topology": "star", "engine": "exact", "vehicles": 3}
+    jaxnet.simulate({**keys, "attack": "none", "defence": "none"}, samples=3, progress=False)
+    assert told == [True, False]
 
 
 class Terminal(io.StringIO):

@@ -311,28 +311,48 @@ def test_a_long_table_is_cut_only_if_asked():
     assert len([line for line in whole.splitlines() if line.strip()[:1].isdigit()]) == 72
 
 
-def curve_of(ended: int, fits: dict, power: float = 1.0) -> Curve:
-    """A curve of two magnitudes, with lanes that ended at the first `ended` of them."""
-    cells = pd.DataFrame({"tail_max_max": [1.0] * ended + [math.nan] * (2 - ended)}, [1.0, 2.0])
-    return Curve(Group({}, ()), cells, {}, fits, {"tail_mean": (power, math.nan, math.nan)})
+def curve_of(
+    ended: int, fits: dict, greater: float = 1.0, width: float = math.nan, median: float = 1.0
+) -> Curve:
+    """A curve of two magnitudes, with lanes that ended at the first `ended` of them.
+
+    Errors per ā have the mean 1, then `greater`, with intervals of this width to each side, and the
+    median 1, then `median`, with intervals of 0.3.
+    """
+    sizes, there = np.array([1.0, 2.0]), np.where(np.arange(2) < ended, 1.0, math.nan)
+    counts = {"ok": 40 * (there == 1), "failed": 40 * (there != 1)}
+    cells = dict.fromkeys(("tail_max_max", "tail_mean_max"), sizes * there)
+    for metric in SUMMARISED:
+        for name, last, each in (("", greater, width), ("_median", median, 0.3)):
+            value, half = sizes * there * [1.0, last], sizes * each
+            cells[f"{metric}{name or '_mean'}"] = value
+            cells |= {f"{metric}{name}_low": value - half, f"{metric}{name}_high": value + half}
+    exponents = {"tail_mean": (1.0, math.nan, math.nan)}
+    return Curve(Group({}, ()), pd.DataFrame(counts | cells, sizes), {}, fits, exponents)
 
 
 @pytest.mark.parametrize(
-    ("fit", "power", "ended", "words"),
+    ("fit", "errors", "words"),
     [
-        ((2.2, 2.1, 2.3), 1.0, 2, "2.2 [2.1, 2.3]"),
-        ((2.2, math.nan, math.nan), 0.9, 2, "2.2 [-]"),
-        ((2.2, math.nan, math.nan), 0.3, 2, "not proportional"),
-        ((2.2, 2.1, 2.3), 1.0, 1, "one ā: 2.2 [2.1, 2.3]"),
-        ((math.nan,) * 3, 1.0, 2, "does not rise"),
-        (None, 1.0, 2, "-"),
-        (None, 1.0, 0, "all lanes failed"),
+        ((2.2, 2.1, 2.3), (2, {}), "2.2 [2.1, 2.3]"),
+        # means that differ by less than their intervals, by little, by more
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.3}), "2.2 [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.9, "width": 0.01}), "2.2 [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (2, {"greater": 0.5, "width": 0.2}), "not proportional"),
+        # of means without intervals nothing is said, so the medians decide
+        ((2.2, math.nan, math.nan), (2, {"greater": 0.3}), "2.2 [-]"),
+        ((2.2, math.nan, math.nan), (2, {"median": 0.3}), "not proportional"),
+        ((2.2, 2.1, 2.3), (2, {"median": 0.3, "width": 0.1}), "2.2 [2.1, 2.3]"),
+        ((2.2, 2.1, 2.3), (1, {"greater": 0.3}), "one ā: 2.2 [2.1, 2.3]"),
+        ((math.nan,) * 3, (2, {}), "does not rise"),
+        (None, (2, {}), "-"),
+        (None, (0, {}), "all lanes failed"),
     ],
 )
-def test_a_slope_is_told_or_why_there_is_none(fit, power, ended, words):
+def test_a_slope_is_told_or_why_there_is_none(fit, errors, words):
     """Nor does a multiple of ā tell below which a share of lanes is, where there is no slope."""
     fits = {} if fit is None else {("tail_mean", quantile): fit for quantile in (None, 0.5)}
-    curve = curve_of(ended, fits, power)
+    curve = curve_of(errors[0], fits, **errors[1])
     assert slopes.slope_text(curve, "tail_mean") == words
     assert (curve.fit("tail_mean", 0.5) is None) == (not words.startswith("2.2"))
 
@@ -372,10 +392,27 @@ def test_a_slope_without_an_interval_says_so(draws, why, monkeypatch):
     assert " ".join(row.split()) == "greatest 0.5 [0.4, 0.6] 0.5 [0.4, 0.6] 0.7 [-] 0.8 -"
     assert "[-]: no interval" in text
     assert why in text
+    assert ("too few lanes: 95 % below takes 200" in text) is (draws == "random")
     assert ("worst lane: of the 7 lanes of each ā" in text) is (draws == "random")
     fits |= {(metric, 0.95): (0.7, 0.6, 0.8) for metric in SUMMARISED}
     whole = curve_of(2, fits)._replace(exponents={})
     assert "[-]" not in slopes.slopes_text(results, [whole])
+
+
+def test_a_slope_of_skewed_errors_is_told_apart_from_one_of_equal_lanes(monkeypatch):
+    """Few errors may be small, not great; equal lanes need no rule."""
+    results = results_of({"attack.magnitude": [1, 2]}, False, 2)
+    monkeypatch.setattr(slopes, "whole_draws", lambda *_: 60)
+    for most, shown, note in (
+        (0.158, "0.139 [-]", "too few lanes: the mean takes 28 + 25 G², G: skewness of their"),
+        (0.139, "0.139 (alike)", "(alike): all lanes have the same error per ā"),
+    ):
+        fits = {(each, None): (0.139, math.nan, math.nan) for each in SUMMARISED}
+        fits |= {(each, 1.0): (most, math.nan, math.nan) for each in SUMMARISED}
+        text = slopes.slopes_text(results, [curve_of(2, fits)._replace(exponents={})])
+        assert shown in text
+        assert note in " ".join(text.split())
+        assert ("[-]" in text) == ("[-]" in shown)
 
 
 def test_a_worst_lane_comes_with_the_number_of_lanes():

@@ -27,7 +27,7 @@ from jaxnet.kinds.shapes import (
 from jaxnet.kinds.ticks import DrawsAtTicks
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
-from jaxnet.model.retained import DropPolicy, any_untrusted
+from jaxnet.model.retained import DropPolicy, any_untrusted, everybody
 from jaxnet.model.safety import Safe, Vehicles
 
 
@@ -265,10 +265,13 @@ class AnyDefence(DrawsAtTicks):
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Lines of `jaxnet check`: what the defence promises on this graph under this attack."""
-        dropped = self.may_drop(graph, trusted).links
-        told = "may drop any source" if dropped.any() else "drops no source"
+        dropped, known = self.may_drop(graph, trusted).links, self.retained(graph, trusted)
+        told = "may drop any source" if dropped.any() else "drops no source but changes weights"
         told += " that is not trusted" * bool(dropped.any() and (graph.heard & ~dropped).any())
-        return {"defence": f"{self.words or self.kind} {told}, so there is no bound"}
+        told += ", so there is no bound"
+        if known is not None and not dropped.any():
+            told = "changes no weight in this network, so bounds are as without a defence"
+        return {"defence": f"{self.words or self.kind} {told}"}
 
 
 class ShareOfLinks(Record):
@@ -388,6 +391,10 @@ class Sparing(Defence):
     def spares(self, trusted: AnyMask) -> AnyMask:
         """The trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
+
+    def retained(self, graph, trusted):
+        """Every source where the rule spares all that are heard; else not known."""
+        return None if (graph.heard & ~self.spares(trusted)).any() else everybody(graph)
 
     def may_drop(self, graph, trusted):
         """A bound on the sources that the rule drops: every source that it does not spare."""

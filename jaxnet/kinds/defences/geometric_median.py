@@ -41,6 +41,10 @@ class GeometricMedian(Defence):
         middle = lax.fori_loop(1, self.rounds, lambda _, z: mean(weighed(z)), mean(around.weights))
         return weighed(middle), memory
 
+    def retained(self, graph, trusted):
+        """Every source where each vehicle hears one, whose weight is 1; else not known."""
+        return everybody(graph) if graph.heard.sum(axis=1).max() < 2 else None
+
     def may_drop(self, graph, trusted):
         """No source is dropped, because no weight becomes 0."""
         return everybody(graph)

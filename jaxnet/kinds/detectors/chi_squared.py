@@ -24,7 +24,7 @@ class ChiSquared(Detector):
     false_alarms: Annotated[Number, Within(gt=0.0, lt=1.0)] = setting(
         0.01,
         "probability of an alarm about an honest message with normal errors",
-        title="nominal rate",
+        title="false alarm rate",
     )
     window: int = setting(
         1, "number of messages of a link that are tested together, the last ones", ge=1, le=50

@@ -19,7 +19,6 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import where_words
 
-NEARLY = 1.2  # times one another
 NEGLIGIBLE = 1e-3  # of what a study asks for
 
 
@@ -97,12 +96,13 @@ def rising_words(
     flat, falls, odd = list[int](), list[int](), list[int]()
     for group in filter(None, there):
         level: Any = errors.loc[group, "value"]
-        if is_proportional(errors.loc[group].div(sizes[group], axis="index")):
+        ratios = errors.loc[group].div(sizes[group], axis="index")
+        if curves.is_proportional(*(ratios[name] for name in VALUE_COLUMNS)):
             continue
-        if level.max() <= NEARLY * level.min():
+        if level.max() <= curves.NEARLY * level.min():
             flat += group
         else:
-            (falls if NEARLY * level.iloc[-1] < level.max() else odd).extend(group)
+            (falls if curves.NEARLY * level.iloc[-1] < level.max() else odd).extend(group)
     told = {
         "does not rise with ā": flat,
         "is less at the greatest ā than at a smaller one": falls,
@@ -114,12 +114,6 @@ def rising_words(
         if cells
     ]
     return f" {sentence_case('; '.join(clauses).strip())}." * bool(clauses)
-
-
-def is_proportional(values: pd.DataFrame) -> bool:
-    """Whether errors per ā are the same but for their intervals, or nearly so."""
-    low, high = values["low"].fillna(values["value"]), values["high"].fillna(values["value"])
-    return bool(low.max() <= high.min() or values["value"].max() <= NEARLY * values["value"].min())
 
 
 def falling_cells(results: Results) -> list[int]:

@@ -18,7 +18,7 @@ from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.kind import Kind
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics.amplitude import amplitude_note
-from jaxnet.statistics.horizon import ending, errors_words
+from jaxnet.statistics.horizon import cuts_words, ending, errors_words
 from jaxnet.statistics.separation import near_starts_words
 from jaxnet.store import layout
 from jaxnet.view.text.facts import UNSTABLE, Facts, facts
@@ -52,7 +52,8 @@ def check_text(study: Study, number: int | None = None) -> str:
     """The whole report; of one cell if `number` is given."""
     cells = study.cells if number is None else [study.cells[number]]
     found, (times, early) = networks(cells), endings(study, cells)
-    warnings = [*unstable_words(found), errors_words(study.config, study.cells), early]
+    warnings = [*unstable_words(found), errors_words(study.config, study.cells)]
+    warnings += [cuts_words(study.cells), early]
     head = [study_head(study), *(f"WARNING: {each}" for each in warnings if each)]
     texts = ["\n".join(head)]
     if number is None or len(found) > 1:

@@ -62,7 +62,7 @@ def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
             return now[0].phase
         done, aim, failed = now[0].done, now[0].aim, now[0].failed
         words = f"{done}/{aim} lanes", speed.words(now[0]), f"{failed} failed"
-        return "  ".join([*words, f"{speed.left(aim - done)} left"])
+        return "  ".join([*words, *speed.left(aim - done)])
 
     with show_bar(speed, now) if bar else print_regularly(line):
         yield report
@@ -139,10 +139,12 @@ def report_work(what: str) -> Iterator[None]:
 def report_steps() -> Iterator[Steps]:
     """Yield a function that reports steps of work; a terminal keeps no trace."""
     if not sys.stderr.isatty():
-        now = ["preparing"]
+        now, speeds = ["preparing"], dict[str, Speed]()
 
         def note(what: str, done: int, total: int) -> None:
-            now[:] = [f"{what}: {done}/{total}"]
+            speed = speeds.setdefault(what, Speed())
+            speed.note(done)
+            now[:] = ["  ".join([f"{what}: {done}/{total}", *speed.left(total - done)])]
 
         with print_regularly(lambda: now[0]):
             yield note
@@ -161,7 +163,7 @@ def report_steps() -> Iterator[Steps]:
 
 
 class Speed:
-    """Lanes per second since the first note."""
+    """Lanes or steps per second since the first note."""
 
     def __init__(self):
         self.start: tuple[float, int] | None = None
@@ -182,10 +184,9 @@ class Speed:
             return "compiling"
         return f"{number_text(self.rate)} lanes/s" if self.rate else "first lanes under way"
 
-    def left(self, lanes: int) -> str:
-        if not self.rate:
-            return "unknown time"
-        return str(timedelta(seconds=round(lanes / self.rate)))
+    def left(self, number: int) -> list[str]:
+        """The time that so many lanes or steps more take; nothing before the first has ended."""
+        return [f"{timedelta(seconds=round(number / self.rate))} left"] if self.rate else []
 
 
 def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | Text]":

@@ -8,10 +8,22 @@ import numpy as np
 from jaxnet.config.naming import worded
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.amplitude import without_rounding
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
+from jaxnet.statistics.curves import (
+    BOUND_NAMES,
+    LEAST_UNRECOVERED,
+    Curve,
+    Fit,
+    curves,
+    no_magnitudes,
+)
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.fits import ENVELOPE, NO_SLOPE_INTERVALS, whole_draws
-from jaxnet.statistics.intervals import below_greatest
+from jaxnet.statistics.fits import ENVELOPE, FEWEST, FEWEST_BEYOND, whole_draws
+from jaxnet.statistics.intervals import (
+    LANES_PER_SKEWNESS,
+    LEAST_LANES,
+    ROUNDING_SPREAD,
+    below_greatest,
+)
 from jaxnet.statistics.limits import unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.recovery import lowered_words
 from jaxnet.statistics.summary import SUMMARISED
@@ -21,7 +33,6 @@ from jaxnet.view.text.tables import lane_title
 from jaxnet.view.text.width import filled
 
 MOST_VIOLATIONS = 20
-LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 WORST_LANE = "worst lane"
 QUANTILE_COLUMNS = {"half of the lanes below": 0.5, "95 % below": 0.95, WORST_LANE: ENVELOPE}
 ERROR_NAMES = {"tail_mean": "mean", "tail_max": "greatest"}
@@ -33,10 +44,17 @@ SLOPES_TITLE = (
 )
 NO_EFFECT, NOT_PROPORTIONAL, ONE_MAGNITUDE = "does not rise", "not proportional", "one ā: "
 NO_INTERVAL, OF_SEQUENCES = "[-]", "[-]: no interval is known for draws of Sobol's sequences"
+ALIKE, TOO_FEW = "(alike)", "[-]: no interval, as there are too few lanes: "
+LANES_NEEDED = {  # by column, for an interval
+    SLOPE: f"the mean takes {LEAST_LANES} + {LANES_PER_SKEWNESS} G², G: skewness of their errors",
+    "half of the lanes below": f"half of the lanes below takes {FEWEST_BEYOND / 0.5:.0f}",
+    "95 % below": f"95 % below takes {FEWEST_BEYOND / 0.05:.0f}",
+    POWER: f"the power takes {FEWEST} that make up its variance",
+}
 SLOPE_NOTES = {
     NO_EFFECT: "does not rise: errors of greater ā are not greater",
     NOT_PROPORTIONAL: "not proportional: errors rise with ā, but not as s ā",
-    NO_INTERVAL: NO_SLOPE_INTERVALS,
+    ALIKE: "(alike): all lanes have the same error per ā",
     ONE_MAGNITUDE: "one ā: lanes ended at one magnitude alone; the error per ā there, no slope",
 }
 SLOPES_DROP_ORDER = tuple((name,) for name in (POWER, *QUANTILE_COLUMNS))
@@ -90,7 +108,13 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     lines = [filled(SLOPES_TITLE), fitted_text(table, labels, SLOPES_DROP_ORDER, "fit.csv")]
     told = [str(text) for values in shown.values() for text in values]
     independent = results.study.config.draws == "random"
-    notes = SLOPE_NOTES if independent else SLOPE_NOTES | {NO_INTERVAL: OF_SEQUENCES}
+    needed = (
+        words
+        for name, words in LANES_NEEDED.items()
+        if any(NO_INTERVAL in str(text) for text in shown.get(name, ()))
+    )
+    missing = TOO_FEW + "; ".join(needed) if independent else OF_SEQUENCES
+    notes = SLOPE_NOTES | {NO_INTERVAL: missing}
     lines += [filled(note) for text, note in notes.items() if any(text in t for t in told)]
     draws = independent and min(whole_draws(results, curve.group) for curve in found)
     if draws and {*shown.get(WORST_LANE, ())} - {"-"}:
@@ -111,7 +135,10 @@ def slope_text(curve: Curve, metric: str) -> str:
         return NOT_PROPORTIONAL
     alone = curve.fits and curve.ended.sum() == 1
     known = curve.fits.get((metric, None)) if alone else curve.fit(metric)
-    return ONE_MAGNITUDE * bool(alone) + estimate_text(known)
+    told, most = estimate_text(known), curve.fits.get((metric, ENVELOPE))
+    if known and most and most[0] - known[0] <= ROUNDING_SPREAD * most[0]:
+        told = told.replace(NO_INTERVAL, ALIKE)
+    return ONE_MAGNITUDE * bool(alone) + told
 
 
 def group_columns(

@@ -19,7 +19,7 @@ from jaxnet.statistics.amplitude import amplitude_note, without_rounding
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.curves import failed_kinds, mostly_failed
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.horizon import errors_words
+from jaxnet.statistics.horizon import cuts_words, errors_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
 from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition
@@ -155,7 +155,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         words = f"at most {beyond} of all possible lanes are above, with 95 % confidence"
         notes.append(f"max: greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}")
     about = falling_words(results, cells), errors_words(results.study.config, cells)
-    about += (recovery.lowered_words(results, cells),)
+    about += cuts_words(cells), recovery.lowered_words(results, cells)
     first = [*filter(None, about), *misfit_words(results, cells)]
     return [*first, *notes, *caveat_lines(cells)]
 
@@ -324,10 +324,12 @@ def failures_text(results: Results) -> str:
     for row in first:
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
-        lines.append(f"the first: {lane_title(results, row.cell, row.sample)}: {row.status}{since}")
+        title = lane_title(results, row.cell, row.sample)
+        lines.append(filled(f"the first: {title}: {row.status}{since}"))
         lines.append(f"  {results.replay_command(row.cell, row.sample)}")
     every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
-    lines += [f"{kind}: {FAILURE_REASONS[kind]}" for kind in every if kind in FAILURE_REASONS]
+    known = (f"{kind}: {FAILURE_REASONS[kind]}" for kind in every if kind in FAILURE_REASONS)
+    lines += map(filled, known)
     held = [cell for cell, kinds in by_cell.items() if {*kinds} & {*HELD_TOO_LONG}]
     if any(results.study.cells[number].scenario.engine.samples for number in held):
         lines.append(filled(ON_SAMPLED))
