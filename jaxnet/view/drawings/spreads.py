@@ -59,7 +59,7 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     labels = [labels[at] for at in shown]
     numbers = [[mine[at].number for at in shown] for _, mine in groups]
     places = {cell: place for each in numbers for place, cell in enumerate(each)}
-    series = dict.fromkeys(places, ())
+    series = dict[int, tuple[Trace, ...]]()
     for cell, lanes in results.by_cell(metric, where=rows.OK, cells=places):
         values, row = lanes[metric].to_numpy(), [places[cell]]
         dots = thin_by_rank(values)
@@ -71,7 +71,7 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
         )
     panels = []
     for (told, _), mine in zip(groups, numbers, strict=True):
-        drawn = [each for cell in mine for each in series[cell]]
+        drawn = [each for cell in mine for each in series.get(cell, ())]
         panels.append(Panel(told, mine, drawn, "" if drawn else NO_LANE))
     titles, common = distinct_titles(labels)
     many = max(results.samples) > MOST_DOTS
