@@ -14,6 +14,7 @@ MOST_CELLS = 3_000  # whose amplitudes are worked out
 # Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through
 # thousands of ticks, some 1e-12 m: smaller errors are rounding, and far below what a robot has.
 ROUNDING_ERROR = 1e-9
+LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 
 
 def is_rounding(value: float, size: float) -> bool:

@@ -15,7 +15,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.kinds.metrics import LANE_STATISTICS
 from jaxnet.model.wording import orders_in_words
-from jaxnet.statistics.amplitude import attack_size
+from jaxnet.statistics.amplitude import LEAST_UNRECOVERED, attack_size
 from jaxnet.statistics.groups import Group, attacked_groups, labels_without_magnitude
 from jaxnet.store import rows
 from jaxnet.store.results import Results
@@ -27,7 +27,6 @@ GREATEST_SHOWN = 1e100  # [m] end of a log axis, 1 over it the other end; beyond
 SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
 NEARLY = 1.2  # times one another
-LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
 BOUND_NAMES = {
     "static": "static",
     "harmonic": "harmonic",
@@ -106,8 +105,7 @@ class Curve(NamedTuple):
         The means decide if all have intervals, else the medians. Cells of which more lanes failed
         than ended do not count.
         """
-        lanes = self.cells[["ok", "failed"]].to_numpy()
-        kept = self.ended & (lanes[:, 0] >= lanes[:, 1])
+        kept = self.ended & (self.cells["ok"] >= self.cells["failed"]).to_numpy()
         means, medians = (
             [each[kept] / self.sizes[kept] for each in self.spread(metric, *names.columns)]
             for names in (LANE_STATISTICS["mean"], LANE_STATISTICS["median"])

@@ -1,6 +1,7 @@
 """What a study asks for, beside what theory says that starts and errors alone leave."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,22 +83,16 @@ def cut_falsely(scenario: Scenario) -> bool:
     The first alarm comes by a geometric law, with the known mean (its upper end, if two are known).
     """
     detector = scenario.detector
-    stays = detector.cuts_links and detector.return_after is None
-    if not stays or missing(scenario, OF_ALARMS):
+    if not detector.cuts_links or detector.return_after or missing(scenario, OF_ALARMS):
         return False
     rule, orders = tested(Case(scenario))
     run = rule and mean_run(rule, orders)
-    ticks = 1 + scenario.horizon / scenario.tick
-    return bool(run) and (1 - 1 / run.most) ** ticks < 0.5
+    return bool(run) and (1 - 1 / run.most) ** (1 + scenario.horizon / scenario.tick) < 0.5
 
 
 def cuts_words(cells: Sequence[Cell]) -> str:
     """Where false alarms cut most honest links before the end; else ""."""
-    found = [
-        cell.number
-        for cell in cells
-        if known_or(False, lambda cell=cell: cut_falsely(cell.scenario))
-    ]
+    found = [c.number for c in cells if known_or(False, partial(cut_falsely, c.scenario))]
     words = "false alarms will cut most honest links before the run ends, in"
     return f"{words} {cells_named(found)}" if found else ""
 

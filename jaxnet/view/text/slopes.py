@@ -7,23 +7,11 @@ import numpy as np
 
 from jaxnet.config.naming import worded
 from jaxnet.model.wording import number_text
-from jaxnet.statistics.amplitude import without_rounding
-from jaxnet.statistics.curves import (
-    BOUND_NAMES,
-    LEAST_UNRECOVERED,
-    Curve,
-    Fit,
-    curves,
-    no_magnitudes,
-)
+from jaxnet.statistics import intervals
+from jaxnet.statistics.amplitude import LEAST_UNRECOVERED, without_rounding
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, FEWEST, FEWEST_BEYOND, whole_draws
-from jaxnet.statistics.intervals import (
-    LANES_PER_SKEWNESS,
-    LEAST_LANES,
-    ROUNDING_SPREAD,
-    below_greatest,
-)
 from jaxnet.statistics.limits import unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.recovery import lowered_words
 from jaxnet.statistics.summary import SUMMARISED
@@ -46,7 +34,7 @@ NO_EFFECT, NOT_PROPORTIONAL, ONE_MAGNITUDE = "does not rise", "not proportional"
 NO_INTERVAL, OF_SEQUENCES = "[-]", "[-]: no interval is known for draws of Sobol's sequences"
 ALIKE, TOO_FEW = "(alike)", "[-]: no interval, as there are too few lanes: "
 LANES_NEEDED = {  # by column, for an interval
-    SLOPE: f"the mean takes {LEAST_LANES} + {LANES_PER_SKEWNESS} G², G: skewness of their errors",
+    SLOPE: f"the mean takes {intervals.LANES_FOR_MEAN}, G: skewness of their errors",
     "half of the lanes below": f"half of the lanes below takes {FEWEST_BEYOND / 0.5:.0f}",
     "95 % below": f"95 % below takes {FEWEST_BEYOND / 0.05:.0f}",
     POWER: f"the power takes {FEWEST} that make up its variance",
@@ -118,7 +106,7 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     lines += [filled(note) for text, note in notes.items() if any(text in t for t in told)]
     draws = independent and min(whole_draws(results, curve.group) for curve in found)
     if draws and {*shown.get(WORST_LANE, ())} - {"-"}:
-        share = number_text(100 * below_greatest(draws), whole=100.0)
+        share = number_text(100 * intervals.below_greatest(draws), whole=100.0)
         words = f"{WORST_LANE}: of the {draws} lanes of each ā"
         below = f"at least {share} % of all possible lanes are below, with 95 % confidence"
         lines.append(filled(f"{words}; {below}"))
@@ -136,7 +124,7 @@ def slope_text(curve: Curve, metric: str) -> str:
     alone = curve.fits and curve.ended.sum() == 1
     known = curve.fits.get((metric, None)) if alone else curve.fit(metric)
     told, most = estimate_text(known), curve.fits.get((metric, ENVELOPE))
-    if known and most and most[0] - known[0] <= ROUNDING_SPREAD * most[0]:
+    if known and most and most[0] - known[0] <= intervals.ROUNDING_SPREAD * most[0]:
         told = told.replace(NO_INTERVAL, ALIKE)
     return ONE_MAGNITUDE * bool(alone) + told
 

@@ -328,8 +328,7 @@ def failures_text(results: Results) -> str:
         lines.append(filled(f"the first: {title}: {row.status}{since}"))
         lines.append(f"  {results.replay_command(row.cell, row.sample)}")
     every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
-    known = (f"{kind}: {FAILURE_REASONS[kind]}" for kind in every if kind in FAILURE_REASONS)
-    lines += map(filled, known)
+    lines += [filled(f"{k}: {FAILURE_REASONS[k]}") for k in every if k in FAILURE_REASONS]
     held = [cell for cell, kinds in by_cell.items() if {*kinds} & {*HELD_TOO_LONG}]
     if any(results.study.cells[number].scenario.engine.samples for number in held):
         lines.append(filled(ON_SAMPLED))
