@@ -18,7 +18,7 @@ from jaxnet.model.wording import count, counted, number_text, ranges
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.horizon import errors_words
+from jaxnet.statistics.horizon import cuts_words, errors_words
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import meaning, stored_values
@@ -95,7 +95,7 @@ def all_findings(results: Results, found: Sequence[curves.Curve], fit: str) -> F
     alone = is_leaderless(cells)
     falling = falling_words(results, cells)
     others = [errors_words(results.study.config, cells), lowered_words(results, cells)]
-    others += misfit_words(results, cells)
+    others += [cuts_words(cells), *misfit_words(results, cells)]
     errors = judged_errors(results, found)
     judged = measures_compared(results, errors)
     separated, distances = separation_sentence(results)
@@ -354,8 +354,9 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         return f"{told}Bounds are not fitted yet: <code>{fit}</code>"
     bounded = [curve for curve in found if sound_limits(curve)]
     if len(bounded) > MOST_TOLD:
-        shares = [100 * curve.worst / sound_limits(curve)[0][0] for curve in bounded]
-        ends = f"<b>{number_text(min(shares))} to {number_text(max(shares))} %</b>"
+        shares = np.array([*map(share_of_bound, bounded)])
+        least, most = (number_text(end(shares)) for end in (np.nanmin, np.nanmax))
+        ends = f"<b>{least} to {most} %</b>"
         groups = f"{len(bounded)} groups of cells that differ in ā alone"
         told += f"In {groups} it is {ends} of the least bound (table below). "
     elif bounded:
@@ -385,6 +386,12 @@ def sound_limits(curve: curves.Curve) -> list[tuple[float, str]]:
     """Bounds on the greatest error per ā that hold, the least first, with their names."""
     limits = curve.limits("tail_max").items()
     return sorted((slope, name) for name, slope in limits if name != UNSOUND_BOUND)
+
+
+def share_of_bound(curve: curves.Curve) -> float:
+    """The worst error over the least bound [%]; not-a-number without a bound above 0."""
+    least = min((slope for slope, _ in sound_limits(curve)), default=0.0)
+    return 100 * curve.worst / least if least else np.nan
 
 
 def bound_words(curve: curves.Curve) -> str:

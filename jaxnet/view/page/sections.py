@@ -218,9 +218,8 @@ def slopes_html(found: Sequence[Curve]) -> str:
     rows = []
     for curve in found:
         fitted = curve.fit("tail_max") or (np.nan,) * 3
-        row = {"worst found": curve.worst}
-        least = min((slope for slope, _ in findings.sound_limits(curve)), default=np.nan)
-        row["of the least bound [%]"] = 100 * curve.worst / least
+        share = findings.share_of_bound(curve)
+        row = {"worst found": curve.worst, "of the least bound [%]": share}
         row |= dict(zip(("fit of the means", "fit, low", "fit, high"), fitted, strict=True))
         row["95 % of lanes below"] = (curve.fit("tail_max", 0.95) or (np.nan,))[0]
         for bound, name in BOUND_NAMES.items():
