@@ -31,10 +31,7 @@ ROW_SHARE = 0.7  # of a named row, that its colours take
 
 
 def answers(results: Results, cells: Sequence[Cell]) -> list[Quantity]:
-    """What lanes are judged by, and what the study asks for, where lanes tell it.
-
-    What is the same in all cells is left out, if something else differs.
-    """
+    """The metric that judges lanes and the quantity asked for, if cells differ in them."""
     names = ["outside"] * is_leaderless(cells)
     names += [judged_metric(cells), asked_quantity(results.study.config)]
     every = (quantity_of(results, cells, name) for name in dict.fromkeys(names))
