@@ -155,8 +155,8 @@ def test_what_rows_of_dots_would_repeat_is_a_title(tmp_path):
             assert {*np.rint(dots.get_ydata())} == {row}
             np.testing.assert_allclose(np.sort(dots.get_xdata()), np.sort(lanes["tail_mean"]))
     some = [cell for cell in found.study.cells if cell.number != 3]
-    ((told, mine),), labels = spreads.tail_panels(some)
-    assert (told, mine, labels) == ({}, some, [cell.labels for cell in some])
+    (panel,) = spreads.tails_drawing(found, some).panels
+    assert (panel.labels, panel.cells) == ({}, [cell.number for cell in some])
 
 
 @mpl.rc_context(style.PRINT_STYLE)

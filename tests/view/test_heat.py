@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from upath import UPath
 
@@ -297,6 +298,27 @@ def test_words_stay_within_their_tiles():
         boxes = [text.get_window_extent() for text in panel.texts]
         assert max(box.width for box in boxes) < frame.width / 5
         assert max(box.height for box in boxes) < frame.height / 3
+
+
+@pytest.mark.parametrize("rows", [2, 4, 12])
+@pytest.mark.parametrize("kinds", [True, False])
+def test_a_number_and_its_interval_stand_in_the_middle(rows, kinds):
+    """Ink is as far from the upper edge of its tile as from the lower; names may be steep."""
+    rules = [{"kind": "clipping", "radius": n, "label": f"a clipping of {n}"} for n in (5, 6, 7)]
+    graphs = [{"kind": "cyclic", "label": f"graph {n}"} for n in range(rows)]
+    across = {"defence": rules} if kinds else {"attack.magnitude": [1, 2, 4]}
+    figure = drawn(made(study_of({"topology": graphs} | across, recovery={"tau": 0.01})))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    panel = figure.axes[0]
+    assert len(panel.texts) == 2 * 3 * rows  # with intervals
+    corners = panel.transData.transform([(-0.5, 0.5), (0.5, -0.5)])
+    (left, low), (right, high) = np.rint(corners).astype(int)
+    shade = np.asarray(canvas.buffer_rgba())[::-1, :, :3].mean(axis=2)
+    inked = (shade[low + 2 : high - 2, left + 2 : right - 2] < 100).any(axis=1)
+    below, above = (np.argmax(each) for each in (inked, inked[::-1]))
+    assert abs(below - above) <= 2
+    assert min(below, above) >= 1
 
 
 @pytest.mark.parametrize(("column", "told"), [("one", True), ("two", False)])

@@ -166,7 +166,7 @@ def test_more_colours_than_a_palette_has_are_a_scale():
 def test_each_line_of_a_bound_or_fit_has_its_own_look(eye):
     """Dashes alone tell one from another in grey; colours tell bounds apart for all eyes."""
     bounds = [*BOUND_LOOKS.values()]
-    dashes = [look.dash for look in (*bounds, FITS["fit below which 95 % of lanes are"][1])]
+    dashes = [(look.dash, look.width > 1) for look in (*bounds, *(fit for _, fit in FITS.values()))]
     assert len({*dashes}) == len(dashes)
     seen = [np.clip(np.array(EYES[eye]) @ to_rgb(look.color), 0, 1) for look in bounds]
     apart = (np.linalg.norm(one - other) for one, other in itertools.combinations(seen, 2))

@@ -14,7 +14,7 @@ from jaxnet.model.wording import count_between
 from jaxnet.statistics.axes import choose_axes, panels_of
 from jaxnet.statistics.bands import Band
 from jaxnet.statistics.curves import MOST_PANELS, log_ends, magnitude_words
-from jaxnet.statistics.groups import Group, Label, evenly, evenly_over
+from jaxnet.statistics.groups import Group, evenly, evenly_over
 from jaxnet.statistics.quantities import SPREAD_WORDS, unended_words
 from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.store import rows
@@ -50,29 +50,32 @@ LIMIT = Look(style.RED, (4, 1.5), width=0.8)
 def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     """The judged metric of the lanes that ended: a row per cell, a dot per lane.
 
-    Of many rows and panels some are shown, evenly along each swept key.
+    Panels are those of a curve if they have the same rows, else one. Of many rows and panels some
+    are shown, evenly along each swept key.
     """
-    metric, there = judged_metric(cells), [cell.labels for cell in cells]
-    groups, labels = tail_panels(cells)
+    metric, there, axes = judged_metric(cells), [cell.labels for cell in cells], choose_axes(cells)
+    keys = tuple(key for key in axes.panel if len({each[key] for each in there}) > 1)
+    groups = panels_of(cells, axes._replace(panel=keys))
+    every = (cell.labels.items() for _, mine in groups for cell in mine)
+    told = [{key: value for key, value in each if key not in keys} for each in every]
+    labels = told[: len(groups[0][1])]
+    if told != labels * len(groups):
+        groups, labels = [({}, cells)], there
     groups = [groups[at] for at in evenly_over([told for told, _ in groups], MOST_PANELS)]
     shown = evenly_over(labels, MOST_TAIL_ROWS)
     labels = [labels[at] for at in shown]
-    numbers = [[mine[at].number for at in shown] for _, mine in groups]
-    places = {cell: place for each in numbers for place, cell in enumerate(each)}
-    series = dict[int, tuple[Trace, ...]]()
+    panels = [(told, [mine[at].number for at in shown], list[Trace]()) for told, mine in groups]
+    places = {cell: (drawn, row) for *_, mine, drawn in panels for row, cell in enumerate(mine)}
     for cell, lanes in results.by_cell(metric, where=rows.OK, cells=places):
-        values, row = lanes[metric].to_numpy(), [places[cell]]
+        values, (drawn, row) = lanes[metric].to_numpy(), places[cell]
         dots = thin_by_rank(values)
         jitter = np.random.default_rng(0).uniform(-JITTER, JITTER, len(dots))
         low, median, high = np.quantile(values, [[0.05], [0.5], [0.95]])
-        series[cell] = (
+        drawn += [
             Trace("", DOT, dots, row + jitter, "points"),
-            Trace("", MIDDLE, median, np.array(row), "points", low, high),
-        )
-    panels = []
-    for (told, _), mine in zip(groups, numbers, strict=True):
-        drawn = [each for cell in mine for each in series.get(cell, ())]
-        panels.append(Panel(told, mine, drawn, "" if drawn else NO_LANE))
+            Trace("", MIDDLE, median, np.array([row]), "points", low, high),
+        ]
+    panels = [Panel(*each, "" if each[-1] else NO_LANE) for each in panels]
     titles, common = distinct_titles(labels)
     many = max(results.samples) > MOST_DOTS
     dot = f"{MOST_DOTS:,} dots evenly by rank" if many else "one dot per lane"
@@ -80,23 +83,6 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     notes.append(unended_words(results, cells))
     x, y = Scale(JUDGED_WORDS[metric], log=True), Scale("", names=titles, labels=labels)
     return Drawing(panels, x, y, notes, there=(there, "cells"), where="lanes/")
-
-
-def tail_panels(
-    cells: Sequence[Cell],
-) -> tuple[list[tuple[dict[str, Label], list[Cell]]], list[dict[str, Label]]]:
-    """The panels that a curve has, and the labels of their rows; one panel if rows differ."""
-    axes = choose_axes(cells)
-    keys = tuple(key for key in axes.panel if len({cell.labels[key] for cell in cells}) > 1)
-    for told in (keys, ()):
-        groups = panels_of(cells, axes._replace(panel=told))
-        first, *others = (
-            [{key: cell.labels[key] for key in cell.labels if key not in told} for cell in mine]
-            for _, mine in groups
-        )
-        if all(other == first for other in others):
-            break
-    return groups, first
 
 
 def thin_by_rank(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dots"]:

@@ -12,7 +12,7 @@ from jaxnet.view.drawings.words import NO_LANE
 from jaxnet.view.figures import style
 
 BOUND_LOOKS = {
-    "static": Look(style.GREEN),
+    "static": Look(style.GREEN, width=1.6),
     "harmonic": Look(style.BROWN, (8, 2)),
     "peak_gain": Look(style.BLUE, (4, 1.5)),
     "star_norm": Look(style.PURPLE, (1, 1.2)),

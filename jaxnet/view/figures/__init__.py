@@ -1,12 +1,12 @@
 """Figures for print, as PNG and PDF. Their names stand here: the command line need not draw."""
 
-CURVES = ("curve", "curve_median")
 ULTIMATE = ("ultimate", "ultimate_mean")
 HEAT = ("heat", "heat_worst")
 SEARCH = ("search", "search_worst")
 SENSITIVITY = ("sensitivity", "sensitivity_unrecovered")
 FIGURE_NAMES = (
-    *CURVES,
+    "curve",
+    "curve_median",
     "topologies",
     "tails",
     "panels",

@@ -43,12 +43,9 @@ from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import (
     AXES_OF,
     COLUMN_WIDTHS,
-    CURVES,
     FIGURE_NAMES,
-    HEAT,
     SEARCH,
     SENSITIVITY,
-    ULTIMATE,
     multiples,
     panels,
     style,
@@ -65,8 +62,8 @@ TWO_KEYS = (
     "a sweep of two values at least of two keys, such as defence and attack.frequency",
 )
 NOT_OF_ERRORS = (*SEARCH, *SENSITIVITY, "topologies")
-OF_THE_TAIL = ("tails", "vehicles", *CURVES, *HEAT, *ULTIMATE)
-OF_ENDED_LANES = ("vehicles", *ULTIMATE, "bands")
+OVER_TIME = ("panels", "bands")
+OF_ENDED_LANES = ("vehicles", "ultimate", "ultimate_mean", "bands")
 NO_CHOICE: Mapping[str, object] = {}
 LEAST_PANEL = 0.7  # of a panel's height, where a figure has a height of its own
 LONGEST_FILE_NAME = 100  # letters of a file's name
@@ -178,7 +175,8 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             look["figure.figsize"] = asked[0], asked[1] / LEAST_PANEL
         with mpl.rc_context(look):
             made = draw(self, cells, asked[0] if asked else COLUMN_WIDTHS[column], **axes)
-            over_tail, of_errors = draw.__name__ in OF_THE_TAIL, draw.__name__ not in NOT_OF_ERRORS
+            of_errors = draw.__name__ not in NOT_OF_ERRORS
+            over_tail = of_errors and draw.__name__ not in OVER_TIME
             if draw.__name__ == "curve":
                 over_tail, of_errors = about_curve(self.results.study.config, axes.get("y"))
             graphs = draw.__name__ == "topologies"

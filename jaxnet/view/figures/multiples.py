@@ -50,12 +50,10 @@ def sharing_first(labels: Sequence[Labels]) -> int:
 def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
     """Panels in a row: no row mixes first swept values if it can be whole, or rows are alike."""
     run, many = sharing_first(labels), len(labels)
-    if 2 <= run <= most:
-        is_many = many >= 2 * most and many % (2 * run) == 0
-        return 2 * run if is_many and 2 * run <= most else run
+    if 2 < 2 * run <= most and many >= 2 * most and many % (2 * run) == 0:
+        return 2 * run
     parts = [columns for columns in range(2, most + 1) if run % columns == 0]
-    rows = -(-many // most)
-    return max(parts, default=-(-many // rows))
+    return max(parts, default=-(-many // -(-many // most)))
 
 
 def set_size(drawn: Figure, size: tuple[float, float]) -> None:
@@ -173,12 +171,6 @@ def panels_across(width: float) -> int:
     return max(1, round(PANELS_PER_ROW * width / style.FIGURE_WIDTH))
 
 
-def most_columns(labels: Sequence[Labels], most: int) -> int:
-    """The most panels in a row; half more, if a row then has all of one first swept value."""
-    run = sharing_first(labels)
-    return run if most < run <= 1.5 * most else most
-
-
 def page_height() -> float:
     """Height that panels may take [in], were the type that of the style for print."""
     return float(mpl.rcParams["figure.figsize"][1] / type_scale("font.size"))
@@ -208,11 +200,9 @@ def title_height(labels: Sequence[Labels], width: float, most: int) -> float:
 
 
 def columns_of_titles(labels: Sequence[Labels], width: float) -> int:
-    """Panels in a row: fewer where titles then stay on one line, if no row mixes first values.
-
-    A page holds as many panels then.
-    """
-    most, run = most_columns(labels, panels_across(width)), sharing_first(labels)
+    """Panels in a row: fewer where titles then stay on one line and a page holds as many panels."""
+    most, run = panels_across(width), sharing_first(labels)
+    most = run if most < run <= 1.5 * most else most  # half more, if a row is then whole
     longest = max(map(len, distinct_titles(labels)[0]))
     there = len(panels_fitting(labels, width, most=most))
     for across in range(most, 0, -1):

@@ -29,6 +29,7 @@ TILE_SIZES = (0.42, 0.26), (0.3, 0.17), (0.24, 0.17)  # [in] of a tile; the firs
 LEAST_TILE = 0.22, 0.1  # [in] of a tile whose number can be read
 DIGIT_WIDTH = 0.05  # [in] of a letter in a tile
 INTERVAL_DIGIT, TILE_PAD = 0.042, 0.04  # [in] of a letter of an interval, and of what is beside it
+DESCENT = 0.015  # [in] that is empty below a number
 NO_ROOM = "tiles of a value without its number have no room for it"
 TILE_LETTERS = 12  # of a line of a column's name
 HIGH = 4  # rows of panels, from which smaller tiles in fewer rows are better
@@ -146,11 +147,10 @@ def layout_of(drawing: Drawing, width: float, below: float) -> Layout:
     if drawing.colours is None:
         across = max(1, min(MOST_ROWS_PANELS, int((width - margin) / LEAST_ROWS_WIDTH)))
         titles = multiples.title_height(labels, width - margin, across)
-        deep = -(-len(labels) // multiples.panel_columns(labels, across))
-        row = ((room + TITLE_ROOM) / deep - TITLE_ROOM - titles) / len(rows)
-        row = np.clip(row, multiples.LEAST_ROW_HEIGHT, multiples.ROW_HEIGHT)
+        room -= titles
+        row = np.clip(room / len(rows), multiples.LEAST_ROW_HEIGHT, multiples.ROW_HEIGHT)
         row = max(float(row), ROW_OF_SERIES * drawing.beside, least)
-        most = max(1, int((room - titles) / row + 1e-9))
+        most = max(1, int(room / row + 1e-9))
         labels_of_rows = drawing.y.labels
         places = evenly_over(labels_of_rows, most) if labels_of_rows else evenly(places, most)
         rows = [rows[place] for place in places]
@@ -272,10 +272,8 @@ def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, fl
     down, along = tiles.values.shape
     corner = -0.5, -0.5
     panel.add_patch(Rectangle(corner, along, down, linewidth=0, **HATCHED))
-    shown, edges = (
-        np.ma.masked_invalid(tiles.values),
-        [np.arange(n + 1) - 0.5 for n in (along, down)],
-    )
+    shown = np.ma.masked_invalid(tiles.values)
+    edges = [np.arange(n + 1) - 0.5 for n in (along, down)]
     look: dict[str, Any] = {"cmap": COLOUR_MAP, "norm": norm, "edgecolors": "white"}
     panel.pcolormesh(*edges, shown, linewidth=0.5, **look)
     panel.grid(False)
@@ -285,15 +283,17 @@ def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, fl
     longest, scale = max(map(len, tiles.intervals.ravel())), multiples.type_scale("font.size")
     wide &= INTERVAL_DIGIT * longest + TILE_PAD <= size[0]
     is_whole = True
-    for (row, column), value in np.ndenumerate(tiles.values):
+    for at, value in np.ndenumerate(tiles.values):
         ink = "black" if np.isnan(value) else text_colour(to_hex(COLOUR_MAP(norm(value))))
         written: dict[str, Any] = {"ha": "center", "color": ink}
-        interval = tiles.intervals[row, column] if wide else ""
+        row, column = at
+        interval = tiles.intervals[at] if wide else ""
         if interval:
+            row += DESCENT / size[1]
             panel.text(column, row, interval, fontsize=5 * scale, va="top", **written)
-        if legible and DIGIT_WIDTH * len(tiles.texts[row, column]) <= size[0]:
-            at = "bottom" if interval else "center"
-            panel.text(column, row, tiles.texts[row, column], fontsize=6 * scale, va=at, **written)
+        if legible and DIGIT_WIDTH * len(text := tiles.texts[at]) <= size[0]:
+            side = "bottom" if interval else "center"
+            panel.text(column, row, text, fontsize=6 * scale, va=side, **written)
         else:
             is_whole &= bool(np.isnan(value))
     return is_whole

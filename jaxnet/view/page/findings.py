@@ -353,11 +353,10 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
     if not results.file("bounds.csv").exists():
         return f"{told}Bounds are not fitted yet: <code>{fit}</code>"
     bounded = [curve for curve in found if sound_limits(curve)]
-    if len(bounded) > MOST_TOLD:
-        shares = np.array([*map(share_of_bound, bounded)])
-        least, most = (number_text(end(shares)) for end in (np.nanmin, np.nanmax))
-        ends = f"<b>{least} to {most} %</b>"
-        groups = f"{len(bounded)} groups of cells that differ in ā alone"
+    shares = [share for share in map(share_of_bound, bounded) if not np.isnan(share)]
+    if len(shares) > MOST_TOLD:
+        ends = f"<b>{number_text(min(shares))} to {number_text(max(shares))} %</b>"
+        groups = f"{len(shares)} groups of cells that differ in ā alone"
         told += f"In {groups} it is {ends} of the least bound (table below). "
     elif bounded:
         told += f"Per ā it is {'; '.join(map(bound_words, bounded))}. "
