@@ -43,7 +43,7 @@ KEYS = {
     "save": {"errors": True, "vehicles": True, "trajectories": "all"},
 }
 NOT_HERE = {
-    "curve_median",
+    "answer",
     "heat",
     "heat_worst",
     *SEARCH,
@@ -437,8 +437,8 @@ def test_a_figure_without_data_says_what_gives_them(tmp_path):
         with pytest.raises(FolderError, match=re.escape(remedy)):
             getattr(bare.plot, name)()
     assert bare.plot.tails().axes
-    with pytest.raises(FolderError, match="curve draws the first median on the page"):
-        bare.plot.curve_median()
+    with pytest.raises(FolderError, match="curve draws what is first on the page"):
+        bare.plot.answer()
     with pytest.raises(
         FolderError, match=r"y: must be one of failed, tail_mean, .* \(got unrecovered\)"
     ):

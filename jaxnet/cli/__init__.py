@@ -329,7 +329,7 @@ def figure_command(
 
     \b
     curve         a metric or share with its interval against a swept key
-    curve_median  the median error, or without a navigator the spread
+    answer        the median error, or the share of lanes in the hull, as on the page
     heat          the share of lanes unrecovered over two swept keys
     heat_worst    the greatest error over two swept keys
     ultimate, ultimate_mean              the error over the tail against ā

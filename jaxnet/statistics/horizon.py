@@ -6,18 +6,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.scenario import broken_premise, for_any_signal, missing
 from jaxnet.model.wording import cells_named
+from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.recovery import threshold
 from jaxnet.store.looking import known_or
+from jaxnet.store.results import Results
 from jaxnet.theory.alarms import tested
 from jaxnet.theory.case import Case
 from jaxnet.theory.run_lengths import mean_run
-from jaxnet.theory.start import Start
+from jaxnet.theory.start import Start, start_sizes
 from jaxnet.theory.theorems import OF_ALARMS, START, errors_leave
 
+LOST = 1000  # times ā and the farthest start
 LEAST_LEFT = 1e-3  # of a start, where a study asks for no length
 
 
@@ -94,6 +97,16 @@ def cuts_words(cells: Sequence[Cell]) -> str:
     """Where false alarms cut most honest links before the end; else ""."""
     found = [c.number for c in cells if known_or(False, partial(cut_falsely, c.scenario))]
     words = "false alarms will cut most honest links before the run ends, in"
+    return f"{words} {cells_named(found)}" if found else ""
+
+
+def lost_words(results: Results, cells: Sequence[Cell]) -> str:
+    """Where the fleet is lost: its error is far above ā and every start; else ""."""
+    sizes, errors = cell_magnitudes(results), results.cells[f"{judged_metric(cells)}_median"]
+    starts = (known_or(np.inf, partial(start_sizes, cell.scenario)) for cell in cells)
+    limits = LOST * (np.nan_to_num(sizes) + [float(np.ravel(each)[0]) for each in starts])
+    found = np.flatnonzero(errors.to_numpy() > limits).tolist()
+    words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
     return f"{words} {cells_named(found)}" if found else ""
 
 

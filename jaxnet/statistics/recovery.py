@@ -31,6 +31,7 @@ from jaxnet.statistics.intervals import CONFIDENCE, ROUNDING_SPREAD, clopper_pea
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
+MOST_FALLS = 4  # cells that a warning names
 FIRST_LOOK = 256  # samples of a cell
 LEAST_APART = 1e-9  # [m], or of ā; lanes that differ by less are equally bad
 
@@ -86,14 +87,18 @@ def lowered_words(results: Results, cells: Sequence[Cell]) -> str:
     falls = [(small, great) for small, great in pairs if low[small] > high[great]]
     if asked is None or not falls:
         return ""
-    small, great = (cells_named(sorted({*numbers})) for numbers in zip(*falls, strict=True))
+    found = dict[int, list[int]]()
+    for small, great in falls:
+        found.setdefault(small, []).append(great)
+    pairs = [f"in cell {small} than in {cells_named(found[small])}" for small in sorted(found)]
+    told = "; ".join([*pairs[:MOST_FALLS], *["…"] * (len(pairs) > MOST_FALLS)])
     what = "spread" if is_leaderless(cells) else "error"
     size = "ā" if asked.of == "magnitude" else "times the amplitude in force"
     return (
-        f"the share {share_name(cells)} falls as ā grows: it is greater in {small} than in {great},"
-        f" which have the same keys but a greater ā. The threshold of {asked.tau:g}{NO_BREAK}{size}"
-        f" grows with ā, the {what} does not grow in proportion. At a small ā noise, loss, delay or"
-        f" a transient may decide, or only great attacks are stopped: compare the {what}s in metres"
+        f"the share {share_name(cells)} falls as ā grows: it is greater {told}. The threshold of"
+        f" {asked.tau:g}{NO_BREAK}{size} grows with ā, the {what} does not grow in proportion. At a"
+        f" small ā noise, loss, delay or a transient may decide, or only great attacks are stopped:"
+        f" compare the {what}s in metres"
     )
 
 

@@ -126,7 +126,10 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> str:
     table |= {"tail_mean_median_high": 1.5 * errors, **dict(cells)}
     table["failed"] = np.where(np.isnan(errors), 3, 0)
 
-    def by_cell(*_columns, where, cells=None):
+    def by_cell(*columns, where, cells=None):
+        if "outside" in columns:
+            ways = {n: [way] * 3 for n, way in enumerate(table["outside_median"])}
+            return ((n, pd.DataFrame({"sample": range(3), "outside": w})) for n, w in ways.items())
         if cells is None:
             return rows.groupby("cell")
         alike = {"sample": range(12), made.cells[0].scenario.judged: 1.0}
@@ -230,7 +233,7 @@ TOLD = [
         [2.0, 2.1, 20.0, 200.0],
         {"sweep": {"defence": ["w_msr", "none"], "attack.magnitude": [10, 100]}},
         "to <b>200 m</b> (95 % interval 100 to 300 m) with no\xa0defence, ā\xa0=\xa0100\xa0m"
-        " (cell 3). With W-MSR (2 cells) it does not rise with ā.",
+        " (cell 3). With W-MSR (2 cells) it does not rise with ā: something else decides",
     ),
     (
         [2.0, 2.1, 20.0, 200.0],
@@ -306,7 +309,13 @@ TOLD = [
         " no\xa0defence (cell 2). In the other cells they leave it in up to 10 % of lanes"
         " (95 % interval 10 to 10 %). The worst lane of the study goes <b>3 m</b> out with",
     ),
-    ([0.01] * 4, HULL, "<td>no\xa0defence</td><td>0.001 to 3</td>"),
+    ([0.01] * 4, HULL, "<td>0.001 to 3</td></tr>"),
+    ([0.01] * 4, HULL, "<b>Defence</b>, by lanes outside the hull: no difference is found"),
+    (
+        [1e9, 1e5],
+        {"sweep": {"defence": ["none", "w_msr"]}} | ROTATING,
+        "over 1,000 times ā and the farthest start: the fleet is lost, in cell 0.</li>",
+    ),
     (
         [0.01],
         HULL | {"sweep": {}, "cells": {key: values[2:3] for key, values in OUTSIDE.items()}},
@@ -339,9 +348,15 @@ def test_settings_whose_lanes_failed_are_not_compared():
     better = {0: pd.Series([2.0] * 12), 1: pd.Series([1.0] * 12)}
     mixed = {0: pd.Series([1.0] * 12), 1: pd.Series([0.5, 1.5] * 6)}
     labels = ["w_msr", "none"]
+    one = " in the one setting of 2 that can be compared"
     none = "no difference is found with 12 pairs in a setting; a small one would not show"
     for lanes, found, verdict, cell in (
-        (better, "W-MSR", "<b>W-MSR</b> is better than no\xa0defence", "no\xa0defence"),
+        (
+            better,
+            "W-MSR",
+            f"<b>W-MSR</b> is better than no\xa0defence{one}",
+            "no\xa0defence in 1 of 1",
+        ),
         (mixed, "not found", none, "–"),
     ):
         judged = ComparedBy("error", "m", "smaller error than with", pd.Series(dtype=float), lanes)
@@ -571,7 +586,7 @@ def test_what_is_alike_everywhere_is_not_drawn_first(folder):
 def test_what_is_first_on_the_page_is_drawn_in_print(folder):
     """The errors, beside the share that `curve` draws."""
     results = jaxnet.open(folder)
-    drawn = results.plot.curve_median()
+    drawn = results.plot.answer()
     first = figures_of(sections.answer_section(results).body)[0]
     axes = drawn.axes[0]
     assert " ".join(axes.get_ylabel().split()) == "error, median of lanes [m]"

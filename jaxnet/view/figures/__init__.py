@@ -6,7 +6,7 @@ SEARCH = ("search", "search_worst")
 SENSITIVITY = ("sensitivity", "sensitivity_unrecovered")
 FIGURE_NAMES = (
     "curve",
-    "curve_median",
+    "answer",
     "topologies",
     "tails",
     "panels",
@@ -20,6 +20,6 @@ FIGURE_NAMES = (
 AXES_OF = {  # arguments of figures that are axes
     "curve": ("x", "y", "hue", "panel"),
     "bands": ("y", "hue"),
-    **dict.fromkeys(("curve_median", *HEAT), ("x", "hue", "panel")),
+    **dict.fromkeys(("answer", *HEAT), ("x", "hue", "panel")),
 }
 COLUMN_WIDTHS = {"one": 3.5, "two": 7.16}  # [in] widths that a two-column journal has

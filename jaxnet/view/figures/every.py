@@ -303,11 +303,11 @@ class Plots:
         return printed(swept_drawing(found, chosen, cells), width)
 
     @plot
-    def curve_median(self, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
-        """Draw the first median on the page: the error, or without a navigator the spread."""
-        first = next((each for each in answers(self.results, cells) if not each.share), None)
+    def answer(self, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
+        """Draw what is first on the page: the median error, or the share of lanes in the hull."""
+        first = next(iter(answers(self.results, cells)), None)
         if first is None or first.name == asked_quantity(self.results.study.config):
-            raise LackingError(f"{self.results.place}: curve draws the first median on the page")
+            raise LackingError(f"{self.results.place}: curve draws what is first on the page")
         return printed(swept_drawing(first, choose_axes(cells, **axes), cells), width)
 
     @plot

@@ -44,11 +44,14 @@ class Wins(NamedTuple):
         The cells of each setting, a combination of the other swept keys, that are compared.
     lanes
         Numbers of paired lanes in the settings.
+    every
+        Number of settings, also of those whose lanes failed.
     """
 
     found: Mapping[Pair, Sequence[CellsCompared]]
     settings: Sequence[Mapping[str, int]]
     lanes: Sequence[int]
+    every: int
 
     def of(self, pair: Pair) -> int:
         """In how many settings two values are compared."""
@@ -89,9 +92,9 @@ def wins(
     label_of: dict[int, str] = swept[key].to_dict()
     groups = dict[Any, dict[str, int]]()
     for cell, rest in zip(swept.index.tolist(), others.to_numpy().tolist(), strict=True):
-        if cell in quantity.lanes:
-            groups.setdefault(tuple(rest), {})[label_of[cell]] = cell
-    settings = [cells for cells in groups.values() if len(cells) > 1]
+        groups.setdefault(tuple(rest), {})[label_of[cell]] = cell
+    ended = ({k: n for k, n in cells.items() if n in quantity.lanes} for cells in groups.values())
+    settings = [cells for cells in ended if len(cells) > 1]
     if study.draws != "random" or isinstance(study.samples, Sequential) or not settings:
         return None
     found, lanes = dict[Pair, list[CellsCompared]](), list[int]()
@@ -108,7 +111,7 @@ def wins(
         row = dict(zip(names, told, strict=True))
         row |= {"better": better if test.found else "not found", "pairs": test.lanes, "p": test.p}
         tests.append(row)
-    return Wins(found, settings, lanes)
+    return Wins(found, settings, lanes, len(groups))
 
 
 def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
@@ -120,7 +123,7 @@ def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
     best = [label for label in labels if label not in beaten]
     if not best:
         return "which is better depends on the other keys (table)"
-    told = " and ".join(f"<b>{escape(named(key, each))}</b>" for each in best)
+    told = joined_names([f"<b>{escape(named(key, each))}</b>" for each in best])
     others = [label for label in labels if label in beaten]
     pairs = [*itertools.product(best, others)]
     times = [len(won.found.get(pair, ())) for pair in pairs]
@@ -128,15 +131,22 @@ def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
         return f"no other is better than {told}"
     than = escape(named(key, others[0])) if len(others) == 1 else "each other one"
     verb = "is" if len(best) == 1 else "are"
-    return f"{told} {verb} better than {than}{settings_words(times, [*map(won.of, pairs)])}"
+    return f"{told} {verb} better than {than}{settings_words(times, [*map(won.of, pairs)], won)}"
 
 
-def settings_words(times: Sequence[int], every: Sequence[int]) -> str:
+def joined_names(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def settings_words(times: Sequence[int], every: Sequence[int], won: Wins) -> str:
     """In how many settings something is found; "" of a study with one."""
-    if max(every) == 1:
+    if won.every == 1:
         return ""
     if [*times] == [*every]:
-        return " in both settings" if min(every) == 2 else " in all settings"
+        if min(every) == won.every:
+            return " in both settings" if won.every == 2 else f" in all {won.every} settings"
+        these = f"all {min(every)} settings" if min(every) > 1 else "the one setting"
+        return f" in {these} of {won.every} that can be compared"
     found, there = (f"{min(n)} to {max(n)}" if min(n) < max(n) else max(n) for n in (times, every))
     return f" in {found} of {there} settings, and worse in none"
 
@@ -152,7 +162,7 @@ def better_words(results: Results, key: str, label: str, won: Wins) -> str:
         among = [cell for cell in there if str(cell.labels[key]) in (better, worse)]
         words, alike = values_told(results, mine, among)
         where, every = f" ({words})" * bool(words and alike == len(mine)), won.of((better, worse))
-        where = f" in {len(found)} of {every}{where}" * (every > 1)
+        where = f" in {len(found)} of {every}{where}" * (won.every > 1)
         grouped.setdefault(where, []).append(named(key, worse))
     return "; ".join(f"{', '.join(names)}{where}" for where, names in grouped.items()) or "–"
 

@@ -17,16 +17,12 @@ from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import count, counted, number_text, ranges
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
-from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.horizon import cuts_words, errors_words
 from jaxnet.statistics.limits import unchecked_words
-from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import meaning, stored_values
 from jaxnet.statistics.recovery import (
     attacked_mask,
     confidence_told,
     criterion_words,
-    lowered_words,
     share_name,
 )
 from jaxnet.statistics.separation import near_starts_words
@@ -57,6 +53,7 @@ from jaxnet.view.page.judged import (
 from jaxnet.view.page.where import MOST_TOLD, span_words, where_words
 from jaxnet.view.text import worst
 from jaxnet.view.text.facts import attacked_at_once, starved_words
+from jaxnet.view.text.tables import grave_warnings, other_warnings
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
 MEDIAN_LANE = {  # by `judged_word`
@@ -93,9 +90,6 @@ def all_findings(results: Results, found: Sequence[curves.Curve], fit: str) -> F
     """Every finding; `fit` is the command that computes the bounds."""
     cells = results.study.cells
     alone = is_leaderless(cells)
-    falling = falling_words(results, cells)
-    others = [errors_words(results.study.config, cells), lowered_words(results, cells)]
-    others += [cuts_words(cells), *misfit_words(results, cells)]
     errors = judged_errors(results, found)
     judged = measures_compared(results, errors)
     separated, distances = separation_sentence(results)
@@ -107,7 +101,7 @@ def all_findings(results: Results, found: Sequence[curves.Curve], fit: str) -> F
         verdicts, tables = verdicts + apart[0], tables + apart[1]
     sentences = [
         failed_sentence(results),
-        warning(falling),
+        *(f"<b>Warning:</b> {each}." for each in grave_warnings(results)),
         outside_sentence(results) if alone else "",
         unrecovered_sentence(results),
         extremes_sentence(results, errors),
@@ -117,13 +111,9 @@ def all_findings(results: Results, found: Sequence[curves.Curve], fit: str) -> F
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         outnumbered_sentence(results),
-        *map(warning, others),
+        *(f"<b>Warning:</b> {each}." for each in other_warnings(results)),
     ]
     return Findings([each for each in sentences if each], tables, tests)
-
-
-def warning(words: str) -> str:
-    return f"<b>Warning:</b> {words}." * bool(words)
 
 
 def outnumbered_sentence(results: Results) -> str:

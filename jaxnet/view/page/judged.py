@@ -104,7 +104,7 @@ def rising_words(
         else:
             (falls if curves.NEARLY * level.iloc[-1] < level.max() else odd).extend(group)
     told = {
-        "does not rise with ā": flat,
+        "does not rise with ā: something else decides (compare attack=none)": flat,
         "is less at the greatest ā than at a smaller one": falls,
         "rises with ā, but not in proportion": odd,
     }
@@ -148,6 +148,20 @@ def failed_lanes(results: Results) -> ComparedBy | None:
     return ComparedBy("lanes failed", "%", "fewer lanes fail than with", values, flags)
 
 
+def lanes_outside(results: Results) -> ComparedBy | None:
+    """Which lanes leave the hull of the honest starts, without a navigator; None if none does."""
+    cells = results.study.cells
+    if not is_leaderless(cells):
+        return None
+    flags: dict[int, Any] = {
+        cell: each.set_index("sample")["outside"] > cells[cell].scenario.engine.accuracy
+        for cell, each in results.by_cell("sample", "outside", where=rows.OK)
+    }
+    values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
+    head = "more lanes stay in the hull than with"
+    return ComparedBy("lanes outside the hull", "%", head, values, flags) if values.any() else None
+
+
 def is_negligible(results: Results, errors: CellErrors) -> bool:
     """Whether all errors are far below what the study asks for."""
     asked = results.study.config.recovery
@@ -159,10 +173,10 @@ def is_negligible(results: Results, errors: CellErrors) -> bool:
 
 def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
     """What the values of a swept kind are compared by; nothing where all errors are negligible."""
-    found = [each for each in [failed_lanes(results)] if each]
+    found = [each for each in (failed_lanes(results), lanes_outside(results)) if each]
     if errors.values.empty or is_negligible(results, errors):
         return found
-    word, ended = judged_word(results), " of lanes that ended" * bool(found)
+    word, ended = judged_word(results), " of lanes that ended" * bool(failed_lanes(results))
     shares: Any = settled(results, known_shares(results))["value"]
     if results.study.config.recovery is not None and shares.nunique() > 1:
         what = "agree" if word == "spread" else "recover"

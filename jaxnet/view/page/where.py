@@ -78,7 +78,7 @@ def span_words(
         alike: Any = values[texts == texts[place]]
         ends = [dict.fromkeys(map(told, alike[end].dropna())) for end in ("low", "high")]
         interval = ""
-        if all(ends) and {*ends[0], *ends[1]} != {texts[place]}:
+        if all(ends) and not {*ends[0], *ends[1]} <= {texts[place], "0", "0 (rounding)"}:
             within = "s within" * (max(map(len, ends)) > 1)
             low, high = told(alike["low"].min()), told(alike["high"].max())
             interval = f" ({100 * sure:g} % interval{within} {low} to {high}{unit})"

@@ -19,7 +19,7 @@ from jaxnet.statistics.amplitude import amplitude_note, without_rounding
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.curves import failed_kinds, mostly_failed
 from jaxnet.statistics.falling import falling_words
-from jaxnet.statistics.horizon import cuts_words, errors_words
+from jaxnet.statistics.horizon import cuts_words, errors_words, lost_words
 from jaxnet.statistics.intervals import LEAST_LANES, TOO_SKEWED, below_greatest
 from jaxnet.statistics.nominal import misfit_words
 from jaxnet.statistics.quantities import FORMATION_NOTE, definition
@@ -92,7 +92,8 @@ def summary_text(
     if pivot:
         beside = any(any(each.intervals()) for each in shown)
         shown = asked if beside else [each.bare() for each in asked]
-    notes = filter(None, [constant, *summary_notes(results, shown)])
+    notes = [constant, *grave_warnings(results), *other_warnings(results)]
+    notes = filter(None, [*notes, *summary_notes(results, shown)])
     return "\n".join([*lines, *map(filled, notes), *left_out_note(left_out, "cells.csv")])
 
 
@@ -106,7 +107,8 @@ def formatted(
 ) -> str:
     """Return the summary table as csv, markdown or latex, whole, chosen as `summary_text` is."""
     asked = asked_columns(results, names, where, sort, pivot)
-    notes = [*summary_notes(results, asked), setting_note(results)]
+    notes = [*grave_warnings(results), *other_warnings(results)]
+    notes += [*summary_notes(results, asked), setting_note(results)]
     return in_format(columns.pivoted(asked, pivot) if pivot else asked, form, notes)
 
 
@@ -154,10 +156,20 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         beyond = share_beyond(int(many.min()))
         words = f"at most {beyond} of all possible lanes are above, with 95 % confidence"
         notes.append(f"max: greatest of {count_between(many.tolist(), 'lane')} of a cell; {words}")
-    about = falling_words(results, cells), errors_words(results.study.config, cells)
-    about += cuts_words(cells), recovery.lowered_words(results, cells)
-    first = [*filter(None, about), *misfit_words(results, cells)]
-    return [*first, *notes, *caveat_lines(cells)]
+    return [*notes, *caveat_lines(cells)]
+
+
+def grave_warnings(results: Results) -> list[str]:
+    """Why errors are not ultimate, or no errors of a fleet that holds together."""
+    cells = results.study.cells
+    return [*filter(None, [lost_words(results, cells), falling_words(results, cells)])]
+
+
+def other_warnings(results: Results) -> list[str]:
+    """What else than the attack may decide, or may not fit the study's presumptions."""
+    config, cells = results.study.config, results.study.cells
+    told = errors_words(config, cells), cuts_words(cells), recovery.lowered_words(results, cells)
+    return [*filter(None, told), *misfit_words(results, cells)]
 
 
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
