@@ -57,27 +57,39 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
 def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Simulate the lanes of the report that no store holds; yield each store.
 
-    The nonlinear engine simulates the study's worst lanes, unless the study is of held inputs; the
-    study's own engine simulates the others. Lanes of large fleets are left out, with a warning.
+    The nonlinear engine simulates the worst lanes, unless inputs are held; the study's own engine
+    simulates the others, and lanes that were given up. Large fleets are left out, with a warning.
     """
     if fleet := too_large(results):
         warnings.warn(f"{results.place}: {fleet}, are too large to be put in motion", stacklevel=2)
         return
-    paths = watched_stores(results)
-    missing = [lane for lane, path in paths.items() if not (path / "zarr.json").exists()]
-    yield from (path for lane, path in paths.items() if lane not in missing)
-    replays = replay_each(results, missing)
-    for done in range(len(missing)):
-        told("lanes simulated again", done, len(missing))
-        yield next(replays)[0]
+    yield from (path for path in watched_stores(results).values() if (path / "zarr.json").exists())
+    while missing := missing_lanes(results):  # once more after the nonlinear engine gave up
+        replays = replay_each(results, missing)
+        for done in range(len(missing)):
+            told("lanes simulated again", done, len(missing))
+            yield next(replays)[0]
 
 
 def lanes_again(results: Results) -> int:
     """The number of lanes that `replay_watched` simulates."""
     if results.missing or not results.has_run or too_large(results):
         return 0
-    paths = watched_stores(results).values()
-    return sum(not (path / "zarr.json").exists() for path in paths)
+    return len(missing_lanes(results))
+
+
+def missing_lanes(results: Results) -> list[tuple[int, int, str | None]]:
+    paths = watched_stores(results).items()
+    return [lane for lane, path in paths if not (path / "zarr.json").exists()]
+
+
+def gave_up(results: Results, cell: int, sample: int, engine: str | None) -> bool:
+    """Whether a replay by another engine ended too early, though the study's lane is ok."""
+    path = results.file(store_of(results, cell, sample, engine))
+    if not engine or not (path / "zarr.json").exists():
+        return False
+    row, last = results.row(cell, sample), open_store(path)["states"].isel(time=-1)
+    return row is not None and bool(row.loc["status"] == "ok") and bool(last.isnull().all())
 
 
 def too_large(results: Results) -> str:
@@ -92,14 +104,14 @@ def too_large(results: Results) -> str:
 
 def watched_stores(results: Results) -> dict[tuple[int, int, str | None], UPath]:
     """Cell, sample and engine of the lanes that the page shows without a stored run of theirs."""
-    cells = results.study.cells
-    wanted = {
-        (cell, sample): None if cells[cell].scenario.engine.samples else "nonlinear"
-        for cell, sample in worst_of(results)
-    }
-    there = {each[:2] for each in stored_lanes(results)} | set(wanted)
-    wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
-    return {(*at, by): results.file(store_of(results, *at, by)) for at, by in wanted.items()}
+    there, worst = {each[:2] for each in stored_lanes(results)}, worst_of(results)
+    wanted: dict[tuple[int, int], str | None] = dict.fromkeys([*worst, *exemplary(results)])
+    for at in worst:
+        samples = results.study.cells[at[0]].scenario.engine.samples
+        if not samples and not gave_up(results, *at, "nonlinear"):
+            wanted[at] = "nonlinear"
+    shown = ((at, by) for at, by in wanted.items() if by or at not in there)
+    return {(*at, by): results.file(store_of(results, *at, by)) for at, by in shown}
 
 
 def watched(results: Results) -> list[Watched]:
@@ -110,7 +122,8 @@ def watched(results: Results) -> list[Watched]:
     found: dict[tuple[int, int, str | None], Watched] = {}
     for each in [*replayed_lanes(results), *stored_lanes(results)]:
         why = known.get(each[:2], each.why)
-        found.setdefault((*each[:2], each.engine), each._replace(why=why))
+        if not gave_up(results, *each[:2], each.engine):
+            found.setdefault((*each[:2], each.engine), each._replace(why=why))
     return sorted(found.values(), key=lambda each: (order.index(each.why), bool(each.engine)))
 
 

@@ -14,7 +14,17 @@ from matplotlib.colors import to_rgb
 
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.quantities import Quantity
-from jaxnet.view.drawings.drawing import LOOKS, MARKERS, MOVED_NOTE, Drawing, Panel, Scale, Trace
+from jaxnet.view.drawings.drawing import (
+    DODGE,
+    LOOKS,
+    MARKERS,
+    MOVED_NOTE,
+    Drawing,
+    Panel,
+    Scale,
+    Trace,
+    moved_sideways,
+)
 from jaxnet.view.drawings.swept import hue_looks, swept_drawing
 from jaxnet.view.drawings.ultimate import BOUND_LOOKS, FITS
 from jaxnet.view.figures import COLUMN_WIDTHS, multiples, style
@@ -48,6 +58,19 @@ def numbered(cells, share=True):
     ends = {"low": np.maximum(numbers - 2, 0), "high": numbers + 1}
     values = pd.DataFrame({"value": numbers, **ends})
     return Quantity("unrecovered", "lanes unrecovered", "%" if share else "m", share, 0.95, values)
+
+
+def test_points_are_shifted_no_more_than_they_must_be():
+    """Marks on one another by DODGE of the axis, marks of which only the bars overlap by half."""
+    x, y = Scale("ā", (1.0, 100.0), log=True, ticks=[1.0, 10.0, 100.0]), Scale("error", (0.0, 1.0))
+    for second, width in ((0.51, DODGE), (0.6, DODGE / 2), (0.9, 0.0)):
+        heights = {"one": 0.5, "two": second}
+        series = [
+            Trace(name, LOOKS[0], np.array([10.0]), at, "points", at - 0.15, at + 0.15)
+            for name, at in ((name, np.array([at])) for name, at in heights.items())
+        ]
+        one, two = (x.part(each.drawn_x)[0] for each in moved_sideways(series, x, y))
+        assert two - one == pytest.approx(width, abs=1e-12)
 
 
 RATES, RULES = {"attack.frequency": [0.1, 0.3, 1.0]}, ["none", "w_msr", "ms_norm", "trust"]

@@ -4,6 +4,7 @@ import base64
 import json
 import re
 import shutil
+from dataclasses import replace
 from html import unescape
 
 import numpy as np
@@ -11,10 +12,12 @@ import pandas as pd
 import plotly.graph_objects as go
 import pytest
 import xarray as xr
+from matplotlib.colors import to_rgb
 from upath import UPath
 
 import jaxnet
 from jaxnet.api import writing
+from jaxnet.runs import replay as rerun
 from jaxnet.runs import watched
 from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves, pairs
@@ -22,6 +25,7 @@ from jaxnet.statistics.separation import start_separations
 from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
+from jaxnet.view.drawings.heat import palette
 from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
@@ -1048,6 +1052,42 @@ def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
     assert times[0] == times[1]
 
 
+def test_the_studys_engine_simulates_what_the_nonlinear_one_gives_up(tmp_path, monkeypatch):
+    """It alone is shown, and no later report tries again; a lane that failed itself stays."""
+    given, tried = rerun.with_engine, []
+
+    def with_engine(cell, engine):
+        tried.append(engine)
+        chosen = given(cell, engine)
+        if engine is None:
+            return chosen
+        few = chosen.scenario.engine.model_copy(update={"max_steps": 1})
+        return replace(chosen, scenario=chosen.scenario.model_copy(update={"engine": few}))
+
+    sweep = {"attack.magnitude": [1, 30]}
+    study = systems.study(samples=1, sweep=sweep, recovery={"tau": 0.01, "worst": 1}, **SHORT)
+    results = jaxnet.run(study, tmp_path / "out")
+    ((cell, sample),) = rerun.worst_of(results)
+    with monkeypatch.context() as failing:
+        failing.setattr(rerun, "with_engine", with_engine)
+        for again in (True, False):
+            names = {path.stem for path in watched.replay_watched(results)}
+            assert f"cell-{cell}-sample-{sample}" in names
+            assert bool(tried) == again == ("nonlinear" in tried)
+            assert watched.lanes_again(results) == 0
+            tried.clear()
+    shown = watched.watched(results)
+    assert {each.engine for each in shown} == {None}
+    assert (cell, sample) in {each[:2] for each in shown}
+    assert "nonlinear" not in sections.lanes_section(results).body
+    with monkeypatch.context() as failed:
+        row = results.lanes.iloc[0].replace("ok", "diverged")
+        failed.setattr(Results, "row", lambda *_: row)
+        assert "nonlinear" in {each.engine for each in watched.watched(results)}
+    replay(results, cell, sample, "nonlinear")
+    assert "Lanes marked “nonlinear engine” are" in sections.lanes_section(results).body
+
+
 def test_a_report_without_replays_simulates_nothing(tmp_path, monkeypatch):
     """Where no trajectory is stored the page names the command that replays one."""
     from jaxnet.engine import batch
@@ -1194,6 +1234,40 @@ def test_a_tile_tells_all_when_it_is_reached(opened, folder):
     settle(shown)
     z = plot.evaluate("plot => plot.data[0].z.map(row => [...row])")
     assert z == [[None] * 3, [None, 0.75, 1]]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_of_tiles_contrast_with_them(opened, scheme):
+    """By 4.5 at least (WCAG 2.2), of every colour, and where no colour is."""
+    shown = opened(1400, scheme)
+    shown.locator("#heat .plot").first.scroll_into_view_if_needed()
+    settle(shown)
+    texts = "labels => labels.map(({ __data__: { z }, firstChild }) => [z, color(firstChild)])"
+    texts = texts.replace("color(firstChild)", "getComputedStyle(firstChild).fill")
+    paint = "(plot, z) => { plot.data[0].z = [z, z]; return Plotly.redraw(plot); }"
+    paper = shown.evaluate("getComputedStyle(document.body).backgroundColor")
+    scale, worst = [to_rgb(colour) for colour, _ in palette()], []
+    for start in range(0, 64, 2):
+        plot = shown.locator("#heat .plot").first
+        plot.evaluate(paint, [start / 63, (start + 1) / 63, None])
+        settle(shown)
+        for z, text in shown.locator("#heat .heatmap-label").evaluate_all(texts)[:6]:
+            tile = rgb_of(paper) if z is None else scale[round(63 * z)]
+            worst.append(contrast(rgb_of(text), tile))
+    assert len(worst) == 192
+    assert min(worst) > 4.5
+
+
+def rgb_of(text):
+    return [int(each) / 255 for each in re.findall(r"\d+", text)[:3]]
+
+
+def contrast(*colours):
+    levels = np.array(colours)
+    linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
+    low, high = sorted(linear @ (0.2126, 0.7152, 0.0722) + 0.05)
+    return high / low
 
 
 @pytest.mark.long

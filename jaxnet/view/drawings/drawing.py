@@ -17,7 +17,7 @@ from jaxnet.view.figures import style
 
 MOST_NOTED = 3  # choices of panels by a note
 MOST_BARS = 24  # points of a line that have error bars; more have a band
-DODGE, MARK = 0.025, 0.02  # of the axis: between points side by side; half of a mark
+DODGE, MARK = 0.025, 0.02  # of the axis: between marks side by side; half of a mark
 LONE_REACH = 100.0  # of a log axis with one value, its ends' ratio
 BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
 MOVED_NOTE = "points that would hide one another are shifted sideways"
@@ -150,9 +150,9 @@ def moved_sideways(series: Sequence[Trace], x: Scale, y: Scale) -> list[Trace]:
     if len(series) < 2 or not x.ticks or not all(each.barred for each in series):
         return [*series]
     points = dict[float, list[tuple[float, float, int, int]]]()
-    for number, each in enumerate(series):
+    heights = [y.part(each.y) for each in series]
+    for number, (each, at) in enumerate(zip(series, heights, strict=True)):
         (low, high), _ = y.bars(each.low, each.y, each.high)
-        at = y.part(each.y)
         ends = np.fmin(y.part(low), at - MARK), np.fmax(y.part(high), at + MARK)
         for place, (at, first, last) in enumerate(zip(each.x, *ends, strict=True)):
             if np.isfinite([first, last]).all():
@@ -160,8 +160,11 @@ def moved_sideways(series: Sequence[Trace], x: Scale, y: Scale) -> list[Trace]:
     steps = [np.zeros(len(each.x)) for each in series]
     for here in points.values():
         for group in overlapping(here):
-            for place, (_, _, number, point) in enumerate(sorted(group, key=lambda one: one[2])):
-                steps[number][point] = place - (len(group) - 1) / 2
+            beside = sorted(group, key=lambda one: one[2])
+            rises = np.diff([heights[number][point] for _, _, number, point in beside])
+            far = 1.0 if (abs(rises) < 2 * MARK).any() else 0.5  # of bars that alone overlap
+            for place, (_, _, number, point) in enumerate(beside):
+                steps[number][point] = far * (place - (len(group) - 1) / 2)
     most, first, last = min(DODGE, 0.6 / len(x.ticks) / len(series)), x.ticks[0], x.ticks[-1]
     found = []
     for each, step in zip(series, (most * step for step in steps), strict=True):

@@ -69,6 +69,15 @@ function draw(place) {
   const { data: traces, layout } = figureOf(place), isNew = !place.data;
   Plotly.react(place, traces, layout, { displayModeBar: false, responsive: true });
   if (isNew) place.on("plotly_hover", ({ points: [{ hovertext }] }) => tell(place, hovertext));
+  if (isNew) place.on("plotly_afterplot", () => ink(place));
+}
+
+// Texts contrast with their tiles; plotly's grey and white do not.
+function ink(place) {
+  for (const { __data__: { z }, firstChild } of all(".heatmap-label", place)) {
+    const { inks } = place.data[0].meta;
+    firstChild.style.fill = inks[Math.round(z * (inks.length - 1))] ?? "var(--text)";
+  }
 }
 
 // Tiles of a heat map tell their cells, when they are pointed at or reached by arrow keys.

@@ -79,7 +79,7 @@ def plotted(drawing: Drawing) -> str:
 def tiled(drawing: Drawing) -> str:
     """The maps of a drawing as HTML, which arrow keys walk over, with their scale of colours."""
     assert drawing.colours is not None
-    norm, colours = colour_norm(drawing.colours), [colour for colour, _ in palette()]
+    norm, (colours, inks) = colour_norm(drawing.colours), zip(*palette(), strict=True)
     layout = {}
     for letter, scale in (("x", drawing.x), ("y", drawing.y)):
         title = {"title": {"text": plain(scale.title)}, "showgrid": False}
@@ -99,7 +99,7 @@ def tiled(drawing: Drawing) -> str:
         shape = tiles.values.shape
         trace = look | {
             "z": np.ma.filled(norm(tiles.values), np.nan),
-            "meta": {"cells": tiles.cells},
+            "meta": {"cells": tiles.cells, "inks": inks},
         }
         trace["text"] = np.reshape(texts, shape).tolist()
         trace["hovertext"] = np.reshape([*map(plain, tiles.told.ravel())], shape).tolist()

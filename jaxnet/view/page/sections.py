@@ -90,8 +90,8 @@ CHOICE_OF_LANES = (
 
 
 OTHER_ENGINE = (
-    " The nonlinear engine simulates the worst lanes, whatever the engine of the study: it shows"
-    " whether vehicles come to rest, where their law is singular."
+    " Lanes marked “nonlinear engine” are simulated by it, whatever the engine of the study: they"
+    " show whether vehicles come to rest, where their law is singular."
 )
 
 
