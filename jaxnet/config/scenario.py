@@ -130,10 +130,15 @@ def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
     attack = scenario.attack
     if not attack.present or attack.targets() or not attack.number():
         return [attack.attacked_links(graph)]
-    if math.comb(scenario.vehicles, attack.number()) > MOST_DRAWN_SETS:
+    if too_many_sets(scenario):
         return None
     sets = itertools.combinations(range(1, scenario.vehicles + 1), attack.number())
     return [attack.on([*each]).attacked_links(graph) for each in sets]
+
+
+def too_many_sets(scenario: Scenario) -> bool:
+    drawn = scenario.attack.present and not scenario.attack.targets()
+    return drawn and math.comb(scenario.vehicles, scenario.attack.number()) > MOST_DRAWN_SETS
 
 
 def safe_in_all(scenario: Scenario, graph: Digraph, draws: Sequence[Links]) -> list[Safe]:

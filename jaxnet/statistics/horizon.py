@@ -75,7 +75,7 @@ def errors_words(study: Config, cells: Sequence[Cell]) -> str:
     if not above:
         return ""
     least = min(above.values())
-    words = f"errors alone leave a mean error of {least:.3g} m or more, recovery allows less"
+    words = f"errors alone leave {least:.3g} m or more in the mean of lanes, recovery allows less"
     return f"{words}, in {cells_named([*above])}"
 
 

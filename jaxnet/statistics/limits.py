@@ -21,9 +21,11 @@ from jaxnet.config.scenario import (
     BOUNDS,
     broken_premise,
     for_any_signal,
+    missing,
     outputs_of,
     situation_of,
     sources_of,
+    too_many_sets,
 )
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
@@ -89,6 +91,14 @@ def unchecked_words(cells: Sequence[Cell]) -> str:
     """The unchecked cells with their reasons; "" if there are none."""
     found = unchecked(cells)
     return "; ".join(f"{cells_named(numbers)}: {why}" for why, numbers in found.items())
+
+
+def at_once_words(cells: Sequence[Cell]) -> str:
+    """Cells whose bounds are those of an attack on all vehicles; "" if there are none."""
+    many = [cell for cell in cells if too_many_sets(cell.scenario)]
+    numbers = [cell.number for cell in many if not missing(cell.scenario, BOUNDS)]
+    told = "bounds take all vehicles as attacked at once, as too many sets may be drawn, in"
+    return f"{told} {cells_named(numbers)}" if numbers else ""
 
 
 def unclipped_words(results: Results) -> str:

@@ -36,9 +36,9 @@ class Bound(NamedTuple):
         return float(self.vehicles.max())
 
 
-def by_two_norm(slopes: Gains) -> Bound:
-    """A bound on the fleet by the 2-norm of its vehicles' slopes."""
-    return Bound(slopes, float(np.linalg.norm(slopes)))
+def by_gains(reach: AttackGain, slope: float) -> Bound:
+    """A bound on each vehicle by its gain, and on the fleet by the 2-norm of the gains."""
+    return Bound(slope * reach.gains, slope * reach.fleet)
 
 
 def static(reach: AttackGain) -> Bound:
@@ -48,7 +48,7 @@ def static(reach: AttackGain) -> Bound:
     at any frequency, while the kept set is fixed. Constant attacks in phase attain it. Slopes are
     not-a-number where the kept set may switch.
     """
-    return by_two_norm(reach.gains * (np.nan if reach.fixed is None else 1.0))
+    return by_gains(reach, np.nan if reach.fixed is None else 1.0)
 
 
 def peak_gain(reach: AttackGain, gain: LawGain) -> Bound:
@@ -56,7 +56,7 @@ def peak_gain(reach: AttackGain, gain: LawGain) -> Bound:
 
     Source: ‖Hρ‖_∞ ≤ ‖H‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
     """
-    return by_two_norm(response.impulse_norm(gain) * reach.disturbance(gain) * reach.gains)
+    return by_gains(reach, response.impulse_norm(gain) * reach.disturbance(gain))
 
 
 def harmonic(reach: AttackGain, gain: LawGain) -> Bound:
@@ -65,7 +65,7 @@ def harmonic(reach: AttackGain, gain: LawGain) -> Bound:
     η is the greatest ‖R(a)‖ of such an attack (`response.harmonic_norm`). At every instant
     `‖R(E_i)‖ ≤ γ_i max ‖R(a)‖`, for every choice of retained neighbours (O2b).
     """
-    return by_two_norm(response.impulse_norm(gain) * response.harmonic_norm(gain) * reach.gains)
+    return by_gains(reach, response.impulse_norm(gain) * response.harmonic_norm(gain))
 
 
 # Constants of one axis, and whether something is said where kept sets may switch: ε jumps there.
@@ -90,5 +90,5 @@ def ultimate_bounds(reach: AttackGain, gain: LawGain) -> dict[str, Bound]:
         if reach.fixed is not None:
             found[name] = Bound(slope * reach.gains, float(slope * reach.norms))
         else:
-            found[name] = by_two_norm(reach.gains * (slope if switching else np.nan))
+            found[name] = by_gains(reach, slope if switching else np.nan)
     return found

@@ -6,6 +6,7 @@ an attack replaces the transmitted signal, γ_j of an attacked link is the navig
 one set of neighbours may be retained, γ is the static gain `s = L⁻¹ W_a 1`.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import (
     BOUNDS,
     MOST_INVERTED,
+    attacked_draws,
     for_any_signal,
     missing,
     situation_of,
@@ -35,9 +37,10 @@ LEAST_NORMAL = float(np.finfo(float).tiny)  # smaller numbers have no relative p
 
 
 class AttackGain(NamedTuple):
-    """Gains from attacks to the errors of a network's vehicles."""
+    """Gains from attacks to the errors of a network's vehicles, each the greatest of all sets."""
 
     gains: Gains  # γ
+    fleet: float  # ‖γ‖₂
     # weights in force for good; None where retained neighbours, or attacks, may jump
     fixed: Digraph | None
     norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the fixed weights; not-a-number without, or if too large
@@ -56,27 +59,29 @@ class AttackGain(NamedTuple):
 
 def attack_gain(
     retained: DropPolicy,
-    attacked: Links,
-    carried: Links,
+    sets: Sequence[tuple[Links, Links]],
     smooth: bool = True,
     orders: tuple[int, ...] = ORDERS,
     shares: tuple[float, ...] | None = None,
 ) -> AttackGain:
-    """Gains for attacks on some links.
+    """Gains for attacks on any one of some sets of links.
 
-    `carried` are the links that transmit the signal of their source. `smooth` attacks are paths
-    with their derivatives. `orders` are the derivatives that the attacks falsify, and `shares`
-    their magnitudes per ā if these differ.
+    A set is the attacked links, and the links that transmit their source's signal: the same links
+    in all sets if attacks are `smooth`, paths with their derivatives. `orders` are the derivatives
+    that the attacks falsify, and `shares` their magnitudes per ā if these differ.
     """
-    gains = worst_gains(retained, attacked, carried)
     fixed = retained.fixed if smooth else None
-    if fixed is None:
-        return AttackGain(gains, None, np.nan, orders, shares)
-    if graph.unreachable(fixed):
-        return AttackGain(gains, fixed, np.inf, orders, shares)
-    inverse = graph.inverse_norm(fixed.only(carried)) if fixed.vehicles <= MOST_INVERTED else np.nan
-    added = fixed.only(attacked).weights.sum(axis=1)
-    return AttackGain(gains, fixed, float(inverse * np.linalg.norm(added)), orders, shares)
+    if fixed is None or graph.unreachable(fixed):
+        each = np.array([worst_gains(retained, *links) for links in sets])
+        norms = np.nan if fixed is None else np.inf
+    else:
+        word = fixed.only(sets[0][1])
+        added = np.array([fixed.only(attacked).weights.sum(axis=1) for attacked, _ in sets])
+        each = graph.solver(word)(added.T).T
+        inverse = graph.inverse_norm(word) if fixed.vehicles <= MOST_INVERTED else np.nan
+        norms = float(inverse * np.linalg.norm(added, axis=1).max())
+    fleet = float(np.linalg.norm(each, axis=1).max())
+    return AttackGain(each.max(axis=0), fleet, fixed, norms, orders, shares)
 
 
 def disconnected_vehicles(retained: DropPolicy) -> Bool[np.ndarray, " m"]:
@@ -145,16 +150,17 @@ def worst_kept_weights(
 def scenario_gain(scenario: Scenario) -> AttackGain | None:
     """Gains γ of a scenario's network, by which bounds multiply ā.
 
-    None without the premises of BOUNDS. If the attacked vehicles are drawn, the gains are those of
-    an attack on all vehicles.
+    None without the premises of BOUNDS. If the attacked vehicles are drawn, the gains are the
+    greatest of all sets. For too many sets they are those of an attack on all vehicles.
     """
     if missing(scenario, BOUNDS):
         return None
     known = situation_of(scenario)
     assert known.retained is not None
     attack, order = scenario.attack, scenario.vehicle.order
-    carried = ~(known.attacked & attack.replaces())
+    draws = attacked_draws(scenario, known.graph) or [known.attacked]
+    sets = [(links, ~(links & attack.replaces())) for links in draws]
     orders, shares = tuple(heard_orders(attack, order)), magnitude_shares(attack, order)
     jumps = attack.strategic or attack.splits() or bool(attack.periods())
     smooth = attack.consistent() and not jumps
-    return attack_gain(known.retained, known.attacked, carried, smooth, orders, shares)
+    return attack_gain(known.retained, sets, smooth, orders, shares)

@@ -1,5 +1,7 @@
 """The table of bounds, and whether a lane that breaks one is found, and no other."""
 
+from itertools import combinations
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,6 +14,8 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.signal import Harmonic
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.limits import limits_of, slopes_table, violations_table
+from jaxnet.theory.case import Case
+from jaxnet.view.text.facts import attack_line
 from tests import reference, systems
 
 GAIN = [2.0, 4.0, 2.5]
@@ -34,6 +38,55 @@ def test_the_table_has_a_block_for_each_group():
     several = jaxnet.load({"attack": "multisine"})
     assert "harmonic" not in set(slopes_table(several.cells)["bound"])
     assert slopes_table(jaxnet.load({"attack": "none"}).cells).empty
+
+
+@pytest.mark.parametrize("threat", ["adds", "replaces"])
+@pytest.mark.parametrize("defence", ["none", "trusted_trim"])
+@pytest.mark.parametrize("topology", ["cyclic", {"kind": "lattice", "navigator": [1, 4]}])
+def test_drawn_attackers_have_the_greatest_bound_of_all_their_sets(topology, defence, threat):
+    """Each slope is the greatest of the studies of one pair, and no lane exceeds it.
+
+    A message that is replaced only in some lanes has no static bound.
+    """
+    keys = {"vehicles": 6, "topology": topology, "defence": defence, "engine": "exact"}
+
+    def study(vehicles):
+        attack = {"kind": "bias", "vehicles": vehicles, "threat": threat}
+        return systems.study(attack=attack, horizon=90.0, tail=5.0, **keys)
+
+    pairs = [slopes_table(study([*each]).cells) for each in combinations(range(1, 7), 2)]
+    given = study({"random": 2})
+    found = slopes_table(given.cells).set_index(["bound", "vehicle"])["slope"]
+    most = pd.concat(pairs).groupby(["bound", "vehicle"])["slope"].max()[found.index]
+    if threat == "replaces":
+        jumping = ["static", "lyapunov_printed"]
+        assert found[jumping].isna().all()
+        gains = ["peak_gain", "harmonic"]
+        np.testing.assert_allclose(found[gains], most[gains], rtol=1e-9)
+    else:
+        np.testing.assert_allclose(found, most, rtol=1e-9)
+    results = jaxnet.simulate(given, samples=30, progress=False)
+    worst = results.lanes["tail_max"].max() / 5.0
+    bound = found["peak_gain" if found["static"].isna().all() else "static", "worst"]
+    assert worst <= bound * (1 + 1e-6)
+    assert (worst > bound / 1.3) == found["static"].notna().all()
+    assert violations_table(results).empty
+    assert bounds.at_once_words(given.cells) == ""
+
+
+def test_too_many_sets_count_as_one_of_all_vehicles():
+    """2 of 46 are 1,035 pairs: the slopes are those of an attack on all, and this is told."""
+    keys = {"vehicles": 46, "topology": "cyclic", "defence": "none"}
+    drawn, every = (
+        systems.study(attack={"kind": "bias", "vehicles": vehicles}, **keys).cells
+        for vehicles in ({"random": 2}, [*range(1, 47)])
+    )
+    pd.testing.assert_frame_equal(slopes_table(drawn), slopes_table(every))
+    assert bounds.at_once_words(drawn) == (
+        "bounds take all vehicles as attacked at once, as too many sets may be drawn, in cell 0"
+    )
+    assert "bounds take all vehicles as attacked at once" in attack_line(Case(drawn[0].scenario))
+    assert bounds.at_once_words(every) == ""
 
 
 JUDGES = ("w_msr", "clipping", "coordinate_median", "centerpoint", "geometric_median")

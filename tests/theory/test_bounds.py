@@ -230,7 +230,7 @@ def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
 @pytest.mark.parametrize("orders", [(0, 1, 2, 3), (3,), (0, 1)])
 def test_the_drive_changes_no_faster_within_a_tick_than_theorem_3_is_told(frequency, orders):
     """Λ of a turning attack as great as ā allows, exactly derived; one order alone attains it."""
-    reach = AttackGain(np.array([1.0]), None, np.nan, orders)
+    reach = AttackGain(np.array([1.0]), 1.0, None, np.nan, orders)
     bound = between_ticks(reach, GAIN, frequency, tick=0.1, one_frequency=orders == (0, 1, 2, 3))[0]
     size = 1.0 / max(frequency**order for order in orders) if frequency else 1.0
     rate = abs(sum(np.append(GAIN, 1.0)[k] * (1j * frequency) ** (k + 1) for k in orders)) * size

@@ -44,11 +44,13 @@ class Network(NamedTuple):
     def spread(self):
         """Arguments of what theory says of it."""
         retained = self.retained
-        return retained, *(slotwise(retained.graph, each) for each in (self.attacked, self.carried))
+        links = (slotwise(retained.graph, each) for each in (self.attacked, self.carried))
+        return retained, [tuple(links)]
 
     def gains(self):
         """γ, by the package."""
-        return spread.worst_gains(*self.spread)
+        retained, [links] = self.spread
+        return spread.worst_gains(retained, *links)
 
 
 def of(weights, attacked, channel="auto", theta=1, trusted=None, threat="adds"):

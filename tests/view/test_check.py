@@ -519,7 +519,7 @@ def test_a_threshold_below_what_errors_leave_is_told(errors, known):
     sweep = {"attack.magnitude": [9 * left, 11 * left, left]}
     keys = PLAIN | {"attack": {"kind": "bias"}, "recovery": {"tau": 0.1}, "sweep": sweep}
     text = one_line(check.check_text(systems.study(**keys, **errors)))
-    told = f"errors alone leave a mean error of {left:.3g} m or more, recovery allows less, in"
+    told = f"errors alone leave {left:.3g} m or more in the mean of lanes, recovery allows less, in"
     assert f"WARNING: {told} cells 0, 2 swept" in text
 
 

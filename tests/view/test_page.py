@@ -216,7 +216,7 @@ CUTS = {"detector.cuts": ["never", "message", "link", "both_ways"]}
 CUTS = {"sweep": CUTS, "detector": "chi_squared", "channel": {"noise": {"position": 0.1}}}
 CUTS |= ROTATING | {"tick": 0.1}
 TOLD = [
-    (FOUR, CUTS, "<b>Alarms cut</b>, by error: <b>link</b> is better than each other one."),
+    (FOUR, CUTS, "<b>Alarms cut</b>, by error: <b>link</b> is better than each of the others."),
     (
         FOUR,
         CUTS,
@@ -330,7 +330,7 @@ TOLD = [
     (
         [4.0, 20.0, 1.0, 20.0, 4.0, 20.0],
         {"sweep": {"defence": ["none", "w_msr", "centerpoint"], "attack.magnitude": [1, 10]}},
-        "<b>W-MSR</b> is better than each other one in 1 of 2 settings, and worse in none.",
+        "<b>W-MSR</b> is better than each of the others in 1 of 2 settings, and worse in none.",
     ),
 ]
 

@@ -129,7 +129,7 @@ def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
     times = [len(won.found.get(pair, ())) for pair in pairs]
     if not min(times):
         return f"no other is better than {told}"
-    than = escape(named(key, others[0])) if len(others) == 1 else "each other one"
+    than = escape(named(key, others[0])) if len(others) == 1 else "each of the others"
     verb = "is" if len(best) == 1 else "are"
     return f"{told} {verb} better than {than}{settings_words(times, [*map(won.of, pairs)], won)}"
 

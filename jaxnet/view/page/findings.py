@@ -17,7 +17,7 @@ from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import count, counted, number_text, ranges
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
-from jaxnet.statistics.limits import unchecked_words
+from jaxnet.statistics.limits import at_once_words, unchecked_words
 from jaxnet.statistics.quantities import meaning, stored_values
 from jaxnet.statistics.recovery import (
     attacked_mask,
@@ -355,7 +355,9 @@ def bounds_sentence(results: Results, found: Sequence[curves.Curve], fit: str) -
         above = f'<b>{count(many, "lane")}</b> above a bound: see <a href="#violations">below</a>. '
         told += above if many else "No lane is above its bound. "
     if unchecked := unchecked_words(results.study.cells):
-        told += f"No bound is known for {escape(unchecked)}."
+        told += f"No bound is known for {escape(unchecked)}. "
+    if at_once := at_once_words(results.study.cells):
+        told += f"{at_once.capitalize()}."
     return told.strip()
 
 

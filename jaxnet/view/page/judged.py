@@ -188,10 +188,13 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
         unit = errors.unit
         lanes = judged_lanes(results, values.index, unit)
         found += [ComparedBy(word + ended, unit, f"smaller {word} than with", values, lanes)]
-    ways: Any = results.cells.reindex(columns=["outside_max"]).reset_index(drop=True)
-    ways = ways["outside_max"].reindex(errors.values.index).dropna()
-    if len(ways) and ways.max() >= ROUNDING_ERROR:
-        found += [ComparedBy("worst way out of the hull", "m", "", ways, {})]
+    alone = is_leaderless(results.study.cells)
+    name, column = "worst way out of the hull", "outside_max"
+    name, column = (name, column) if alone else ("worst vehicle", "tail_max_max")
+    most: Any = results.cells.reindex(columns=[column]).reset_index(drop=True)[column]
+    most = most.reindex(errors.values.index).dropna()
+    if len(most) and most.max() >= ROUNDING_ERROR:
+        found += [ComparedBy(name, "m", "", most, {})]
     return found
 
 

@@ -8,11 +8,13 @@ import numpy as np
 from jaxnet.config.keys import Scenario
 from jaxnet.config.naming import value_name, words_of_kind
 from jaxnet.config.scenario import (
+    BOUNDS,
     MOST_DRAWN_SETS,
     MOTION,
     missing,
     premise_words,
     situation_of,
+    too_many_sets,
 )
 from jaxnet.kinds.fields import EachOrder, is_drawn, value_range
 from jaxnet.kinds.kind import vehicle_numbers
@@ -167,6 +169,8 @@ def attack_line(case: Case) -> str:
         orders = [order for order in attack.falsified() if sum(sizes[order : order + 1])]
         which = ", ".join(ORDER_NAMES[order] for order in orders)
         line += f"; each order is falsified on its own ({which}), so the static bound does not hold"
+    if too_many_sets(scenario) and not missing(scenario, BOUNDS):
+        line += f"; bounds take all vehicles as attacked at once: {NOT_TRIED}"
     if periods:
         last = max(time for time, _ in periods if time < scenario.horizon)
         settled = scenario.horizon - scenario.tail - last

@@ -12,7 +12,7 @@ from jaxnet.statistics.amplitude import LEAST_UNRECOVERED, without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import ENVELOPE, FEWEST, FEWEST_BEYOND, whole_draws
-from jaxnet.statistics.limits import unchecked, unchecked_words, unclipped_words
+from jaxnet.statistics.limits import at_once_words, unchecked, unchecked_words, unclipped_words
 from jaxnet.statistics.recovery import lowered_words
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
@@ -75,7 +75,7 @@ def fit_text(results: Results) -> str:
         parts.append(violations_text(results))
     cells = results.study.cells
     told = no_magnitudes(found), falling_words(results, cells), lowered_words(results, cells)
-    parts += map(filled, told)
+    parts += map(filled, (at_once_words(cells), *told))
     return "\n\n".join(filter(None, parts))
 
 
