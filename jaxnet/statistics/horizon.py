@@ -102,7 +102,8 @@ def cuts_words(cells: Sequence[Cell]) -> str:
 
 def lost_words(results: Results, cells: Sequence[Cell]) -> str:
     """Where the fleet is lost: its error is far above ā and every start; else ""."""
-    sizes, errors = cell_magnitudes(results), results.cells[f"{judged_metric(cells)}_median"]
+    sizes = known_or(np.zeros(len(cells)), lambda: cell_magnitudes(results))
+    errors = results.cells[f"{judged_metric(cells)}_median"]
     starts = (known_or(np.inf, partial(start_sizes, cell.scenario)) for cell in cells)
     limits = LOST * (np.nan_to_num(sizes) + [float(np.ravel(each)[0]) for each in starts])
     found = np.flatnonzero(errors.to_numpy() > limits).tolist()

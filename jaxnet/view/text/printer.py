@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MEDIAN_ERRORS = ("tail_mean_median", "outside_max", "spread_median")  # columns that go last
 WORST_ERRORS = ("tail_max_max", "spread_max")  # that go just before
 LEAST_TITLE, MOST_LINES = 9, 3  # letters of a line of a title, and its lines
-LEAST_LABEL = 20  # letters that a label is wrapped to, at least
+LEAST_LABEL = 14  # letters that a label is wrapped to, at least
 GAP = 2  # letters between columns
 NUMBER = re.compile(r"(> )?-?(\d|inf|nan).*|-|")
 
