@@ -190,6 +190,7 @@ FACTS = [
         "detector",
         "by a sum of the residual along the direction less 0.5 a message over 5 stand",
     ),
+    (CUTTING, "guarantee", "vehicles believe every source; what alarms cut is not heard"),
     (TESTED | {"detector": "distance"}, "detector", "a position over 1 m from the expected one"),
     (
         CUTTING

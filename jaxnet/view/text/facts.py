@@ -62,7 +62,8 @@ def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
         "attack": attack_line(case) if attack.present else "none",
         "Assumption 1": told.get("honest paths", ""),
         **defence_lines(scenario),
-        "guarantee": told.get("agreement", defence.promise()),
+        "guarantee": told.get("agreement", defence.promise())
+        + "; what alarms cut is not heard" * scenario.detector.acts,
         "misjudged": told.get("misjudged", ""),
         "cut off": told.get("cut off", ""),
         "apart": told.get("apart", why_not_apart(scenario)),

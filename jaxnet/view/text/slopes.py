@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxnet.config.naming import worded
-from jaxnet.model.wording import number_text
+from jaxnet.model.wording import count_between, number_text
 from jaxnet.statistics import intervals
 from jaxnet.statistics.amplitude import LEAST_UNRECOVERED, without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, Fit, curves, no_magnitudes
@@ -104,10 +104,10 @@ def slopes_text(results: Results, found: Sequence[Curve]) -> str:
     missing = TOO_FEW + "; ".join(needed) if independent else OF_SEQUENCES
     notes = SLOPE_NOTES | {NO_INTERVAL: missing}
     lines += [filled(note) for text, note in notes.items() if any(text in t for t in told)]
-    draws = independent and min(whole_draws(results, curve.group) for curve in found)
-    if draws and {*shown.get(WORST_LANE, ())} - {"-"}:
-        share = number_text(100 * intervals.below_greatest(draws), whole=100.0)
-        words = f"{WORST_LANE}: of the {draws} lanes of each ā"
+    draws = [whole_draws(results, curve.group) for curve in found]
+    if independent and all(draws) and {*shown.get(WORST_LANE, ())} - {"-"}:
+        share = number_text(100 * intervals.below_greatest(min(draws)), whole=100.0)
+        words = f"{WORST_LANE}: of the {count_between(draws, 'lane')} of each ā"
         below = f"at least {share} % of all possible lanes are below, with 95 % confidence"
         lines.append(filled(f"{words}; {below}"))
     return "\n".join(lines)
