@@ -87,8 +87,10 @@ def test_nothing_compiles_while_lanes_move(monkeypatch):
         return lambda *leaves: (told.append(programs.compiling()), program(*leaves))[1]
 
     monkeypatch.setattr(programs, "by_kept_trace", watched)
+    programs.compiled.cache_clear()  # whatever ran before
     keys = {"horizon": 1.0, "tail": 0.4, "topology": "star", "engine": "exact", "vehicles": 3}
     jaxnet.simulate({**keys, "attack": "none", "defence": "none"}, samples=3, progress=False)
+    programs.compiled.cache_clear()  # of the program that is watched
     assert told == [True, False]
 
 
