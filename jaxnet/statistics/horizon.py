@@ -104,8 +104,8 @@ def lost_words(results: Results, cells: Sequence[Cell]) -> str:
     """Where the fleet is lost: its error is far above ā and every start; else ""."""
     sizes = known_or(np.zeros(len(cells)), lambda: cell_magnitudes(results))
     errors = results.cells[f"{judged_metric(cells)}_median"]
-    starts = (known_or(np.inf, partial(start_sizes, cell.scenario)) for cell in cells)
-    limits = LOST * (np.nan_to_num(sizes) + [float(np.ravel(each)[0]) for each in starts])
+    starts = [known_or(np.inf, lambda cell=cell: start_sizes(cell.scenario)[0]) for cell in cells]
+    limits = LOST * (np.nan_to_num(sizes) + starts)
     found = np.flatnonzero(errors.to_numpy() > limits).tolist()
     words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
     return f"{words} {cells_named(found)}" if found else ""

@@ -237,7 +237,7 @@ TOLD = [
         [2.0, 2.1, 20.0, 200.0],
         {"sweep": {"defence": ["w_msr", "none"], "attack.magnitude": [10, 100]}},
         "to <b>200 m</b> (95 % interval 100 to 300 m) with no\xa0defence, ā\xa0=\xa0100\xa0m"
-        " (cell 3). With W-MSR (2 cells) it does not rise with ā: something else decides",
+        " (cell 3). With W-MSR (2 cells) it does not rise with ā: something else than its",
     ),
     (
         [2.0, 2.1, 20.0, 200.0],

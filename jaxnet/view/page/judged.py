@@ -13,6 +13,7 @@ from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
 from jaxnet.statistics.recovery import share_name, threshold
+from jaxnet.statistics.summary import count_in_hull
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
@@ -104,7 +105,7 @@ def rising_words(
         else:
             (falls if curves.NEARLY * level.iloc[-1] < level.max() else odd).extend(group)
     told = {
-        "does not rise with ā: something else decides (compare attack=none)": flat,
+        "does not rise with ā: something else than its size decides": flat,
         "is less at the greatest ā than at a smaller one": falls,
         "rises with ā, but not in proportion": odd,
     }
@@ -154,7 +155,7 @@ def lanes_outside(results: Results) -> ComparedBy | None:
     if not is_leaderless(cells):
         return None
     flags: dict[int, Any] = {
-        cell: each.set_index("sample")["outside"] > cells[cell].scenario.engine.accuracy
+        cell: ~pd.Series(count_in_hull(results.study.config, cells[cell], each), each["sample"])
         for cell, each in results.by_cell("sample", "outside", where=rows.OK)
     }
     values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
@@ -173,10 +174,11 @@ def is_negligible(results: Results, errors: CellErrors) -> bool:
 
 def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
     """What the values of a swept kind are compared by; nothing where all errors are negligible."""
-    found = [each for each in (failed_lanes(results), lanes_outside(results)) if each]
+    failed = failed_lanes(results)
+    found = [each for each in (failed, lanes_outside(results)) if each]
     if errors.values.empty or is_negligible(results, errors):
         return found
-    word, ended = judged_word(results), " of lanes that ended" * bool(failed_lanes(results))
+    word, ended = judged_word(results), " of lanes that ended" * bool(failed)
     shares: Any = settled(results, known_shares(results))["value"]
     if results.study.config.recovery is not None and shares.nunique() > 1:
         what = "agree" if word == "spread" else "recover"
