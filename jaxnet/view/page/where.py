@@ -7,13 +7,14 @@ from typing import Any
 import pandas as pd
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import NO_BREAK, labels_title, value_alone, value_name
+from jaxnet.config.naming import NO_BREAK, choices_words, labels_title, value_alone, value_name
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.store.results import Results
 
-MOST_TOLD = 3  # values of a swept key for a few cells
+MOST_TOLD = 3  # values of a swept key for a few cells, or products of such values
+MOST_LETTERS = 150  # of words for cells that are not alike
 
 
 def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] = ()) -> str:
@@ -31,7 +32,11 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
         return f"with {first} (cell {numbers[0]})"
     words, alike = values_told(results, numbers, cells)
     if not words:
-        return f"in {cells_named(numbers)}"
+        mine = [results.study.cells[n].labels for n in numbers]
+        there = [cell.labels for cell in cells]
+        told = "; or with ".join(escape(each) for each in choices_words(mine, there))
+        short = len(told) <= MOST_LETTERS
+        return f"with {told} ({many} cells)" if short else f"in {cells_named(numbers)}"
     if alike > many:
         return f"in {many} of {alike} cells with {escape(words)}"
     return f"with {escape(words)} ({many} cells)"
@@ -89,3 +94,7 @@ def span_words(
     if texts[least] == texts[most]:
         return f"is {part(most)}"
     return f"ranges from {part(least)} to {part(most)}"
+
+
+def joined_names(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
