@@ -476,6 +476,35 @@ def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_pat
     assert "assumptions" not in told(tmp_path, [1.0, 2.0], **cells, **attack, defence="none")
 
 
+def test_networks_that_are_not_robust_enough_are_named(tmp_path):
+    """W-MSR asks (F + 1, F + 1)- or (2F + 1)-robustness; a complete graph of 10 is 5-robust."""
+    alone = {"navigator": "none", "vehicle": "single_integrator", "gain": [1], "engine": "exact"}
+    alone |= {"law": {"kind": "local", "hold": True}, "vehicles": 10}
+    alone |= {"defence": {"kind": "w_msr", "F": 2}, "sweep": {"topology": [LATTICE, "complete"]}}
+    alone |= {"attack": {"kind": "own_path", "vehicles": [3, 8], "moves": "as_told"}}
+    nobody = {"outside_median": [0.0] * 2, "outside_max": [0.0] * 2, "spread_median": [1.0] * 2}
+    found = told(tmp_path, [1.0, 1.0], **alone, cells=nobody)
+    assert (
+        "<b>Agreement is not proved</b> with lattice (cell 0): 2 attacked, at most 1 of them heard"
+        " by one vehicle, and F = 2: the vehicles are not known to be (3, 3)-robust or 5-robust.<"
+    ) in found
+
+
+def test_the_best_combination_holds_against_every_other(tmp_path):
+    """By errors: the last on the star has the least; on the ring all lanes are over 0.1 ā."""
+    sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
+    keys = {"sweep": sweep, "recovery": {"tau": 0.1}} | ROTATING
+    found = told(tmp_path, [9.0, 9.0, 5.0, 0.5], **keys)
+    assert (
+        "<ul><li><b>Best combination of topology and defence: star, W-MSR</b>. There <b>0 of 12"
+        " lanes</b> do not recover, median lanes have errors of at most <b>0.5 m</b> and the worst"
+        " vehicle has <b>1 m</b>.</li>"
+    ) in found
+    found = told(tmp_path, [9.0, 9.0, 9.0, 5.0], **keys)
+    assert "star, W-MSR</b>. Even there <b>12 of 12 lanes</b> do not recover, " in found
+    assert "<b>Best" not in told(tmp_path, [9.0, 9.0, 9.0, 9.0], **keys)
+
+
 def test_why_nothing_is_dropped_is_told(tmp_path):
     """On a star nobody may trim; on a ring a vehicle needs all of its three sources, 0.9³."""
     cells = {"sweep": {"topology": ["star", "cyclic"]}, "defence": "trusted_trim"}

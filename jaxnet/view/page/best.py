@@ -15,7 +15,7 @@ from jaxnet.view.page.compared import named, swept_texts, wins
 from jaxnet.view.page.judged import judged_lanes, judged_word
 from jaxnet.view.page.where import MOST_TOLD, joined_names
 
-MOST_TESTS = 20_000  # of two cells; a few seconds
+MOST_COMPARED = 20_000  # of two cells; a few seconds
 
 
 def best_sentence(results: Results, kinds: Sequence[str]) -> str:
@@ -28,7 +28,7 @@ def best_sentence(results: Results, kinds: Sequence[str]) -> str:
     if not kinds or swept.empty:
         return ""
     combined = swept[[*kinds]].agg(tuple, axis="columns").map(str)
-    if len(combined) * combined.nunique() > 2 * MOST_TESTS:
+    if len(combined) * combined.nunique() > 2 * MOST_COMPARED:
         return ""
     left, others = combined, swept.drop(columns=[*kinds])
     fallen = fallen_lanes(results, swept.index)
@@ -44,7 +44,7 @@ def best_sentence(results: Results, kinds: Sequence[str]) -> str:
     if len(best) in (0, len(there)) or len(where) > MOST_TOLD:
         return ""
     told = f"{'combination of ' * (len(kinds) > 1)}{of}: {'; '.join(where)}"
-    return f"<b>Best {escape(told)}</b>. There {numbers_words(results, [*left.index], fallen)}."
+    return f"<b>Best {escape(told)}</b>. {numbers_words(results, [*left.index], fallen)}."
 
 
 def fallen_lanes(results: Results, cells: Iterable[int]) -> dict[int, pd.Series]:
@@ -81,4 +81,4 @@ def numbers_words(results: Results, cells: Sequence[int], fallen: dict[int, pd.S
         told.append(f"the worst vehicle has <b>{worst} m</b>")
     else:
         told.append(f"the worst way out is <b>{error_text(table['outside_max'].max())} m</b>")
-    return joined_names(told)
+    return f"{'Even there' if lanes.mean() > 0.5 else 'There'} {joined_names(told)}"

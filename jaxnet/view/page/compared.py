@@ -44,8 +44,8 @@ P_WORDS = (
     " which enough lanes differ"
 )
 SETTING_WORDS = (
-    "a setting is one combination of the other swept keys; in 2 of 3 settings: in so many of them"
-    " paired lanes show a difference"
+    "a setting is one combination of the other swept keys; in 2 of 3 settings: paired lanes show"
+    " the difference in so many of them"
 )
 RANGE_WORDS = "from … to …: the least and the greatest of the cells"
 
@@ -80,7 +80,7 @@ class Wins(NamedTuple):
         return {worse for better, worse in self.tests if self.found(better, worse)}
 
 
-Judged = Sequence[tuple[ComparedBy, Wins]]
+Tested = Sequence[tuple[ComparedBy, Wins]]
 
 
 class Comparisons(NamedTuple):
@@ -93,16 +93,16 @@ class Comparisons(NamedTuple):
 
     def folded(self) -> str:
         """The rows as tables that a reader opens."""
-        tests = pd.DataFrame(sorted(self.tests, key=lambda each: each["p"])[:MOST_TESTS])
+        tests = sorted(self.tests, key=lambda each: each["p"])[:MOST_TESTS]
         told = {
-            f"Pairs of values compared ({len(self.pairs)})": (self.pairs, SETTING_WORDS),
+            f"Pairs of values compared ({len(self.pairs)})": (self.pairs, ""),
             f"p values of {count(len(self.tests), 'comparison')}": (tests, P_WORDS),
         }
         return "".join(
             f"<details><summary>{what}</summary>{sortable_table(pd.DataFrame(rows))}"
             f"{notes_html([note])}</details>"
             for what, (rows, note) in told.items()
-            if len(rows)
+            if rows
         )
 
 
@@ -184,7 +184,7 @@ def settings_words(times: Sequence[int], every: Sequence[int], won: Wins) -> str
     return f" in {found} of {there} settings"
 
 
-def against_words(results: Results, key: str, pair: Pair, judged: Judged) -> str:
+def against_words(results: Results, key: str, pair: Pair, judged: Tested) -> str:
     """What is better and what is worse with one value than with another, and in which settings."""
 
     def labels_of(cells: Iterable[int]) -> list[dict[str, Label]]:
@@ -205,7 +205,7 @@ def against_words(results: Results, key: str, pair: Pair, judged: Judged) -> str
     return "; ".join(f"{joined_names(words)}{where}" for where, words in grouped.items())
 
 
-def against_first(results: Results, key: str, labels: Sequence[str], judged: Judged) -> str:
+def against_first(results: Results, key: str, labels: Sequence[str], judged: Tested) -> str:
     """Each value against none if it is swept, else against the first: a list in HTML."""
     reference = "none" if "none" in labels else labels[0]
     told = dict[str, list[str]]()
@@ -253,7 +253,7 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
 
 
 def pair_rows(
-    results: Results, key: str, labels: Sequence[str], judged: Judged
+    results: Results, key: str, labels: Sequence[str], judged: Tested
 ) -> Iterator[dict[str, str]]:
     """Two values in a row, with what differs."""
     for first, second in itertools.combinations(labels, 2):
@@ -305,11 +305,11 @@ def averages_sentence(results: Results) -> str:
     return f"<b>Averaged over the other keys</b> {share} {'; from '.join(told)}."
 
 
-def tables_html(results: Results, tables: Sequence[str]) -> str:
-    """Tables of `comparisons`, with notes below them."""
-    if not tables:
+def tables_html(results: Results, told: Comparisons) -> str:
+    """The tables with notes, and those that a reader opens."""
+    if not told.tables:
         return ""
-    notes = [RANGE_WORDS]
+    notes = [RANGE_WORDS, SETTING_WORDS * bool(told.pairs)]
     if falling := falling_cells(results):
         notes.append(f"left out, as the {judged_word(results)} still falls: {cells_named(falling)}")
-    return "".join(tables) + notes_html(notes)
+    return "".join(told.tables) + notes_html(notes) + told.folded()

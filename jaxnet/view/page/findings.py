@@ -97,9 +97,7 @@ def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) 
     ]
     items = "".join(f"<li>{each}</li>" for each in filter(None, sentences))
     body = f"<ul>{items.replace(' %', f'{NO_BREAK}%')}</ul>"
-    return Section(
-        "findings", "Findings", body + tables_html(results, compared.tables) + compared.folded()
-    )
+    return Section("findings", "Findings", body + tables_html(results, compared))
 
 
 def outnumbered_sentence(results: Results) -> str:
