@@ -163,8 +163,7 @@ def test_cells_that_are_not_all_of_a_value_are_told_with_it():
         ([0, 1, 2], "with no\xa0defence (3 cells)"),
         (
             [0, 2, 4],
-            "with no\xa0defence, ā\xa0=\xa01\xa0m and ā\xa0=\xa03\xa0m; or with W-MSR,"
-            " ā\xa0=\xa02\xa0m (3 cells)",
+            "with no\xa0defence, ā\xa0=\xa01 and 3\xa0m; or with W-MSR, ā\xa0=\xa02\xa0m (3 cells)",
         ),
         ([0, 1, 3], "in 3 of 4 cells with ā\xa0=\xa01 or 2\xa0m"),
     ):

@@ -12,7 +12,7 @@ from jaxnet.statistics.recovery import attacked_mask, threshold
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.compared import named, swept_texts, wins
-from jaxnet.view.page.judged import judged_lanes, judged_word
+from jaxnet.view.page.judged import falling_cells, judged_lanes, judged_word
 from jaxnet.view.page.where import MOST_TOLD, joined_names
 
 MOST_COMPARED = 20_000  # of two cells; a few seconds
@@ -21,10 +21,12 @@ MOST_COMPARED = 20_000  # of two cells; a few seconds
 def best_sentence(results: Results, kinds: Sequence[str]) -> str:
     """The combinations of swept kinds that no other beats in any setting, with their numbers.
 
-    Under attack, lanes are compared by whether they hold, then by their errors. "" where all
-    combinations do as well, where another beats each of them, and where lanes are not compared.
+    Under attack, and where errors have settled, lanes are compared by whether they hold, then by
+    their errors. "" where all combinations do as well, where another beats each of them, and where
+    lanes are not compared.
     """
     swept: Any = swept_texts(results)[attacked_mask(results.study.cells)]
+    swept = swept.drop(index=falling_cells(results), errors="ignore")
     if not kinds or swept.empty:
         return ""
     combined = swept[[*kinds]].agg(tuple, axis="columns").map(str)

@@ -33,7 +33,7 @@ from jaxnet.view.page.judged import (
     percent_text,
     settled,
 )
-from jaxnet.view.page.where import MOST_TOLD, joined_names
+from jaxnet.view.page.where import MOST_LETTERS, MOST_TOLD, joined_names
 
 Pair = tuple[str, str]  # two values of a key as text: the better, the worse
 TestRow = dict[str, Any]  # of the table of p values
@@ -200,7 +200,8 @@ def against_words(results: Results, key: str, pair: Pair, judged: Tested) -> str
             where = settings_words([len(found)], [every], won)
             if len(found) < won.every:
                 some = choices_words(labels_of(sorted(test.better for test in found)), there)
-                where += f" ({escape('; '.join(some))})" * (len(some) <= MOST_TOLD)
+                settings = "; ".join(some)
+                where += f" ({escape(settings)})" * (len(settings) <= MOST_LETTERS)
             grouped.setdefault(where, []).append(words)
     return "; ".join(f"{joined_names(words)}{where}" for where, words in grouped.items())
 

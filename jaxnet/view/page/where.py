@@ -1,15 +1,15 @@
 """Words for some cells of a study: the swept values that they share, and ranges of numbers."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
 import pandas as pd
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import NO_BREAK, choices_words, labels_title, value_alone, value_name
+from jaxnet.config.naming import choices_words, labels_title, values_named
 from jaxnet.model.wording import cells_named
-from jaxnet.statistics.groups import Label, swept_values_of
+from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.store.results import Results
 
@@ -51,18 +51,8 @@ def values_told(results: Results, numbers: Sequence[int], among: Sequence[Cell])
     told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
     if max(map(len, told.values()), default=0) > MOST_TOLD:
         return "", alike
-    words = (values_named(key, values) for key, values in told.items())
+    words = (values_named(key, values, "or") for key, values in told.items())
     return ", ".join(words), alike
-
-
-def values_named(key: str, values: Iterable[Label]) -> str:
-    """Values of a key joined by "or", with the key's name and unit told once."""
-    *others, last = values
-    name, equals, value = value_name(key, last).partition(f"={NO_BREAK}")
-    if not others or not equals:
-        return " or ".join(value_name(key, each) for each in (*others, last))
-    alone = ", ".join(value_alone(key, each) for each in others)
-    return f"{name}{equals}{alone} or {value}"
 
 
 def span_words(
