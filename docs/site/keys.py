@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from jaxnet.config.keys import Config
 from jaxnet.config.schema import DEFAULT_KINDS, NAME, config_schema
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import Kind
