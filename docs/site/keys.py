@@ -211,6 +211,8 @@ def item(line: str) -> str:
     key = " of ".join([key, *kinds])
     choices = re.findall(r"`(\w+)`", taken.rpartition(" (")[0])
     parts = re.split(rf"(?:^|[:;] )({'|'.join(choices)})[,:] ", meaning)
+    if taken.startswith("boolean ("):
+        return f"- {key} {taken.removeprefix('boolean ')}: {meaning}"
     if len(choices) < 2 or len(parts) != 2 * len(choices) + 1:
         return f"- {key}: {taken}; {meaning}"
     first = ": ".join(filter(None, [f"- {key} {taken.rpartition(' ')[2]}", parts[0]]))

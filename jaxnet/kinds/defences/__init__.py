@@ -347,7 +347,7 @@ class Defence(AnyDefence):
         "fail",
         "if a vehicle drops its last path to the navigator: fail, its lane fails; "
         "coast, it keeps its last drive until a believed path reaches it again, or stops where it "
-        "comes to rest; under law: local a vehicle that retains nobody has q = 0 with either",
+        "comes to rest",
     )
 
     def faults(self, scenario):
