@@ -170,9 +170,10 @@ def wrapped(text: str) -> str:
     parts = re.split(r"(\n(?= *- )|\n\n)", text)  # blocks, and what parts them
     wrap = textwrap.TextWrapper(98, break_long_words=False, break_on_hyphens=False)
     for number in range(0, len(parts), 2):
-        lead = re.match(r"( *)(?:- )?", parts[number])
-        wrap.initial_indent, wrap.subsequent_indent = lead[1], " " * len(lead[0])
-        words = " ".join(parts[number].split()).replace(" - ", "\0-\0")
+        item = parts[number].lstrip(" ")
+        wrap.initial_indent = " " * (len(parts[number]) - len(item))
+        wrap.subsequent_indent = wrap.initial_indent + "  " * item.startswith("- ")
+        words = " ".join(item.split()).replace(" - ", "\0-\0")
         parts[number] = wrap.fill(words).replace("\0", " ")
     return "".join(parts)
 
@@ -201,11 +202,11 @@ def rows(model: Any, keys: Iterable[str]) -> list[str]:
 
 def section(title: str, table: list[str], level: int = 2, words: str = "") -> str:
     """A heading, words, and a list of the keys."""
-    keys = wrapped("\n".join(map(item, table)))
+    keys = wrapped("\n".join(map(listed, table)))
     return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), keys])) + "\n"
 
 
-def item(line: str) -> str:
+def listed(line: str) -> str:
     """A row as an item of a list; what each choice means is an item below it."""
     key, *kinds, taken, meaning = line.split(" | ")
     key = " of ".join([key, *kinds])
