@@ -76,7 +76,9 @@ def errors_words(study: Config, cells: Sequence[Cell]) -> str:
         return ""
     least = min(above.values())
     words = f"errors alone leave {least:.3g} m or more in the mean of lanes, recovery allows less"
-    return f"{words}, in {cells_named([*above])}"
+    cut = [c.number for c in asked if known_or(False, lambda cell=c: cell.scenario.detector.acts)]
+    unknown = f" (not known where alarms cut something: {cells_named(cut)})" if cut else ""
+    return f"{words}, in {cells_named([*above])}{unknown}"
 
 
 @for_any_signal

@@ -10,7 +10,7 @@ from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.kinds.metrics import LANE_STATISTICS
 from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
-from jaxnet.statistics.amplitude import ROUNDING_ERROR
+from jaxnet.statistics.amplitude import ROUNDING_ERROR, attack_size
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
 from jaxnet.statistics.recovery import share_name, threshold
 from jaxnet.statistics.summary import count_in_hull
@@ -106,8 +106,10 @@ def rising_words(
             flat += group
         else:
             (falls if curves.NEARLY * level.iloc[-1] < level.max() else odd).extend(group)
+    compared = any(attack_size(cell) == 0 for cell in results.study.cells)
+    aside = "" if compared else " (a cell with attack.magnitude: 0 would show what is left without)"
     told = {
-        "does not rise with ā: something else than its size decides": flat,
+        f"does not rise with ā: something else than its size decides{aside}": flat,
         "is less at the greatest ā than at a smaller one": falls,
         "rises with ā, but not in proportion": odd,
     }
