@@ -220,7 +220,7 @@ CUTS = {"detector.cuts": ["never", "message", "link", "both_ways"]}
 CUTS = {"sweep": CUTS, "detector": "chi_squared", "channel": {"noise": {"position": 0.1}}}
 CUTS |= ROTATING | {"tick": 0.1}
 TOLD = [
-    (FOUR, CUTS, "<b>Alarms cut</b>, by error: <b>link</b> is better than each of the others."),
+    (FOUR, CUTS, "<b>Alarms cut.</b> By error: <b>link</b> is better than each of the others."),
     (
         FOUR,
         CUTS,
@@ -246,7 +246,7 @@ TOLD = [
     (
         [2.0, 2.1, 20.0, 200.0],
         {"sweep": {"defence": ["w_msr", "none"], "attack.magnitude": [10, 100]}},
-        "by error: <b>W-MSR</b> is better than no\xa0defence in both settings.",
+        "<b>Defence.</b> With <b>W-MSR</b>, against no\xa0defence, the error is smaller in both",
     ),
     (
         [1.0, 9.0, 2.0],
@@ -273,7 +273,12 @@ TOLD = [
         "<ul><li><b>Best defence: W-MSR</b>. There median lanes have errors of at most <b>1 m</b>"
         " and the worst vehicle has <b>2 m</b>.</li>",
     ),
-    (FOUR, DEFENCES, "is better than no\xa0defence in 1 of 2 settings, and worse in none."),
+    (
+        FOUR,
+        DEFENCES,
+        "With <b>W-MSR</b>, against no\xa0defence, the error is smaller in 1 of 2 settings ("
+        "ā\xa0=\xa01\xa0m).</li>",
+    ),
     (MANY, FALLING, "from <b>0.5 ā</b> (95 % interval 0.25 to 0.75 ā) with "),
     (MANY, FALLING, "<b>Warning:</b> in cell 1 of 3 errors still fall when the run ends."),
     (MANY, FALLING, "In the median lane of a cell that has settled the error (a mean over"),
@@ -288,11 +293,15 @@ TOLD = [
         JUDGED | {"cells": NONE_OFF},
         "(mean error over the tail > 0.1\xa0ā) is <b>0 %</b> in every cell.</li>",
     ),
-    (FOUR, JUDGED, "by lanes unrecovered: no difference is found with 12 pairs in a setting; a"),
+    (
+        FOUR,
+        JUDGED,
+        "m). By lanes unrecovered: no difference is found with 12 pairs in a setting; a",
+    ),
     (
         FOUR,
         JUDGED | {"recovery": {"tau": 2.0}},
-        "by lanes unrecovered and error: <b>W-MSR</b> is better than no\xa0defence in 1 of 2 sett",
+        "more lanes recover and the error is smaller in 1 of 2 settings (ā\xa0=\xa01\xa0m).</li>",
     ),
     (MANY, SEVERAL | {"cells": ALIKE, "recovery": {"tau": 0.1}}, "is <b>100 %</b> in every cell"),
     (
@@ -335,7 +344,7 @@ TOLD = [
         " (95 % interval 10 to 10 %). The worst lane of the study goes <b>3 m</b> out with",
     ),
     ([0.01] * 4, HULL, "<td>0.001 to 3</td></tr>"),
-    ([0.01] * 4, HULL, "<b>Defence</b>, by lanes outside the hull: no difference is found"),
+    ([0.01] * 4, HULL, "<b>Defence.</b> By lanes outside the hull: no difference is found"),
     (
         [1e9, 1e5],
         {"sweep": {"defence": ["none", "w_msr"]}} | ROTATING,

@@ -37,6 +37,7 @@ from jaxnet.view.page.where import MOST_LETTERS, MOST_TOLD, joined_names
 
 Pair = tuple[str, str]  # two values of a key as text: the better, the worse
 TestRow = dict[str, Any]  # of the table of p values
+ALIKE = "no difference is found"
 MOST_TESTS = 200  # in the table of p values
 P_WORDS = (
     "tests on paired lanes: McNemar's exact test of lanes that recover, or agree, and the exact"
@@ -154,7 +155,7 @@ def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
     beaten = won.beaten()
     if not beaten:
         many = count_between([t.lanes for tests in won.tests.values() for t in tests], "pair")
-        return f"no difference is found with {many} in a setting; a small one would not show"
+        return f"{ALIKE} with {many} in a setting; a small one would not show"
     best = [label for label in labels if label not in beaten]
     if not best:
         return "which is better depends on the other keys"
@@ -191,7 +192,7 @@ def against_words(results: Results, key: str, pair: Pair, judged: Tested) -> str
         each = (results.study.cells[cell].labels for cell in cells)
         return [{name: label for name, label in labels.items() if name != key} for labels in each]
 
-    there, grouped = labels_of(range(len(results.study.cells))), dict[str, list[str]]()
+    grouped = dict[str, list[str]]()
     for quantity, won in judged:
         every = won.of(pair)
         for words, ends in ((quantity.better, pair), (quantity.worse, pair[::-1])):
@@ -199,21 +200,26 @@ def against_words(results: Results, key: str, pair: Pair, judged: Tested) -> str
                 continue
             where = settings_words([len(found)], [every], won)
             if len(found) < won.every:
-                some = choices_words(labels_of(sorted(test.better for test in found)), there)
-                settings = "; ".join(some)
+                there = labels_of(range(len(results.study.cells)))
+                mine = labels_of(sorted(test.better for test in found))
+                settings = "; ".join(choices_words(mine, there))
                 where += f" ({escape(settings)})" * (len(settings) <= MOST_LETTERS)
             grouped.setdefault(where, []).append(words)
     return "; ".join(f"{joined_names(words)}{where}" for where, words in grouped.items())
 
 
 def against_first(results: Results, key: str, labels: Sequence[str], judged: Tested) -> str:
-    """Each value against none if it is swept, else against the first: a list in HTML."""
+    """Each value against none if it is swept, else the first; a list of more than one."""
     reference = "none" if "none" in labels else labels[0]
     told = dict[str, list[str]]()
     for label in labels:
         if label != reference:
             words = against_words(results, key, (label, reference), judged)
-            told.setdefault(words or "no difference is found", []).append(named(key, label))
+            told.setdefault(words or ALIKE, []).append(named(key, label))
+    if len(labels) == 2:
+        ((words, (other,)),) = told.items()
+        against = escape(named(key, reference))
+        return f" With <b>{escape(other)}</b>, against {against}, {words}."
     items = (f"<li>{escape(', '.join(names))}: {words}</li>" for words, names in told.items())
     return f" Against {escape(named(key, reference))}:<ul>{''.join(items)}</ul>"
 
@@ -244,11 +250,13 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
         words = [f"by {joined_names(names)}: {which}" for which, names in verdicts.items()]
         differ = [*pair_rows(results, key, labels, judged)]
         if words:
-            against = ""
-            if differ and (len(labels) > 2 or len(differ) > 1):
-                against = against_first(results, key, labels, judged)
+            if differ and len(labels) == 2:  # whose difference says which is better
+                words = [each for each in words if ALIKE in each]
+            verdict = f" {sentence_case('; '.join(words))}." * bool(words)
+            against = against_first(results, key, labels, judged) if differ else ""
+            both = [verdict, against] if len(labels) > 2 else [against, verdict]
             name = escape(sentence_case(key_name(key)))
-            told.sentences.append(f"<b>{name}</b>, {'; '.join(words)}.{against}")
+            told.sentences.append(f"<b>{name}.</b>{''.join(both)}")
         told.pairs.extend(differ)
     return told
 
