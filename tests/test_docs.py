@@ -135,12 +135,12 @@ def test_what_the_readme_shows_works(home):
     assert shown == [line for line in given if "language-server" not in line]
 
 
-def test_the_config_begins_with_fifteen_keys_and_a_study_that_has_them_and_runs(home):
+def test_the_config_begins_with_sixteen_keys_and_a_study_that_has_them_and_runs(home):
     """Each key of the table is in the study, or swept there."""
     page = (DOCS / "config.md").read_text()
-    begin = page.partition("\n## Fifteen keys")[2].partition("\n## ")[0]
+    begin = page.partition("\n## Sixteen keys")[2].partition("\n## ")[0]
     keys = re.findall(r"^\| `([\w.]+)` \|", begin, re.M)
-    assert len(keys) == 15
+    assert len(keys) == 16
     reader = Reader(home).reads(begin.replace("horizon: 90", "horizon: 9"))
     assert reader.done == ["check", "run"]
     given = yaml.safe_load((home / "ring.yaml").read_text())
