@@ -95,7 +95,8 @@ def current(page: str) -> str:
     prose, mark, _ = page.partition(MARK)
     whole = config_schema()
     inner = {key: whole["$defs"][name] for key, name in PARTS.items()}
-    parts = ["## Keys of a study\n"]
+    families = ", ".join(f"[{family}](#{family})" for family in [*DEFAULT_KINDS, "metrics"])
+    parts = [wrapped(f"Families of kinds: {families}."), "\n## Keys of a study\n"]
     parts += [section(title, rows(whole, keys.split()), 3) for title, keys in GROUPS.items()]
     parts += [section(key, rows(each, each["properties"])) for key, each in inner.items()]
     parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"])]
@@ -174,9 +175,7 @@ def rows(model: Any, keys: Iterable[str]) -> list[str]:
     ]
 
 
-def section(
-    title: str, table: list[str], level: int = 2, words: str = "", more: str = ""
-) -> str:
+def section(title: str, table: list[str], level: int = 2, words: str = "", more: str = "") -> str:
     """A heading, words, and a list of the keys, with more at its end."""
     keys = wrapped("\n".join(filter(None, [*map(listed, table), more])))
     return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), keys])) + "\n"
