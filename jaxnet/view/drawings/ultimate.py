@@ -42,7 +42,7 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
 
     A line of a fit ends with the magnitudes at which lanes ended.
     """
-    shown, medians, lines = list[Any](), list[Any](), list[list[Trace]]()
+    shown, lows, medians, lines = list[Any](), list[Any](), list[Any](), list[list[Trace]]()
     for curve in found:
         slopes = {
             BOUND_NAMES[name]: (slope, BOUND_LOOKS[name])
@@ -57,21 +57,20 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
             x = curve.sizes[curve.ended] if name in FITS else curve.sizes
             lines[-1].append(Trace(name, look, x, np.full(len(x), slope), "slope"))
         low, median, most = (each / curve.sizes for each in curve.spread(metric, *FEW_STATISTICS))
-        shown += [low, most, [slope for slope, _ in slopes.values()]]
+        shown += [median, most, [slope for slope, _ in slopes.values()]]
+        lows += low.tolist()
         medians += median[median > LOG_FLOOR].tolist()
-    first, last = log_ends(*shown)
+    shown.append(np.fmax(lows, LEAST_SHOWN * min(medians, default=1.0)))
     every = np.concatenate(shown)
+    first, last = log_ends(every)
     last = min(last, 1.5 * every[np.isfinite(every)].max(initial=first))
-    floor = 10.0 ** float(np.round(np.log10(LEAST_SHOWN * min(medians, default=1.0))))
-    floor = floor if first < floor else LOG_FLOOR
-    first = max(first, floor)
-    y = Scale(ULTIMATE_WORDS[metric], (first, last), log=True, floor=floor)
+    y = Scale(ULTIMATE_WORDS[metric], (first, last), log=True).cut(every)
     drawn = [curve.sizes[curve.ended] for curve in found]
     drawn += [each.x for some in lines for each in some]
     x = Scale("attack magnitude ā [m]", log=True, ticks=np.unique(np.concatenate(drawn)).tolist())
     panels = []
     for curve, some in zip(found, lines, strict=True):
-        within = [each for each in some if len(each.x) and first <= each.y[0]]
+        within = [each for each in some if len(each.x) and y.floor <= each.y[0] <= y.top]
         series = [*within, *lane_series(curve, metric, x, y)]
         words = "" if curve.ended.any() else NO_LANE
         note = slope_note(curve, metric)

@@ -76,7 +76,6 @@ HEAT_NOTE = (
     "One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and"
     " arrow keys for its interval and lanes."
 )
-SOME_FAILED = " * Lanes that failed are in no number."
 TOO_LARGE = (
     "The page has no room for a lane of so large a fleet: see <code>jaxnet animate</code>, and"
     " <code>trajectories.zarr</code>."
@@ -312,8 +311,7 @@ def heat_section(results: Results) -> Section | None:
     return Section(
         "heat",
         "Heat map",
-        paragraph(HEAT_NOTE + SOME_FAILED * bool(results.cells["failed"].any()))
-        + views_html(views),
+        paragraph(HEAT_NOTE) + views_html(views),
     )
 
 
