@@ -102,11 +102,12 @@ def cuts_words(cells: Sequence[Cell]) -> str:
 
 def lost_words(results: Results, cells: Sequence[Cell]) -> str:
     """Where the fleet is lost: its error is far above ā and every start; else ""."""
-    sizes = known_or(np.zeros(len(cells)), lambda: cell_magnitudes(results))
-    errors = results.cells[f"{judged_metric(cells)}_median"]
+    numbers, every = [cell.number for cell in cells], np.zeros(len(results.study.cells))
+    sizes = known_or(every, lambda: cell_magnitudes(results))[numbers]
+    errors = results.cells[f"{judged_metric(cells)}_median"].iloc[numbers]
     starts = [known_or(np.inf, lambda cell=cell: start_sizes(cell.scenario)[0]) for cell in cells]
     limits = LOST * (np.nan_to_num(sizes) + starts)
-    found = np.flatnonzero(errors.to_numpy() > limits).tolist()
+    found = [numbers[n] for n in np.flatnonzero(errors.to_numpy() > limits)]
     words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
     return f"{words} {cells_named(found)}" if found else ""
 

@@ -23,6 +23,7 @@ from jaxnet.statistics.curves import MOST_PANELS, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.groups import evenly, evenly_over
+from jaxnet.statistics.horizon import lost_words
 from jaxnet.statistics.quantities import (
     FORMATION_NOTE,
     asked_quantity,
@@ -176,14 +177,17 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
         with mpl.rc_context(look):
             made = draw(self, cells, asked[0] if asked else COLUMN_WIDTHS[column], **axes)
             of_errors = draw.__name__ not in NOT_OF_ERRORS
-            over_tail = of_errors and draw.__name__ not in OVER_TIME
+            over_tail = may_fall = of_errors and draw.__name__ not in OVER_TIME
             if draw.__name__ == "curve":
                 over_tail, of_errors = about_curve(self.results.study.config, axes.get("y"))
+                may_fall = over_tail or of_errors
             graphs = draw.__name__ == "topologies"
             labels = [topology.graph_labels(cell) if graphs else cell.labels for cell in cells]
             notes = label_notes(self.results.study.config.sweep, labels)
             if over_tail:
-                notes += [tail_words(cells), falling_words(self.results, cells)]
+                notes.append(tail_words(cells))
+            if may_fall:
+                notes += [lost_words(self.results, cells), falling_words(self.results, cells)]
             if draw.__name__ in OF_ENDED_LANES:
                 notes.append(unended_words(self.results, cells))
             formation = any(cell.scenario.formation.present for cell in cells)
