@@ -341,7 +341,7 @@ def test_what_is_below_the_floor_of_a_log_axis_is_drawn_there():
     found = numbered(cells, share=False)._replace(values=values)
     drawing = swept_drawing(found, choose_axes(cells), cells)
     figure, page = printed(drawing), plotted(drawing)
-    told = "values below 1e-9 m are drawn there, hollow"
+    told = "values below 1e-9 m stand at the end of the axis, hollow"
     assert told in figure.get_supxlabel()
     assert told.capitalize() in page
     line, hollow = (each for each in figure.axes[0].lines if each.get_marker() in MARKERS)
@@ -354,7 +354,7 @@ def test_what_is_below_the_floor_of_a_log_axis_is_drawn_there():
     assert trace["marker"]["symbol"] == ["circle", "circle", "circle-open"]
     above = found._replace(values=values.replace(1e-12, 1e-8))
     drawn = printed(swept_drawing(above, choose_axes(cells), cells))
-    assert "drawn there" not in drawn.get_supxlabel()
+    assert "end of the axis" not in drawn.get_supxlabel()
 
 
 def test_a_lost_fleet_does_not_flatten_the_others():
@@ -371,7 +371,7 @@ def test_a_lost_fleet_does_not_flatten_the_others():
     assert np.asarray(line.get_ydata()).tolist() == [0.3, 30.0, 1000.0]
     assert np.asarray(hollow.get_ydata()).tolist() == [1000.0]
     assert arrows_of(panel) == {"v": [0.1], "^": [1000.0]}
-    told = "values above 1e3 m are drawn there, hollow"
+    told = "values above 1e3 m stand at the end of the axis, hollow"
     assert told in figure.get_supxlabel().replace("\n", " ")
     assert told.capitalize() in page
     (shown,) = re.findall(r'<script type="application/json">(.*?)</script>', page)

@@ -27,7 +27,7 @@ from jaxnet.statistics.separation import start_separations
 from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
-from jaxnet.view.drawings.heat import palette
+from jaxnet.view.drawings.heat import PALETTE
 from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
@@ -746,6 +746,11 @@ def test_rounding_does_not_stretch_the_axis_of_errors(folder):
     star, ring = curves.curves(jaxnet.open(folder))
     least = min((each.spread("tail_max", "median")[0] / each.sizes).min() for each in (star, ring))
     tiny = star._replace(cells=star.cells.assign(tail_max_q05=1e-11))
+    drawing = ultimate_drawing([star, ring._replace(bounds={}, fits={})], "tail_max")
+    lines = [
+        re.findall("coloured|grey", "; ".join(drawing.told([each]))) for each in drawing.panels
+    ]
+    assert lines == [["coloured", "grey"], []]  # told of panels that have them
     for found, is_low in (([star, ring], False), ([tiny, ring], True)):
         drawing = ultimate_drawing(found, "tail_max")
         assert least / 400 < drawing.y.ends[0] < least
@@ -1269,7 +1274,7 @@ def test_texts_of_tiles_contrast_with_them(opened, scheme):
     )
     paper = shown.evaluate("getComputedStyle(document.body).backgroundColor")
     found = shown.locator("#heat .heatmap-label").evaluate_all(texts)
-    tiles = [rgb_of(paper) if z is None else to_rgb(palette()[round(63 * z)]) for z, _ in found]
+    tiles = [rgb_of(paper) if z is None else to_rgb(PALETTE[round(63 * z)]) for z, _ in found]
     assert len({z for z, _ in found}) > 2
     assert (
         min(contrast(rgb_of(ink), tile) for (_, ink), tile in zip(found, tiles, strict=True)) > 4.5

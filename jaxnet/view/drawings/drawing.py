@@ -22,6 +22,8 @@ MOST_DECADES = 6  # of values that a log axis shows, and one at either end for w
 ROOM_ABOVE = 1.5  # of its top, to the end of an axis that is cut
 LONE_REACH = 100.0  # of a log axis with one value, its ends' ratio
 BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
+BOUNDS_TOLD = "coloured lines: bounds of theory"
+FITS_TOLD = "grey lines, at a height s: error = s ā, fitted to the lanes"
 MOVED_NOTE = "points that would hide one another are shifted sideways"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
 
@@ -124,19 +126,13 @@ class Scale(NamedTuple):
         if not self.log or high <= 1.01 * 10 ** (MOST_DECADES + 2) * low:
             return self
         known = np.concatenate([np.ravel(np.asarray(each, dtype=float)) for each in values])
-        powers = np.sort(np.log10(known[known > LOG_FLOOR].clip(max=GREATEST_SHOWN)))
+        powers = np.log10(known[known > LOG_FLOOR].clip(max=GREATEST_SHOWN))
         firsts = np.unique(np.floor(powers))
         held = [powers[(powers >= p) & (powers <= p + MOST_DECADES)] for p in firsts]
-        kept = max(held, key=lambda some: (len(some), some[0]))
-        first, last = 10.0 ** (np.floor(kept[0]) - 1), 10.0 ** (np.ceil(kept[-1]) + 1)
-        found = self
-        if first > low:
-            low = float(first)
-            found = found._replace(floor=low)
-        if last < high:
-            high = ROOM_ABOVE * float(last)
-            found = found._replace(top=float(last))
-        return found._replace(ends=(low, high))
+        kept = max(held, key=lambda some: (len(some), some.min()))
+        low = max(low, float(10.0 ** (np.floor(kept.min()) - 1)))
+        top = float(10.0 ** (np.ceil(kept.max()) + 1))
+        return self._replace(ends=(low, min(high, ROOM_ABOVE * top)), floor=low, top=top)
 
     def within(self, values: Any) -> Any:
         """Values as a log axis shows them."""
@@ -155,7 +151,8 @@ class Scale(NamedTuple):
     def is_beyond(self, values: Any) -> tuple[Any, Any]:
         """Which values a log axis shows at its floor, and which at its top."""
         values = np.asarray(values, float)
-        return self.log & (values <= self.floor), self.log & (values >= self.top)
+        low = (values < self.floor) | (values <= LOG_FLOOR)
+        return self.log & low, self.log & (values > self.top)
 
     def bars(self, low: Any, value: Any, high: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
         """Lower and upper ends of error bars within the axis, and which bars go on beyond it.
@@ -256,24 +253,22 @@ class Drawing(NamedTuple):
             where = choices_words(some, [panel.labels for panel in panels])
             where[MOST_NOTED:] = [f"{len(where) - MOST_NOTED} more"] * (len(where) > MOST_NOTED)
             notes += [f"{note} ({' / '.join(where)})"] * bool(note)
-        found = [
-            *self.notes,
-            *notes,
-            *[MOVED_NOTE] * any(each.apart is not None for each in series),
-        ]
+        every = (each for panel in panels for each in panel.series)
+        slopes = {each.look.color for each in every if each.form == "slope"}
+        found = [BOUNDS_TOLD] * bool(slopes - {style.GREY}) + [FITS_TOLD] * (style.GREY in slopes)
+        found += [*self.notes, *notes]
+        found += [MOVED_NOTE] * any(each.apart is not None for each in series)
         middle = [each.x if self.y.names else each.y for each in series]
         ends = [end for each in series if not each.barred for end in (each.low, each.high)]
         bars = zip(series, middle, strict=True)
         if any(np.any(scale.bars(each.low, at, each.high)[1]) for each, at in bars if each.barred):
             found.append(BEYOND_NOTE)
-        drawn = [each for each in (*middle, *ends) if each is not None]
-        marked = [at for each, at in zip(series, middle, strict=True) if each.look.marker]
-        ends = f"below {scale.floor:g}", f"above {scale.top:.0e}"
-        if beyond := [
-            words.replace("e-0", "e-").replace("e+0", "e")
-            for side, words in enumerate(ends)
-            if any(scale.is_beyond(each)[side].any() for each in drawn)
-        ]:
+        beyond = [scale.is_beyond(each) for each in (*middle, *ends) if each is not None]
+        words = [f"below {scale.floor:g}"] * any(low.any() for low, _ in beyond)
+        words += [f"above {scale.top:.0e}"] * any(high.any() for _, high in beyond)
+        if words:
+            told = " or ".join(words).replace("e-0", "e-").replace("e+0", "e")
+            marked = [at for each, at in zip(series, middle, strict=True) if each.look.marker]
             hollow = ", hollow" * any(np.any(scale.is_beyond(at)) for at in marked)
-            found.append(f"values {' or '.join(beyond)} {scale.unit} are drawn there{hollow}")
+            found.append(f"values {told} {scale.unit} stand at the end of the axis{hollow}")
         return found

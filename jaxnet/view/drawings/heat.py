@@ -25,6 +25,7 @@ from jaxnet.view.drawings.drawing import Drawing, Panel, Scale, Tiles
 from jaxnet.view.drawings.words import error_text
 
 COLOUR_MAP = mpl.colormaps["YlGnBu"]  # ever darker, and told apart by all eyes
+PALETTE = [*map(to_hex, COLOUR_MAP(np.linspace(0, 1, 64)))]
 METRICS = ("unrecovered", "worst")
 BEYOND_COLOURS = "numbers beyond the scale of colours have the colour of its end"
 
@@ -92,11 +93,6 @@ def colour_norm(scale: Scale) -> Normalize:
     assert scale.ends is not None
     low, high = scale.ends
     return LogNorm(low, min(high, scale.top), clip=True) if scale.log else Normalize(low, high)
-
-
-def palette() -> list[str]:
-    """64 colours of the scale from its low end."""
-    return [*map(to_hex, COLOUR_MAP(np.linspace(0, 1, 64)))]
 
 
 def text_colour(colour: str) -> str:

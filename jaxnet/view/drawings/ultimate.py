@@ -27,8 +27,6 @@ FITS = {
 MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
-BOUNDS_TOLD = "coloured lines: bounds of theory"
-FITS_TOLD = "grey lines: slope s of s ā fitted to the lanes"
 NARROW = "the interval of a mean may be narrower than its mark"
 NO_INTERVAL = "some means have no interval: too few lanes, or a few great errors make them up"
 LEAST_SHOWN = 0.01  # of the least median: what is less stands at the lower end of the axis
@@ -76,10 +74,7 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
         note = slope_note(curve, metric)
         panels.append(Panel(curve.group.labels, [*curve.group.attacked], series, words, note))
     there = [curve.group.labels for curve in found]
-    names = {each.name for panel in panels for each in panel.series}
-    notes = [BOUNDS_TOLD] * (not names.isdisjoint(BOUND_NAMES.values()))
-    notes += [FITS_TOLD] * (not names.isdisjoint(FITS)) + [NARROW]
-    notes += [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
+    notes = [NARROW] + [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
     return Drawing(panels, x, y, notes, there=(there, "groups"))
 
 

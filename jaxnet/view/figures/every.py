@@ -177,16 +177,15 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
         with mpl.rc_context(look):
             made = draw(self, cells, asked[0] if asked else COLUMN_WIDTHS[column], **axes)
             of_errors = draw.__name__ not in NOT_OF_ERRORS
-            over_tail = may_fall = of_errors and draw.__name__ not in OVER_TIME
+            over_tail = of_errors and draw.__name__ not in OVER_TIME
             if draw.__name__ == "curve":
                 over_tail, of_errors = about_curve(self.results.study.config, axes.get("y"))
-                may_fall = over_tail or of_errors
             graphs = draw.__name__ == "topologies"
             labels = [topology.graph_labels(cell) if graphs else cell.labels for cell in cells]
             notes = label_notes(self.results.study.config.sweep, labels)
             if over_tail:
                 notes.append(tail_words(cells))
-            if may_fall:
+            if (over_tail or of_errors) and draw.__name__ not in OVER_TIME:
                 notes += [lost_words(self.results, cells), falling_words(self.results, cells)]
             if draw.__name__ in OF_ENDED_LANES:
                 notes.append(unended_words(self.results, cells))

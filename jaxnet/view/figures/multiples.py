@@ -106,9 +106,9 @@ def escape_dollars(words: str) -> str:
 def filled_lines(words: str, letters: int | float) -> str:
     """Wrap words to lines of so many letters, which may part a number from its unit, or its key."""
     letters = max(1, int(letters))
-    if any(len(each) > letters for each in words.split(" ")):
-        words = words.replace(NO_BREAK, " ")
-    return textwrap.fill(words, letters)
+    long = {each for each in words.split(" ") if len(each) > letters}
+    parts = (each.replace(NO_BREAK, " ") if each in long else each for each in words.split(" "))
+    return textwrap.fill(" ".join(parts), letters)
 
 
 def wrapped(words: str, letters: int | float) -> str:

@@ -256,7 +256,7 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
         panel.step(x, y, where="post", **line_style(look, series.form))
         return
     is_mark = series.form in ("points", "both")
-    front = {"clip_on": not is_mark} | ({"zorder": 3} if is_mark and look.marker != "." else {})
+    front = {"clip_on": False, "zorder": 3 - (look.marker == ".")} if is_mark else {}
     panel.plot(x, y, **line_style(look, series.form), **front)
     beyond = np.any(scale.is_beyond(series.x if rows else series.y), axis=0)
     if look.marker and beyond.any():

@@ -133,27 +133,6 @@ def plot_html(plot: Plot, look: str = "", height: int = 0, begins: bool = False)
     )
 
 
-def plots_html(
-    plots: Sequence[Plot],
-    columns: int,
-    height: int = 0,
-    above: str = "",
-    kind: str = "",
-    below: str = "",
-    run: int = 1,
-) -> str:
-    """Small multiples with a key and a pager, at most so many in a row; a `kind` has a style.
-
-    Each `run` of them that has at least a row of its own begins a row.
-    """
-    key = key_html(trace for plot in plots for trace in plot.figure["data"])
-    first = range(0, len(plots), max(run, columns) if run > 1 else len(plots) or 1)
-    drawn = "".join(plot_html(each, "", height, n in first) for n, each in enumerate(plots))
-    grid = f'<div class="grid" style="--columns: {columns}">{drawn}</div>'
-    told = f'{below}<output class="told"></output>'
-    return f'<div class="view {kind}">{above}{key}{PAGER}{grid}{told}</div>'
-
-
 def key_html(traces: Iterable[Mapping[str, Any]]) -> str:
     """The key of these traces; a click on an entry hides the traces of its name."""
     named: dict[str, Mapping[str, Any]] = {}

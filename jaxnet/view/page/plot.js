@@ -66,8 +66,7 @@ function fit(trace, width) {
   const tile = (width - 130) / trace.z[0].length; // [px], with names at the side
   if (tile < 42) trace.text = trace.text.map((row) => row.map((words) => words.split("<br>")[0]));
   const lines = trace.text.flat().flatMap((words) => words.replace(/<.?span.*?>/g, "").split("<br>"));
-  const size = Math.floor(1.5 * tile / Math.max(...lines.map(({ length }) => length)));
-  trace.textfont.size = Math.max(1, Math.min(12, size));
+  trace.textfont.size = Math.max(1, Math.min(12, (1.5 * tile) / Math.max(...lines.map(({ length }) => length))));
 }
 
 // Draw a plot that is to be seen and not as it should be. On paper all are seen.

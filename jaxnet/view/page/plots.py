@@ -23,18 +23,13 @@ from jaxnet.config.naming import labels_title
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import LOG_FLOOR
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
-from jaxnet.view.drawings.heat import COLOUR_MAP, colour_norm, palette, text_colour
+from jaxnet.view.drawings.heat import COLOUR_MAP, PALETTE, colour_norm, text_colour
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.figures import style
-from jaxnet.view.figures.multiples import (
-    PANELS_PER_ROW,
-    most_in_row,
-    panel_columns,
-    sharing_first,
-)
+from jaxnet.view.figures.multiples import most_in_row, panel_columns, sharing_first
 from jaxnet.view.figures.printed import value_ticks
 from jaxnet.view.figures.topology import topology_figure
-from jaxnet.view.page.elements import Plot, notes_html, packed, plain, plots_html
+from jaxnet.view.page.elements import PAGER, Plot, key_html, notes_html, packed, plain, plot_html
 
 COLOUR_NAMES = ("BLUE", "ORANGE", "GREEN", "RED", "PURPLE", "SKY", "BLACK", "BROWN")
 COLOURS = {getattr(style, name): f"--{name.lower()}" for name in COLOUR_NAMES}
@@ -62,7 +57,7 @@ LETTERS, ACROSS = 26, 40  # of a line of a name on an axis, and of the title alo
 LOG_ROOM = 1.25  # at the ends of a log axis
 MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
 ROOM_OF_TICKS = 2.0  # [in] of an axis with ticks at swept values
-MOST_COLUMNS = 24  # of all maps in a row
+MOST_IN_ROW, MOST_COLUMNS = 4, 24  # panels in a row, and columns of all its maps
 MOST_INTERVALS = 400  # tiles that have room for theirs
 LINE, LEAST_ROW, ROW_OF_SERIES, FRAME = 36, 26, 13, 34  # [px] of a panel of named rows
 
@@ -77,23 +72,30 @@ def plotted(drawing: Drawing) -> str:
         row = max(LEAST_ROW, ROW_OF_SERIES * drawing.beside)
         lines = on_lines(drawing.x.title, ACROSS).count("<br>") + 1
         height = FRAME + LINE * lines + row * len(names)
-    return multiples_html(drawing, plots, PANELS_PER_ROW, height, title)
+    return plots_html(drawing, plots, MOST_IN_ROW, height, title)
 
 
-def multiples_html(
+def plots_html(
     drawing: Drawing, plots: Sequence[Plot], most: int, height: int, above: str, kind: str = ""
 ) -> str:
-    """The plots of a drawing in rows, with its notes below."""
+    """Small multiples, at most so many in a row, with key, pager and notes; a `kind` has a style.
+
+    Panels of one first swept value that fill a row begin a row, also where a window is narrow.
+    """
     labels = [panel.labels for panel in drawing.panels]
-    across = panel_columns(labels, most_in_row(labels, most))
-    below, run = notes_html(drawing.told(drawing.panels)), sharing_first(labels)
-    return plots_html(plots, across, height, above, kind, below, run)
+    across, run = panel_columns(labels, most_in_row(labels, most)), sharing_first(labels)
+    begin = range(0, len(plots), max(run, across)) if run > 1 else ()
+    drawn = "".join(plot_html(each, "", height, n in begin) for n, each in enumerate(plots))
+    key = key_html(trace for plot in plots for trace in plot.figure["data"])
+    grid = f'<div class="grid" style="--columns: {across}">{drawn}</div>'
+    told = f'{notes_html(drawing.told(drawing.panels))}<output class="told"></output>'
+    return f'<div class="view {kind}">{above}{key}{PAGER}{grid}{told}</div>'
 
 
 def tiled(drawing: Drawing) -> str:
     """The maps of a drawing as HTML, which arrow keys walk over, with their scale of colours."""
     assert drawing.colours is not None
-    norm, colours, title = colour_norm(drawing.colours), palette(), drawing.colours.title
+    norm, title, last = colour_norm(drawing.colours), drawing.colours.title, len(PALETTE) - 1
     layout = {}
     for letter, scale in (("x", drawing.x), ("y", drawing.y)):
         named = {"title": {"text": plain(scale.title)}, "showgrid": False}
@@ -102,7 +104,7 @@ def tiled(drawing: Drawing) -> str:
     bar = {"title": {"text": plain(title), "side": "right"}, "tickvals": [0, 1], "ticktext": ends}
     look = {"type": "heatmap", "zmin": 0, "zmax": 1, "xgap": 1, "ygap": 1, "showscale": False}
     look |= {"texttemplate": "%{text}", "hoverinfo": "text", "textfont": {"color": "--text"}}
-    look["colorscale"] = [[n / (len(colours) - 1), colour] for n, colour in enumerate(colours)]
+    look["colorscale"] = [[n / last, colour] for n, colour in enumerate(PALETTE)]
     look["colorbar"] = bar  # of a picture that is saved
     few, plots = sum(len(panel.cells) for panel in drawing.panels) <= MOST_INTERVALS, []
     for panel in drawing.panels:
@@ -118,13 +120,12 @@ def tiled(drawing: Drawing) -> str:
         columns = {"cell": tiles.cells[known], title: tiles.values[known]}
         figure = {"data": [trace], "layout": layout, "columns": columns}
         plots.append(Plot(labels_title(panel.labels), panel.cells, figure))
-    bar = f"<i style='background: linear-gradient(to right, {', '.join(colours)})'></i>"
+    shade = f"<i style='background: linear-gradient(to right, {', '.join(PALETTE)})'></i>"
     blank = f"<span>no number: {drawing.blank}</span>" if drawing.blank else ""
-    scale = f"<span>{escape(title)}</span>{ends[0]} {bar} {ends[1]} {blank}"
-    key = f'<div class="scale">{scale}</div>'
-    most = max(1, min(PANELS_PER_ROW, MOST_COLUMNS // len(drawing.x.names)))
+    scale = f"<span>{escape(title)}</span>{ends[0]} {shade} {ends[1]} {blank}"
+    most = max(1, min(MOST_IN_ROW, MOST_COLUMNS // len(drawing.x.names)))
     height = MAP_FRAME + MAP_ROW * len(drawing.y.names)
-    drawn = multiples_html(drawing, plots, most, height, key, "tiles")
+    drawn = plots_html(drawing, plots, most, height, f'<div class="scale">{scale}</div>', "tiles")
     return drawn.replace('role="img"', 'role="group" tabindex="0"')
 
 

@@ -1,6 +1,5 @@
 """The setting of a study: names and values of what was run, with all swept values."""
 
-import re
 from collections.abc import Callable, Container, Iterator, Sequence
 from operator import attrgetter
 from textwrap import shorten
@@ -175,15 +174,9 @@ def kind_words(key: str, cell: Cell) -> str:
     kind: Kind = attrgetter(key)(cell.scenario)
     swept = {each.removeprefix(f"{key}.") for each in cell.labels}
     told = [kind_name(kind), *told_keys(kind, swept)]
-    if not kind.label:
-        return ", ".join(told)
-    more = ", ".join(each for each in told if letters(each) not in letters(kind.label))
-    return f"{kind.label} ({more})" if more else kind.label
-
-
-def letters(words: str) -> str:
-    """Letters without spaces, dashes or case, as by which words are compared."""
-    return re.sub(r"[\s_-]", "", words).casefold()
+    said = (kind.label or "").replace(" ", "").casefold()
+    more = ", ".join(each for each in told if each.replace(" ", "").casefold() not in said)
+    return f"{kind.label} ({more})" if said and more else kind.label or more
 
 
 def kind_name(kind: Kind) -> str:
