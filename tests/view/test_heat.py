@@ -24,6 +24,7 @@ from jaxnet.view.drawings import heat
 from jaxnet.view.figures import every, style
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import elements, sections
+from jaxnet.view.page.plots import power_text
 from tests import systems
 
 ROTATING = {"kind": "rotating", "vehicles": [2]}
@@ -299,7 +300,8 @@ def test_a_lost_fleet_does_not_take_the_colours_from_the_others():
     section = sections.heat_section(results)
     assert section is not None
     assert text in section.body
-    assert "<span>greatest tail error / ā</span>0.01 <i" in section.body
+    assert "<span>greatest tail error / ā</span><span>0.01</span><i" in section.body
+    assert power_text(f"{1e5:.0e}") == "10<sup>5</sup>"
     results.cells["tail_max_max"] = np.geomspace(0.3, 30, 12)
     assert heat.BEYOND_COLOURS not in plain(drawn(results, "worst").get_supxlabel())
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.statistics.curves import BOUND_NAMES, LOG_FLOOR, Curve, log_ends
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, log_ends
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, moved_sideways
 from jaxnet.view.drawings.words import NO_LANE
 from jaxnet.view.figures import style
@@ -29,7 +29,6 @@ MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
 NARROW = "the interval of a mean may be narrower than its mark"
 NO_INTERVAL = "some means have no interval: too few lanes, or a few great errors make them up"
-LEAST_SHOWN = 0.01  # of the least median: what is less stands at the lower end of the axis
 FEW_STATISTICS = ("q05", "median", "max")
 CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
 ULTIMATE_WORDS = {"tail_max": "greatest tail error / ā", "tail_mean": "mean tail error / ā"}
@@ -40,7 +39,7 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
 
     A line of a fit ends with the magnitudes at which lanes ended.
     """
-    shown, lows, medians, lines = list[Any](), list[Any](), list[Any](), list[list[Trace]]()
+    shown, lows, lines = list[Any](), list[Any](), list[list[Trace]]()
     for curve in found:
         slopes = {
             BOUND_NAMES[name]: (slope, BOUND_LOOKS[name])
@@ -56,11 +55,9 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
             lines[-1].append(Trace(name, look, x, np.full(len(x), slope), "slope"))
         low, median, most = (each / curve.sizes for each in curve.spread(metric, *FEW_STATISTICS))
         shown += [median, most, [slope for slope, _ in slopes.values()]]
-        lows += low.tolist()
-        medians += median[median > LOG_FLOOR].tolist()
-    shown.append(np.fmax(lows, LEAST_SHOWN * min(medians, default=1.0)))
+        lows.append(low)
     every = np.concatenate(shown)
-    first, last = log_ends(every)
+    first, last = log_ends(every, *lows)
     last = min(last, 1.5 * every[np.isfinite(every)].max(initial=first))
     y = Scale(ULTIMATE_WORDS[metric], (first, last), log=True).cut(every)
     drawn = [curve.sizes[curve.ended] for curve in found]

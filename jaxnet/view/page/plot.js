@@ -61,12 +61,12 @@ function figureOf(place, width = place.clientWidth) {
   return figure;
 }
 
-// Texts of tiles that have room for them; plotly counts the letters of colours too.
+// Texts of tiles as large as the longest has room; plotly counts the letters of their colours too.
 function fit(trace, width) {
-  const tile = (width - 130) / trace.z[0].length; // [px], with names at the side
+  const { side, letters } = trace.meta, tile = (width - side) / trace.z[0].length; // [px]
   if (tile < 42) trace.text = trace.text.map((row) => row.map((words) => words.split("<br>")[0]));
-  const lines = trace.text.flat().flatMap((words) => words.replace(/<.?span.*?>/g, "").split("<br>"));
-  trace.textfont.size = Math.max(1, Math.min(12, (1.5 * tile) / Math.max(...lines.map(({ length }) => length))));
+  const most = tile < 42 ? letters[0] : Math.max(...letters);
+  trace.textfont.size = Math.max(1, Math.min(12, (1.5 * tile) / most));
 }
 
 // Draw a plot that is to be seen and not as it should be. On paper all are seen.

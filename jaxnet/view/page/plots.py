@@ -57,7 +57,7 @@ LETTERS, ACROSS = 26, 40  # of a line of a name on an axis, and of the title alo
 LOG_ROOM = 1.25  # at the ends of a log axis
 MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
 ROOM_OF_TICKS = 2.0  # [in] of an axis with ticks at swept values
-MOST_IN_ROW, MOST_COLUMNS = 4, 24  # panels in a row, and columns of all its maps
+MOST_IN_ROW, DESK, TILE = 4, 1140, 42  # panels in a row; [px] of a row, and of a tile in it
 MOST_INTERVALS = 400  # tiles that have room for theirs
 LINE, LEAST_ROW, ROW_OF_SERIES, FRAME = 36, 26, 13, 34  # [px] of a panel of named rows
 
@@ -107,14 +107,17 @@ def tiled(drawing: Drawing) -> str:
     look["colorscale"] = [[n / last, colour] for n, colour in enumerate(PALETTE)]
     look["colorbar"] = bar  # of a picture that is saved
     few, plots = sum(len(panel.cells) for panel in drawing.panels) <= MOST_INTERVALS, []
-    for panel in drawing.panels:
-        tiles = panel.tiles
-        assert tiles is not None
+    side = 40 + 7 * min(LETTERS, max(map(len, drawing.y.names)))  # [px] beside the tiles
+    every = [panel.tiles for panel in drawing.panels if panel.tiles is not None]
+    pairs = [(each.texts, each.intervals) for each in every]
+    longest = [max(map(len, np.ravel(some))) for some in zip(*pairs, strict=True)]
+    meta = {"side": side, "letters": longest}  # of numbers and of intervals
+    for panel, tiles in zip(drawing.panels, every, strict=True):
         places = np.ma.filled(norm(tiles.values), np.nan)
         known, shape = tiles.cells >= 0, places.shape
         each = zip(places.flat, tiles.texts.flat, tiles.intervals.flat, strict=True)
         texts = [tile_html(place, text, interval * few) for place, text, interval in each]
-        trace = look | {"z": places, "meta": {"cells": tiles.cells}}
+        trace = look | {"z": places, "meta": meta | {"cells": tiles.cells}}
         trace["text"] = np.reshape(texts, shape).tolist()
         trace["hovertext"] = np.reshape([*map(plain, tiles.told.ravel())], shape).tolist()
         columns = {"cell": tiles.cells[known], title: tiles.values[known]}
@@ -122,8 +125,10 @@ def tiled(drawing: Drawing) -> str:
         plots.append(Plot(labels_title(panel.labels), panel.cells, figure))
     shade = f"<i style='background: linear-gradient(to right, {', '.join(PALETTE)})'></i>"
     blank = f"<span>no number: {drawing.blank}</span>" if drawing.blank else ""
-    scale = f"<span>{escape(title)}</span>{ends[0]} {shade} {ends[1]} {blank}"
-    most = max(1, min(MOST_IN_ROW, MOST_COLUMNS // len(drawing.x.names)))
+    scale = (
+        f"<span>{escape(title)}</span><span>{ends[0]}</span>{shade}<span>{ends[1]}</span>{blank}"
+    )
+    most = max(1, min(MOST_IN_ROW, DESK // (side + TILE * len(drawing.x.names))))
     height = MAP_FRAME + MAP_ROW * len(drawing.y.names)
     drawn = plots_html(drawing, plots, most, height, f'<div class="scale">{scale}</div>', "tiles")
     return drawn.replace('role="img"', 'role="group" tabindex="0"')
@@ -298,7 +303,7 @@ def power_text(number: str) -> str:
     digit, power = number.split("e")
     if -4 < int(power) < 5:
         return f"{float(number):g}"
-    return f"{digit}·".removeprefix("1·") + f"10<sup>{power}</sup>".replace("-", "−")
+    return f"{digit}·".removeprefix("1·") + f"10<sup>{int(power)}</sup>".replace("-", "−")
 
 
 def names_axis(names: Sequence[str], falling: bool) -> dict[str, Any]:

@@ -167,10 +167,7 @@ def size_words(cell: Cell) -> str:
 
 
 def kind_words(key: str, cell: Cell) -> str:
-    """The name of a kind and its keys that are not at their defaults and not swept.
-
-    Behind a label they stand in brackets, without those that the label says.
-    """
+    """A kind and its keys not at defaults and not swept; in brackets what its label leaves out."""
     kind: Kind = attrgetter(key)(cell.scenario)
     swept = {each.removeprefix(f"{key}.") for each in cell.labels}
     told = [kind_name(kind), *told_keys(kind, swept)]
