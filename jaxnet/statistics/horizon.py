@@ -76,7 +76,9 @@ def errors_words(study: Config, cells: Sequence[Cell]) -> str:
         return ""
     least = min(above.values())
     words = f"errors alone leave {least:.3g} m or more in the mean of lanes, recovery allows less"
-    return f"{words}, in {cells_named([*above])}"
+    cut = [c.number for c in asked if known_or(False, lambda cell=c: cell.scenario.detector.acts)]
+    unknown = f" (not known where alarms cut something: {cells_named(cut)})" if cut else ""
+    return f"{words}, in {cells_named([*above])}{unknown}"
 
 
 @for_any_signal
@@ -100,14 +102,19 @@ def cuts_words(cells: Sequence[Cell]) -> str:
     return f"{words} {cells_named(found)}" if found else ""
 
 
-def lost_words(results: Results, cells: Sequence[Cell]) -> str:
-    """Where the fleet is lost: its error is far above ā and every start; else ""."""
-    numbers, every = [cell.number for cell in cells], np.zeros(len(results.study.cells))
-    sizes = known_or(every, lambda: cell_magnitudes(results))[numbers]
-    errors = results.cells[f"{judged_metric(cells)}_median"].iloc[numbers]
+def lost_cells(results: Results, column: str) -> list[int]:
+    """Cells whose fleet is lost: a column of errors [m] is far above ā and every start."""
+    cells = results.study.cells
+    sizes = known_or(np.zeros(len(cells)), lambda: cell_magnitudes(results))
     starts = [known_or(np.inf, lambda cell=cell: start_sizes(cell.scenario)[0]) for cell in cells]
     limits = LOST * (np.nan_to_num(sizes) + starts)
-    found = [numbers[n] for n in np.flatnonzero(errors.to_numpy() > limits)]
+    return np.flatnonzero(results.cells[column].to_numpy() > limits).tolist()
+
+
+def lost_words(results: Results, cells: Sequence[Cell]) -> str:
+    """Where the fleet is lost, of these cells; else ""."""
+    lost = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
+    found = [cell.number for cell in cells if cell.number in lost]
     words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
     return f"{words} {cells_named(found)}" if found else ""
 

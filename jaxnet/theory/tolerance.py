@@ -69,7 +69,10 @@ def agreement(case: Case) -> Agreement | None:
         return Agreement(True, f"{liars}; the vehicles are ({F + 1}, {F + 1})-robust")
     if each <= F <= robust.local.low:
         return Agreement(True, f"{liars}; the vehicles are {2 * F + 1}-robust")
-    return Agreement(False, f"{liars}: too many, or the vehicles are not known to be robust enough")
+    if min(total, each) > F:
+        return Agreement(False, f"{liars}: too many are attacked")
+    needed = [f"({F + 1}, {F + 1})-robust"] * (total <= F) + [f"{2 * F + 1}-robust"] * (each <= F)
+    return Agreement(False, f"{liars}: the vehicles are not known to be {' or '.join(needed)}")
 
 
 def broken_step(case: Case) -> str:

@@ -522,6 +522,11 @@ def test_a_threshold_below_what_errors_leave_is_told(errors, known):
     text = one_line(check.check_text(systems.study(**keys, **errors)))
     told = f"errors alone leave {left:.3g} m or more in the mean of lanes, recovery allows less, in"
     assert f"WARNING: {told} cells 0, 2 swept" in text
+    detector = {"kind": "chi_squared", "false_alarms": 1e-3, "cuts": "message"}
+    sweep |= {"detector": ["none", detector]}
+    text = one_line(check.check_text(systems.study(**keys | {"sweep": sweep}, **errors)))
+    if "channel" in errors:  # which a detector needs
+        assert f"{told} cells 0, 4 (not known where alarms cut something: cells 1, 3, 5)" in text
 
 
 def test_false_alarms_that_cut_most_honest_links_are_told():
