@@ -111,9 +111,10 @@ def lost_cells(results: Results, column: str) -> list[int]:
     return np.flatnonzero(results.cells[column].to_numpy() > limits).tolist()
 
 
-def lost_words(results: Results) -> str:
-    """Where the fleet is lost; else ""."""
-    found = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
+def lost_words(results: Results, cells: Sequence[Cell]) -> str:
+    """Where the fleet is lost, of these cells; else ""."""
+    lost = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
+    found = [cell.number for cell in cells if cell.number in lost]
     words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
     return f"{words} {cells_named(found)}" if found else ""
 
