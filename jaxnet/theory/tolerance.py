@@ -29,8 +29,10 @@ class VehiclesAlone(NamedTuple):
 
 
 def alone(case: Case) -> VehiclesAlone | None:
+    """None where no defence asks, and of a large fleet."""
     graph = case.situation.graph
-    if case.seconds <= 0 or graph.vehicles > integer.MOST_PROGRAMMED:
+    asked = case.seconds > 0 and case.scenario.defence.tolerates() is not None
+    if not asked or graph.vehicles > integer.MOST_PROGRAMMED:
         return None
     heard = dense(graph)[:, 1:] > 0
     if graph.vehicles > robustness.MOST_NODES:
