@@ -29,10 +29,9 @@ class VehiclesAlone(NamedTuple):
 
 
 def alone(case: Case) -> VehiclesAlone | None:
-    """None where no defence asks, and of a large fleet."""
     graph = case.situation.graph
-    asked = case.seconds > 0 and case.scenario.defence.tolerates() is not None
-    if not asked or graph.vehicles > integer.MOST_PROGRAMMED:
+    unasked = case.seconds <= 0 or case.scenario.defence.tolerates() is None
+    if unasked or graph.vehicles > integer.MOST_PROGRAMMED:
         return None
     heard = dense(graph)[:, 1:] > 0
     if graph.vehicles > robustness.MOST_NODES:

@@ -11,7 +11,7 @@ from rich.filesize import decimal
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Channel, Scenario, Sequential
-from jaxnet.config.naming import format_value, value_alone
+from jaxnet.config.naming import Combination, boxes_of, format_value, value_alone
 from jaxnet.config.scenario import for_any_signal, situation_of
 from jaxnet.config.study import Study
 from jaxnet.config.sweep import is_joint, keys_in
@@ -59,12 +59,12 @@ def check_text(study: Study, number: int | None = None) -> str:
     found, (times, said) = networks(cells), endings(study, cells)
     named = partial(numbered_words, cells=cells)
     warnings = errors_words(study.config, cells, named), cuts_words(cells, named)
-    name, *first = [*study_head(study), *(f"WARNING: {each}" for each in warnings if each)]
+    first = [*study_head(study), *(f"WARNING: {each}" for each in warnings if each)]
     said += [(claim, cell.number) for each in found for cell in each.cells for claim in each.claims]
-    texts = ["\n".join([name, *verdict_lines(first, said, cells)])]
+    texts = ["\n".join(verdict_lines(first, said, cells))]
     if number is None or len(found) > 1:
         texts.append(swept_text(study))
-    texts.append(amplitude_note(study.cells) + amplitude_advice(study))
+    texts.append(amplitude_advice(study))
     texts.append("\n".join(facts_text(*part) for part in parts(found, times)))
     if idle := idle_keys(study):
         texts.append(facts_text("keys without effect", {key: [why] for key, why in idle.items()}))
@@ -135,15 +135,13 @@ def study_head(study: Study) -> list[str]:
 
 
 def amplitude_advice(study: Study) -> str:
-    """The key that compares errors with the amplitude in force, where τ ā is more than that."""
-    asked = study.config.recovery
-    if asked is None or asked.of != "magnitude" or not amplitude_note(study.cells):
-        return ""
+    """ā in force, and the key that compares errors with it, where τ ā is more than that."""
+    asked, note = study.config.recovery, amplitude_note(study.cells)
+    if not note or asked is None or asked.of != "magnitude":
+        return note
     what = "spreads" if is_leaderless(study.cells) else "errors"
-    return (
-        f"; recovery compares {what} with tau · ā: give recovery.of: amplitude to compare with the"
-        " shift"
-    )
+    told = f"recovery compares {what} with tau · ā: give recovery.of: amplitude to compare with the"
+    return f"{note}; {told} shift"
 
 
 def endings(study: Study, cells: Sequence[Cell]) -> tuple[list[Facts], list[tuple[Claim, int]]]:
@@ -166,8 +164,8 @@ def endings(study: Study, cells: Sequence[Cell]) -> tuple[list[Facts], list[tupl
         late = known.after > known.begins
         ends[cell.number] = early if late else enough
         needed = max(needed, known.horizon * late)
-    words = "WARNING: the tail begins before the effect of the start ends; enough is"
-    told = {early: (0, f"{words} horizon: {needed:g}")}
+    words = "WARNING: the tail begins before the effect of the start ends"
+    told = {early: (0, f"{words} (`horizon: {needed:g}` is enough)")}
     return found, [(told.get(each, (7, each)), number) for number, each in ends.items()]
 
 
@@ -201,7 +199,6 @@ def facts_text(title: str, facts: Mapping[str, Sequence[str]]) -> str:
 
 
 CellLabels = Sequence[Mapping[str, str]]  # of each cell, the values of the swept keys
-Combination = tuple[str, ...]  # values of some swept keys
 
 
 def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[TitledFacts]:
@@ -219,11 +216,9 @@ def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[TitledFact
     own = [{k: format_value(v) for k, v in cell.labels.items()} for cell, _ in ordered]
     labels = [{k: value_alone(k, v) for k, v in cell.labels.items()} for cell, _ in ordered]
     names = dict.fromkeys(name for each in [*(one.facts for one in found), *more] for name in each)
-    title = "in all cells"
-    if len(found) == 1:
-        cells = found[0].cells
-        numbers = cells_named(sorted(cell.number for cell in cells))
-        title = f"{cells[0].scenario.topology.kind}, {numbers}"
+    numbers = cells_named([cell.number for cell, _ in ordered])
+    kind = ordered[0][0].scenario.topology.kind
+    title = "in all cells" if len(found) > 1 else f"{kind}, {numbers}"
     by_keys: dict[Combination, dict[str, list[str]]] = {(): {}}
     for name in names:
         told = own if len(found) > 1 else [{}] * len(known)  # what the label says already
@@ -274,7 +269,7 @@ def factor_rows(labels: CellLabels, lines: Sequence[str]) -> tuple[Combination, 
     every = [list(dict.fromkeys(one[key] for one in labels)) for key in keys]
     rows = []
     for line, combinations in where.items():
-        boxes = ("; ".join(map(values_text, box, every)) for box in boxes_of(combinations))
+        boxes = ("; ".join(map(values_text, box, every)) for box in boxes_of(sorted(combinations)))
         rows += [f"{' '.join(f'[{box}]' for box in boxes)} {line}"] * bool(line)
     if len(rows) > MOST_FACT_ROWS:
         rows[MOST_FACT_ROWS:] = [f"and {count(len(rows) - MOST_FACT_ROWS, 'row')} more …"]
@@ -327,16 +322,3 @@ def deciding_keys(labels: CellLabels, lines: Sequence[str]) -> list[str]:
         if all(decided.setdefault(each, line) == line for each, line in pairs):
             keys = fewer
     return keys
-
-
-def boxes_of(combinations: set[Combination]) -> list[list[Combination]]:
-    """Few products of sets of values, one set a key, that make up these combinations."""
-    if combinations == {()}:
-        return [[]]
-    rests: dict[str, set[Combination]] = {}
-    for first, *rest in sorted(combinations):
-        rests.setdefault(first, set()).add(tuple(rest))
-    alike: dict[frozenset[Combination], list[str]] = {}
-    for first, rest in rests.items():
-        alike.setdefault(frozenset(rest), []).append(first)
-    return [[tuple(firsts), *box] for rest, firsts in alike.items() for box in boxes_of({*rest})]

@@ -293,28 +293,23 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
     }
 
 
-ROBUST = (
-    "; r-robust: of any two separate groups of vehicles, one has a vehicle that hears r vehicles"
-    " outside its group; (s, s)-robust: at least s vehicles of the two, or all of one, hear s so"
-)
-
-
 def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
     """Robustness of the vehicles without the navigator, and what W-MSR needs of it."""
-    s = RobustnessBracket(*(each + 1 for each in found.total))
-    line = f"r = {up_to(found.r)}, s = {up_to(s)}; {defence_name(scenario)} bears F attackers among"
-    line += " the sources of each vehicle (F-local) if the vehicles alone are r-robust with r ≥"
-    line += " 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1"
-    with_leader = "; with one navigator no graph is more than 1-robust"
-    return line + with_leader * scenario.navigator.present + ROBUST
+    s, name = RobustnessBracket(*(each + 1 for each in found.total)), scenario.defence.kind
+    return (
+        f"r = {up_to(found.r)}, s = {up_to(s)}; {value_name('defence', name)} bears F attackers"
+        " among the sources of each vehicle (F-local) if the vehicles alone are r-robust with r ≥"
+        " 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1"
+        + "; with one navigator no graph is more than 1-robust"
+        * scenario.navigator.present
+        + "; r-robust: of any two separate groups of vehicles, one has a vehicle that hears r"
+        " vehicles outside its group; (s, s)-robust: at least s vehicles of the two, or all of"
+        " one, hear s so"
+    )
 
 
 def up_to(found: RobustnessBracket) -> str:
     return f"{found.low}" if found.known else f"{found.low} to {found.high}"
-
-
-def defence_name(scenario: Scenario) -> str:
-    return value_name("defence", scenario.defence.kind)
 
 
 def agreement_words(found: Agreement, scenario: Scenario) -> str:

@@ -13,7 +13,7 @@ from jaxnet.view.text.facts import UNSTABLE, Facts, attacked_at_once
 from jaxnet.view.text.width import MOST_NAMED, filled, swept_words
 
 UNBOUNDED, BOUNDED = "Errors have no proved bound", "Errors have a proved bound (`jaxnet fit`)"
-MOST_LINES = 8
+MOST_LINES = 9  # with the study's size
 
 Claim = tuple[int, str]  # a place in the verdict, and a sentence without its cells
 
@@ -73,4 +73,6 @@ def where_words(numbers: Sequence[int], cells: Sequence[Cell], most: int) -> str
     words = swept_words(numbers, cells)
     if len(words) <= most or not words:
         return f": {words}" * bool(words)
-    return f", in {cells_named(sorted(numbers)) if most else f'{len(numbers)} of {len(cells)} cells'}"
+    return (
+        f", in {cells_named(sorted(numbers)) if most else f'{len(numbers)} of {len(cells)} cells'}"
+    )
