@@ -60,7 +60,7 @@ NOTES = {  # of columns whose titles begin so
     "spread": definition(SPREAD),
     "outside": definition(OUTSIDE_HULL),
     "only": "only A off: unrecovered in A and recovered in B; only B off: the reverse",
-    "p": "McNemar's exact test has this p if both are equally likely",
+    "p": "p of McNemar's exact test: only A off and only B off are equally likely",
 }
 
 
