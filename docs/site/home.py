@@ -1,4 +1,4 @@
-"""README.md is the site's home, CHANGELOG.md a page; files that README links to come along."""
+"""README.md is the site's home, CHANGELOG.md a page; files that pages link to come along."""
 
 import re
 from pathlib import Path
@@ -16,6 +16,12 @@ def on_files(files: Any, config: Any) -> Any:
     files.append(
         File.generated(config, "changelog.md", content=(ROOT / "CHANGELOG.md").read_text())
     )
-    for name in ("LICENSE", "CITATION.cff"):
+    studies = [str(path.relative_to(ROOT)) for path in ROOT.glob("configs/**/*.yaml")]
+    for name in ("LICENSE", "CITATION.cff", *studies):
         files.append(File.generated(config, name, content=(ROOT / name).read_text()))
     return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Lead links to a study to its copy on the site."""
+    return markdown.replace("](../configs/", "](configs/")

@@ -7,15 +7,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from jaxnet.config.keys import Config
 from jaxnet.config.schema import DEFAULT_KINDS, NAME, config_schema
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import Kind
 
 PAGE = Path(__file__).parents[1] / "config.md"
 MARK = "<!-- From here on written by docs/site/keys.py -->\n"
-HEAD = "key | takes | meaning\n---|---|---\n"
-SHARED_HEAD = "key | of | takes | meaning\n---|---|---|---\n"
 LIMITS = {
     "exclusiveMinimum": "> {}",
     "minimum": "≥ {}",
@@ -26,6 +23,13 @@ LIMITS["multipleOf"] = "a multiple of {}"
 WORDS = {"integer": "integer", "boolean": "boolean", "string": "text", "null": "null"}
 EACH = "[each](#one-for-each-attacked-vehicle)"
 DRAWN = ("Uniform", "Normal", "DiscreteChoice")
+GROUPS = {  # of the keys of a study
+    "The study": "name seed samples draws engine sweep labels",
+    "Time": "horizon tick output_step tail",
+    "The fleet": "vehicles topology navigator vehicle initial gain law formation filter",
+    "Attack and messages": "attack defence sensing channel detector",
+    "What is measured": "metrics recovery search save",
+}
 PARTS = {
     "initial": "Initial",
     "channel": "Channel",
@@ -91,7 +95,8 @@ def current(page: str) -> str:
     prose, mark, _ = page.partition(MARK)
     whole = config_schema()
     inner = {key: whole["$defs"][name] for key, name in PARTS.items()}
-    parts = [section("Keys of a study", rows(whole, Config.model_fields))]
+    parts = ["## Keys of a study\n"]
+    parts += [section(title, rows(whole, keys.split()), 3) for title, keys in GROUPS.items()]
     parts += [section(key, rows(each, each["properties"])) for key, each in inner.items()]
     said: dict[Any, str] = {}  # base classes whose keys families share, and the first family
     parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"], said)]
@@ -118,7 +123,7 @@ def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Itera
                 yield section(title, rows(known[kinds[having[0]].__name__], keys), 3)
                 said[base] = family
     if shared := alike(tables):
-        yield "\n".join(["### Keys of several kinds\n", SHARED_HEAD + "\n".join(shared)]) + "\n"
+        yield section("Keys of several kinds", shared, 3)
     for name, kind in kinds.items():
         yield section(f"`{name}`", tables[name], 3, described(name, family, kind))
 
@@ -136,10 +141,11 @@ def of_metrics(known: dict[str, Any]) -> Iterator[str]:
     models = registry.models("metrics")
     yield "## metrics\n"
     yield f"    {EXAMPLES['metrics']}\n"
-    yield f"- `name`: text; {NAME['description']}\n"
+    yield wrapped(f"- `name`: text; {NAME['description']}\n")
     keyless = [name for name in registry.kind_names("metrics") if name not in models]
     for each in (registry.find("metrics", name) for name in keyless):
-        yield f"- `{each.name}`{f' [{each.column_unit}]' * bool(each.column_unit)}: {each.words}."
+        unit = f" [{each.column_unit}]" * bool(each.column_unit)
+        yield wrapped(f"- `{each.name}`{unit}: {each.words}.")
     for name, model in models.items():
         table = rows(known[model.__name__], model.model_fields)
         words = described(name, "metrics", model)
@@ -161,14 +167,14 @@ def alike(tables: dict[str, list[str]]) -> list[str]:
 
 def wrapped(text: str) -> str:
     """Text of paragraphs and lists in lines of at most 98 characters; none begins with a minus."""
-    parts = re.split(r"(\n(?=- )|\n\n)", text)  # blocks, and what parts them
+    parts = re.split(r"(\n(?= *- )|\n\n)", text)  # blocks, and what parts them
+    wrap = textwrap.TextWrapper(98, break_long_words=False, break_on_hyphens=False)
     for number in range(0, len(parts), 2):
-        words = " ".join(parts[number].split()).replace(" - ", "\0-\0")
-        indent = "  " if words.startswith("- ") else ""
-        lines = textwrap.wrap(
-            words, 98, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
-        )
-        parts[number] = "\n".join(lines).replace("\0", " ")
+        item = parts[number].lstrip(" ")
+        wrap.initial_indent = " " * (len(parts[number]) - len(item))
+        wrap.subsequent_indent = wrap.initial_indent + "  " * item.startswith("- ")
+        words = " ".join(item.split()).replace(" - ", "\0-\0")
+        parts[number] = wrap.fill(words).replace("\0", " ")
     return "".join(parts)
 
 
@@ -195,13 +201,23 @@ def rows(model: Any, keys: Iterable[str]) -> list[str]:
 
 
 def section(title: str, table: list[str], level: int = 2, words: str = "") -> str:
-    """A heading, words, and a table, or a list of the keys if they are one or two."""
-    lines = HEAD + "\n".join(table) if table else ""
-    if level == 3 and len(table) < 3:
-        lines = "\n".join(
-            "- " + line.replace(" | ", ": ", 1).replace(" | ", "; ") for line in table
-        )
-    return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), lines])) + "\n"
+    """A heading, words, and a list of the keys."""
+    keys = wrapped("\n".join(map(listed, table)))
+    return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), keys])) + "\n"
+
+
+def listed(line: str) -> str:
+    """A row as an item of a list; what each choice means is an item below it."""
+    key, *kinds, taken, meaning = line.split(" | ")
+    key = " of ".join([key, *kinds])
+    choices = re.findall(r"`(\w+)`", taken.rpartition(" (")[0])
+    parts = re.split(rf"(?:^|[:;] )({'|'.join(choices)})[,:] ", meaning)
+    if taken.startswith("boolean ("):
+        return f"- {key} {taken.removeprefix('boolean ')}: {meaning}"
+    if len(choices) < 2 or len(parts) != 2 * len(choices) + 1:
+        return f"- {key}: {taken}; {meaning}"
+    first = ": ".join(filter(None, [f"- {key} {taken.rpartition(' ')[2]}", parts[0]]))
+    return "\n    - ".join([first, *map("`{}`: {}".format, parts[1::2], parts[2::2])])
 
 
 def row(key: str, node: Any, required: bool) -> str:
@@ -288,6 +304,8 @@ def plain(value: Any) -> str:
         return f"[{', '.join(map(plain, value))}]"
     if value is None or isinstance(value, bool):
         return str(value).lower().replace("none", "null")
+    if isinstance(value, int) and value.bit_count() == 1 and value > 2**20:
+        return f"2^{value.bit_length() - 1}"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

@@ -110,8 +110,7 @@ class Channel(Record):
     quantisation: NotNegativeByOrder = Field(
         default=0.0,
         title="rounding of messages",
-        description="[m, m/s, …], step to which messages are rounded: one for all orders, or a "
-        "list, one for each order; 0: not rounded",
+        description="[m, m/s, …], step to which messages are rounded; 0: not rounded",
     )
     delay: NotNegative = Field(
         default=0.0,
@@ -269,9 +268,8 @@ class Scenario(Record):
     )
     gain: Gains = Field(
         default=[1.0, 3.0, 3.0],
-        description="k0, k1, … of the law for ε, ε̇, …, as many as the vehicle's order; by "
-        "default [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or a list for each axis; or a 2 × 2 "
-        "matrix for each order; or {vehicles: [...]}, a list for each vehicle",
+        description="k0, k1, … of the law for ε, ε̇, …, as many as the vehicle's order, by default "
+        "[1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or one of the other forms in model.md",
     )
     law: Annotated[Law, KindOf("law")] = Field(
         default=ExactLaw(), description="how the law is solved"
@@ -386,9 +384,8 @@ class SearchSettings(Record):
     """The keys that a search chooses, and how it searches for the worst choice."""
 
     over: Annotated[dict[str, SearchRange], Len(1)] = Field(
-        description="dotted key: range of the search, [a, b]; each or {each: [a, b]}, one for "
-        "each attacked vehicle; a list of [a, b] for the gain; {choose: n}, attacked vehicles; "
-        "`jaxnet run` draws from these ranges"
+        description="dotted key: range of the search, in the forms of search.md; `jaxnet run` "
+        "draws from these ranges"
     )
     maximise: str = Field(
         default="tail_max",

@@ -150,7 +150,7 @@ def choices_words(
     found = []
     for box in boxes_of([tuple(labels.values()) for labels in some]):
         told = [
-            " and ".join(value_name(key, value) for value in each)
+            values_named(key, each, "and")
             for key, each in zip(there[0], box, strict=True)
             if {labels[key] for labels in there} != {*each}
         ]
@@ -193,6 +193,16 @@ def value_name(key: str, value: object) -> str:
     )
     words = [name, shown] if shown else [name, format_value(value), unit(key)]
     return NO_BREAK.join(filter(None, words))
+
+
+def values_named(key: str, values: Sequence[object], joint: str) -> str:
+    """Values of a key joined by a word, with the key's name and unit told once."""
+    *others, last = values
+    name, equals, value = value_name(key, last).partition(f"={NO_BREAK}")
+    if not others or not equals:
+        return f" {joint} ".join(value_name(key, each) for each in values)
+    alone = ", ".join(value_alone(key, each) for each in others)
+    return f"{name}{equals}{alone} {joint} {value}"
 
 
 def magnitudes_with_units(key: str, value: object) -> str:

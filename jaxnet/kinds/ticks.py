@@ -78,8 +78,8 @@ class DrawsTogether(DrawsAtTicks):
 
     of: Together = setting(
         "link",
-        "what has draws of its own: each link, each pair of vehicles in both directions, each "
-        "transmitter, or all links together",
+        "what has draws of its own: link, each link; pair, each pair of vehicles, in both "
+        "directions; transmitter, each vehicle that transmits; all, all links together",
     )
 
     def random_by_slot(

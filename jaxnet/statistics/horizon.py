@@ -101,13 +101,18 @@ def cuts_words(cells: Sequence[Cell], named: Named = cells_named) -> str:
     return f"{words} {named(found)}" if found else ""
 
 
-def lost_words(results: Results, cells: Sequence[Cell]) -> str:
-    """Where the fleet is lost: its error is far above ā and every start; else ""."""
+def lost_cells(results: Results, column: str) -> list[int]:
+    """Cells whose fleet is lost: a column of errors [m] is far above ā and every start."""
+    cells = results.study.cells
     sizes = known_or(np.zeros(len(cells)), lambda: cell_magnitudes(results))
-    errors = results.cells[f"{judged_metric(cells)}_median"]
     starts = [known_or(np.inf, lambda cell=cell: start_sizes(cell.scenario)[0]) for cell in cells]
     limits = LOST * (np.nan_to_num(sizes) + starts)
-    found = np.flatnonzero(errors.to_numpy() > limits).tolist()
+    return np.flatnonzero(results.cells[column].to_numpy() > limits).tolist()
+
+
+def lost_words(results: Results) -> str:
+    """Where the fleet is lost; else ""."""
+    found = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
     words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
     return f"{words} {cells_named(found)}" if found else ""
 

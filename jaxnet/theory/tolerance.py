@@ -8,7 +8,6 @@ import numpy as np
 
 from jaxnet.config.scenario import EVERY_MESSAGE, broken_premise, greatest_strength
 from jaxnet.kinds.fields import value_range
-from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.graph import dense
 from jaxnet.theory import integer, robustness
 from jaxnet.theory.case import Case
@@ -70,7 +69,10 @@ def agreement(case: Case) -> Agreement | None:
         return Agreement(True, f"{liars}; the vehicles are ({F + 1}, {F + 1})-robust")
     if each <= F <= robust.local.low:
         return Agreement(True, f"{liars}; the vehicles are {2 * F + 1}-robust")
-    return Agreement(False, f"{liars}: too many, or the vehicles are not known to be robust enough")
+    if min(total, each) > F:
+        return Agreement(False, f"{liars}: too many are attacked")
+    needed = [f"({F + 1}, {F + 1})-robust"] * (total <= F) + [f"{2 * F + 1}-robust"] * (each <= F)
+    return Agreement(False, f"{liars}: the vehicles are not known to be {' or '.join(needed)}")
 
 
 def broken_step(case: Case) -> str:
@@ -100,21 +102,3 @@ def brackets(n: int, heard: bytes, seconds: float) -> tuple[RobustnessBracket, R
     matrix, end = np.frombuffer(heard, bool).reshape(n, n), monotonic() + seconds
     known = integer.robustness_bracket(matrix, seconds)
     return known, integer.total_bracket(matrix, known, end - monotonic())
-
-
-class Led(NamedTuple):
-    """Robustness with respect to vehicles that somebody trusts."""
-
-    leaders: list[int]  # and 0, the navigator, whom all trust
-    strongly: int  # the greatest r
-    reached: list[int]  # by percolation with F = 1, besides the leaders
-
-
-def led(case: Case) -> Led | None:
-    graph, _, trusted, _ = case.situation
-    leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
-    if not leaders[1:].any() or leaders[1:].all():
-        return None
-    reached = robustness.percolated(graph, trusted, leaders)[1:] & ~leaders[1:]
-    strongly = robustness.leader_robustness(graph, leaders)
-    return Led(np.flatnonzero(leaders).tolist(), strongly, vehicle_numbers(reached))

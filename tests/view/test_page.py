@@ -130,14 +130,15 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> str:
     table |= {"tail_mean_median_high": 1.5 * errors, **dict(cells)}
     table["failed"] = np.where(np.isnan(errors), 3, 0)
 
-    def by_cell(*columns, where, cells=None):
-        if "outside" in columns:
-            ways = {n: [way] * 3 for n, way in enumerate(table["outside_median"])}
-            return ((n, pd.DataFrame({"sample": range(3), "outside": w})) for n, w in ways.items())
-        if cells is None:
-            return rows.groupby("cell")
-        alike = {"sample": range(12), made.cells[0].scenario.judged: 1.0}
-        return ((cell, pd.DataFrame(alike) * [1, errors[cell]]) for cell in sorted(cells))
+    def by_cell(*columns, where=None, cells=None):
+        if cells is None and "outside" not in columns:
+            yield from rows.groupby("cell")
+            return
+        for cell in sorted(cells or range(len(errors))):  # all lanes of a cell are alike
+            lanes = {"sample": range(3 if "outside" in columns else 12), "status": "ok"}
+            lanes[made.cells[0].scenario.judged] = errors[cell]
+            lanes["outside"] = table.get("outside_median", errors)[cell]
+            yield cell, pd.DataFrame(lanes)
 
     lanes = {"ok": 3 * len(errors) - len(failed), "failed": len(failed), "total": 3 * len(errors)}
     vars(results).update(
@@ -160,7 +161,10 @@ def test_cells_that_are_not_all_of_a_value_are_told_with_it():
     for numbers, words in (
         ([0, 1], "with no\xa0defence, ā\xa0=\xa01 or 2\xa0m (2 cells)"),
         ([0, 1, 2], "with no\xa0defence (3 cells)"),
-        ([0, 2, 4], "in cells 0, 2, 4"),
+        (
+            [0, 2, 4],
+            "with no\xa0defence, ā\xa0=\xa01 and 3\xa0m; or with W-MSR, ā\xa0=\xa02\xa0m (3 cells)",
+        ),
         ([0, 1, 3], "in 3 of 4 cells with ā\xa0=\xa01 or 2\xa0m"),
     ):
         assert where.where_words(results, numbers) == words
@@ -220,7 +224,7 @@ TOLD = [
     (
         FOUR,
         CUTS,
-        "<td>never</td><td>0.4</td><td>message, both_ways</td>",
+        "<td>never</td><td>message</td><td>the error is smaller</td>",
     ),
     (
         MANY,
@@ -251,7 +255,24 @@ TOLD = [
     ),
     ([1e-12, 1e-11, 1e-12], {"sweep": {"attack.magnitude": [1, 10, 100]}}, "is <b>0 (rounding) ā"),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
-    (FOUR, DEFENCES, "<td>W-MSR</td><td>1 to 2</td><td>no\xa0defence in 1 of 2 (ā\xa0=\xa01\xa0m)"),
+    (FOUR, DEFENCES, "<td>the error is greater in 1 of 2 settings (ā\xa0=\xa01\xa0m)</td>"),
+    (
+        [2.0, 1.0, 2.0],
+        SEVERAL,
+        " Against no\xa0defence:<ul><li>W-MSR: the error is smaller</li><li>centerpoint: no"
+        " difference is found</li></ul></li>",
+    ),
+    (
+        [2.0, 1.0, 9.0],
+        SEVERAL,
+        "<li>W-MSR: the error is smaller</li><li>centerpoint: the error is greater</li>",
+    ),
+    (
+        [2.0, 1.0, 9.0],
+        SEVERAL,
+        "<ul><li><b>Best defence: W-MSR</b>. There median lanes have errors of at most <b>1 m</b>"
+        " and the worst vehicle has <b>2 m</b>.</li>",
+    ),
     (FOUR, DEFENCES, "is better than no\xa0defence in 1 of 2 settings, and worse in none."),
     (MANY, FALLING, "from <b>0.5 ā</b> (95 % interval 0.25 to 0.75 ā) with "),
     (MANY, FALLING, "<b>Warning:</b> in cell 1 of 3 errors still fall when the run ends."),
@@ -343,30 +364,37 @@ def test_findings(tmp_path, errors, given, sentence):
     assert "nan" not in found
 
 
+def judged_by(results, lanes) -> tuple[ComparedBy, compared.Wins]:
+    """Two defences compared by errors of lanes that are given."""
+    swept = compared.swept_texts(results)
+    won = compared.wins(results, lanes, swept["defence"], swept.drop(columns="defence"))
+    words = "the error is smaller", "the error is greater"
+    return ComparedBy("error", "m", *words, pd.Series(dtype=float), lanes), won
+
+
 def test_settings_whose_lanes_failed_are_not_compared():
     """By lanes given here: the defence is better on the ring, and no lane of the star ended."""
     sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
     results = Results(UPath("nowhere"))
     vars(results)["study"] = systems.study(sweep=sweep, **ROTATING)
-    swept = compared.swept_texts(results, range(4))
     better = {0: pd.Series([2.0] * 12), 1: pd.Series([1.0] * 12)}
     mixed = {0: pd.Series([1.0] * 12), 1: pd.Series([0.5, 1.5] * 6)}
     labels = ["w_msr", "none"]
     one = " in the one setting of 2 that can be compared"
     none = "no difference is found with 12 pairs in a setting; a small one would not show"
-    for lanes, found, verdict, cell in (
+    for lanes, found, verdict, against in (
         (
             better,
             "W-MSR",
             f"<b>W-MSR</b> is better than no\xa0defence{one}",
-            "no\xa0defence in 1 of 1",
+            f"the error is smaller{one} (cyclic)",
         ),
-        (mixed, "not found", none, "–"),
+        (mixed, "not found", none, ""),
     ):
-        judged = ComparedBy("error", "m", "smaller error than with", pd.Series(dtype=float), lanes)
-        won = compared.wins(results, "defence", judged, swept, rows := [])
-        assert compared.verdict_words("defence", labels, won) == verdict
-        assert compared.better_words(results, "defence", "w_msr", won) == cell
+        judged = judged_by(results, lanes)
+        assert compared.verdict_words("defence", labels, judged[1]) == verdict
+        assert compared.against_words(results, "defence", ("w_msr", "none"), [judged]) == against
+        rows = compared.test_rows(results, "defence", *judged)
         assert [(each["setting"], each["better"]) for each in rows] == [("cyclic", found)]
 
 
@@ -386,10 +414,11 @@ def test_lanes_that_fail_count_against_a_defence():
     )
     found = failed_lanes(results)
     assert found.values.to_dict() == {0: 0.0, 1: pytest.approx(100 / 12), 2: 0.0, 3: 100.0}
-    sentences, tables = compared.comparisons(results, [found], ["defence"], [])
-    told = "<b>no\xa0defence</b> is better than W-MSR in 1 of 2 settings, and worse in none."
-    assert sentences == [f"<b>Defence</b>, by lanes failed: {told}"]
-    assert "<td>W-MSR in 1 of 2 (star)</td>" in tables[0]
+    made = compared.comparisons(results, {"defence": [found]})
+    assert made.sentences == []  # another sentence tells where lanes fail
+    assert [each["what differs"] for each in made.pairs] == [
+        "fewer lanes fail in 1 of 2 settings (star)"
+    ]
 
 
 def test_values_that_beat_one_another_depend_on_the_other_keys():
@@ -397,11 +426,13 @@ def test_values_that_beat_one_another_depend_on_the_other_keys():
     results = Results(UPath("nowhere"))
     vars(results)["study"] = systems.study(sweep=sweep, **ROTATING)
     lanes = {cell: pd.Series([error] * 12) for cell, error in enumerate((2.0, 1.0, 1.0, 2.0))}
-    judged = ComparedBy("error", "m", "smaller error than with", pd.Series(dtype=float), lanes)
-    won = compared.wins(results, "defence", judged, compared.swept_texts(results, range(4)), [])
-    told = compared.verdict_words("defence", ["none", "w_msr"], won)
-    assert told == "which is better depends on the other keys (table)"
-    assert compared.better_words(results, "defence", "none", won) == "W-MSR in 1 of 2 (star)"
+    judged = judged_by(results, lanes)
+    told = compared.verdict_words("defence", ["none", "w_msr"], judged[1])
+    assert told == "which is better depends on the other keys"
+    assert compared.against_words(results, "defence", ("none", "w_msr"), [judged]) == (
+        "the error is smaller in 1 of 2 settings (star); the error is greater in 1 of 2 settings"
+        " (cyclic)"
+    )
 
 
 def test_groups_without_a_bound_are_not_listed(tmp_path):
@@ -439,9 +470,38 @@ def test_who_hears_more_liars_than_the_defence_is_set_for_is_named_first(tmp_pat
     attack = {"attack": {"kind": "rotating", "vehicles": sorted(liars)}}
     for defence in ("trusted_trim", "w_msr"):
         first = told(tmp_path, [1.0, 2.0], **cells, **attack, defence=defence)
-        named = f"vehicles {', '.join(map(str, both))} with lattice (cell 1) (more than it can"
-        assert f"defence</b>, with up to 2 attacked sources each: {named}" in first
+        named = f"vehicles {', '.join(map(str, both))} with lattice (cell 1): more than it can"
+        assert f"defence</b>, with up to 2 attacked sources each:<ul><li>{named}" in first
     assert "assumptions" not in told(tmp_path, [1.0, 2.0], **cells, **attack, defence="none")
+
+
+def test_networks_that_are_not_robust_enough_are_named(tmp_path):
+    """W-MSR asks (F + 1, F + 1)- or (2F + 1)-robustness; a complete graph of 10 is 5-robust."""
+    alone = {"navigator": "none", "vehicle": "single_integrator", "gain": [1], "engine": "exact"}
+    alone |= {"law": {"kind": "local", "hold": True}, "vehicles": 10}
+    alone |= {"defence": {"kind": "w_msr", "F": 2}, "sweep": {"topology": [LATTICE, "complete"]}}
+    alone |= {"attack": {"kind": "own_path", "vehicles": [3, 8], "moves": "as_told"}}
+    nobody = {"outside_median": [0.0] * 2, "outside_max": [0.0] * 2, "spread_median": [1.0] * 2}
+    found = told(tmp_path, [1.0, 1.0], **alone, cells=nobody)
+    assert (
+        "<b>Agreement is not proved</b> with lattice (cell 0): 2 attacked, at most 1 of them heard"
+        " by one vehicle, and F = 2: the vehicles are not known to be (3, 3)-robust or 5-robust.<"
+    ) in found
+
+
+def test_the_best_combination_holds_against_every_other(tmp_path):
+    """By errors: the last on the star has the least; on the ring all lanes are over 0.1 ā."""
+    sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
+    keys = {"sweep": sweep, "recovery": {"tau": 0.1}} | ROTATING
+    found = told(tmp_path, [9.0, 9.0, 5.0, 0.5], **keys)
+    assert (
+        "<ul><li><b>Best combination of topology and defence: star, W-MSR</b>. There <b>0 of 12"
+        " lanes</b> do not recover, median lanes have errors of at most <b>0.5 m</b> and the worst"
+        " vehicle has <b>1 m</b>.</li>"
+    ) in found
+    found = told(tmp_path, [9.0, 9.0, 9.0, 5.0], **keys)
+    assert "star, W-MSR</b>. Even there <b>12 of 12 lanes</b> do not recover, " in found
+    assert "<b>Best" not in told(tmp_path, [9.0, 9.0, 9.0, 9.0], **keys)
 
 
 def test_why_nothing_is_dropped_is_told(tmp_path):
@@ -449,7 +509,7 @@ def test_why_nothing_is_dropped_is_told(tmp_path):
     cells = {"sweep": {"topology": ["star", "cyclic"]}, "defence": "trusted_trim"}
     lossy = {"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}
     few, starved = told(tmp_path, [1.0, 2.0], **cells, **lossy).split("Outside the")[1:]
-    assert "(it drops nobody: the rule asks 2ϑ + 1 sources, of which ϑ are trusted)" in few
+    assert "it drops nobody: the rule asks 2ϑ + 1 sources, of which ϑ are trusted</li>" in few
     assert "of the defence</b> at some ticks: in up to 27.1\xa0% of ticks" in starved
     assert "cyclic" in starved
     assert "at some ticks" not in told(tmp_path, [1.0, 2.0], **cells)
@@ -486,8 +546,10 @@ def test_lanes_in_which_a_pair_comes_too_near_are_counted():
         near = lanes["min_separation"]
         told = f"in <b>{(near < 0.15).sum()}</b> of 6 lanes with {name} (least distance"
         assert f"{told} {near.min():.3g}" in text
-    tests = findings.all_findings(results, [], "jaxnet fit x").tests
-    assert {each["by"] for each in tests} == {"least distance"}  # filters are for distance
+    body = findings.findings_section(results, [], "jaxnet fit x").body
+    by = re.findall("<td>filter</td><td>(.*?)</td>", body)
+    assert "least distance" in by
+    assert not any("error" in each for each in by)  # filters are for distance
     alone = [
         jaxnet.simulate(keys | {"filter": name}, progress=False) for name in ("none", "barrier")
     ]

@@ -22,8 +22,8 @@ class Sampled(Engine):
 
     move: Literal["euler", "exact"] = setting(
         "exact",
-        "how a vehicle moves over a period: by one step of Euler's method, with the old heading, as"
-        " simulators of robots do; or as its equations say",
+        "how a vehicle moves over a period: euler, by one step of Euler's method, with the old "
+        "heading, as simulators of robots do; exact, as its equations say",
     )
 
     def options(self):

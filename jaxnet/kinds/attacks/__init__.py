@@ -334,12 +334,12 @@ class Attack(AnyAttack):
     magnitude: NotNegativeByOrder = setting(
         5.0,
         "[m, m/s, m/s², m/s³], ā, bound on the signal and its derivatives up to the vehicle's "
-        "order; or a list, one for each order, if each order is falsified on its own",
+        "order",
     )
     vehicles: Annotated[list[int] | DrawnVehicles | ChangingVehicles, OneOf()] = setting(
         USUAL_TARGETS,
-        "attacked vehicles; {random: n}, n drawn for each lane; {at: [...], sets: "
-        "[...]}, others from given times on; by default those of these that exist, or 1",
+        "attacked vehicles; {random: n}: n drawn for each lane; {at: [...], sets: [...]}: others "
+        "from these times on; by default those of these that exist, or 1",
         title="attacked vehicles",
     )
     links: Literal["auto", "neighbour", "navigator"] = setting(

@@ -7,8 +7,8 @@ from jaxnet.lazy import jnp
 class Sleeper(HeldOffset):
     """No offset before `start`, then ā for `burst` seconds, then a share of ā for ever.
 
-    It jumps at ticks. So it can spend at once what trust or a detector with memory allows to who
-    was honest before (theorems.md O19).
+    Trust, or a detector with memory, lets more pass from a source that was honest before
+    (theorems.md O19). This attack sends it at once; it jumps at ticks.
     """
 
     direction: Angle = setting(0.0, "[rad], of the offset")

@@ -333,9 +333,9 @@ class Defence(AnyDefence):
         OneOf("must be none, {vehicle: [sources]}, {share: s} or {nearest: n}"),
     ] = setting(
         {},
-        "trusted sources: {vehicle: [sources]}, and the navigator; {share: s, seed: "
-        "n}, a drawn share of the sources, and the navigator; {nearest: n}, of each vehicle the n "
-        "sources with the fewest links from the navigator; none, no source",
+        "trusted sources: {vehicle: [sources]}, these and the navigator; {share: s, seed: n}, a "
+        "drawn share and the navigator; {nearest: n}, the n sources with the fewest links from "
+        "the navigator; none, no source",
     )
     noise: NotNegative = setting(
         0.0,
@@ -347,7 +347,7 @@ class Defence(AnyDefence):
         "fail",
         "if a vehicle drops its last path to the navigator: fail, its lane fails; "
         "coast, it keeps its last drive until a believed path reaches it again, or stops where it "
-        "comes to rest; under law: local a vehicle that retains nobody has q = 0 with either",
+        "comes to rest",
     )
 
     def faults(self, scenario):

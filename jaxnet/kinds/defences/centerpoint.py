@@ -8,9 +8,9 @@ class Centerpoint(Sparing):
     positions. So a centerpoint lies among the honest positions if fewer than a third are attacked;
     one attacked source needs three honest ones.
 
-    All centerpoints form a convex polygon; the rule takes the mean of its boundary. Of three
-    positions or fewer the rule takes the weighted mean. Among the weights with this mean the rule
-    takes those nearest to the graph's, with least `Σ λ²/w`. The mean is exact to 1e-8 m, or to a
+    All centerpoints form a convex polygon; the rule takes the mean of its boundary. With three
+    positions or fewer it takes the weighted mean. Many weights have this mean; the rule takes
+    those nearest to the graph's, with least `Σ λ²/w`. The mean is exact to 1e-8 m, or to a
     millionth of the distance where positions nearly lie on a line.
 
     Trusted sources keep at least their weight. Otherwise the navigator would soon reach no vehicle.

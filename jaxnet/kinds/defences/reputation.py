@@ -11,11 +11,12 @@ from jaxnet.model.plane import length
 class Reputation(Defence):
     """Weigh a source by its reputation: how near it is, on average, to all sources of the listener.
 
-    With d_j the mean distance in the plane of source j from the listener's sources, the reputation
-    is `c_j = (D - d_j) / (D - min d)`, clipped to [0, 1]. D is the (f + 1)-th greatest of the
-    distinct d, the least left out, or the last of these if they are fewer. A reputation of 0
-    becomes `epsilon^(k + 1)` at tick k. The mean has the weights `c_j / Σ c` over all sources,
-    without the vehicle itself; weights of the network do not count.
+    - d_j is the mean distance in the plane of source j from the listener's sources.
+    - The reputation is `c_j = (D - d_j) / (D - min d)`, clipped to [0, 1].
+    - D is the (f + 1)-th greatest of the distinct d without the least, or the last of fewer.
+    - A reputation of 0 becomes `epsilon^(k + 1)` at tick k.
+    - The weights are `c_j / Σ c` over all sources, without the vehicle itself. Weights of the
+      network do not count.
 
     Source: Ramos, Silvestre and Silvestre, A discrete-time reputation-based resilient consensus
     algorithm for synchronous or asynchronous communications, 2023, for numbers on a line.

@@ -5,9 +5,9 @@ from jaxnet.model.retained import DropPolicy
 class TrustedOnly(Defence):
     """Retain trusted sources alone; a vehicle without a trusted source retains every source.
 
-    A baseline. What counts are the links of the network in force, also where a message is lost.
-    Under any attack a vehicle ends exactly on the navigator if only trusted, honest links join it
-    to the navigator.
+    A baseline. The links of the network in force count, also where a message is lost. Under any
+    attack a vehicle ends exactly on the navigator if only trusted, honest links join it to the
+    navigator.
     """
 
     guarantee = "by trust: a vehicle that no attack reaches over retained links is exact"

@@ -88,8 +88,8 @@ class Graph(Kind):
 
     own_weight: float = setting(
         0.0,
-        "weight of a vehicle on itself, relative to the mean weight of its sources; "
-        "1 gives 1/(d + 1) to it and to each of d equal sources; only law: local uses it",
+        "weight of a vehicle on itself, relative to the mean weight of its sources; only law: "
+        "local uses it",
         title="weight on oneself",
         ge=0.0,
         le=GREATEST_EDGE_WEIGHT,

@@ -37,7 +37,9 @@ class File(EdgeGraph):
     path: str = setting(
         ..., "of the file, from the config's folder: .graphml, .npy, .mtx (Matrix Market), or text"
     )
-    direction: Direction = setting("hears", "hears, a link a, b means a hears b; or tells")
+    direction: Direction = setting(
+        "hears", "what a link a, b means: hears, a hears b; tells, a tells b"
+    )
     first: int = setting(0, "number of the first node, where nodes have numbers", ge=0, le=1)
     leader: str | None = setting(
         None, "the navigator's node; null: the first number, or that called 0, navigator or leader"

@@ -25,8 +25,8 @@ class Jamming(DrawsTogether, Loss):
     """All messages are lost in listed, periodic or drawn intervals.
 
     Between any times τ < t, at most `starts + (t - τ) / spacing` drawn intervals begin. Their
-    length is at most `seconds + (t - τ) / ratio`. At each tick a fair coin says whether the jammer
-    turns on or off; it does so if both limits allow it.
+    length together is at most `seconds + (t - τ) / ratio`. At each tick the jammer turns on or off
+    with probability 1/2, if both limits allow it.
     """
 
     of: Together = setting("all", "for whom a drawn interval counts, as above")

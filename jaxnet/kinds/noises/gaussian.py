@@ -18,7 +18,8 @@ class GaussianNoise(NormalErrors, ChannelNoise):
     orders: ClassVar[tuple[str, ...]] = (*JET_ORDERS, HIGHEST)
 
     of: Literal["link", "transmitter"] = setting(  # pyright: ignore[reportIncompatibleVariableOverride]
-        "link", "what has errors of its own: each link, or each vehicle that transmits"
+        "link",
+        "what has errors of its own: link, each link; transmitter, each vehicle that transmits",
     )
     jerk: NotNegative = setting(0.0, "[m/s³], standard deviation of the highest derivative")
 

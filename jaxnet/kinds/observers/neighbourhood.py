@@ -23,10 +23,10 @@ class ExpectedAround(NamedTuple):
 class NeighbourhoodObserver(Observer):
     """A vehicle simulates itself, its neighbours and theirs, and is drawn towards what they tell.
 
-    It takes all to obey `ẍ_k = -gain Σ_l (x_k - x_l) - damping ẋ_k` on the links that it knows:
-    those of itself and of its neighbours, which pass on whom they hear, and where. It starts anew
-    where it observes others than before. A message is compared with the position that is expected
-    after it, so that its alarm comes a tick later.
+    All are assumed to obey `ẍ_k = -gain Σ_l (x_k - x_l) - damping ẋ_k` on the links that the
+    vehicle knows: its own, and those that its neighbours tell. The simulation starts anew if the
+    observed vehicles change. A message is compared with the position expected after it, so its
+    alarm comes a tick later.
 
     Source: Bahrami and Jafarnejadsani, arXiv 2410.04547.
     """

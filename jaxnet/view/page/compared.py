@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
@@ -10,68 +10,114 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.keys import Sequential
-from jaxnet.config.naming import is_kind, key_name, labels_title, value_alone, value_name
-from jaxnet.model.wording import cells_named, count_between
-from jaxnet.statistics.groups import swept_values_of
+from jaxnet.config.naming import (
+    choices_words,
+    is_kind,
+    key_name,
+    labels_title,
+    value_alone,
+    value_name,
+)
+from jaxnet.model.wording import cells_named, count, count_between
+from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.pairs import CellsCompared, compared_cells
+from jaxnet.statistics.recovery import share_name
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import notes_html, sentence_case, sortable_table
-from jaxnet.view.page.judged import ComparedBy, falling_cells, judged_word, percent_text
-from jaxnet.view.page.where import MOST_TOLD, values_told
+from jaxnet.view.page.judged import (
+    FAILED,
+    ComparedBy,
+    falling_cells,
+    judged_word,
+    known_shares,
+    percent_text,
+    settled,
+)
+from jaxnet.view.page.where import MOST_LETTERS, MOST_TOLD, joined_names
 
 Pair = tuple[str, str]  # two values of a key as text: the better, the worse
-TestRows = list[dict[str, Any]]  # of the table of p values
+TestRow = dict[str, Any]  # of the table of p values
+MOST_TESTS = 200  # in the table of p values
 P_WORDS = (
     "tests on paired lanes: McNemar's exact test of lanes that recover, or agree, and the exact"
     " sign test of errors and distances; p is adjusted by Holm over the comparisons of a key in"
     " which enough lanes differ"
 )
 SETTING_WORDS = (
-    "a setting is one combination of the other swept keys; in 2 of 3: in so many settings paired"
-    " lanes show a difference (p values below)"
+    "a setting is one combination of the other swept keys; in 2 of 3 settings: paired lanes show"
+    " the difference in so many of them"
 )
 RANGE_WORDS = "from … to …: the least and the greatest of the cells"
 
 
 class Wins(NamedTuple):
-    """Which values of a swept kind are better than which.
+    """Tests of which values of a swept kind are better than which.
 
     Attributes
     ----------
-    found
-        The tests that find a difference, by the better and the worse value.
+    tests
+        The tests by the better and the worse value, whether they find a difference or not.
     settings
         The cells of each setting, a combination of the other swept keys, that are compared.
-    lanes
-        Numbers of paired lanes in the settings.
     every
         Number of settings, also of those whose lanes failed.
     """
 
-    found: Mapping[Pair, Sequence[CellsCompared]]
+    tests: Mapping[Pair, Sequence[CellsCompared]]
     settings: Sequence[Mapping[str, int]]
-    lanes: Sequence[int]
     every: int
+
+    def found(self, better: str, worse: str) -> list[CellsCompared]:
+        """The tests that find one value better than another."""
+        return [test for test in self.tests.get((better, worse), ()) if test.found]
 
     def of(self, pair: Pair) -> int:
         """In how many settings two values are compared."""
         return sum({*pair} <= {*cells} for cells in self.settings)
 
-
-def swept_texts(results: Results, numbers: Sequence[int]) -> pd.DataFrame:
-    """Values of the swept keys in these cells, as text."""
-    labels = [results.study.cells[n].labels for n in numbers]
-    return pd.DataFrame(labels, [*numbers], list(results.study.cells[0].labels)).map(str)
+    def beaten(self) -> set[str]:
+        """The values to which another is better in some setting."""
+        return {worse for better, worse in self.tests if self.found(better, worse)}
 
 
-def swept_kinds(results: Results, numbers: Sequence[int]) -> list[str]:
-    """Swept keys of kinds or texts that have two values in these cells."""
-    labels = [results.study.cells[n].labels for n in numbers]
+Tested = Sequence[tuple[ComparedBy, Wins]]
+
+
+class Comparisons(NamedTuple):
+    """What is told of swept kinds: a sentence and a table each; rows of pairs and of tests."""
+
+    sentences: list[str]
+    tables: list[str]
+    pairs: list[dict[str, str]]
+    tests: list[TestRow]
+
+    def folded(self) -> str:
+        """The rows as tables that a reader opens."""
+        tests = sorted(self.tests, key=lambda each: each["p"])[:MOST_TESTS]
+        told = {
+            f"Pairs of values compared ({len(self.pairs)})": (self.pairs, ""),
+            f"p values of {count(len(self.tests), 'comparison')}": (tests, P_WORDS),
+        }
+        return "".join(
+            f"<details><summary>{what}</summary>{sortable_table(pd.DataFrame(rows))}"
+            f"{notes_html([note])}</details>"
+            for what, (rows, note) in told.items()
+            if rows
+        )
+
+
+def swept_texts(results: Results) -> pd.DataFrame:
+    """Values of the swept keys as text, by number of the cell."""
+    return pd.DataFrame([cell.labels for cell in results.study.cells]).map(str)
+
+
+def swept_kinds(results: Results) -> list[str]:
+    """Swept keys of kinds or texts that have two values."""
+    values = swept_values_of(results.study.cells)
     return [
         key
-        for key in results.study.cells[0].labels
-        if len({str(each[key]) for each in labels}) > 1
-        and (is_kind(key) or all(isinstance(each[key], str) for each in labels))
+        for key, each in values.items()
+        if len(each) > 1 and (is_kind(key) or all(isinstance(value, str) for value in each))
     ]
 
 
@@ -81,61 +127,48 @@ def named(key: str, label: str) -> str:
 
 
 def wins(
-    results: Results, key: str, quantity: ComparedBy, swept: pd.DataFrame, tests: TestRows
+    results: Results, lanes: Mapping[int, pd.Series], values: pd.Series, others: pd.DataFrame
 ) -> Wins | None:
-    """Compare the values of a swept kind in every setting; `tests` gets a row for each pair.
+    """Compare values in every setting, lane by lane in pairs of the same draw.
 
-    Lanes of a setting are compared in pairs of the same draw. There is no test (None) of lanes that
-    are not independent, and of a number of lanes that depends on them.
+    `values` has the value of each cell, `others` the other swept keys. There is no test (None) of
+    lanes that are not independent, and of a number of lanes that depends on them.
     """
-    study, others = results.study.config, swept.drop(columns=key)
-    label_of: dict[int, str] = swept[key].to_dict()
+    study = results.study.config
+    label_of: dict[int, str] = values.to_dict()
     groups = dict[Any, dict[str, int]]()
-    for cell, rest in zip(swept.index.tolist(), others.to_numpy().tolist(), strict=True):
+    for cell, rest in zip(label_of, others.to_numpy().tolist(), strict=True):
         groups.setdefault(tuple(rest), {})[label_of[cell]] = cell
-    ended = ({k: n for k, n in cells.items() if n in quantity.lanes} for cells in groups.values())
+    ended = ({k: n for k, n in cells.items() if n in lanes} for cells in groups.values())
     settings = [cells for cells in ended if len(cells) > 1]
     if study.draws != "random" or isinstance(study.samples, Sequential) or not settings:
         return None
-    found, lanes = dict[Pair, list[CellsCompared]](), list[int]()
-    for test in compared_cells(quantity.lanes, [[*cells.values()] for cells in settings]):
-        ends = label_of[test.better], label_of[test.worse]
-        lanes.append(test.lanes)
-        if test.found:
-            found.setdefault(ends, []).append(test)
-        mine = results.study.cells[test.better].labels
-        setting = labels_title({name: mine[name] for name in others if len({*others[name]}) > 1})
-        better, worse = (value_name(key, each) for each in ends)
-        told = key_name(key), quantity.name, better, worse, setting
-        names = "compared", "by", "first", "second", "setting"
-        row = dict(zip(names, told, strict=True))
-        row |= {"better": better if test.found else "not found", "pairs": test.lanes, "p": test.p}
-        tests.append(row)
-    return Wins(found, settings, lanes, len(groups))
+    tests = dict[Pair, list[CellsCompared]]()
+    for test in compared_cells(lanes, [[*cells.values()] for cells in settings]):
+        tests.setdefault((label_of[test.better], label_of[test.worse]), []).append(test)
+    return Wins(tests, settings, len(groups))
 
 
 def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
     """Which value of a key does best, if one does; else which do as well, or that it depends."""
-    if not won.found:
-        many = count_between(won.lanes, "pair")
+    beaten = won.beaten()
+    if not beaten:
+        many = count_between([t.lanes for tests in won.tests.values() for t in tests], "pair")
         return f"no difference is found with {many} in a setting; a small one would not show"
-    beaten = {worse for _, worse in won.found}
     best = [label for label in labels if label not in beaten]
     if not best:
-        return "which is better depends on the other keys (table)"
+        return "which is better depends on the other keys"
     told = joined_names([f"<b>{escape(named(key, each))}</b>" for each in best])
     others = [label for label in labels if label in beaten]
     pairs = [*itertools.product(best, others)]
-    times = [len(won.found.get(pair, ())) for pair in pairs]
+    times = [len(won.found(*pair)) for pair in pairs]
     if not min(times):
         return f"no other is better than {told}"
     than = escape(named(key, others[0])) if len(others) == 1 else "each of the others"
     verb = "is" if len(best) == 1 else "are"
-    return f"{told} {verb} better than {than}{settings_words(times, [*map(won.of, pairs)], won)}"
-
-
-def joined_names(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    every = [won.of(pair) for pair in pairs]
+    none = ", and worse in none" * (won.every > 1 and times != every)
+    return f"{told} {verb} better than {than}{settings_words(times, every, won)}{none}"
 
 
 def settings_words(times: Sequence[int], every: Sequence[int], won: Wins) -> str:
@@ -148,65 +181,111 @@ def settings_words(times: Sequence[int], every: Sequence[int], won: Wins) -> str
         these = f"all {min(every)} settings" if min(every) > 1 else "the one setting"
         return f" in {these} of {won.every} that can be compared"
     found, there = (f"{min(n)} to {max(n)}" if min(n) < max(n) else max(n) for n in (times, every))
-    return f" in {found} of {there} settings, and worse in none"
+    return f" in {found} of {there} settings"
 
 
-def better_words(results: Results, key: str, label: str, won: Wins) -> str:
-    """The values of a key to which one is better, with the settings; a dash if there are none."""
-    there = [results.study.cells[cell] for cells in won.settings for cell in cells.values()]
-    grouped = dict[str, list[str]]()
-    for (better, worse), found in won.found.items():
-        if better != label:
-            continue
-        mine = sorted({cell for test in found for cell in (test.better, test.worse)})
-        among = [cell for cell in there if str(cell.labels[key]) in (better, worse)]
-        words, alike = values_told(results, mine, among)
-        where, every = f" ({words})" * bool(words and alike == len(mine)), won.of((better, worse))
-        where = f" in {len(found)} of {every}{where}" * (won.every > 1)
-        grouped.setdefault(where, []).append(named(key, worse))
-    return "; ".join(f"{', '.join(names)}{where}" for where, names in grouped.items()) or "–"
+def against_words(results: Results, key: str, pair: Pair, judged: Tested) -> str:
+    """What is better and what is worse with one value than with another, and in which settings."""
+
+    def labels_of(cells: Iterable[int]) -> list[dict[str, Label]]:
+        each = (results.study.cells[cell].labels for cell in cells)
+        return [{name: label for name, label in labels.items() if name != key} for labels in each]
+
+    there, grouped = labels_of(range(len(results.study.cells))), dict[str, list[str]]()
+    for quantity, won in judged:
+        every = won.of(pair)
+        for words, ends in ((quantity.better, pair), (quantity.worse, pair[::-1])):
+            if not (found := won.found(*ends)):
+                continue
+            where = settings_words([len(found)], [every], won)
+            if len(found) < won.every:
+                some = choices_words(labels_of(sorted(test.better for test in found)), there)
+                settings = "; ".join(some)
+                where += f" ({escape(settings)})" * (len(settings) <= MOST_LETTERS)
+            grouped.setdefault(where, []).append(words)
+    return "; ".join(f"{joined_names(words)}{where}" for where, words in grouped.items())
 
 
-def comparisons(
-    results: Results,
-    quantities: Sequence[ComparedBy],
-    keys: Sequence[str],
-    tests: TestRows,
-) -> tuple[list[str], list[str]]:
-    """A sentence and a table for each swept kind."""
-    sentences, tables = list[str](), list[str]()
-    for key in keys:
-        verdicts, heads, labels = dict[str, list[str]](), dict[str, dict[str, str]](), list[str]()
+def against_first(results: Results, key: str, labels: Sequence[str], judged: Tested) -> str:
+    """Each value against none if it is swept, else against the first: a list in HTML."""
+    reference = "none" if "none" in labels else labels[0]
+    told = dict[str, list[str]]()
+    for label in labels:
+        if label != reference:
+            words = against_words(results, key, (label, reference), judged)
+            told.setdefault(words or "no difference is found", []).append(named(key, label))
+    items = (f"<li>{escape(', '.join(names))}: {words}</li>" for words, names in told.items())
+    return f" Against {escape(named(key, reference))}:<ul>{''.join(items)}</ul>"
+
+
+def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> Comparisons:
+    """Compare the values of each swept kind by quantities; of more than two, all with the first."""
+    told, texts = Comparisons([], [], [], []), swept_texts(results)
+    for key, quantities in asked.items():
+        verdicts, columns = dict[str, list[str]](), dict[str, list[str]]()
+        judged = list[tuple[ComparedBy, Wins]]()
+        labels: list[str] = texts[key].drop_duplicates().tolist()
+        columns[key_name(key)] = [named(key, label) for label in labels]
         for each in quantities:
-            swept = swept_texts(results, each.values.index.tolist())
-            there: Any = swept.loc[each.values.index, key]
-            values: Any = each.values.groupby(there, sort=False)
-            order: list[str] = values.mean().sort_values(kind="stable").index.tolist()
-            labels = labels or order
-            heads[f"{each.name} [{each.unit}]"] = {
+            swept: Any = texts.loc[each.values.index]
+            ends = {
                 label: " to ".join(dict.fromkeys(map(each.told, (some.min(), some.max()))))
-                for label, some in values
+                for label, some in each.values.groupby(swept[key])
             }
-            if won := wins(results, key, each, swept, tests):
-                verdicts.setdefault(verdict_words(key, order, won), []).append(each.name)
-                heads[each.better] = {
-                    label: better_words(results, key, label, won) for label in order
-                }
-        rest = "; ".join(f"by {' and '.join(names)}: {told}" for told, names in verdicts.items())
-        if rest:
-            sentences.append(f"<b>{escape(sentence_case(key_name(key)))}</b>, {rest}.")
-        column = [named(key, label) for label in labels]
-        shown = {head: [told.get(label, "–") for label in labels] for head, told in heads.items()}
-        tables.append(sortable_table(pd.DataFrame({key_name(key): column, **shown})))
-    return sentences, tables
+            columns[f"{each.name} [{each.unit}]"] = [ends.get(label, "–") for label in labels]
+            won = wins(results, each.lanes, swept[key], swept.drop(columns=key))
+            if won is None:
+                continue
+            judged.append((each, won))
+            told.tests.extend(test_rows(results, key, each, won))
+            if each.name != FAILED:  # a sentence of its own tells where lanes fail
+                verdicts.setdefault(verdict_words(key, labels, won), []).append(each.name)
+        told.tables.append(sortable_table(pd.DataFrame(columns)))
+        words = [f"by {joined_names(names)}: {which}" for which, names in verdicts.items()]
+        differ = [*pair_rows(results, key, labels, judged)]
+        if words:
+            against = ""
+            if differ and (len(labels) > 2 or len(differ) > 1):
+                against = against_first(results, key, labels, judged)
+            name = escape(sentence_case(key_name(key)))
+            told.sentences.append(f"<b>{name}</b>, {'; '.join(words)}.{against}")
+        told.pairs.extend(differ)
+    return told
 
 
-def averages_words(results: Results, shares: pd.Series) -> str:
+def pair_rows(
+    results: Results, key: str, labels: Sequence[str], judged: Tested
+) -> Iterator[dict[str, str]]:
+    """Two values in a row, with what differs."""
+    for first, second in itertools.combinations(labels, 2):
+        if words := against_words(results, key, (first, second), judged):
+            ends = {"with": named(key, first), "against": named(key, second)}
+            yield {"compared": key_name(key), **ends, "what differs": words}
+
+
+def test_rows(results: Results, key: str, quantity: ComparedBy, won: Wins) -> Iterator[TestRow]:
+    """A row of the table of p values for each test of two values."""
+    others = [name for name, each in swept_values_of(results.study.cells).items() if len(each) > 1]
+    for pair, tests in won.tests.items():
+        better, worse = (value_name(key, each) for each in pair)
+        for test in tests:
+            labels = results.study.cells[test.better].labels
+            setting = labels_title({name: labels[name] for name in others if name != key})
+            names = {"first": better, "second": worse, "setting": setting}
+            found = {"better": better if test.found else "not found"}
+            row = {"compared": key_name(key), "by": quantity.name, **names, **found}
+            yield row | {"pairs": test.lanes, "p": test.p}
+
+
+def averages_sentence(results: Results) -> str:
     """The share [%] averaged over the cells of each swept value, the key that moves it most first.
 
     Only a full product of the swept values has fair averages; "" of other cells, and of one key.
     """
+    shares: Any = settled(results, known_shares(results))["value"]
     cells = [results.study.cells[n] for n in shares.index]
+    if not cells:
+        return ""
     known = {key: there for key, there in swept_values_of(cells).items() if len(there) > 1}
     if len(known) < 2 or math.prod(map(len, known.values())) != len(cells):
         return ""
@@ -223,14 +302,15 @@ def averages_words(results: Results, shares: pd.Series) -> str:
     told = [words for span, words in sorted(spans, reverse=True) if span][:MOST_TOLD]
     if not told:
         return ""
-    return f"Averaged over the other keys, the share goes from {'; from '.join(told)}."
+    share = f"the share of lanes {share_name(cells)} goes from"
+    return f"<b>Averaged over the other keys</b> {share} {'; from '.join(told)}."
 
 
-def tables_html(results: Results, tables: Sequence[str], *, tested: bool) -> str:
-    """Tables of `comparisons`, with notes below them."""
-    if not tables:
+def tables_html(results: Results, told: Comparisons) -> str:
+    """The tables with notes, and those that a reader opens."""
+    if not told.tables:
         return ""
-    notes = [RANGE_WORDS, *[SETTING_WORDS] * tested]
+    notes = [RANGE_WORDS, SETTING_WORDS * bool(told.pairs)]
     if falling := falling_cells(results):
         notes.append(f"left out, as the {judged_word(results)} still falls: {cells_named(falling)}")
-    return "".join(tables) + notes_html(notes)
+    return "".join(told.tables) + notes_html(notes) + told.folded()

@@ -4,19 +4,20 @@ import functools
 from collections import Counter
 from collections.abc import Sequence
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.cells import is_leaderless
+from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import NO_BREAK, labels_title, value_name
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, DETECTION, LANE_STATISTICS, Metric
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
 from jaxnet.model.wording import count, counted, number_text, ranges
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
+from jaxnet.statistics.horizon import lost_cells
 from jaxnet.statistics.limits import at_once_words, unchecked_words
 from jaxnet.statistics.quantities import meaning, stored_values
 from jaxnet.statistics.recovery import (
@@ -29,16 +30,18 @@ from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
+from jaxnet.theory.case import Case
+from jaxnet.theory.robustness import MOST_NODES
+from jaxnet.theory.tolerance import agreement
 from jaxnet.view.drawings.words import error_text
+from jaxnet.view.page.best import best_sentence
 from jaxnet.view.page.compared import (
-    P_WORDS,
-    TestRows,
-    averages_words,
+    averages_sentence,
     comparisons,
     swept_kinds,
     tables_html,
 )
-from jaxnet.view.page.elements import Section, notes_html, sentence_case, sortable_table
+from jaxnet.view.page.elements import Section, sentence_case
 from jaxnet.view.page.judged import (
     CellErrors,
     ComparedBy,
@@ -62,58 +65,39 @@ MEDIAN_LANE = {  # by `judged_word`
 }
 
 MOVED = 10  # times as far as without an attack
-MOST_TESTS = 200  # in the table of p values
-
-
-class Findings(NamedTuple):
-    """What a folder tells: sentences and tables as HTML, and a row for each test of lanes."""
-
-    sentences: list[str]
-    tables: list[str]
-    tests: TestRows
 
 
 def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) -> Section:
-    told = all_findings(results, found, fit)
-    items = (f"<li>{each.replace(' %', f'{NO_BREAK}%')}</li>" for each in told.sentences)
-    folded = ""
-    if told.tests:
-        table = pd.DataFrame(sorted(told.tests, key=lambda each: each["p"])[:MOST_TESTS])
-        what = f"p values of {count(len(told.tests), 'comparison')}"
-        body = sortable_table(table) + notes_html([P_WORDS])
-        folded = f"<details><summary>{what}</summary>{body}</details>"
-    body = f"<ul>{''.join(items)}</ul>{tables_html(results, told.tables, tested=bool(told.tests))}"
-    return Section("findings", "Findings", body + folded)
-
-
-def all_findings(results: Results, found: Sequence[curves.Curve], fit: str) -> Findings:
     """Every finding; `fit` is the command that computes the bounds."""
     cells = results.study.cells
     alone = is_leaderless(cells)
     errors = judged_errors(results, found)
-    judged = measures_compared(results, errors)
+    kinds = [key for key in swept_kinds(results) if key != "filter"]
+    judged = dict.fromkeys(kinds, measures_compared(results, errors))
     separated, distances = separation_sentence(results)
-    tests = TestRows()
-    kinds = [key for key in swept_kinds(results, range(len(cells))) if key != "filter"]
-    verdicts, tables = comparisons(results, judged, kinds, tests)
     if distances:  # filters are for distances, not for errors
-        apart = comparisons(results, [distances], ["filter"], tests)
-        verdicts, tables = verdicts + apart[0], tables + apart[1]
+        judged["filter"] = [distances]
+    compared = comparisons(results, judged)
     sentences = [
+        best_sentence(results, kinds),
         failed_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in grave_warnings(results)),
         outside_sentence(results) if alone else "",
         unrecovered_sentence(results),
+        averages_sentence(results),
         extremes_sentence(results, errors),
-        *verdicts,
+        *compared.sentences,
         "" if alone else bounds_sentence(results, found, fit),
         search_sentence(results),
         separated,
         metrics_list(results, MIN_SEPARATION.name * bool(separated)),
         outnumbered_sentence(results),
+        unproved_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in other_warnings(results)),
     ]
-    return Findings([each for each in sentences if each], tables, tests)
+    items = "".join(f"<li>{each}</li>" for each in filter(None, sentences))
+    body = f"<ul>{items.replace(' %', f'{NO_BREAK}%')}</ul>"
+    return Section("findings", "Findings", body + tables_html(results, compared))
 
 
 def outnumbered_sentence(results: Results) -> str:
@@ -132,14 +116,28 @@ def outnumbered_sentence(results: Results) -> str:
         if attacked.any() and (words := starved_words(cell.scenario)):
             starved.setdefault(words, []).append(cell.number)
     whom = (
-        f"vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
-        + f" ({why})"
+        f"<li>vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
+        + f": {why}</li>"
         for (who, why), cells in found.items()
     )
-    told = [f", with up to {count(most, 'attacked source')} each: {'; '.join(whom)}"] * bool(found)
+    told = [f", with up to {count(most, 'attacked source')} each:<ul>{''.join(whom)}</ul>"]
+    told *= bool(found)
     ticks = "; ".join(f"{w} {where_words(results, n)}".rstrip() for w, n in starved.items())
-    told += [f" at some ticks: {ticks}"] * bool(ticks)
-    return " ".join(f"<b>Outside the assumptions of the defence</b>{each}." for each in told)
+    told += [f" at some ticks: {ticks}."] * bool(ticks)
+    return " ".join(f"<b>Outside the assumptions of the defence</b>{each}" for each in told)
+
+
+def unproved_sentence(results: Results) -> str:
+    """Where agreement is not proved of a defence of which theory could prove it (O9)."""
+    why = dict[str, list[int]]()
+    for cell in results.study.cells:
+        few = cell.scenario.vehicles <= MOST_NODES  # whose robustness is found at once
+        found = agreement(Case(cell.scenario, seconds=float(few)))
+        outnumbered = cell.scenario.defence.outnumbered(*attacked_at_once(cell.scenario)).any()
+        if few and found is not None and not (found.proved or outnumbered):
+            why.setdefault(found.why, []).append(cell.number)
+    told = (f"{where_words(results, n)}: {escape(w)}".lstrip(": ") for w, n in why.items())
+    return f"<b>Agreement is not proved</b> {'; '.join(told)}." if why else ""
 
 
 def failed_sentence(results: Results) -> str:
@@ -172,13 +170,22 @@ def extremes_sentence(results: Results, errors: CellErrors) -> str:
         return f"No {word}: {nothing_words(results)}."
     formed = any(cell.scenario.formation.present for cell in results.study.cells)
     less = ", less the offsets of the formation" * formed
-    alone = " that has settled" * (len(errors.values) < len(errors.among))
-    start = MEDIAN_LANE[word].format(alone, less)
+    held = without_lost(results, errors.values, f"{judged_metric(results.study.cells)}_median")
+    among = [n for n in errors.among if n in held.index or n not in errors.values.index]
+    which = [" that has settled"] * (len(errors.values) < len(errors.among))
+    which += [" whose fleet is not lost"] * (len(held) < len(errors.values))
+    start = MEDIAN_LANE[word].format(" and".join(which), less)
     if is_negligible(results, errors):
         most = error_text(float(errors.values["value"].to_numpy().max()))
         return f"{start} is at most <b>{most} m</b>."
-    span = span_words(results, errors.values, error_text, f" {errors.unit}", errors.among)
+    span = span_words(results, held, error_text, f" {errors.unit}", among)
     return f"{start} {span}.{errors.rising}"
+
+
+def without_lost(results: Results, values: Any, column: str) -> Any:
+    """A frame or a series by cell, without cells that are lost by a column, unless all are."""
+    held = values.drop(index=lost_cells(results, column), errors="ignore")
+    return values if held.empty else held
 
 
 def outside_sentence(results: Results) -> str:
@@ -252,8 +259,7 @@ def unrecovered_sentence(results: Results) -> str:
     above = "" if asked is None else f" ({criterion_words(asked, cells)})"
     alone = " in cells that have settled" * (len(share) < len(known))
     span = span_words(results, share, percent_text, " %", known.index.tolist(), confidence)
-    told = f"{share_words(results)}{above}{alone} {span}."
-    return f"{told} {averages_words(results, share['value'])}".rstrip()
+    return f"{share_words(results)}{above}{alone} {span}."
 
 
 def separation_sentence(results: Results) -> tuple[str, ComparedBy | None]:
@@ -277,15 +283,19 @@ def separation_sentence(results: Results) -> tuple[str, ComparedBy | None]:
     parts = [f"two vehicles come nearer than D = {limit:g} m {', '.join(told)}"]
     parts += dict.fromkeys(near_starts_words(results.study.config, cell.scenario) for cell in cells)
     values = pd.Series({number: -each.max() for number, each in lanes.items()})
-    head = "least distance greater, in more lanes, than with"
-    distances = ComparedBy("least distance", "m", head, values, lanes) if len(least) > 1 else None
-    return " ".join(f"{sentence_case(each)}." for each in parts if each), distances
+    better, worse = (
+        "in more lanes vehicles stay farther apart",
+        "in more lanes vehicles come nearer",
+    )
+    distances = ComparedBy("least distance", "m", better, worse, values, lanes)
+    told = " ".join(f"{sentence_case(each)}." for each in parts if each)
+    return told, distances if len(least) > 1 else None
 
 
 def metrics_list(results: Results, without: str) -> str:
-    """Medians, and the greatest lane, of each metric of the study's own but shares of alarms."""
+    """Medians, and the greatest lane, of each metric beside errors."""
     own = results.study.config.measured()[len(CONTRACT) :]
-    asked = [each for each in own if each.name not in {*AGREEMENT, *DETECTION, without}]
+    asked = [each for each in own if each.name not in {*AGREEMENT, without}]
 
     def told(metric: Metric) -> str:
         names = (f"{metric.name}_{each}" for each in LANE_STATISTICS["median"].columns)
@@ -366,10 +376,11 @@ def worst_words(results: Results) -> str:
     worst: Any = results.cells["tail_max_max"].reset_index(drop=True).dropna()
     if worst.empty:
         return ""
-    values, numbers = worst.to_numpy(float), worst.index.tolist()
-    where = where_words(results, [numbers[values.argmax()]])
+    held = without_lost(results, worst, "tail_max_max")
+    where = where_words(results, [held.idxmax()])
     lanes = "Of random lanes the" if results.file("worst.csv").exists() else "The"
-    told = f"{lanes} worst error of a vehicle is <b>{error_text(values.max())} m</b> {where}"
+    lanes = "Where no lane is lost, the" if len(held) < len(worst) else lanes
+    told = f"{lanes} worst error of a vehicle is <b>{error_text(held.max())} m</b> {where}"
     return f"{told.rstrip()}. "
 
 

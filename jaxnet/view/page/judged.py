@@ -20,6 +20,7 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import where_words
 
+FAILED = "lanes failed"
 NEGLIGIBLE = 1e-3  # of what a study asks for
 
 
@@ -32,8 +33,8 @@ class ComparedBy(NamedTuple):
         What is compared, the subject of a sentence.
     unit
         Unit of the numbers of cells; "%" of shares.
-    better
-        The head of the column that names the values to which a value is better.
+    better, worse
+        What a test finds of the first of two values, a clause.
     values
         The number of each cell, by its number.
     lanes
@@ -43,6 +44,7 @@ class ComparedBy(NamedTuple):
     name: str
     unit: str
     better: str
+    worse: str
     values: pd.Series
     lanes: Mapping[int, pd.Series]
 
@@ -146,7 +148,7 @@ def failed_lanes(results: Results) -> ComparedBy | None:
         for cell, each in results.by_cell("sample", "status")
     }
     values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
-    return ComparedBy("lanes failed", "%", "fewer lanes fail than with", values, flags)
+    return ComparedBy(FAILED, "%", "fewer lanes fail", "more lanes fail", values, flags)
 
 
 def lanes_outside(results: Results) -> ComparedBy | None:
@@ -159,8 +161,10 @@ def lanes_outside(results: Results) -> ComparedBy | None:
         for cell, each in results.by_cell("sample", "outside", where=rows.OK)
     }
     values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
-    head = "more lanes stay in the hull than with"
-    return ComparedBy("lanes outside the hull", "%", head, values, flags) if values.any() else None
+    if not values.any():
+        return None
+    better, worse = "fewer lanes leave the hull", "more lanes leave the hull"
+    return ComparedBy("lanes outside the hull", "%", better, worse, values, flags)
 
 
 def is_negligible(results: Results, errors: CellErrors) -> bool:
@@ -184,19 +188,21 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
         what = "agree" if word == "spread" else "recover"
         lanes = judged_lanes(results, shares.index, "%")
         name = f"lanes {share_name(results.study.cells)}"
-        found += [ComparedBy(name, "%", f"more lanes {what} than with", shares, lanes)]
+        better, worse = f"more lanes {what}", f"fewer lanes {what}"
+        found += [ComparedBy(name, "%", better, worse, shares, lanes)]
     if shares.empty or shares.any():  # else all errors are below what is asked
         values: Any = errors.values["value"]
         unit = errors.unit
         lanes = judged_lanes(results, values.index, unit)
-        found += [ComparedBy(word + ended, unit, f"smaller {word} than with", values, lanes)]
+        better, worse = f"the {word} is smaller", f"the {word} is greater"
+        found += [ComparedBy(word + ended, unit, better, worse, values, lanes)]
     alone = is_leaderless(results.study.cells)
     name, column = "worst way out of the hull", "outside_max"
     name, column = (name, column) if alone else ("worst vehicle", "tail_max_max")
     most: Any = results.cells.reindex(columns=[column]).reset_index(drop=True)[column]
     most = most.reindex(errors.values.index).dropna()
     if len(most) and most.max() >= ROUNDING_ERROR:
-        found += [ComparedBy(name, "m", "", most, {})]
+        found += [ComparedBy(name, "m", "", "", most, {})]
     return found
 
 

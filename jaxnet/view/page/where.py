@@ -1,19 +1,20 @@
 """Words for some cells of a study: the swept values that they share, and ranges of numbers."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
 import pandas as pd
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import NO_BREAK, labels_title, value_alone, value_name
+from jaxnet.config.naming import choices_words, labels_title, values_named
 from jaxnet.model.wording import cells_named
-from jaxnet.statistics.groups import Label, swept_values_of
+from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.intervals import CONFIDENCE
 from jaxnet.store.results import Results
 
-MOST_TOLD = 3  # values of a swept key for a few cells
+MOST_TOLD = 3  # values of a swept key for a few cells, or products of such values
+MOST_LETTERS = 150  # of words for cells that are not alike
 
 
 def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] = ()) -> str:
@@ -31,7 +32,11 @@ def where_words(results: Results, numbers: Sequence[int], among: Sequence[int] =
         return f"with {first} (cell {numbers[0]})"
     words, alike = values_told(results, numbers, cells)
     if not words:
-        return f"in {cells_named(numbers)}"
+        mine = [results.study.cells[n].labels for n in numbers]
+        there = [cell.labels for cell in cells]
+        told = "; or with ".join(escape(each) for each in choices_words(mine, there))
+        short = len(told) <= MOST_LETTERS
+        return f"with {told} ({many} cells)" if short else f"in {cells_named(numbers)}"
     if alike > many:
         return f"in {many} of {alike} cells with {escape(words)}"
     return f"with {escape(words)} ({many} cells)"
@@ -46,18 +51,8 @@ def values_told(results: Results, numbers: Sequence[int], among: Sequence[Cell])
     told = {key: values for key, values in mine.items() if len(values) < len(there[key])}
     if max(map(len, told.values()), default=0) > MOST_TOLD:
         return "", alike
-    words = (values_named(key, values) for key, values in told.items())
+    words = (values_named(key, values, "or") for key, values in told.items())
     return ", ".join(words), alike
-
-
-def values_named(key: str, values: Iterable[Label]) -> str:
-    """Values of a key joined by "or", with the key's name and unit told once."""
-    *others, last = values
-    name, equals, value = value_name(key, last).partition(f"={NO_BREAK}")
-    if not others or not equals:
-        return " or ".join(value_name(key, each) for each in (*others, last))
-    alone = ", ".join(value_alone(key, each) for each in others)
-    return f"{name}{equals}{alone} or {value}"
 
 
 def span_words(
@@ -89,3 +84,7 @@ def span_words(
     if texts[least] == texts[most]:
         return f"is {part(most)}"
     return f"ranges from {part(least)} to {part(most)}"
+
+
+def joined_names(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))

@@ -135,7 +135,6 @@ def network_lines(case: Case, told: Facts) -> Facts:
         "names": ", ".join(names[:MOST_NAMED_VEHICLES]) + more,
         "‖L⁻¹‖₂": told.get("inverse norm", ""),
         "robustness": alone,
-        "led": told.get("led", ""),
         "navigator": navigator,
     }
 
@@ -563,13 +562,11 @@ def misjudged_words(found: list[Misjudged], scenario: Scenario) -> str:
     for number, each in enumerate(found):
         known = "at most {:.4g}, {:.4g}".format(*each.bounds)
         if np.isfinite(each.dropped):
-            known = f"{chances(each.dropped, each.kept)} ({known})"
+            both = each.dropped, each.kept
+            exact = (f"{one:.4g}" if one >= 1e-12 else "below 1e-12" for one in both)
+            known = f"{', '.join(exact)} ({known})"
         told += f"{';' * (number > 0)} {known} after {each.after}" + " observation" * (number == 0)
     return told
-
-
-def chances(*each: float) -> str:
-    return ", ".join("below 1e-12" if one < 1e-12 else f"{one:.4g}" for one in each)
 
 
 # What a theorem's value says, by its quantity.
@@ -589,10 +586,6 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "nominal": nominal_words,
     "alone": alone_words,
     "agreement": agreement_words,
-    "led": lambda found, scenario: (
-        f"by {ranges(found.leaders)}, which others trust: strongly {found.strongly}-robust, and"
-        f" percolation with F = 1 reaches {ranges(found.reached) or 'nobody else'}"
-    ),
     "sensors leave": rms_words,
     "messages leave": rms_words,
     "stability": stability_words,

@@ -163,7 +163,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
 def grave_warnings(results: Results) -> list[str]:
     """Why errors are not ultimate, or no errors of a fleet that holds together."""
     cells = results.study.cells
-    return [*filter(None, [lost_words(results, cells), falling_words(results, cells)])]
+    return [*filter(None, [lost_words(results), falling_words(results, cells)])]
 
 
 def other_warnings(results: Results) -> list[str]:

@@ -1,0 +1,86 @@
+"""The best combination of swept kinds, in one sentence: what the page says first."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any
+
+import pandas as pd
+
+from jaxnet.config.cells import is_leaderless, judged_metric
+from jaxnet.config.naming import choices_words, key_name
+from jaxnet.statistics.recovery import attacked_mask, threshold
+from jaxnet.store.results import Results
+from jaxnet.view.drawings.words import error_text
+from jaxnet.view.page.compared import named, swept_texts, wins
+from jaxnet.view.page.judged import falling_cells, judged_lanes, judged_word
+from jaxnet.view.page.where import MOST_TOLD, joined_names
+
+MOST_COMPARED = 20_000  # of two cells; a few seconds
+
+
+def best_sentence(results: Results, kinds: Sequence[str]) -> str:
+    """The combinations of swept kinds that no other beats in any setting, with their numbers.
+
+    Under attack, and where errors have settled, lanes are compared by whether they hold, then by
+    their errors. "" where all combinations do as well, where another beats each of them, and where
+    lanes are not compared.
+    """
+    swept: Any = swept_texts(results)[attacked_mask(results.study.cells)]
+    swept = swept.drop(index=falling_cells(results), errors="ignore")
+    if not kinds or swept.empty:
+        return ""
+    combined = swept[[*kinds]].agg(tuple, axis="columns").map(str)
+    if len(combined) * combined.nunique() > 2 * MOST_COMPARED:
+        return ""
+    left, others = combined, swept.drop(columns=[*kinds])
+    fallen = fallen_lanes(results, swept.index)
+    for lanes in (fallen, judged_lanes(results, swept.index, "m")):
+        if won := wins(results, lanes, left, others.loc[left.index]):
+            left = left[~left.isin(won.beaten())]
+    labels = [results.study.cells[cell].labels for cell in combined.drop_duplicates().index]
+    there = [{key: each[key] for key in kinds} for each in labels]
+    best = [there[place] for place, each in enumerate(combined.unique()) if each in {*left}]
+    where, of = choices_words(best, there) if best else [], joined_names([*map(key_name, kinds)])
+    if len(kinds) == 1:
+        where = [named(kinds[0], str(each[kinds[0]])) for each in best]
+    if len(best) in (0, len(there)) or len(where) > MOST_TOLD:
+        return ""
+    told = f"{'combination of ' * (len(kinds) > 1)}{of}: {'; '.join(where)}"
+    return f"<b>Best {escape(told)}</b>. {numbers_words(results, [*left.index], fallen)}."
+
+
+def fallen_lanes(results: Results, cells: Iterable[int]) -> dict[int, pd.Series]:
+    """Which lanes fail, leave the hull of the starts, or do not recover (agree)."""
+    judged, asked = judged_metric(results.study.cells), results.study.config.recovery
+    columns, found = ["sample", "status", judged], dict[int, pd.Series]()
+    alone = is_leaderless(results.study.cells)
+    columns += ["outside"] * alone
+    for cell, lanes in results.by_cell(*columns, cells={*cells}):
+        mine = results.study.cells[cell]
+        bad: Any = (lanes["status"] != "ok") | (lanes[judged] > threshold(mine, asked))
+        if alone:
+            bad |= lanes["outside"] > mine.scenario.engine.accuracy
+        found[cell] = bad.set_axis(lanes["sample"])
+    return found
+
+
+def numbers_words(results: Results, cells: Sequence[int], fallen: dict[int, pd.Series]) -> str:
+    """How many lanes of cells do not hold, and the greatest errors."""
+    alone = is_leaderless(results.study.cells)
+    ways = ["fail"] * bool(results.manifest["lanes"]["failed"])
+    ways += ["leave the hull of the starts"] * alone
+    if results.study.config.recovery is not None:
+        ways.append("do not agree" if alone else "do not recover")
+    lanes = pd.concat([fallen[cell] for cell in cells])
+    table: Any = results.cells.reset_index(drop=True).loc[cells]
+    median = table[f"{judged_metric(results.study.cells)}_median"].max()
+    told = [f"median lanes have {judged_word(results)}s of at most <b>{error_text(median)} m</b>"]
+    if ways:
+        either = " or ".join(filter(None, [", ".join(ways[:-1]), ways[-1]]))
+        told.insert(0, f"<b>{lanes.sum():,} of {len(lanes):,} lanes</b> {either}")
+    if not alone:
+        worst = error_text(table["tail_max_max"].max())
+        told.append(f"the worst vehicle has <b>{worst} m</b>")
+    else:
+        told.append(f"the worst way out is <b>{error_text(table['outside_max'].max())} m</b>")
+    return f"{'Even there' if lanes.mean() > 0.5 else 'There'} {joined_names(told)}"
