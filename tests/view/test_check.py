@@ -552,7 +552,7 @@ def test_unstable_cells_are_told_at_the_top():
     keys = PLAIN | {"vehicle": "single_integrator", "law": "local", "topology": "star"}
     study = systems.study(tick=0.1, sweep={"gain": [[5.0], [19.9], [20.1], [50.0]]}, **keys)
     head = one_line(check.check_text(study).split("\n\n")[0])
-    where = "(line `law`): gain = 20.1 and gain = 50."
+    where = "(line `law`): gain = 20.1 and 50."
     assert f"on disk. WARNING: unstable, deviations grow {where}" in head
     assert "WARNING" not in check.check_text(study, 1)
     assert "WARNING: unstable, deviations grow (line `law`)." in check.check_text(study, 3)

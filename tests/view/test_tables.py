@@ -487,7 +487,7 @@ def test_failures_are_told_by_cell_and_reason(monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")
     lines = tables.failures_text(results).replace("\N{NO-BREAK SPACE}", " ").splitlines()
     assert lines[:2] == [
-        "failed: 10 disconnected of 10 lanes in cells 1, 2 (ā = 2 m and ā = 3 m)",
+        "failed: 10 disconnected of 10 lanes in cells 1, 2 (ā = 2 and 3 m)",
         "failed: 1 diverged of 5 lanes in cell 3 (ā = 4 m)",
     ]
     assert lines[2].startswith("the first: cell 1: ā = 2 m, sample 0")

@@ -216,9 +216,8 @@ def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[TitledFact
     own = [{k: format_value(v) for k, v in cell.labels.items()} for cell, _ in ordered]
     labels = [{k: value_alone(k, v) for k, v in cell.labels.items()} for cell, _ in ordered]
     names = dict.fromkeys(name for each in [*(one.facts for one in found), *more] for name in each)
-    numbers = cells_named([cell.number for cell, _ in ordered])
-    kind = ordered[0][0].scenario.topology.kind
-    title = "in all cells" if len(found) > 1 else f"{kind}, {numbers}"
+    first, numbers = ordered[0][0], cells_named([cell.number for cell, _ in ordered])
+    title = "in all cells" if len(found) > 1 else f"{first.scenario.topology.kind}, {numbers}"
     by_keys: dict[Combination, dict[str, list[str]]] = {(): {}}
     for name in names:
         told = own if len(found) > 1 else [{}] * len(known)  # what the label says already
