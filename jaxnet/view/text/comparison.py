@@ -139,7 +139,8 @@ def settings_lines(found: Comparison) -> list[str]:
 def named_lanes(what: str, lanes: pd.DataFrame) -> str:
     named = []
     for lane in lanes.to_dict("records"):
-        ends = f" ({lane['status_A']} in A, {lane['status_B']} in B)" if "status_A" in lane else ""
+        a, b = lane.get("status_A", ""), lane.get("status_B", "")
+        ends = f" ({a} in A, {b} in B)" if a != b else f" ({a} in both)" * bool(a)
         named.append(f"cell {lane['cell']} sample {lane['sample']}{ends}")
     return filled(f"{what}: {count(len(named), 'lane')}: {first_names(named)}") if named else ""
 

@@ -562,8 +562,7 @@ def misjudged_words(found: list[Misjudged], scenario: Scenario) -> str:
     for number, each in enumerate(found):
         known = "at most {:.4g}, {:.4g}".format(*each.bounds)
         if np.isfinite(each.dropped):
-            both = each.dropped, each.kept
-            exact = (f"{one:.4g}" if one >= 1e-12 else "below 1e-12" for one in both)
+            exact = (f"{one:.4g}" if one >= 1e-12 else "below 1e-12" for one in each[1:3])
             known = f"{', '.join(exact)} ({known})"
         told += f"{';' * (number > 0)} {known} after {each.after}" + " observation" * (number == 0)
     return told
