@@ -21,7 +21,6 @@ from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, number_text, orders_in_words, plural_s, ranges
-from jaxnet.theory import integer
 from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie, deviations, tested
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
@@ -121,12 +120,9 @@ def network_lines(case: Case, told: Facts) -> Facts:
     size = f"{count(scenario.vehicles, 'vehicle')}, {count(int(heard.sum()), 'link')}"
     names = [f"{number} {name}" for number, name in enumerate(scenario.topology.vehicle_names(), 1)]
     more = f", … ({len(names)} vehicles)" if len(names) > MOST_NAMED_VEHICLES else ""
-    alone = told.get("alone", "")
-    asked = case.seconds > 0 and scenario.defence.tolerates() is not None
-    if asked and scenario.vehicles > integer.MOST_PROGRAMMED:
-        alone = f"not examined: the vehicles are more than {integer.MOST_PROGRAMMED}"
-    navigator = "none: rows measure the spread of honest vehicles, and how far one leaves the hull"
-    navigator += " of their starts"
+    navigator = (
+        "none: rows measure how far honest vehicles spread, and leave the hull of their starts"
+    )
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)
         navigator = f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)"
@@ -134,7 +130,7 @@ def network_lines(case: Case, told: Facts) -> Facts:
         "graph": f"{size}: {'; '.join(hears)}",
         "names": ", ".join(names[:MOST_NAMED_VEHICLES]) + more,
         "‖L⁻¹‖₂": told.get("inverse norm", ""),
-        "robustness": alone,
+        "robustness": told.get("alone", ""),
         "navigator": navigator,
     }
 
@@ -296,7 +292,7 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
     """Robustness of the vehicles without the navigator, and what W-MSR needs of it."""
     s, name = RobustnessBracket(*(each + 1 for each in found.total)), scenario.defence.kind
     return (
-        f"r = {up_to(found.r)}, s = {up_to(s)}; {value_name('defence', name)} bears F attackers"
+        f"r = {low_to_high(found.r)}, s = {low_to_high(s)}; {value_name('defence', name)} bears F attackers"
         " among the sources of each vehicle (F-local) if the vehicles alone are r-robust with r ≥"
         " 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1"
         + "; with one navigator no graph is more than 1-robust"
@@ -307,7 +303,7 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
     )
 
 
-def up_to(found: RobustnessBracket) -> str:
+def low_to_high(found: RobustnessBracket) -> str:
     return f"{found.low}" if found.known else f"{found.low} to {found.high}"
 
 

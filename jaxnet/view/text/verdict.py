@@ -1,5 +1,6 @@
 """The verdict of `jaxnet check`: what is proved and what may go wrong, in a few sentences."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -7,13 +8,16 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import BOUNDS, missing
-from jaxnet.model.wording import cells_named
+from jaxnet.model.wording import cells_named, count
 from jaxnet.theory.case import Case
 from jaxnet.view.text.facts import UNSTABLE, Facts, attacked_at_once
-from jaxnet.view.text.width import MOST_NAMED, filled, swept_words
+from jaxnet.view.text.width import MOST_LETTERS, filled, swept_words
 
-UNBOUNDED, BOUNDED = "Errors have no proved bound", "Errors have a proved bound (`jaxnet fit`)"
-MOST_LINES = 9  # with the study's size
+NO_AGREEMENT = 1, "No agreement is proved"
+UNSAFE = 1, "No vehicle is proved safe from the attack"
+UNBOUNDED = 2, "Errors have no proved bound"
+NOTHING = (NO_AGREEMENT, UNSAFE, UNBOUNDED)  # goes without saying where others of the place are
+VERDICT_LINES = 9  # with the study's size
 
 Claim = tuple[int, str]  # a place in the verdict, and a sentence without its cells
 
@@ -27,15 +31,15 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
     for name in (name for name, line in lines.items() if UNSTABLE in line):
         yield 0, f"WARNING: unstable, deviations grow (line `{name}`)"
     if scenario.attack.present and scenario.leaderless:
-        yield 1, "Guarantee: honest vehicles agree" if agreed else "No agreement is proved"
+        yield (1, "Guarantee: honest vehicles agree") if agreed else NO_AGREEMENT
     elif scenario.attack.present:
         reasons = found["safe"].reasons if "safe" in found else ()
         safe = np.any([each.vehicles for each in reasons] or [[False]], axis=0)
-        who = "No vehicle is" if not safe.any() else "Only some vehicles are"
-        yield 1, f"{'Every vehicle is' if safe.all() else who} proved safe from the attack"
+        who = "Every vehicle is" if safe.all() else "Only some vehicles are"
+        yield (1, f"{who} proved safe from the attack") if safe.any() else UNSAFE
         unknown = missing(scenario, BOUNDS) or np.isinf(found.get("inverse norm", 0.0))
         if not safe.all():
-            yield 2, UNBOUNDED if unknown else BOUNDED
+            yield UNBOUNDED if unknown else (2, "Errors have a proved bound (`jaxnet fit`)")
     if scenario.attack.present and defence.outnumbered(graph, attacked, trusted).any():
         hears = "hears" if scenario.attack.targets() else "may hear"
         yield 3, f"A vehicle {hears} more attackers than its defence bears"
@@ -44,35 +48,38 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
     if scenario.leaderless and not agreed and drops.any():
         yield 5, "Vehicles drop sources, so the fleet may break apart"
     if "cut off" in found:
-        then = "its lane fails" if scenario.law.couples() and not defence.coasts() else "it coasts"
+        then = "its lane fails" if scenario.law.couples() and not defence.coasts() else "coasts"
         heard = graph.heard.sum(axis=1)
         surely = F is not None and ((heard > 0) & (heard <= F) & (heard == drops.sum(axis=1))).any()
-        why = "F is so great that a vehicle drops all its sources"
-        yield 5, f"{why if surely else 'A vehicle may be cut off'}, then {then}"
+        what = "drops all sources (F too great)" if surely else "may be cut off"
+        yield 5, f"A vehicle {what}, and {then}"
     if "keeps moving" in found and not found["keeps moving"].every_start:
-        yield 6, "A vehicle may come to rest from some starts (line `at rest`)"
+        yield 8, "A vehicle may come to rest from some starts (line `at rest`)"
 
 
 def verdict_lines(first: Sequence[str], said: Sequence[tuple[Claim, int]], cells: Sequence[Cell]):
-    """First sentences, then claims with their cells: by number where words are too many."""
+    """First sentences, then claims with their cells; in fewer words where lines are too many."""
     where: dict[Claim, list[int]] = {}
     for claim, number in said:
         where.setdefault(claim, []).append(number)
-    if (2, BOUNDED) in where:
-        where.pop((2, UNBOUNDED), None)
-    for most in (MOST_NAMED, MOST_NAMED // 2, 0):
-        told = [f"{each[1]}{where_words(where[each], cells, most)}." for each in sorted(where)]
+    every, places = sorted(where), Counter(place for place, _ in where)
+    some = [each for each in every if each not in NOTHING or places[each[0]] == 1]
+    for most, shown in (
+        (MOST_LETTERS, every),
+        (MOST_LETTERS // 2, some),
+        (0, some),
+        (0, some[:-1]),
+    ):
+        told = [f"{each[1]}{claimed_where(where[each], cells, most)}." for each in shown]
         lines = [line for each in (*first, *told) for line in filled(each).splitlines()]
-        if len(lines) <= MOST_LINES:
+        if len(lines) <= VERDICT_LINES:
             break
     return lines
 
 
-def where_words(numbers: Sequence[int], cells: Sequence[Cell], most: int) -> str:
+def claimed_where(numbers: Sequence[int], cells: Sequence[Cell], most: int) -> str:
     """Cells by their swept values, by numbers where these take too many letters; "" for all."""
     words = swept_words(numbers, cells)
     if len(words) <= most or not words:
         return f": {words}" * bool(words)
-    return (
-        f", in {cells_named(sorted(numbers)) if most else f'{len(numbers)} of {len(cells)} cells'}"
-    )
+    return f", in {cells_named(sorted(numbers))}" if most else f", in {count(len(numbers), 'cell')}"
