@@ -30,7 +30,7 @@ RARE_TITLES = {
     "lanes": "lanes simulated",
     "plain_lanes": "random lanes for such an interval",
 }
-RARE_DROP_ORDER = [["levels"], ["failed"], [RARE_TITLES["lanes"]], [RARE_TITLES["plain_lanes"]]]
+RARE_LAST = [["levels"], ["failed"], [RARE_TITLES["lanes"]], [RARE_TITLES["plain_lanes"]]]
 RARE_LEGEND = (
     "share that fails: of all lanes, those that do not recover, by subset simulation; at least, at"
     " most: its 95 % interval over ten repeats"
@@ -50,7 +50,7 @@ def analyses_text(results: Results) -> str:
 def rare_text(table: pd.DataFrame, study: Study) -> str:
     rows, labels = named_cells(table["cell"].tolist(), study)
     rows |= rare_rows(table).drop(columns=["cell", *study.cells[0].labels]).to_dict("list")
-    return f"{fitted_text(rows, labels, RARE_DROP_ORDER, 'rare.csv')}\n{filled(RARE_LEGEND)}"
+    return f"{fitted_text(rows, labels, RARE_LAST, 'rare.csv')}\n{filled(RARE_LEGEND)}"
 
 
 def named_cells(numbers: list[int], study: Study) -> tuple[dict[str, list[Any]], list[str]]:

@@ -121,7 +121,7 @@ def network_lines(case: Case, told: Facts) -> Facts:
     names = [f"{number} {name}" for number, name in enumerate(scenario.topology.vehicle_names(), 1)]
     more = f", … ({len(names)} vehicles)" if len(names) > MOST_NAMED_VEHICLES else ""
     navigator = (
-        "none: rows measure how far honest vehicles spread, and leave the hull of their starts"
+        "none: rows measure the spread of honest vehicles, and how far one leaves their hull"
     )
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)
@@ -292,7 +292,7 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
     """Robustness of the vehicles without the navigator, and what W-MSR needs of it."""
     s, name = RobustnessBracket(*(each + 1 for each in found.total)), scenario.defence.kind
     return (
-        f"r = {low_to_high(found.r)}, s = {low_to_high(s)}; {value_name('defence', name)} bears F attackers"
+        f"r = {between(found.r)}, s = {between(s)}; {value_name('defence', name)} bears F attackers"
         " among the sources of each vehicle (F-local) if the vehicles alone are r-robust with r ≥"
         " 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1"
         + "; with one navigator no graph is more than 1-robust"
@@ -303,7 +303,7 @@ def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
     )
 
 
-def low_to_high(found: RobustnessBracket) -> str:
+def between(found: RobustnessBracket) -> str:
     return f"{found.low}" if found.known else f"{found.low} to {found.high}"
 
 

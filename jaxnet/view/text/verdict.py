@@ -11,13 +11,14 @@ from jaxnet.config.scenario import BOUNDS, missing
 from jaxnet.model.wording import cells_named, count
 from jaxnet.theory.case import Case
 from jaxnet.view.text.facts import UNSTABLE, Facts, attacked_at_once
-from jaxnet.view.text.width import MOST_LETTERS, filled, swept_words
+from jaxnet.view.text.width import WIDEST, filled, swept_words
 
 NO_AGREEMENT = 1, "No agreement is proved"
 UNSAFE = 1, "No vehicle is proved safe from the attack"
 UNBOUNDED = 2, "Errors have no proved bound"
 NOTHING = (NO_AGREEMENT, UNSAFE, UNBOUNDED)  # goes without saying where others of the place are
-VERDICT_LINES = 9  # with the study's size
+LOSES = "may be cut off", "drops all sources (F too great)"
+MOST_TOLD = 9  # with the study's size
 
 Claim = tuple[int, str]  # a place in the verdict, and a sentence without its cells
 
@@ -51,8 +52,7 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         then = "its lane fails" if scenario.law.couples() and not defence.coasts() else "coasts"
         heard = graph.heard.sum(axis=1)
         surely = F is not None and ((heard > 0) & (heard <= F) & (heard == drops.sum(axis=1))).any()
-        what = "drops all sources (F too great)" if surely else "may be cut off"
-        yield 5, f"A vehicle {what}, and {then}"
+        yield 5, f"A vehicle {LOSES[bool(surely)]}, and {then}"
     if "keeps moving" in found and not found["keeps moving"].every_start:
         yield 8, "A vehicle may come to rest from some starts (line `at rest`)"
 
@@ -64,20 +64,15 @@ def verdict_lines(first: Sequence[str], said: Sequence[tuple[Claim, int]], cells
         where.setdefault(claim, []).append(number)
     every, places = sorted(where), Counter(place for place, _ in where)
     some = [each for each in every if each not in NOTHING or places[each[0]] == 1]
-    for most, shown in (
-        (MOST_LETTERS, every),
-        (MOST_LETTERS // 2, some),
-        (0, some),
-        (0, some[:-1]),
-    ):
-        told = [f"{each[1]}{claimed_where(where[each], cells, most)}." for each in shown]
+    for most, shown in ((WIDEST, every), (WIDEST // 2, some), (0, some), (0, some[:-1])):
+        told = [f"{each[1]}{placed(where[each], cells, most)}." for each in shown]
         lines = [line for each in (*first, *told) for line in filled(each).splitlines()]
-        if len(lines) <= VERDICT_LINES:
+        if len(lines) <= MOST_TOLD:
             break
     return lines
 
 
-def claimed_where(numbers: Sequence[int], cells: Sequence[Cell], most: int) -> str:
+def placed(numbers: Sequence[int], cells: Sequence[Cell], most: int) -> str:
     """Cells by their swept values, by numbers where these take too many letters; "" for all."""
     words = swept_words(numbers, cells)
     if len(words) <= most or not words:

@@ -12,7 +12,7 @@ from jaxnet.model.wording import RESULT_DIGITS, cells_named, number_text
 
 LEAST_WIDTH, GREATEST_WIDTH = 40, 200  # of a terminal, in letters
 MOST_ROWS = 60
-MOST_LETTERS = 90  # letters that name cells by swept values
+WIDEST = 90  # letters that name cells by swept values
 Value = TypeVar("Value")
 
 
@@ -41,7 +41,7 @@ def cell_title(cell: Cell, room: int = 10_000) -> str:
 def numbered_words(numbers: Sequence[int], cells: Sequence[Cell]) -> str:
     """Cells by their numbers, with their swept values where these are few letters."""
     words = swept_words(numbers, cells)
-    return cells_named(numbers) + f" ({words})" * (0 < len(words) <= MOST_LETTERS)
+    return cells_named(numbers) + f" ({words})" * (0 < len(words) <= WIDEST)
 
 
 def swept_words(numbers: Sequence[int], cells: Sequence[Cell]) -> str:
