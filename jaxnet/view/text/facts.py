@@ -121,7 +121,7 @@ def network_lines(case: Case, told: Facts) -> Facts:
     names = [f"{number} {name}" for number, name in enumerate(scenario.topology.vehicle_names(), 1)]
     more = f", … ({len(names)} vehicles)" if len(names) > MOST_NAMED_VEHICLES else ""
     navigator = (
-        "none: rows measure the spread of honest vehicles, and how far one leaves their hull"
+        "none: rows measure the spread of honest vehicles, and how far one leaves their first hull"
     )
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)

@@ -17,8 +17,7 @@ NO_AGREEMENT = 1, "No agreement is proved"
 UNSAFE = 1, "No vehicle is proved safe from the attack"
 UNBOUNDED = 2, "Errors have no proved bound"
 NOTHING = (NO_AGREEMENT, UNSAFE, UNBOUNDED)  # goes without saying where others of the place are
-LOSES = "may be cut off", "drops all sources (F too great)"
-MOST_TOLD = 9  # with the study's size
+VERDICT_LINES = 9  # with the study's size
 
 Claim = tuple[int, str]  # a place in the verdict, and a sentence without its cells
 
@@ -52,7 +51,8 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         then = "its lane fails" if scenario.law.couples() and not defence.coasts() else "coasts"
         heard = graph.heard.sum(axis=1)
         surely = F is not None and ((heard > 0) & (heard <= F) & (heard == drops.sum(axis=1))).any()
-        yield 5, f"A vehicle {LOSES[bool(surely)]}, and {then}"
+        what = "drops all sources (F too great)" if surely else "may be cut off"
+        yield 5, f"A vehicle {what}, and {then}"
     if "keeps moving" in found and not found["keeps moving"].every_start:
         yield 8, "A vehicle may come to rest from some starts (line `at rest`)"
 
@@ -67,7 +67,7 @@ def verdict_lines(first: Sequence[str], said: Sequence[tuple[Claim, int]], cells
     for most, shown in ((WIDEST, every), (WIDEST // 2, some), (0, some), (0, some[:-1])):
         told = [f"{each[1]}{placed(where[each], cells, most)}." for each in shown]
         lines = [line for each in (*first, *told) for line in filled(each).splitlines()]
-        if len(lines) <= MOST_TOLD:
+        if len(lines) <= VERDICT_LINES:
             break
     return lines
 
