@@ -78,7 +78,7 @@ def errors_words(study: Config, cells: Sequence[Cell], named: Named = cells_name
     least = min(above.values())
     words = f"errors alone leave {least:.3g} m or more in the mean of lanes, recovery allows less"
     cut = [c.number for c in asked if known_or(False, lambda cell=c: cell.scenario.detector.acts)]
-    unknown = f" (not known where alarms cut something: {named(cut)})" if cut else ""
+    unknown = f"; not known where alarms cut something, in {named(cut)}" if cut else ""
     return f"{words}, in {named([*above])}{unknown}"
 
 
