@@ -467,7 +467,7 @@ def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str
     study = jaxnet.load(config, overrides)
     with texts.progress.report_steps() as told:
         written = api.writing.write_rare(study, points, out, told)
-    errors.echo(texts.analyses.rare_text(stores.tables.read_table(written)))
+    errors.echo(texts.analyses.rare_text(stores.tables.read_table(written), study))
     errors.tell_written([written])
 
 

@@ -6,9 +6,8 @@ name comes from the config (`labels`), else from the key's field (`title`), else
 """
 
 import functools
-import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -141,24 +140,36 @@ def labels_title(labels: Mapping[str, object]) -> str:
     return ", ".join(value_name(key, value) for key, value in labels.items() if key not in told)
 
 
+Combination = tuple[Any, ...]  # values of some swept keys
+
+
 def choices_words(
     some: Sequence[Mapping[str, object]], there: Sequence[Mapping[str, object]]
 ) -> list[str]:
     """A phrase for each product of swept values that some labels fill; keys with all are silent."""
-    values, every = (
-        {key: list(dict.fromkeys(labels[key] for labels in each)) for key in there[0]}
-        for each in (some, there)
-    )
-    if math.prod(map(len, values.values())) > len(some):
-        key = next(key for key, each in values.items() if len(each) > 1)
-        parts = ([labels for labels in some if labels[key] == value] for value in values[key])
-        return [words for part in parts for words in choices_words(part, there)]
-    told = [
-        values_named(key, each, "and")
-        for key, each in values.items()
-        if len(each) < len(every[key])
-    ]
-    return [", ".join(told) or "all"]
+    found = []
+    for box in boxes_of([tuple(labels.values()) for labels in some]):
+        told = [
+            values_named(key, each, "and")
+            for key, each in zip(there[0], box, strict=True)
+            if {labels[key] for labels in there} != {*each}
+        ]
+        found.append(", ".join(told) or "all")
+    return found
+
+
+def boxes_of(combinations: Collection[Combination]) -> list[list[Combination]]:
+    """Few products of sets of values, one set a key, that make up these combinations."""
+    if () in combinations:
+        return [[]]
+    rests: dict[Any, dict[Combination, None]] = {}
+    for first, *rest in combinations:
+        rests.setdefault(first, {})[tuple(rest)] = None
+    alike: dict[frozenset[Combination], list[Any]] = {}
+    for first, rest in rests.items():
+        alike.setdefault(frozenset(rest), []).append(first)
+    boxes = ((firsts, boxes_of(rests[firsts[0]])) for firsts in alike.values())
+    return [[tuple(firsts), *box] for firsts, inner in boxes for box in inner]
 
 
 def value_name(key: str, value: object) -> str:

@@ -281,10 +281,10 @@ def search_each(
         search, labels = CellSearch(config, cell, folder, machine), {"cell": cell.number}
         labels |= cell.labels
         for generation in search.generations():
-            words = f"{cell}: {config.search.maximise} {generation.best:.4g}"
+            words = f"cell {cell.number}: {config.search.maximise} {generation.best:.4g}"
             progress(words, generation.lanes, config.search.budget)
             generations.append({**labels, **generation._asdict()})
-        words = f"{cell}: at a late time, from other starts, with the nonlinear engine"
+        words = f"cell {cell.number}: at a late time, from other starts, with the nonlinear engine"
         choice, answer = search.worst(results, functools.partial(progress, words))
         found.append({**labels, **answer._asdict()})
         yield simulate_choice(

@@ -90,7 +90,7 @@ def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
 
 
 def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None:
-    """A number of rounds, and the factor by which announced disturbances shrink in these rounds.
+    """A number of ticks, and the factor by which announced disturbances shrink in these ticks.
 
     The disturbance is the greatest announcement of the vehicles `inside`, and the factor is the
     worst case. It follows from step (c) of the proof of theorem 1 (docs/guarantees.md), from the
@@ -107,7 +107,7 @@ def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None
     rank = np.arange(drops.links.shape[1])
     lightest = np.sort(np.where(drops.links, weights, 0.0) + ~drops.links, axis=1)
     kept = weights.sum(axis=1) - lightest.sum(axis=1, where=rank < drops.number[:, None])
-    factor, rounds = np.concatenate([[0.0], np.full(len(inside), np.nan)]), 0
+    factor, ticks = np.concatenate([[0.0], np.full(len(inside), np.nan)]), 0
     while np.isnan(factor[1:][inside]).any():
         known = ~np.isnan(factor)[sources]
         never, perhaps = drops.graph.heard & known & ~drops.links, drops.links & known
@@ -117,7 +117,7 @@ def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None
         either = [1 - share / kept * (1 - most) for share, most in zip(shares, worst, strict=True)]
         new = inside & np.isnan(factor[1:]) & (never.any(axis=1) | enough)
         factor[1:][new] = np.where(enough, np.minimum(*either), either[0])[new]
-        rounds += 1
+        ticks += 1
         if not new.any() or np.nanmax(factor) > 1 - SLOWEST:
             return None
-    return rounds, float(np.nanmax(factor))
+    return ticks, float(np.nanmax(factor))

@@ -1,6 +1,6 @@
 """What a study asks for, beside what theory says that starts and errors alone leave."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -20,6 +20,7 @@ from jaxnet.theory.run_lengths import mean_run
 from jaxnet.theory.start import Start, start_sizes
 from jaxnet.theory.theorems import OF_ALARMS, START, errors_leave
 
+Named = Callable[[Sequence[int]], str]  # names cells by their numbers
 LOST = 1000  # times ā and the farthest start
 LEAST_LEFT = 1e-3  # of a start, where a study asks for no length
 
@@ -59,7 +60,7 @@ def left_by_errors(scenario: Scenario) -> float:
     return errors_leave(Case(scenario))
 
 
-def errors_words(study: Config, cells: Sequence[Cell]) -> str:
+def errors_words(study: Config, cells: Sequence[Cell], named: Named = cells_named) -> str:
     """Where errors of sensors and messages alone leave more than recovery allows; else "".
 
     Nothing is told of cells whose kinds have no code here.
@@ -77,8 +78,8 @@ def errors_words(study: Config, cells: Sequence[Cell]) -> str:
     least = min(above.values())
     words = f"errors alone leave {least:.3g} m or more in the mean of lanes, recovery allows less"
     cut = [c.number for c in asked if known_or(False, lambda cell=c: cell.scenario.detector.acts)]
-    unknown = f" (not known where alarms cut something: {cells_named(cut)})" if cut else ""
-    return f"{words}, in {cells_named([*above])}{unknown}"
+    unknown = f"; not known where alarms cut something, in {named(cut)}" if cut else ""
+    return f"{words}, in {named([*above])}{unknown}"
 
 
 @for_any_signal
@@ -95,11 +96,11 @@ def cut_falsely(scenario: Scenario) -> bool:
     return bool(run) and (1 - 1 / run.most) ** (1 + scenario.horizon / scenario.tick) < 0.5
 
 
-def cuts_words(cells: Sequence[Cell]) -> str:
+def cuts_words(cells: Sequence[Cell], named: Named = cells_named) -> str:
     """Where false alarms cut most honest links before the end; else ""."""
     found = [c.number for c in cells if known_or(False, partial(cut_falsely, c.scenario))]
     words = "false alarms will cut most honest links before the run ends, in"
-    return f"{words} {cells_named(found)}" if found else ""
+    return f"{words} {named(found)}" if found else ""
 
 
 def lost_cells(results: Results, column: str) -> list[int]:
@@ -111,9 +112,10 @@ def lost_cells(results: Results, column: str) -> list[int]:
     return np.flatnonzero(results.cells[column].to_numpy() > limits).tolist()
 
 
-def lost_words(results: Results) -> str:
-    """Where the fleet is lost; else ""."""
-    found = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
+def lost_words(results: Results, cells: Sequence[Cell]) -> str:
+    """Where the fleet is lost, of these cells; else ""."""
+    lost = lost_cells(results, f"{judged_metric(results.study.cells)}_median")
+    found = [cell.number for cell in cells if cell.number in lost]
     words = f"median errors are over {LOST:,} times ā and the farthest start: the fleet is lost, in"
     return f"{words} {cells_named(found)}" if found else ""
 

@@ -70,7 +70,6 @@ THEOREMS = (
     Theorem("O1", "nominal", IN_TURNS, certificate.nominal_in_turns),
     Theorem("O9", "alone", (), tolerance.alone),
     Theorem("O9", "agreement", (), tolerance.agreement),
-    Theorem("O9", "led", ("leader",), tolerance.led),
     Theorem("O13", "sensors leave", OF_ERRORS, noise.of_sensors),
     Theorem("O15", "messages leave", (*OF_ERRORS, "no decisions", "small"), noise.of_messages),
     Theorem("O19", "runs", OF_ALARMS, alarms.alarm_runs),

@@ -8,7 +8,6 @@ import numpy as np
 
 from jaxnet.config.scenario import EVERY_MESSAGE, broken_premise, greatest_strength
 from jaxnet.kinds.fields import value_range
-from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model.graph import dense
 from jaxnet.theory import integer, robustness
 from jaxnet.theory.case import Case
@@ -30,7 +29,8 @@ class VehiclesAlone(NamedTuple):
 
 def alone(case: Case) -> VehiclesAlone | None:
     graph = case.situation.graph
-    if case.seconds <= 0 or graph.vehicles > integer.MOST_PROGRAMMED:
+    unasked = case.seconds <= 0 or case.scenario.defence.tolerates() is None
+    if unasked or graph.vehicles > integer.MOST_PROGRAMMED:
         return None
     heard = dense(graph)[:, 1:] > 0
     if graph.vehicles > robustness.MOST_NODES:
@@ -102,21 +102,3 @@ def brackets(n: int, heard: bytes, seconds: float) -> tuple[RobustnessBracket, R
     matrix, end = np.frombuffer(heard, bool).reshape(n, n), monotonic() + seconds
     known = integer.robustness_bracket(matrix, seconds)
     return known, integer.total_bracket(matrix, known, end - monotonic())
-
-
-class Led(NamedTuple):
-    """Robustness with respect to vehicles that somebody trusts."""
-
-    leaders: list[int]  # and 0, the navigator, whom all trust
-    strongly: int  # the greatest r
-    reached: list[int]  # by percolation with F = 1, besides the leaders
-
-
-def led(case: Case) -> Led | None:
-    graph, _, trusted, _ = case.situation
-    leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
-    if not leaders[1:].any() or leaders[1:].all():
-        return None
-    reached = robustness.percolated(graph, trusted, leaders)[1:] & ~leaders[1:]
-    strongly = robustness.leader_robustness(graph, leaders)
-    return Led(np.flatnonzero(leaders).tolist(), strongly, vehicle_numbers(reached))

@@ -15,6 +15,7 @@ from jaxnet.kinds.registry import kind_names
 from jaxnet.statistics.limits import valid_bounds
 from jaxnet.theory.spread import scenario_gain
 from jaxnet.view.text import check
+from jaxnet.view.text.facts import facts
 
 STUDY = {"vehicles": 4, "horizon": 2.0, "tail": 1.0, "engine": "exact", "attack": {"vehicles": [2]}}
 
@@ -82,7 +83,7 @@ def test_no_number_of_a_signal_changes_what_is_found_once_for_all(kind):
         gain = scenario_gain.__wrapped__(scenario)
         slopes = valid_bounds.__wrapped__(scenario) if gain else {}
         bounds = {name: bound.vehicles.tolist() for name, (bound, _) in slopes.items()}
-        return [*scenario_faults(scenario)], repr(gain), bounds, check.facts(scenario, 0.0)
+        return [*scenario_faults(scenario)], repr(gain), bounds, facts(scenario, 0.0)
 
     for more in ({}, {"vehicles": [9]}, {"orders": [1]}):
         made = Scenario.model_validate(STUDY | {"attack": {"kind": kind} | more})

@@ -272,7 +272,7 @@ def test_the_worst_attack_that_is_not_seen(tmp_path, monkeypatch):
     assert row["random"] == allowed.max()
     assert math.isnan(nothing["found"])
     assert "subject to alarms ≤ 0.02" in text_of(results)
-    assert "no choice that was tried in cells 1 fulfils it" in " ".join(text_of(results).split())
+    assert "no choice that was tried in cell 1 fulfils it" in " ".join(text_of(results).split())
     with pytest.raises(ConfigError, match="a detector gives alarms"):
         study({"attack.magnitude": [0.0, 3.0]}, search=asked)
 

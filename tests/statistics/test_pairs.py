@@ -207,3 +207,16 @@ def test_cells_are_compared_lane_by_lane_and_all_at_once():
 def test_the_sign_test_is_the_binomial_one(up, down):
     wanted = stats.binomtest(up, up + down).pvalue if up + down else 1.0
     assert pairs.sign_test(up, down) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("ends", "told"),
+    [
+        ({"status_A": "singular", "status_B": "singular"}, " (singular in both)"),
+        ({"status_A": "ok", "status_B": "singular"}, " (ok in A, singular in B)"),
+        ({}, ""),
+    ],
+)
+def test_how_a_lane_ended_is_told_once(ends, told):
+    lanes = pd.DataFrame([{"cell": 0, "sample": 3} | ends])
+    assert comparison.named_lanes("failed", lanes) == f"failed: 1 lane: cell 0 sample 3{told}"

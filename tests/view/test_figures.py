@@ -23,6 +23,7 @@ from jaxnet.view.figures import FIGURE_NAMES, every, multiples, panels, style, t
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import sections
 from jaxnet.view.page.plots import plotted
+from jaxnet.view.text import tables
 from tests import systems
 
 SAVED = {"errors": True, "trajectories": "all"}
@@ -106,6 +107,19 @@ def test_a_false_place_that_stands_still_has_a_mark(tmp_path):
     assert {*map(tuple, still.get_xydata().round(9))} == {(30.0, 40.0)}
     assert still.get_markevery() == [-1]
     assert "attack: path of its own, ā = 5 m" in plain(panel.get_ylabel()).replace("\n", " ")
+
+
+def test_a_curve_warns_as_the_terminal_does(results):
+    """Where errors may still fall or the fleet is lost, of the cells that are drawn."""
+    found = jaxnet.open(results.path)
+    vars(found)["cells"] = found.cells.assign(tail_mean_median=1e12, falling=1.0)
+    warnings = tables.grave_warnings(found)
+    assert len(warnings) == 2
+    for y, is_told in (("tail_mean", True), ("tail_max_q95", True), ("failed", False)):
+        told = plain(found.figure("curve", y=y).get_supxlabel().replace("\n", " "))
+        assert [each in told for each in warnings] == [is_told] * 2, y
+    told = found.figure("curve", {"topology": "cyclic"}).get_supxlabel().replace("\n", " ")
+    assert "the fleet is lost, in cells 2, 3" in told
 
 
 def test_topologies(results):

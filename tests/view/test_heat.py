@@ -24,6 +24,7 @@ from jaxnet.view.drawings import heat
 from jaxnet.view.figures import every, style
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import elements, sections
+from jaxnet.view.page.plots import power_text
 from tests import systems
 
 ROTATING = {"kind": "rotating", "vehicles": [2]}
@@ -53,6 +54,7 @@ def made(study, failed=(), **columns) -> Results:
     table = {name: np.where(known, values, np.nan) for name, values in shares.items()}
     table |= {
         "tail_max_max": np.where(ok > 0, share, np.nan),
+        "tail_mean_median": share,
         "ok": ok,
         "failed": 40 - ok,
         **columns,
@@ -213,7 +215,7 @@ def luminance(colour) -> float:
 
 def test_colours_darken_steadily_and_carry_their_ink():
     """In grey too a greater number is darker; words have a contrast of 4.5 on all of them."""
-    pairs = [tuple(map(luminance, pair)) for pair in heat.palette()]
+    pairs = [(luminance(each), luminance(heat.text_colour(each))) for each in heat.PALETTE]
     assert (np.diff([colour for colour, _ in pairs]) < 0).all()
     assert min((max(pair) + 0.05) / (min(pair) + 0.05) for pair in pairs) >= 4.5
 
@@ -285,6 +287,23 @@ def test_a_tile_has_the_colour_of_its_number():
     wanted = results.cells["tail_max_max"].to_numpy()[order] / 10
     np.testing.assert_allclose(np.asarray(mesh.get_array()), wanted)
     assert mesh.get_clim() == pytest.approx((1e-4, 10))
+
+
+def test_a_lost_fleet_does_not_take_the_colours_from_the_others():
+    """The scale is around most numbers; what is beyond has the colour of an end, and is told."""
+    results = made(study_of(SWEEP | {"attack.magnitude": [1]}))
+    results.cells["tail_max_max"] = [3e8, 0, *np.geomspace(0.3, 30, 10)]
+    figure = drawn(results, "worst")
+    assert figure.axes[0].collections[0].get_clim() == pytest.approx((0.01, 1000))
+    assert heat.BEYOND_COLOURS in plain(figure.get_supxlabel())
+    text = elements.sentence_case(heat.BEYOND_COLOURS)
+    section = sections.heat_section(results)
+    assert section is not None
+    assert text in section.body
+    assert "<span>greatest tail error / ā</span><span>0.01</span><i" in section.body
+    assert power_text(f"{1e5:.0e}") == "10<sup>5</sup>"
+    results.cells["tail_max_max"] = np.geomspace(0.3, 30, 12)
+    assert heat.BEYOND_COLOURS not in plain(drawn(results, "worst").get_supxlabel())
 
 
 def test_words_stay_within_their_tiles():

@@ -13,6 +13,7 @@ from matplotlib import text as mpl_text
 from matplotlib.colors import to_rgb
 
 from jaxnet.statistics.axes import choose_axes
+from jaxnet.statistics.curves import log_ends
 from jaxnet.statistics.quantities import Quantity
 from jaxnet.view.drawings.drawing import (
     DODGE,
@@ -216,7 +217,10 @@ def test_no_row_of_panels_mixes_values_of_the_first_key(shape):
     assert all(len({*row.values()}) == 1 for row in rows)  # each value has as many panels
     assert any(len(row) == 1 for row in rows) or shape[1] == 2
     across = int(re.search(r"--columns: (\d+)", plotted(drawing))[1])
-    assert across % shape[1] == 0 or shape[1] % across == 0 or shape[1] == 5
+    assert across % shape[1] == 0 or shape[1] % across == 0
+    begin = plotted(drawing).split('class="panel')[1:]
+    begin = [place for place, each in enumerate(begin) if each.startswith(" begins")]
+    assert begin == [*range(0, len(labels), max(across, shape[1]))]  # where a window is narrow too
 
 
 def test_ticks_stand_at_the_values_where_they_are_few():
@@ -333,24 +337,63 @@ def test_the_note_says_of_how_many_lanes_a_point_is():
 def test_what_is_below_the_floor_of_a_log_axis_is_drawn_there():
     """Hollow, in print and on the page, as the caption says; what is above is not moved."""
     cells = study_cells(**RATES)
-    values = pd.DataFrame({"value": [8.0, 3e-8, 1e-12], "low": np.nan, "high": np.nan})
+    values = pd.DataFrame({"value": [8e-3, 3e-8, 1e-12], "low": np.nan, "high": np.nan})
     found = numbered(cells, share=False)._replace(values=values)
     drawing = swept_drawing(found, choose_axes(cells), cells)
     figure, page = printed(drawing), plotted(drawing)
-    told = "values below 1e-9 m are drawn there, hollow"
+    told = "values below 1e-9 m stand at the end of the axis, hollow"
     assert told in figure.get_supxlabel()
     assert told.capitalize() in page
     line, hollow = (each for each in figure.axes[0].lines if each.get_marker() in MARKERS)
-    assert np.asarray(line.get_ydata()).tolist() == [8.0, 3e-8, 1e-9]
+    assert np.asarray(line.get_ydata()).tolist() == [8e-3, 3e-8, 1e-9]
     assert np.asarray(hollow.get_ydata()).tolist() == [1e-9]
     assert hollow.get_markerfacecolor() == "white"
     (shown,) = re.findall(r'<script type="application/json">(.*?)</script>', page)
     (trace,) = json.loads(shown)["data"]
-    assert trace["y"] == [8.0, 3e-8, 1e-9]
+    assert trace["y"] == [8e-3, 3e-8, 1e-9]
     assert trace["marker"]["symbol"] == ["circle", "circle", "circle-open"]
     above = found._replace(values=values.replace(1e-12, 1e-8))
     drawn = printed(swept_drawing(above, choose_axes(cells), cells))
-    assert "drawn there" not in drawn.get_supxlabel()
+    assert "end of the axis" not in drawn.get_supxlabel()
+
+
+def test_a_lost_fleet_does_not_flatten_the_others():
+    """An axis of too many decades is around most values; others stand at its ends, hollow."""
+    cells = study_cells(**RATES)
+    value = [0.3, 30.0, 4e9]
+    values = pd.DataFrame({"value": value, "low": [0.0, 20.0, 5.0], "high": [0.4, 1e9, 5e9]})
+    found = numbered(cells, share=False)._replace(values=values)
+    drawing = swept_drawing(found, choose_axes(cells), cells)
+    figure, page = printed(drawing), plotted(drawing)
+    panel = figure.axes[0]
+    assert drawing.y.ends == (0.1, 1500.0)
+    line, hollow = (each for each in panel.lines if each.get_marker() == "o")
+    assert np.asarray(line.get_ydata()).tolist() == [0.3, 30.0, 1000.0]
+    assert np.asarray(hollow.get_ydata()).tolist() == [1000.0]
+    assert arrows_of(panel) == {"v": [0.1], "^": [1000.0]}
+    told = "values above 1e3 m stand at the end of the axis, hollow"
+    assert told in figure.get_supxlabel().replace("\n", " ")
+    assert told.capitalize() in page
+    (shown,) = re.findall(r'<script type="application/json">(.*?)</script>', page)
+    trace, *_ = json.loads(shown)["data"]
+    assert trace["y"] == [0.3, 30.0, 1000.0]
+    assert "4e+09" in trace["text"][2]  # what a point tells is the number itself
+
+
+@pytest.mark.parametrize(
+    ("values", "ends"),
+    [
+        ([1e-6, 1.0, 90.0], (1e-6, 100.0)),  # eight decades are not cut
+        ([0.0, 1e-3, 1.0], (1e-4, 1.0)),
+        ([1e-8, 2e-8, 5.0], (1e-8, 1.5e-6)),  # most values
+        ([1e-8, 5.0], (0.1, 10.0)),  # as many: the greatest
+        ([0.0, 0.0, 0.0], (1e-9, 1e-8)),
+    ],
+)
+def test_an_axis_of_values_has_eight_decades_at_most(values, ends):
+    """Powers of ten with a decade of room for what is beyond, within those around all values."""
+    scale = Scale("", log_ends(values), log=True).cut(values)
+    assert scale.ends == pytest.approx(ends)
 
 
 def arrows_of(panel) -> dict[str, list[float]]:

@@ -1,6 +1,7 @@
 """The report page: the folder's numbers, nothing fetched, every plot drawn, in any light."""
 
 import base64
+import io
 import json
 import re
 import shutil
@@ -13,6 +14,7 @@ import plotly.graph_objects as go
 import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
+from matplotlib.image import imread
 from upath import UPath
 
 import jaxnet
@@ -25,7 +27,7 @@ from jaxnet.statistics.separation import start_separations
 from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
-from jaxnet.view.drawings.heat import palette
+from jaxnet.view.drawings.heat import PALETTE
 from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
@@ -811,13 +813,20 @@ def test_a_slope_stays_within_magnitudes_that_have_lanes(folder):
 
 
 def test_rounding_does_not_stretch_the_axis_of_errors(folder):
-    """It ends two decades below the least median; a bar that goes on below has an arrow."""
+    """It ends a decade below medians and lines; a bar that goes on below has an arrow."""
     star, ring = curves.curves(jaxnet.open(folder))
-    least = min((each.spread("tail_max", "median")[0] / each.sizes).min() for each in (star, ring))
+    every = [each.spread("tail_max", "median")[0] / each.sizes for each in (star, ring)]
+    least = min(*np.ravel(every), *(min(each.limits("tail_max").values()) for each in (star, ring)))
+    least = min(least, *(each.fit("tail_max")[0] for each in (star, ring)))
     tiny = star._replace(cells=star.cells.assign(tail_max_q05=1e-11))
+    drawing = ultimate_drawing([star, ring._replace(bounds={}, fits={})], "tail_max")
+    lines = [
+        re.findall("coloured|grey", "; ".join(drawing.told([each]))) for each in drawing.panels
+    ]
+    assert lines == [["coloured", "grey"], []]  # told of panels that have them
     for found, is_low in (([star, ring], False), ([tiny, ring], True)):
         drawing = ultimate_drawing(found, "tail_max")
-        assert least / 400 < drawing.y.ends[0] < least
+        assert least / 100 < drawing.y.ends[0] < least
         figure = printed(drawing)
         told = "arrows: intervals that go on beyond the axis"
         assert (told in figure.get_supxlabel().replace("\n", " ")) == is_low
@@ -939,6 +948,23 @@ def test_every_plot_is_drawn_and_nothing_overflows(opened, width, scheme):
 def levels(colour: str) -> list[int]:
     """Red, green and blue."""
     return [int(level) for level in re.findall(r"\d+", colour)[:3]]
+
+
+@pytest.mark.long
+def test_a_table_shows_at_which_side_it_goes_on(opened):
+    """By a shade at the side of its rows, which is gone where the table ends; by pixels."""
+    shown = opened(390, "light")
+    box = shown.locator("#summary .box")
+    box.scroll_into_view_if_needed()
+    assert box.evaluate("box => box.scrollWidth > box.clientWidth")
+    is_dark = []
+    for place in ("0", "box.scrollWidth"):
+        box.evaluate(f"box => {{ box.scrollLeft = {place}; }}")
+        settle(shown)
+        rows = imread(io.BytesIO(box.screenshot()))[-60:, :, :3].mean(axis=2)
+        lightest = np.quantile(rows, 0.9, axis=0)
+        is_dark.append([bool(lightest[at] < lightest.max() - 0.05) for at in (3, -4)])
+    assert is_dark == [[False, True], [True, False]]
 
 
 @pytest.mark.long
@@ -1314,20 +1340,38 @@ def test_texts_of_tiles_contrast_with_them(opened, scheme):
     shown = opened(1400, scheme)
     shown.locator("#heat .plot").first.scroll_into_view_if_needed()
     settle(shown)
-    texts = "labels => labels.map(({ __data__: { z }, firstChild }) => [z, color(firstChild)])"
-    texts = texts.replace("color(firstChild)", "getComputedStyle(firstChild).fill")
-    paint = "(plot, z) => { plot.data[0].z = [z, z]; return Plotly.redraw(plot); }"
+    texts = "labels => labels.map(label => [label.__data__.z, fill(label)])"
+    texts = texts.replace(
+        "fill(label)",
+        "getComputedStyle(label.querySelector('tspan tspan') || label.firstChild).fill",
+    )
     paper = shown.evaluate("getComputedStyle(document.body).backgroundColor")
-    scale, worst = [to_rgb(colour) for colour, _ in palette()], []
-    for start in range(0, 64, 2):
-        plot = shown.locator("#heat .plot").first
-        plot.evaluate(paint, [start / 63, (start + 1) / 63, None])
-        settle(shown)
-        for z, text in shown.locator("#heat .heatmap-label").evaluate_all(texts)[:6]:
-            tile = rgb_of(paper) if z is None else scale[round(63 * z)]
-            worst.append(contrast(rgb_of(text), tile))
-    assert len(worst) == 192
-    assert min(worst) > 4.5
+    found = shown.locator("#heat .heatmap-label").evaluate_all(texts)
+    tiles = [rgb_of(paper) if z is None else to_rgb(PALETTE[round(63 * z)]) for z, _ in found]
+    assert len({z for z, _ in found}) > 2
+    assert (
+        min(contrast(rgb_of(ink), tile) for (_, ink), tile in zip(found, tiles, strict=True)) > 4.5
+    )
+
+
+@pytest.mark.long
+def test_a_saved_map_has_the_inks_and_the_scale_of_the_page(opened, tmp_path):
+    """Words in black or white, and the scale of colours with its name."""
+    shown = opened(1400, "dark")
+    panel = shown.locator("#heat .panel").first
+    panel.scroll_into_view_if_needed()
+    settle(shown)
+    panel.locator(".menu summary").click()
+    with shown.expect_download() as saved:
+        panel.get_by_text("Save as SVG").click()
+    saved.value.save_as(tmp_path / "map.svg")
+    picture = (tmp_path / "map.svg").read_text()
+    labels = re.findall(r'<g class="heatmap-label">.*?</g>', picture, re.DOTALL)
+    assert labels
+    inks = [re.findall(r"fill:\s*(\w+)", each)[-1] for each in labels]
+    assert {*inks} <= {"black", "white", "rgb"}
+    assert "black" in inks
+    assert "lanes unrecovered [%]" in picture
 
 
 def rgb_of(text):
@@ -1400,6 +1444,15 @@ TOUCHING = """plots => plots.flatMap(plot => {
 })"""
 
 
+# Panels whose plots do not begin where those of their row do.
+OUT_OF_LINE = """panels => {
+  const rows = {}, top = (each) => Math.round(each.getBoundingClientRect().top);
+  for (const panel of panels.filter((each) => each.clientWidth))
+    (rows[top(panel)] ??= new Set()).add(top(panel.querySelector(".plot")));
+  return Object.entries(rows).filter(([, tops]) => tops.size > 1);
+}"""
+
+
 @pytest.mark.long
 def test_no_label_on_the_page_touches_another(browser, tmp_path):
     """In each plot, at each width; none is cut off, and nothing overflows."""
@@ -1424,6 +1477,7 @@ def test_no_label_on_the_page_touches_another(browser, tmp_path):
         shown.set_viewport_size({"width": width, "height": 900})
         read_through(shown)
         assert shown.eval_on_selector_all(".plot", TOUCHING) == [], width
+        assert shown.eval_on_selector_all(".grid .panel", OUT_OF_LINE) == [], width
         assert shown.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
     shown.close()
     assert path.stat().st_size < 8e6

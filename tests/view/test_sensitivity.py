@@ -60,3 +60,20 @@ def test_the_printed_table_names_cells_and_quantities():
     assert "0.40 (0.30 to 0.60)" in line
     assert "0.80 (0.70 to 1.00)" in line
     assert "left out: samples of which a lane failed, of 64" in said
+
+
+def test_rare_failures_are_told_in_80_columns():
+    """With the names that `show` has; a label is wrapped, and what does not fit is told."""
+    label = "a ring with three links to the vehicles before"
+    topology = [{"kind": "cyclic", "label": label}, "complete"]
+    study = systems.study(sweep={"topology": topology, "defence": ["trusted_trim", "w_msr"]})
+    numbers = ["share", "low", "high", "levels", "points", "threshold", "lanes", "failed"]
+    rows = [
+        {"cell": cell.number, **cell.labels, **dict.fromkeys([*numbers, "plain_lanes"], 12345.0)}
+        for cell in study.cells
+    ]
+    said = words.rare_text(pd.DataFrame(rows), study)
+    assert max(map(len, said.splitlines())) <= 80
+    assert "trusted trimming" in said
+    assert "w_msr" not in said
+    assert "left out: levels" in said

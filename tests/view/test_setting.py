@@ -62,6 +62,14 @@ TOLD = [
     ({"attack": "bias"}, "attack", "bias, direction = 0 rad"),
     ({"formation": {"kind": "line", "spacing": 2.0}}, "initial position",
      "uniform -200 to 200 m, and the place in the formation added"),
+    ({"topology": {"kind": "lattice", "neighbours": 6, "label": "six neighbours"}}, "topology",
+     "six neighbours (lattice, neighbours = 6)"),
+    ({"defence": {"kind": "w_msr", "F": 1, "label": "W-MSR F=1"}}, "defence", "W-MSR F=1"),
+    ({"topology": {"kind": "lattice", "navigator": [1, 4], "label": "lattice, 2 leaders"}},
+     "topology", "lattice, 2 leaders (navigator = 1, 4)"),
+    ({"detector": "chi_squared", "sensing": {"position": 0.1}, "metrics": ["alarms"]}, "metrics",
+     "share of attacked messages that raise an alarm,"
+     " share of honest messages that raise an alarm"),
     ({"attack": "none"}, "attack", "none"),  # told even where there is none
     ({"defence": "none"}, "defence", "none"),
     ({"attack": "none"}, "magnitude ā", None),

@@ -17,6 +17,7 @@ from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 from jaxnet.view import columns
 from jaxnet.view.text import formats, printer, slopes, tables
+from jaxnet.view.text.width import cell_title, numbered_words
 from tests import systems
 
 LONG = {"attack.magnitude": [1, 2], "attack.frequency": [0.5, 0.7], "tick": [0.05, 0.1]}
@@ -484,10 +485,23 @@ def test_failures_are_told_by_cell_and_reason(monkeypatch):
         manifest={"lanes": {"failed": 11}}, by_cell=lambda *_, **__: named.groupby("cell")
     )
     monkeypatch.setenv("COLUMNS", "120")
-    lines = tables.failures_text(results).splitlines()
+    lines = tables.failures_text(results).replace("\N{NO-BREAK SPACE}", " ").splitlines()
     assert lines[:2] == [
-        "failed: 10 disconnected of 10 lanes in cells 1, 2",
-        "failed: 1 diverged of 5 lanes in cell 3",
+        "failed: 10 disconnected of 10 lanes in cells 1, 2 (ā = 2 and 3 m)",
+        "failed: 1 diverged of 5 lanes in cell 3 (ā = 4 m)",
     ]
+    assert lines[2].startswith("the first: cell 1: ā = 2 m, sample 0")
     assert "sample 0: disconnected, vehicle 2 since 0.5 s" in lines[2]
     assert len([line for line in lines if "replay" in line]) == 1
+
+
+def test_a_failed_cell_is_named_in_words_and_whole(monkeypatch):
+    """As its row of the table is, at 80 columns too: W-MSR for w_msr, no label cut off."""
+    label = "a lattice with three leaders and four neighbours"
+    topology = [{"kind": "lattice", "neighbours": 4, "label": label}, "cyclic"]
+    sweep = {"topology": topology, "defence": ["none", "w_msr"]}
+    cell = systems.study(vehicles=9, sweep=sweep).cells[1]
+    monkeypatch.setenv("COLUMNS", "80")
+    assert cell_title(cell) == f"cell 1: {label}, W-MSR"
+    assert cell_title(cell, 20) == "cell 1: a lattice w…"
+    assert numbered_words([1], [cell]) == "cell 1"

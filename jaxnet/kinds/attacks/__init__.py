@@ -289,7 +289,7 @@ class AnyAttack(Kind):
 
     def describe(self) -> str:
         """A short description of the attack."""
-        return self.kind
+        return self.words or self.kind
 
     def caveat(self) -> str:
         """How it differs from the paper's, a path with its derivatives within ā; "" if not."""

@@ -271,7 +271,7 @@ class AnyDefence(DrawsAtTicks):
         told += ", so there is no bound"
         if known is not None and not dropped.any():
             told = "changes no weight in this network, so bounds are as without a defence"
-        return {"defence": f"{self.words or self.kind} {told}"}
+        return {"defence": f"{self.words or self.kind.replace('_', ' ')} {told}"}
 
 
 class ShareOfLinks(Record):

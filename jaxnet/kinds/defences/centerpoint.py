@@ -21,7 +21,7 @@ class Centerpoint(Sparing):
 
     guarantee = (
         "none of the motion: with fewer than a third attacked the mean of the positions lies among "
-        "the honest ones, but their derivatives are weighed unseen"
+        "the honest ones, but their derivatives are weighed unchecked"
     )
 
     def decide(self, own, received, last, memory, around):

@@ -17,7 +17,7 @@ class CoordinateMedian(Sparing):
 
     guarantee = (
         "none of the motion: the median of the positions lies among the honest ones, axis by axis, "
-        "where they have more than half of the weight, but derivatives are believed unseen"
+        "where they have more than half of the weight, but derivatives are believed unchecked"
     )
 
     def decide(self, own, received, last, memory, around):

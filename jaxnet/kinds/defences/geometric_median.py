@@ -18,7 +18,7 @@ class GeometricMedian(Defence):
 
     guarantee = (
         "none of the motion: the mean of the positions stays near the honest ones where they have "
-        "more than half of the weight, but derivatives are weighed unseen"
+        "more than half of the weight, but derivatives are weighed unchecked"
     )
 
     smoothing: Positive = setting(1.0, "[m], least distance that counts")

@@ -14,8 +14,8 @@ class MSNorm(Sparing):
 
     words = "ms_norm"
     guarantee = (
-        "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust "
-        "where at most F untrusted sources are heard, who are all dropped"
+        "none where anybody untrusted is retained, whose derivatives are believed unchecked; by "
+        "trust where at most F untrusted sources are heard, who are all dropped"
     )
 
     F: int = setting(

@@ -252,7 +252,7 @@ class TrustedTrim(Sparing):
         if not shrinks:
             return [*reasons, Safe(why, inside, True, np.inf if delta else 0.0)]
         steps, factor = shrinks
-        why += f", shrinking to {factor:.3g} in {count(steps, 'round')}"
+        why += f", shrinking to {factor:.3g} in {count(steps, 'tick')}"
         # M over δ, by corollary 1 with the factor for 1 - ω^D
         most = steps / (1 - factor) + steps - 1
         return [*reasons, Safe(why, inside, True, (2 * most + 1) * delta)]

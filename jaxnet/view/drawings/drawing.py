@@ -18,8 +18,12 @@ from jaxnet.view.figures import style
 MOST_NOTED = 3  # choices of panels by a note
 MOST_BARS = 24  # points of a line that have error bars; more have a band
 DODGE, MARK = 0.025, 0.02  # of the axis: between marks side by side; half of a mark
+MOST_DECADES = 6  # of values that a log axis shows, and one at either end for what is beyond
+ROOM_ABOVE = 1.5  # of its top, to the end of an axis that is cut
 LONE_REACH = 100.0  # of a log axis with one value, its ends' ratio
 BEYOND_NOTE = "arrows: intervals that go on beyond the axis"
+BOUNDS_TOLD = "coloured lines: bounds of theory"
+FITS_TOLD = "grey lines, at a height s: error = s ā, fitted to the lanes"
 MOVED_NOTE = "points that would hide one another are shifted sideways"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
 
@@ -93,7 +97,7 @@ class Tiles(NamedTuple):
 class Scale(NamedTuple):
     """An axis. Names stand at 0, 1, …, on y from the top; `ticks` where there is room for them.
 
-    Values below the floor stand there on a log axis, with hollow markers.
+    Values beyond the floor and the top stand there on a log axis, with hollow markers.
     """
 
     title: str
@@ -104,6 +108,7 @@ class Scale(NamedTuple):
     names: Sequence[str] = ()
     ticks: Sequence[Any] = ()
     floor: float = LOG_FLOOR
+    top: float = GREATEST_SHOWN
     labels: Sequence[Mapping[str, Label]] = ()  # of the names, if swept values make them
 
     @property
@@ -112,11 +117,28 @@ class Scale(NamedTuple):
         start = "[" if "[" in self.title else "/ "
         return self.title.rpartition(start)[2].removesuffix("]") if start in self.title else ""
 
+    def cut(self, *values: Any) -> "Scale":
+        """A log axis of too many decades keeps those with the most values, the greatest of equal.
+
+        Values beyond stand at an end, a decade from the others.
+        """
+        low, high = self.ends or (1.0, 1.0)
+        if not self.log or high <= 1.01 * 10 ** (MOST_DECADES + 2) * low:
+            return self
+        known = np.concatenate([np.ravel(np.asarray(each, dtype=float)) for each in values])
+        powers = np.log10(known[known > LOG_FLOOR].clip(max=GREATEST_SHOWN))
+        firsts = np.unique(np.floor(powers))
+        held = [powers[(powers >= p) & (powers <= p + MOST_DECADES)] for p in firsts]
+        kept = max(held, key=lambda some: (len(some), some.min()))
+        low = max(low, float(10.0 ** (np.floor(kept.min()) - 1)))
+        top = float(10.0 ** (np.ceil(kept.max()) + 1))
+        return self._replace(ends=(low, min(high, ROOM_ABOVE * top)), floor=low, top=top)
+
     def within(self, values: Any) -> Any:
         """Values as a log axis shows them."""
         if values is None or not self.log:
             return values
-        return np.clip(values, self.floor, GREATEST_SHOWN)
+        return np.clip(values, self.floor, self.top)
 
     def part(self, values: Any) -> Any:
         """Where values stand between the ends of the axis, 0 to 1."""
@@ -126,9 +148,11 @@ class Scale(NamedTuple):
             low, high, values = np.log(low), np.log(high), np.log(values)
         return (values - low) / ((high - low) or 1.0)
 
-    def is_low(self, values: Any) -> Any:
-        """Which values a log axis shows at its floor."""
-        return self.log & (np.asarray(values, float) <= self.floor)
+    def is_beyond(self, values: Any) -> tuple[Any, Any]:
+        """Which values a log axis shows at its floor, and which at its top."""
+        values = np.asarray(values, float)
+        low = (values < self.floor) | (values <= LOG_FLOOR)
+        return self.log & low, self.log & (values > self.top)
 
     def bars(self, low: Any, value: Any, high: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
         """Lower and upper ends of error bars within the axis, and which bars go on beyond it.
@@ -137,7 +161,7 @@ class Scale(NamedTuple):
         """
         first, last = self.ends or (-np.inf, np.inf)
         if self.log:
-            first, last = max(first, self.floor), min(last, GREATEST_SHOWN)
+            first, last = max(first, self.floor), min(last, self.top)
         known = np.isfinite(value) & (np.isfinite(low) | np.isfinite(high))
         below = known & ~(low >= first) & (value > first) & np.isfinite(first)
         above = known & ~(high <= last) & (value < last) & np.isfinite(last)
@@ -229,19 +253,22 @@ class Drawing(NamedTuple):
             where = choices_words(some, [panel.labels for panel in panels])
             where[MOST_NOTED:] = [f"{len(where) - MOST_NOTED} more"] * (len(where) > MOST_NOTED)
             notes += [f"{note} ({' / '.join(where)})"] * bool(note)
-        found = [
-            *self.notes,
-            *notes,
-            *[MOVED_NOTE] * any(each.apart is not None for each in series),
-        ]
+        every = (each for panel in panels for each in panel.series)
+        slopes = {each.look.color for each in every if each.form == "slope"}
+        found = [BOUNDS_TOLD] * bool(slopes - {style.GREY}) + [FITS_TOLD] * (style.GREY in slopes)
+        found += [*self.notes, *notes]
+        found += [MOVED_NOTE] * any(each.apart is not None for each in series)
         middle = [each.x if self.y.names else each.y for each in series]
         ends = [end for each in series if not each.barred for end in (each.low, each.high)]
         bars = zip(series, middle, strict=True)
         if any(np.any(scale.bars(each.low, at, each.high)[1]) for each, at in bars if each.barred):
             found.append(BEYOND_NOTE)
-        if not any(scale.is_low(each).any() for each in (*middle, *ends) if each is not None):
-            return found
-        pairs = zip(series, middle, strict=True)
-        hollow = any(each.look.marker and scale.is_low(at).any() for each, at in pairs)
-        low = f"values below {scale.floor:g} {scale.unit} are drawn there".replace("e-0", "e-")
-        return [*found, low + ", hollow" * hollow]
+        beyond = [scale.is_beyond(each) for each in (*middle, *ends) if each is not None]
+        words = [f"below {scale.floor:g}"] * any(low.any() for low, _ in beyond)
+        words += [f"above {scale.top:.0e}"] * any(high.any() for _, high in beyond)
+        if words:
+            told = " or ".join(words).replace("e-0", "e-").replace("e+0", "e")
+            marked = [at for each, at in zip(series, middle, strict=True) if each.look.marker]
+            hollow = ", hollow" * any(np.any(scale.is_beyond(at)) for at in marked)
+            found.append(f"values {told} {scale.unit} stand at the end of the axis{hollow}")
+        return found

@@ -25,7 +25,9 @@ from jaxnet.view.drawings.drawing import Drawing, Panel, Scale, Tiles
 from jaxnet.view.drawings.words import error_text
 
 COLOUR_MAP = mpl.colormaps["YlGnBu"]  # ever darker, and told apart by all eyes
+PALETTE = [*map(to_hex, COLOUR_MAP(np.linspace(0, 1, 64)))]
 METRICS = ("unrecovered", "worst")
+BEYOND_COLOURS = "numbers beyond the scale of colours have the colour of its end"
 
 
 def metric_label(metric: str, cells: Sequence[Cell]) -> str:
@@ -57,11 +59,10 @@ def heat_drawing(results: Results, tiling: Tiling, metric: str) -> Drawing:
         Scale(quantity(key), names=[value_alone(key, value) for value in each])
         for key, each in ((tiling.column, tiling.columns), (tiling.row, tiling.rows))
     )
-    ends = (0.0, 100.0)
-    if not is_share:
-        ends = log_ends(found[metric])
-    colours = Scale(metric_label(metric, cells), ends, log=not is_share)
+    ends = (0.0, 100.0) if is_share else log_ends(values)
+    colours = Scale(metric_label(metric, cells), ends, log=not is_share).cut(values)
     notes = [*tile_notes(results, tiling.cells, metric)]
+    notes += [BEYOND_COLOURS] * (not is_share and bool(np.any(colours.is_beyond(values))))
     notes += [SPREAD_WORDS] * (not is_share and is_leaderless(cells))
     blank = ", ".join(blank_reasons(found, tiling.cells, metric))
     return Drawing(panels, x, y, notes, colours=colours, blank=blank)
@@ -90,13 +91,8 @@ def tile_words(results: Results, metric: str, row: Any, failed: Mapping[int, str
 def colour_norm(scale: Scale) -> Normalize:
     """From a number to its place on the scale of colours."""
     assert scale.ends is not None
-    return LogNorm(*scale.ends, clip=True) if scale.log else Normalize(*scale.ends)
-
-
-def palette() -> list[tuple[str, str]]:
-    """64 colours of the scale from its low end, each with its text colour."""
-    colours = map(to_hex, COLOUR_MAP(np.linspace(0, 1, 64)))
-    return [(colour, text_colour(colour)) for colour in colours]
+    low, high = scale.ends
+    return LogNorm(low, min(high, scale.top), clip=True) if scale.log else Normalize(low, high)
 
 
 def text_colour(colour: str) -> str:

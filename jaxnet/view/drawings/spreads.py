@@ -81,7 +81,9 @@ def tails_drawing(results: Results, cells: Sequence[Cell]) -> Drawing:
     dot = f"{MOST_DOTS:,} dots evenly by rank" if many else "one dot per lane"
     notes = [common, f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
     notes.append(unended_words(results, cells))
-    x, y = Scale(JUDGED_WORDS[metric], log=True), Scale("", names=titles, labels=labels)
+    dots = [each.x for panel in panels for each in panel.series] or [[]]
+    x = Scale(JUDGED_WORDS[metric], log_ends(*dots), log=True).cut(*dots)
+    y = Scale("", names=titles, labels=labels)
     return Drawing(panels, x, y, notes, there=(there, "cells"), where="lanes/")
 
 

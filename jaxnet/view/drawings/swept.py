@@ -57,7 +57,7 @@ def swept_drawing(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> Drawing
     labels = [{x: value} for value in values] if x else []
     rows = Scale("", names=[value_alone(x, value) for value in values] if x else [""],
                  labels=labels)  # fmt: skip
-    shown = Scale(found.axis, found.ends, found.log, found.share)
+    shown = Scale(found.axis, found.ends, found.log, found.share).cut(found.known)
 
     def series(place: int, mine: Sequence[Cell]) -> Trace:
         labels = [cell.labels[x] if x else 0 for cell in mine]

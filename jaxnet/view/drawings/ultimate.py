@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.statistics.curves import BOUND_NAMES, LOG_FLOOR, Curve, log_ends
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, log_ends
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, moved_sideways
 from jaxnet.view.drawings.words import NO_LANE
 from jaxnet.view.figures import style
@@ -27,11 +27,8 @@ FITS = {
 MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
-BOUNDS_TOLD = "coloured lines: bounds of theory"
-FITS_TOLD = "grey lines: slope s of s ā fitted to the lanes"
 NARROW = "the interval of a mean may be narrower than its mark"
 NO_INTERVAL = "some means have no interval: too few lanes, or a few great errors make them up"
-LEAST_SHOWN = 0.01  # of the least median: what is less stands at the lower end of the axis
 FEW_STATISTICS = ("q05", "median", "max")
 CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
 ULTIMATE_WORDS = {"tail_max": "greatest tail error / ā", "tail_mean": "mean tail error / ā"}
@@ -42,7 +39,7 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
 
     A line of a fit ends with the magnitudes at which lanes ended.
     """
-    shown, medians, lines = list[Any](), list[Any](), list[list[Trace]]()
+    shown, lows, lines = list[Any](), list[Any](), list[list[Trace]]()
     for curve in found:
         slopes = {
             BOUND_NAMES[name]: (slope, BOUND_LOOKS[name])
@@ -57,30 +54,24 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
             x = curve.sizes[curve.ended] if name in FITS else curve.sizes
             lines[-1].append(Trace(name, look, x, np.full(len(x), slope), "slope"))
         low, median, most = (each / curve.sizes for each in curve.spread(metric, *FEW_STATISTICS))
-        shown += [low, most, [slope for slope, _ in slopes.values()]]
-        medians += median[median > LOG_FLOOR].tolist()
-    first, last = log_ends(*shown)
+        shown += [median, most, [slope for slope, _ in slopes.values()]]
+        lows.append(low)
     every = np.concatenate(shown)
+    first, last = log_ends(every, *lows)
     last = min(last, 1.5 * every[np.isfinite(every)].max(initial=first))
-    floor = 10.0 ** float(np.round(np.log10(LEAST_SHOWN * min(medians, default=1.0))))
-    floor = floor if first < floor else LOG_FLOOR
-    first = max(first, floor)
-    y = Scale(ULTIMATE_WORDS[metric], (first, last), log=True, floor=floor)
+    y = Scale(ULTIMATE_WORDS[metric], (first, last), log=True).cut(every)
     drawn = [curve.sizes[curve.ended] for curve in found]
     drawn += [each.x for some in lines for each in some]
     x = Scale("attack magnitude ā [m]", log=True, ticks=np.unique(np.concatenate(drawn)).tolist())
     panels = []
     for curve, some in zip(found, lines, strict=True):
-        within = [each for each in some if len(each.x) and first <= each.y[0]]
+        within = [each for each in some if len(each.x) and y.floor <= each.y[0] <= y.top]
         series = [*within, *lane_series(curve, metric, x, y)]
         words = "" if curve.ended.any() else NO_LANE
         note = slope_note(curve, metric)
         panels.append(Panel(curve.group.labels, [*curve.group.attacked], series, words, note))
     there = [curve.group.labels for curve in found]
-    names = {each.name for panel in panels for each in panel.series}
-    notes = [BOUNDS_TOLD] * (not names.isdisjoint(BOUND_NAMES.values()))
-    notes += [FITS_TOLD] * (not names.isdisjoint(FITS)) + [NARROW]
-    notes += [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
+    notes = [NARROW] + [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
     return Drawing(panels, x, y, notes, there=(there, "groups"))
 
 

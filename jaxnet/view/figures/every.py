@@ -23,6 +23,7 @@ from jaxnet.statistics.curves import MOST_PANELS, Curve, curves, no_magnitudes
 from jaxnet.statistics.falling import falling_words
 from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.groups import evenly, evenly_over
+from jaxnet.statistics.horizon import lost_words
 from jaxnet.statistics.quantities import (
     FORMATION_NOTE,
     asked_quantity,
@@ -183,7 +184,9 @@ def plot(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             labels = [topology.graph_labels(cell) if graphs else cell.labels for cell in cells]
             notes = label_notes(self.results.study.config.sweep, labels)
             if over_tail:
-                notes += [tail_words(cells), falling_words(self.results, cells)]
+                notes.append(tail_words(cells))
+            if (over_tail or of_errors) and draw.__name__ not in OVER_TIME:
+                notes += [lost_words(self.results, cells), falling_words(self.results, cells)]
             if draw.__name__ in OF_ENDED_LANES:
                 notes.append(unended_words(self.results, cells))
             formation = any(cell.scenario.formation.present for cell in cells)

@@ -47,6 +47,12 @@ def sharing_first(labels: Sequence[Labels]) -> int:
     return min(firsts.values()) if len({*firsts.values()}) == 1 else 1
 
 
+def most_in_row(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
+    """So many panels, or half more if a row of one first swept value is then whole."""
+    run = sharing_first(labels)
+    return run if most < run <= 1.5 * most else most
+
+
 def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
     """Panels in a row: no row mixes first swept values if it can be whole, or rows are alike."""
     run, many = sharing_first(labels), len(labels)
@@ -100,9 +106,9 @@ def escape_dollars(words: str) -> str:
 def filled_lines(words: str, letters: int | float) -> str:
     """Wrap words to lines of so many letters, which may part a number from its unit, or its key."""
     letters = max(1, int(letters))
-    if any(len(each) > letters for each in words.split(" ")):
-        words = words.replace(NO_BREAK, " ")
-    return textwrap.fill(words, letters)
+    long = {each for each in words.split(" ") if len(each) > letters}
+    parts = (each.replace(NO_BREAK, " ") if each in long else each for each in words.split(" "))
+    return textwrap.fill(" ".join(parts), letters)
 
 
 def wrapped(words: str, letters: int | float) -> str:
@@ -201,8 +207,7 @@ def title_height(labels: Sequence[Labels], width: float, most: int) -> float:
 
 def columns_of_titles(labels: Sequence[Labels], width: float) -> int:
     """Panels in a row: fewer where titles then stay on one line and a page holds as many panels."""
-    most, run = panels_across(width), sharing_first(labels)
-    most = run if most < run <= 1.5 * most else most  # half more, if a row is then whole
+    most, run = most_in_row(labels, panels_across(width)), sharing_first(labels)
     longest = max(map(len, distinct_titles(labels)[0]))
     there = len(panels_fitting(labels, width, most=most))
     for across in range(most, 0, -1):

@@ -255,12 +255,13 @@ def draw_series(panel: Axes, series: Trace, scale: Scale, rows: bool = False) ->
     if series.form == "steps":
         panel.step(x, y, where="post", **line_style(look, series.form))
         return
-    is_mark = series.form in ("points", "both") and look.marker != "."
-    front = {"clip_on": False, "zorder": 3} if is_mark else {}
+    is_mark = series.form in ("points", "both")
+    front = {"clip_on": False, "zorder": 3 - (look.marker == ".")} if is_mark else {}
     panel.plot(x, y, **line_style(look, series.form), **front)
-    if look.marker and (low := scale.is_low(series.x if rows else series.y)).any():
+    beyond = np.any(scale.is_beyond(series.x if rows else series.y), axis=0)
+    if look.marker and beyond.any():
         hollow = line_style(look._replace(hollow=True), "points")
-        panel.plot(np.asarray(x)[low], np.asarray(y)[low], **hollow, **front)
+        panel.plot(np.asarray(x)[beyond], np.asarray(y)[beyond], **hollow, **front)
 
 
 def draw_tiles(panel: Axes, tiles: Tiles, norm: Normalize, size: tuple[float, float]) -> bool:

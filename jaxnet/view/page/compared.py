@@ -37,7 +37,7 @@ from jaxnet.view.page.where import MOST_LETTERS, MOST_TOLD, joined_names
 
 Pair = tuple[str, str]  # two values of a key as text: the better, the worse
 TestRow = dict[str, Any]  # of the table of p values
-ALIKE = "no difference is found"
+NOT_FOUND = "no difference is found"
 MOST_TESTS = 200  # in the table of p values
 P_WORDS = (
     "tests on paired lanes: McNemar's exact test of lanes that recover, or agree, and the exact"
@@ -155,7 +155,7 @@ def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
     beaten = won.beaten()
     if not beaten:
         many = count_between([t.lanes for tests in won.tests.values() for t in tests], "pair")
-        return f"{ALIKE} with {many} in a setting; a small one would not show"
+        return f"{NOT_FOUND} with {many} in a setting; a small one would not show"
     best = [label for label in labels if label not in beaten]
     if not best:
         return "which is better depends on the other keys"
@@ -215,7 +215,7 @@ def against_first(results: Results, key: str, labels: Sequence[str], judged: Tes
     for label in labels:
         if label != reference:
             words = against_words(results, key, (label, reference), judged)
-            told.setdefault(words or ALIKE, []).append(named(key, label))
+            told.setdefault(words or NOT_FOUND, []).append(named(key, label))
     if len(labels) == 2:
         ((words, (other,)),) = told.items()
         against = escape(named(key, reference))
@@ -251,7 +251,7 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
         differ = [*pair_rows(results, key, labels, judged)]
         if words:
             if differ and len(labels) == 2:  # whose difference says which is better
-                words = [each for each in words if ALIKE in each]
+                words = [each for each in words if NOT_FOUND in each]
             verdict = f" {sentence_case('; '.join(words))}." * bool(words)
             against = against_first(results, key, labels, judged) if differ else ""
             both = [verdict, against] if len(labels) > 2 else [against, verdict]

@@ -120,33 +120,17 @@ def about(cells: Iterable[int] | None) -> str:
     return "" if cells is None else f' data-cells="{" ".join(map(str, cells))}"'
 
 
-def plot_html(plot: Plot, look: str = "", height: int = 0) -> str:
+def plot_html(plot: Plot, look: str = "", height: int = 0, begins: bool = False) -> str:
     title = escape(plot.title)
     style = f' style="height: {height}px"' if height else ""
     heading = f"<h3>{title}</h3>" if title else ""
     return (
-        f'<div class="panel"{about(plot.cells)}><div class="head">{heading}'
+        f'<div class="panel{" begins" * begins}"{about(plot.cells)}><div class="head">{heading}'
         f'<details class="menu"><summary aria-label="Keep the plot {title}">⋯</summary>'
         f"<div>{MENU_ITEMS}</div></details></div>"
         f'<div class="plot {look}" role="img" aria-label="{title or "all cells"}"{style}></div>'
         f"{script_json(plot.figure)}</div>"
     )
-
-
-def plots_html(
-    plots: Sequence[Plot],
-    columns: int,
-    height: int = 0,
-    above: str = "",
-    kind: str = "",
-    below: str = "",
-) -> str:
-    """Small multiples with a key and a pager, at most so many in a row; a `kind` has a style."""
-    key = key_html(trace for plot in plots for trace in plot.figure["data"])
-    drawn = "".join(plot_html(plot, height=height) for plot in plots)
-    grid = f'<div class="grid" style="--columns: {columns}">{drawn}</div>'
-    told = f'{below}<output class="told"></output>'
-    return f'<div class="view {kind}">{above}{key}{PAGER}{grid}{told}</div>'
 
 
 def key_html(traces: Iterable[Mapping[str, Any]]) -> str:
@@ -179,9 +163,10 @@ def swatch(trace: Mapping[str, Any]) -> str:
         )
     if "markers" in mode:
         symbols, colour = marker["symbol"], painted(marker["color"])
-        symbol = symbols if isinstance(symbols, str) else min(symbols, default="circle")
-        fill = "none" if "open" in symbol else colour
-        path = SYMBOL_PATHS[symbol.removesuffix("-open")]
+        if not isinstance(symbols, str):  # hollow where a value is beyond the axis
+            symbols = min(symbols, default="circle").removesuffix("-open")
+        fill = "none" if "open" in symbols else colour
+        path = SYMBOL_PATHS[symbols.removesuffix("-open")]
         parts.append(f'<path d="{path}" fill="{fill}" stroke="{colour}" stroke-width="1.6"/>')
     return f'<svg viewBox="0 0 34 14" aria-hidden="true">{"".join(parts)}</svg>'
 

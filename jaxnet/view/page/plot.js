@@ -43,7 +43,7 @@ const ofChosen = (values, cells) => values.map((value, n) =>
   Array.isArray(value) ? ofChosen(value, cells[n]) : shown[cells[n]] ? value : null);
 
 // What plotly draws: of the cells chosen, without the curves that the key hides.
-function figureOf(place) {
+function figureOf(place, width = place.clientWidth) {
   const figure = JSON.parse(coloured(place.figure()));
   const time = figure.x && numbers(figure.x);
   const pressed = all('.key [aria-pressed="false"]', place.closest(".view"));
@@ -53,13 +53,20 @@ function figureOf(place) {
     if (cells) trace[trace.z ? "z" : "x"] = ofChosen(trace.z ?? trace.x, cells);
     if (time) trace.x = time;
     if (figure.floor) trace.y = numbers(trace.y).map((y) => Math.max(figure.floor, y));
-    if (trace.texttemplate && place.clientWidth < 60 * trace.z[0].length)
-      trace.text = trace.text.map((row) => row.map((words) => words.split("<br>")[0]));
+    if (trace.texttemplate) fit(trace, width);
     if (hidden.includes(trace.name)) trace.visible = false;
   }
   place.finish(figure);
   figure.layout.template = JSON.parse(coloured(TEMPLATE));
   return figure;
+}
+
+// Texts of tiles as large as the longest has room; plotly counts the letters of their colours too.
+function fit(trace, width) {
+  const { side, letters } = trace.meta, tile = (width - side) / trace.z[0].length; // [px]
+  if (tile < 42) trace.text = trace.text.map((row) => row.map((words) => words.split("<br>")[0]));
+  const most = tile < 42 ? letters[0] : Math.max(...letters);
+  trace.textfont.size = Math.max(1, Math.min(12, (1.5 * tile) / most));
 }
 
 // Draw a plot that is to be seen and not as it should be. On paper all are seen.
@@ -69,15 +76,6 @@ function draw(place) {
   const { data: traces, layout } = figureOf(place), isNew = !place.data;
   Plotly.react(place, traces, layout, { displayModeBar: false, responsive: true });
   if (isNew) place.on("plotly_hover", ({ points: [{ hovertext }] }) => tell(place, hovertext));
-  if (isNew) place.on("plotly_afterplot", () => ink(place));
-}
-
-// Texts contrast with their tiles; plotly's grey and white do not.
-function ink(place) {
-  for (const { __data__: { z }, firstChild } of all(".heatmap-label", place)) {
-    const { inks } = place.data[0].meta;
-    firstChild.style.fill = inks[Math.round(z * (inks.length - 1))] ?? "var(--text)";
-  }
 }
 
 // Tiles of a heat map tell their cells, when they are pointed at or reached by arrow keys.
@@ -171,13 +169,14 @@ function keep(place, format) {
   }
   const { classList } = document.documentElement;
   classList.add("printing"); // a picture is as on paper
-  const figure = figureOf(place);
+  const size = { filename: name, width: 900, height: 560, scale: 2 };
+  const figure = figureOf(place, size.width);
   classList.toggle("printing", printing);
+  for (const trace of figure.data) trace.showscale = Boolean(trace.colorbar);
   Object.assign(figure.layout, {
     title: { text: place.closest(".panel").querySelector("h3")?.innerHTML, font: { size: 13 } },
     showlegend: true, paper_bgcolor: "white", margin: { ...MARGIN, ...figure.layout.margin, t: 40 },
   });
-  const size = { filename: name, width: 900, height: 560, scale: 2 };
   return Plotly.downloadImage(figure, { format, ...size });
 }
 

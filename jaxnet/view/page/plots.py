@@ -23,13 +23,13 @@ from jaxnet.config.naming import labels_title
 from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import LOG_FLOOR
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
-from jaxnet.view.drawings.heat import colour_norm, palette
+from jaxnet.view.drawings.heat import COLOUR_MAP, PALETTE, colour_norm, text_colour
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.figures import style
-from jaxnet.view.figures.multiples import panel_columns
+from jaxnet.view.figures.multiples import most_in_row, panel_columns, sharing_first
 from jaxnet.view.figures.printed import value_ticks
 from jaxnet.view.figures.topology import topology_figure
-from jaxnet.view.page.elements import Plot, notes_html, packed, plain, plots_html
+from jaxnet.view.page.elements import PAGER, Plot, key_html, notes_html, packed, plain, plot_html
 
 COLOUR_NAMES = ("BLUE", "ORANGE", "GREEN", "RED", "PURPLE", "SKY", "BLACK", "BROWN")
 COLOURS = {getattr(style, name): f"--{name.lower()}" for name in COLOUR_NAMES}
@@ -50,14 +50,14 @@ PLOTLY_SYMBOLS = {
 }
 DASH_SCALE, LEAST_DASH = 1.2, 2.0  # [px] of a dash of one width of the line, and of any
 WIDTH_SCALE = 1.6  # [px] of a line of 1 pt
-MARKER_SIZE = 6  # [px]
+MARKER_SIZE, RIM = 6, 1.4  # [px] of a marker, and of its rim, all that is seen of a hollow one
 TIME_AXIS = {"title": {"text": "t [s]"}, "rangemode": "tozero"}
 LONE_HEIGHT = 340  # [px] of the only panel
 LETTERS, ACROSS = 26, 40  # of a line of a name on an axis, and of the title along x
 LOG_ROOM = 1.25  # at the ends of a log axis
 MAP_FRAME, MAP_ROW = 100, 34  # [px] of a map, and of each of its rows
 ROOM_OF_TICKS = 2.0  # [in] of an axis with ticks at swept values
-MOST_COLUMNS = 24  # of all maps in a row
+MOST_IN_ROW, DESK, TILE = 4, 1140, 42  # panels in a row; [px] of a row, and of a tile in it
 MOST_INTERVALS = 400  # tiles that have room for theirs
 LINE, LEAST_ROW, ROW_OF_SERIES, FRAME = 36, 26, 13, 34  # [px] of a panel of named rows
 
@@ -72,49 +72,74 @@ def plotted(drawing: Drawing) -> str:
         row = max(LEAST_ROW, ROW_OF_SERIES * drawing.beside)
         lines = on_lines(drawing.x.title, ACROSS).count("<br>") + 1
         height = FRAME + LINE * lines + row * len(names)
-    across = panel_columns([panel.labels for panel in drawing.panels])
-    return plots_html(plots, across, height, title, below=notes_html(drawing.told(drawing.panels)))
+    return plots_html(drawing, plots, MOST_IN_ROW, height, title)
+
+
+def plots_html(
+    drawing: Drawing, plots: Sequence[Plot], most: int, height: int, above: str, kind: str = ""
+) -> str:
+    """Small multiples, at most so many in a row, with key, pager and notes; a `kind` has a style.
+
+    Panels of one first swept value that fill a row begin a row, also where a window is narrow.
+    """
+    labels = [panel.labels for panel in drawing.panels]
+    across, run = panel_columns(labels, most_in_row(labels, most)), sharing_first(labels)
+    begin = range(0, len(plots), max(run, across)) if run > 1 else ()
+    drawn = "".join(plot_html(each, "", height, n in begin) for n, each in enumerate(plots))
+    key = key_html(trace for plot in plots for trace in plot.figure["data"])
+    grid = f'<div class="grid" style="--columns: {across}">{drawn}</div>'
+    told = f'{notes_html(drawing.told(drawing.panels))}<output class="told"></output>'
+    return f'<div class="view {kind}">{above}{key}{PAGER}{grid}{told}</div>'
 
 
 def tiled(drawing: Drawing) -> str:
     """The maps of a drawing as HTML, which arrow keys walk over, with their scale of colours."""
     assert drawing.colours is not None
-    norm, (colours, inks) = colour_norm(drawing.colours), zip(*palette(), strict=True)
+    norm, title, last = colour_norm(drawing.colours), drawing.colours.title, len(PALETTE) - 1
     layout = {}
     for letter, scale in (("x", drawing.x), ("y", drawing.y)):
-        title = {"title": {"text": plain(scale.title)}, "showgrid": False}
-        layout[f"{letter}axis"] = names_axis(scale.names, falling=letter == "y") | title
+        named = {"title": {"text": plain(scale.title)}, "showgrid": False}
+        layout[f"{letter}axis"] = names_axis(scale.names, falling=letter == "y") | named
+    ends = [power_text(f"{end:.0e}") for end in (norm.vmin, norm.vmax)]
+    bar = {"title": {"text": plain(title), "side": "right"}, "tickvals": [0, 1], "ticktext": ends}
     look = {"type": "heatmap", "zmin": 0, "zmax": 1, "xgap": 1, "ygap": 1, "showscale": False}
-    look |= {"texttemplate": "%{text}", "hoverinfo": "text"}
-    look["colorscale"] = [[n / (len(colours) - 1), colour] for n, colour in enumerate(colours)]
+    look |= {"texttemplate": "%{text}", "hoverinfo": "text", "textfont": {"color": "--text"}}
+    look["colorscale"] = [[n / last, colour] for n, colour in enumerate(PALETTE)]
+    look["colorbar"] = bar  # of a picture that is saved
     few, plots = sum(len(panel.cells) for panel in drawing.panels) <= MOST_INTERVALS, []
-    for panel in drawing.panels:
-        tiles = panel.tiles
-        assert tiles is not None
-        pairs = zip(tiles.texts.ravel(), tiles.intervals.ravel(), strict=True)
-        texts = [
-            (text if text.strip("*") else f"–{text}") + f"<br>{interval}" * (few and interval != "")
-            for text, interval in pairs
-        ]
-        shape = tiles.values.shape
-        trace = look | {
-            "z": np.ma.filled(norm(tiles.values), np.nan),
-            "meta": {"cells": tiles.cells, "inks": inks},
-        }
+    side = 40 + 7 * min(LETTERS, max(map(len, drawing.y.names)))  # [px] beside the tiles
+    every = [panel.tiles for panel in drawing.panels if panel.tiles is not None]
+    pairs = [(each.texts, each.intervals) for each in every]
+    longest = [max(map(len, np.ravel(some))) for some in zip(*pairs, strict=True)]
+    meta = {"side": side, "letters": longest}  # of numbers and of intervals
+    for panel, tiles in zip(drawing.panels, every, strict=True):
+        places = np.ma.filled(norm(tiles.values), np.nan)
+        known, shape = tiles.cells >= 0, places.shape
+        each = zip(places.flat, tiles.texts.flat, tiles.intervals.flat, strict=True)
+        texts = [tile_html(place, text, interval * few) for place, text, interval in each]
+        trace = look | {"z": places, "meta": meta | {"cells": tiles.cells}}
         trace["text"] = np.reshape(texts, shape).tolist()
         trace["hovertext"] = np.reshape([*map(plain, tiles.told.ravel())], shape).tolist()
-        known = tiles.cells >= 0
-        columns = {"cell": tiles.cells[known], drawing.colours.title: tiles.values[known]}
+        columns = {"cell": tiles.cells[known], title: tiles.values[known]}
         figure = {"data": [trace], "layout": layout, "columns": columns}
         plots.append(Plot(labels_title(panel.labels), panel.cells, figure))
-    ends = [f"{end:.3g}" for end in drawing.colours.ends or ()]
-    bar = f"<i style='background: linear-gradient(to right, {', '.join(colours)})'></i>"
+    shade = f"<i style='background: linear-gradient(to right, {', '.join(PALETTE)})'></i>"
     blank = f"<span>no number: {drawing.blank}</span>" if drawing.blank else ""
-    title = escape(drawing.colours.title)
-    key = f'<div class="scale"><span>{title}</span>{ends[0]} {bar} {ends[1]} {blank}</div>'
-    across = max(1, min(len(plots), MOST_COLUMNS // len(drawing.x.names)))
-    drawn = plots_html(plots, across, MAP_FRAME + MAP_ROW * len(drawing.y.names), key, "tiles")
+    scale = (
+        f"<span>{escape(title)}</span><span>{ends[0]}</span>{shade}<span>{ends[1]}</span>{blank}"
+    )
+    most = max(1, min(MOST_IN_ROW, DESK // (side + TILE * len(drawing.x.names))))
+    height = MAP_FRAME + MAP_ROW * len(drawing.y.names)
+    drawn = plots_html(drawing, plots, most, height, f'<div class="scale">{scale}</div>', "tiles")
     return drawn.replace('role="img"', 'role="group" tabindex="0"')
+
+
+def tile_html(place: float, text: str, interval: str) -> str:
+    """What stands in a tile at a place of the scale, in an ink that contrasts with its colour."""
+    told = f"{text}<br>{interval}" if interval else text
+    if np.isnan(place):
+        return f"–{told}"
+    return f'<span style="color:{text_colour(to_hex(COLOUR_MAP(place)))}">{told}</span>'
 
 
 def plot_of(drawing: Drawing, panel: Panel, layout: dict[str, Any]) -> Plot:
@@ -166,9 +191,11 @@ def traces_of(drawing: Drawing, series: Trace, is_packed: bool) -> list[dict[str
     if series.form in ("points", "both"):
         symbol = PLOTLY_SYMBOLS[look.marker] + "-open" * (look.hollow or look.marker == "_")
         found["mode"] = "markers" if series.form == "points" else "lines+markers"
-        low = scale.is_low(series.x if rows else series.y)
-        symbols = np.where(low, symbol.removesuffix("-open") + "-open", symbol).tolist()
-        found["marker"] = {"color": found["line"]["color"], "symbol": symbols, "size": MARKER_SIZE}
+        hollow = np.any(scale.is_beyond(series.x if rows else series.y), axis=0)
+        symbols = np.where(hollow, symbol.removesuffix("-open") + "-open", symbol).tolist()
+        colour = found["line"]["color"]
+        found["marker"] = {"color": colour, "symbol": symbols, "size": MARKER_SIZE}
+        found["marker"]["line"] = {"color": colour, "width": RIM}
         found["connectgaps"] = True
     if series.form == "steps":
         found["line"]["shape"] = "hv"
@@ -276,7 +303,7 @@ def power_text(number: str) -> str:
     digit, power = number.split("e")
     if -4 < int(power) < 5:
         return f"{float(number):g}"
-    return f"{digit}·".removeprefix("1·") + f"10<sup>{power}</sup>".replace("-", "−")
+    return f"{digit}·".removeprefix("1·") + f"10<sup>{int(power)}</sup>".replace("-", "−")
 
 
 def names_axis(names: Sequence[str], falling: bool) -> dict[str, Any]:

@@ -39,6 +39,7 @@ from jaxnet.view.drawings.heat import METRICS, heat_drawing, metric_label
 from jaxnet.view.drawings.spreads import bands_drawing
 from jaxnet.view.drawings.swept import answers, swept_drawing
 from jaxnet.view.drawings.ultimate import ultimate_drawing
+from jaxnet.view.figures.every import tail_words
 from jaxnet.view.page import findings, trajectories
 from jaxnet.view.page.elements import (
     Section,
@@ -73,10 +74,9 @@ SLOPES_NOTE = (
 FLEET_NOTE = " A bound of the fleet is one on the mean error of its vehicles."
 PRINTED_NOTE = " Lyapunov's bound as printed is false in general."
 HEAT_NOTE = (
-    "One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and"
+    "One scale of colours for all maps. Point at a tile, touch it, or go to it with Tab and"
     " arrow keys for its interval and lanes."
 )
-SOME_FAILED = " * Lanes that failed are in no number."
 TOO_LARGE = (
     "The page has no room for a lane of so large a fleet: see <code>jaxnet animate</code>, and"
     " <code>trajectories.zarr</code>."
@@ -87,8 +87,6 @@ CHOICE_OF_LANES = (
     " lanes per ā of cells that differ in ā alone if it asks for recovery. The worst lane has the"
     " greatest {}; of equal lanes it is the one of the lowest sample."
 )
-
-
 OTHER_ENGINE = (
     " Lanes marked “nonlinear engine” are simulated by it, whatever the engine of the study: they"
     " show whether vehicles come to rest, where their law is singular."
@@ -152,7 +150,7 @@ def answer_section(results: Results) -> Section | None:
     over = f" against {key_name(axes.x)}" if axes.x else ""
     views = {each.words: plotted(swept_drawing(each, axes, cells)) for each in shown}
     title = sentence_case(shown[0].words) + over
-    return Section("answer", escape(title), views_html(views))
+    return Section("answer", escape(title), views_html(views) + notes_html([tail_words(cells)]))
 
 
 def run_section(results: Results) -> Section:
@@ -276,7 +274,6 @@ def vehicles_section(results: Results) -> Section | None:
     if asked is not None and "unrecovered" in found:
         criterion = escape(criterion_words(asked, results.study.cells))
         note += f" Lanes over threshold: recovery's, for the vehicle's own error ({criterion})."
-
     if rounded:
         note += f" In {cells_named(rounded)} the errors of all vehicles are rounding: no ranks."
     if ranked.empty:
@@ -307,14 +304,8 @@ def heat_section(results: Results) -> Section | None:
         for metric in differing
         if known[metric].notna().any()
     }
-    if not views:
-        return None
-    return Section(
-        "heat",
-        "Heat map",
-        paragraph(HEAT_NOTE + SOME_FAILED * bool(results.cells["failed"].any()))
-        + views_html(views),
-    )
+    body = paragraph(HEAT_NOTE) + views_html(views) if views else ""
+    return Section("heat", "Heat map", body) if body else None
 
 
 def search_section(results: Results) -> Section | None:

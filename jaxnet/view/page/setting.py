@@ -15,7 +15,7 @@ from jaxnet.config.naming import is_kind, key_name, plain_words, unit, unit_in, 
 from jaxnet.config.scenario import Scenario, situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.kind import Kind
-from jaxnet.kinds.metrics import AGREEMENT, DETECTION, Metric
+from jaxnet.kinds.metrics import Metric
 from jaxnet.model.wording import count, orders_in_words
 from jaxnet.statistics.axes import ordered_values
 
@@ -113,12 +113,11 @@ def told_keys(model: BaseModel, without: Container[str] = ()) -> list[str]:
 def value_words(field: FieldInfo | None, value: Any) -> str:
     """A value with its unit, or the keys of a record that are not at their defaults."""
     if isinstance(value, Kind):
-        return kind_name(value)
+        return value.label or kind_name(value)
     if isinstance(value, Recovery | SearchSettings | Save):
         return ", ".join(told_keys(value))
     if isinstance(value, list) and value and isinstance(value[0], Metric):
-        own = (each for each in value if each.name not in (*AGREEMENT, *DETECTION))
-        named = ((each.words or words_in(each.name), each.column_unit) for each in own)
+        named = ((each.words or words_in(each.name), each.column_unit) for each in value)
         return alternatives([f"{words} [{of}]" if of else words for words, of in named])
     plain = RootModel[Any](value).model_dump()
     words = f"{plain_words(plain)} {unit_in(field.description if field else None)}".strip()
@@ -168,11 +167,14 @@ def size_words(cell: Cell) -> str:
 
 
 def kind_words(key: str, cell: Cell) -> str:
-    """The name of a kind and its keys that are not at their defaults and not swept."""
+    """A kind and its keys not at defaults and not swept; in brackets what its label leaves out."""
     kind: Kind = attrgetter(key)(cell.scenario)
     swept = {each.removeprefix(f"{key}.") for each in cell.labels}
-    return ", ".join([kind_name(kind), *told_keys(kind, swept)])
+    told = [kind_name(kind), *told_keys(kind, swept)]
+    said = (kind.label or "").replace(" ", "").casefold()
+    more = ", ".join(each for each in told if each.replace(" ", "").casefold() not in said)
+    return f"{kind.label} ({more})" if said and more else kind.label or more
 
 
 def kind_name(kind: Kind) -> str:
-    return kind.label or kind.words or words_in(kind.reference().rpartition(":")[2])
+    return kind.words or words_in(kind.reference().rpartition(":")[2])

@@ -7,11 +7,13 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import judged_metric
+from jaxnet.config.naming import worded
 from jaxnet.config.study import Study
 from jaxnet.model.wording import count
+from jaxnet.statistics.quantities import TITLES
 from jaxnet.store.results import Results
-from jaxnet.view.text.printer import fitted_text, table_text
-from jaxnet.view.text.width import MOST_ROWS, filled
+from jaxnet.view.text.printer import fitted_text
+from jaxnet.view.text.width import filled
 from jaxnet.view.text.worst import search_text
 
 SENSITIVITY_LEGEND = (
@@ -28,6 +30,7 @@ RARE_TITLES = {
     "lanes": "lanes simulated",
     "plain_lanes": "random lanes for such an interval",
 }
+RARE_LAST = [["levels"], ["failed"], [RARE_TITLES["lanes"]], [RARE_TITLES["plain_lanes"]]]
 RARE_LEGEND = (
     "share that fails: of all lanes, those that do not recover, by subset simulation; at least, at"
     " most: its 95 % interval over ten repeats"
@@ -40,13 +43,20 @@ def analyses_text(results: Results) -> str:
         metric = judged_metric(results.study.cells)
         found.append(indices_text(results.sensitivity, results.study, metric))
     if "rare" in results.analyses:
-        found.append(rare_text(results.rare))
+        found.append(rare_text(results.rare, results.study))
     return "\n\n".join(found)
 
 
-def rare_text(table: pd.DataFrame) -> str:
-    shown = rare_rows(table).head(MOST_ROWS).to_dict("list")
-    return f"{table_text(shown)}\n{filled(RARE_LEGEND)}"
+def rare_text(table: pd.DataFrame, study: Study) -> str:
+    rows, labels = named_cells(table["cell"].tolist(), study)
+    rows |= rare_rows(table).drop(columns=["cell", *study.cells[0].labels]).to_dict("list")
+    return f"{fitted_text(rows, labels, RARE_LAST, 'rare.csv')}\n{filled(RARE_LEGEND)}"
+
+
+def named_cells(numbers: list[int], study: Study) -> tuple[dict[str, list[Any]], list[str]]:
+    """Columns that name cells as `show` does, and the titles of their swept keys."""
+    rows = [worded(study.cells[number].labels) for number in numbers]
+    return {"cell": numbers} | {key: [row[key] for row in rows] for key in rows[0]}, [*rows[0]]
 
 
 def rare_rows(table: pd.DataFrame) -> pd.DataFrame:
@@ -55,10 +65,10 @@ def rare_rows(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def plan_text(lanes: Mapping[int, int], samples: int) -> str:
-    cells, most = count(len(lanes), "cell"), max(lanes.values()) // samples - 2
+    most = max(lanes.values()) // samples - 2
     return (
-        f"{count(sum(lanes.values()), 'lane')}: in {cells} {samples:,} for each quantity drawn,"
-        f" of which there are {most} at most, and twice as many more"
+        f"{count(sum(lanes.values()), 'lane')}: in each of {count(len(lanes), 'cell')} {samples:,}"
+        f" for each quantity drawn (at most {most}), and 2 × {samples:,} more"
     )
 
 
@@ -71,15 +81,12 @@ def in_hundredths(estimate: float, low: float, high: float) -> str:
 
 def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
     chosen: Any = table[table["metric"] == metric]
-    labels = list(study.cells[0].labels)
-    swept = [study.cells[number].labels for number in chosen["cell"]]
-    rows = {"cell": chosen["cell"].tolist()}
-    rows |= {key: [each[key] for each in swept] for key in labels}
+    rows, labels = named_cells(chosen["cell"].tolist(), study)
     rows["quantity"] = chosen["quantity"].tolist()
     for order in ("first", "total"):
         indices = zip(*(chosen[f"{order}{end}"] for end in ("", "_low", "_high")), strict=True)
         rows[order] = [in_hundredths(*each) for each in indices]
-    lines = [f"{metric}:"]
+    lines = [f"{TITLES[metric]} ({metric}):" if metric in TITLES else f"{metric}:"]
     if chosen["left_out"].any():
         rows["left out"] = chosen["left_out"].tolist()
         lines.append(f"left out: samples of which a lane failed, of {table['samples'].iloc[0]:,}")

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
 from textwrap import fill
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ from rich.filesize import decimal
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Channel, Scenario, Sequential
-from jaxnet.config.naming import format_value
+from jaxnet.config.naming import Combination, boxes_of, format_value, value_alone
 from jaxnet.config.scenario import for_any_signal, situation_of
 from jaxnet.config.study import Study
 from jaxnet.config.sweep import is_joint, keys_in
@@ -21,8 +22,11 @@ from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.horizon import cuts_words, ending, errors_words
 from jaxnet.statistics.separation import near_starts_words
 from jaxnet.store import layout
-from jaxnet.view.text.facts import UNSTABLE, Facts, facts
-from jaxnet.view.text.width import terminal_width
+from jaxnet.theory.case import Case
+from jaxnet.theory.theorems import values
+from jaxnet.view.text.facts import Facts, lines_of
+from jaxnet.view.text.verdict import Claim, claims, verdict_lines
+from jaxnet.view.text.width import numbered_words, terminal_width
 
 MOST_NETWORKS = 20  # with searches over sets of vehicles
 MOST_NAMED_VALUES = 12  # values of a swept key that are named one by one
@@ -43,6 +47,7 @@ class AlikeCells(NamedTuple):
 
     cells: list[Cell]
     facts: Facts
+    claims: list[Claim]
 
 
 TitledFacts = tuple[str, dict[str, list[str]]]  # a title, and the rows of each fact
@@ -51,14 +56,15 @@ TitledFacts = tuple[str, dict[str, list[str]]]  # a title, and the rows of each 
 def check_text(study: Study, number: int | None = None) -> str:
     """The whole report; of one cell if `number` is given."""
     cells = study.cells if number is None else [study.cells[number]]
-    found, (times, early) = networks(cells), endings(study, cells)
-    warnings = [*unstable_words(found), errors_words(study.config, study.cells)]
-    warnings += [cuts_words(study.cells), early]
-    head = [study_head(study), *(f"WARNING: {each}" for each in warnings if each)]
-    texts = ["\n".join(head)]
+    found, (times, said) = networks(cells), endings(study, cells)
+    named = partial(numbered_words, cells=cells)
+    warnings = errors_words(study.config, cells, named), cuts_words(cells, named)
+    first = [*study_head(study), *(f"WARNING: {each}" for each in warnings if each)]
+    said += [(claim, cell.number) for each in found for cell in each.cells for claim in each.claims]
+    texts = ["\n".join(verdict_lines(first, said, cells))]
     if number is None or len(found) > 1:
         texts.append(swept_text(study))
-    texts.append(amplitude_note(study.cells) + amplitude_advice(study))
+    texts.append(amplitude_advice(study))
     texts.append("\n".join(facts_text(*part) for part in parts(found, times)))
     if idle := idle_keys(study):
         texts.append(facts_text("keys without effect", {key: [why] for key, why in idle.items()}))
@@ -79,9 +85,12 @@ def networks(cells: Sequence[Cell]) -> list[AlikeCells]:
     seconds = PROGRAM_SECONDS / len(groups) if len(groups) <= MOST_NETWORKS else 0.0
     found: dict[Hashable, AlikeCells] = {}
     for group in groups.values():
-        known = facts(group[0].scenario, seconds)
-        key = group[0].scenario.topology.kind, tuple(known.items())
-        found.setdefault(key, AlikeCells([], known)).cells.extend(group)
+        case = Case(group[0].scenario, seconds)
+        proved = values(case)
+        known = lines_of(case, proved)
+        said = [*claims(case, proved, known)]
+        key = case.scenario.topology.kind, (*known.items(), *said)
+        found.setdefault(key, AlikeCells([], known, said)).cells.extend(group)
     return list(found.values())
 
 
@@ -110,70 +119,59 @@ def network_key(scenario: Scenario) -> Hashable:
     return *shared, repr(told)
 
 
-def study_head(study: Study) -> str:
+def study_head(study: Study) -> list[str]:
     """The study's size, memory and disk space."""
     settled, lanes = study.config, study.lanes
     array_bytes = layout.lane_bytes(study.cells, settled.save)
     memory = PROCESS_BYTES + ARRAY_COPIES * array_bytes * layout.shard_size(study.cells, settled)
-    disk = layout.disk_bytes(settled, study.cells, lanes)
+    disk = decimal(layout.disk_bytes(settled, study.cells, lanes))
     most = "at most " if isinstance(settled.samples, Sequential) else ""
     samples = f"{most}{count(settled.most_samples, 'sample')} = {count(lanes, 'lane')}"
-    return (
+    return [
         f"{settled.name}: {count(len(study.cells), 'cell')} × {samples},"
-        f" {settled.engine.kind} engine, no faults\n"
-        f"about {decimal(round(memory))} of memory; about {decimal(disk)} on disk"
-    )
-
-
-def unstable_words(found: Sequence[AlikeCells]) -> list[str]:
-    """A warning for each fact that tells of an unstable law, with its cells."""
-    where: dict[str, list[int]] = {}
-    for each in found:
-        for name, line in each.facts.items():
-            if UNSTABLE in line:
-                where.setdefault(name, []).extend(cell.number for cell in each.cells)
-    words = "unstable, deviations grow, in"
-    return [f"{words} {cells_named(sorted(each))}: see {name}" for name, each in where.items()]
+        f" {settled.engine.kind} engine, no faults",
+        f"The study can run; it needs {decimal(round(memory))} of memory and {disk} on disk.",
+    ]
 
 
 def amplitude_advice(study: Study) -> str:
-    """The key that compares errors with the amplitude in force, where τ ā is more than that."""
-    asked = study.config.recovery
-    if asked is None or asked.of != "magnitude" or not amplitude_note(study.cells):
-        return ""
+    """ā in force, and the key that compares errors with it, where τ ā is more than that."""
+    asked, note = study.config.recovery, amplitude_note(study.cells)
+    if not note or asked is None or asked.of != "magnitude":
+        return note
     what = "spreads" if is_leaderless(study.cells) else "errors"
-    return (
-        f"; recovery compares {what} with tau · ā: give recovery.of: amplitude to compare with the"
-        " shift"
-    )
+    told = f"recovery compares {what} with tau · ā: give recovery.of: amplitude to compare with the"
+    return f"{note}; {told} shift"
 
 
-def endings(study: Study, cells: Sequence[Cell]) -> tuple[list[Facts], str]:
-    """For each cell what the study's own draws and lengths tell; a warning of early tails."""
-    found, early, needed = list[Facts](), list[int](), 0.0
+def endings(study: Study, cells: Sequence[Cell]) -> tuple[list[Facts], list[tuple[Claim, int]]]:
+    """What the study's own draws and lengths tell of each cell, and what they come to."""
+    found, ends = list[Facts](), dict[int, str]()
+    needed, early, enough = 0.0, "early", "Without attack starts die away before the tail begins"
     for cell in cells:
         near = near_starts_words(study.config, cell.scenario)
         known, apart = ending(cell, study.config), {"apart": near} if near else {}
         if isinstance(known, str):
             told = f"the end of the effect of the start is not known: {known}"
             found.append(apart | {"time": told})
+            ends[cell.number] = "It is not known whether starts die away before the tail begins"
             continue
         told = f"the effect of the start is below {known.length:.3g} m after {known.after:.3g} s"
         retained = situation_of(cell.scenario).retained
         if cell.scenario.attack.present and (retained is None or retained.fixed is None):
-            told += "; under attack the end of the effect is not known, as the defence decides it"
+            told += "; under attack the defence decides when"
         found.append(apart | {"time": f"{told}; the tail begins at {known.begins:g} s"})
-        if known.after > known.begins:
-            early.append(cell.number)
-            needed = max(needed, known.horizon)
-    words = "the tail begins before the effect of the start ends, in"
-    warning = f"{words} {cells_named(early)}: horizon: {needed:g} is enough for the start"
-    return found, warning if early else ""
+        late = known.after > known.begins
+        ends[cell.number] = early if late else enough
+        needed = max(needed, known.horizon * late)
+    words = "WARNING: the tail begins before the effect of the start ends"
+    told = {early: (0, f"{words} (`horizon: {needed:g}` is enough)")}
+    return found, [(told.get(each, (7, each)), number) for number, each in ends.items()]
 
 
 def swept_text(study: Study) -> str:
     def told(cell: Cell, written: str) -> str:
-        row = ", ".join(format_value(cell.labels[key]) for key in keys_in(written))
+        row = ", ".join(value_alone(key, cell.labels[key]) for key in keys_in(written))
         named = is_joint(written) and written in cell.labels
         return f"{cell.labels[written]} [{row}]" if named else f"[{row}]" if "," in row else row
 
@@ -201,7 +199,6 @@ def facts_text(title: str, facts: Mapping[str, Sequence[str]]) -> str:
 
 
 CellLabels = Sequence[Mapping[str, str]]  # of each cell, the values of the swept keys
-Combination = tuple[str, ...]  # values of some swept keys
 
 
 def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[TitledFacts]:
@@ -216,19 +213,17 @@ def parts(found: Sequence[AlikeCells], more: Sequence[Facts]) -> list[TitledFact
         facts | {k: "; ".join(filter(None, (facts.get(k), told))) for k, told in other.items()}
         for (_, facts), other in zip(ordered, more, strict=True)
     ]
-    labels = [{k: format_value(v) for k, v in cell.labels.items()} for cell, _ in ordered]
+    own = [{k: format_value(v) for k, v in cell.labels.items()} for cell, _ in ordered]
+    labels = [{k: value_alone(k, v) for k, v in cell.labels.items()} for cell, _ in ordered]
     names = dict.fromkeys(name for each in [*(one.facts for one in found), *more] for name in each)
-    title = "in all cells"
-    if len(found) == 1:
-        cells = found[0].cells
-        numbers = cells_named(sorted(cell.number for cell in cells))
-        title = f"{cells[0].scenario.topology.kind}, {numbers}"
+    first, numbers = ordered[0][0], cells_named([cell.number for cell, _ in ordered])
+    title = "in all cells" if len(found) > 1 else f"{first.scenario.topology.kind}, {numbers}"
     by_keys: dict[Combination, dict[str, list[str]]] = {(): {}}
     for name in names:
-        told = labels if len(found) > 1 else [{}] * len(known)  # what the label says already
+        told = own if len(found) > 1 else [{}] * len(known)  # what the label says already
         lines = [each.get(name, "") for each in known]
         lines = [
-            "" if line == own.get(name) else line for line, own in zip(lines, told, strict=True)
+            "" if line == one.get(name) else line for line, one in zip(lines, told, strict=True)
         ]
         for part in by_deciding_keys(labels, lines):
             keys, rows = factor_rows(labels, part)
@@ -273,7 +268,7 @@ def factor_rows(labels: CellLabels, lines: Sequence[str]) -> tuple[Combination, 
     every = [list(dict.fromkeys(one[key] for one in labels)) for key in keys]
     rows = []
     for line, combinations in where.items():
-        boxes = ("; ".join(map(values_text, box, every)) for box in boxes_of(combinations))
+        boxes = ("; ".join(map(values_text, box, every)) for box in boxes_of(sorted(combinations)))
         rows += [f"{' '.join(f'[{box}]' for box in boxes)} {line}"] * bool(line)
     if len(rows) > MOST_FACT_ROWS:
         rows[MOST_FACT_ROWS:] = [f"and {count(len(rows) - MOST_FACT_ROWS, 'row')} more …"]
@@ -326,16 +321,3 @@ def deciding_keys(labels: CellLabels, lines: Sequence[str]) -> list[str]:
         if all(decided.setdefault(each, line) == line for each, line in pairs):
             keys = fewer
     return keys
-
-
-def boxes_of(combinations: set[Combination]) -> list[list[Combination]]:
-    """Few products of sets of values, one set a key, that make up these combinations."""
-    if combinations == {()}:
-        return [[]]
-    rests: dict[str, set[Combination]] = {}
-    for first, *rest in sorted(combinations):
-        rests.setdefault(first, set()).add(tuple(rest))
-    alike: dict[frozenset[Combination], list[str]] = {}
-    for first, rest in rests.items():
-        alike.setdefault(frozenset(rest), []).append(first)
-    return [[tuple(firsts), *box] for rest, firsts in alike.items() for box in boxes_of({*rest})]

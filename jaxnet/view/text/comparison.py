@@ -60,7 +60,7 @@ NOTES = {  # of columns whose titles begin so
     "spread": definition(SPREAD),
     "outside": definition(OUTSIDE_HULL),
     "only": "only A off: unrecovered in A and recovered in B; only B off: the reverse",
-    "p": "McNemar's exact test has this p if both are equally likely",
+    "p": "p of McNemar's exact test: only A off and only B off are equally likely",
 }
 
 
@@ -139,7 +139,8 @@ def settings_lines(found: Comparison) -> list[str]:
 def named_lanes(what: str, lanes: pd.DataFrame) -> str:
     named = []
     for lane in lanes.to_dict("records"):
-        ends = f" ({lane['status_A']} in A, {lane['status_B']} in B)" if "status_A" in lane else ""
+        a, b = lane.get("status_A", ""), lane.get("status_B", "")
+        ends = f" ({a} in A, {b} in B)" if a != b else f" ({a} in both)" * bool(a)
         named.append(f"cell {lane['cell']} sample {lane['sample']}{ends}")
     return filled(f"{what}: {count(len(named), 'lane')}: {first_names(named)}") if named else ""
 

@@ -18,10 +18,9 @@ from jaxnet.config.scenario import (
 )
 from jaxnet.kinds.fields import EachOrder, is_drawn, value_range
 from jaxnet.kinds.kind import vehicle_numbers
-from jaxnet.model.graph import Digraph, Links, unreachable
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.safety import Vehicles
 from jaxnet.model.wording import count, number_text, orders_in_words, plural_s, ranges
-from jaxnet.theory import integer
 from jaxnet.theory.alarms import AlarmRuns, UnseenEffect, UnseenLie, deviations, tested
 from jaxnet.theory.announced import Ultimate
 from jaxnet.theory.case import Case
@@ -54,7 +53,12 @@ Facts = dict[str, str]
 def facts(scenario: Scenario, seconds: float = 0.0) -> Facts:
     """Facts of a scenario by name; `seconds` is the time for searches over sets of vehicles."""
     case = Case(scenario, seconds)
-    found = values(case)
+    return lines_of(case, values(case))
+
+
+def lines_of(case: Case, found: dict[str, Any]) -> Facts:
+    """What theorems tell of a case, and what its kinds say of themselves."""
+    scenario = case.scenario
     told = {name: PHRASES[name](value, scenario) for name, value in found.items()}
     attack, defence = scenario.attack, scenario.defence
     lines = {
@@ -89,7 +93,7 @@ def defence_lines(scenario: Scenario) -> Facts:
     """What a defence says of itself; of attackers that are drawn, for the worst draw."""
     defence, given = scenario.defence, attacked_at_once(scenario)
     drawn = not scenario.attack.targets() and defence.outnumbered(*given).any()
-    worst = "; each vehicle is told with its worst draw of attacked vehicles" * bool(drawn)
+    worst = "; each vehicle counts with its worst draw of attacked vehicles" * bool(drawn)
     lost = f"; {starved_words(scenario)}".removesuffix("; ")
     return {name: line + worst + lost for name, line in defence.describe(*given).items()}
 
@@ -116,35 +120,17 @@ def network_lines(case: Case, told: Facts) -> Facts:
     size = f"{count(scenario.vehicles, 'vehicle')}, {count(int(heard.sum()), 'link')}"
     names = [f"{number} {name}" for number, name in enumerate(scenario.topology.vehicle_names(), 1)]
     more = f", … ({len(names)} vehicles)" if len(names) > MOST_NAMED_VEHICLES else ""
-    alone = told.get("alone", "")
-    if case.seconds > 0 and scenario.vehicles > integer.MOST_PROGRAMMED:
-        alone = f"not examined: the vehicles are more than {integer.MOST_PROGRAMMED}"
-    robust, navigator = (
-        "",
-        (
-            "none: rows measure the spread of honest vehicles, and how far one leaves the hull of"
-            " their starts"
-        ),
+    navigator = (
+        "none: rows measure the spread of honest vehicles, and how far one leaves their first hull"
     )
     if scenario.navigator.present:
         slowest, when = scenario.navigator.slowest(scenario.horizon)
         navigator = f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)"
-    F = scenario.defence.tolerates()
-    if scenario.navigator.present and F is not None:
-        robust = "exactly 1-robust with the navigator, as is every graph that it reaches"
-        if unreachable(graph):
-            robust = "not 1-robust with the navigator, which does not reach every vehicle"
-        robust += (
-            f"; {defence_name(scenario)} with F = {F} needs {2 * F + 1}-robustness against F-local"
-            f" attackers, or ({F + 1}, {F + 1})-robustness against F-total attackers"
-        )
     return {
         "graph": f"{size}: {'; '.join(hears)}",
         "names": ", ".join(names[:MOST_NAMED_VEHICLES]) + more,
         "‖L⁻¹‖₂": told.get("inverse norm", ""),
-        "robustness": robust,
-        "alone": alone,
-        "led": told.get("led", ""),
+        "robustness": told.get("alone", ""),
         "navigator": navigator,
     }
 
@@ -211,7 +197,7 @@ def detector_line(case: Case, told: Facts) -> str:
     line += f"; {limit}" * bool(limit)
     if detector.whitens and predicts.presumes:
         line += f"; false alarms are as rare as asked only while {predicts.presumes}"
-    line += "; starts add nothing to residuals" if predicts.exact else told.get("start drive", "")
+    line += "; starts raise no alarm" if predicts.exact else told.get("start drive", "")
     if "runs" not in told:
         why = "; ".join(premise_words(scenario, each) for each in missing(scenario, OF_ALARMS))
         line += "; mean times to alarms are not known" + f": {why}" * bool(why)
@@ -295,8 +281,7 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
         "proof ends": told.get("proof ends", "") if proved else "",  # where there is a proof
         "weights": f"drawn for each lane; {medians}" if scenario.topology.differs() else "",
         "gain": f"drawn for each lane; {gain}" if scenario.draws_gain else "",
-        "decay": told.get("decay", "")
-        + ("; the bound of line `start` is sharper" * ({"decay", "start"} <= {*told})),
+        "decay": told.get("decay", "") + ("; `start` is sharper" * ({"decay", "start"} <= {*told})),
         "start": told.get("start", ""),
         "at rest": told.get("keeps moving", ""),
         "limits": "; ".join(filter(None, map(told.get, ("never global", "unclipped")))),
@@ -304,33 +289,22 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
 
 
 def alone_words(found: VehiclesAlone, scenario: Scenario) -> str:
-    """Robustness of the vehicles without the navigator, and what the defence gains by it."""
-    r, local, total, defence = found.r, found.local, found.total, scenario.defence
-    line, name = f"{r.high}-robust" if r.high else "not 1-robust", defence_name(scenario)
-    if found.pairs:
-        line = ", ".join(f"({r}, {s})" for r, s in enumerate(found.pairs, 1)) + "-robust"
-    elif not r.known:
-        line = f"r-robust, with the greatest r between {r.low} and {r.high}"
-    gain = f"the vehicles are robust enough for {name}"
-    if defence.tolerates() is None:
-        gain = (
-            f"robustness proves nothing {f'of {name}' if defence.decides else 'without a defence'}"
-        )
-    elif r.low == 0:
-        gain = f"nothing is proved of {name}" if r.high else gain.replace("are", "are not")
-    elif local.low or total.low:
-        ends = f"F-local attackers up to {at_least(local)}, F-total up to {at_least(total)}"
-        gain += f" with {ends}"
-    elif local.known and total.known:
-        gain += " only without attackers"
-    else:
-        gain += " without attackers; with attackers this is not known"
-    where = "without the navigator " * scenario.navigator.present
-    return f"{where}the vehicles are {line}; {gain}"
+    """Robustness of the vehicles without the navigator, and what W-MSR needs of it."""
+    s, name = RobustnessBracket(*(each + 1 for each in found.total)), scenario.defence.kind
+    return (
+        f"r = {between(found.r)}, s = {between(s)}; {value_name('defence', name)} bears F attackers"
+        " among the sources of each vehicle (F-local) if the vehicles alone are r-robust with r ≥"
+        " 2F + 1, or F in all (F-total) if (s, s)-robust with s ≥ F + 1"
+        + "; with one navigator no graph is more than 1-robust"
+        * scenario.navigator.present
+        + "; r-robust: of any two separate groups of vehicles, one has a vehicle that hears r"
+        " vehicles outside its group; (s, s)-robust: at least s vehicles of the two, or all of"
+        " one, hear s so"
+    )
 
 
-def defence_name(scenario: Scenario) -> str:
-    return value_name("defence", scenario.defence.kind)
+def between(found: RobustnessBracket) -> str:
+    return f"{found.low}" if found.known else f"{found.low} to {found.high}"
 
 
 def agreement_words(found: Agreement, scenario: Scenario) -> str:
@@ -340,16 +314,12 @@ def agreement_words(found: Agreement, scenario: Scenario) -> str:
     return f"honest vehicles agree, {box}; {found.why}"
 
 
-def at_least(found: RobustnessBracket) -> str:
-    return f"{'' if found.known else 'at least '}F = {found.low}"
-
-
 def norm_words(norm: float, scenario: Scenario) -> str:
     if not np.isfinite(norm):
         return f"{norm}; the navigator does not reach every vehicle"
     return (
-        f"{norm:.4g}; ‖E‖ ≤ ‖L⁻¹‖₂ ‖d‖ under a steady attack while all sources are retained,"
-        " with d the weighted sum of the attacks on each vehicle's sources"
+        f"{norm:.4g}; ‖E‖ ≤ ‖L⁻¹‖₂ ‖d‖ under a steady attack while all sources are retained (d:"
+        " weighted sums of the attacks on them)"
     )
 
 
@@ -467,14 +437,18 @@ def unseen_words(found: UnseenLie, scenario: Scenario) -> str:
     line = f"a liar that knows the errors may be {found.steady:.4g} m off at each tick"
     if found.first > found.steady:
         line += f", after one tick of {found.first:.4g} m,"
-    return f"{line} and raise no alarm (an unseen lie)"
+    return f"{line} and raise no alarm"
 
 
 def unseen_effect_words(found: UnseenEffect, scenario: Scenario) -> str:
-    line = f"; unseen lies in phase move a vehicle by {found.steady:.4g} m beside what errors do"
+    line = f"; lies without alarm, in phase, move a vehicle by {found.steady:.4g} m beside errors"
     if np.isfinite(found.most):
-        line += f"; unseen lies about positions move no vehicle by more than {found.most:.4g} m"
-    return line + "; bounds on unseen lies hold while alarms cut nothing" * scenario.detector.acts
+        line += f"; such lies about positions move no vehicle by more than {found.most:.4g} m"
+    return (
+        line
+        + "; lies without alarm: these lengths hold while alarms cut nothing"
+        * scenario.detector.acts
+    )
 
 
 def safe_words(found: SafeVehicles, scenario: Scenario) -> str:
@@ -584,13 +558,10 @@ def misjudged_words(found: list[Misjudged], scenario: Scenario) -> str:
     for number, each in enumerate(found):
         known = "at most {:.4g}, {:.4g}".format(*each.bounds)
         if np.isfinite(each.dropped):
-            known = f"{chances(each.dropped, each.kept)} ({known})"
+            exact = (f"{one:.4g}" if one >= 1e-12 else "below 1e-12" for one in each[1:3])
+            known = f"{', '.join(exact)} ({known})"
         told += f"{';' * (number > 0)} {known} after {each.after}" + " observation" * (number == 0)
     return told
-
-
-def chances(*each: float) -> str:
-    return ", ".join("below 1e-12" if one < 1e-12 else f"{one:.4g}" for one in each)
 
 
 # What a theorem's value says, by its quantity.
@@ -600,7 +571,8 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "apart": lambda least, scenario: f"steered points that start {least:g} m apart or more stay so",
     "misjudged": misjudged_words,
     "cut off": lambda lost, scenario: (
-        f"{ranges(lost)} may be cut off from the navigator, if they drop the wrong sources"
+        f"{ranges(lost)} may be cut off from the navigator, if they drop the wrong sources; which"
+        " they drop depends on the values that they receive, so only a run tells"
     ),
     "reach": lambda found, scenario: (
         f"; the navigator reaches {vehicles_named(found.union, scenario)} in the union and"
@@ -609,10 +581,6 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "nominal": nominal_words,
     "alone": alone_words,
     "agreement": agreement_words,
-    "led": lambda found, scenario: (
-        f"by {ranges(found.leaders)}, which others trust: strongly {found.strongly}-robust, and"
-        f" percolation with F = 1 reaches {ranges(found.reached) or 'nobody else'}"
-    ),
     "sensors leave": rms_words,
     "messages leave": rms_words,
     "stability": stability_words,
@@ -645,7 +613,8 @@ PHRASES: dict[str, Callable[[Any, Scenario], str]] = {
     "decay": decay_words,
     "start": start_words,
     "start drive": lambda drive, scenario: (
-        f"; a start may ask for an untold derivative of {drive:.4g} m/s^{scenario.vehicle.order}"
+        f"; after a start the derivative that no message carries may be {drive:.4g}"
+        f" m/s^{scenario.vehicle.order}"
     ),
     "keeps moving": moving_words,
     "never global": lambda is_so, scenario: (

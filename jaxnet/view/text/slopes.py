@@ -17,8 +17,7 @@ from jaxnet.statistics.recovery import lowered_words
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store.results import Results
 from jaxnet.view.text.printer import fitted_columns, fitted_text
-from jaxnet.view.text.tables import lane_title
-from jaxnet.view.text.width import filled
+from jaxnet.view.text.width import cell_title, filled
 
 MOST_VIOLATIONS = 20
 WORST_LANE = "worst lane"
@@ -157,15 +156,15 @@ def group_ratios(curve: Curve) -> dict[str, float]:
 
 def violations_text(results: Results) -> str:
     found: Any = results.violations
+    cells = results.study.cells
     lines = [
-        f"ABOVE ITS BOUND: {lane_title(results, row.cell, row.sample)}:\n"
+        filled(f"ABOVE ITS BOUND: {cell_title(cells[row.cell])}, sample {row.sample}:") + "\n"
         f"  greatest error {row.tail_max:.6g} m, bound {row.limit:.6g} m ({row.bound})\n"
         f"  {row.command}"
         for row in found.head(MOST_VIOLATIONS).itertuples()
     ]
     if len(found) > MOST_VIOLATIONS:
         lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.file('violations.csv')}")
-    cells = results.study.cells
     attacked = sum(cell.scenario.attack.present for cell in cells)
     if not lines and sum(map(len, unchecked(cells).values())) < attacked:
         lines.append("no lane is above its bound of theory")

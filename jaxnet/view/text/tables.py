@@ -43,6 +43,7 @@ from jaxnet.view.text.width import (
     cut_text,
     filled,
     left_out_note,
+    numbered_words,
     terminal_width,
 )
 
@@ -162,7 +163,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
 def grave_warnings(results: Results) -> list[str]:
     """Why errors are not ultimate, or no errors of a fleet that holds together."""
     cells = results.study.cells
-    return [*filter(None, [lost_words(results), falling_words(results, cells)])]
+    return [*filter(None, [lost_words(results, cells), falling_words(results, cells)])]
 
 
 def other_warnings(results: Results) -> list[str]:
@@ -326,9 +327,9 @@ def stop_reason(results: Results) -> str:
 
 def failures_text(results: Results) -> str:
     """Failed lanes by reason, the first with the command that replays it; empty of none."""
-    by_cell = failed_kinds(results)
+    by_cell, known = failed_kinds(results), results.study.cells
     lines = [
-        filled(f"failed: {told} of {count(lanes, 'lane')} in {cells_named(cells)}")
+        filled(f"failed: {told} of {count(lanes, 'lane')} in {numbered_words(cells, known)}")
         for cells, told, lanes in failures_alike(results, by_cell)
     ]
     _, failed = results.failed(1)
@@ -336,8 +337,8 @@ def failures_text(results: Results) -> str:
     for row in first:
         vehicle = getattr(row, "cut_off", 0)  # the first that was cut off; 0 is none
         since = f", vehicle {vehicle} since {row.cut_off_at:g} s" if vehicle else ""
-        title = lane_title(results, row.cell, row.sample)
-        lines.append(filled(f"the first: {title}: {row.status}{since}"))
+        title = cell_title(known[row.cell])
+        lines.append(filled(f"the first: {title}, sample {row.sample}: {row.status}{since}"))
         lines.append(f"  {results.replay_command(row.cell, row.sample)}")
     every = dict.fromkeys(kind for kinds in by_cell.values() for kind in kinds)
     lines += [filled(f"{k}: {FAILURE_REASONS[k]}") for k in every if k in FAILURE_REASONS]
@@ -361,11 +362,6 @@ def failures_alike(
     told = (counted(sum((by_cell[n] for n in cells), Counter[str]())) for cells in groups.values())
     many = (sum(lanes[cell] for cell in cells) for cells in groups.values())
     return [*zip(groups.values(), told, many, strict=True)]
-
-
-def lane_title(results: Results, cell: int, sample: int) -> str:
-    title = cell_title(results.study.cells[cell], terminal_width() - 40)
-    return f"{title}, sample {sample}"
 
 
 def lane_text(results: Results, row: pd.Series) -> str:

@@ -7,10 +7,12 @@ from textwrap import fill
 from typing import TypeVar
 
 from jaxnet.config.cells import Cell
-from jaxnet.model.wording import RESULT_DIGITS, number_text
+from jaxnet.config.naming import choices_words, labels_title, value_alone
+from jaxnet.model.wording import RESULT_DIGITS, cells_named, number_text
 
 LEAST_WIDTH, GREATEST_WIDTH = 40, 200  # of a terminal, in letters
 MOST_ROWS = 60
+WIDEST = 90  # letters that name cells by swept values
 Value = TypeVar("Value")
 
 
@@ -28,14 +30,27 @@ def cut_text(text: Value, room: int) -> Value | str:
     return text if not isinstance(text, str) or len(text) <= room else f"{text[: room - 1]}…"
 
 
-def cell_title(cell: Cell, room: int) -> str:
-    """A cell's name; where it is too long, the number and the shortened values alone."""
-    values, shown = [str(value) for value in cell.labels.values()], str(cell)
-    for longest in range(max(map(len, values), default=0), 3, -1):
-        if len(shown) <= room:
-            break
-        shown = f"cell {cell.number}: {', '.join(cut_text(value, longest) for value in values)}"
-    return cut_text(shown, room)
+def cell_title(cell: Cell, room: int = 10_000) -> str:
+    """A cell's number and swept values, without their keys where there is no room."""
+    shown = labels_title(cell.labels)
+    if len(shown) > room - len(f"cell {cell.number}: "):
+        shown = ", ".join(value_alone(key, value) for key, value in cell.labels.items())
+    return cut_text(f"cell {cell.number}: {shown}" if shown else f"cell {cell.number}", room)
+
+
+def numbered_words(numbers: Sequence[int], cells: Sequence[Cell]) -> str:
+    """Cells by their numbers, with their swept values where these are few letters."""
+    words = swept_words(numbers, cells)
+    return cells_named(numbers) + f" ({words})" * (0 < len(words) <= WIDEST)
+
+
+def swept_words(numbers: Sequence[int], cells: Sequence[Cell]) -> str:
+    """The values that cells have, or all others have if these are shorter; "" for all cells."""
+    every, told = [cell.labels for cell in cells], list[str]()
+    for begin, others in (("", False), ("all but ", True)):
+        some = [cell.labels for cell in cells if (cell.number not in numbers) is others]
+        told.append(begin + "; ".join(choices_words(some, every)) if some else "")
+    return min(told, key=len)
 
 
 def digits_text(value: object, digits: int = RESULT_DIGITS, whole: float = math.inf) -> str:

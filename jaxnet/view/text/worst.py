@@ -8,6 +8,7 @@ import pandas as pd
 from jaxnet.config.cells import is_leaderless
 from jaxnet.config.keys import SearchSettings
 from jaxnet.config.naming import choices_words, key_name, quantity, worded
+from jaxnet.model.wording import cells_named
 from jaxnet.statistics.amplitude import without_rounding
 from jaxnet.statistics.curves import BOUND_NAMES
 from jaxnet.statistics.recovery import criterion_words
@@ -87,8 +88,7 @@ def limit_lines(results: Results) -> list[str]:
     if len(shares):
         lines.append(f"of other starts {shares.min():.1%} to {shares.max():.1%} fulfil it")
     if none.any():
-        numbers = ", ".join(map(str, found["cell"][none]))
-        cells = f"cells {numbers}" if len(found) > 1 else "the study"
+        cells = cells_named(found["cell"][none].tolist()) if len(found) > 1 else "the study"
         lines.append(
             f"no choice that was tried in {cells} fulfils it: search where more of them do"
         )

@@ -1,0 +1,80 @@
+"""The verdict of `jaxnet check`: what is proved and what may go wrong, in a few sentences."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxnet.config.cells import Cell
+from jaxnet.config.scenario import BOUNDS, missing
+from jaxnet.model.wording import cells_named, count
+from jaxnet.theory.case import Case
+from jaxnet.view.text.facts import UNSTABLE, Facts, attacked_at_once
+from jaxnet.view.text.width import WIDEST, filled, swept_words
+
+NO_AGREEMENT = 1, "No agreement is proved"
+UNSAFE = 1, "No vehicle is proved safe from the attack"
+UNBOUNDED = 2, "Errors have no proved bound"
+NOTHING = (NO_AGREEMENT, UNSAFE, UNBOUNDED)  # goes without saying where others of the place are
+VERDICT_LINES = 9  # with the study's size
+
+Claim = tuple[int, str]  # a place in the verdict, and a sentence without its cells
+
+
+def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
+    """What is proved of a cell with an attack, and what may go wrong in any cell."""
+    scenario, defence = case.scenario, case.scenario.defence
+    graph, attacked, trusted = attacked_at_once(scenario)
+    drops, F = defence.may_drop(graph, trusted).links, defence.tolerates()
+    agreed = "agreement" in found and found["agreement"].proved
+    for name in (name for name, line in lines.items() if UNSTABLE in line):
+        yield 0, f"WARNING: unstable, deviations grow (line `{name}`)"
+    if scenario.attack.present and scenario.leaderless:
+        yield (1, "Guarantee: honest vehicles agree") if agreed else NO_AGREEMENT
+    elif scenario.attack.present:
+        reasons = found["safe"].reasons if "safe" in found else ()
+        safe = np.any([each.vehicles for each in reasons] or [[False]], axis=0)
+        who = "Every vehicle is" if safe.all() else "Only some vehicles are"
+        yield (1, f"{who} proved safe from the attack") if safe.any() else UNSAFE
+        unknown = missing(scenario, BOUNDS) or np.isinf(found.get("inverse norm", 0.0))
+        if not safe.all():
+            yield UNBOUNDED if unknown else (2, "Errors have a proved bound (`jaxnet fit`)")
+    if scenario.attack.present and defence.outnumbered(graph, attacked, trusted).any():
+        hears = "hears" if scenario.attack.targets() else "may hear"
+        yield 3, f"A vehicle {hears} more attackers than its defence bears"
+    if scenario.attack.present and "honest paths" in found and found["honest paths"].cut_off:
+        yield 4, "No honest path leads from the navigator to some vehicle"
+    if scenario.leaderless and not agreed and drops.any():
+        yield 5, "Vehicles drop sources, so the fleet may break apart"
+    if "cut off" in found:
+        then = "its lane fails" if scenario.law.couples() and not defence.coasts() else "coasts"
+        heard = graph.heard.sum(axis=1)
+        surely = F is not None and ((heard > 0) & (heard <= F) & (heard == drops.sum(axis=1))).any()
+        what = "drops all sources (F too great)" if surely else "may be cut off"
+        yield 5, f"A vehicle {what}, and {then}"
+    if "keeps moving" in found and not found["keeps moving"].every_start:
+        yield 8, "A vehicle may come to rest from some starts (line `at rest`)"
+
+
+def verdict_lines(first: Sequence[str], said: Sequence[tuple[Claim, int]], cells: Sequence[Cell]):
+    """First sentences, then claims with their cells; in fewer words where lines are too many."""
+    where: dict[Claim, list[int]] = {}
+    for claim, number in said:
+        where.setdefault(claim, []).append(number)
+    every, places = sorted(where), Counter(place for place, _ in where)
+    some = [each for each in every if each not in NOTHING or places[each[0]] == 1]
+    for most, shown in ((WIDEST, every), (WIDEST // 2, some), (0, some), (0, some[:-1])):
+        told = [f"{each[1]}{placed(where[each], cells, most)}." for each in shown]
+        lines = [line for each in (*first, *told) for line in filled(each).splitlines()]
+        if len(lines) <= VERDICT_LINES:
+            break
+    return lines
+
+
+def placed(numbers: Sequence[int], cells: Sequence[Cell], most: int) -> str:
+    """Cells by their swept values, by numbers where these take too many letters; "" for all."""
+    words = swept_words(numbers, cells)
+    if len(words) <= most or not words:
+        return f": {words}" * bool(words)
+    return f", in {cells_named(sorted(numbers))}" if most else f", in {count(len(numbers), 'cell')}"
