@@ -165,7 +165,7 @@ def test_the_tutorial_shows_what_check_prints():
     assert command == "jaxnet check configs/quick.yaml"
     config = str(ROOT / "configs" / "quick.yaml")
     printed = CliRunner().invoke(main, ["check", config], env={"COLUMNS": "80"}).output.splitlines()
-    assert len(shown) == 6
+    assert len(shown) == 8
     assert [line for line in shown if line not in printed] == []
 
 
