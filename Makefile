@@ -21,7 +21,7 @@ test: check
 test-all: check
 	JAXNET_CHECK_SHAPES=1 $(BIN)/pytest
 
-# The site, in site/; first the tables of docs/config.md, which are made from the code.
+# The site, in site/; first the lists of docs/keys.md, which are made from the code.
 docs: .venv/ready
 	$(BIN)/python docs/site/keys.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

@@ -135,12 +135,12 @@ def test_what_the_readme_shows_works(home):
     assert shown == [line for line in given if "language-server" not in line]
 
 
-def test_the_config_begins_with_fifteen_keys_and_a_study_that_has_them_and_runs(home):
+def test_the_config_begins_with_sixteen_keys_and_a_study_that_has_them_and_runs(home):
     """Each key of the table is in the study, or swept there."""
     page = (DOCS / "config.md").read_text()
-    begin = page.partition("\n## Fifteen keys")[2].partition("\n## ")[0]
+    begin = page.partition("\n## Sixteen keys")[2].partition("\n## ")[0]
     keys = re.findall(r"^\| `([\w.]+)` \|", begin, re.M)
-    assert len(keys) == 15
+    assert len(keys) == 16
     reader = Reader(home).reads(begin.replace("horizon: 90", "horizon: 9"))
     assert reader.done == ["check", "run"]
     given = yaml.safe_load((home / "ring.yaml").read_text())
@@ -165,7 +165,7 @@ def test_the_tutorial_shows_what_check_prints():
     assert command == "jaxnet check configs/quick.yaml"
     config = str(ROOT / "configs" / "quick.yaml")
     printed = CliRunner().invoke(main, ["check", config], env={"COLUMNS": "80"}).output.splitlines()
-    assert len(shown) == 6
+    assert len(shown) == 8
     assert [line for line in shown if line not in printed] == []
 
 
@@ -191,7 +191,8 @@ def test_the_tutorial_shows_the_tables_that_run_show_and_fit_print(tmp_path, mon
     for section, each in commands.items():
         said = [CliRunner().invoke(main, words, env={"COLUMNS": "80"}).output for words in each]
         printed = "".join(said).splitlines()
-        tables = [block for _, _, block in CODE.findall(section) if re.search("median|%", block)]
+        blocks = [block for _, _, block in CODE.findall(section)]
+        tables = [block for block in blocks if re.search("median|%|worst", block)]
         shown = "".join(tables).splitlines()
         assert len(shown) > 4
         assert [line for line in shown if not any(alike(line, each) for each in printed)] == []
@@ -258,7 +259,7 @@ def letters(text):
 
 def test_the_lists_of_keys_are_current(keys):
     """`python docs/site/keys.py`; every key of every kind is there and says what it is."""
-    page = (DOCS / "config.md").read_text()
+    page = (DOCS / "keys.md").read_text()
     assert keys["current"](page) == page
     whole = json.loads(schema_text())
     kinds = [model for model in whole["$defs"].values() if "kind" in model.get("properties", {})]
@@ -283,14 +284,15 @@ def test_the_examples_of_the_config_load(keys, tmp_path):
 
 
 def test_facts_that_code_cites_are_on_the_page():
-    """`theorems.md O5` in a docstring leads to the heading O5 there."""
+    """`theorems.md O5` in a docstring leads to the heading with (O5) there."""
     reference = re.compile(r"(theorems|numerics)\.md\s(O\d+b?(?:(?:, | and )O\d+b?)*)")
     files = [*ROOT.glob("jaxnet/**/*.py"), *ROOT.glob("experiments/**/*.py")]
     found = [each for path in files for each in reference.findall(path.read_text())]
     cited = {(page, label) for page, labels in found for label in re.findall(r"O\d+b?", labels)}
     assert len(cited) > 10
     for page, label in cited:
-        assert f"\n## {label}: " in (DOCS / f"{page}.md").read_text(), (page, label)
+        text = (DOCS / f"{page}.md").read_text()
+        assert re.search(rf"^## .* \({label}\)$", text, re.M), (page, label)
 
 
 def anchors(page):
@@ -388,7 +390,7 @@ def test_the_site_is_searched_from_the_disk(opened):
     page = opened("index")
     page.locator(".md-search__input").click()
     page.keyboard.type("navigator_weight")
-    page.locator(".md-search-result__link[href*='config.html']").first.wait_for()
+    page.locator(".md-search-result__link[href*='keys.html']").first.wait_for()
 
 
 @pytest.mark.long

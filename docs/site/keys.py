@@ -1,17 +1,17 @@
-"""Write the tables of config.md, from the schema and the kinds: `python docs/site/keys.py`."""
+"""Write the lists of keys.md, from the schema and the kinds: `python docs/site/keys.py`."""
 
 import inspect
 import re
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from jaxnet.config.schema import DEFAULT_KINDS, NAME, config_schema
 from jaxnet.kinds import registry
-from jaxnet.kinds.kind import Kind
 
-PAGE = Path(__file__).parents[1] / "config.md"
+PAGE = Path(__file__).parents[1] / "keys.md"
 MARK = "<!-- From here on written by docs/site/keys.py -->\n"
 LIMITS = {
     "exclusiveMinimum": "> {}",
@@ -21,7 +21,7 @@ LIMITS = {
 }
 LIMITS["multipleOf"] = "a multiple of {}"
 WORDS = {"integer": "integer", "boolean": "boolean", "string": "text", "null": "null"}
-EACH = "[each](#one-for-each-attacked-vehicle)"
+EACH = "[each](config.md#one-for-each-attacked-vehicle)"
 DRAWN = ("Uniform", "Normal", "DiscreteChoice")
 GROUPS = {  # of the keys of a study
     "The study": "name seed samples draws engine sweep labels",
@@ -40,20 +40,20 @@ PARTS = {
 }
 ELSEWHERE = {  # kinds of which a page says what their docstring says after its first paragraph
     "edges": "[the local law](model.md#the-local-law)",
-    "file of topology": "[networks from files](#networks-from-files)",
-    "switching": "[switching networks](theorems.md#o14-networks-in-turn)",
+    "file of topology": "[networks from files](config.md#networks-from-files)",
+    "switching": "[switching networks](theorems.md#switching-networks)",
     "driven": "[navigator](model.md#navigator)",
     "none of navigator": "[without a navigator](model.md#without-a-navigator)",
-    "spoof": "[O10](theorems.md#o10-inconsistent-derivatives)",
+    "spoof": "[O10](theorems.md#inconsistent-derivatives-o10)",
     "trust": "[trust that learns](trust.md)",
     "vote": "[theorem 7](guarantees.md#theorem-7-a-vote)",
     "trusted_trim": "[trimming](model.md#defence), [announcements](guarantees.md#announcements)",
     "linearised": "[the linearised law](model.md#the-linearised-law)",
     "local": "[the local law](model.md#the-local-law)",
     "rounds": "[rounds.md](rounds.md)",
-    "gaussian of sensing": "[O13](theorems.md#o13-sensor-errors)",
-    "gaussian of noise": "[O15](theorems.md#o15-substituted-messages)",
-    "chi_squared": "[O17](theorems.md#o17-alarms)",
+    "gaussian of sensing": "[O13](theorems.md#sensor-errors-o13)",
+    "gaussian of noise": "[O15](theorems.md#substituted-messages-o15)",
+    "chi_squared": "[O17](theorems.md#alarms-o17)",
     "cusum": "[tests](detectors.md#tests)",
     "kalman": "[what is predicted](detectors.md#what-is-predicted)",
     "robotarium": "[limits](robots.md#limits)",
@@ -95,37 +95,33 @@ def current(page: str) -> str:
     prose, mark, _ = page.partition(MARK)
     whole = config_schema()
     inner = {key: whole["$defs"][name] for key, name in PARTS.items()}
-    parts = ["## Keys of a study\n"]
+    families = ", ".join(f"[{family}](#{family})" for family in [*DEFAULT_KINDS, "metrics"])
+    parts = [wrapped(f"Families of kinds: {families}."), "\n## Keys of a study\n"]
     parts += [section(title, rows(whole, keys.split()), 3) for title, keys in GROUPS.items()]
     parts += [section(key, rows(each, each["properties"])) for key, each in inner.items()]
-    said: dict[Any, str] = {}  # base classes whose keys families share, and the first family
-    parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"], said)]
+    parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"])]
     parts += of_metrics(whole["$defs"])
     return "\n".join([prose + mark, *parts]) + "\n"
 
 
-def of_family(family: str, known: dict[str, Any], said: dict[Any, str]) -> Iterator[str]:
-    """The kinds of a family: an example, shared keys, then each with its own keys."""
+def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
+    """The kinds of a family: an example, keys that most kinds have, then each with all its keys."""
     kinds = {name: registry.find(family, name) for name in registry.kind_names(family)}
     tables = {name: rows(known[kind.__name__], own(kind)) for name, kind in kinds.items()}
+    having = Counter(row for table in tables.values() for row in table)
+    shared = [row for row, number in having.items() if 2 * number > len(kinds) > 1]
     yield f"## {family}\n"
     if family in EXAMPLES:
         yield f"    {EXAMPLES[family]}\n"
-    for base in dict.fromkeys(base for kind in kinds.values() for base in kind.__mro__[1:]):
-        having = [name for name, kind in kinds.items() if issubclass(kind, base)]
-        if keys := [
-            key for key in own(base) if not all(key in own(kinds[name]) for name in having)
-        ]:
-            title = f"Keys of {titled(having, list(kinds))}"
-            if base in said:
-                yield f"{title}: those of [{said[base]}](#{said[base]}).\n"
-            else:
-                yield section(title, rows(known[kinds[having[0]].__name__], keys), 3)
-                said[base] = family
-    if shared := alike(tables):
-        yield section("Keys of several kinds", shared, 3)
+    if shared:
+        yield section(f"Shared keys of {family}", shared, 3)
     for name, kind in kinds.items():
-        yield section(f"`{name}`", tables[name], 3, described(name, family, kind))
+        recurs = sum(name in registry.kind_names(other) for other in DEFAULT_KINDS) > 1
+        title = f"`{name}`" + f" of {family}" * recurs
+        table = [row for row in tables[name] if row not in shared]
+        also = ", ".join(row.partition(" | ")[0] for row in tables[name] if row in shared)
+        more = f"- [shared keys](#shared-keys-of-{family}): {also}" if also else ""
+        yield section(title, table, 3, described(name, family, kind), more)
 
 
 def described(name: str, family: str, kind: Any) -> str:
@@ -152,19 +148,6 @@ def of_metrics(known: dict[str, Any]) -> Iterator[str]:
         yield "\n" + section(f"`{name}`", table, 3, words).rstrip()
 
 
-def alike(tables: dict[str, list[str]]) -> list[str]:
-    """Rows of the tables of several kinds, taken out of these; the kinds are the second column."""
-    shared = []
-    for each in dict.fromkeys(row for table in tables.values() for row in table):
-        having = [name for name, table in tables.items() if each in table]
-        if len(having) > 1:
-            key, _, said = each.partition(" | ")
-            shared.append(f"{key} | {', '.join(f'`{name}`' for name in having)} | {said}")
-            for name in having:
-                tables[name].remove(each)
-    return shared
-
-
 def wrapped(text: str) -> str:
     """Text of paragraphs and lists in lines of at most 98 characters; none begins with a minus."""
     parts = re.split(r"(\n(?= *- )|\n\n)", text)  # blocks, and what parts them
@@ -178,17 +161,9 @@ def wrapped(text: str) -> str:
     return "".join(parts)
 
 
-def titled(names: list[str], among: list[str]) -> str:
-    """Names among others, or these others if they are fewer; "all" if there are no others."""
-    others = [name for name in among if name not in names]
-    shown = ", ".join(f"`{name}`" for name in min(others, names, key=len))
-    return shown if len(names) <= len(others) else f"all but {shown}" if others else "all"
-
-
 def own(kind: Any) -> list[str]:
-    """Keys that a class says itself; of what all kinds have, none."""
-    said = inspect.get_annotations(kind) if issubclass(kind, Kind) and kind is not Kind else {}
-    return [key for key in said if key in kind.model_fields]
+    """The keys of a kind, but for those that all kinds have."""
+    return [key for key in kind.model_fields if key not in ("kind", "label")]
 
 
 def rows(model: Any, keys: Iterable[str]) -> list[str]:
@@ -200,16 +175,15 @@ def rows(model: Any, keys: Iterable[str]) -> list[str]:
     ]
 
 
-def section(title: str, table: list[str], level: int = 2, words: str = "") -> str:
-    """A heading, words, and a list of the keys."""
-    keys = wrapped("\n".join(map(listed, table)))
+def section(title: str, table: list[str], level: int = 2, words: str = "", more: str = "") -> str:
+    """A heading, words, and a list of the keys, with more at its end."""
+    keys = wrapped("\n".join(filter(None, [*map(listed, table), more])))
     return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), keys])) + "\n"
 
 
 def listed(line: str) -> str:
     """A row as an item of a list; what each choice means is an item below it."""
-    key, *kinds, taken, meaning = line.split(" | ")
-    key = " of ".join([key, *kinds])
+    key, taken, meaning = line.split(" | ")
     choices = re.findall(r"`(\w+)`", taken.rpartition(" (")[0])
     parts = re.split(rf"(?:^|[:;] )({'|'.join(choices)})[,:] ", meaning)
     if taken.startswith("boolean ("):
@@ -272,8 +246,8 @@ REFERENCES = {
     "SearchSettings": "[search](#search)",
     "Sequential": "{[until](#samplesuntil): …}",
     "DrawnVehicles": "{random: n}",
-    "ChangingVehicles": "[{at: […], sets: […]}](#other-vehicles-from-given-times-on)",
-    "EachOrder": "[one for each order](#a-magnitude-for-each-order)",
+    "ChangingVehicles": "[{at: […], sets: […]}](config.md#other-vehicles-from-given-times-on)",
+    "EachOrder": "[one for each order](config.md#a-magnitude-for-each-order)",
     **dict.fromkeys(("Apiece", "Shared", "Listed"), EACH),
     "Anchoring": "{scale: c, rate: γ}",
     "Observed": "{honest: α, liar: α}",

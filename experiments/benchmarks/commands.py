@@ -70,7 +70,8 @@ def swept(cells: int, samples: int) -> str:
     return f"study.yaml engine=exact defence=none samples={samples} {spacing}"
 
 
-PLAIN, QUICK = "attack=none defence=none", str(HERE / "configs" / "quick.yaml")
+PLAIN = "attack=none defence=none"
+QUICK = f"{HERE / 'configs' / 'quick.yaml'} engine=nonlinear horizon=30 samples=5"
 ROUNDS = {
     "help": [Step("--help")],
     "exact": drawn("engine=exact defence=none", 512, 16_384, 131_072),
@@ -142,14 +143,14 @@ LINES = [
     ),
     Line(f"`run`, {MANY:,} lanes, nonlinear", "lanes/CPU s", "all included"),
     Line("the same, nothing compiled before", "lanes/CPU s", "all included", 1),
-    Line("`run configs/quick.yaml`, nothing compiled before", "CPU s", "quick"),
-    Line("`run configs/quick.yaml`, nothing compiled before", "wall s", "quick"),
+    Line("`run`, 15 nonlinear lanes, nothing compiled before", "CPU s", "quick"),
+    Line("`run`, 15 nonlinear lanes, nothing compiled before", "wall s", "quick"),
     Line("`run`, 2,000 cells of 8 exact lanes", "cells/CPU s", "many cells"),
     Line("`show`, 300 cells", "CPU s", "tables", 1),
     Line("`fit`, 300 cells", "CPU s", "tables", 2),
     Line("`check`, 300 cells", "CPU s", "tables", 3),
-    Line("`report`, `configs/quick.yaml`", "CPU s", "report", 1),
-    Line("`report`, `configs/quick.yaml`", "times its run", "report", 1),
+    Line("`report`, 15 nonlinear lanes", "CPU s", "report", 1),
+    Line("`report`, 15 nonlinear lanes", "times its run", "report", 1),
     Line(f"`check`, {LONG:,} values by a spacing", "CPU s", "long sweep"),
     Line(f"`check`, {LONG:,} values in a list", "CPU s", "long sweep", 1),
 ]

@@ -1,6 +1,6 @@
 """The keys of a config, each with type, unit, range, default and meaning.
 
-The tables of `docs/config.md` are made from these models. A model checks one key at a time. The
+The lists of `docs/keys.md` are made from these models. A model checks one key at a time. The
 kinds, and `faults`, check several keys together.
 """
 

@@ -29,7 +29,7 @@ class Jamming(DrawsTogether, Loss):
     with probability 1/2, if both limits allow it.
     """
 
-    of: Together = setting("all", "for whom a drawn interval counts, as above")
+    of: Together = setting("all", "what has drawn intervals of its own, as in bernoulli")
     intervals: list[Interval] = setting([], "[s], begin and end of each listed interval")
     period: NotNegative = setting(0.0, "[s], from begin to begin of periodic intervals; 0: none")
     length: NotNegative = setting(0.0, "[s], of each periodic interval")

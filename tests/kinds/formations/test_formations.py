@@ -34,7 +34,7 @@ def simulated(**keys):
 
 
 def offsets(kind, time=0.0):
-    """δ of twelve vehicles (2, m), by the formulas of docs/config.md."""
+    """δ of twelve vehicles (2, m), by the formulas of docs/keys.md."""
     number = np.arange(12)
     match kind:
         case "offsets":
