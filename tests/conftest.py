@@ -159,6 +159,14 @@ def traced_anew(monkeypatch):
     programs.jitted.cache_clear()
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave out the figures that a report writes."""
+    from jaxnet.view.figures import every
+
+    monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
+
+
 @pytest.fixture(scope="module")
 def many_side_by_side(few_side_by_side):
     """Where tests have hundreds of lanes a cell, most of the time would go into calls for a few."""

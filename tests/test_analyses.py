@@ -48,7 +48,7 @@ def test_a_folder_is_listed_by_what_it_holds(shelf):
     assert " finished " in lines["both"]
 
 
-def test_the_page_and_the_figure_need_no_run(shelf, tmp_path):
+def test_the_page_and_the_figure_need_no_run(shelf, undrawn, tmp_path):
     """The page begins with what was analysed, tells what was run, and has no section of lanes."""
     assert "sensitivity.pdf" in said("figure", shelf / "sens", "sensitivity", "--out", tmp_path)
     for name, there in (("sens", "<td>initial position</td>"), ("rare", "share that fails")):

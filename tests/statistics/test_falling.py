@@ -141,7 +141,7 @@ def one_line(text):
     return " ".join(text.split())
 
 
-def test_a_transient_is_told_wherever_results_are(short, monkeypatch):
+def test_a_transient_is_told_wherever_results_are(short, undrawn, monkeypatch):
     """Tables, fits, figures and the page; the last cell's errors are below its threshold."""
     assert short.cells["unrecovered"].tolist() == [1, 1, 0]
     assert short.cells["falling"].tolist() == [1, 1, 0]
@@ -155,7 +155,9 @@ def test_a_transient_is_told_wherever_results_are(short, monkeypatch):
     assert page.count("still fall when the run ends") == 1  # in the findings, not again below
 
 
-def test_a_share_that_falls_as_the_attack_grows_is_told_wherever_results_are(short, monkeypatch):
+def test_a_share_that_falls_as_the_attack_grows_is_told_wherever_results_are(
+    short, undrawn, monkeypatch
+):
     """A transient is over τ ā at 0.1 m and 1 m, and not at 100 m, whatever the attack does."""
     told = "the share unrecovered falls as ā grows: it is greater in cell 0 than in cell 2;"
     assert told in one_line(summary_text(short))

@@ -81,9 +81,8 @@ def test_the_report_makes_what_is_missing(folder, monkeypatch):
         assert (folder / name).stat().st_size > 1000
 
 
-def test_a_violation_is_named_with_its_command(folder, monkeypatch):
+def test_a_violation_is_named_with_its_command(folder, undrawn):
     """A row that says that a lane was farther off than it may be."""
-    monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
     shard = folder / "lanes" / "00001.parquet"
     whole = shard.read_bytes()
     rows = pd.read_parquet(shard)
@@ -91,7 +90,8 @@ def test_a_violation_is_named_with_its_command(folder, monkeypatch):
     rows.to_parquet(shard)
     text = invoke("fit", folder)
     shard.write_bytes(whole)
-    assert "ABOVE ITS BOUND: cell 1: star, bias, 1, sample 3:\n  greatest error 1.01 m" in text
+    assert "ABOVE ITS BOUND: cell 1: " in text
+    assert "sample 3:\n  greatest error 1.01 m" in text
     assert f"jaxnet replay {folder} --cell 1 --sample 3" in text
     assert jaxnet.open(folder).violations["bound"].tolist() == ["static"]
 
@@ -113,7 +113,7 @@ def test_what_was_derived_from_rows_goes_when_rows_are_added(folder):
         _ = jaxnet.open(folder).fits
 
 
-def test_a_study_without_an_attack_has_no_fit(tmp_path):
+def test_a_study_without_an_attack_has_no_fit(tmp_path, undrawn):
     """It says so, and its report does without."""
     study = systems.study(samples=2, **KEYS | {"sweep": {}, "attack": "none"})
     jaxnet.run(study, tmp_path / "out")
@@ -123,7 +123,7 @@ def test_a_study_without_an_attack_has_no_fit(tmp_path):
     assert "report.html" in invoke("report", tmp_path / "out", "--no-replay")
 
 
-def test_magnitudes_that_no_axis_has_room_for_are_said(tmp_path):
+def test_magnitudes_that_no_axis_has_room_for_are_said(tmp_path, undrawn):
     """From 1e-300 to 1e300 m: curves, a page, a sentence in place of δ̂(ā); tails are drawn."""
     keys = {"vehicles": 4, "horizon": 3.0, "attack": {"kind": "rotating", "vehicles": [2]}}
     sweep = {"attack.magnitude": [1e-300, 1e300]}
