@@ -72,7 +72,9 @@ def agreement(case: Case) -> Agreement | None:
     if min(total, each) > F:
         return Agreement(False, f"{liars}: too many are attacked")
     needed = [f"({F + 1}, {F + 1})-robust"] * (total <= F) + [f"{2 * F + 1}-robust"] * (each <= F)
-    return Agreement(False, f"{liars}: the vehicles are not known to be {' or '.join(needed)}")
+    sure = robust.total.known and robust.local.known
+    verb = "are not" if sure else "are not known to be"
+    return Agreement(False, f"{liars}: the vehicles {verb} {' or '.join(needed)}")
 
 
 def broken_step(case: Case) -> str:

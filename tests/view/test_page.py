@@ -34,7 +34,7 @@ from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
 from jaxnet.view.page import compared, findings, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
-from jaxnet.view.page.judged import ComparedBy, failed_lanes
+from jaxnet.view.page.judged import ComparedBy, failed_lanes, known_shares
 from jaxnet.view.page.plots import axis, plotted
 from jaxnet.view.text import comparison, worst
 from jaxnet.view.text.slopes import slopes_text
@@ -255,7 +255,7 @@ TOLD = [
         {"sweep": {"attack.magnitude": [1, 10, 100]}},
         " It is less at the greatest ā than at a smaller one.",
     ),
-    ([1e-12, 1e-11, 1e-12], {"sweep": {"attack.magnitude": [1, 10, 100]}}, "is <b>0 (rounding) ā"),
+    ([1e-12, 1e-11, 1e-12], {"sweep": {"attack.magnitude": [1, 10, 100]}}, "is <b>0 ā"),
     (MANY, SIZES, "Bounds are not fitted yet: <code>jaxnet fit x</code>"),
     (FOUR, DEFENCES, "<td>the error is greater in 1 of 2 settings (ā\xa0=\xa01\xa0m)</td>"),
     (
@@ -322,19 +322,19 @@ TOLD = [
         ALONE,
         "The worst error of a vehicle is <b>40 m</b>. Per ā it is <b>4 ā</b> (least bound: static",
     ),
-    ([1e-12], UNATTACKED, "a mean over vehicles and the tail) is <b>0 (rounding) m</b>."),
+    ([1e-12], UNATTACKED, "a mean over vehicles and the tail) is <b>0 m</b>."),
     ([1e-12], UNATTACKED, "<li>Errors have no bound beside them: no cell has an attack of a fixed"),
     ([np.nan], LOST, "No error: no lane came to its end."),
     ([np.nan], LOST, "<b>3 lanes of 3 failed</b>: 2 singular, 1 stuck."),
     (
         [1e-9],
         ROUNDED,
-        "Per ā it is <b>0 (rounding) ā</b> (least bound: static 1 ā).",
+        "Per ā it is <b>0 ā</b> (least bound: static 1 ā).",
     ),
     (
         [1e-9, 20.0],
         SIZES | {"sweep": {"defence": ["none", "w_msr"]}},
-        "ranges from <b>0 (rounding) ā</b> with no\xa0defence (cell 0) to <b>4 ā</b> (95 %",
+        "ranges from <b>0 ā</b> with no\xa0defence (cell 0) to <b>4 ā</b> (95 %",
     ),
     (
         [0.01] * 4,
@@ -362,7 +362,7 @@ TOLD = [
     (
         [4.0, 20.0, 1.0, 20.0, 4.0, 20.0],
         {"sweep": {"defence": ["none", "w_msr", "centerpoint"], "attack.magnitude": [1, 10]}},
-        "<b>W-MSR</b> is better than each of the others in 1 of 2 settings, and worse in none.",
+        "no other is better than <b>W-MSR</b> in any setting. Against no\xa0defence:<ul><li>W-MSR: the",
     ),
 ]
 
@@ -410,26 +410,36 @@ def test_settings_whose_lanes_failed_are_not_compared():
 
 
 def test_lanes_that_fail_count_against_a_defence():
-    """By statuses given here: all lanes of W-MSR on the star failed, and one elsewhere."""
+    """By statuses given here: all lanes of W-MSR on the star failed, one elsewhere; one is off."""
     sweep = {"topology": ["cyclic", "star"], "defence": ["none", "w_msr"]}
-    results = Results(UPath("nowhere"))
     failing = {0: 0, 1: 1, 2: 0, 3: 12}
-    lanes = {
-        cell: pd.DataFrame({"sample": range(12), "status": ["stuck"] * n + ["ok"] * (12 - n)})
-        for cell, n in failing.items()
-    }
-    vars(results).update(
-        study=systems.study(sweep=sweep, **ROTATING),
-        manifest={"lanes": {"failed": 13, "total": 48}},
-        by_cell=lambda *_columns: lanes.items(),
-    )
-    found = failed_lanes(results)
-    assert found.values.to_dict() == {0: 0.0, 1: pytest.approx(100 / 12), 2: 0.0, 3: 100.0}
-    made = compared.comparisons(results, {"defence": [found]})
-    assert made.sentences == []  # another sentence tells where lanes fail
-    assert [each["what differs"] for each in made.pairs] == [
-        "fewer lanes fail in 1 of 2 settings (star)"
-    ]
+
+    def by_cell(*_columns, cells):
+        for cell in cells:
+            statuses = ["stuck"] * failing[cell] + ["ok"] * (12 - failing[cell])
+            lanes = pd.DataFrame({"sample": range(12), "status": statuses, "tail_mean": 0.0})
+            lanes.loc[lanes["status"] != "ok", "tail_mean"] = np.nan
+            lanes.loc[11, "tail_mean"] = [1.1, 0.9, 0.9, np.nan][cell]  # beside 0.1 ā = 1
+            yield cell, lanes
+
+    table = pd.DataFrame(dict.fromkeys(curves.SHARE_COLUMNS, [0.0] * 4))
+    lanes = {"failed": 13, "total": 48}
+    for recovery, bad in ({"tau": 0.1}, [1, 1, 0, 12]), (None, [0, 1, 0, 12]):
+        results = Results(UPath("nowhere"))
+        study = systems.study(sweep=sweep, recovery=recovery, **ROTATING)
+        vars(results).update(study=study, manifest={"lanes": lanes}, by_cell=by_cell, cells=table)
+        if recovery:
+            known = known_shares(results)
+            np.testing.assert_allclose(known["value"], 100 * np.array(bad) / 12)
+            assert known["high"][2] == pytest.approx(100 * (1 - 0.025 ** (1 / 12)))
+            continue
+        found = failed_lanes(results)
+        assert found.values.tolist() == pytest.approx([100 * each / 12 for each in bad])
+        made = compared.comparisons(results, {"defence": [found]})
+        assert "against no\xa0defence, more lanes fail in 1 of 2 settings" in made.sentences[0]
+        assert [each["what differs"] for each in made.pairs] == [
+            "fewer lanes fail in 1 of 2 settings (star)"
+        ]
 
 
 def test_values_that_beat_one_another_depend_on_the_other_keys():
@@ -496,7 +506,7 @@ def test_networks_that_are_not_robust_enough_are_named(tmp_path):
     found = told(tmp_path, [1.0, 1.0], **alone, cells=nobody)
     assert (
         "<b>Agreement is not proved</b> with lattice (cell 0): 2 attacked, at most 1 of them heard"
-        " by one vehicle, and F = 2: the vehicles are not known to be (3, 3)-robust or 5-robust.<"
+        " by one vehicle, and F = 2: the vehicles are not (3, 3)-robust or 5-robust.<"
     ) in found
 
 
@@ -513,6 +523,17 @@ def test_the_best_combination_holds_against_every_other(tmp_path):
     found = told(tmp_path, [9.0, 9.0, 9.0, 5.0], **keys)
     assert "star, W-MSR</b>. Even there <b>12 of 12 lanes</b> do not recover, " in found
     assert "<b>Best" not in told(tmp_path, [9.0, 9.0, 9.0, 9.0], **keys)
+    lossy = {"kind": "bernoulli", "probability": 0.1}
+    keys["sweep"] = {
+        "channel.loss": ["none", lossy],
+        "defence": ["none", {"kind": "w_msr", "F": 2}],
+    }
+    found = told(tmp_path, [9.0, 0.5, 9.5, 0.6], **keys)  # whose choice is the loss?
+    assert "<b>Best defence: W-MSR</b>. There <b>0 of 24 lanes</b> do" in found
+    assert (
+        "A vehicle may drop all of its neighbours there, and hear the navigator alone.</li>"
+        in found
+    )
 
 
 def test_why_nothing_is_dropped_is_told(tmp_path):
@@ -626,7 +647,7 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     star, ring = cells_of(section(text, "ultimate"))
     assert star[1:7] == [zero] * 6
     assert ring[3] == "7"
-    assert "<b>0 (rounding) ā</b> with star (" in section(text, "findings")
+    assert "<b>0 ā</b> with star (" in section(text, "findings")
 
 
 def cells_of(text: str) -> list[list[str]]:

@@ -1,6 +1,6 @@
 """The best combination of swept kinds, in one sentence: what the page says first."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -8,18 +8,28 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import choices_words, key_name
-from jaxnet.statistics.recovery import attacked_mask, threshold
+from jaxnet.statistics.recovery import attacked_mask
 from jaxnet.store.results import Results
 from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.compared import named, swept_texts, wins
-from jaxnet.view.page.judged import falling_cells, judged_lanes, judged_word
+from jaxnet.view.page.judged import (
+    fallen_lanes,
+    falling_cells,
+    held_word,
+    judged_lanes,
+    judged_word,
+)
 from jaxnet.view.page.where import MOST_TOLD, joined_names
+from jaxnet.view.text.facts import attacked_at_once
 
+# Keys that nobody chooses: settings in which the others are compared
+CONDITIONS = ("attack", "channel.loss", "channel.delay", "channel.noise", "navigator", "initial")
+CONDITIONS += ("channel.quantisation", "sensing", "vehicle")
 MOST_COMPARED = 20_000  # of two cells; a few seconds
 
 
 def best_sentence(results: Results, kinds: Sequence[str]) -> str:
-    """The combinations of swept kinds that no other beats in any setting, with their numbers.
+    """The combinations of swept choices that no other beats in any setting, with their numbers.
 
     Under attack, and where errors have settled, lanes are compared by whether they hold, then by
     their errors. "" where all combinations do as well, where another beats each of them, and where
@@ -27,13 +37,14 @@ def best_sentence(results: Results, kinds: Sequence[str]) -> str:
     """
     swept: Any = swept_texts(results)[attacked_mask(results.study.cells)]
     swept = swept.drop(index=falling_cells(results), errors="ignore")
+    kinds = [key for key in kinds if not key.startswith(CONDITIONS)]
     if not kinds or swept.empty:
         return ""
     combined = swept[[*kinds]].agg(tuple, axis="columns").map(str)
     if len(combined) * combined.nunique() > 2 * MOST_COMPARED:
         return ""
     left, others = combined, swept.drop(columns=[*kinds])
-    fallen = fallen_lanes(results, swept.index)
+    fallen = fallen_lanes(results, swept.index, outside=True)
     for lanes in (fallen, judged_lanes(results, swept.index, "m")):
         if won := wins(results, lanes, left, others.loc[left.index]):
             left = left[~left.isin(won.beaten())]
@@ -46,22 +57,22 @@ def best_sentence(results: Results, kinds: Sequence[str]) -> str:
     if len(best) in (0, len(there)) or len(where) > MOST_TOLD:
         return ""
     told = f"{'combination of ' * (len(kinds) > 1)}{of}: {'; '.join(where)}"
-    return f"<b>Best {escape(told)}</b>. {numbers_words(results, [*left.index], fallen)}."
+    numbers = numbers_words(results, [*left.index], fallen)
+    return f"<b>Best {escape(told)}</b>. {numbers}.{dropping_words(results, [*left.index])}"
 
 
-def fallen_lanes(results: Results, cells: Iterable[int]) -> dict[int, pd.Series]:
-    """Which lanes fail, leave the hull of the starts, or do not recover (agree)."""
-    judged, asked = judged_metric(results.study.cells), results.study.config.recovery
-    columns, found = ["sample", "status", judged], dict[int, pd.Series]()
-    alone = is_leaderless(results.study.cells)
-    columns += ["outside"] * alone
-    for cell, lanes in results.by_cell(*columns, cells={*cells}):
-        mine = results.study.cells[cell]
-        bad: Any = (lanes["status"] != "ok") | (lanes[judged] > threshold(mine, asked))
-        if alone:
-            bad |= lanes["outside"] > mine.scenario.engine.accuracy
-        found[cell] = bad.set_axis(lanes["sample"])
-    return found
+def dropping_words(results: Results, cells: Sequence[int]) -> str:
+    """Whether a defence may drop all neighbours of each vehicle of cells, or all sources."""
+    led = True
+    for scenario in (results.study.cells[cell].scenario for cell in cells):
+        graph, _, trusted = attacked_at_once(scenario)
+        drops, led = scenario.defence.may_drop(graph, trusted), scenario.navigator.present
+        neighbours = graph.heard & (graph.sources > 0)
+        kept = (neighbours & ~drops.links).any() or (drops.number < neighbours.sum(axis=1)).any()
+        if kept or not neighbours.any():
+            return ""
+    alone = "neighbours there, and hear the navigator alone" if led else "sources there"
+    return f" A vehicle may drop all of its {alone}."
 
 
 def numbers_words(results: Results, cells: Sequence[int], fallen: dict[int, pd.Series]) -> str:
@@ -70,7 +81,7 @@ def numbers_words(results: Results, cells: Sequence[int], fallen: dict[int, pd.S
     ways = ["fail"] * bool(results.manifest["lanes"]["failed"])
     ways += ["leave the hull of the starts"] * alone
     if results.study.config.recovery is not None:
-        ways.append("do not agree" if alone else "do not recover")
+        ways.append(f"do not {held_word(results)}")
     lanes = pd.concat([fallen[cell] for cell in cells])
     table: Any = results.cells.reset_index(drop=True).loc[cells]
     median = table[f"{judged_metric(results.study.cells)}_median"].max()

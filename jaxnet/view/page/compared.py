@@ -25,8 +25,8 @@ from jaxnet.statistics.recovery import share_name
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import notes_html, sentence_case, sortable_table
 from jaxnet.view.page.judged import (
-    FAILED,
     ComparedBy,
+    counts_failed,
     falling_cells,
     judged_word,
     known_shares,
@@ -38,6 +38,7 @@ from jaxnet.view.page.where import MOST_LETTERS, MOST_TOLD, joined_names
 Pair = tuple[str, str]  # two values of a key as text: the better, the worse
 TestRow = dict[str, Any]  # of the table of p values
 NOT_FOUND = "no difference is found"
+LEAST_SPAN = 5.0  # [%], of averages that are told
 MOST_TESTS = 200  # in the table of p values
 P_WORDS = (
     "tests on paired lanes: McNemar's exact test of lanes that recover, or agree, and the exact"
@@ -162,27 +163,25 @@ def verdict_words(key: str, labels: Sequence[str], won: Wins) -> str:
     told = joined_names([f"<b>{escape(named(key, each))}</b>" for each in best])
     others = [label for label in labels if label in beaten]
     pairs = [*itertools.product(best, others)]
-    times = [len(won.found(*pair)) for pair in pairs]
-    if not min(times):
-        return f"no other is better than {told}"
+    every = {won.of(pair) for pair in pairs}
+    if len(every) > 1 or any(len(won.found(*pair)) < won.of(pair) for pair in pairs):
+        return f"no other is better than {told}" + " in any setting" * (won.every > 1)
     than = escape(named(key, others[0])) if len(others) == 1 else "each of the others"
     verb = "is" if len(best) == 1 else "are"
-    every = [won.of(pair) for pair in pairs]
-    none = ", and worse in none" * (won.every > 1 and times != every)
-    return f"{told} {verb} better than {than}{settings_words(times, every, won)}{none}"
+    (many,) = every
+    return f"{told} {verb} better than {than}{settings_words(many, many, won)}"
 
 
-def settings_words(times: Sequence[int], every: Sequence[int], won: Wins) -> str:
+def settings_words(times: int, every: int, won: Wins) -> str:
     """In how many settings something is found; "" of a study with one."""
     if won.every == 1:
         return ""
-    if [*times] == [*every]:
-        if min(every) == won.every:
-            return " in both settings" if won.every == 2 else f" in all {won.every} settings"
-        these = f"all {min(every)} settings" if min(every) > 1 else "the one setting"
-        return f" in {these} of {won.every} that can be compared"
-    found, there = (f"{min(n)} to {max(n)}" if min(n) < max(n) else max(n) for n in (times, every))
-    return f" in {found} of {there} settings"
+    if times < every:
+        return f" in {times} of {every} settings"
+    if every == won.every:
+        return " in both settings" if won.every == 2 else f" in all {won.every} settings"
+    these = f"all {every} settings" if every > 1 else "the one setting"
+    return f" in {these} of {won.every} that can be compared"
 
 
 def against_words(results: Results, key: str, pair: Pair, judged: Tested) -> str:
@@ -198,7 +197,7 @@ def against_words(results: Results, key: str, pair: Pair, judged: Tested) -> str
         for words, ends in ((quantity.better, pair), (quantity.worse, pair[::-1])):
             if not (found := won.found(*ends)):
                 continue
-            where = settings_words([len(found)], [every], won)
+            where = settings_words(len(found), every, won)
             if len(found) < won.every:
                 there = labels_of(range(len(results.study.cells)))
                 mine = labels_of(sorted(test.better for test in found))
@@ -244,8 +243,7 @@ def comparisons(results: Results, asked: Mapping[str, Sequence[ComparedBy]]) -> 
                 continue
             judged.append((each, won))
             told.tests.extend(test_rows(results, key, each, won))
-            if each.name != FAILED:  # a sentence of its own tells where lanes fail
-                verdicts.setdefault(verdict_words(key, labels, won), []).append(each.name)
+            verdicts.setdefault(verdict_words(key, labels, won), []).append(each.name)
         told.tables.append(sortable_table(pd.DataFrame(columns)))
         words = [f"by {joined_names(names)}: {which}" for which, names in verdicts.items()]
         differ = [*pair_rows(results, key, labels, judged)]
@@ -307,11 +305,12 @@ def averages_sentence(results: Results) -> str:
             for place in (int(np.argmin(means)), int(np.argmax(means)))
         )
         spans.append((float(np.ptp(means)), " to ".join(ends)))
-    told = [words for span, words in sorted(spans, reverse=True) if span][:MOST_TOLD]
+    told = [words for span, words in sorted(spans, reverse=True) if span >= LEAST_SPAN]
     if not told:
         return ""
-    share = f"the share of lanes {share_name(cells)} goes from"
-    return f"<b>Averaged over the other keys</b> {share} {'; from '.join(told)}."
+    what = f"{'failed or ' * counts_failed(results)}{share_name(cells)}"
+    share = f"the share of lanes {what} goes from"
+    return f"<b>Averaged over the other keys</b> {share} {'; from '.join(told[:MOST_TOLD])}."
 
 
 def tables_html(results: Results, told: Comparisons) -> str:

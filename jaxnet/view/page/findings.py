@@ -11,10 +11,9 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import NO_BREAK, labels_title, value_name
-from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, LANE_STATISTICS, Metric
 from jaxnet.kinds.metrics.min_separation import MIN_SEPARATION
-from jaxnet.model.wording import count, counted, number_text, ranges
+from jaxnet.model.wording import count, counted, number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR
 from jaxnet.statistics.horizon import lost_cells
@@ -30,10 +29,7 @@ from jaxnet.statistics.separation import near_starts_words
 from jaxnet.statistics.summary import share_names
 from jaxnet.store import rows
 from jaxnet.store.results import Results
-from jaxnet.theory.case import Case
-from jaxnet.theory.robustness import MOST_NODES
-from jaxnet.theory.tolerance import agreement
-from jaxnet.view.drawings.words import error_text
+from jaxnet.view.drawings.words import ROUNDED, error_text
 from jaxnet.view.page.best import best_sentence
 from jaxnet.view.page.compared import (
     averages_sentence,
@@ -45,6 +41,8 @@ from jaxnet.view.page.elements import Section, sentence_case
 from jaxnet.view.page.judged import (
     CellErrors,
     ComparedBy,
+    counts_failed,
+    held_word,
     is_negligible,
     judged_errors,
     judged_word,
@@ -53,9 +51,9 @@ from jaxnet.view.page.judged import (
     percent_text,
     settled,
 )
+from jaxnet.view.page.proved import outnumbered_sentence, proved_sentence, unproved_sentence
 from jaxnet.view.page.where import MOST_TOLD, span_words, where_words
 from jaxnet.view.text import worst
-from jaxnet.view.text.facts import attacked_at_once, starved_words
 from jaxnet.view.text.tables import grave_warnings, other_warnings
 
 UNSOUND_BOUND = "lyapunov_printed"  # false in general (theorems.md O5), so no bound to be tight
@@ -80,6 +78,7 @@ def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) 
     compared = comparisons(results, judged)
     sentences = [
         best_sentence(results, kinds),
+        proved_sentence(results),
         failed_sentence(results),
         *(f"<b>Warning:</b> {each}." for each in grave_warnings(results)),
         outside_sentence(results) if alone else "",
@@ -96,48 +95,8 @@ def findings_section(results: Results, found: Sequence[curves.Curve], fit: str) 
         *(f"<b>Warning:</b> {each}." for each in other_warnings(results)),
     ]
     items = "".join(f"<li>{each}</li>" for each in filter(None, sentences))
-    body = f"<ul>{items.replace(' %', f'{NO_BREAK}%')}</ul>"
+    body = f"<ul>{items.replace(' %', f'{NO_BREAK}%').replace(ROUNDED, '0')}</ul>"
     return Section("findings", "Findings", body + tables_html(results, compared))
-
-
-def outnumbered_sentence(results: Results) -> str:
-    """Where vehicles hear more attacked sources than they can drop, or at some ticks too few."""
-    found, starved = dict[tuple[str, str], list[int]](), dict[str, list[int]]()
-    most = 0
-    for cell in results.study.cells:
-        defence, given = cell.scenario.defence, attacked_at_once(cell.scenario)
-        (graph, attacked, trusted), which = given, defence.outnumbered(*given)
-        drops = defence.may_drop(graph, trusted).links.any(axis=1)
-        few = f"it drops nobody: the rule asks {defence.asks()}"
-        for each, why in (which & drops, "more than it can drop"), (which & ~drops, few):
-            if each.any():
-                found.setdefault((ranges(vehicle_numbers(each)), why), []).append(cell.number)
-                most = max(most, int(attacked[each].sum(axis=1).max()))
-        if attacked.any() and (words := starved_words(cell.scenario)):
-            starved.setdefault(words, []).append(cell.number)
-    whom = (
-        f"<li>vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
-        + f": {why}</li>"
-        for (who, why), cells in found.items()
-    )
-    told = [f", with up to {count(most, 'attacked source')} each:<ul>{''.join(whom)}</ul>"]
-    told *= bool(found)
-    ticks = "; ".join(f"{w} {where_words(results, n)}".rstrip() for w, n in starved.items())
-    told += [f" at some ticks: {ticks}."] * bool(ticks)
-    return " ".join(f"<b>Outside the assumptions of the defence</b>{each}" for each in told)
-
-
-def unproved_sentence(results: Results) -> str:
-    """Where agreement is not proved of a defence of which theory could prove it (O9)."""
-    why = dict[str, list[int]]()
-    for cell in results.study.cells:
-        few = cell.scenario.vehicles <= MOST_NODES  # whose robustness is found at once
-        found = agreement(Case(cell.scenario, seconds=float(few)))
-        outnumbered = cell.scenario.defence.outnumbered(*attacked_at_once(cell.scenario)).any()
-        if few and found is not None and not (found.proved or outnumbered):
-            why.setdefault(found.why, []).append(cell.number)
-    told = (f"{where_words(results, n)}: {escape(w)}".lstrip(": ") for w, n in why.items())
-    return f"<b>Agreement is not proved</b> {'; '.join(told)}." if why else ""
 
 
 def failed_sentence(results: Results) -> str:
@@ -208,6 +167,8 @@ def outside_sentence(results: Results) -> str:
     moved = [place for place in ways.index if some[place]]
     rest = ways.index.difference(moved).tolist()
     words = "Honest vehicles leave the convex hull of their starts"
+    if is_left.any():
+        words = "In most lanes honest vehicles leave the convex hull of their starts"
     if is_left.any() and len(usual):
         words = "Liars move honest vehicles out of the convex hull of their starts"
         shares: Any = curves.unrecovered_shares(results)["unrecovered"].reindex(moved)
@@ -241,8 +202,8 @@ def outside_sentence(results: Results) -> str:
 
 def share_words(results: Results) -> str:
     """The share of lanes that did not recover, as the subject of a sentence."""
-    ended = "did not agree" if is_leaderless(results.study.cells) else "did not recover"
-    return f"The share of lanes that {ended}"
+    failed = "failed or " * counts_failed(results)
+    return f"The share of lanes that {failed}did not {held_word(results)}"
 
 
 def unrecovered_sentence(results: Results) -> str:
@@ -300,14 +261,15 @@ def metrics_list(results: Results, without: str) -> str:
     def told(metric: Metric) -> str:
         names = (f"{metric.name}_{each}" for each in LANE_STATISTICS["median"].columns)
         medians = stored_values(results.cells.reset_index(drop=True), [*names])
-        medians = medians.dropna(subset="value")
+        medians = medians.drop(index=curves.mostly_failed(results)).dropna(subset="value")
         if medians.empty:
             return ""
         endless: Any = medians.index[np.isinf(medians["value"])]
         medians = medians.drop(index=endless)
         unit = f" {metric.column_unit}".rstrip()
         number = functools.partial(error_text, scale=float(metric.column_unit == "m"))
-        greatest = float(results.cells[f"{metric.name}_max"].to_numpy().max())
+        greatest: Any = results.cells[f"{metric.name}_max"].reset_index(drop=True)
+        greatest = float(greatest[medians.index].max())
         parts = []
         if not medians.empty:
             among = medians.index.tolist() + endless.tolist()

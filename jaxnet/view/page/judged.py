@@ -1,6 +1,6 @@
 """What the lanes of a study are judged by: errors and shares of cells, and what is compared."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,8 +11,9 @@ from jaxnet.kinds.metrics import LANE_STATISTICS
 from jaxnet.model.wording import number_text
 from jaxnet.statistics import curves
 from jaxnet.statistics.amplitude import ROUNDING_ERROR, attack_size
+from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.quantities import VALUE_COLUMNS, stored_values
-from jaxnet.statistics.recovery import share_name, threshold
+from jaxnet.statistics.recovery import attacked_mask, confidence_told, share_name, threshold
 from jaxnet.statistics.summary import count_in_hull
 from jaxnet.store import rows
 from jaxnet.store.results import Results
@@ -20,7 +21,6 @@ from jaxnet.view.drawings.words import error_text
 from jaxnet.view.page.elements import sentence_case
 from jaxnet.view.page.where import where_words
 
-FAILED = "lanes failed"
 NEGLIGIBLE = 1e-3  # of what a study asks for
 
 
@@ -133,24 +133,59 @@ def settled(results: Results, values: pd.DataFrame) -> pd.DataFrame:
     return values if left.empty else left
 
 
+def fallen_lanes(
+    results: Results, cells: Iterable[int], *, outside: bool = False
+) -> dict[int, pd.Series]:
+    """Which lanes fail or do not recover (agree), by sample, or leave the hull if that counts."""
+    judged, asked = judged_metric(results.study.cells), results.study.config.recovery
+    outside = outside and is_leaderless(results.study.cells)
+    columns, found = ["sample", "status", judged, *["outside"] * outside], dict[int, pd.Series]()
+    for cell, lanes in results.by_cell(*columns, cells={*cells}):
+        mine = results.study.cells[cell]
+        bad: Any = (lanes["status"] != "ok") | (lanes[judged] > threshold(mine, asked))
+        if outside:
+            bad |= lanes["outside"] > mine.scenario.engine.accuracy
+        found[cell] = bad.set_axis(lanes["sample"])
+    return found
+
+
+def held_word(results: Results) -> str:
+    """What a lane does that holds."""
+    return "agree" if is_leaderless(results.study.cells) else "recover"
+
+
+def counts_failed(results: Results) -> bool:
+    """Whether shares of lanes are also of those that failed."""
+    study = results.study.config  # scrambled sequences have other intervals
+    some = results.manifest["lanes"]["failed"] and study.recovery is not None
+    return bool(some) and study.draws == "random"
+
+
 def known_shares(results: Results) -> pd.DataFrame:
-    """Shares unrecovered [%] with intervals, by number of the cell, where they are known."""
+    """Shares of lanes failed or unrecovered [%] with intervals, by number of the attacked cell.
+
+    They are the stored shares unrecovered where failed lanes do not count, and without any.
+    """
     found: Any = curves.unrecovered_shares(results)
-    known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
-    return known.drop(index=curves.mostly_failed(results), errors="ignore")
+    if not counts_failed(results):
+        known = 100 * found.astype(float).set_axis(VALUE_COLUMNS, axis="columns")
+        return known.drop(index=curves.mostly_failed(results), errors="ignore")
+    fallen = fallen_lanes(results, np.flatnonzero(attacked_mask(results.study.cells)).tolist())
+    lanes = np.array([[each.sum(), len(each)] for each in fallen.values()]).reshape(-1, 2)
+    bad, many = lanes.T
+    ends = clopper_pearson(bad, many, confidence_told(results.study.config.samples))
+    shares = [bad / many, *ends]
+    return 100 * pd.DataFrame(dict(zip(VALUE_COLUMNS, shares, strict=True)), [*fallen])
 
 
 def failed_lanes(results: Results) -> ComparedBy | None:
-    """Which lanes failed; None if none did, or all."""
-    lanes = results.manifest["lanes"]
-    if not 0 < lanes["failed"] < lanes["total"]:
+    """Which lanes failed, of a study that asks for no recovery; None if none did, or all."""
+    lanes, cells = results.manifest["lanes"], range(len(results.study.cells))
+    if not 0 < lanes["failed"] < lanes["total"] or results.study.config.recovery is not None:
         return None
-    flags: dict[int, Any] = {
-        cell: each.set_index("sample")["status"] != "ok"
-        for cell, each in results.by_cell("sample", "status")
-    }
+    flags = fallen_lanes(results, cells)
     values = pd.Series({cell: 100.0 * each.mean() for cell, each in flags.items()})
-    return ComparedBy(FAILED, "%", "fewer lanes fail", "more lanes fail", values, flags)
+    return ComparedBy("lanes failed", "%", "fewer lanes fail", "more lanes fail", values, flags)
 
 
 def lanes_outside(results: Results) -> ComparedBy | None:
@@ -184,12 +219,13 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
     found = [each for each in (failed, lanes_outside(results)) if each]
     if errors.values.empty or is_negligible(results, errors):
         return found
-    word, ended = judged_word(results), " of lanes that ended" * bool(failed)
+    word = judged_word(results)
+    ended = " of lanes that ended" * bool(results.manifest["lanes"]["failed"])
     shares: Any = settled(results, known_shares(results))["value"]
     if results.study.config.recovery is not None and shares.nunique() > 1:
-        what = "agree" if word == "spread" else "recover"
-        lanes = judged_lanes(results, shares.index, "%")
-        name = f"lanes {share_name(results.study.cells)}"
+        what, name = held_word(results), f"lanes {share_name(results.study.cells)}"
+        name = name.replace(" ", " failed or ", 1) if counts_failed(results) else name
+        lanes = fallen_lanes(results, shares.index)
         better, worse = f"more lanes {what}", f"fewer lanes {what}"
         found += [ComparedBy(name, "%", better, worse, shares, lanes)]
     if shares.empty or shares.any():  # else all errors are below what is asked
@@ -209,16 +245,12 @@ def measures_compared(results: Results, errors: CellErrors) -> list[ComparedBy]:
 
 
 def judged_lanes(results: Results, numbers: pd.Index, unit: str) -> dict[int, pd.Series]:
-    """Errors of lanes that ended, by sample, or with "%" whether they are over the threshold."""
-    found, cells = {}, results.study.cells
-    metric, sizes = judged_metric(cells), curves.cell_magnitudes(results)
+    """Errors of lanes that ended, by sample."""
+    found, sizes = {}, curves.cell_magnitudes(results)
+    metric = judged_metric(results.study.cells)
     for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells={*numbers}):
-        errors: Any = lanes.set_index("sample")[metric]
-        if unit == "%":
-            found[cell] = errors > threshold(cells[cell], results.study.config.recovery)
-        else:
-            errors = errors / (sizes[cell] if unit == "ā" else 1.0)
-            found[cell] = errors.where(errors.abs() >= ROUNDING_ERROR, 0.0)
+        errors: Any = lanes.set_index("sample")[metric] / (sizes[cell] if unit == "ā" else 1.0)
+        found[cell] = errors.where(errors.abs() >= ROUNDING_ERROR, 0.0)
     return found
 
 

@@ -15,7 +15,8 @@ from jaxnet.view.text.width import WIDEST, filled, swept_words
 
 NO_AGREEMENT = 1, "No agreement is proved"
 UNSAFE = 1, "No vehicle is proved safe from the attack"
-UNBOUNDED = 2, "Errors have no proved bound"
+OF_BOUNDS, OF_LIARS, OF_REST = 2, 3, 8  # places in the verdict
+UNBOUNDED = OF_BOUNDS, "Errors have no proved bound"
 NOTHING = (NO_AGREEMENT, UNSAFE, UNBOUNDED)  # goes without saying where others of the place are
 VERDICT_LINES = 9  # with the study's size
 
@@ -39,10 +40,10 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         yield (1, f"{who} proved safe from the attack") if safe.any() else UNSAFE
         unknown = missing(scenario, BOUNDS) or np.isinf(found.get("inverse norm", 0.0))
         if not safe.all():
-            yield UNBOUNDED if unknown else (2, "Errors have a proved bound (`jaxnet fit`)")
+            yield UNBOUNDED if unknown else (OF_BOUNDS, "Errors have a proved bound (`jaxnet fit`)")
     if scenario.attack.present and defence.outnumbered(graph, attacked, trusted).any():
         hears = "hears" if scenario.attack.targets() else "may hear"
-        yield 3, f"A vehicle {hears} more attackers than its defence bears"
+        yield OF_LIARS, f"A vehicle {hears} more attackers than its defence bears"
     if scenario.attack.present and "honest paths" in found and found["honest paths"].cut_off:
         yield 4, "No honest path leads from the navigator to some vehicle"
     if scenario.leaderless and not agreed and drops.any():
@@ -54,7 +55,7 @@ def claims(case: Case, found: dict[str, Any], lines: Facts) -> Iterator[Claim]:
         what = "drops all sources (F too great)" if surely else "may be cut off"
         yield 5, f"A vehicle {what}, and {then}"
     if "keeps moving" in found and not found["keeps moving"].every_start:
-        yield 8, "A vehicle may come to rest from some starts (line `at rest`)"
+        yield OF_REST, "A vehicle may come to rest from some starts (line `at rest`)"
 
 
 def verdict_lines(first: Sequence[str], said: Sequence[tuple[Claim, int]], cells: Sequence[Cell]):

@@ -1,0 +1,71 @@
+"""What theory proves of a study, and where a defence's assumptions do not hold, in sentences."""
+
+from html import escape
+
+from jaxnet.kinds.kind import vehicle_numbers
+from jaxnet.model.wording import count, ranges
+from jaxnet.store.looking import known_or
+from jaxnet.store.results import Results
+from jaxnet.theory.case import Case
+from jaxnet.theory.robustness import MOST_NODES
+from jaxnet.theory.tolerance import agreement
+from jaxnet.view.page.where import where_words
+from jaxnet.view.text.check import networks
+from jaxnet.view.text.facts import attacked_at_once, starved_words
+from jaxnet.view.text.verdict import NO_AGREEMENT, OF_BOUNDS, OF_LIARS, OF_REST, Claim
+
+
+def proved_sentence(results: Results) -> str:
+    """What `jaxnet check` says first, without what other sentences tell: bounds, liars, rest."""
+    where = dict[Claim, list[int]]()
+    for each in known_or([], lambda: networks(results.study.cells)):
+        for claim in each.claims:
+            if claim[0] not in (OF_BOUNDS, OF_LIARS, OF_REST) and claim != NO_AGREEMENT:
+                where.setdefault(claim, []).extend(cell.number for cell in each.cells)
+    told = (
+        f"<li>{escape(claim)}"
+        + f": {where_words(results, sorted(cells))}" * (len(cells) < len(results.study.cells))
+        + ".</li>"
+        for (_, claim), cells in sorted(where.items())
+    )
+    return f"<b>By theory</b> (<code>jaxnet check</code>):<ul>{''.join(told)}</ul>" if where else ""
+
+
+def outnumbered_sentence(results: Results) -> str:
+    """Where vehicles hear more attacked sources than they can drop, or at some ticks too few."""
+    found, starved = dict[tuple[str, str], list[int]](), dict[str, list[int]]()
+    most = 0
+    for cell in results.study.cells:
+        defence, given = cell.scenario.defence, attacked_at_once(cell.scenario)
+        (graph, attacked, trusted), which = given, defence.outnumbered(*given)
+        drops = defence.may_drop(graph, trusted).links.any(axis=1)
+        few = f"it drops nobody: the rule asks {defence.asks()}"
+        for each, why in (which & drops, "more than it can drop"), (which & ~drops, few):
+            if each.any():
+                found.setdefault((ranges(vehicle_numbers(each)), why), []).append(cell.number)
+                most = max(most, int(attacked[each].sum(axis=1).max()))
+        if attacked.any() and (words := starved_words(cell.scenario)):
+            starved.setdefault(words, []).append(cell.number)
+    whom = (
+        f"<li>vehicle{'' if who.isdigit() else 's'} {who} {where_words(results, cells)}".rstrip()
+        + f": {why}</li>"
+        for (who, why), cells in found.items()
+    )
+    told = [f", with up to {count(most, 'attacked source')} each:<ul>{''.join(whom)}</ul>"]
+    told *= bool(found)
+    ticks = "; ".join(f"{w} {where_words(results, n)}".rstrip() for w, n in starved.items())
+    told += [f" at some ticks: {ticks}."] * bool(ticks)
+    return " ".join(f"<b>Outside the assumptions of the defence</b>{each}" for each in told)
+
+
+def unproved_sentence(results: Results) -> str:
+    """Where agreement is not proved of a defence of which theory could prove it (O9)."""
+    why = dict[str, list[int]]()
+    for cell in results.study.cells:
+        few = cell.scenario.vehicles <= MOST_NODES  # whose robustness is found at once
+        found = agreement(Case(cell.scenario, seconds=float(few)))
+        outnumbered = cell.scenario.defence.outnumbered(*attacked_at_once(cell.scenario)).any()
+        if few and found is not None and not (found.proved or outnumbered):
+            why.setdefault(found.why, []).append(cell.number)
+    told = (f"{where_words(results, n)}: {escape(w)}".lstrip(": ") for w, n in why.items())
+    return f"<b>Agreement is not proved</b> {'; '.join(told)}." if why else ""
