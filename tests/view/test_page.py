@@ -273,7 +273,7 @@ TOLD = [
         [2.0, 1.0, 9.0],
         SEVERAL,
         "<ul><li><b>Best defence: W-MSR</b>. There median lanes have errors of at most <b>1 m</b>"
-        " and the worst vehicle has <b>2 m</b>.</li>",
+        " and the worst vehicle has <b>2 m</b>. A vehicle may drop all of its neighbours there, and",
     ),
     (
         FOUR,
@@ -362,7 +362,7 @@ TOLD = [
     (
         [4.0, 20.0, 1.0, 20.0, 4.0, 20.0],
         {"sweep": {"defence": ["none", "w_msr", "centerpoint"], "attack.magnitude": [1, 10]}},
-        "no other is better than <b>W-MSR</b> in any setting. Against no\xa0defence:<ul><li>W-MSR: the",
+        "no other is better than <b>W-MSR</b> in any setting. Against no\xa0defence:<ul><li>W-MSR:",
     ),
 ]
 
