@@ -273,7 +273,7 @@ TOLD = [
         [2.0, 1.0, 9.0],
         SEVERAL,
         "<ul><li><b>Best defence: W-MSR</b>. There median lanes have errors of at most <b>1 m</b>"
-        " and the worst vehicle has <b>2 m</b>. A vehicle may drop all of its neighbours there, and",
+        " and the worst vehicle has <b>2 m</b>. A vehicle may drop all of its neighbours there,",
     ),
     (
         FOUR,
