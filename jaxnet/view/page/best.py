@@ -56,7 +56,8 @@ def best_sentence(results: Results, kinds: Sequence[str]) -> str:
         where = [named(kinds[0], str(each[kinds[0]])) for each in best]
     if len(best) in (0, len(there)) or len(where) > MOST_TOLD:
         return ""
-    told = f"{'combination of ' * (len(kinds) > 1)}{of}: {'; '.join(where)}"
+    among = ", where errors have settled" * bool(falling_cells(results))
+    told = f"{'combination of ' * (len(kinds) > 1)}{of}{among}: {'; '.join(where)}"
     numbers = numbers_words(results, [*left.index], fallen)
     return f"<b>Best {escape(told)}</b>. {numbers}.{dropping_words(results, [*left.index])}"
 
