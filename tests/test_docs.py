@@ -303,6 +303,13 @@ def anchors(page):
     return named | set(re.findall(r'<a id="([\w-]+)">', text))
 
 
+def test_the_gallery_has_each_study():
+    """Of `configs/`, by its name."""
+    page = (DOCS / "gallery.md").read_text()
+    studies = {path.stem for path in (ROOT / "configs").glob("*.yaml")}
+    assert studies <= set(re.findall(r"\w+", page))
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_a_page_names_what_there_is(page):
     """Commands with their options, files and headings; lines but rows and links are short."""

@@ -85,6 +85,17 @@ def process(folder, *words):
     return done.stdout
 
 
+def test_the_page_s_constant_attack_is_the_bias(folder):
+    """In every direction."""
+    means = []
+    for kind in ("my_kinds:Shift", "bias"):
+        attack = {"kind": kind, "vehicles": [2], "direction": {"uniform": [0, 6]}}
+        results = jaxnet.simulate(jaxnet.load(folder / "study.yaml", {"attack": attack}))
+        means.append(results.lanes["tail_mean"].to_numpy())
+    assert means[0] == pytest.approx(means[1], rel=1e-12)
+    assert means[0].max() > 1
+
+
 @pytest.mark.long
 def test_a_stranger_s_kinds_work_end_to_end(folder):
     """Check, a run killed and resumed on two workers, the nonlinear engine, fit, replay, page."""
