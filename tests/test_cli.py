@@ -102,7 +102,14 @@ def test_run_prints_its_table_and_what_it_wrote(finished):
     assert "error, 95 %" in done.stdout
     assert f"2 of 2 lanes ok, 0 failed; wrote {out}: cells.csv, lanes/" in done.stderr
     assert done.stderr.splitlines()[-1] == f"next: jaxnet report {out}"
-    assert jaxnet_does("show", out).stdout == done.stdout
+    shown = jaxnet_does("show", out)
+    assert shown.stdout == done.stdout
+    assert shown.stderr == f"next: jaxnet report {out}\n"
+
+
+def test_check_names_the_run_of_what_it_checked(config):
+    done = jaxnet_does("check", config, "gain=[1, 3, 3]")
+    assert done.stderr == f"next: jaxnet run {config} 'gain=[1, 3, 3]'\n"
 
 
 @pytest.fixture(scope="module")
@@ -236,7 +243,8 @@ def test_report_draws_the_figures(finished, monkeypatch):
     assert done.exit_code == 0, done.stderr
     assert pages == [(out / "report.html").as_uri()]
     assert "no browser" not in done.stderr
-    assert "lanes to simulate again: 7 (none with --no-replay)\n" in done.stderr
+    again = "7 lanes are simulated again to show their motion; --no-replay leaves them out\n"
+    assert done.stderr.startswith(again)
     written = sorted(path.name for path in (out / "figures").iterdir())
     names = ("bands", "curve", "panels", "tails", "topologies")
     assert written == sorted(f"{name}.{kind}" for name in names for kind in ("png", "pdf"))

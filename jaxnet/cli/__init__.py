@@ -75,7 +75,8 @@ def write_starter(file: Path) -> None:
     configs.cells.read_document(configs.document.Document(content, str(file)))
     with file.open("x", encoding="utf-8") as opened:
         opened.write(content)
-    errors.echo(f"wrote {file}\nnext: jaxnet check {shlex.quote(str(file))}", err=True)
+    errors.tell_written([file])
+    errors.tell_next("check", file)
 
 
 @command(
@@ -93,6 +94,7 @@ def check_command(config: Path, overrides: tuple[str, ...], cell: int | None) ->
         if study.config.scope.known:  # classes from outside are tried, which takes JAX
             shards.try_kinds(study.config, study.cells, engines.batch.EVERYTHING)
         errors.echo(texts.check.check_text(study, cell))
+    errors.tell_next("run", config, *overrides)
 
 
 class ShardOf(click.ParamType):
@@ -151,6 +153,7 @@ def run_command(
         failed = results.manifest["lanes"]["failed"]
         errors.echo(texts.tables.summary_text(results))
         errors.echo(texts.tables.outcome_text(results, results.found_all), err=True)
+        errors.tell_next("report", results.path)
     if failed and strict:
         sys.exit(FAILED_LANES)
 
@@ -241,6 +244,7 @@ def show_command(
             table = texts.tables.summary_text(opened, *chosen, most)
             told = [table, texts.tables.failures_text(opened), *told]
         errors.echo("\n\n".join(filter(None, told)))
+        errors.tell_next("report", results)
     elif opened.has_run:
         errors.echo(texts.tables.formatted(opened, form, *chosen))
     else:
@@ -258,6 +262,7 @@ def fit_results(results: str, out: str | None, **code: Any) -> None:
     with texts.progress.report_steps() as told:
         errors.tell_written(api.writing.write_fits(opened, told))
     errors.echo(texts.slopes.fit_text(opened))
+    errors.tell_next("report", results, *(["--out", out] if out else []))
 
 
 @command(
@@ -280,7 +285,9 @@ def report_command(
     """
     opened = jaxnet.open(results, out, **code)
     if many := 0 if no_replay else watching.lanes_again(opened):
-        errors.echo(f"lanes to simulate again: {many} (none with --no-replay)", err=True)
+        told = "lane is" if many == 1 else "lanes are"
+        motion = "simulated again to show their motion; --no-replay leaves them out"
+        errors.echo(f"{many} {told} {motion}", err=True)
     with texts.progress.report_steps() as told:
         errors.tell_written(api.writing.write_report(opened, told, not no_replay))
     page = opened.folder.path / "report.html"

@@ -38,6 +38,10 @@ def tell_written(paths: Iterable[object]) -> None:
         echo(f"wrote {path}", err=True)
 
 
+def tell_next(command: str, *words: object) -> None:
+    echo(f"next: {shlex.join(['jaxnet', command, *map(str, words)])}", err=True)
+
+
 @contextlib.contextmanager
 def interrupts() -> Iterator[list[int]]:
     """Have Ctrl-C and SIGTERM raise KeyboardInterrupt; yield the list of the signals that came.

@@ -103,20 +103,29 @@ def version_and_hash(folder: Folder) -> tuple[str | None, str | None]:
 
 
 def difference(folder: Folder, config: Config) -> str:
-    """Keys in which the folder's study differs from a config; "" if its study is unknown."""
+    """The first key in which the folder's study differs from a config; "" if none is known."""
     if changed := changed_modules(folder.manifest, config):
         return f": {changed[0]} was changed since its rows were made"
     file = folder.path / "study.yaml"
     if not file.exists():
         return ""
-    theirs, ours = flatten_keys(Document.read(file).data), flatten_keys(to_plain(config))
-    apart = [
-        f"{key} is {shorten(str(theirs.get(key)), 100, placeholder=' …')} there"
-        f" and {shorten(str(ours.get(key)), 100, placeholder=' …')} here"
-        for key in dict.fromkeys([*theirs, *ours])
-        if key.split(".")[0] not in unhashed(config) and theirs.get(key) != ours.get(key)
-    ]
-    return f": {', '.join(apart[:3]) or 'its sweep has another order'}"
+    hidden, read = unhashed(config), (Document.read(file).data, to_plain(config))
+    theirs, ours = ({k: v for k, v in each.items() if k not in hidden} for each in read)
+    return f": {'its sweep has another order' if theirs == ours else first_apart(theirs, ours)}"
+
+
+def first_apart(there: Any, here: Any, key: str = "") -> str:
+    """The first dotted key in which two values differ; entries of lists count from 0."""
+    pair = there, here
+    if all(isinstance(each, dict) for each in pair) or all(isinstance(each, list) for each in pair):
+        both = [dict(each if isinstance(each, dict) else enumerate(each)) for each in pair]
+        values = (
+            (name, *(each.get(name, "absent") for each in both)) for name in both[0] | both[1]
+        )
+        name, there, here = next(each for each in values if each[1] != each[2])
+        return first_apart(there, here, f"{key}.{name}" if key else str(name))
+    there, here = (shorten(str(each), 100, placeholder=" …") for each in pair)
+    return f"{key} is {there} there and {here} here"
 
 
 def flatten_keys(data: dict[str, Any]) -> dict[str, Any]:

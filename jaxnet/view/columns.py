@@ -302,7 +302,8 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     shares, endless = lane_shares(study), "inf"
     if stem in shares:
         end = name.removeprefix(stem).lstrip("_")
-        title = symbol = ", ".join(filter(None, [shares[stem].words(cells), end]))
+        ended = " of lanes that ended" * bool(rows["failed"].any())
+        title = symbol = ", ".join(filter(None, [shares[stem].words(cells) + ended, end]))
         of, scale, names = "%", 100.0, [name] if end else share_names(name)
     else:
         metric, statistic = metric_and_statistic(study, stem)

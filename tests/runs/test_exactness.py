@@ -22,10 +22,10 @@ def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
     ("keys", "why"),
     [
         ({"tick": 0}, "there are no ticks"),
-        ({"law": "rounds"}, "the law solved at every instant"),
-        ({"sensing": {"position": 0.1}}, "exact sensors"),
-        ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.5}}}, "every message"),
-        ({"channel": {"delay": 0.1}}, "messages on time"),
+        ({"law": "rounds"}, r"the law \(rounds\) is not solved"),
+        ({"sensing": {"position": 0.1}}, "sensors err"),
+        ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.5}}}, "messages are lost"),
+        ({"channel": {"delay": 0.1}}, "messages are late"),
         ({"attack": {"kind": "rotating", "threat": "replaces"}}, "no given path"),
     ],
 )

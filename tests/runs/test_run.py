@@ -173,7 +173,7 @@ def test_another_study_is_refused_and_loses_nothing(config, results, tmp_path):
     """The message names the key that differs; `fresh` replaces."""
     shutil.copytree(results.path, tmp_path / "taken")
     other = jaxnet.load(config, {"gain": [6, 11, 6]})
-    words = r"gain is \[1.0, 3.0, 3.0\] there and \[6.0, 11.0, 6.0\] here"
+    words = r"holds another study: gain.0 is 1.0 there and 6.0 here; give"
     with pytest.raises(FolderError, match=words):
         jaxnet.run(other, tmp_path / "taken")
     swapped = dict(reversed(STUDY["sweep"].items()))

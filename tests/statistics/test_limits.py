@@ -301,7 +301,7 @@ def peak_gain(gain):
 @pytest.mark.parametrize(
     ("keys", "why"),
     [
-        ({"sensing": {"position": 0.1}}, "sensing errs (theorems need exact sensors)"),
+        ({"sensing": {"position": 0.1}}, "sensors err"),
         (
             {"gain": [{"uniform": [1, 2]}, 3, 3]},
             "networks, weights or gains are drawn for each lane",
@@ -311,7 +311,7 @@ def peak_gain(gain):
             {"attack": {"kind": "rotating", "sybils": 1}},
             "attacked vehicles have several identities",
         ),
-        ({"law": "rounds"}, "the law is rounds (theorems need the law solved at every instant)"),
+        ({"law": "rounds"}, "the law (rounds) is not solved at every instant"),
         ({"defence": "w_msr"}, "the defence may drop neighbours or change weights"),
     ],
 )

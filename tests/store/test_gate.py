@@ -198,5 +198,6 @@ def test_what_was_made_with_other_settings_goes(folder, tmp_path):
     assert "made of other settings" in told("fit", folder, "--out", tmp_path / "made")
     with warnings.catch_warnings(action="error"):
         jaxnet.run(other, folder, progress=False)
-    with pytest.raises(FolderError, match="holds another study"):
-        jaxnet.run(STUDY | {"seed": 1}, folder, progress=False)
+    apart = r"holds another study: sweep\.attack\.magnitude\.1 is 5\.5 there and 6 here; give"
+    with pytest.raises(FolderError, match=apart):
+        jaxnet.run(STUDY | {"sweep": {"attack.magnitude": [1, 6, 7]}}, folder, progress=False)

@@ -83,7 +83,7 @@ def test_liars_that_replace_what_they_send_may_be_drawn():
         ({"defence": {"kind": "w_msr", "noise": 0.1}}, "or has noise"),
         ({"attack": LIARS | {"listeners": "each"}}, "does not send all listeners the same"),
         ({"attack": LIARS | {"sybils": 1}}, "several identities"),
-        ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}, "channel.loss is on"),
+        ({"channel": {"loss": {"kind": "bernoulli", "probability": 0.1}}}, "messages are lost"),
         ({"attack": LIARS | {"vehicles": [2, 5]}}, "2 attacked, at most 2 of them heard"),
         ({"topology": "cyclic"}, "the vehicles are not ("),
         ({"defence": {"kind": "w_msr", "F": 4}}, "the vehicles are not ("),

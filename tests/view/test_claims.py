@@ -75,7 +75,7 @@ def test_gains_of_each_vehicle_prove_nothing_where_weights_switch():
     """Products of tick matrices grow there without attack; not with fixed weights or no cycle."""
     keys = {"gain": OWN, "attack": "none"}
     trimmed = told(**keys, defence="trusted_trim")
-    assert "safe nothing is proved; gains differ by vehicle, and weights may switch" in trimmed
+    assert "safe nothing is proved where gains differ by vehicle, and weights may switch" in trimmed
     assert "Lemma 1" not in trimmed
     assert safe(**keys, defence="trusted_trim") == {}
     fixed = told(**keys, defence="none")
@@ -277,7 +277,7 @@ def test_stability_is_not_told_of_losses_or_of_liars_that_change():
         "threat": "replaces",
         "vehicles": {"at": [0.0, 10.0], "sets": [[2], [5]]},
     }
-    assert "this factor counts no attack" in told(law="rounds", attack=liars, defence="none")
+    assert "; stability counts no attack" in told(law="rounds", attack=liars, defence="none")
 
 
 TRIMS = {

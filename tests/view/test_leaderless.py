@@ -215,8 +215,7 @@ def test_check_knows_the_stability_of_a_fleet_whose_liar_is_drawn():
         check.check_text(jaxnet.load(KEYS | {"attack": drawn, "topology": "complete"})).split()
     )
     assert (
-        "stable, deviations times 0.0000 at each tick of 0.1 s; this factor counts no attack"
-        in text
+        "stable, deviations times 0.0000 at each tick of 0.1 s; stability counts no attack" in text
     )
     assert "none: rows measure the spread of honest vehicles" in text
     assert "error" not in text

@@ -27,6 +27,7 @@ def tally_of(done: int, total: int) -> Tally:
 def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypatch):
     """Lanes done and in all, speed, failures and time left; no line after the end."""
     monkeypatch.setattr(progress, "HEARTBEAT", 0.05)
+    monkeypatch.setattr(progress, "FORETOLD_AFTER", 0.0)
 
     def line_of(lanes: str) -> str:
         return next_line(capsys, lanes)
@@ -50,6 +51,30 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
     assert not capsys.readouterr().err
 
 
+def test_time_left_grows_while_nothing_ends(monkeypatch):
+    """240 of 1,440 lanes in ten seconds, then none; after the end of all no time is left."""
+    now = [100.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    speed, tally = progress.Speed(), tally_of(0, 1440)
+    speed.note(0)
+    assert speed.told(tally) == "first lanes under way  0 failed"
+    now[0], tally.under_way = 102.0, 100
+    speed.note(100)
+    assert speed.told(tally) == "50 lanes/s  0 failed"  # too early to foretell the end
+    now[0], tally.under_way = 110.0, 240
+    speed.note(240)
+    assert speed.told(tally) == "24 lanes/s  0 failed  0:00:50 left"
+    now[0] = 130.0
+    assert speed.told(tally) == "8 lanes/s  0 failed  0:02:30 left"
+    now[0] = 640.0
+    assert speed.told(tally) == (
+        "0.444 lanes/s  0 failed  0:45:00 left  nothing finished for 0:08:50"
+    )
+    now[0], tally.under_way = 650.0, 1440
+    speed.note(1440)
+    assert speed.told(tally) == "writing results  0 failed"
+
+
 def next_line(capsys, begin: str) -> str:
     """The next line that begins so after the time that has passed, or the last one in 20 s."""
     deadline, said = time.monotonic() + 20, ""
@@ -61,18 +86,20 @@ def next_line(capsys, begin: str) -> str:
 
 
 def test_work_without_a_terminal_is_named(capsys, monkeypatch):
-    """With steps and without, from before the first step on."""
+    """With steps and without; the first step, which may compile, foretells no end."""
     monkeypatch.setattr(progress, "HEARTBEAT", 0.05)
+    monkeypatch.setattr(progress, "FORETOLD_AFTER", 0.0)
     with progress.report_work("comparing lanes"):
         assert next_line(capsys, "comparing") == "comparing lanes"
     with progress.report_steps() as note:
         assert next_line(capsys, "preparing") == "preparing"
         note("curves fitted", 0, 12)
         assert next_line(capsys, "curves") == "curves fitted: 0/12"
+        note("curves fitted", 1, 12)
+        assert next_line(capsys, "curves fitted: 1") == "curves fitted: 1/12"
         note("curves fitted", 3, 12)
-        assert re.fullmatch(
-            r"curves fitted: 3/12  0:00:\d\d left", next_line(capsys, "curves fitted: 3")
-        )
+        told = next_line(capsys, "curves fitted: 3")
+        assert re.fullmatch(r"curves fitted: 3/12  0:00:\d\d left", told)
 
 
 def test_nothing_compiles_while_lanes_move(monkeypatch):

@@ -121,6 +121,26 @@ def test_lanes_that_failed_are_told_where_no_column_does():
     assert "in no number" not in " ".join(tables.summary_notes(results, asked))
 
 
+def test_a_share_of_lanes_that_ended_says_so_where_others_failed():
+    results = results_of({"attack.magnitude": [1, 2]}, True, 2)
+    results.cells["failed"], results.cells["lanes"] = [0, 3], [5, 8]
+    shown = columns.summary_columns(results, ["unrecovered"])
+    assert shown[-1].title == "unrecovered of lanes that ended [%]"
+    shown = columns.summary_columns(results, ["unrecovered"], {"attack.magnitude": 1.0})
+    assert shown[-1].title == "unrecovered [%]"
+
+
+def test_notes_are_of_the_rows_that_are_shown():
+    """Labels and failures of other cells are not explained."""
+    kinds = [{"kind": "w_msr", "F": F, "label": f"F={F}"} for F in (1, 2)]
+    results = results_of({"defence": kinds}, True, 2)
+    results.cells["failed"], results.cells["lanes"] = [0, 3], [5, 8]
+    text = tables.summary_text(results, ["tail_mean"], {"defence": "F=1"})
+    assert "F=1: kind w_msr, F 1" in text
+    assert "F=2" not in text
+    assert "failed" not in text
+
+
 def test_what_is_the_same_in_all_cells_is_one_line():
     """Numbers of lanes, and a key that `where` leaves one value."""
     results = results_of({"attack.magnitude": [1, 2], "tick": [0.05, 0.1]}, True, 4)
@@ -425,6 +445,18 @@ def test_a_worst_lane_comes_with_the_number_of_lanes():
         "max: greatest of 3 to 5 lanes of a cell; at most 63.2 % of all possible lanes are above,"
         " with 95 % confidence"
     )
+
+
+@pytest.mark.parametrize(
+    ("slope", "error", "told"),
+    [(0.0, 1e-12, "0"), (2.0, 1e-12, "inf"), (2.0, 0.5, "4"), (math.nan, 1e-12, "-")],
+)
+def test_a_bound_of_nothing_differs_from_no_bound(slope, error, told):
+    """A bound and an error of 0; an error of 0 under a greater bound; neither is a dash."""
+    cells = pd.DataFrame({"tail_max_max": [error, error]}, index=[1.0, 1.0])
+    curve = Curve(Group({}, ()), cells, {("static", "worst"): slope}, {}, {})
+    table, _ = slopes.group_columns([(curve, slopes.group_ratios(curve))])
+    assert printer.texts_of(table, [])["static"] == [told]
 
 
 def test_fits_show_swept_values_as_the_summary_does():

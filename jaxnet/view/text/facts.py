@@ -258,8 +258,9 @@ def motion_lines(scenario: Scenario, found: dict[str, Any], told: Facts) -> Fact
     elif not law and not scenario.law.solves():
         why = ": " + premise_words(scenario, broken[0]) if broken else ""
         law = f"{scenario.law.kind}: nothing is known of its stability{why}"
-    why = [premise_words(scenario, each) for each in missing(scenario, MOTION)]
-    safe, announced = told.get("safe") or f"nothing is proved; {'; '.join(why)}", {}
+    why = (premise_words(scenario, each) for each in missing(scenario, MOTION))
+    unproved = "; ".join(f"nothing is proved where {each}" for each in why)
+    safe, announced = told.get("safe") or unproved, {}
     if not scenario.navigator.present:  # nobody follows; `guarantee` tells of agreement
         safe = ""
     proved = "safe" in found and any(vehicles.any() for _, vehicles, *_ in found["safe"].reasons)
@@ -384,10 +385,10 @@ def stability_words(found: Stability, scenario: Scenario) -> str:
         least += f", and every number from {surely} on" * (surely > few)
         line += f"; {least if found.least else 'no number of rounds is stable at this tick'}"
     if found.without_attack:
-        line += "; this factor counts no attack: messages that are replaced give another factor"
+        line += "; stability counts no attack: replaced messages may change it"
     elif scenario.attack.replaces():
-        line += f"; the factor takes the replaced messages of {scenario.attack.whom()} as fixed"
-    return line + "; the factor holds while all sources are retained" * found.while_retained
+        line += f"; stability takes the replaced messages of {scenario.attack.whom()} as fixed"
+    return line + "; stability is known only while all sources are retained" * found.while_retained
 
 
 def runs_words(found: AlarmRuns, scenario: Scenario) -> str:

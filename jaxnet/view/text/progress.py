@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from jaxnet.runs.tally import Tally
 
 HEARTBEAT = 30.0  # [s]
+FORETOLD_AFTER = 5.0  # [s] of work before its end is foretold
+QUIET = 30.0  # [s] without an end that are said
 REFRESH = 2.0  # [1/s], for a notebook may keep every picture of the bar
 MOST_LINES = 8  # of cells below the bar
 OTHER_LINES = 5  # that are no cell's: the bar, the head, two notes, the one that the cursor is in
@@ -60,9 +62,7 @@ def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
             return "preparing"
         if now[0].done >= now[0].aim:
             return now[0].phase
-        done, aim, failed = now[0].done, now[0].aim, now[0].failed
-        words = f"{done}/{aim} lanes", speed.words(now[0]), f"{failed} failed"
-        return "  ".join([*words, *speed.left(aim - done)])
+        return f"{now[0].done}/{now[0].aim} lanes  {speed.told(now[0])}"
 
     with show_bar(speed, now) if bar else print_regularly(line):
         yield report
@@ -71,19 +71,17 @@ def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
 @contextlib.contextmanager
 def show_bar(speed: "Speed", now: list["Tally"]) -> Iterator[None]:
     """Show a live bar of the tally in `now`, with the cells' results so far below it."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
-    fields = [TextColumn("{task.fields[speed]}"), TextColumn("{task.fields[failed]} failed")]
-    bar = [TextColumn("lanes"), BarColumn(), MofNCompleteColumn()]
+    told = TextColumn("{task.fields[told]}")
 
     def below() -> "Iterable[RenderableType]":
         for tally in now:
-            live.update(task, completed=tally.done, total=tally.aim)
-            live.update(task, speed=speed.words(tally), failed=tally.failed)
+            live.update(task, completed=tally.done, total=tally.aim, told=speed.told(tally))
             yield from standing_lines(tally, live.console.width, live.console.height)
 
-    live = live_bar([*bar, *fields, TimeRemainingColumn()], below)
-    task = live.add_task("lanes", total=None, speed="", failed=0)
+    live = live_bar([TextColumn("lanes"), BarColumn(), MofNCompleteColumn(), told], below)
+    task = live.add_task("lanes", total=None, told="")
     with live:
         yield
         live.refresh()
@@ -139,14 +137,16 @@ def report_work(what: str) -> Iterator[None]:
 def report_steps() -> Iterator[Steps]:
     """Yield a function that reports steps of work; a terminal keeps no trace."""
     if not sys.stderr.isatty():
-        now, speeds = ["preparing"], dict[str, Speed]()
+        now: list[Callable[[], str]] = [lambda: "preparing"]
+        speeds = dict[str, Speed]()
 
         def note(what: str, done: int, total: int) -> None:
             speed = speeds.setdefault(what, Speed())
-            speed.note(done)
-            now[:] = ["  ".join([f"{what}: {done}/{total}", *speed.left(total - done)])]
+            if done:  # the clock starts after the first step, which may compile
+                speed.note(done)
+            now[:] = [lambda: "  ".join([f"{what}: {done}/{total}", *speed.left(total - done)])]
 
-        with print_regularly(lambda: now[0]):
+        with print_regularly(lambda: now[0]()):
             yield note
         return
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
@@ -163,18 +163,25 @@ def report_steps() -> Iterator[Steps]:
 
 
 class Speed:
-    """Lanes or steps per second since the first note."""
+    """Lanes or steps per second from the first note until now: less and less while none end."""
 
     def __init__(self):
-        self.start: tuple[float, int] | None = None
-        self.rate = 0.0
+        self.notes: list[tuple[float, int]] = []  # the first one, and the last one with an end
 
     def note(self, done: int) -> None:
-        now = time.monotonic()
-        if self.start is None:
-            self.start = (now, done)
-        elif now > self.start[0]:
-            self.rate = (done - self.start[1]) / (now - self.start[0])
+        if not self.notes or done != self.notes[-1][1]:
+            self.notes[1:] = [(time.monotonic(), done)]
+
+    @property
+    def rate(self) -> float:
+        if len(self.notes) < 2:
+            return 0.0
+        (start, there), (_, done) = self.notes
+        return (done - there) / (time.monotonic() - start or np.inf)
+
+    def told(self, tally: "Tally") -> str:
+        failed = f"{tally.failed} failed"
+        return "  ".join([self.words(tally), failed, *self.left(tally.aim - tally.done)])
 
     def words(self, tally: "Tally") -> str:
         """The speed, the present stage if no lane is done, or what follows if all are."""
@@ -185,8 +192,17 @@ class Speed:
         return f"{number_text(self.rate)} lanes/s" if self.rate else "first lanes under way"
 
     def left(self, number: int) -> list[str]:
-        """The time that so many lanes or steps more take; nothing before the first has ended."""
-        return [f"{timedelta(seconds=round(number / self.rate))} left"] if self.rate else []
+        """The time that so many lanes or steps more take, and for how long none has ended."""
+        if not number or not (rate := self.rate):
+            return []
+        now = time.monotonic()
+        passed, quiet = (now - when for when, _ in self.notes)
+        ahead, still = (timedelta(seconds=round(each)) for each in (number / rate, quiet))
+        told = {
+            f"{ahead} left": passed > FORETOLD_AFTER,
+            f"nothing finished for {still}": quiet > QUIET,
+        }
+        return [words for words, said in told.items() if said]
 
 
 def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | Text]":

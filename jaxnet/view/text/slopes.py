@@ -52,7 +52,8 @@ BOUND_COLUMNS |= {
 BOUNDS_DROP_ORDER = tuple((name,) for name in reversed(BOUND_COLUMNS))
 BOUNDS_LEGEND = (
     "bounds of any one vehicle; fleet: of all vehicles' errors together; as printed: with the"
-    " paper's constant, which is false in general; a dash: no bound is known, or the error is 0"
+    " paper's constant, which is false in general; a dash: no bound is known, or no lane ended;"
+    " 0: the bound itself is 0; inf: the error is 0, the bound is not"
 )
 
 
@@ -62,7 +63,7 @@ def fit_text(results: Results) -> str:
     if results.file("bounds.csv").exists():
         title = "bounds of theory, as multiples of the worst error found"
         rows = [(curve, group_ratios(curve)) for curve in found]
-        told = [name for name in BOUND_COLUMNS if any(np.isfinite(row[name]) for _, row in rows)]
+        told = [name for name in BOUND_COLUMNS if any(row[name] == row[name] for _, row in rows)]
         if told:
             table, labels = group_columns(rows)
             table = {
@@ -147,11 +148,11 @@ def estimate_text(found: Fit | None, has_ends: bool = True) -> str:
 
 
 def group_ratios(curve: Curve) -> dict[str, float]:
-    """The worst error per ā, and the ratio of each bound to it: NaN where all lanes recovered."""
-    over = curve.worst if curve.worst > LEAST_UNRECOVERED else np.nan
-    return {"worst error / ā": without_rounding(curve.worst, 1.0)} | {
-        name: curve.slope(*bound) / over for name, bound in BOUND_COLUMNS.items()
-    }
+    """The worst error per ā, and each bound over it: of a bound of 0, which proves that, 0."""
+    over = 0.0 if curve.worst <= LEAST_UNRECOVERED else curve.worst
+    slopes = {name: curve.slope(*bound) for name, bound in BOUND_COLUMNS.items()}
+    ratios = {k: each and (each / over if over else each * np.inf) for k, each in slopes.items()}
+    return {"worst error / ā": without_rounding(curve.worst, 1.0)} | ratios
 
 
 def violations_text(results: Results) -> str:

@@ -1,6 +1,5 @@
 """Results as text for a terminal: the summary, the outcome of a run, failed lanes."""
 
-import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -126,13 +125,14 @@ def asked_columns(
 
 def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """What the columns leave open: which intervals they have, and what the greatest lane says."""
-    config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
+    config, names, numbers = results.study.config, {each.name for each in shown}, shown[0].values
+    cells, table = [results.study.cells[each] for each in numbers], results.cells.loc[numbers]
     metrics = {
         each.name: definition(each)
         for each in config.measured()
         if names & {f"{each.name}_{end}" for end in COLUMNS_OF_METRIC}
     }
-    independent, lanes = config.draws == "random", results.cells.loc[:, "ok"]
+    independent, lanes = config.draws == "random", table.loc[:, "ok"]
     alone = {key: each for key, each in config.sweep.items() if not is_joint(key)}
     notes = [*interval_lines(config, shown), *missing_lines(shown, lanes, independent)]
     notes += label_notes(alone, [cell.labels for cell in cells])
@@ -145,14 +145,14 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     notes += [UNSETTLED_NOTE] * bool(names & unsettled_shares(config).keys())
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
-    failed, total = results.cells[["failed", "lanes"]].to_numpy(int).sum(axis=0)
+    failed, total = table[["failed", "lanes"]].to_numpy(int).sum(axis=0)
     if failed and not names & {columns.SHARE_FAILED, "failed", "ok"}:
         notes.append(f"{failed:,} of {count(int(total), 'lane')} failed, and are in no number")
     if any(each.has_rounding() for each in shown):
         notes.append("errors below 1e-9 ā (1e-9 m without an attack) are shown as 0")
         notes += off_lines(results, shown)
     if names & {"tail_max_max", "spread_max"} and lanes.any() and independent:
-        most = lanes.drop(index=mostly_failed(results))
+        most = lanes.drop(index=mostly_failed(results), errors="ignore")
         many = (most if most.any() else lanes)[lanes > 0].astype(int)
         beyond = share_beyond(int(many.min()))
         words = f"at most {beyond} of all possible lanes are above, with 95 % confidence"
@@ -279,7 +279,7 @@ def summary_html(results: Results) -> str:
 
 
 def outcome_text(results: Results, found_all: bool) -> str:
-    """What a run did, why it stopped, its failed lanes, and what comes next."""
+    """What a run did, why it stopped, and its failed lanes."""
     lanes = results.manifest["lanes"]
     if found_all:
         words = f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed"
@@ -290,8 +290,7 @@ def outcome_text(results: Results, found_all: bool) -> str:
             f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
             f" wrote {results.path}: {', '.join(['cells.csv', 'lanes/', *there])}"
         )
-    after = f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
-    parts = [words, filled(stop_reason(results)), failures_text(results), after]
+    parts = [words, filled(stop_reason(results)), failures_text(results)]
     return "\n".join(filter(None, parts))
 
 
