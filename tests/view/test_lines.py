@@ -28,7 +28,7 @@ from jaxnet.view.drawings.drawing import (
 )
 from jaxnet.view.drawings.swept import hue_looks, swept_drawing
 from jaxnet.view.drawings.ultimate import BOUND_LOOKS, FITS
-from jaxnet.view.drawings.words import lines_of
+from jaxnet.view.drawings.words import lines_within
 from jaxnet.view.figures import COLUMN_WIDTHS, multiples, style
 from jaxnet.view.figures.printed import printed, value_ticks
 from jaxnet.view.page.plots import plotted
@@ -453,7 +453,7 @@ def test_a_narrow_title_breaks_no_word_that_fits():
 )
 def test_no_line_ends_within_a_unit_or_a_name(words, letters, lines):
     """The words have ordinary spaces afterwards."""
-    assert lines_of(words, letters) == lines
+    assert lines_within(words, letters) == lines
 
 
 def test_labels_of_axes_do_not_touch_in_larger_type():

@@ -70,8 +70,8 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     for curve, some in zip(found, lines, strict=True):
         within = [each for each in some if len(each.x) and y.floor <= each.y[0] <= y.top]
         series = [*within, *lane_series(curve, metric, x, y)]
-        words = f"all errors are below {y.floor:g} ā" if curve.worst < y.floor else ""
-        words = words if curve.ended.any() else NO_LANE
+        low = f"all errors are below {y.floor:g} ā" * (curve.worst < y.floor)
+        words = low if curve.ended.any() else NO_LANE
         note = slope_note(curve, metric)
         panels.append(Panel(curve.group.labels, [*curve.group.attacked], series, words, note))
     there = [curve.group.labels for curve in found]

@@ -18,7 +18,7 @@ JOINT = "\0"  # in place of such a space
 MOST_GONE = 4  # numbers of one key that are not drawn and are named
 
 
-def lines_of(words: str, letters: float) -> list[str]:
+def lines_within(words: str, letters: float) -> list[str]:
     """Words on lines of so many letters, which part no number from its unit and no W-MSR."""
     kept = BEFORE_UNIT.sub(JOINT, words)
     is_long = any(len(word) > letters for word in kept.split(" "))

@@ -408,17 +408,17 @@ def file_name(
     ]
     words += ["one-column"] * (column == "one") + ["plain"] * plain + ["no-note"] * (not note)
     told = "-".join([name, *words])
-    safe = safe_words(told)
+    safe = file_words(told)
     labels = ({cell.labels[key] for cell in cells if key in cell.labels} for key in where)
-    apart = bool(cells) and all(len({*map(safe_words, each)}) == len(each) for each in labels)
-    apart &= all(safe_words(each) == str(each) for each in chosen.values())
+    apart = bool(cells) and all(len({*map(file_words, each)}) == len(each) for each in labels)
+    apart &= all(file_words(each) == str(each) for each in chosen.values())
     if (safe == told or apart) and len(told) <= LONGEST_FILE_NAME:
         return safe
     digest = hashlib.sha256(told.encode()).hexdigest()[:6]  # other names may be cut to the same
     return f"{safe[:LONGEST_FILE_NAME]}-{digest}"
 
 
-def safe_words(label: object) -> str:
+def file_words(label: object) -> str:
     return re.sub(r"(?:[^\w.=-]|\.(?!\w))+", "_", str(label))
 
 

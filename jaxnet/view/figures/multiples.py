@@ -22,7 +22,7 @@ from jaxnet.config.naming import NO_BREAK
 from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.statistics.groups import Label, evenly_over
 from jaxnet.view.drawings.drawing import Selection
-from jaxnet.view.drawings.words import distinct_titles, gone_words, lines_of
+from jaxnet.view.drawings.words import distinct_titles, gone_words, lines_within
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 
@@ -68,7 +68,7 @@ def set_size(drawn: Figure, size: tuple[float, float]) -> None:
         for panel in drawn.axes:
             panel.set_ylabel("")
         letters = LETTERS_PER_PANEL * size[1] / type_scale("font.size") / 2
-        told = lines_of(words.pop().replace("\n", " "), letters)
+        told = lines_within(words.pop().replace("\n", " "), letters)
         drawn.supylabel("\n".join(told), fontsize=mpl.rcParams["axes.labelsize"])
     drawn.set_size_inches(size)
 
@@ -106,7 +106,7 @@ def filled_lines(words: str, letters: int | float) -> str:
     """Wrap words to lines of so many letters, which may part a number from its unit, or its key."""
     long = {each for each in words.split(" ") if len(each) > letters}
     parts = (each.replace(NO_BREAK, " ") if each in long else each for each in words.split(" "))
-    return "\n".join(lines_of(" ".join(parts), letters))
+    return "\n".join(lines_within(" ".join(parts), letters))
 
 
 def wrapped(words: str, letters: int | float) -> str:
@@ -140,7 +140,7 @@ def write_note(drawn: Figure, words: str) -> None:
     """Append a note to the small lines below all panels."""
     told = "; ".join(filter(None, [drawn.get_supxlabel().replace("\n", " "), words]))
     size = type_scale("font.size")
-    lines = lines_of(told, NOTE_LETTERS_PER_INCH * drawn.get_figwidth() / size)
+    lines = lines_within(told, NOTE_LETTERS_PER_INCH * drawn.get_figwidth() / size)
     drawn.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7 * size)
 
 
@@ -248,7 +248,7 @@ def panel_grid(
     for unit in (" [", " / "):  # stays beside its quantity
         x, y = (each.replace(unit, unit.replace(" ", NO_BREAK)) for each in (x, y))
     along = LETTERS_PER_PANEL * min(1.0, height / PANEL_HEIGHT)
-    beside = y if is_math_text(y) else "\n".join(lines_of(y, along))
+    beside = y if is_math_text(y) else "\n".join(lines_within(y, along))
     below = filled_lines(x, 0.85 * letters)
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
         is_lowest = place + across >= len(labels)

@@ -240,7 +240,7 @@ def draw_graph(panel: Axes, network: DrawnGraph, size: float) -> None:
         )
     panel.set_aspect("equal", anchor="N")
     panel.axis("off")
-    (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
+    (left, low), (right, high) = places[first:].min(axis=0), places[first:].max(axis=0)
     panel.set_xlim(left - GRAPH_MARGIN, right + GRAPH_MARGIN)
     panel.set_ylim(low - GRAPH_MARGIN, high + GRAPH_MARGIN)
 
