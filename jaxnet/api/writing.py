@@ -145,7 +145,7 @@ def write_figure(
     chosen = chosen or {}
     look: Any = {"column": column, "note": note, **chosen}
     drawn = figures.draw_figure(results, name, where, plain, **look)
-    file = figures.file_name(name, where or {}, column, chosen, plain, note)
+    file = figures.file_name(name, where or {}, column, chosen, plain, note, results.study.cells)
     with results.folder.writing():
         yield from figures.save_figure(results, file, drawn)
 

@@ -127,8 +127,16 @@ def label_notes(sweep: Mapping[str, Any], cells: Sequence[Mapping[str, object]])
             if is_joint(written):
                 given = zip(keys_in(written), entry["values"], strict=True)
                 words = labels_title({key: value_labels(key, [each])[0] for key, each in given})
-            found += [f"{entry['label']}: {words}"] * bool(words)
+            if not is_told(words, entry["label"]):
+                found.append(f"{entry['label']}: {words}")
     return found
+
+
+def is_told(words: str, label: str) -> bool:
+    """Whether a label has all these words, or longer words' beginnings: "geo. median"."""
+    said, names = (re.findall(r"\d[\d.]*|[^\W\d_]+", each.casefold()) for each in (label, words))
+    begun = tuple(each for each in said if len(each) > 2)
+    return all(each in {"kind", *said} or each.startswith(begun) for each in names)
 
 
 def labels_title(labels: Mapping[str, object]) -> str:

@@ -9,12 +9,14 @@ import pandas as pd
 from jaxtyping import Int
 
 from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.naming import NO_BREAK
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import RESULT_DIGITS, count_between, counted, number_text
 from jaxnet.statistics.amplitude import attack_size, without_rounding
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
 from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, failed_kinds
 from jaxnet.statistics.groups import Label
+from jaxnet.statistics.intervals import clopper_pearson
 from jaxnet.statistics.recovery import confidence_told, share_definition
 from jaxnet.store.results import Results
 
@@ -56,7 +58,7 @@ def tiling(cells: Sequence[Cell], axes: Axes | None = None) -> Tiling | None:
 
 
 def tile_table(results: Results) -> pd.DataFrame:
-    """Share unrecovered with its interval [%], and the worst tail error per ā, by cell.
+    """Share failed or unrecovered of all lanes, its interval [%], worst tail error per ā, by cell.
 
     Without a navigator the greatest spread [m] stands in place of the error per ā. Further columns
     are the `size` beside which it may be rounding, the interval as text, the numbers of ok and
@@ -67,7 +69,7 @@ def tile_table(results: Results) -> pd.DataFrame:
     worst, size = cells["tail_max_max"] / sizes, np.ones(len(sizes))
     if is_leaderless(results.study.cells):
         worst, size = cells["spread_max"], sizes
-    found = 100 * cells.reindex(columns=SHARE_COLUMNS).astype(float)
+    found = 100 * share_lost(results)
     found = found.assign(worst=worst, size=size, ok=cells["ok"], failed=cells["failed"])
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
     found["interval"] = [
@@ -76,6 +78,19 @@ def tile_table(results: Results) -> pd.DataFrame:
     ]
     pairs = zip(results.study.cells, cells["ok"], strict=True)
     found["blank"] = [blank_reason(cell, ok) for cell, ok in pairs]
+    return found
+
+
+def share_lost(results: Results) -> pd.DataFrame:
+    """Share unrecovered, low and high; lanes that failed count as unrecovered."""
+    cells: Any = results.cells
+    found = cells.reindex(columns=SHARE_COLUMNS).astype(float)
+    attacked = np.isfinite([attack_size(cell) for cell in results.study.cells])
+    fell = (cells["failed"] > 0) & attacked & ("unrecovered" in cells)
+    failed, ok = cells.loc[fell, ["failed", "ok"]].to_numpy().T
+    lost = failed + np.rint(found.loc[fell, "unrecovered"].fillna(0.0) * ok).astype(int)
+    ends = clopper_pearson(lost, failed + ok, confidence_told(results.study.config.samples))
+    found.loc[fell, SHARE_COLUMNS] = np.stack([lost / (failed + ok), *ends], axis=1)
     return found
 
 
@@ -96,7 +111,8 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
     """Notes below a heat map: lanes per tile, width of the intervals, and failed lanes."""
     cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), tile_table(results)
     known: Any = found[found.index.isin(cells) & found[metric].notna()]
-    words = [f"{count_between(known['ok'].astype(int).tolist(), 'lane')} a tile"]
+    lanes = known["ok"] + known["failed"] * (metric == "unrecovered")
+    words = [f"{count_between(lanes.astype(int).tolist(), 'lane')} a tile"]
     if metric == "unrecovered":
         if asked := results.study.config.recovery:
             words.insert(0, share_definition(asked, results.study.cells))
@@ -106,7 +122,8 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
         most = f"at most {number_text(reach)} percentage points from the value"
         words.append(f"{sure:g} % intervals reach {most}")
     if failed := sum((kinds[cell] for cell in cells & kinds.keys()), Counter()):
-        words.append(f"* lanes that failed are in no number: {counted(failed)}")
+        whether = "with" if metric == "unrecovered" else "without"
+        words.append(f"*{NO_BREAK}{whether} lanes that failed: {counted(failed)}")
     return words
 
 

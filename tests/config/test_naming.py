@@ -7,7 +7,14 @@ import pytest
 
 import jaxnet
 from jaxnet.config.document import ConfigError
-from jaxnet.config.naming import Key, labels_title, quantity, value_alone, value_name
+from jaxnet.config.naming import (
+    Key,
+    label_notes,
+    labels_title,
+    quantity,
+    value_alone,
+    value_name,
+)
 
 
 @pytest.mark.parametrize(
@@ -56,6 +63,22 @@ def test_a_number_of_vehicles_does_not_read_as_a_vehicle():
     """Cells of tables and entries of legends are short."""
     assert value_alone("attack.vehicles", '{"random": 1}') == "1 drawn"
     assert value_alone("attack.vehicles", "[1]") == "1"
+
+
+@pytest.mark.parametrize(
+    ("label", "kind", "told"),
+    [
+        ("geo. median", {"kind": "geometric_median"}, False),
+        ("W-MSR F=2", {"kind": "w_msr", "F": 2}, False),
+        ("W-MSR", {"kind": "w_msr", "F": 2}, True),
+        ("W-MSR F=1", {"kind": "w_msr", "F": 12}, True),
+        ("nearest 2", {"kind": "ms_norm", "F": 2}, True),
+    ],
+)
+def test_a_label_that_says_all_has_no_note(label, kind, told):
+    """Short forms of the kind's words are no news; a number is."""
+    notes = label_notes({"defence": [kind | {"label": label}]}, [{"defence": label}])
+    assert bool(notes) == told
 
 
 def test_a_config_names_its_keys_and_changes_no_row():

@@ -348,6 +348,26 @@ def test_a_ring_with_few_informed_vehicles_is_a_circle():
         assert np.allclose(np.hypot(*places.T), 1.0) == is_ring
 
 
+def test_a_grid_is_drawn_as_a_grid():
+    """Vehicles in rows and columns, the navigator beside them; no link runs through a node."""
+    grid = {"kind": "grid", "rows": 2, "columns": 3, "torus": True}
+    (network,) = topology.networks_of(jaxnet.load({"vehicles": 6, "topology": grid}).cells)
+    x, y = network.places.T
+    assert len({*x[1:].round(6)}) == 3
+    assert len({*y[1:].round(6)}) == 2
+    assert x[0] < x[1:].min()
+    assert y[1:].min() < y[0] < y[1:].max()
+    assert network.bends(0, 3)  # over vehicle 2
+
+
+def test_a_title_tells_no_number_of_attacked_vehicles():
+    """Where they are drawn for each lane: one graph stands for cells of several numbers."""
+    sweep = {"attack.vehicles": [{"random": 1}, {"random": 2}]}
+    study = systems.study(vehicles=8, topology="star", sweep=sweep)
+    (network,) = topology.networks_of(study.cells)
+    assert network.title.split("\n")[0] == "star"
+
+
 def test_a_large_fleet_is_shown_by_its_matrix():
     """Grey if anybody in a bin hears anybody there, else white; a strip for 0, marked attacks."""
     figure, cells = graphs_of(720, [2, 700], ["cyclic", "path"])
@@ -392,6 +412,12 @@ def test_a_choice_is_told_by_the_files_name():
     assert len(set(names)) == len(names)
     assert all("/" not in name and len(name) < 120 for name in names)
     assert every.file_name("curve", {}, "two", note=False) == "curve-no-note"
+    rules = ["w_msr", {"kind": "geometric_median", "label": "geo. median"}]
+    alike = {"kind": "coordinate_median", "label": "geo median"}
+    for listed, is_plain in ((rules, True), ([*rules[1:], alike], False)):
+        cells = systems.study(sweep={"defence": listed}).cells
+        made = every.file_name("heat", {"defence": "geo. median"}, "two", cells=cells)
+        assert (made == "heat-defence=geo_median") == is_plain
 
 
 def test_a_dollar_in_a_label_is_a_dollar():

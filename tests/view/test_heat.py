@@ -245,7 +245,7 @@ def interval_of(count: int, lanes: int) -> str:
 
 
 def test_a_tile_tells_its_cells_share_and_interval():
-    """Of 40 lanes; hatched without an attack; failed lanes are a star and a note, in no share."""
+    """Of 40 lanes; hatched without an attack; failed lanes have a star and count as lost."""
     results = made(study_of(SWEEP), failed={7: ["disconnected"] * 2, 18: ["nonfinite"] * 40})
     figure = drawn(results)
     panels = [panel for panel in figure.axes if panel.get_title()]
@@ -253,19 +253,22 @@ def test_a_tile_tells_its_cells_share_and_interval():
     assert [plain(panel.get_title()) for panel in panels] == titles
     words = tile_words(panels[1])
     assert words[0, 1] == [interval_of(6, 40), "15"]
-    assert words[0, 0] == [interval_of(7, 38), "18.4*"]
+    assert words[0, 0] == [interval_of(9, 40), "22.5*"]
     assert {word for each in tile_words(panels[0]).values() for word in each} == {""}
-    assert tile_words(panels[3])[0, 1] == ["*"]
+    assert tile_words(panels[3])[0, 1] == [interval_of(40, 40), "100*"]
+    colours = np.asarray(panels[3].collections[0].get_array())
+    assert colours[0, 1] == colours.max() == 100  # the darkest
     assert plain(figure.get_supxlabel()) == (
-        "38 to 40 lanes a tile; 95 % intervals reach at most 16.6 percentage points from the value;"
-        " * lanes that failed are in no number: 40 nonfinite, 2 disconnected;"
+        "40 lanes a tile; 95 % intervals reach at most 16.6 percentage points from the value;"
+        " * with lanes that failed: 40 nonfinite, 2 disconnected;"
         " tail: the last 5 of 30 s"
     )
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["no attack, no lane ended"]
+    assert [text.get_text() for text in legend.get_texts()] == ["no attack"]
     assert panels[0].get_xlabel() == ""
     assert plain(panels[2].get_xlabel()) == "attack frequency [rad/s]"
-    bar = next(panel for panel in figure.axes if panel.get_xlabel() == "lanes unrecovered [%]")
+    title = "lanes failed or unrecovered [%]"
+    bar = next(panel for panel in figure.axes if panel.get_xlabel() == title)
     assert bar.get_xlim() == (0, 100)
 
 
@@ -304,6 +307,15 @@ def test_a_lost_fleet_does_not_take_the_colours_from_the_others():
     assert power_text(f"{1e5:.0e}") == "10<sup>5</sup>"
     results.cells["tail_max_max"] = np.geomspace(0.3, 30, 12)
     assert heat.BEYOND_COLOURS not in plain(drawn(results, "worst").get_supxlabel())
+
+
+def test_the_name_of_few_rows_is_within_the_figure():
+    """Two rows of tiles leave less height than "attacked vehicles" is long."""
+    sweep = {"topology": ["star", "cyclic"], "attack.vehicles": [{"random": 1}, {"random": 2}]}
+    figure = drawn(made(study_of(sweep)))
+    label = figure.axes[0].yaxis.label
+    assert label.get_text() == "attacked\nvehicles"
+    assert label.get_window_extent().y1 <= figure.bbox.y1
 
 
 def test_words_stay_within_their_tiles():
@@ -410,11 +422,12 @@ def test_the_page_has_the_numbers_of_the_cells():
     results = made(study_of(SWEEP), failed={7: ["disconnected"] * 2})
     body = sections.heat_section(results).body
     found = re.findall(r'<script type="application/json">(.*?)</script>', body, re.DOTALL)
-    panels = [json.loads(each) for each in found][:4]
+    panels, title = [json.loads(each) for each in found][:4], "lanes failed or unrecovered [%]"
     share, numbers = 100 * results.cells["unrecovered"].to_numpy(dtype=float), {}
+    share[7] = 100 * 9 / 40
     for panel in panels:
         columns = panel["columns"]
-        numbers |= dict(zip(columns["cell"], columns["lanes unrecovered [%]"], strict=True))
+        numbers |= dict(zip(columns["cell"], columns[title], strict=True))
         (tiles,) = panel["data"]
         places, cells = np.array(tiles["z"], float), np.array(tiles["meta"]["cells"])
         np.testing.assert_allclose(places, share[cells] / 100)

@@ -28,6 +28,7 @@ from jaxnet.view.drawings.drawing import (
 )
 from jaxnet.view.drawings.swept import hue_looks, swept_drawing
 from jaxnet.view.drawings.ultimate import BOUND_LOOKS, FITS
+from jaxnet.view.drawings.words import lines_within
 from jaxnet.view.figures import COLUMN_WIDTHS, multiples, style
 from jaxnet.view.figures.printed import printed, value_ticks
 from jaxnet.view.page.plots import plotted
@@ -439,6 +440,20 @@ def test_a_narrow_title_breaks_no_word_that_fits():
     words = "in place of lost\N{NO-BREAK SPACE}messages\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}drop"
     lines = multiples.wrapped(words, 12).split("\n")
     assert lines == ["in place of", "lost", "messages =", "drop"]
+
+
+@pytest.mark.parametrize(
+    ("words", "letters", "lines"),
+    [
+        ("loss of 30 % lost", 11, ["loss of", "30 % lost"]),
+        ("defence W-MSR F=2", 11, ["defence", "W-MSR F=2"]),
+        ("tail: the last 5 s", 16, ["tail: the last", "5 s"]),
+        ("a look-ahead-vehicle", 8, ["a look-", "ahead-", "vehicle"]),  # longer than a line
+    ],
+)
+def test_no_line_ends_within_a_unit_or_a_name(words, letters, lines):
+    """The words have ordinary spaces afterwards."""
+    assert lines_within(words, letters) == lines
 
 
 def test_labels_of_axes_do_not_touch_in_larger_type():

@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 from html import unescape
+from operator import attrgetter
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from upath import UPath
 
 import jaxnet
 from jaxnet.api import writing
+from jaxnet.model.wording import number_text
 from jaxnet.runs import replay as rerun
 from jaxnet.runs import watched
 from jaxnet.runs.replay import replay
@@ -32,11 +34,11 @@ from jaxnet.view.drawings.scene import headings
 from jaxnet.view.drawings.ultimate import ultimate_drawing
 from jaxnet.view.figures import every
 from jaxnet.view.figures.printed import printed
-from jaxnet.view.page import compared, findings, sections, trajectories, where
+from jaxnet.view.page import compared, elements, findings, sections, trajectories, where
 from jaxnet.view.page.comparison import comparison_page
 from jaxnet.view.page.judged import ComparedBy, failed_lanes, known_shares
 from jaxnet.view.page.plots import axis, plotted
-from jaxnet.view.text import comparison, worst
+from jaxnet.view.text import comparison, tables, worst
 from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
@@ -875,6 +877,41 @@ def test_a_panel_of_errors_per_magnitude_shows_what_the_legend_names(folder):
     drawing = ultimate_drawing([low], "tail_max")
     assert "static" not in [each.name for each in drawing.panels[0].series]
     assert "coloured lines" not in printed(drawing).get_supxlabel()
+
+
+def test_bounds_far_above_the_errors_are_told_in_place_of_drawn(folder):
+    """A note has their slopes, and each panel keeps its least bound."""
+    star, ring = curves.curves(jaxnet.open(folder))
+    worst = max(star.worst, ring.worst)
+    high = {("static", "worst"): 10 * worst, ("star_norm", "worst"): 50 * worst}
+    drawings = [
+        ultimate_drawing([star._replace(bounds=mine), ring._replace(bounds=high)], "tail_max")
+        for mine in (high, {("peak_gain", "worst"): 60 * worst})
+    ]
+    drawn = [[{*map(attrgetter("name"), each.series)} for each in x.panels] for x in drawings]
+    bounds = {"static", "star norm", "peak gain"}
+    assert [each & bounds for each in drawn[0]] == [{"static"}] * 2
+    assert [each & bounds for each in drawn[1]] == [{"peak gain"}, {"static", "star norm"}]
+    told = f"bounds over {number_text(30 * worst)} ā are not drawn"
+    assert drawings[0].notes[0] == f"{told} (star norm, up to {number_text(50 * worst)} ā)"
+    assert "not drawn" not in " ".join(drawings[1].notes)
+
+
+def test_many_notes_on_the_columns_are_folded(folder, monkeypatch):
+    """Below the summary; few stand open."""
+    results = jaxnet.open(folder)
+    for many in (6, 7):
+        monkeypatch.setattr(tables, "summary_notes", lambda *_, many=many: ["a note"] * many)
+        body = sections.summary_section(results).body
+        assert ("<details><summary>Notes on the columns" in body) == (many == 7)
+
+
+def test_titles_on_the_page_keep_names_and_units_on_a_line():
+    """W-MSR, and a number beside its unit; what a config says is text."""
+    html = elements.plot_html(elements.Plot("30 % lost, <W-MSR> F=2", None, {}))
+    heading = re.search("<h3>(.*)</h3>", html)[1]
+    assert "30\N{NO-BREAK SPACE}% lost" in heading
+    assert 'nowrap">&lt;W-MSR&gt;</span> F=2' in heading
 
 
 def test_missing_files_leave_their_sections_out(folder, tmp_path):

@@ -64,9 +64,13 @@ TOLD = [
      "uniform -200 to 200 m, and the place in the formation added"),
     ({"topology": {"kind": "lattice", "neighbours": 6, "label": "six neighbours"}}, "topology",
      "six neighbours (lattice, neighbours = 6)"),
+    ({"topology": "lattice"}, "topology", "lattice, neighbours = 4"),  # defaults of sizes
+    ({"topology": "erdos_renyi"}, "topology", "Erdős–Rényi, probability = 0.3"),
+    ({"topology": {"kind": "small_world", "label": "few rewired"}}, "topology",
+     "few rewired (small world, neighbours = 4, rewired = 0.1)"),
     ({"defence": {"kind": "w_msr", "F": 1, "label": "W-MSR F=1"}}, "defence", "W-MSR F=1"),
     ({"topology": {"kind": "lattice", "navigator": [1, 4], "label": "lattice, 2 leaders"}},
-     "topology", "lattice, 2 leaders (navigator = 1, 4)"),
+     "topology", "lattice, 2 leaders (navigator = 1, 4, neighbours = 4)"),
     ({"detector": "chi_squared", "sensing": {"position": 0.1}, "metrics": ["alarms"]}, "metrics",
      "share of attacked messages that raise an alarm,"
      " share of honest messages that raise an alarm"),

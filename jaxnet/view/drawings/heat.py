@@ -1,13 +1,13 @@
 """Heat maps over two swept keys: a panel per choice of the other keys, one scale of colours."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 
-from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.cells import is_leaderless
 from jaxnet.config.naming import quantity, value_alone, value_name
 from jaxnet.model.wording import count, counted, number_text
 from jaxnet.statistics.curves import failed_kinds, log_ends
@@ -30,10 +30,15 @@ METRICS = ("unrecovered", "worst")
 BEYOND_COLOURS = "numbers beyond the scale of colours have the colour of its end"
 
 
-def metric_label(metric: str, cells: Sequence[Cell]) -> str:
+def lost_name(results: Results) -> str:
+    """What lanes are that did not hold: failed ones too, where any failed."""
+    return "failed or " * bool(results.cells["failed"].any()) + share_name(results.study.cells)
+
+
+def metric_label(metric: str, results: Results) -> str:
     if metric == "unrecovered":
-        return f"lanes {share_name(cells)} [%]"
-    alone = is_leaderless(cells)
+        return f"lanes {lost_name(results)} [%]"
+    alone = is_leaderless(results.study.cells)
     return "greatest spread over the tail [m]" if alone else "greatest tail error / ā"
 
 
@@ -60,7 +65,7 @@ def heat_drawing(results: Results, tiling: Tiling, metric: str) -> Drawing:
         for key, each in ((tiling.column, tiling.columns), (tiling.row, tiling.rows))
     )
     ends = (0.0, 100.0) if is_share else log_ends(values)
-    colours = Scale(metric_label(metric, cells), ends, log=not is_share).cut(values)
+    colours = Scale(metric_label(metric, results), ends, log=not is_share).cut(values)
     notes = [*tile_notes(results, tiling.cells, metric)]
     notes += [BEYOND_COLOURS] * (not is_share and bool(np.any(colours.is_beyond(values))))
     notes += [SPREAD_WORDS] * (not is_share and is_leaderless(cells))
@@ -71,14 +76,15 @@ def heat_drawing(results: Results, tiling: Tiling, metric: str) -> Drawing:
 def tile_words(results: Results, metric: str, row: Any, failed: Mapping[int, str]) -> str:
     """What a tile tells when it is reached: where, its number, its lanes, and those that failed."""
     cell, cells, value = int(row.name), results.study.cells, row[metric]
-    what, lanes = row["blank"], f", of {count(int(row['ok']), 'lane')}"
+    what, many = row["blank"], row["ok"] + row["failed"] * (metric == "unrecovered")
+    lanes = f", of {count(int(many), 'lane')}"
     if not np.isfinite(value):
         lanes = ""
     elif metric == "unrecovered":
         low, high = (number_text(row[f"unrecovered_{end}"], whole=100.0) for end in ("low", "high"))
         sure = 100 * confidence_told(results.study.config.samples)
         share = number_text(value, whole=100.0)
-        what = f"{share} % {share_name(cells)}, {sure:g} % interval {low} to {high} %"
+        what = f"{share} % {lost_name(results)}, {sure:g} % interval {low} to {high} %"
     elif is_leaderless(cells):
         what = f"greatest spread {error_text(value, row['size'])} m"
     else:

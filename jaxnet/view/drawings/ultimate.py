@@ -1,11 +1,12 @@
 """The ultimate error δ̂(ā) per ā: quantiles of simulated lanes, bounds, and fitted slopes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import compress
 from typing import Any
 
 import numpy as np
 
+from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, log_ends
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace, moved_sideways
 from jaxnet.view.drawings.words import NO_LANE
@@ -27,6 +28,7 @@ FITS = {
 MEDIAN = Look(style.BLACK, marker="o", size=3)
 MEAN = Look(style.GREY, marker="D")
 MAXIMUM = Look(style.BLACK, marker="_", size=6)
+MOST_OF_WORST = 30.0  # times the worst error found, below which all bounds are drawn
 NARROW = "the interval of a mean may be narrower than its mark"
 NO_INTERVAL = "some means have no interval: too few lanes, or a few great errors make them up"
 FEW_STATISTICS = ("q05", "median", "max")
@@ -40,11 +42,12 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     A line of a fit ends with the magnitudes at which lanes ended.
     """
     shown, lows, lines = list[Any](), list[Any](), list[list[Trace]]()
-    for curve in found:
-        slopes = {
-            BOUND_NAMES[name]: (slope, BOUND_LOOKS[name])
-            for name, slope in curve.limits(metric).items()
-        }
+    limits = [curve.limits(metric) for curve in found]
+    least = [min(each.values()) for each in limits if each]  # of each curve's bounds: drawn
+    top = max([MOST_OF_WORST * np.nan_to_num(curve.worst) for curve in found] + least)
+    for curve, bounds in zip(found, limits, strict=True):
+        drawn = [name for name, slope in bounds.items() if slope <= top]
+        slopes = {BOUND_NAMES[name]: (bounds[name], BOUND_LOOKS[name]) for name in drawn}
         for name, (quantile, look) in FITS.items():
             fitted = curve.fit(metric, quantile)
             if fitted:
@@ -67,12 +70,22 @@ def ultimate_drawing(found: Sequence[Curve], metric: str) -> Drawing:
     for curve, some in zip(found, lines, strict=True):
         within = [each for each in some if len(each.x) and y.floor <= each.y[0] <= y.top]
         series = [*within, *lane_series(curve, metric, x, y)]
-        words = "" if curve.ended.any() else NO_LANE
+        low = f"all errors are below {y.floor:g} ā" * (curve.worst < y.floor)
+        words = low if curve.ended.any() else NO_LANE
         note = slope_note(curve, metric)
         panels.append(Panel(curve.group.labels, [*curve.group.attacked], series, words, note))
     there = [curve.group.labels for curve in found]
-    notes = [NARROW] + [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
+    notes = [*higher_words(limits, top), NARROW]
+    notes += [NO_INTERVAL] * any(lacks_interval(curve, metric) for curve in found)
     return Drawing(panels, x, y, notes, there=(there, "groups"))
+
+
+def higher_words(limits: Sequence[Mapping[str, float]], top: float) -> list[str]:
+    """The bounds that are not drawn, each with its greatest slope."""
+    pairs = sorted((slope, BOUND_NAMES[name]) for each in limits for name, slope in each.items())
+    higher = {name: f"{name}, up to {number_text(s)} ā" for s, name in pairs if s > top}
+    told = f"bounds over {number_text(top)} ā are not drawn ({'; '.join(higher.values())})"
+    return [told] * bool(higher)
 
 
 def slope_note(curve: Curve, metric: str) -> str:

@@ -1,6 +1,8 @@
 """Words of drawings: titles of panels and rows, and numbers."""
 
+import re
 from collections.abc import Mapping, Sequence
+from textwrap import wrap
 
 import numpy as np
 
@@ -11,7 +13,17 @@ from jaxnet.statistics.groups import Label, numeric
 
 NO_LANE = "no lane ended"
 ROUNDED = "0 (rounding)"
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=[^\s\d]{1,6}(?!\S))")
+JOINT = "\0"  # in place of such a space
 MOST_GONE = 4  # numbers of one key that are not drawn and are named
+
+
+def lines_within(words: str, letters: float) -> list[str]:
+    """Words on lines of so many letters, which part no number from its unit and no W-MSR."""
+    kept = BEFORE_UNIT.sub(JOINT, words)
+    is_long = any(len(word) > letters for word in kept.split(" "))
+    lines = wrap(kept, max(1, int(letters)), break_on_hyphens=is_long)
+    return [line.replace(JOINT, " ") for line in lines]
 
 
 def distinct_titles(labels: Sequence[Mapping[str, Label]]) -> tuple[list[str], str]:

@@ -398,8 +398,9 @@ def file_name(
     chosen: Mapping[str, object] = NO_CHOICE,
     plain: bool = False,
     note: bool = True,
+    cells: Sequence[Cell] = (),
 ) -> str:
-    """File name of a figure without extension; it contains the chosen options."""
+    """File name without extension: the chosen options, in plain letters if cells stay apart."""
     words = [
         f"{key}={value}"
         for key, values in (*chosen.items(), *where.items())
@@ -407,11 +408,18 @@ def file_name(
     ]
     words += ["one-column"] * (column == "one") + ["plain"] * plain + ["no-note"] * (not note)
     told = "-".join([name, *words])
-    safe = re.sub(r"[^\w.=-]+", "_", told)
-    if safe == told and len(told) <= LONGEST_FILE_NAME:
-        return told
+    safe = file_words(told)
+    labels = ({cell.labels[key] for cell in cells if key in cell.labels} for key in where)
+    apart = bool(cells) and all(len({*map(file_words, each)}) == len(each) for each in labels)
+    apart &= all(file_words(each) == str(each) for each in chosen.values())
+    if (safe == told or apart) and len(told) <= LONGEST_FILE_NAME:
+        return safe
     digest = hashlib.sha256(told.encode()).hexdigest()[:6]  # other names may be cut to the same
     return f"{safe[:LONGEST_FILE_NAME]}-{digest}"
+
+
+def file_words(label: object) -> str:
+    return re.sub(r"(?:[^\w.=-]|\.(?!\w))+", "_", str(label))
 
 
 def save_figure(results: Results, name: str, figure: Figure) -> Iterator[UPath]:

@@ -3,7 +3,6 @@
 Small multiples are a panel per group of cells; the first swept key chooses the row.
 """
 
-import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -23,7 +22,7 @@ from jaxnet.config.naming import NO_BREAK
 from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.statistics.groups import Label, evenly_over
 from jaxnet.view.drawings.drawing import Selection
-from jaxnet.view.drawings.words import distinct_titles, gone_words
+from jaxnet.view.drawings.words import distinct_titles, gone_words, lines_within
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 
@@ -34,7 +33,7 @@ PANELS_PER_ROW = 4  # panels in a row across two columns
 ROW_HEIGHT, LEAST_ROW_HEIGHT = 0.28, 0.17  # [in] of a named row, and of one of many
 LINE_HEIGHT = 0.13  # [in] of each line of its name
 AXIS_ROOM = 0.7  # [in] for axis and legend
-LETTERS_PER_INCH = 17  # of a note
+LETTERS_PER_INCH, NOTE_LETTERS_PER_INCH = 17, 19  # of a row's name, and of a note
 LEGEND_LINE = 0.16  # [in]
 LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 17, 9  # of a legend, and of an entry's handle
 TITLE_LETTERS_PER_INCH, LABEL_ROOM = 14.0, 0.4  # of a panel's title; [in] for the label of the rows
@@ -68,9 +67,9 @@ def set_size(drawn: Figure, size: tuple[float, float]) -> None:
     if len(words) == 1 and size[1] < drawn.get_figheight():
         for panel in drawn.axes:
             panel.set_ylabel("")
-        letters = int(LETTERS_PER_PANEL * size[1] / type_scale("font.size") / 2)
-        told = textwrap.fill(words.pop().replace("\n", " "), letters)
-        drawn.supylabel(told, fontsize=mpl.rcParams["axes.labelsize"])
+        letters = LETTERS_PER_PANEL * size[1] / type_scale("font.size") / 2
+        told = lines_within(words.pop().replace("\n", " "), letters)
+        drawn.supylabel("\n".join(told), fontsize=mpl.rcParams["axes.labelsize"])
     drawn.set_size_inches(size)
 
 
@@ -105,10 +104,9 @@ def escape_dollars(words: str) -> str:
 
 def filled_lines(words: str, letters: int | float) -> str:
     """Wrap words to lines of so many letters, which may part a number from its unit, or its key."""
-    letters = max(1, int(letters))
     long = {each for each in words.split(" ") if len(each) > letters}
     parts = (each.replace(NO_BREAK, " ") if each in long else each for each in words.split(" "))
-    return textwrap.fill(" ".join(parts), letters)
+    return "\n".join(lines_within(" ".join(parts), letters))
 
 
 def wrapped(words: str, letters: int | float) -> str:
@@ -142,8 +140,8 @@ def write_note(drawn: Figure, words: str) -> None:
     """Append a note to the small lines below all panels."""
     told = "; ".join(filter(None, [drawn.get_supxlabel().replace("\n", " "), words]))
     size = type_scale("font.size")
-    lines = textwrap.fill(told, int(LETTERS_PER_INCH * drawn.get_figwidth() / size))
-    drawn.supxlabel(lines, x=0.01, ha="left", fontsize=7 * size)
+    lines = lines_within(told, NOTE_LETTERS_PER_INCH * drawn.get_figwidth() / size)
+    drawn.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7 * size)
 
 
 def make_room(drawn: Figure) -> None:
@@ -244,13 +242,13 @@ def panel_grid(
     panels: list[Axes] = []
     for place in range(len(labels)):
         row, column = divmod(place, across)
-        is_alone = across == 2 and place == len(labels) - 1 and column == 0
         shared: Any = dict.fromkeys(("sharex", "sharey"), panels[0]) if panels else {}
-        panels.append(drawn.add_subplot(grid[row, :] if is_alone else grid[row, column], **shared))
+        panels.append(drawn.add_subplot(grid[row, column], **shared))
     letters = title_letters(within - margin, across)
     for unit in (" [", " / "):  # stays beside its quantity
         x, y = (each.replace(unit, unit.replace(" ", NO_BREAK)) for each in (x, y))
-    beside = y if is_math_text(y) else textwrap.fill(y, LETTERS_PER_PANEL)
+    along = LETTERS_PER_PANEL * min(1.0, height / PANEL_HEIGHT)
+    beside = y if is_math_text(y) else "\n".join(lines_within(y, along))
     below = filled_lines(x, 0.85 * letters)
     for place, (panel, named) in enumerate(zip(panels, titles, strict=True)):
         is_lowest = place + across >= len(labels)
@@ -259,7 +257,7 @@ def panel_grid(
         panel.set_axisbelow(True)
         panel.tick_params(labelbottom=is_lowest, labelleft=place % across == 0)
         panel.set(xlabel=below * is_lowest, ylabel=beside * (place % across == 0))
-        if is_lowest and across > 2:
+        if is_lowest:
             panel.xaxis.set_in_layout(place // across == rows - 1)  # else a hole has room below
     return drawn, panels
 

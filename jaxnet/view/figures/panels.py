@@ -1,7 +1,6 @@
 """The paper's figure: a row per attack; trajectories of each topology, and all errors over time."""
 
 import itertools
-import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -101,13 +100,13 @@ def panels_figure(
             if cell.number in samples:
                 shown.setdefault(samples[cell.number], []).append(titles[place])
             if cell is row[0]:
-                panel.set_ylabel(f"{textwrap.fill(row_caption(cell), ROW_LETTERS)}\ny [m]")
+                panel.set_ylabel(f"{multiples.filled_lines(row_caption(cell), ROW_LETTERS)}\ny [m]")
             elif spot.colspan.start == 0:
                 panel.set_ylabel("y [m]")
             else:
                 panel.tick_params(labelleft=False)
         if errors:
-            caption = textwrap.fill(row_caption(row[0]), int(TITLE_LETTERS * width))
+            caption = multiples.filled_lines(row_caption(row[0]), TITLE_LETTERS * width)
             words = caption
             if trajectories:
                 words = "" if number else judged + "s" * (judged == "error")

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from textwrap import fill, shorten
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ MOST_IN_ROW = 4  # graphs in a row
 MATRICES_IN_ROW = 2  # of them, where any is shown by its matrix
 LEAST_SNAKE_ROW = 4  # vehicles, at least, in a row of a graph that is more of a chain
 SNAKE_SPACING = 0.62
+NAVIGATOR_ASIDE, NAVIGATOR_ABOVE = -1.2, 0.25  # of a grid's spacing: in line with no row
 MOST_ON_CIRCLE = 16  # more vehicles than this are too many for one circle
 INNER_RADIUS = 0.8  # radius of a crowd's second circle
 GRAPH_MARGIN = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
@@ -37,7 +38,7 @@ NODE_DIAMETER = 11.0  # [pt] diameter of a node where there is room for it
 TOPOLOGY_LEGEND_HEIGHT = 0.55  # [in]
 LEAST_NUMBERED_NODE = 9.5  # [pt] diameter of a node whose number can be read
 WANTED_SPACING = 18.0  # [pt] from one node to the next that panels grow for
-NODE_IN_WAY = 0.08  # of a link's length: a node so near its middle is in the way
+NODE_IN_WAY = 0.08  # of a link's length: a node so near to it is in the way
 MOST_NAME = 16  # characters of a vehicle's name
 MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
 FEW_WEIGHTS, MOST_CLASSES = 8, 3  # links with labels however alike; distinct weights in a title
@@ -78,8 +79,7 @@ class DrawnGraph:
         self.cell, self.situation = cell, situation_of(cell.scenario)
         self.graph, self.attacked = self.situation.graph, attacked_vehicles(cell)
         self.is_large = self.graph.vehicles > MOST_VEHICLES
-        self.is_crowded = self.graph.vehicles > MOST_ON_CIRCLE
-        self.places = source_places(self.graph)
+        self.places = source_places(self.graph, getattr(cell.scenario.topology, "columns", 0))
         extent = np.ptp(self.places, axis=0).max() + 2 * GRAPH_MARGIN
         apart = np.hypot(*(self.places[:-1] - self.places[-1]).T).min()
         self.spacing = float(apart / extent)  # of the last node from its neighbour, in widths
@@ -112,12 +112,9 @@ class DrawnGraph:
 
     @property
     def title(self) -> str:
-        """The graph's name, how many are attacked at random, and weights of many links."""
-        attack = self.cell.scenario.attack
-        unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
-        whom = f", attacked: {attack.whom()}" if unmarked else ""
+        """The graph's name, and weights of many links."""
         inner = {key: value for key, value in graph_labels(self.cell).items() if key != "topology"}
-        name = ", ".join(filter(None, [topology_name(self.cell) + whom, labels_title(inner)]))
+        name = ", ".join(filter(None, [topology_name(self.cell), labels_title(inner)]))
         words = []
         for source, leads in (("neighbours", False), ("navigator", True)):
             weights = [f"{weight:.3g}" for of, weight in self.classes if of == leads]
@@ -131,19 +128,25 @@ class DrawnGraph:
         """Whether the arrow of a link is bent: a link back, or a node in the way."""
         ends = self.places[[source, listener + 1]]
         others = np.delete(self.places, [source, listener + 1], axis=0)
-        from_middle = np.hypot(*(others - ends.mean(axis=0)).T)
-        blocked = bool((from_middle < NODE_IN_WAY * np.hypot(*(ends[1] - ends[0]))).any())
+        along = ends[1] - ends[0]
+        part = np.clip((others - ends[0]) @ along / (along @ along), 0.1, 0.9)
+        from_link = np.hypot(*(others - ends[0] - part[:, None] * along).T)
+        blocked = bool((from_link < NODE_IN_WAY * np.hypot(*along)).any())
         return blocked or (source - 1, listener + 1) in self.weights
 
 
-def source_places(graph: Digraph) -> Float[np.ndarray, "sources 2"]:
-    """Places of navigator and vehicles, on a circle or a serpentine.
+def source_places(graph: Digraph, columns: int = 0) -> Float[np.ndarray, "sources 2"]:
+    """Places of navigator and vehicles: on a circle, a serpentine, or rows of so many `columns`.
 
     A chain, whose links are short in the order of the vehicles, is a serpentine behind the
     navigator, unless a third of the vehicles hear it. Else the navigator is the centre. Many
     vehicles alternate between two circles, which leaves space for the links between neighbours.
     """
     m = graph.vehicles
+    if columns:
+        row, column = np.divmod(np.arange(m), columns)
+        navigator = [[NAVIGATOR_ASIDE, -(m / columns - 1) / 2 + NAVIGATOR_ABOVE]]
+        return np.concatenate([navigator, np.stack([column, -row], axis=1)]) * SNAKE_SPACING
     informed = int((graph.heard & (graph.sources == 0)).sum())
     longest = max((abs(i + 1 - j) for i, j in graph.pairs() if j), default=0)
     if informed == 0 or informed * 3 >= m or longest > m / 2:
@@ -175,10 +178,9 @@ def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) ->
     grid = GridSpec(rows, columns, figure=drawn)
     for number, network in enumerate(shown):
         row, column = divmod(number, columns)
-        is_alone = columns == 2 and number == len(shown) - 1 and column == 0
-        panel = drawn.add_subplot(grid[row, :] if is_alone else grid[row, column])
-        letters = int(multiples.TITLE_LETTERS_PER_INCH * size)
-        panel.set_title("\n".join(fill(line, letters) for line in network.title.split("\n")), pad=2)
+        panel = drawn.add_subplot(grid[row, column])
+        letters, lines = multiples.TITLE_LETTERS_PER_INCH * size, network.title.split("\n")
+        panel.set_title("\n".join(multiples.filled_lines(line, letters) for line in lines), pad=2)
         (draw_matrix if network.is_large else draw_graph)(panel, network, 72 * size)
     higher = multiples.write_legend(drawn, topology_legend(shown), handlelength=2.4)
     drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + higher))
@@ -197,9 +199,8 @@ def networks_of(cells: Sequence[Cell]) -> list[DrawnGraph]:
     for cell in cells:
         graphs.setdefault(tuple(graph_labels(cell).values()), []).append(DrawnGraph(cell))
 
-    def attacked(network: DrawnGraph) -> tuple[int, int]:
-        links = int(network.situation.attacked.sum()) if network.attacked else 0
-        return links, network.cell.scenario.attack.number()
+    def attacked(network: DrawnGraph) -> int:
+        return int(network.situation.attacked.sum()) if network.attacked else 0
 
     return [max(each, key=attacked) for each in graphs.values()]
 
@@ -237,9 +238,9 @@ def draw_graph(panel: Axes, network: DrawnGraph, size: float) -> None:
             zorder=5,
             path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )
-    panel.set_aspect("equal")
+    panel.set_aspect("equal", anchor="N")
     panel.axis("off")
-    (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
+    (left, low), (right, high) = places[first:].min(axis=0), places[first:].max(axis=0)
     panel.set_xlim(left - GRAPH_MARGIN, right + GRAPH_MARGIN)
     panel.set_ylim(low - GRAPH_MARGIN, high + GRAPH_MARGIN)
 

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from collections.abc import Container, Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxnet.config.naming import NO_BREAK
 from jaxnet.model.wording import NAME_DIGITS, RESULT_DIGITS
-from jaxnet.view.drawings.words import error_text
+from jaxnet.view.drawings.words import BEFORE_UNIT, error_text
 
 PAGE_FOLDER = Path(__file__).parent
 LARGEST_SINGLE = np.finfo(np.float32).max
@@ -22,6 +24,7 @@ MENU_ITEMS = (
     '<button type="button" data-keep="csv">Save data as CSV</button>'
     '<button type="button" data-keep="zoom">Reset zoom</button>'
 )
+NO_WRAP = r'<span style="white-space: nowrap">\g<0></span>'  # W-MSR
 PAGER = (
     '<div class="controls pager" hidden><output></output><button type="button">Previous</button>'
     '<button type="button">Next</button></div>'
@@ -123,7 +126,8 @@ def about(cells: Iterable[int] | None) -> str:
 def plot_html(plot: Plot, look: str = "", height: int = 0, begins: bool = False) -> str:
     title = escape(plot.title)
     style = f' style="height: {height}px"' if height else ""
-    heading = f"<h3>{title}</h3>" if title else ""
+    unbroken = re.sub(r"\S+-\S+", NO_WRAP, BEFORE_UNIT.sub(NO_BREAK, title))
+    heading = f"<h3>{unbroken}</h3>" if title else ""
     return (
         f'<div class="panel{" begins" * begins}"{about(plot.cells)}><div class="head">{heading}'
         f'<details class="menu"><summary aria-label="Keep the plot {title}">⋯</summary>'

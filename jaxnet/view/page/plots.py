@@ -10,7 +10,6 @@ import re
 from collections.abc import Sequence
 from html import escape
 from math import ceil, floor, log10
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from jaxnet.model.wording import number_text
 from jaxnet.statistics.curves import LOG_FLOOR
 from jaxnet.view.drawings.drawing import Drawing, Look, Panel, Scale, Trace
 from jaxnet.view.drawings.heat import COLOUR_MAP, PALETTE, colour_norm, text_colour
-from jaxnet.view.drawings.words import error_text
+from jaxnet.view.drawings.words import error_text, lines_within
 from jaxnet.view.figures import style
 from jaxnet.view.figures.multiples import most_in_row, panel_columns, sharing_first
 from jaxnet.view.figures.printed import value_ticks
@@ -318,7 +317,7 @@ def names_axis(names: Sequence[str], falling: bool) -> dict[str, Any]:
 
 def on_lines(name: str, letters: int = LETTERS) -> str:
     """A name as plotly's HTML, on several short lines."""
-    return "<br>".join(plain(line) for line in wrap(name, letters, break_on_hyphens=False))
+    return "<br>".join(plain(line) for line in lines_within(name, letters))
 
 
 def networks_html(cells: Sequence[Cell]) -> str:

@@ -58,6 +58,7 @@ from jaxnet.view.text.analyses import RARE_LEGEND, SENSITIVITY_LEGEND, rare_rows
 
 MOST_PAGE_ROWS = 10_000
 MOST_LISTED = 200
+MOST_NOTES = 6  # below the summary, more are folded
 VEHICLE_WORDS = {
     "low": "5 % [m]",
     "median": "median [m]",
@@ -178,10 +179,10 @@ def run_section(results: Results) -> Section:
 
 def summary_section(results: Results) -> Section:
     shown, constant = columns.split_constant(columns.summary_columns(results))
-    notes = [*filter(None, [constant]), *tables.summary_notes(results, shown)]
+    notes, first = tables.summary_notes(results, shown), [constant]
     many = len(results.study.cells)
     if many > MOST_PAGE_ROWS:
-        notes.append(f"the first {MOST_PAGE_ROWS:,} of {many:,} cells; all are in cells.csv")
+        first.append(f"the first {MOST_PAGE_ROWS:,} of {many:,} cells; all are in cells.csv")
     lengths = [each.title for each in shown if each.title.endswith("[m]") and each.key is None]
     table = sortable_table(
         pd.DataFrame({each.title: each.scaled()[:MOST_PAGE_ROWS] for each in shown}),
@@ -189,7 +190,10 @@ def summary_section(results: Results) -> Section:
         {each.title: each.intervals() for each in shown if any(each.intervals())},
         names=[each.title for each in shown if each.key is not None],
     )
-    return Section("summary", "Summary", table + notes_html(notes))
+    told = notes_html(notes)
+    if len(notes) > MOST_NOTES:
+        told = f"<details><summary>Notes on the columns</summary>{told}</details>"
+    return Section("summary", "Summary", table + notes_html(first) + told)
 
 
 def ultimate_section(results: Results, found: Sequence[Curve]) -> Section | None:
@@ -297,10 +301,9 @@ def heat_section(results: Results) -> Section | None:
     if tiles is None:
         return None
     known: Any = tile_table(results)
-    cells = results.study.cells
     differing = sorted(METRICS, key=lambda metric: known[metric].nunique() < 2)
     views = {
-        metric_label(metric, cells): tiled(heat_drawing(results, tiles, metric))
+        metric_label(metric, results): tiled(heat_drawing(results, tiles, metric))
         for metric in differing
         if known[metric].notna().any()
     }

@@ -23,9 +23,10 @@ MOST_ALTERNATIVES = 8
 LONGEST_VALUE = 80  # letters
 # Keys of kinds that other rows or the figure of the networks tell.
 TOLD_ELSEWHERE = {"kind", "label", "edges", "content", "names", "vehicles", "links", "magnitude"}
-# Keys that are told even at their defaults, of kinds and of cells.
+# Keys that are told even at their defaults, of kinds and of cells: a reader repeats the study.
 SYMBOLS = {"theta": "ϑ", "F": "F", "tau": "τ"}
 SYMBOLS |= {name: name for name in ("direction", "form", "predicts")}
+SYMBOLS |= {name: name for name in ("neighbours", "rewired", "degree", "probability")}
 ALWAYS_TOLD = ("navigator", "topology", "attack", "defence", "gain", "initial.position")
 # Keys that share a row with others, or stand elsewhere on the page.
 OWN_ROWS = ("vehicles", "vehicle", "attack.magnitude", "horizon", "tail", "tick", "engine")
