@@ -6,7 +6,10 @@ from jaxnet.kinds.shapes import AnyNumbers
 
 
 class Rotating(Harmonious):
-    """The paper's attack: a unit vector that turns, `[cos, sin](frequency · t + phase)`."""
+    """The default: a unit vector that turns, `[cos, sin](frequency · t + phase)`.
+
+    The paper leaves the signal open.
+    """
 
     frequency: PerVehicle = setting(0.7, "[rad/s], of the turning")
     phase: Angle = setting(FULL_TURN, "[rad], at t = 0")
